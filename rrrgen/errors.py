@@ -1,0 +1,87 @@
+"""What can go wrong, and whose fault it is.
+
+Every error that rrrgen raises on purpose derives from :class:`RrrgenError` and carries the exit code of the
+command line. A fault in the user's input is an :class:`InputError` and lists *all* faults found, each with its place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class RrrgenError(Exception):
+    """Base of all errors raised on purpose. ``exit_code`` is what the command line returns."""
+
+    exit_code = 70
+
+
+@dataclass(frozen=True, order=True)
+class Fault:
+    """One fault in a text file: where, what is wrong, what is allowed.
+
+    ``line`` and ``column`` count from 1; 0 means that the fault belongs to the file as a whole.
+    """
+
+    file: str
+    line: int
+    column: int
+    message: str
+    source_line: str = ""
+    hint: str = ""
+    severity: str = "error"
+
+    def __str__(self) -> str:
+        place = self.file if self.line == 0 else f"{self.file}:{self.line}:{self.column}"
+        lines = [f"{place}: {self.severity}: {self.message}"]
+        if self.source_line:
+            shown, offset = _window(self.source_line, self.column)
+            lines += [f"    {shown}", "    " + " " * offset + "^"]
+        if self.hint:
+            lines.append(f"    {self.hint}")
+        return "\n".join(lines)
+
+
+def _window(source_line: str, column: int, width: int = 120) -> tuple[str, int]:
+    """The part of a long source line around ``column``, and the caret's offset in it."""
+    text = source_line.rstrip("\r\n").replace("\t", " ")
+    start = max(0, column - 1 - width // 2) if len(text) > width else 0
+    return text[start : start + width], max(0, column - 1 - start)
+
+
+class InputError(RrrgenError):
+    """The user's file or arguments are wrong; ``faults`` holds every fault found."""
+
+    exit_code = 3
+
+    def __init__(self, faults: list[Fault] | tuple[Fault, ...] | str) -> None:
+        if isinstance(faults, str):
+            faults = [Fault(file="input", line=0, column=0, message=faults)]
+        self.faults: tuple[Fault, ...] = tuple(sorted(faults))
+        super().__init__("\n".join(str(fault) for fault in self.faults))
+
+
+class DerivationError(RrrgenError):
+    """The robot is well described, but what was asked for does not exist (no closed form, not identifiable)."""
+
+    exit_code = 4
+
+
+class BackendError(RrrgenError):
+    """A program cannot be printed by the backend asked for."""
+
+    exit_code = 4
+
+
+class BuildError(RrrgenError):
+    """The toolchain is missing or refused the emitted code; the message says what to install."""
+
+    exit_code = 5
+
+
+class InternalError(RrrgenError):
+    """A fault of rrrgen itself."""
+
+    exit_code = 70
+
+    def __init__(self, message: str) -> None:
+        super().__init__(f"internal fault of rrrgen, please report it: {message}")

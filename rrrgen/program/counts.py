@@ -1,0 +1,57 @@
+"""Counting what a program costs."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+from rrrgen.program.ir import Op, Program
+
+
+@dataclass(frozen=True)
+class OperationCount:
+    """Arithmetic of one evaluation.
+
+    ``sincos`` counts angles (a sine and a cosine of one angle are one). Changes of sign cost nothing that is worth
+    counting on current processors and are listed apart.
+    """
+
+    mul: int = 0
+    add: int = 0
+    div: int = 0
+    sqrt: int = 0
+    sincos: int = 0
+    neg: int = 0
+    other: int = 0
+
+    @property
+    def total(self) -> int:
+        """Multiplications, additions, divisions and roots."""
+        return self.mul + self.add + self.div + self.sqrt
+
+    def as_dict(self) -> dict[str, int]:
+        """For the manifest."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        parts = [f"{self.mul} mul", f"{self.add} add"]
+        parts += [f"{value} {name}" for name, value in self.as_dict().items() if name not in ("mul", "add") and value]
+        return ", ".join(parts)
+
+
+def count_operations(program: Program) -> OperationCount:
+    """Operations of one evaluation of ``program``."""
+    tally = dict.fromkeys(Op, 0)
+    angles: set[int] = set()
+    for node in program.nodes:
+        tally[node.op] += 1
+        if node.op in (Op.SIN, Op.COS):
+            angles.add(node.args[0])
+    return OperationCount(
+        mul=tally[Op.MUL],
+        add=tally[Op.ADD] + tally[Op.SUB],
+        div=tally[Op.DIV],
+        sqrt=tally[Op.SQRT],
+        sincos=len(angles),
+        neg=tally[Op.NEG],
+        other=sum(tally[op] for op in (Op.ABS, Op.SIGN, Op.EXP, Op.TANH, Op.SELECT)),
+    )

@@ -1,0 +1,1 @@
+"""Independent oracles: they share no code with rrrgen and work from plain numbers."""
