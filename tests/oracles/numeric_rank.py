@@ -43,6 +43,6 @@ def stacked_regressor(robot: Robot, samples: int = 60, seed: int = 0, at_rest: b
     return np.vstack(blocks)
 
 
-def base_parameter_count(robot: Robot, samples: int | None = None, seed: int = 0) -> Rank:
-    """Number of rigid-body base parameters; by default three rows of the stack per standard parameter."""
-    return matrix_rank(stacked_regressor(robot, samples or max(60, 30), seed))
+def base_parameter_count(robot: Robot, samples: int = 40, seed: int = 0) -> Rank:
+    """Number of rigid-body base parameters; 40 states give four rows per standard parameter."""
+    return matrix_rank(stacked_regressor(robot, samples, seed))
