@@ -170,7 +170,7 @@ def to_yaml(robot: Robot, name: str | None = None) -> str:
     """The rrrgen/1 file of the robot."""
     lines = ["schema: rrrgen/1", f"name: {name or robot.name}", f"convention: {robot.convention}"]
     lines += ["units: {angle: rad, length: m}", f"gravity: {_vector(robot.gravity)}"]
-    lines += _transform_text("base", robot.base) + ["joints:"]
+    lines += [*_transform_text("base", robot.base), "joints:"]
     for kind, alpha, a, d, theta in robot.rows:
         angles = f"alpha: {number_text(alpha, True)}, theta: {number_text(theta, True)}"
         lines.append(f"  - {{type: {kind}, {angles}, a: {number_text(a)}, d: {number_text(d)}}}")
