@@ -1,0 +1,17 @@
+"""Did you mean: the nearest allowed word to a misspelt one."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+
+
+def did_you_mean(word: str, allowed: Iterable[str], also: Mapping[str, str] | None = None) -> str:
+    """``did you mean 'x'?`` for the nearest of ``allowed``, or an empty text.
+
+    ``also`` maps words that users know from elsewhere to allowed ones, e.g. ``twist`` to ``alpha``.
+    """
+    known = {key.lower(): value for key, value in (also or {}).items()}
+    known |= {key.lower(): key for key in allowed}
+    close = difflib.get_close_matches(word[:60].lower(), known, n=1, cutoff=0.6)
+    return f"did you mean '{known[close[0]]}'?" if close else ""
