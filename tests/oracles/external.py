@@ -15,7 +15,7 @@ from oracles.newton_euler import Robot, screw_x, screw_z
 def motion_split(robot: Robot) -> list[tuple[np.ndarray, np.ndarray]]:
     """Per row (before, after): T = before * motion(q) * after, the motion turning about or sliding along z."""
     split = []
-    for kind, alpha, a, d, theta in robot.rows:
+    for _, alpha, a, d, theta in robot.rows:
         screw, twist = screw_z(theta, d), screw_x(alpha, a)
         split.append((np.eye(4), screw @ twist) if robot.convention == "standard" else (twist @ screw, np.eye(4)))
     return split
