@@ -1,0 +1,29 @@
+"""Programs for CasADi: SX functions, a module that rebuilds them, and C behind CasADi's external interface.
+
+Matrices are two-dimensional on this side, ``(rows, columns)`` as the mathematics has them; a stack of matrices of shape
+(k, m, n) becomes the (k*m, n) matrix of the blocks one below the other. CasADi itself is needed by :func:`function` and
+:func:`serialized` only; everything else is text and is the same whichever version of CasADi is installed, or none.
+"""
+
+from rrrgen.backends.casadi.derivatives import Matrix, Routine, forward, jacobian, reverse, routine
+from rrrgen.backends.casadi.external import external_sources
+from rrrgen.backends.casadi.function import function
+from rrrgen.backends.casadi.module import rebuild_module
+from rrrgen.backends.casadi.smooth import smooth_sign
+from rrrgen.backends.casadi.sources import is_reproducible, serialized, sources
+
+__all__ = [
+    "Matrix",
+    "Routine",
+    "external_sources",
+    "forward",
+    "function",
+    "is_reproducible",
+    "jacobian",
+    "rebuild_module",
+    "reverse",
+    "routine",
+    "serialized",
+    "smooth_sign",
+    "sources",
+]

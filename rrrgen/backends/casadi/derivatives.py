@@ -1,0 +1,301 @@
+"""Derivatives of programs as programs: the Jacobian, one forward and one reverse direction, in CasADi's signatures.
+
+CasADi looks up the derivatives of an external function ``f`` by name and calls them with fixed signatures:
+
+- ``jac_f(inputs, out_*)`` returns the blocks d vec(output) / d vec(input), output by output, sparse;
+- ``fwd1_f(inputs, out_*, fwd_inputs)`` returns J v, one ``fwd_*`` per output;
+- ``adj1_f(inputs, out_*, adj_outputs)`` returns J' w, one ``adj_*`` per input;
+
+where ``out_*`` are the outputs of ``f`` for whoever can reuse them (nothing here does: they have no nonzeros). The
+transformations take and return a :class:`Routine`, so they nest: ``fwd1_adj1_f`` gives Hessian-vector products.
+
+Differentiation works on the program's nodes, and zeros known while recording never become operations, so Jacobians come
+out with their structural sparsity. sgn has derivative 0 and |x| has derivative sgn x, as in CasADi.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rrrgen.errors import InternalError
+from rrrgen.program import Builder, Op, Port, Program, Scalar, Value
+from rrrgen.program.ir import replay
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """An argument or a result of a routine: a ``rows`` x ``cols`` matrix with the nonzeros ``entries``.
+
+    ``entries`` lists (row, column) in the order of compressed columns, which is the order of the scalars in the port of
+    the same name.
+    """
+
+    name: str
+    rows: int
+    cols: int
+    entries: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def dense(cls, name: str, rows: int, cols: int) -> Matrix:
+        """A matrix without structural zeros."""
+        return cls(name, rows, cols, tuple((r, c) for c in range(cols) for r in range(rows)))
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether every entry is a nonzero."""
+        return len(self.entries) == self.rows * self.cols
+
+    def empty(self, prefix: str) -> Matrix:
+        """A matrix of the same size without nonzeros."""
+        return Matrix(prefix + self.name, self.rows, self.cols, ())
+
+    def renamed(self, prefix: str) -> Matrix:
+        """The same pattern under another name."""
+        return Matrix(prefix + self.name, self.rows, self.cols, self.entries)
+
+
+@dataclass(frozen=True)
+class Routine:
+    """A program whose ports are the nonzeros, by compressed columns, of the matrices ``inputs`` and ``outputs``."""
+
+    name: str
+    program: Program
+    inputs: tuple[Matrix, ...]
+    outputs: tuple[Matrix, ...]
+
+
+def matrix_size(port: Port) -> tuple[int, int]:
+    """Rows and columns of a port in a world of matrices: (), (n,), (m, n), and (k, m, n) as k blocks on top."""
+    if len(port.shape) < 2:
+        return port.size, 1
+    cols = port.shape[-1]
+    return (port.size // cols if cols else 0), cols
+
+
+def row_major_place(rows: int, cols: int) -> list[int]:
+    """For each entry by columns, where it stands by rows."""
+    return [r * cols + c for c in range(cols) for r in range(rows)]
+
+
+def routine(program: Program, name: str) -> Routine:
+    """``program`` in CasADi's order: dense matrices by columns.
+
+    Raises :class:`InternalError` when the program breaks the rules of the representation.
+    """
+    program.validate()
+    builder = Builder()
+    inputs = [Matrix.dense(port.name, *matrix_size(port)) for port in program.inputs]
+    outputs = [Matrix.dense(port.name, *matrix_size(port)) for port in program.outputs]
+    values: list[list[Value]] = []
+    for matrix, elements in zip(inputs, _declare(builder, inputs), strict=True):
+        by_rows: list[Value] = [0] * len(elements)
+        for element, place in zip(elements, row_major_place(matrix.rows, matrix.cols), strict=True):
+            by_rows[place] = element
+        values.append(by_rows)
+    results = replay(program, builder, values)
+    ordered = [
+        [row[place] for place in row_major_place(matrix.rows, matrix.cols)]
+        for matrix, row in zip(outputs, results, strict=True)
+    ]
+    return _finish(builder, name, inputs, outputs, ordered, program.summary)
+
+
+def jacobian(base: Routine) -> Routine:
+    """The sparse blocks d vec(output) / d vec(input), for every output (outer) and input (inner)."""
+    builder = Builder()
+    inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs)]
+    values = _declare(builder, inputs)[: len(base.inputs)]
+    offsets, seeds, count = [], [], 0
+    for row in values:
+        offsets.append(count)
+        seeds.append([{count + k: 1} for k in range(len(row))])
+        count += len(row)
+    tangents = _propagate(base.program, builder, values, seeds)
+    outputs, results = [], []
+    for out, row in zip(base.outputs, tangents, strict=True):
+        for source, offset in zip(base.inputs, offsets, strict=True):
+            matrix, elements = _block(out, row, source, offset)
+            outputs.append(matrix)
+            results.append(elements)
+    return _finish(builder, f"jac_{base.name}", inputs, outputs, results, f"Jacobian of {base.name}.")
+
+
+def _block(out: Matrix, row: Sequence[dict[int, Value]], source: Matrix, offset: int) -> tuple[Matrix, list[Value]]:
+    """One Jacobian block: its pattern and its nonzeros by compressed columns."""
+    entries, elements = [], []
+    for column, (r, c) in enumerate(source.entries):
+        for (i, j), tangent in zip(out.entries, row, strict=True):
+            if offset + column in tangent:
+                entries.append((j * out.rows + i, c * source.rows + r))
+                elements.append(tangent[offset + column])
+    size = (out.rows * out.cols, source.rows * source.cols)
+    return Matrix(f"jac_{out.name}_{source.name}", *size, tuple(entries)), elements
+
+
+def forward(base: Routine) -> Routine:
+    """The directional derivative J v."""
+    builder = Builder()
+    seeds = [m.renamed("fwd_") for m in base.inputs]
+    inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs), *seeds]
+    declared = _declare(builder, inputs)
+    directions = [[{0: v} for v in row] for row in declared[-len(seeds) :]] if seeds else []
+    tangents = _propagate(base.program, builder, declared[: len(base.inputs)], directions)
+    results = [[tangent.get(0, 0) for tangent in row] for row in tangents]
+    outputs = [m.renamed("fwd_") for m in base.outputs]
+    return _finish(builder, f"fwd1_{base.name}", inputs, outputs, results, f"Forward derivative of {base.name}.")
+
+
+def reverse(base: Routine) -> Routine:
+    """The adjoint derivative J' w."""
+    builder = Builder()
+    seeds = [m.renamed("adj_") for m in base.outputs]
+    inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs), *seeds]
+    declared = _declare(builder, inputs)
+    weights = declared[len(declared) - len(seeds) :]
+    results = _pull_back(base.program, builder, declared[: len(base.inputs)], weights)
+    outputs = [m.renamed("adj_") for m in base.inputs]
+    return _finish(builder, f"adj1_{base.name}", inputs, outputs, results, f"Reverse derivative of {base.name}.")
+
+
+def _declare(builder: Builder, matrices: Sequence[Matrix]) -> list[list[Scalar]]:
+    return [builder.input(Port(m.name, (len(m.entries),))) for m in matrices]
+
+
+def _finish(
+    builder: Builder,
+    name: str,
+    inputs: Sequence[Matrix],
+    outputs: Sequence[Matrix],
+    results: Sequence[Sequence[Value]],
+    summary: str,
+) -> Routine:
+    ports = [Port(m.name, (len(m.entries),)) for m in outputs]
+    program = builder.program(name, zip(ports, results, strict=True), summary=summary)
+    return Routine(name, program, tuple(inputs), tuple(outputs))
+
+
+# -- differentiation of one program ------------------------------------------------------------------------------------
+
+Tangent = dict[int, Value]
+"""Derivatives of one value, by direction; directions that are missing are zero."""
+
+
+def _record(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[Value]:
+    """Record ``program`` and return the value of every node."""
+    flat = Program("all", program.inputs, (), program.nodes, (), labels=program.labels)
+    every = tuple(range(len(program.nodes)))
+    flat = flat.described(outputs=(Port("all", (len(every),)),), results=(every,))
+    return replay(flat, builder, inputs)[0]
+
+
+def _propagate(
+    program: Program,
+    builder: Builder,
+    inputs: Sequence[Sequence[Value]],
+    seeds: Sequence[Sequence[Tangent]],
+) -> list[list[Tangent]]:
+    """Tangents of the outputs for tangents of the inputs."""
+    values = _record(program, builder, inputs)
+    tangents: list[Tangent] = []
+    for index, node in enumerate(program.nodes):
+        if node.op is Op.INPUT:
+            port, element = node.value  # type: ignore[misc]
+            tangents.append(seeds[port][element])
+        elif node.op is Op.SELECT:
+            tangents.append(_select_tangent(builder, values[node.args[0]], *(tangents[a] for a in node.args[1:])))
+        else:
+            arguments = [tangents[a] for a in node.args]
+            if any(arguments):
+                operands = [values[a] for a in node.args]
+                tangents.append(_chain(builder, _partials(builder, node.op, operands, values[index]), arguments))
+            else:
+                tangents.append({})
+    return [[tangents[index] for index in row] for row in program.results]
+
+
+def _chain(builder: Builder, partials: Sequence[Value], arguments: Sequence[Tangent]) -> Tangent:
+    """The sum of partial times tangent, direction by direction."""
+    total: Tangent = {}
+    for partial, tangent in zip(partials, arguments, strict=True):
+        if _is_zero(partial):
+            continue
+        for direction, value in tangent.items():
+            term = builder.mul(partial, value)
+            total[direction] = builder.add(total[direction], term) if direction in total else term
+    return {direction: value for direction, value in total.items() if not _is_zero(value)}
+
+
+def _select_tangent(builder: Builder, condition: Value, positive: Tangent, otherwise: Tangent) -> Tangent:
+    directions = [*positive, *(d for d in otherwise if d not in positive)]
+    return {d: builder.select(condition, positive.get(d, 0), otherwise.get(d, 0)) for d in directions}
+
+
+def _pull_back(
+    program: Program,
+    builder: Builder,
+    inputs: Sequence[Sequence[Value]],
+    weights: Sequence[Sequence[Value]],
+) -> list[list[Value]]:
+    """Adjoints of the inputs for adjoints of the outputs."""
+    values = _record(program, builder, inputs)
+    adjoints: list[Value] = [0] * len(program.nodes)
+    for elements, row in zip(program.results, weights, strict=True):
+        for index, weight in zip(elements, row, strict=True):
+            adjoints[index] = builder.add(adjoints[index], weight)
+    results: list[list[Value]] = [[0] * port.size for port in program.inputs]
+    for index in range(len(program.nodes) - 1, -1, -1):
+        node, adjoint = program.nodes[index], adjoints[index]
+        if _is_zero(adjoint):
+            continue
+        if node.op is Op.INPUT:
+            port, element = node.value  # type: ignore[misc]
+            results[port][element] = adjoint
+        elif node.op is Op.SELECT:
+            condition, positive, otherwise = node.args
+            given = builder.select(values[condition], adjoint, 0), builder.select(values[condition], 0, adjoint)
+            adjoints[positive] = builder.add(adjoints[positive], given[0])
+            adjoints[otherwise] = builder.add(adjoints[otherwise], given[1])
+        else:
+            partials = _partials(builder, node.op, [values[a] for a in node.args], values[index])
+            for argument, partial in zip(node.args, partials, strict=True):
+                adjoints[argument] = builder.add(adjoints[argument], builder.mul(partial, adjoint))
+    return results
+
+
+def _partials(builder: Builder, op: Op, x: Sequence[Value], value: Value) -> list[Value]:
+    """Partial derivatives of one operation with value ``value`` at operands ``x``."""
+    match op:
+        case Op.CONST | Op.INPUT:
+            return []
+        case Op.ADD:
+            return [1, 1]
+        case Op.SUB:
+            return [1, -1]
+        case Op.MUL:
+            return [x[1], x[0]]
+        case Op.DIV:
+            inverse = builder.div(1, x[1])
+            return [inverse, builder.neg(builder.mul(value, inverse))]
+        case Op.NEG:
+            return [-1]
+        case Op.SIN:
+            return [builder.cos(x[0])]
+        case Op.COS:
+            return [builder.neg(builder.sin(x[0]))]
+        case Op.SQRT:
+            return [builder.div(Fraction(1, 2), value)]
+        case Op.ABS:
+            return [builder.sign(x[0])]
+        case Op.SIGN:
+            return [0]
+        case Op.EXP:
+            return [value]
+        case Op.TANH:
+            return [builder.sub(1, builder.mul(value, value))]
+    raise InternalError(f"no derivative rule for {op.value}")
+
+
+def _is_zero(value: Value) -> bool:
+    return not isinstance(value, Scalar) and value == 0
