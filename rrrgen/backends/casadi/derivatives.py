@@ -18,10 +18,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import cast
 
 from rrrgen.errors import InternalError
 from rrrgen.program import Builder, Op, Port, Program, Scalar, Value
-from rrrgen.program.ir import replay
+from rrrgen.program.ir import Node, replay
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,12 @@ class Routine:
     outputs: tuple[Matrix, ...]
 
 
+def input_place(node: Node) -> tuple[int, int]:
+    """Port and element that an input node reads."""
+    port, element = cast("tuple[int, int]", node.value)
+    return port, element
+
+
 def matrix_size(port: Port) -> tuple[int, int]:
     """Rows and columns of a port in a world of matrices: (), (n,), (m, n), and (k, m, n) as k blocks on top."""
     if len(port.shape) < 2:
@@ -107,18 +114,20 @@ def jacobian(base: Routine) -> Routine:
     builder = Builder()
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs)]
     values = _declare(builder, inputs)[: len(base.inputs)]
-    offsets, seeds, count = [], [], 0
-    for row in values:
+    offsets: list[int] = []
+    seeds: list[list[Tangent]] = []
+    count = 0
+    for elements in values:
         offsets.append(count)
-        seeds.append([{count + k: 1} for k in range(len(row))])
-        count += len(row)
+        seeds.append([{count + k: 1} for k in range(len(elements))])
+        count += len(elements)
     tangents = _propagate(base.program, builder, values, seeds)
     outputs, results = [], []
     for out, row in zip(base.outputs, tangents, strict=True):
         for source, offset in zip(base.inputs, offsets, strict=True):
-            matrix, elements = _block(out, row, source, offset)
+            matrix, nonzeros = _block(out, row, source, offset)
             outputs.append(matrix)
-            results.append(elements)
+            results.append(nonzeros)
     return _finish(builder, f"jac_{base.name}", inputs, outputs, results, f"Jacobian of {base.name}.")
 
 
@@ -140,9 +149,9 @@ def forward(base: Routine) -> Routine:
     seeds = [m.renamed("fwd_") for m in base.inputs]
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs), *seeds]
     declared = _declare(builder, inputs)
-    directions = [[{0: v} for v in row] for row in declared[-len(seeds) :]] if seeds else []
+    directions: list[list[Tangent]] = [[{0: v} for v in row] for row in declared[len(inputs) - len(seeds) :]]
     tangents = _propagate(base.program, builder, declared[: len(base.inputs)], directions)
-    results = [[tangent.get(0, 0) for tangent in row] for row in tangents]
+    results: list[list[Value]] = [[tangent.get(0, 0) for tangent in row] for row in tangents]
     outputs = [m.renamed("fwd_") for m in base.outputs]
     return _finish(builder, f"fwd1_{base.name}", inputs, outputs, results, f"Forward derivative of {base.name}.")
 
@@ -201,7 +210,7 @@ def _propagate(
     tangents: list[Tangent] = []
     for index, node in enumerate(program.nodes):
         if node.op is Op.INPUT:
-            port, element = node.value  # type: ignore[misc]
+            port, element = input_place(node)
             tangents.append(seeds[port][element])
         elif node.op is Op.SELECT:
             tangents.append(_select_tangent(builder, values[node.args[0]], *(tangents[a] for a in node.args[1:])))
@@ -250,7 +259,7 @@ def _pull_back(
         if _is_zero(adjoint):
             continue
         if node.op is Op.INPUT:
-            port, element = node.value  # type: ignore[misc]
+            port, element = input_place(node)
             results[port][element] = adjoint
         elif node.op is Op.SELECT:
             condition, positive, otherwise = node.args

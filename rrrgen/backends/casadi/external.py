@@ -13,8 +13,8 @@ from fractions import Fraction
 
 from rrrgen.backends.casadi.derivatives import Matrix, Routine, forward, jacobian, reverse, routine
 from rrrgen.backends.casadi.printing import Dialect, Listing, Names, listing
-from rrrgen.resources import render
 from rrrgen.program import Op, Program
+from rrrgen.resources import render
 
 _TRANSFORMS = {"jac": jacobian, "fwd1": forward, "adj1": reverse}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rrrgen.backends.casadi.derivatives import matrix_size
+from rrrgen.backends.casadi.derivatives import input_place, matrix_size
 from rrrgen.errors import BuildError
 from rrrgen.program import Op, Program
 
@@ -49,8 +49,8 @@ def function(program: Program, name: str | None = None, smooth_sign: float | Non
     values: list[Any] = []
     for node in program.nodes:
         if node.op is Op.INPUT:
-            port, element = node.value  # type: ignore[misc]
-            values.append(places[port][element])
+            place, element = input_place(node)
+            values.append(places[place][element])
         elif node.op is Op.CONST:
             values.append(ca.SX(float(node.value)))  # type: ignore[arg-type]
         else:

@@ -9,8 +9,8 @@ from fractions import Fraction
 
 from rrrgen.backends.casadi.derivatives import matrix_size
 from rrrgen.backends.casadi.printing import Dialect, Names, listing
-from rrrgen.resources import render
 from rrrgen.program import Op, Port, Program
+from rrrgen.resources import render
 
 _LINE = 116
 
@@ -77,7 +77,7 @@ def _definition(robot: str, public: str, program: Program) -> _Definition:
     used_ports = {port for port, _ in written.used_inputs}
     for index, (port, given) in enumerate(zip(program.inputs, elements, strict=True)):
         if index in used_ports and port.size > 1:
-            opening += _wrapped(f"{', '.join(given)} = _rows({port.name})")
+            opening += _wrapped(f"[{', '.join(given)}] = _rows({port.name})")
     body += [f"{name} = {text}" for name, text in written.assignments]
     for port, row in zip(program.outputs, written.results, strict=True):
         body += _output(port, row)
@@ -104,17 +104,12 @@ def _output(port: Port, row: Sequence[str]) -> list[str]:
 
 
 def _wrapped(text: str) -> list[str]:
-    """Lines of at most the usual length, broken after commas; only brackets and tuples get this long."""
+    """``text`` in lines of at most the usual length, broken at spaces inside its brackets."""
     if len(text) <= _LINE:
         return [text]
-    indent = len(text) - len(text.lstrip()) + 4
-    if not any(bracket in text for bracket in "[(") or text.index(" = ") < text.find("(") and "_rows(" in text:
-        left, right = text.split(" = ")
-        folded = textwrap.wrap(left, _LINE - 4, break_long_words=False)
-        return ["(", *(f"    {line}" for line in folded), f") = {right}"]
-    folded = textwrap.wrap(text.strip(), _LINE - indent, break_long_words=False, break_on_hyphens=False)
     first = len(text) - len(text.lstrip())
-    return [" " * first + folded[0], *(" " * indent + line for line in folded[1:])]
+    folded = textwrap.wrap(text.strip(), _LINE - first - 4, break_long_words=False, break_on_hyphens=False)
+    return [" " * first + folded[0], *(" " * (first + 4) + line for line in folded[1:])]
 
 
 def _joined(ports: Sequence[Port]) -> str:

@@ -11,16 +11,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from rrrgen.backends.casadi.derivatives import input_place
 from rrrgen.program import Op, Program
+from rrrgen.spec.names import KEYWORDS, ROBOT_RESERVED
 
 _SUM, _PRODUCT, _ATOM = 1, 2, 3
-_C_KEYWORDS = frozenset(
-    """auto break case char const continue default do double else enum extern float for goto if inline int long register
-    restrict return short signed sizeof static struct switch typedef union unsigned void volatile while asm bool catch
-    class delete explicit export false friend mutable namespace new operator private protected public template this
-    throw true try typeid typename using virtual wchar_t arg res iw w mem main sin cos sqrt exp tanh fabs ca y0 y1 yn j0 j1 jn
-    gamma""".split()
-)
+_LOCAL = ("arg", "res", "iw", "w", "mem", "ca", "gamma", "y0", "y1", "yn", "j0", "j1", "jn")
+_RESERVED = KEYWORDS | ROBOT_RESERVED | frozenset(_LOCAL)
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,7 @@ class Names:
         if not base or base[0].isdigit() or base[0] == "_":
             base = f"v{base}"
         name, number = base, 1
-        while name in self._taken or name in _C_KEYWORDS or keyword.iskeyword(name):
+        while name in self._taken or name in _RESERVED or keyword.iskeyword(name):
             number += 1
             name = f"{base}_{number}"
         self._taken.add(name)
@@ -90,7 +87,7 @@ def listing(program: Program, elements: Sequence[Sequence[str]], names: Names, d
     used: set[tuple[int, int]] = set()
     for index, node in enumerate(program.nodes):
         if node.op is Op.INPUT:
-            port, element = node.value  # type: ignore[misc]
+            port, element = input_place(node)
             used.add((port, element))
             texts.append((elements[port][element], _ATOM))
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rrrgen.backends.casadi.derivatives import input_place
 from rrrgen.program import Builder, Op, Port, Program, Value
 
 
@@ -24,8 +25,8 @@ def smooth_sign(program: Program) -> Program:
     values: list[Value] = []
     for index, node in enumerate(program.nodes):
         if node.op is Op.INPUT:
-            port, element = node.value  # type: ignore[misc]
-            value = inputs[port][element]
+            port, element = input_place(node)
+            value: Value = inputs[port][element]
         elif node.op is Op.CONST:
             value = node.value  # type: ignore[assignment]
         elif node.op is Op.SIGN:

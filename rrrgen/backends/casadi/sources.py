@@ -4,9 +4,9 @@
 - ``<name>_casadi.h`` and ``<name>_casadi.c``: the functions that optimisers use, with their derivatives;
 - ``<name>_casadi_<function>.casadi``: CasADi's own files (:func:`serialized`).
 
-The first two are text of rrrgen's own and the same everywhere. A ``.casadi`` file repeats byte for byte with one version
-of CasADi but starts with that version's format number, and older versions cannot read newer formats, so these files are
-written for convenience and are no part of what ``--check`` compares (:func:`is_reproducible`).
+The first two are text of rrrgen's own and the same everywhere. A ``.casadi`` file repeats byte for byte with one
+version of CasADi but starts with that version's format number, and older versions cannot read newer formats, so these
+files are written for convenience and are no part of what ``--check`` compares (:func:`is_reproducible`).
 """
 
 from __future__ import annotations
