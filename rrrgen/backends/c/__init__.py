@@ -1,0 +1,1 @@
+"""Programs as C99 that is also C++17: readable, without state, and the same bytes every time."""

@@ -1,0 +1,55 @@
+"""The spelling of C: the real type, literals, library functions, and names that must not be used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rrrgen.backends import Real
+from rrrgen.errors import BackendError
+from rrrgen.spec.names import KEYWORDS
+
+_LIBRARY = """sin cos tan asin acos atan atan2 sinh cosh tanh exp log log10 pow sqrt ceil floor fabs fmod frexp ldexp
+modf abs hypot cbrt erf erfc gamma lgamma tgamma j0 j1 jn y0 y1 yn signbit isnan isinf rint round trunc nan fma fmin
+fmax signgam index time clock div labs main near far small linux unix i386"""
+
+RESERVED = KEYWORDS | frozenset(_LIBRARY.split())
+"""What a local variable must not be called: keywords, functions of the C library, macros of common compilers."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How one robot's C is spelled: ``prefix`` of every symbol and the ``real`` type behind the one switch."""
+
+    prefix: str
+    real: Real = "double"
+
+    @property
+    def real_type(self) -> str:
+        """Name of the typedef."""
+        return f"{self.prefix}_real"
+
+    @property
+    def macro(self) -> str:
+        """Prefix of macros and enumerators."""
+        return self.prefix.upper()
+
+    def literal(self, value: Fraction) -> str:
+        """A constant with a cast, so that no conversion is implicit in either precision."""
+        return f"({self.real_type}){decimal(value)}"
+
+    def function(self, name: str) -> str:
+        """Name of a function of math.h in the file's precision."""
+        return name if self.real == "double" else f"{name}f"
+
+
+def decimal(value: Fraction) -> str:
+    """A C floating literal that reads back to the nearest double: the exact decimal where 17 digits hold it."""
+    try:
+        number = float(value)
+    except OverflowError:
+        number = float("inf")
+    if abs(number) == float("inf") or (number == 0.0 and value != 0):
+        raise BackendError(f"a constant of the model does not fit a double: {value}")
+    text = repr(number) if Fraction(repr(number)) == value else f"{number:.17g}"
+    return text if any(mark in text for mark in ".e") else f"{text}.0"

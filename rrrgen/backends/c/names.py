@@ -1,0 +1,37 @@
+"""Names of local variables: readable, unique in their function, valid in C and C++."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from rrrgen.backends.c.dialect import RESERVED
+
+
+class Names:
+    """Hands out the local names of one function."""
+
+    def __init__(self, taken: Iterable[str]) -> None:
+        self._taken = {*RESERVED, *taken}
+        self._temporaries = 0
+
+    def temporary(self) -> str:
+        """The next of t1, t2, ..."""
+        while True:
+            self._temporaries += 1
+            name = f"t{self._temporaries}"
+            if name not in self._taken:
+                self._taken.add(name)
+                return name
+
+    def suggested(self, hint: str) -> str:
+        """A name close to ``hint``; a number is appended where the hint is taken."""
+        base = re.sub(r"\W+", "_", hint, flags=re.ASCII).strip("_") or "t"
+        if base[0].isdigit():
+            base = f"t{base}"
+        name, serial = base, 1
+        while name in self._taken:
+            serial += 1
+            name = f"{base}_{serial}"
+        self._taken.add(name)
+        return name

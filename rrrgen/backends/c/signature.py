@@ -1,0 +1,96 @@
+"""Prototypes of emitted functions and the comments that explain them."""
+
+from __future__ import annotations
+
+from rrrgen.backends.c.comments import columns, plain, wrapped
+from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.printer import STATUS
+from rrrgen.program import Port, Program, count_operations
+
+_LONGEST_LINE = 118
+_FRAME = 96  # return address and callee-saved registers on 64-bit machines, and the call of a library function
+
+
+def has_status(program: Program) -> bool:
+    """Whether the function returns a status."""
+    return any(port.name == STATUS for port in program.outputs)
+
+
+def stored_outputs(program: Program) -> list[Port]:
+    """The outputs that are written through pointers, in order."""
+    return [port for port in program.outputs if port.name != STATUS]
+
+
+def function_name(program: Program, dialect: Dialect) -> str:
+    """The emitted symbol."""
+    return f"{dialect.prefix}_{program.name}"
+
+
+def prototype(program: Program, dialect: Dialect) -> str:
+    """The declaration without semicolon: inputs, then outputs; broken over lines where it is long."""
+    returns = f"{dialect.prefix}_status" if has_status(program) else "void"
+    head = f"{returns} {function_name(program, dialect)}("
+    parameters = [_input(port, dialect) for port in program.inputs]
+    parameters += [_output(port, dialect) for port in stored_outputs(program)]
+    line = head + ", ".join(parameters or ["void"]) + ")"
+    if len(line) <= _LONGEST_LINE:
+        return line
+    return head + (",\n" + " " * len(head)).join(parameters) + ")"
+
+
+def _input(port: Port, dialect: Dialect) -> str:
+    return (
+        f"{dialect.real_type} {port.name}"
+        if port.shape == ()
+        else f"const {dialect.real_type} {port.name}[{port.size}]"
+    )
+
+
+def _output(port: Port, dialect: Dialect) -> str:
+    restrict = f"{dialect.macro}_RESTRICT"
+    if port.shape == ():
+        return f"{dialect.real_type} *{restrict} {port.name}"
+    return f"{dialect.real_type} {port.name}[{restrict} {port.size}]"
+
+
+def explanation(program: Program, dialect: Dialect) -> list[str]:
+    """The lines of the comment in front of a prototype."""
+    lines = wrapped(program.summary or program.name.replace("_", " "))
+    if program.formula:
+        lines += ["", *(f"    {plain(line)}" for line in program.formula.splitlines())]
+    rows = [("in", port) for port in program.inputs] + [("out", port) for port in stored_outputs(program)]
+    lines += ["", *columns([_row(direction, port) for direction, port in rows])]
+    if has_status(program):
+        lines += ["", *wrapped(_STATUS_NOTE.format(prefix=dialect.prefix, macro=dialect.macro))]
+    lines += ["", f"Operations: {count_operations(program)}. Stack: about {stack_estimate(program, dialect)} bytes."]
+    for note in program.notes:
+        lines += wrapped(note)
+    return lines
+
+
+_STATUS_NOTE = (
+    "Returns {macro}_OK, or {macro}_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular "
+    "({prefix}_status_string gives the text); the outputs are defined in either case."
+)
+
+
+def _row(direction: str, port: Port) -> tuple[str, ...]:
+    shape = " x ".join(map(str, port.shape)) or "1"
+    return direction, port.name, shape, port.unit or "-", port.frame or "-", port.meaning
+
+
+def stack_estimate(program: Program, dialect: Dialect) -> int:
+    """Bytes of the frame of an optimised build: the locals alive at the same time, saved registers, a call of libm."""
+    last_use = list(range(len(program.nodes)))
+    for index, node in enumerate(program.nodes):
+        for arg in node.args:
+            last_use[arg] = index
+    alive, most, ends = 0, 0, [0] * (len(program.nodes) + 1)
+    for index, node in enumerate(program.nodes):
+        if node.args:  # inputs and constants stay where they are
+            alive += 1
+            ends[last_use[index]] += 1
+        most = max(most, alive)
+        alive -= ends[index]
+    size = 8 if dialect.real == "double" else 4
+    return _FRAME + -(-most * size // 16) * 16

@@ -1,0 +1,43 @@
+"""Where the text templates live and how they are loaded; the only place that touches package data of the backends."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING
+
+from rrrgen.errors import InternalError
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+def template_text(name: str) -> str:
+    """The raw text of the template ``name``, e.g. ``"c/header.h.j2"``."""
+    root = resources.files("rrrgen") / "templates"
+    if not root.is_dir():
+        raise InternalError(
+            "rrrgen/templates is not a directory; it is a symbolic link to ../templates, and this checkout or "
+            "archive lost it (on Windows: git config core.symlinks true, then check out again)"
+        )
+    return (root / name).read_text(encoding="utf-8")
+
+
+@cache
+def environment() -> Environment:
+    """The Jinja environment of every backend: an undefined name is an error, line ends stay as written."""
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    return Environment(
+        loader=FunctionLoader(template_text),
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=False,  # the output is source code, not HTML
+    )
+
+
+def render(name: str, **values: object) -> str:
+    """The template ``name`` filled with ``values``."""
+    return environment().get_template(name).render(**values)

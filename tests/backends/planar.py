@@ -1,0 +1,215 @@
+"""A 2R arm in a vertical plane, written by hand: every program of a derived model, small enough to read.
+
+Standard DH, axes z, lengths a1 = 0.5 and a2 = 0.35 m, gravity along -y. Base parameters (first moments X, Y about the
+joint in front): b1 = inertia of link 1 and of m2 at a1, b2 = X1 + a1*m2, b3 = Y1, b4 = J2, b5 = X2, b6 = Y2.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import sympy as sp
+
+from rrrgen.derive.derived_model import BaseParameter, DerivedModel
+from rrrgen.program import Builder, Port, Program
+from rrrgen.spec.robot_spec import DriveSpec, FrictionSpec, JointSpec, LinkSpec, RobotSpec
+
+F = Fraction
+A1, A2, G = F(1, 2), F(7, 20), F(981, 100)
+Q, DQ, DDQ = (Port(name, (2,), unit, "joint", what) for name, unit, what in [
+    ("q", "rad", "joint positions"), ("dq", "rad/s", "joint velocities"), ("ddq", "rad/s^2", "joint accelerations")
+])  # fmt: skip
+TAU = Port("tau", (2,), "N m", "joint", "joint torques")
+BETA = Port("beta", (6,), "mixed", "", "base parameters")
+IA = Port("Ia", (2,), "kg m^2", "joint", "drive inertia")
+IA_NOMINAL = (F(1, 50), F(1, 100))
+BETA_NOMINAL = (F(9, 4), F(21, 5), F(1, 10), F(4, 5), F(6, 5), F(-1, 20))
+
+
+def spec(name: str = "planar", links: bool = True, drives: bool = True) -> RobotSpec:
+    zero = sp.Integer(0)
+    joints = tuple(
+        JointSpec(f"q{i + 1}", "revolute", zero, sp.Rational(a.numerator, a.denominator), zero, zero,
+                  friction=FrictionSpec(viscous=0.3, coulomb=0.7, offset=0.1) if i else FrictionSpec(viscous=0.2),
+                  drive=DriveSpec(inertia=float(IA_NOMINAL[i])) if drives else None)
+        for i, a in enumerate((A1, A2))
+    )  # fmt: skip
+    link = LinkSpec(sp.Integer(1), (zero, zero, zero), (zero,) * 6, "com")
+    gravity = (zero, sp.Rational(-981, 100), zero)
+    return RobotSpec(name, "standard", gravity, {}, joints, (link, link) if links else None, description="Planar arm")
+
+
+def _model(b, q, dq, beta, Ia=None):
+    """M, C, g of the arm for any parameters, as recorded values."""
+    s1, c1 = b.sin(q[0]), b.cos(q[0])
+    s2, c2 = b.sin(q[1]), b.cos(q[1])
+    q12 = q[0] + q[1]
+    s12, c12 = b.sin(q12), b.cos(q12)
+    coupling = A1 * (beta[4] * c2 - beta[5] * s2)
+    h = -A1 * (beta[4] * s2 + beta[5] * c2)
+    m12 = beta[3] + coupling
+    m11 = beta[0] + beta[3] + 2 * coupling
+    M = [m11, m12, m12, beta[3]]
+    if Ia is not None:
+        M = [m11 + Ia[0], m12, m12, beta[3] + Ia[1]]
+    C = [h * dq[1], h * (dq[0] + dq[1]), -h * dq[0], 0]
+    g2 = G * (beta[4] * c12 - beta[5] * s12)
+    g = [G * (beta[1] * c1 - beta[2] * s1) + g2, g2]
+    potential = G * (beta[1] * s1 + beta[2] * c1 + beta[4] * s12 + beta[5] * c12)
+    return M, C, g, potential
+
+
+def _times(A, x):
+    return [A[0] * x[0] + A[1] * x[1], A[2] * x[0] + A[3] * x[1]]
+
+
+def _transposed(A):
+    return [A[0], A[2], A[1], A[3]]
+
+
+def _kinematics() -> dict[str, Program]:
+    programs = {}
+    b = Builder()
+    q = b.input(Q)
+    q12 = q[0] + q[1]
+    s1, c1, s12, c12 = b.sin(q[0]), b.cos(q[0]), b.sin(q12), b.cos(q12)
+    x1, y1 = A1 * c1, A1 * s1
+    x2, y2 = x1 + A2 * c12, y1 + A2 * s12
+    T1 = [c1, -s1, 0, x1, s1, c1, 0, y1, 0, 0, 1, 0, 0, 0, 0, 1]
+    T2 = [c12, -s12, 0, x2, s12, c12, 0, y2, 0, 0, 1, 0, 0, 0, 0, 1]
+    programs["forward_kinematics"] = b.program(
+        "forward_kinematics",
+        [(Port("T", (4, 4), "1 | m", "base", "pose of the tip"), T2)],
+        "Pose of the tip.",
+        "T = A_1 A_2",
+    )
+    programs["link_frames"] = b.program(
+        "link_frames", [(Port("T", (2, 4, 4), "1 | m", "base", "link frames"), T1 + T2)]
+    )
+    J = [-y2, -A2 * s12, x2, A2 * c12, 0, 0, 0, 0, 0, 0, 1, 1]
+    programs["jacobian"] = b.program("jacobian", [(Port("J", (6, 2), "m | 1", "base", "linear rows first"), J)])
+    b = Builder()
+    q, dq = b.input(Q), b.input(DQ)
+    q12, w = q[0] + q[1], dq[0] + dq[1]
+    v1, v2 = dq[0] * dq[0] * A1, w * w * A2
+    a = [-(v1 * b.cos(q[0]) + v2 * b.cos(q12)), -(v1 * b.sin(q[0]) + v2 * b.sin(q12)), 0, 0, 0, 0]
+    programs["jacobian_dot_dq"] = b.program("jacobian_dot_dq", [(Port("a", (6,), "m/s^2", "base", "dJ/dt dq"), a)])
+    return programs
+
+
+def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
+    suffix = "_nominal" if nominal else ""
+    programs = {}
+
+    def record(name, ports, outputs, inertia=False):
+        b = Builder()
+        values = {port.name: b.input(port) for port in ports}
+        beta = list(BETA_NOMINAL) if nominal else b.input(BETA)
+        Ia = None
+        if inertia and drives:
+            Ia = list(IA_NOMINAL) if nominal else b.input(IA)
+        q = values.get("q")
+        dq = values.get("dq", [0, 0])
+        parts = _model(b, q, dq, beta, Ia)
+        programs[name + suffix] = b.program(name + suffix, outputs(b, values, *parts), f"The {name} of the arm.")
+
+    vector = lambda name, unit="N m": Port(name, (2,), unit, "joint", name)  # noqa: E731
+    matrix = lambda name, unit="kg m^2": Port(name, (2, 2), unit, "joint", name)  # noqa: E731
+    record("mass_matrix", [Q], lambda b, v, M, C, g, U: [(matrix("M"), M)], True)
+    record("coriolis_matrix", [Q, DQ], lambda b, v, M, C, g, U: [(matrix("C"), C)])
+    record("coriolis", [Q, DQ], lambda b, v, M, C, g, U: [(vector("c"), _times(C, v["dq"]))])
+    record("coriolis_transpose", [Q, DQ], lambda b, v, M, C, g, U: [(vector("c"), _times(_transposed(C), v["dq"]))])
+    record("gravity", [Q], lambda b, v, M, C, g, U: [(vector("g"), g)])
+    record("energy", [Q, DQ], lambda b, v, M, C, g, U: [(Port("E", (2,), "J", "", "kinetic and potential energy"), [
+        F(1, 2) * sum(x * y for x, y in zip(v["dq"], _times(M, v["dq"]), strict=True)), U])], True)  # fmt: skip
+    record("inverse_dynamics", [Q, DQ, DDQ], lambda b, v, M, C, g, U: [(TAU, [
+        x + y + z for x, y, z in zip(_times(M, v["ddq"]), _times(C, v["dq"]), g, strict=True)])], True)  # fmt: skip
+    record("forward_dynamics", [Q, DQ, TAU], _solve, True)
+    return programs
+
+
+def _solve(b, v, M, C, g, U):
+    r = [t - x - y for t, x, y in zip(v["tau"], _times(C, v["dq"]), g, strict=True)]
+    determinant = M[0] * M[3] - M[1] * M[1]
+    one = Builder.select
+    status = one(b, M[0], one(b, determinant, 0, 1), 1)
+    safe = one(b, F(1, 2) - status, determinant, 1)
+    ddq = [(M[3] * r[0] - M[1] * r[1]) / safe, (M[0] * r[1] - M[1] * r[0]) / safe]
+    ddq = [one(b, F(1, 2) - status, x, 0) for x in ddq]
+    return [(Port("status", (), "", "", "0 = ok"), [status]), (DDQ, ddq)]
+
+
+def _regressors(K) -> dict[str, Program]:
+    programs = {}
+
+    def columns(b, q, dq, ddq, count, mixing):
+        rows = [[], []]
+        for k in range(count):
+            beta = mixing(k)
+            M, C, g, _ = _model(b, q, dq, beta)
+            tau = [x + y + z for x, y, z in zip(_times(M, ddq), _times(C, dq), g, strict=True)]
+            for row, value in zip(rows, tau, strict=True):
+                row.append(value)
+        return rows
+
+    b = Builder()
+    q, dq, ddq = (b.input(port) for port in (Q, DQ, DDQ))
+    Y = columns(b, q, dq, ddq, 6, lambda k: [F(int(i == k)) for i in range(6)])
+    programs["regressor"] = b.program(
+        "regressor", [(Port("Y", (2, 6), "mixed", "joint", "base regressor"), Y[0] + Y[1])]
+    )
+    b = Builder()
+    q, dq, ddq = (b.input(port) for port in (Q, DQ, DDQ))
+    e = b.input(Port("e", (2,), "", "joint", "weights"))
+    Y = columns(b, q, dq, ddq, 6, lambda k: [F(int(i == k)) for i in range(6)])
+    r = [y1 * e[0] + y2 * e[1] for y1, y2 in zip(*Y, strict=True)]
+    programs["regressor_transpose"] = b.program("regressor_transpose", [(Port("r", (6,), "mixed", "", "Y' e"), r)])
+    b = Builder()
+    q, dq, ddq = (b.input(port) for port in (Q, DQ, DDQ))
+    Y = columns(b, q, dq, ddq, 20, lambda k: [F(row[k]) for row in K])
+    programs["standard_regressor"] = b.program(
+        "standard_regressor", [(Port("Y", (2, 20), "mixed", "joint", "standard regressor"), Y[0] + Y[1])]
+    )
+    return programs
+
+
+def _friction() -> Program:
+    b = Builder()
+    dq = b.input(DQ)
+    tau = [F(1, 5) * dq[0], F(3, 10) * dq[1] + F(7, 10) * b.sign(dq[1]) + F(1, 10)]
+    return b.program("friction", [(Port("tau_f", (2,), "N m", "joint", "friction torque"), tau)], "Joint friction.")
+
+
+def projection() -> list[list[F]]:
+    """K with beta = K phi; phi per link: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+    K = [[F(0)] * 20 for _ in range(6)]
+    K[0][0], K[0][1], K[0][9], K[0][10] = A1 * A1, 2 * A1, F(1), A1 * A1
+    K[1][0], K[1][1], K[1][10] = A1, F(1), A1
+    K[2][2] = F(1)
+    K[3][10], K[3][11], K[3][19] = A2 * A2, 2 * A2, F(1)
+    K[4][10], K[4][11] = A2, F(1)
+    K[5][12] = F(1)
+    return K
+
+
+def planar_model(name: str = "planar", links: bool = True, drives: bool = True) -> DerivedModel:
+    m2 = sp.Symbol("m2")
+    expressions = [sp.Symbol("Izz1") + m2 / 4, sp.Symbol("mx1") + m2 / 2, sp.Symbol("my1"), sp.Symbol("Izz2"),
+                   sp.Symbol("mx2"), sp.Symbol("my2")]  # fmt: skip
+    units = ["kg m^2", "kg m", "kg m", "kg m^2", "kg m", "kg m"]
+    programs = {**_kinematics(), **_dynamics(False, drives), **_regressors(projection()), "friction": _friction()}
+    if links:
+        programs |= _dynamics(True, drives)
+    return DerivedModel(
+        spec=spec(name, links, drives),
+        programs=programs,
+        base_parameters=tuple(
+            BaseParameter(f"b{k + 1}", expression, unit)
+            for k, (expression, unit) in enumerate(zip(expressions, units, strict=True))
+        ),
+        base_projection=tuple(tuple(float(x) for x in row) for row in projection()),
+        regrouping=(),
+        beta_nominal=BETA_NOMINAL if links else None,
+        drive_inertia_nominal=IA_NOMINAL if drives else None,
+        passes=(),
+    )
