@@ -1,7 +1,7 @@
 """The robot as its user described it: frozen, validated, exact, in SI units and radians.
 
 Lengths are in m, angles in rad, masses in kg, inertias in kg m^2. Geometry is exact: every number is a SymPy
-expression over rationals, pi, and the named parameters (positive-free real symbols of the same name).
+expression over rationals, pi, and the named parameters (real symbols of the same name, see :func:`parameter_symbol`).
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import sympy as sp
+
+from rrrgen.errors import Fault
 
 Convention = Literal["standard", "modified"]
 JointType = Literal["revolute", "prismatic"]
@@ -46,7 +48,7 @@ class FrictionSpec:
 
 @dataclass(frozen=True)
 class DriveSpec:
-    """The drive of a joint. ``inertia`` is the rotor inertia seen at the joint, Ia (kg m^2, or kg for a prismatic joint)."""
+    """The drive of a joint, seen at the joint; ``inertia`` is Ia (kg m^2, or kg for a prismatic joint)."""
 
     inertia: float | None = None
     gear_ratio: float | None = None
@@ -73,6 +75,7 @@ class JointSpec:
 
     @property
     def is_revolute(self) -> bool:
+        """Whether q of this joint is an angle."""
         return self.type == "revolute"
 
 
@@ -119,13 +122,13 @@ class BasisSpec:
     Link symbols (link i, counted from 1, in the axes of link frame i): ``m{i}``; COM ``x{i} y{i} z{i}``; first moments
     ``mx{i} my{i} mz{i}``; inertia about the *origin* of the link frame ``Ixx{i} Iyy{i} Izz{i} Ixy{i} Ixz{i} Iyz{i}``,
     the off-diagonals being tensor entries (``products="tensor"``) or positive products (``"positive"``).
-    Named parameters of the file may occur too.
+    Named parameters of the file may occur too. All are real symbols as of :func:`parameter_symbol`.
     """
 
     names: tuple[str, ...]
     expressions: tuple[sp.Expr, ...]
     products: Literal["tensor", "positive"]
-    places: tuple[tuple[int, int], ...] = ()  # line, column of each entry, for error messages
+    places: tuple[tuple[int, int], ...] = field(default=(), compare=False)  # line, column of each entry, for messages
 
 
 @dataclass(frozen=True)
@@ -145,8 +148,10 @@ class RobotSpec:
     length_unit: str = "m"
     description: str = ""
     source: str = ""  # where the numbers come from
-    file: str = ""  # path or bundled name, for messages only
-    faults: tuple[object, ...] = ()  # warnings (Fault, severity "warning")
+    file: str = field(default="", compare=False)  # path or bundled name, for messages only
+    faults: tuple[Fault, ...] = field(default=(), compare=False)  # warnings (severity "warning")
+    # parameter name -> unit it was declared in, "one" for a plain number; silent for bare SI values
+    parameter_units: dict[str, str] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -159,7 +164,7 @@ class RobotSpec:
 
     def dh_table(self) -> list[tuple[str, float, float, float, float]]:
         """Rows ``(type, alpha, a, d, theta)`` at the nominal values, SI and rad, as floats."""
-        rows = []
+        rows: list[tuple[str, float, float, float, float]] = []
         for joint in self.joints:
             values = [float(self.nominal(v)) for v in (joint.alpha, joint.a, joint.d, joint.theta)]
             rows.append((joint.type, values[0], values[1], values[2], values[3]))

@@ -119,6 +119,7 @@ class Quantity:
 QUANTITIES: dict[str, Quantity] = {
     "number": Quantity("a plain number", NUMBER, "one"),
     "angle": Quantity("an angle", ANGLE, "rad"),
+    "joint angle": Quantity("a joint angle", ANGLE, "rad"),
     "length": Quantity("a length", LENGTH, "m"),
     "angular speed": Quantity("an angular speed", _ANGLE_RATE, "rad/s"),
     "angular acceleration": Quantity("an angular acceleration", _ANGLE_ACCELERATION, "rad/s^2"),

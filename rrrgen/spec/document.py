@@ -1,0 +1,240 @@
+"""Text -> a small tree of YAML nodes with their places, bounded in size and depth, with every fault collected.
+
+Only YAML's events are used: scalars keep the text that the user typed, so numbers stay exact, ``no`` and ``1:30``
+stay text, and no object is ever constructed from a tag.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from rrrgen.errors import Fault, InputError
+
+MAX_BYTES = 1_000_000
+MAX_NODES = 20_000
+MAX_DEPTH = 12
+MAX_ALIASES = 100
+MAX_FAULTS = 100
+
+_LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+_CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x80-\x84\x86-\x9f\ud800-\udfff\ufeff\ufffe\uffff]")
+_TAB_INDENT = re.compile(r"^ *\t[ \t]*(?=[^\s#])")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Line and column, both counted from 1."""
+
+    line: int = 1
+    column: int = 1
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """One value as typed; ``quoted`` when it stood in quotes, ``inset`` from ``place`` to the first character."""
+
+    text: str
+    place: Place
+    quoted: bool = False
+    inset: int = 0
+
+    @property
+    def is_null(self) -> bool:
+        """Whether YAML reads this as no value at all."""
+        return not self.quoted and self.text in ("", "~", "null", "Null", "NULL")
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """A list."""
+
+    place: Place
+    items: list[Node] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """A mapping with all its entries in order, duplicates included."""
+
+    place: Place
+    entries: list[tuple[Node, Node]] = field(default_factory=list)
+
+
+Node: TypeAlias = Scalar | Sequence | Mapping
+
+
+class FaultList:
+    """Collects faults of one text; errors and warnings are kept apart."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self.file, self.lines = file, _LINE_BREAK.split(text)
+        self.errors: list[Fault] = []
+        self.warnings: list[Fault] = []
+
+    def error(self, where: Node | Place | None, message: str, hint: str = "", offset: int = 0) -> None:
+        """Record an error at a node or place; ``offset`` counts characters into a scalar on one line."""
+        if len(self.errors) < MAX_FAULTS:
+            fault = self._fault(where, message, hint, offset, "error")
+            if fault not in self.errors:
+                self.errors.append(fault)
+
+    def warning(self, where: Node | Place | None, message: str, hint: str = "", offset: int = 0) -> None:
+        """Record a warning."""
+        if len(self.warnings) < MAX_FAULTS:
+            self.warnings.append(self._fault(where, message, hint, offset, "warning"))
+
+    def raise_errors(self) -> None:
+        """Raise :class:`InputError` with every error, and the warnings too, if there is any error."""
+        if self.errors:
+            raise InputError(self.errors + self.warnings)
+
+    def _fault(self, where: Node | Place | None, message: str, hint: str, offset: int, severity: str) -> Fault:
+        if where is None:
+            return Fault(self.file, 0, 0, message, "", hint, severity)
+        place = where if isinstance(where, Place) else where.place
+        column = place.column
+        if isinstance(where, Scalar) and offset <= len(where.text) and "\n" not in where.text:
+            column += where.inset + offset
+        line = self.lines[place.line - 1] if 0 < place.line <= len(self.lines) else ""
+        return Fault(self.file, place.line, min(column, len(line) + 1), message, line, hint, severity)
+
+
+def decode(data: bytes, file: str) -> str:
+    """The text of a file: UTF-8, at most 1 MB, without control characters."""
+    if len(data) > MAX_BYTES:
+        raise InputError([Fault(file, 0, 0, "the file is larger than 1 MB", hint="a robot file has some kilobytes")])
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise InputError([Fault(file, 0, 0, "the file is not UTF-8 but UTF-16", hint="save it as UTF-8")])
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = data[: error.start].decode("utf-8", "replace")
+        rest = data[error.start :].split(b"\n", 1)[0].decode("utf-8", "replace")
+        lines = _LINE_BREAK.split(before)
+        message = f"the file is not UTF-8: byte 0x{data[error.start]:02x}"
+        fault = Fault(
+            file, len(lines), len(lines[-1]) + 1, message, (lines[-1] + rest).rstrip("\r"), "save it as UTF-8"
+        )
+        raise InputError([fault]) from None
+
+
+def parse_document(text: str, faults: FaultList) -> Node:
+    """The root node of the one YAML document in ``text``; raises :class:`InputError` where there is none."""
+    _check_characters(text, faults)
+    faults.raise_errors()
+    # a tab between words is white space to YAML; only as indentation is it refused
+    root = _Composer(_events(text.replace("\t", " "), faults), faults).document()
+    faults.raise_errors()
+    if root is None:
+        raise InputError([Fault(faults.file, 0, 0, "the file is empty", hint="start from 'rrrgen new'")])
+    return root
+
+
+def _check_characters(text: str, faults: FaultList) -> None:
+    if len(text) > MAX_BYTES:
+        raise InputError([Fault(faults.file, 0, 0, "the text is larger than 1 MB", hint="a robot has some kilobytes")])
+    for number, line in enumerate(faults.lines, start=1):
+        if control := _CONTROL.search(line):
+            message = f"the control character U+{ord(control.group()):04X}"
+            faults.error(Place(number, control.start() + 1), message, "a robot file is plain UTF-8 text")
+        if _TAB_INDENT.match(line):
+            faults.error(
+                Place(number, line.index("\t") + 1), "a tab in the indentation", "YAML is indented with spaces"
+            )
+
+
+def _events(text: str, faults: FaultList) -> Iterator[Any]:
+    """YAML's parsing events; the parser's own exceptions become faults."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+    try:
+        yield from YAML(typ="safe", pure=True).parse(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = Place(mark.line + 1, mark.column + 1) if mark else None
+        problem = str(error.problem or error.context or "this is not YAML")
+        faults.error(place, f"not valid YAML: {problem}", "check indentation, brackets, and the blank after each ':'")
+    except (YAMLError, ValueError, TypeError, LookupError, AttributeError, AssertionError, RecursionError):
+        # ruamel.yaml leaks such exceptions from its scanner on malformed directives and escapes
+        faults.error(None, "not valid YAML", "check directives, tags and escapes")
+
+
+class _Composer:
+    """Builds nodes from events, iteratively and within bounds."""
+
+    def __init__(self, events: Iterator[Any], faults: FaultList) -> None:
+        self.events, self.faults = events, faults
+        self.anchors: dict[str, Node] = {}
+        self.nodes = self.aliases = 0
+
+    def document(self) -> Node | None:
+        root: Node | None = None
+        stack: list[Node] = []
+        keys: list[Node | None] = []  # the key waiting for its value, one per open collection
+        documents = 0
+        for event in self.events:
+            kind = type(event).__name__
+            place = Place(event.start_mark.line + 1, event.start_mark.column + 1)
+            if kind == "DocumentStartEvent":
+                documents += 1
+                if documents > 1:
+                    self.faults.error(place, "a second YAML document", "one robot per file")
+                    return None
+            elif kind in ("SequenceEndEvent", "MappingEndEvent"):
+                stack.pop()
+                keys.pop()
+            elif kind in ("ScalarEvent", "AliasEvent", "SequenceStartEvent", "MappingStartEvent"):
+                node = self.node(kind, event, place)
+                if node is None:
+                    return None
+                if not stack:
+                    root = node
+                elif isinstance(parent := stack[-1], Sequence):
+                    parent.items.append(node)
+                elif isinstance(parent, Mapping):
+                    key = keys[-1]
+                    keys[-1] = node if key is None else None
+                    if key is not None:
+                        parent.entries.append((key, node))
+                if kind.endswith("StartEvent"):
+                    stack.append(node)
+                    keys.append(None)
+                    if len(stack) > MAX_DEPTH:
+                        self.faults.error(place, "nested too deeply", f"at most {MAX_DEPTH} levels")
+                        return None
+        return root
+
+    def node(self, kind: str, event: Any, place: Place) -> Node | None:
+        """The node of one event; None where a bound is hit."""
+        self.nodes += 1
+        if self.nodes > MAX_NODES:
+            self.faults.error(place, "too many values in the file", f"at most {MAX_NODES}")
+            return None
+        if kind == "AliasEvent":
+            self.aliases += 1
+            if self.aliases > MAX_ALIASES:
+                self.faults.error(place, "too many aliases", f"at most {MAX_ALIASES}")
+                return None
+            if event.anchor not in self.anchors:
+                self.faults.error(place, f"the alias *{event.anchor} has no anchor")
+                return None
+            return self.anchors[event.anchor]
+        if getattr(event, "tag", None) not in (None, "!"):
+            self.faults.error(place, f"the YAML tag {event.tag}", "tags are not allowed; write the plain value")
+        node = self.plain_node(kind, event, place)
+        if event.anchor:
+            self.anchors[event.anchor] = node
+        return node
+
+    def plain_node(self, kind: str, event: Any, place: Place) -> Node:
+        if kind == "SequenceStartEvent":
+            return Sequence(place)
+        if kind == "MappingStartEvent":
+            return Mapping(place)
+        quoted = event.style in ("'", '"', "|", ">")
+        one_line = event.start_mark.line == event.end_mark.line
+        return Scalar(event.value, place, quoted, int(event.style in ("'", '"') and one_line))

@@ -1,0 +1,176 @@
+"""The keys of a robot file: one table per section, used to read, to complain and to make the JSON Schema."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["text", "name", "choice", "value", "vector", "matrix", "mapping", "rows", "names", "basis"]
+
+MAX_JOINTS = 20
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key: its kind of value, and what it means.
+
+    ``quantity`` is the quantity of a value or vector of a revolute joint, ``prismatic`` that of a prismatic one
+    where it differs. ``section`` is the table of a mapping or of the rows of a list. ``file_units`` tells that bare
+    numbers are in the units of the file, not in SI.
+    """
+
+    name: str
+    kind: Kind
+    meaning: str
+    required: bool = False
+    choices: tuple[str, ...] = ()
+    quantity: str = "number"
+    prismatic: str = ""
+    section: str = ""
+    file_units: bool = False
+    length: int = 3
+
+    def quantity_for(self, joint_type: str) -> str:
+        """The quantity of this key for a joint of this type."""
+        return self.prismatic if joint_type == "prismatic" and self.prismatic else self.quantity
+
+
+ROBOT = (
+    Key("schema", "choice", "version of this format", True, ("rrrgen/1",)),
+    Key("name", "name", "C identifier; prefix of every emitted symbol", True),
+    Key("description", "text", "what the robot is"),
+    Key("source", "text", "where the numbers come from"),
+    Key("convention", "choice", "Denavit-Hartenberg convention", True, ("standard", "modified")),
+    Key("units", "mapping", "units of bare numbers of joint rows, base and tool", True, section="units"),
+    Key("gravity", "vector", "acceleration of gravity in the base frame, m/s^2", True, quantity="acceleration"),
+    Key("parameters", "names", "named constants with nominal values"),
+    Key("base", "mapping", "fixed transform before the first joint", section="transform"),
+    Key("joints", "rows", "one Denavit-Hartenberg row per joint", True, section="joint", length=MAX_JOINTS),
+    Key("tool", "mapping", "fixed transform after the last link frame", section="transform"),
+    Key("links", "rows", "inertia of every link, in the axes of its link frame", section="link", length=MAX_JOINTS),
+    Key("basis", "basis", "base parameters of the user's own choice"),
+)
+UNITS = (
+    Key("angle", "choice", "unit of bare angles", True, ("rad", "deg")),
+    Key("length", "choice", "unit of bare lengths", True, ("m", "mm")),
+)
+JOINT = (
+    Key("name", "name", "name of the joint; q1, q2, ... if missing"),
+    Key("type", "choice", "revolute or prismatic", True, ("revolute", "prismatic")),
+    Key("alpha", "value", "twist angle", True, quantity="angle", file_units=True),
+    Key("a", "value", "link length", True, quantity="length", file_units=True),
+    Key("d", "value", "link offset; of a prismatic joint: added to q", quantity="length", file_units=True),
+    Key("theta", "value", "joint angle; of a revolute joint: added to q", quantity="angle", file_units=True),
+    Key("limits", "mapping", "joint limits", section="limits"),
+    Key("friction", "mapping", "friction at the joint; each key adds its column", section="friction"),
+    Key("drive", "mapping", "the drive, seen at the joint", section="drive"),
+)
+LIMITS = (
+    Key("lower", "value", "lowest q", quantity="joint angle", prismatic="length", file_units=True),
+    Key("upper", "value", "highest q", quantity="joint angle", prismatic="length", file_units=True),
+    Key("velocity", "value", "largest |dq|", quantity="angular speed", prismatic="speed", file_units=True),
+    Key(
+        "acceleration",
+        "value",
+        "largest |ddq|",
+        quantity="angular acceleration",
+        prismatic="acceleration",
+        file_units=True,
+    ),
+    Key("torque", "value", "largest torque or force", quantity="torque", prismatic="force"),
+)
+FRICTION = (
+    Key("viscous", "value", "torque or force per speed", quantity="angular damping", prismatic="damping"),
+    Key("coulomb", "value", "torque or force of dry friction", quantity="torque", prismatic="force"),
+    Key("offset", "value", "constant torque or force", quantity="torque", prismatic="force"),
+)
+DRIVE = (
+    Key("inertia", "value", "rotor inertia seen at the joint, Ia", quantity="inertia", prismatic="mass"),
+    Key("gear_ratio", "value", "motor turns per joint turn"),
+    Key(
+        "torque_constant",
+        "value",
+        "joint torque or force per ampere",
+        quantity="torque constant",
+        prismatic="force constant",
+    ),
+    Key(
+        "encoder_resolution",
+        "value",
+        "smallest step of q",
+        quantity="angle",
+        prismatic="length",
+        file_units=True,
+    ),
+)
+LINK = (
+    Key("mass", "value", "mass, kg", True, quantity="mass"),
+    Key("com", "vector", "centre of mass in the link frame, m", True, quantity="length"),
+    Key("inertia", "mapping", "inertia in the axes of the link frame, kg m^2", True, section="inertia"),
+)
+INERTIA = (
+    Key("about", "choice", "reference point: centre of mass or origin of the link frame", True, ("com", "origin")),
+    Key(
+        "products",
+        "choice",
+        "sign of xy, xz, yz: tensor entries -int xy dm, or positive",
+        False,
+        ("tensor", "positive"),
+    ),
+    *(Key(f"{a}{a}", "value", f"moment about {a}, kg m^2", True, quantity="inertia") for a in "xyz"),
+    *(Key(ab, "value", f"product of inertia {ab}, kg m^2", quantity="inertia") for ab in ("xy", "xz", "yz")),
+)
+TRANSFORM = (
+    Key("translation", "vector", "origin of the new frame", quantity="length", file_units=True),
+    Key("rpy", "vector", "roll, pitch, yaw about the fixed axes x, y, z", quantity="angle", file_units=True),
+    Key("rotation", "matrix", "rotation matrix, row by row"),
+)
+BASIS = (
+    Key("products", "choice", "sign of Ixy, Ixz, Iyz in the expressions", True, ("tensor", "positive")),
+    Key("parameters", "basis", "the expressions", True),
+)
+
+SECTIONS: dict[str, tuple[Key, ...]] = {
+    "robot": ROBOT,
+    "units": UNITS,
+    "joint": JOINT,
+    "limits": LIMITS,
+    "friction": FRICTION,
+    "drive": DRIVE,
+    "link": LINK,
+    "inertia": INERTIA,
+    "transform": TRANSFORM,
+    "basis": BASIS,
+}
+
+# words that users bring along from other formats
+ALIASES: dict[str, str] = {
+    "offset": "theta",
+    "twist": "alpha",
+    "angle": "theta",
+    "q": "theta",
+    "r": "a",
+    "length": "a",
+    "joint_type": "type",
+    "dh": "joints",
+    "bodies": "links",
+    "inertial": "links",
+    "convention_dh": "convention",
+    "effort": "torque",
+    "gear": "gear_ratio",
+    "max_velocity": "velocity",
+    "max_acceleration": "acceleration",
+    "min": "lower",
+    "max": "upper",
+    "m": "mass",
+    "cog": "com",
+    "ixx": "xx",
+    "iyy": "yy",
+    "izz": "zz",
+    "ixy": "xy",
+    "ixz": "xz",
+    "iyz": "yz",
+    "xyz": "translation",
+    "origin": "translation",
+    "rotation_matrix": "rotation",
+}
