@@ -70,7 +70,7 @@ def external_sources(
             maths |= {node.op for node in item.program.nodes} & set(_MATHS)
     context = {
         "robot": robot,
-        "header": list(header),
+        "header": [_harmless(line) for line in header],
         "definitions": definitions,
         "patterns": [", ".join(map(str, pattern)) for pattern in patterns],
         "maths": [_MATHS[op] for op in _MATHS if op in maths],
@@ -103,7 +103,7 @@ def _definition(robot: str, item: Routine, source: Program | None, patterns: dic
     written = listing(item.program, elements, names, _dialect(robot))
     return _Definition(
         name=item.name,
-        comment=tuple(_comment(item, source)),
+        comment=tuple(_harmless(line) for line in _comment(item, source)),
         inputs=item.inputs,
         outputs=item.outputs,
         sparsity_in=tuple(_pattern(m, patterns) for m in item.inputs),
@@ -142,6 +142,11 @@ def _pattern(matrix: Matrix, patterns: dict[tuple[int, ...], int]) -> int:
             starts[column + 1] += starts[column]
         key = (matrix.rows, matrix.cols, *starts, *(row for row, _ in matrix.entries))
     return patterns.setdefault(key, len(patterns))
+
+
+def _harmless(line: str) -> str:
+    """A line that cannot end the comment it stands in."""
+    return line.replace("*/", "* /").replace("/*", "/ *")
 
 
 def _comment(item: Routine, source: Program | None) -> Iterable[str]:

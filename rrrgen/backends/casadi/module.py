@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -58,9 +59,9 @@ def rebuild_module(
     return render(
         "casadi/module.py.j2",
         robot=robot,
-        header=list(header),
+        header=[_quoted(line) for line in header],
         definitions=[_definition(robot, name, program) for name, program in programs],
-        base_parameters=list(base_parameters),
+        base_parameters=[(json.dumps(name), json.dumps(expression)) for name, expression in base_parameters],
         beta_nominal=None if beta_nominal is None else [repr(float(value)) for value in beta_nominal],
     )
 
@@ -128,4 +129,9 @@ def _docstring(program: Program) -> str:
             lines.append(f"{kind} {port.name} ({rows}, {cols}){': ' + facts if facts else ''}")
     lines += ["", *program.notes] if program.notes else []
     text = "\n".join(line if not line else f"    {line}" for line in lines).strip()
+    return _quoted(text)
+
+
+def _quoted(text: str) -> str:
+    """``text`` as it must be written inside a docstring."""
     return text.replace("\\", "\\\\").replace('"""', "'''")
