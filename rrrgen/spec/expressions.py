@@ -21,7 +21,7 @@ from rrrgen.spec.suggest import did_you_mean
 from rrrgen.spec.units import ANGLE, UNITS, Dimension, Unit, find_unit, quantity_name
 
 MAX_LENGTH = 4000  # characters of one value
-MAX_DEPTH = 120  # nesting of one value; a sum of k terms counts k
+MAX_DEPTH = 100  # nesting of one value
 MAX_NUMBER_LENGTH = 400
 MAX_DECIMAL_EXPONENT = 60
 MAX_BITS = 4096  # of numerator and denominator of any number met on the way
@@ -243,12 +243,24 @@ class _Walker:
                 sign = -1 if isinstance(node.op, ast.USub) else 1
                 term = _Term(sign * inner.expr, inner.dimension, inner.open_names, inner.degree)
             case ast.BinOp():
-                term = self.binary(node, self.walk(node.left, depth + 1), self.walk(node.right, depth + 1))
+                return self.chain(node, depth)
             case ast.Call():
                 term = self.call(node, depth)
             case _:
                 raise self.fail("this is not an arithmetic expression", node, f"allowed are {ALLOWED}")
         self.check_size(term, node)
+        return term
+
+    def chain(self, node: ast.BinOp, depth: int) -> _Term:
+        """A chain of operators without parentheses, ``a + b - c``: walked along its left side without recursion."""
+        steps, first = [node], node.left
+        while isinstance(first, ast.BinOp):
+            steps.append(first)
+            first = first.left
+        term = self.walk(first, depth + 1)
+        for step in reversed(steps):
+            term = self.binary(step, term, self.walk(step.right, depth + 1))
+            self.check_size(term, step)
         return term
 
     def check_size(self, term: _Term, node: ast.expr) -> None:

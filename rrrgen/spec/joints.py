@@ -31,7 +31,7 @@ def read_joints(node: Node, scope: Scope) -> list[JointSpec | None]:
         return []
     joints = [_read_joint(item, number, scope) for number, item in enumerate(items, start=1)]
     _check_names(items, joints, scope)
-    _check_scale(node, joints, scope)
+    _check_scale(node, scope)
     return joints
 
 
@@ -101,15 +101,13 @@ def _check_names(items: list[Node], joints: list[JointSpec | None], scope: Scope
         seen.setdefault(joint.name, number)
 
 
-def _check_scale(node: Node, joints: list[JointSpec | None], scope: Scope) -> None:
-    """A file in mm whose longest length is under 5 mm was written in metres."""
-    if scope.units.length != "mm":
-        return
-    values = [scope.substitute(value) for joint in joints if joint for value in (joint.a, joint.d)]
-    longest = max((abs(float(value)) for value in values), default=0.0)
+def _check_scale(node: Node, scope: Scope) -> None:
+    """A file in mm whose longest bare length is under 5 mm was written in metres."""
+    longest = max(scope.bare_lengths, default=0.0)
     if 0.0 < longest < _SHORTEST_ARM:
         message = f"the longest length of the robot is {longest * 1000:g} mm"
-        scope.faults.error(node, message, "units say mm; for metres write units: {..., length: m}")
+        hint = "units say mm; for metres write units: {..., length: m}, and for mm indeed e.g. 0.4 mm"
+        scope.faults.error(node, message, hint)
 
 
 def _read_limits(node: Node | None, joint_type: str, what: str, scope: Scope) -> Limits:

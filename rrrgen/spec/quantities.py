@@ -35,6 +35,7 @@ class Scope:
     nominal: dict[str, sp.Expr] = field(default_factory=dict)
     declared_at: dict[str, Scalar] = field(default_factory=dict)
     parameter_units: dict[str, str] = field(default_factory=dict)
+    bare_lengths: list[float] = field(default_factory=list)  # m, of values without unit in a mm file
     broken: set[str] = field(default_factory=set)  # parameters whose own fault is already reported
 
     def substitute(self, expr: sp.Expr) -> sp.Expr:
@@ -65,6 +66,8 @@ def read_value(node: Node, what: str, quantity: str, scope: Scope, file_units: b
     if value.unit is None and not value.names and (fault := _confusion(node, value, number, what, target, unit)):
         scope.faults.error(node, *fault)
         return None
+    if unit.name == "mm" and value.unit is None:
+        scope.bare_lengths.append(abs(number))
     if target.name == "an angle" and unit.name == "rad" and not value.uses_pi and not value.names:
         _warn_about_right_angle(node, value, number, what, scope)
     return expr

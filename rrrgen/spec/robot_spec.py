@@ -137,7 +137,8 @@ class RobotSpec:
 
     name: str
     convention: Convention
-    gravity: tuple[sp.Expr, sp.Expr, sp.Expr]  # acceleration of gravity in the base frame, m/s^2
+    # acceleration of gravity, m/s^2, in the base frame: the one before ``base``, in which the tip pose is given too
+    gravity: tuple[sp.Expr, sp.Expr, sp.Expr]
     parameters: dict[str, sp.Expr]  # nominal values, exact
     joints: tuple[JointSpec, ...]
     links: tuple[LinkSpec, ...] | None = None
