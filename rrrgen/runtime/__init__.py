@@ -1,0 +1,1 @@
+"""Builds emitted C, loads it through cffi, and calls it with checked NumPy arrays."""

@@ -202,6 +202,9 @@ def planar_model(name: str = "planar", links: bool = True, drives: bool = True) 
         programs |= _dynamics(True, drives)
     return DerivedModel(
         spec=spec(name, links, drives),
+        model=None,  # the derivation's own records; nothing behind it reads them
+        own_basis=None,
+        basis_change=None,
         programs=programs,
         base_parameters=tuple(
             BaseParameter(f"b{k + 1}", expression, unit)

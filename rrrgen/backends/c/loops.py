@@ -1,0 +1,66 @@
+"""Loops over many states, for the extension that Python loads; they are not part of the emitted library."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.signature import function_name, has_status, stored_outputs
+from rrrgen.program import Program
+
+
+def loop_name(program: Program, dialect: Dialect) -> str:
+    """The loop over ``program``."""
+    return f"{dialect.prefix}_loop_{program.name}"
+
+
+def loop_files(programs: Iterable[Program], dialect: Dialect) -> dict[str, str]:
+    """``<name>_loops.h`` and ``.c``: one loop per program.
+
+    Each input comes with a step, in elements from one state to the next: 0 repeats one value for all states. Outputs
+    are dense. The status of a program, where it has one, is stored per state in the array ``status``.
+    """
+    header, source = [], [f'#include "{dialect.prefix}_loops.h"', ""]
+    for program in programs:
+        signature = _loop_signature(program, dialect)
+        header.append(f"{signature};")
+        source += [signature, "{", *(f"    {line}" for line in _loop_body(program, dialect)), "}", ""]
+    guard = f"{dialect.macro}_LOOPS_H"
+    top = [f"#ifndef {guard}", f"#define {guard}", "", f'#include "{dialect.prefix}.h"', ""]
+    return {
+        f"{dialect.prefix}_loops.h": "\n".join([*top, *header, "", "#endif", ""]),
+        f"{dialect.prefix}_loops.c": "\n".join(source),
+    }
+
+
+def declarations(programs: Iterable[Program], dialect: Dialect) -> str:
+    """What cffi must know: every function and its loop, with plain pointers and without enums."""
+    lines = []
+    for program in programs:
+        inputs = [f"const {dialect.real} *" if port.shape else dialect.real for port in program.inputs]
+        outputs = [f"{dialect.real} *" for _ in stored_outputs(program)]
+        returns = "int" if has_status(program) else "void"
+        lines.append(f"{returns} {function_name(program, dialect)}({', '.join([*inputs, *outputs]) or 'void'});")
+        lines.append(f"{_loop_signature(program, dialect).replace(dialect.real_type, dialect.real)};")
+    return "\n".join(lines)
+
+
+def _loop_signature(program: Program, dialect: Dialect) -> str:
+    real = dialect.real_type
+    parameters = ["long long count"]
+    parameters += [f"const {real} *{port.name}, long long {port.name}_step" for port in program.inputs]
+    parameters += ["int *status"] if has_status(program) else []
+    parameters += [f"{real} *{port.name}" for port in stored_outputs(program)]
+    return f"void {loop_name(program, dialect)}({', '.join(parameters)})"
+
+
+def _loop_body(program: Program, dialect: Dialect) -> list[str]:
+    arguments = [
+        f"{port.name} + k*{port.name}_step" if port.shape else f"{port.name}[k*{port.name}_step]"
+        for port in program.inputs
+    ]
+    arguments += [f"{port.name} + k*{port.size}" for port in stored_outputs(program)]
+    call = f"{function_name(program, dialect)}({', '.join(arguments)});"
+    if has_status(program):
+        call = f"status[k] = (int){call}"
+    return ["for (long long k = 0; k < count; k++) {", f"    {call}", "}"]

@@ -1,0 +1,85 @@
+"""Checked arguments: whatever the caller passes becomes dense arrays of the right shape, or a clear error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.program import Port
+
+Array = NDArray[Any]
+Batch = tuple[int, ...]
+
+
+def prepare(
+    function: str, ports: Sequence[Port], values: Sequence[Any], dtype: np.dtype[Any]
+) -> tuple[Batch, list[Array]]:
+    """The batch shape of a call of ``function`` and its arguments as dense, aligned arrays of ``dtype``.
+
+    Every value has the shape of its port, with any leading dimensions; these are broadcast against each other. An
+    array without leading dimensions stays single: it serves all states.
+    Raises TypeError for complex, boolean, text, object or masked arrays, ValueError for wrong shapes.
+    """
+    arrays: list[Array] = []
+    batches: list[Batch] = []
+    for port, value in zip(ports, values, strict=True):
+        array = value if type(value) is np.ndarray and value.dtype == dtype else _real(function, port, value, dtype)
+        shape, wanted = array.shape, port.shape
+        if shape == wanted:
+            batches.append(())
+        else:
+            split = len(shape) - len(wanted)
+            if split < 0 or shape[split:] != wanted:
+                raise ValueError(_wrong_shape(function, port, shape))
+            batches.append(shape[:split])
+        arrays.append(array)
+    batch = _common(function, ports, batches)
+    for k, array in enumerate(arrays):
+        if batches[k] != batch and batches[k]:
+            array = np.broadcast_to(array, (*batch, *ports[k].shape))
+        if not array.flags.carray:  # np.require copies only where density or alignment is missing
+            array = np.require(array, dtype, ["C_CONTIGUOUS", "ALIGNED"])
+        arrays[k] = array
+    return batch, arrays
+
+
+def _real(function: str, port: Port, value: Any, dtype: np.dtype[Any]) -> Array:
+    """``value`` as an array of real numbers of ``dtype``."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise TypeError(f"{function}: {port.name} is a masked array; its mask would be lost. Fill it first")
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise ValueError(f"{function}: {port.name} is no rectangular array of numbers: {error}") from None
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"{function}: {port.name} must hold real numbers, not {array.dtype}")
+    return array.astype(dtype, copy=False)
+
+
+def _common(function: str, ports: Sequence[Port], batches: Sequence[Batch]) -> Batch:
+    """The leading dimensions of the result; the usual cases, all equal or absent, without asking NumPy."""
+    longest: Batch = ()
+    for batch in batches:
+        if len(batch) > len(longest):
+            longest = batch
+    for batch in batches:
+        if batch and batch != longest:
+            break
+    else:
+        return longest
+    try:
+        return np.broadcast_shapes(*batches)
+    except ValueError:
+        shown = ", ".join(f"{port.name} {batch}" for port, batch in zip(ports, batches, strict=True))
+        raise ValueError(f"{function}: the leading dimensions do not fit each other: {shown}") from None
+
+
+def _wrong_shape(function: str, port: Port, shape: tuple[int, ...]) -> str:
+    wanted = ", ".join(map(str, port.shape))
+    single = f"({wanted},)" if len(port.shape) == 1 else f"({wanted})"
+    unit = f" [{port.unit}]" if port.unit else ""
+    meaning = f": {port.meaning}{unit}" if port.meaning else unit
+    return f"{function}: {port.name} must have shape {single} or (..., {wanted}), got {shape}{meaning}"

@@ -1,0 +1,52 @@
+"""Calls for control loops: buffers made once, nothing checked or allocated per call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.program import Program
+from rrrgen.runtime.engines import STATUS, Engine
+
+Array = NDArray[Any]
+
+
+class BoundFunction:
+    """One function of a model between preallocated arrays.
+
+    Write the state into ``inputs["q"]``, ... (``f.inputs["q"][:] = q``), call ``f()``, read the result, which is always
+    the same array. ``run`` is the bare call for the tightest loops; it returns the status of functions that have one,
+    else None.
+    """
+
+    __slots__ = ("_result", "inputs", "name", "outputs", "run")
+
+    def __init__(self, program: Program, engine: Engine, parameters: Mapping[str, Array]) -> None:
+        self.name = program.name
+        inputs = {
+            port.name: np.array(parameters.get(port.name, np.zeros(port.shape)), dtype=engine.dtype)
+            for port in program.inputs
+        }
+        outputs = {
+            port.name: np.zeros(port.shape, dtype=engine.dtype) for port in program.outputs if port.name != STATUS
+        }
+        self.run: Callable[[], Any] = engine.bind(program.name, list(inputs.values()), list(outputs.values()))
+        self._result = next(iter(outputs.values()))
+        self.inputs: Mapping[str, Array] = MappingProxyType(inputs)  # other arrays in their place would go unseen
+        self.outputs: Mapping[str, Array] = MappingProxyType(outputs)
+
+    def __call__(self, *values: Any) -> Array:
+        """Evaluate; ``values``, if any, are first copied into the inputs in order. Returns the (first) output array.
+
+        A status other than 0 raises numpy's LinAlgError, as the unbound call does.
+        """
+        if values:
+            for array, value in zip(self.inputs.values(), values, strict=False):
+                array[...] = value
+        if self.run():
+            raise np.linalg.LinAlgError(f"{self.name}: the mass matrix is not positive definite")
+        return self._result

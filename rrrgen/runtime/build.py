@@ -1,0 +1,135 @@
+"""C sources -> a loaded extension module: cffi's API mode, built once per content, safe under parallel builds."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rrrgen.errors import BuildError
+from rrrgen.runtime.cache import cache_directory, digest
+
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC")
+"""No contraction to fused multiply-adds: results then do not depend on the processor."""
+
+_loaded: dict[str, tuple[Any, Any]] = {}
+
+
+def build_extension(
+    sources: Mapping[str, str], cdef: str, module_key: str, flags: Sequence[str] = ()
+) -> tuple[Any, Any]:
+    """Compile C ``sources`` (file name -> text) and load them; returns cffi's ``(ffi, lib)``.
+
+    ``cdef`` declares what ``lib`` offers; every header among the sources is included. ``module_key`` only makes names
+    in the cache readable. The result is cached by the content of everything that enters, in this process and on disk.
+    Raises BuildError where there is no compiler, or where it refuses the code.
+    """
+    compiler = find_compiler()
+    identity = [sys.implementation.cache_tag, platform.machine(), _cffi_version(), *compiler, _stamp(compiler[0])]
+    contents = [text for name in sorted(sources) for text in (name, sources[name])]
+    key = digest(*identity, *FLAGS, *flags, cdef, *contents)
+    if key not in _loaded:
+        module = f"_rrrgen_{key[:24]}"
+        path = cache_directory() / f"{module_key}-{key[:24]}.so"
+        if not path.exists():
+            _build(path, module, sources, cdef, [*compiler, *FLAGS, *flags])
+        _loaded[key] = _load(path, module)
+    return _loaded[key]
+
+
+def find_compiler() -> list[str]:
+    """The C compiler's command: ``$CC``, or the first of cc, gcc, clang that is installed."""
+    chosen = shlex.split(os.environ.get("CC", ""))
+    for command in [chosen] if chosen else [["cc"], ["gcc"], ["clang"]]:
+        program = shutil.which(command[0])
+        if program:
+            return [program, *command[1:]]
+    missing = f"the C compiler '{chosen[0]}' named by CC" if chosen else "a C compiler (cc, gcc or clang)"
+    raise BuildError(
+        f"{missing} was not found. Install one (Debian, Ubuntu: apt install gcc; Fedora: dnf install gcc; macOS: "
+        "xcode-select --install), or work without: rrrgen.compile(..., backend='numpy')"
+    )
+
+
+def _include_directory() -> str:
+    include = sysconfig.get_path("include")
+    if not (Path(include) / "Python.h").is_file():
+        raise BuildError(
+            f"Python's C headers are missing (no Python.h in {include}). Install them (Debian, Ubuntu: apt install "
+            "python3-dev; Fedora: dnf install python3-devel), or work without: rrrgen.compile(..., backend='numpy')"
+        )
+    return include
+
+
+def _build(path: Path, module: str, sources: Mapping[str, str], cdef: str, compile_command: list[str]) -> None:
+    """Compile in a directory of its own and move the finished library into place."""
+    include = _include_directory()
+    with tempfile.TemporaryDirectory(dir=cache_directory(), prefix=".build-") as name:
+        directory = Path(name)
+        for file, text in sources.items():
+            (directory / file).write_text(text, encoding="utf-8", newline="\n")
+        _write_wrapper(directory / f"{module}.c", module, sources, cdef)
+        units = [file for file in (*sources, f"{module}.c") if file.endswith(".c")]
+        _run([[*compile_command, f"-I{include}", "-c", unit, "-o", f"{unit}.o"] for unit in units], directory)
+        link = ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
+        objects = [f"{unit}.o" for unit in units]
+        _run([[*compile_command, "-shared", *link, *objects, "-lm", "-o", path.name]], directory)
+        os.replace(directory / path.name, path)
+
+
+def _write_wrapper(file: Path, module: str, sources: Mapping[str, str], cdef: str) -> None:
+    """cffi's C file, which makes the functions of ``cdef`` callable from Python."""
+    from cffi import FFI, recompiler
+
+    ffi = FFI()
+    ffi.cdef(cdef)
+    includes = "\n".join(f'#include "{name}"' for name in sorted(sources) if name.endswith(".h"))
+    recompiler.make_c_source(ffi, module, includes, str(file))
+
+
+def _run(commands: list[list[str]], directory: Path) -> None:
+    """Run compiler commands side by side; the first that fails becomes a BuildError with the compiler's words."""
+    environment = {**os.environ, "LC_ALL": "C"}
+    running = [
+        subprocess.Popen(command, cwd=directory, env=environment, stderr=subprocess.PIPE, text=True, errors="replace")
+        for command in commands
+    ]
+    complaints = [process.communicate()[1] for process in running]
+    for process, complaint, command in zip(running, complaints, commands, strict=True):
+        if process.returncode:
+            words = "\n".join(complaint.splitlines()[:20])
+            raise BuildError(f"{command[0]} refused emitted code (exit {process.returncode}):\n{words}")
+
+
+def _load(path: Path, module: str) -> tuple[Any, Any]:
+    spec = importlib.util.spec_from_file_location(module, path)
+    if spec is None or spec.loader is None:
+        raise BuildError(f"the built extension cannot be loaded: {path}")
+    try:
+        extension = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(extension)
+    except ImportError as error:
+        path.unlink(missing_ok=True)  # a damaged file must not stay in the way of the next build
+        raise BuildError(f"the built extension cannot be loaded: {error}; it was removed, please try again") from error
+    return extension.ffi, extension.lib
+
+
+def _cffi_version() -> str:
+    import cffi
+
+    return cffi.__version__
+
+
+def _stamp(program: str) -> str:
+    """Changes when the compiler is exchanged."""
+    status = Path(program).resolve().stat()
+    return f"{status.st_size} {status.st_mtime_ns}"

@@ -1,0 +1,132 @@
+"""What computes: compiled C, or the reference evaluation with NumPy. Both take checked arguments only."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.program import Program, evaluate
+from rrrgen.runtime.arguments import prepare
+
+Array = NDArray[Any]
+
+STATUS = "status"
+
+
+class Engine(Protocol):
+    """Evaluates the programs of one robot."""
+
+    dtype: np.dtype[Any]
+
+    def call(self, name: str, values: Sequence[Any]) -> tuple[Array, ...]:
+        """Check ``values`` and evaluate program ``name``: one array (..., *port.shape) per output."""
+        ...
+
+    def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
+        """A function without arguments that evaluates one state between fixed arrays; it returns the status or None."""
+        ...
+
+
+class NumpyEngine:
+    """The reference evaluation: slow, needs no compiler."""
+
+    dtype: np.dtype[Any] = np.dtype(np.float64)
+
+    def __init__(self, programs: Mapping[str, Program]) -> None:
+        self._programs = programs
+
+    def call(self, name: str, values: Sequence[Any]) -> tuple[Array, ...]:
+        """See :class:`Engine`."""
+        program = self._programs[name]
+        _, arrays = prepare(name.removesuffix("_nominal"), program.inputs, values, self.dtype)
+        return evaluate(program, *arrays)
+
+    def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
+        """See :class:`Engine`."""
+        program = self._programs[name]
+        status = [port.name for port in program.outputs].index(STATUS) if has_status(program) else None
+
+        def call() -> int | None:
+            results = list(evaluate(program, *inputs))
+            code = None if status is None else int(results.pop(status))
+            for array, result in zip(outputs, results, strict=True):
+                array[...] = result
+            return code
+
+        return call
+
+
+class CompiledEngine:
+    """Emitted C through cffi: ``functions`` and ``loops`` over states, by program name.
+
+    cffi releases Python's global lock during every call, so threads run side by side.
+    """
+
+    def __init__(
+        self,
+        programs: Mapping[str, Program],
+        ffi: Any,
+        functions: Mapping[str, Any],
+        loops: Mapping[str, Any],
+        dtype: np.dtype[Any],
+    ) -> None:
+        self.dtype = dtype
+        self._pointer = "double[]" if dtype == np.float64 else "float[]"
+        self._ffi, self._functions = ffi, functions
+        self._calls = {
+            name: CompiledCall(program, ffi.from_buffer, loops[name], dtype, self._pointer)
+            for name, program in programs.items()
+        }
+
+    def call(self, name: str, values: Sequence[Any]) -> tuple[Array, ...]:
+        """See :class:`Engine`."""
+        return self._calls[name](values)
+
+    def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
+        """See :class:`Engine`."""
+        function = self._functions[name]
+        pointers = tuple(self._ffi.from_buffer(self._pointer, array) for array in (*inputs, *outputs))
+
+        def call() -> Any:
+            return function(*pointers)
+
+        return call
+
+
+class CompiledCall:
+    """One loop over states with everything precomputed that does not depend on the arguments."""
+
+    def __init__(self, program: Program, address: Any, loop: Any, dtype: np.dtype[Any], pointer: str) -> None:
+        self._ports, self._dtype, self._loop = program.inputs, dtype, loop
+        self._function = program.name.removesuffix("_nominal")
+        self._inputs = [(len(port.shape), port.size) for port in program.inputs]
+        self._outputs = [(port.shape, np.dtype(np.intc) if port.name == STATUS else dtype) for port in program.outputs]
+        pointers = ["int[]" if port.name == STATUS else pointer for port in program.outputs]
+        status_first = sorted(range(len(pointers)), key=lambda k: pointers[k] != "int[]")
+        self._written = [(k, pointers[k]) for k in status_first]
+        self._address, self._pointer = address, pointer
+
+    def __call__(self, values: Sequence[Any]) -> tuple[Array, ...]:
+        """Check ``values`` and evaluate: one array (..., *port.shape) per output."""
+        batch, arrays = prepare(self._function, self._ports, values, self._dtype)
+        outputs = tuple([np.empty(batch + shape, dtype) for shape, dtype in self._outputs])
+        count = math.prod(batch)
+        if count:
+            address, pointer = self._address, self._pointer
+            arguments: list[Any] = [count]
+            for (rank, size), array in zip(self._inputs, arrays, strict=True):
+                arguments.append(address(pointer, array))
+                arguments.append(size if array.ndim > rank else 0)
+            for k, kind in self._written:
+                arguments.append(address(kind, outputs[k]))
+            self._loop(*arguments)
+        return outputs
+
+
+def has_status(program: Program) -> bool:
+    """Whether the program reports a status."""
+    return any(port.name == STATUS for port in program.outputs)

@@ -1,0 +1,242 @@
+"""The compiled robot as seen from Python: checked NumPy calls for one state or many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rrrgen.program import Port
+from rrrgen.runtime.arguments import prepare
+from rrrgen.runtime.bound import BoundFunction
+from rrrgen.runtime.engines import Engine
+from rrrgen.runtime.identification import IdentificationColumns
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.spec.robot_spec import RobotSpec
+
+Array = NDArray[Any]
+
+
+class Model:
+    """Kinematics and dynamics of one robot.
+
+    Every function takes a state (n,) or a batch (..., n) of any strides and returns dense float64 arrays (float32 if
+    compiled with ``real="float"``). Positions are rad or m, SI throughout. ``beta`` (b,) or (..., b) are the base
+    parameters and ``Ia`` (n,) or (..., n) the drive inertias; both default to the nominal values of the robot file.
+    Wrong shapes raise ValueError, wrong kinds of numbers TypeError.
+    """
+
+    def __init__(
+        self, derived: DerivedModel, engine: Engine, closed_form: Callable[[str], sp.Matrix] | None = None
+    ) -> None:
+        self.derived = derived
+        self.engine = engine
+        self._closed_form = closed_form
+        self.spec: RobotSpec = derived.spec
+        self.n: int = derived.spec.n
+        self.base_parameters: tuple[sp.Expr, ...] = tuple(p.expression for p in derived.base_parameters)
+        self.base_parameter_names: tuple[str, ...] = tuple(p.name for p in derived.base_parameters)
+        self.base_projection: Array = _fixed(np.array(derived.base_projection, dtype=float))
+        self.beta: Array | None = _floats(derived.beta_nominal)
+        self.drive_inertia: Array | None = _floats(derived.drive_inertia_nominal)
+        self._columns = IdentificationColumns.of(derived.spec)
+
+    def __repr__(self) -> str:
+        structure = "".join("R" if joint.is_revolute else "P" for joint in self.spec.joints)
+        return f"<rrrgen.Model {self.spec.name}: {structure}, {len(self.base_parameters)} base parameters>"
+
+    # -- kinematics ----------------------------------------------------------------------------------------------
+
+    def forward_kinematics(self, q: ArrayLike) -> Array:
+        """Pose of the tip in the base frame, T_0_n = base A_1 ... A_n tool, (..., 4, 4). Source: (14.5)."""
+        return self._call("forward_kinematics", q)
+
+    def link_frames(self, q: ArrayLike) -> Array:
+        """Poses of all link frames in the base frame, (..., n, 4, 4)."""
+        return self._call("link_frames", q)
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """Geometric Jacobian at the tip, base frame, linear rows first: [v; w] = J dq, (..., 6, n)."""
+        return self._call("jacobian", q)
+
+    def jacobian_dot_dq(self, q: ArrayLike, dq: ArrayLike) -> Array:
+        """dJ/dt dq: the tip's acceleration where ddq = 0, (..., 6)."""
+        return self._call("jacobian_dot_dq", q, dq)
+
+    # -- dynamics ------------------------------------------------------------------------------------------------
+
+    def mass_matrix(self, q: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None) -> Array:
+        """Mass matrix M(q) with drive inertia, (..., n, n). Source: (14.7)."""
+        return self._call_with("mass_matrix", (q,), beta, Ia)
+
+    def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Coriolis matrix C(q, dq) with dM/dt - 2C skew-symmetric, (..., n, n)."""
+        return self._call_with("coriolis_matrix", (q, dq), beta)
+
+    def coriolis(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Centrifugal and Coriolis torques c = C dq, (..., n). Source: (14.7)."""
+        return self._call_with("coriolis", (q, dq), beta)
+
+    def coriolis_transpose(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """C' dq, for momentum observers, (..., n)."""
+        return self._call_with("coriolis_transpose", (q, dq), beta)
+
+    def gravity(self, q: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Gravity torques g(q), (..., n). Source: (14.7)."""
+        return self._call_with("gravity", (q,), beta)
+
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+    ) -> Array:
+        """Joint torques of rigid body and drive inertia, tau = M ddq + c + g, (..., n). Source: (14.6)."""
+        return self._call_with("inverse_dynamics", (q, dq, ddq), beta, Ia)
+
+    def forward_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        tau: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        with_status: bool = False,
+    ) -> Any:
+        """Joint accelerations ddq = M^-1 (tau - c - g), (..., n).
+
+        Where M is indefinite or singular, numpy.linalg.LinAlgError is raised; with ``with_status=True`` nothing is
+        raised and ``(ddq, status)`` returned, status (...) being 0 where M is positive definite and 1 elsewhere.
+        """
+        status, ddq = self._evaluate("forward_dynamics", (q, dq, tau), beta, Ia)
+        status = np.asarray(status).astype(np.intc, copy=False)
+        if with_status:
+            return ddq, status
+        if np.any(status):
+            count, first = np.count_nonzero(status), int(np.argmax(status != 0))
+            place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""
+            raise np.linalg.LinAlgError(f"forward_dynamics: the mass matrix is not positive definite{place}")
+        return ddq
+
+    def energy(
+        self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None
+    ) -> tuple[Array, Array]:
+        """Kinetic and potential energy in J, each (...)."""
+        (E,) = self._evaluate("energy", (q, dq), beta, Ia)
+        return E[..., 0], E[..., 1]
+
+    def friction(self, dq: ArrayLike) -> Array:
+        """Friction torques fv dq + fc sgn(dq) + offset, zero where the file is silent, (..., n). Source: (14.11)."""
+        if "friction" in self.derived.programs:
+            return self._call("friction", dq)
+        port = Port("dq", (self.n,), meaning="joint velocities")
+        return np.zeros_like(prepare("friction", [port], [dq], self.engine.dtype)[1][0])
+
+    # -- regressors ----------------------------------------------------------------------------------------------
+
+    def regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+        """Y with tau = Y beta (rigid body, without drive inertia), (..., n, b). Source: (14.10)."""
+        return self._call("regressor", q, dq, ddq)
+
+    def regressor_transpose(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, e: ArrayLike) -> Array:
+        """Y' e without forming Y, for adaptive laws, (..., b). Source: (14.23)."""
+        return self._call("regressor_transpose", q, dq, ddq, e)
+
+    def standard_regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+        """Y with tau = Y phi in the standard parameters of all links, (..., n, 10n).
+
+        Per link m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz: first moments and inertia tensor about the origin of the
+        link frame, in its axes.
+        """
+        return self._call("standard_regressor", q, dq, ddq)
+
+    def identification_regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+        """Base regressor with the columns of drive inertia, friction and offset that the file asks for.
+
+        tau = Y beta + Ia ddq + fv dq + fc sgn(dq) + offset, (..., n, b + extra); columns as in
+        ``identification_parameter_names``.
+        """
+        return self._columns.appended(self.regressor(q, dq, ddq), np.asarray(dq), np.asarray(ddq))
+
+    @property
+    def identification_parameter_names(self) -> tuple[str, ...]:
+        """Names of the columns of :meth:`identification_regressor`."""
+        return (*self.base_parameter_names, *self._columns.names)
+
+    @property
+    def identification_parameters(self) -> Array | None:
+        """Nominal values of :attr:`identification_parameter_names`; None without links."""
+        return None if self.beta is None else np.concatenate([self.beta, self._columns.nominal])
+
+    # -- more ----------------------------------------------------------------------------------------------------
+
+    def closed_form(self, name: str) -> sp.Matrix:
+        """Function ``name`` as exact expressions, trigonometry collected: ``closed_form("mass_matrix")[0, 0]``."""
+        if self._closed_form is None:
+            raise ValueError("this model was made without its derivation; use rrrgen.compile")
+        return self._closed_form(name)
+
+    def bind(self, name: str, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None) -> BoundFunction:
+        """Function ``name`` with preallocated buffers for one state, for control loops.
+
+        ``f = m.bind("inverse_dynamics"); f.inputs["q"][:] = q; tau = f()``. Parameters are bound too:
+        ``f.inputs["beta"]`` where they are taken at run time.
+        """
+        if name not in self.derived.programs:
+            raise ValueError(f"no function '{name}'; there are {', '.join(sorted(self.derived.programs))}")
+        chosen, parameters = self._chosen(name, beta, Ia)
+        program = self.derived.programs[chosen]
+        return BoundFunction(program, self.engine, {key: np.asarray(value) for key, value in parameters.items()})
+
+    def _call(self, name: str, *values: Any) -> Array:
+        return self.engine.call(name, values)[0]
+
+    def _call_with(self, name: str, values: tuple[Any, ...], beta: Any, Ia: Any = None) -> Array:
+        return self._evaluate(name, values, beta, Ia)[0]
+
+    def _evaluate(self, name: str, values: tuple[Any, ...], beta: Any, Ia: Any) -> tuple[Array, ...]:
+        chosen, parameters = self._chosen(name, beta, Ia)
+        return self.engine.call(chosen, (*values, *parameters.values()))
+
+    def _chosen(self, name: str, beta: Any, Ia: Any) -> tuple[str, dict[str, Any]]:
+        """The program to run, the nominal twin if no parameters are given, and the parameters it takes."""
+        nominal = f"{name}_nominal"
+        if beta is None and Ia is None and nominal in self.derived.programs:
+            return nominal, {}
+        taken = [port.name for port in self.derived.programs[name].inputs]
+        parameters = {}
+        if "beta" in taken:
+            parameters["beta"] = _given("beta", beta, self.beta, name)
+        if "Ia" in taken:
+            parameters["Ia"] = _given("Ia", Ia, self.drive_inertia, name)
+        elif Ia is not None:
+            raise ValueError(f"{name}: the robot file gives no drive inertia, so Ia is not part of the model")
+        return name, parameters
+
+
+def _given(what: str, value: Any, nominal: Array | None, function: str) -> Any:
+    if value is not None:
+        return value
+    if nominal is None:
+        raise ValueError(f"{function}: the robot file has no links, so {what}= must be given")
+    return nominal
+
+
+def _floats(values: Any) -> Array | None:
+    return None if values is None else _fixed(np.array([float(value) for value in values]))
+
+
+def _fixed(array: Array) -> Array:
+    """``array``, read-only: the compiled nominal functions would not see a change."""
+    array.setflags(write=False)
+    return array
