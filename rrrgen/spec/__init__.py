@@ -57,30 +57,30 @@ def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSp
     Lengths of the result are in m, angles in rad, everything exact. Non-physical inertia is a warning in
     ``RobotSpec.faults``, with ``strict`` an error. Raises :class:`rrrgen.errors.InputError` with every fault.
     """
-    from rrrgen.spec import reader
+    from rrrgen.spec.reader import load_spec as load
 
-    return reader.load_spec(robot, strict=strict)
+    return load(robot, strict=strict)
 
 
 def loads_spec(text: str, file: str = "robot.yaml", *, strict: bool = False) -> RobotSpec:
     """Read a robot from YAML text; ``file`` is the name that messages show."""
-    from rrrgen.spec import reader
+    from rrrgen.spec.reader import read_spec
 
-    return reader.read_spec(text, file, strict)
+    return read_spec(text, file, strict)
 
 
 def dumps(spec: RobotSpec) -> str:
     """YAML text that loads back to an equal spec."""
-    from rrrgen.spec import writer
+    from rrrgen.spec.writer import dumps as write
 
-    return writer.dumps(spec)
+    return write(spec)
 
 
 def json_schema() -> dict[str, Any]:
     """JSON Schema (draft 7) of the robot file, for editors."""
-    from rrrgen.spec import schema
+    from rrrgen.spec.schema import json_schema as make_schema
 
-    return schema.json_schema()
+    return make_schema()
 
 
 def __getattr__(name: str) -> Any:

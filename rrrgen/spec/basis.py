@@ -12,7 +12,7 @@ from rrrgen.spec.document import Mapping, Node, Place, Scalar, Sequence
 from rrrgen.spec.expressions import ExpressionError, Name, parse_expression
 from rrrgen.spec.keys import BASIS
 from rrrgen.spec.names import name_fault
-from rrrgen.spec.quantities import Scope
+from rrrgen.spec.quantities import Scope, report_expression
 from rrrgen.spec.robot_spec import BasisSpec, LinkSpec, parameter_symbol
 from rrrgen.spec.sections import describe, read_choice, read_entries, read_section
 from rrrgen.spec.units import NUMBER
@@ -81,8 +81,7 @@ def _read_entry(node: Node, number: int, joints: int, scope: Scope) -> tuple[str
     try:
         value = parse_expression(expression, names, units=False)
     except ExpressionError as error:
-        if not any(f"'{word}'" in error.message for word in scope.broken):
-            scope.faults.error(text, f"base parameter {name}: {error.message}", error.hint, offset + error.offset)
+        report_expression(error, text, f"base parameter {name}", scope, offset)
         return None
     return name, value.expr, node.place
 

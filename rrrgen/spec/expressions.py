@@ -37,10 +37,13 @@ _UNIT_START = re.compile(r"(?<=[\s\d.)])(?=[A-Za-z°µμ])")
 
 
 class ExpressionError(InputError):
-    """One value cannot be read; ``offset`` is the place in its text, counted from 0."""
+    """One value cannot be read; ``offset`` is the place in its text, counted from 0.
 
-    def __init__(self, message: str, text: str = "", offset: int = 0, hint: str = "") -> None:
-        self.message, self.offset, self.hint = message, offset, hint
+    ``unknown_name`` is the name that was not declared, if that is the fault.
+    """
+
+    def __init__(self, message: str, text: str = "", offset: int = 0, hint: str = "", unknown_name: str = "") -> None:
+        self.message, self.offset, self.hint, self.unknown_name = message, offset, hint, unknown_name
         super().__init__([Fault("value", 1, offset + 1, message, text, hint)])
 
 
@@ -223,8 +226,8 @@ class _Walker:
         self.names: set[str] = set()
         self.uses_pi = self.adds_bare_number = self.bare_trigonometry = False
 
-    def fail(self, message: str, node: ast.expr, hint: str = "") -> ExpressionError:
-        return ExpressionError(message, self.body, self.offset(node.lineno, node.col_offset), hint)
+    def fail(self, message: str, node: ast.expr, hint: str = "", unknown_name: str = "") -> ExpressionError:
+        return ExpressionError(message, self.body, self.offset(node.lineno, node.col_offset), hint, unknown_name)
 
     def offset(self, line: int, column: int) -> int:
         # one parenthesis was put before the first line; the body is ASCII, so bytes are characters
@@ -296,7 +299,7 @@ class _Walker:
         known_names = ", ".join(list(self.declared)[:30]) or "none are declared"
         hint = did_you_mean(node.id, [*self.declared, "pi", *FUNCTIONS])
         hint = hint or f"allowed are {ALLOWED}; parameters: {known_names}"
-        raise self.fail(f"unknown name '{_shorten(node.id, 40)}'", node, hint)
+        raise self.fail(f"unknown name '{_shorten(node.id, 40)}'", node, hint, node.id)
 
     def call(self, node: ast.Call, depth: int) -> _Term:
         name = node.func.id if isinstance(node.func, ast.Name) else ""

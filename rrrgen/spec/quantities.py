@@ -10,6 +10,7 @@ from __future__ import annotations
 import cmath
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import pairwise
 
 import sympy as sp
 
@@ -36,6 +37,7 @@ class Scope:
     declared_at: dict[str, Scalar] = field(default_factory=dict)
     parameter_units: dict[str, str] = field(default_factory=dict)
     bare_lengths: list[float] = field(default_factory=list)  # m, of values without unit in a mm file
+    undeclared: set[str] = field(default_factory=set)  # parameters further down
     broken: set[str] = field(default_factory=set)  # parameters whose own fault is already reported
 
     def substitute(self, expr: sp.Expr) -> sp.Expr:
@@ -96,9 +98,23 @@ def read_vector(node: Node, what: str, quantity: str, scope: Scope, file_units: 
     items = read_list(node, what, 3, scope.faults)
     if items is None:
         return None
-    values = [read_value(item, f"{what}[{i}]", quantity, scope, file_units) for i, item in enumerate(items)]
+    _warn_about_commas(node, items, what, scope)
+    labels = [f"entry {i} of {what}" for i in (1, 2, 3)]
+    values = [read_value(item, label, quantity, scope, file_units) for item, label in zip(items, labels, strict=True)]
     present = [value for value in values if value is not None]
     return present if len(present) == 3 else None
+
+
+def _warn_about_commas(node: Node, items: list[Node], what: str, scope: Scope) -> None:
+    """``[0, -9,81]`` has three entries, but was meant to have two and a decimal comma."""
+    scalars = [item for item in items if isinstance(item, Scalar)]
+    pairs = list(pairwise(scalars))
+    tight = [right.place.column - left.place.column - len(left.text) == 1 for left, right in pairs]
+    if any(tight) and not all(tight):
+        left, right = pairs[tight.index(True)]
+        if left.text.lstrip("+-").isdecimal() and right.text.isdecimal() and right.text != "0":
+            hint = f"decimal comma? write {left.text}.{right.text}; if these are two entries, put a blank between them"
+            scope.faults.warning(right, f"{what} contains {left.text},{right.text}", hint)
 
 
 def parse_scalar(node: Node, what: str, scope: Scope) -> Value | None:
@@ -109,10 +125,19 @@ def parse_scalar(node: Node, what: str, scope: Scope) -> Value | None:
     try:
         value = parse_expression(node.text, scope.names)
     except ExpressionError as error:
-        if not any(f"'{name}'" in error.message for name in scope.broken):
-            scope.faults.error(node, f"{what}: {error.message}", error.hint, error.offset)
+        report_expression(error, node, what, scope)
         return None
     return value
+
+
+def report_expression(error: ExpressionError, node: Scalar, what: str, scope: Scope, offset: int = 0) -> None:
+    """Report a value that cannot be read, unless it only uses a parameter whose own fault is reported already."""
+    if error.unknown_name in scope.broken:
+        return
+    hint = error.hint
+    if error.unknown_name in scope.undeclared:
+        hint = f"'{error.unknown_name}' is declared further down; a parameter may use those above it"
+    scope.faults.error(node, f"{what}: {error.message}", hint, offset + error.offset)
 
 
 def nominal_number(node: Node, what: str, expr: sp.Expr, scope: Scope) -> float | None:
@@ -199,9 +224,11 @@ def _warn_about_right_angle(node: Scalar, value: Value, number: float, what: str
 
 def read_parameters(entries: dict[str, tuple[Scalar, Node]], scope: Scope) -> None:
     """Declare ``entries`` in order: exact nominal values in SI, expressions in earlier parameters allowed."""
+    scope.undeclared = set(entries)
     for name, (key, item) in entries.items():
         value = parse_scalar(item, f"parameter {name}", scope)
         declared = _parameter_value(name, item, value, scope)
+        scope.undeclared.discard(name)
         if declared is None:
             scope.broken.add(name)
             continue

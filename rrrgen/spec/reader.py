@@ -23,26 +23,26 @@ from rrrgen.spec.suggest import did_you_mean
 from rrrgen.spec.transforms import read_transform
 from rrrgen.spec.units import FileUnits
 
-LARGEST_GRAVITY = 100  # m/s^2
+LARGEST_GRAVITY = 50  # m/s^2; twice that of Jupiter
 _ROBOT = {key.name: key for key in ROBOT}
 _UNITS = {key.name: key for key in UNITS}
 
 
 def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSpec:
     """Read a robot file, or a bundled robot by name; see :func:`rrrgen.spec.load_spec`."""
-    path = Path(robot)
-    name = str(robot)
-    if not path.suffix and not path.exists() and path.name == name:
+    name = os.fspath(robot)
+    path = Path(name)
+    if not path.suffix and path.name == name:  # a bare word is a bundled robot; ./word is a file
         if name not in bundled_names():
             hint = did_you_mean(name, bundled_names()) or f"bundled robots: {', '.join(bundled_names())}"
-            raise InputError([Fault(name, 0, 0, "no such file and no such bundled robot", hint=hint)])
+            raise InputError([Fault(name[:200], 0, 0, "there is no bundled robot of this name", hint=hint)])
         path = bundled_path(name)
     try:
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise InputError([Fault(name, 0, 0, f"cannot be read: {reason}")]) from None
+        raise InputError([Fault(name[:200], 0, 0, f"the file cannot be read: {reason}")]) from None
     return read_spec(decode(data, name), name, strict)
 
 

@@ -78,6 +78,11 @@ def _unknown_hint(name: str, value: Node, table: dict[str, Key]) -> str:
 def _required_hint(key: Key) -> str:
     if key.choices:
         return f"{key.name}: {' | '.join(key.choices)} ({key.meaning})"
+    if key.kind == "mapping":
+        parts = [
+            f"{inner.name}: {' | '.join(inner.choices) or '...'}" for inner in SECTIONS[key.section] if inner.required
+        ]
+        return f"{key.name}: {{{', '.join(parts)}}} ({key.meaning})"
     return f"{key.name}: {key.meaning}"
 
 

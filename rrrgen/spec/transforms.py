@@ -56,7 +56,9 @@ def _read_rotation(node: Node, what: str, scope: Scope) -> list[sp.Expr] | None:
         items = read_list(row, f"row {i + 1} of {what}", 3, scope.faults)
         if items is None:
             return None
-        entries += [read_value(item, f"{what}[{i}][{j}]", "number", scope) for j, item in enumerate(items)]
+        entries += [
+            read_value(item, f"entry {j} of row {i + 1} of {what}", "number", scope) for j, item in enumerate(items, 1)
+        ]
     present = [entry for entry in entries if entry is not None]
     if len(present) != 9:
         return None
