@@ -1,0 +1,54 @@
+"""What derivation delivers: programs, base parameters and how they came about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rrrgen.derive.base_parameters import BaseParameter, BaseSet, Regrouping
+from rrrgen.derive.user_basis import BasisChange
+from rrrgen.model import RobotModel
+from rrrgen.program import OperationCount, Program
+from rrrgen.spec.robot_spec import RobotSpec
+
+
+@dataclass(frozen=True)
+class PassReport:
+    """What one optimization pass did to one function."""
+
+    name: str
+    function: str
+    before: OperationCount
+    after: OperationCount
+
+
+@dataclass(frozen=True)
+class DerivedModel:
+    """Everything that backends, the runtime and reports need to know about one robot.
+
+    ``programs`` maps public function names to programs in the order of emission; with inertias in the file every
+    function that takes base parameters has a twin ``<function>_nominal`` with the file's numbers folded in.
+    ``base_projection`` is K of ``beta = K phi`` (b x 10 n) at nominal geometry.
+    """
+
+    spec: RobotSpec
+    model: RobotModel
+    own_basis: BaseSet
+    basis_change: BasisChange | None
+    programs: dict[str, Program]
+    base_parameters: tuple[BaseParameter, ...]
+    base_projection: tuple[tuple[float, ...], ...]
+    regrouping: tuple[Regrouping, ...]
+    beta_nominal: tuple[Fraction, ...] | None
+    drive_inertia_nominal: tuple[Fraction, ...] | None
+    passes: tuple[PassReport, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The robot's name, prefix of every emitted symbol."""
+        return self.spec.name
+
+    @property
+    def b(self) -> int:
+        """Number of base parameters."""
+        return len(self.base_parameters)

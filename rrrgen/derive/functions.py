@@ -1,0 +1,335 @@
+"""The public model functions, each recorded as a program from the general derivations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from rrrgen.derive import composite, kinematics, momentum
+from rrrgen.derive.chain import Chain, Placement, rational_float
+from rrrgen.derive.inertia import STANDARD, PseudoInertia, from_standard
+from rrrgen.derive.motion import LinkMotion, choose_frames, forward
+from rrrgen.derive.newton_euler import inverse_dynamics, link_wrench, pass_down
+from rrrgen.derive.recording import Recording
+from rrrgen.derive.regressor import unit_torques
+from rrrgen.derive.vectors import dot
+from rrrgen.program import Port, Program, Value
+
+PIVOT_TOLERANCE = Fraction(1, 2**40)
+"""A pivot of M below this part of its diagonal entry counts as zero."""
+
+BASE = "base frame"
+
+
+def _flat(M: list[list[Any]]) -> list[Any]:
+    return [value for row in M for value in row]
+
+
+def _weightless(chain: Chain) -> Chain:
+    return replace(chain, gravity=[0, 0, 0])
+
+
+def forward_kinematics(r: Recording) -> Program:
+    """Pose of the tip."""
+    T = kinematics.forward_kinematics_inwards(r.chain())
+    port = Port("T", (4, 4), "-, m", BASE, "homogeneous transform of the tip")
+    return r.builder.program(
+        "forward_kinematics", [(port, _flat(T))], "Pose of the tip.", "T = T_base A_1(q_1) ... A_n(q_n) T_tool   (14.5)"
+    )
+
+
+def link_frames(r: Recording) -> Program:
+    """Poses of all link frames."""
+    frames = kinematics.link_frames(r.chain())
+    port = Port("T", (r.n, 4, 4), "-, m", BASE, "homogeneous transforms of the link frames 1..n")
+    values = [value for frame in frames for value in _flat(frame)]
+    return r.builder.program(
+        "link_frames", [(port, values)], "Poses of all link frames.", "T_i = T_base A_1(q_1) ... A_i(q_i)"
+    )
+
+
+def jacobian(r: Recording) -> Program:
+    """Geometric Jacobian at the tip."""
+    J = kinematics.jacobian(r.chain())
+    port = Port("J", (6, r.n), "m, -", BASE, "rows 1-3 linear, rows 4-6 angular velocity of the tip")
+    return r.builder.program("jacobian", [(port, _flat(J))], "Geometric Jacobian at the tip.", "[v; omega] = J(q) dq")
+
+
+def jacobian_dot_dq(r: Recording) -> Program:
+    """Derivative of the Jacobian times the joint rates."""
+    chain = r.chain()
+    a = kinematics.jacobian_dot_dq(chain, r.joints("dq"))
+    port = Port("a", (6,), "m/s^2, rad/s^2", BASE, "linear, then angular acceleration of the tip for ddq = 0")
+    return r.builder.program(
+        "jacobian_dot_dq", [(port, a)], "Time derivative of the Jacobian times dq.", "a = (dJ/dt) dq"
+    )
+
+
+def mass_matrix(r: Recording) -> Program:
+    """Mass matrix."""
+    chain = r.chain()
+    M = composite.mass_matrix(chain, r.inertias())
+    for i, Ia in enumerate(r.drive_inertia()):
+        M[i][i] = M[i][i] + Ia
+    port = Port("M", (r.n, r.n), "SI", "", "symmetric mass matrix, drive inertia included")
+    return r.builder.program("mass_matrix", [(port, _flat(M))], "Mass matrix.", "tau = M(q) ddq + c(q, dq) + g(q)")
+
+
+def coriolis_matrix(r: Recording) -> Program:
+    """Coriolis matrix."""
+    chain = r.chain()
+    dq = r.joints("dq")
+    C = composite.coriolis_matrix(chain, dq, r.inertias())
+    port = Port("C", (r.n, r.n), "SI", "", "Coriolis matrix of the Christoffel symbols")
+    return r.builder.program(
+        "coriolis_matrix", [(port, _flat(C))], "Coriolis matrix.", "c = C(q, dq) dq,  dM/dt - 2 C skew, dM/dt = C + C'"
+    )
+
+
+def _torque_port(r: Recording, name: str, meaning: str) -> Port:
+    return Port(name, (r.n,), r.torque_unit, "", meaning)
+
+
+def coriolis(r: Recording, in_block: tuple[int, ...] = ()) -> Program:
+    """Coriolis and centrifugal torques."""
+    chain = _weightless(r.chain())
+    dq = r.joints("dq")
+    c = inverse_dynamics(chain, dq, [0] * r.n, r.inertias(), choose_frames(chain, in_block))
+    port = _torque_port(r, "c", "Coriolis and centrifugal torques")
+    return r.builder.program("coriolis", [(port, c)], "Coriolis and centrifugal torques.", "c = C(q, dq) dq")
+
+
+def coriolis_transpose(r: Recording) -> Program:
+    """Transposed Coriolis matrix times the joint rates."""
+    chain = r.chain()
+    dq = r.joints("dq")
+    value = momentum.coriolis_transpose(chain, dq, r.inertias())
+    port = _torque_port(r, "p", "C' dq, the gradient of the kinetic energy with respect to q")
+    return r.builder.program(
+        "coriolis_transpose",
+        [(port, value)],
+        "Transposed Coriolis matrix times dq, for momentum observers.",
+        "p = C(q, dq)' dq,  d(M dq)/dt = tau + C' dq - g",
+    )
+
+
+def gravity(r: Recording) -> Program:
+    """Gravity torques."""
+    chain = r.chain()
+    g = composite.gravity(chain, r.inertias())
+    port = _torque_port(r, "g", "torques that hold the arm against gravity")
+    return r.builder.program("gravity", [(port, g)], "Gravity torques.", "g = dU/dq")
+
+
+def inverse_dynamics_function(r: Recording, in_block: tuple[int, ...] = ()) -> Program:
+    """Joint torques of the rigid body."""
+    chain = r.chain()
+    dq, ddq = r.joints("dq"), r.joints("ddq")
+    tau = inverse_dynamics(chain, dq, ddq, r.inertias(), choose_frames(chain, in_block))
+    tau = [t + Ia * a for t, Ia, a in zip(tau, r.drive_inertia(), ddq, strict=True)]
+    port = _torque_port(r, "tau", "joint torques, friction not included")
+    return r.builder.program(
+        "inverse_dynamics",
+        [(port, tau)],
+        "Joint torques of the rigid body with drive inertia.",
+        "tau = M(q) ddq + c(q, dq) + g(q)   (14.6)",
+    )
+
+
+def forward_dynamics(r: Recording, in_block: tuple[int, ...] = ()) -> Program:
+    """Joint accelerations."""
+    chain = r.chain()
+    dq, tau = r.joints("dq"), r.joints("tau")
+    inertias = r.inertias()
+    M = composite.mass_matrix(chain, inertias)
+    for i, Ia in enumerate(r.drive_inertia()):
+        M[i][i] = M[i][i] + Ia
+    bias = inverse_dynamics(chain, dq, [0] * r.n, inertias, choose_frames(chain, in_block))
+    status, ddq = solve_positive_definite(r, M, [t - b for t, b in zip(tau, bias, strict=True)])
+    unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
+    ports = [
+        (Port("status", ()), [status]),
+        (Port("ddq", (r.n,), unit, "", "joint accelerations; zero when the status is not ok"), ddq),
+    ]
+    return r.builder.program(
+        "forward_dynamics",
+        ports,
+        "Joint accelerations of the rigid body with drive inertia.",
+        "M(q) ddq = tau - c(q, dq) - g(q), solved by L D L'",
+        ["The status tells when M is not positive definite (a singular or unphysical set of parameters)."],
+    )
+
+
+def solve_positive_definite(
+    r: Recording, M: list[list[Value]], rhs: list[Value]
+) -> tuple[Value, list[Value]]:
+    """Solve M x = rhs by L D L'; status 1 and x = 0 where a pivot is not positive. Straight-line, never divides by 0."""
+    b, n = r.builder, len(rhs)
+    L: list[list[Value]] = [[0] * n for _ in range(n)]
+    margins: list[Value] = []
+    inverse: list[Value] = []
+    for j in range(n):
+        scaled = [L[j][k] for k in range(j)]  # still L_jk d_k
+        pivot = M[j][j]
+        for k in range(j):
+            L[j][k] = b.mul(scaled[k], inverse[k])
+            pivot = b.sub(pivot, b.mul(L[j][k], scaled[k]))
+        margin = pivot if j == 0 else b.sub(pivot, b.mul(PIVOT_TOLERANCE, M[j][j]))
+        margins.append(margin)
+        inverse.append(b.div(1, b.select(margin, pivot, 1)))
+        for i in range(j + 1, n):
+            entry = M[i][j]
+            for k in range(j):
+                entry = b.sub(entry, b.mul(L[i][k], L[j][k]))
+            L[i][j] = entry
+    status: Value = 0
+    for margin in reversed(margins):
+        status = b.select(margin, status, 1)
+    y = list(rhs)
+    for i in range(n):
+        for k in range(i):
+            y[i] = b.sub(y[i], b.mul(L[i][k], y[k]))
+    x = [b.mul(y[i], inverse[i]) for i in range(n)]
+    for i in reversed(range(n)):
+        for k in range(i + 1, n):
+            x[i] = b.sub(x[i], b.mul(L[k][i], x[k]))
+    return status, [b.select(status, 0, value) for value in x]
+
+
+def _regressor_rows(r: Recording, columns: list[list[Any]]) -> list[list[Any]]:
+    """Columns in own base parameters, changed to the user's basis where there is one."""
+    inverse = r.parametrization.inverse
+    if inverse is None:
+        return [list(row) for row in zip(*columns, strict=True)]
+    width = len(inverse[0])
+    rows = []
+    for j in range(r.n):
+        row: list[Any] = [0] * width
+        for k, column in enumerate(columns):
+            for m in range(width):
+                if inverse[k][m]:
+                    row[m] = row[m] + inverse[k][m] * column[j]
+        rows.append(row)
+    return rows
+
+
+def _motions(r: Recording) -> tuple[Chain, list[LinkMotion]]:
+    chain = r.chain()
+    dq, ddq = r.joints("dq"), r.joints("ddq")
+    return chain, forward(chain, dq, ddq, [True] * r.n)
+
+
+def regressor(r: Recording) -> Program:
+    """Regressor in the base parameters."""
+    chain, motions = _motions(r)
+    own = [True] * r.n
+    columns = [unit_torques(chain, motions, own, i, entry) for i, entry in r.parametrization.own.parameters]
+    rows = _regressor_rows(r, columns)
+    width = len(r.parametrization.names)
+    port = Port("Y", (r.n, width), "SI", "", "columns in the order of the base parameters")
+    return r.builder.program(
+        "regressor", [(port, _flat(rows))], "Regressor in the base parameters.", "tau = Y(q, dq, ddq) beta   (14.10)"
+    )
+
+
+def regressor_transpose(r: Recording) -> Program:
+    """Transposed base regressor times a vector."""
+    chain, motions = _motions(r)
+    e = r.joints("e")
+    virtual = composite.velocities(chain, e)
+    values: list[Any] = []
+    for i, entry in r.parametrization.own.parameters:
+        joint = chain.joints[i]
+        F, N = link_wrench(motions[i], PseudoInertia(**{entry: 1}))
+        v = kinematics.turn_into_link(joint, virtual[i].v)
+        omega = kinematics.turn_into_link(joint, virtual[i].omega)
+        values.append(dot(v, F) + dot(omega, N))
+    inverse = r.parametrization.inverse
+    if inverse is not None:
+        values = [
+            sum((inverse[k][m] * values[k] for k in range(len(values)) if inverse[k][m]), 0)
+            for m in range(len(inverse[0]))
+        ]
+    port = Port("r", (len(values),), "SI", "", "Y' e")
+    return r.builder.program(
+        "regressor_transpose",
+        [(port, values)],
+        "Transposed base regressor times a vector, for adaptive laws; Y is never formed.",
+        "r = Y(q, dq, ddq)' e   (14.23)",
+    )
+
+
+def standard_regressor(r: Recording) -> Program:
+    """Regressor in the standard parameters."""
+    chain, motions = _motions(r)
+    own = [True] * r.n
+    columns = []
+    for i in range(r.n):
+        X: Placement = chain.link_frames[i]
+        for k in range(len(STANDARD)):
+            J = from_standard([int(k == m) for m in range(len(STANDARD))]).moved(X)
+            wrenches = [([0, 0, 0], [0, 0, 0])] * r.n
+            wrenches[i] = link_wrench(motions[i], J)
+            columns.append(pass_down(chain, own, wrenches))
+    rows = [[column[j] for column in columns] for j in range(r.n)]
+    port = Port("Y", (r.n, 10 * r.n), "SI", "", "per link: " + ", ".join(STANDARD))
+    return r.builder.program(
+        "standard_regressor",
+        [(port, _flat(rows))],
+        "Regressor in the standard parameters.",
+        "tau = Y(q, dq, ddq) phi",
+        ["Inertias are tensor entries about the origin of the link frame, off-diagonals -integral of x y dm."],
+    )
+
+
+def energy(r: Recording) -> Program:
+    """Kinetic and potential energy."""
+    chain = r.chain()
+    dq = r.joints("dq")
+    inertias = r.inertias()
+    kinetic = momentum.kinetic_energy(chain, dq, inertias)
+    for Ia, rate in zip(r.drive_inertia(), dq, strict=True):
+        kinetic = kinetic + Fraction(1, 2) * Ia * (rate * rate)
+    potential = momentum.potential_energy(chain, inertias)
+    port = Port("E", (2,), "J", "", "kinetic energy, potential energy (up to a constant)")
+    return r.builder.program(
+        "energy", [(port, [kinetic, potential])], "Kinetic and potential energy.", "E = [dq' M dq / 2, U(q)],  g = dU/dq"
+    )
+
+
+def friction(r: Recording) -> Program:
+    """Joint friction torques from the file's coefficients."""
+    dq = r.joints("dq")
+    torques: list[Any] = []
+    for joint, rate in zip(r.model.spec.joints, dq, strict=True):
+        spec, torque = joint.friction, 0
+        if spec is not None:
+            viscous, coulomb, offset = (rational_float(v) for v in (spec.viscous, spec.coulomb, spec.offset))
+            torque = viscous * rate + coulomb * r.builder.sign(rate) + offset
+        torques.append(torque)
+    port = _torque_port(r, "tau_f", "friction torques, added to the rigid body's")
+    return r.builder.program(
+        "friction", [(port, torques)], "Joint friction.", "tau_f = fv dq + fc sgn(dq) + offset   (14.11)"
+    )
+
+
+FUNCTIONS: dict[str, Callable[[Recording], Program]] = {
+    "forward_kinematics": forward_kinematics,
+    "link_frames": link_frames,
+    "jacobian": jacobian,
+    "jacobian_dot_dq": jacobian_dot_dq,
+    "mass_matrix": mass_matrix,
+    "coriolis_matrix": coriolis_matrix,
+    "coriolis": coriolis,
+    "coriolis_transpose": coriolis_transpose,
+    "gravity": gravity,
+    "inverse_dynamics": inverse_dynamics_function,
+    "forward_dynamics": forward_dynamics,
+    "regressor": regressor,
+    "regressor_transpose": regressor_transpose,
+    "standard_regressor": standard_regressor,
+    "energy": energy,
+}
+"""All functions of every model, in the order of emission."""

@@ -1,0 +1,82 @@
+"""Inverse dynamics in pseudo-inertia form (14.6), (14.10).
+
+The inertial wrench of link k about its origin, with pseudo-inertia (S, h, m):
+
+    F = m a + U h,    N = vex(U S - (U S)') + h x a,
+
+passed down the chain; the torque of joint k is the z component of N (of F for a prismatic joint).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rrrgen.derive.chain import Chain, ChainJoint
+from rrrgen.derive.inertia import PseudoInertia
+from rrrgen.derive.motion import LinkMotion, forward
+from rrrgen.derive.vectors import Vector, add, cross, scale, times, turn
+
+Wrench = tuple[Vector, Vector]
+
+
+def inverse_dynamics(
+    chain: Chain,
+    dq: Sequence[Any],
+    ddq: Sequence[Any],
+    inertias: Sequence[PseudoInertia],
+    own: Sequence[bool],
+) -> list[Any]:
+    """Joint torques of the rigid body; ``inertias`` are in the links' own canonical frames."""
+    motions = forward(chain, dq, ddq, own)
+    wrenches = [
+        link_wrench(motion, inertia if motion.own else inertia.turned(joint.c, joint.s))
+        for joint, motion, inertia in zip(chain.joints, motions, inertias, strict=True)
+    ]
+    return pass_down(chain, own, wrenches)
+
+
+def link_wrench(motion: LinkMotion, inertia: PseudoInertia) -> Wrench:
+    """Inertial force and moment about the origin, in the link's frame of expression."""
+    U, D, J = motion.U, motion.D, inertia
+    h = [J.hx, J.hy, J.hz]
+    moment = [
+        U[2][0] * J.Jxy + U[2][1] * J.Jyy + D[0] * J.Jyz - U[1][0] * J.Jxz - U[1][2] * J.Jzz,
+        D[1] * J.Jxz + U[0][1] * J.Jyz + U[0][2] * J.Jzz - U[2][0] * J.Jxx - U[2][1] * J.Jxy,
+        U[1][0] * J.Jxx + D[2] * J.Jxy + U[1][2] * J.Jxz - U[0][1] * J.Jyy - U[0][2] * J.Jyz,
+    ]
+    return add(scale(J.m, motion.a), times(U, h)), add(moment, cross(h, motion.a))
+
+
+def pass_down(chain: Chain, own: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Any]:
+    """Torques from the wrenches of all links, each in its frame of expression and about its origin."""
+    torques: list[Any] = [0] * chain.n
+    F: Vector = [0, 0, 0]
+    N: Vector = [0, 0, 0]
+    for i in reversed(range(chain.n)):
+        joint = chain.joints[i]
+        F, N = add(F, wrenches[i][0]), add(N, wrenches[i][1])
+        torques[i] = N[2] if joint.revolute else F[2]
+        if i:
+            F, N = _to_previous(chain, i, own, F, N)
+    return torques
+
+
+def _to_previous(chain: Chain, i: int, own: Sequence[bool], F: Vector, N: Vector) -> Wrench:
+    """The wrench of link i about the origin of link i-1, in the frame of expression of link i-1."""
+    joint, before = chain.joints[i], chain.joints[i - 1]
+    if own[i]:
+        F, N = turn(joint.c, joint.s, F), turn(joint.c, joint.s, N)
+    if not joint.revolute:
+        N = add(N, cross([0, 0, joint.slide], F))
+    if joint.parallel:
+        return _within_block(joint, before, own[i - 1], F, N)
+    F, N = times(joint.R, F), times(joint.R, N)
+    return F, add(N, cross(joint.p, F))
+
+
+def _within_block(joint: ChainJoint, before: ChainJoint, own_before: bool, F: Vector, N: Vector) -> Wrench:
+    if own_before:
+        F, N = turn(before.c, -before.s, F), turn(before.c, -before.s, N)
+        return F, add(N, cross(joint.p, F))
+    return F, add(N, cross(turn(before.c, before.s, joint.p), F))

@@ -1,0 +1,182 @@
+"""Exact polynomials in sines, cosines and symbols, kept in a normal form while they are computed.
+
+A :class:`PolynomialRing` has generators for everything that is not rational: named parameters, joint variables, base
+parameters, and for each angle a cosine and a sine. The relation ``s**2 = 1 - c**2`` (and ``r**2 = k`` for a square
+root) is applied after every product, so two equal expressions have equal polynomials, and a zero is found out at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
+from typing import Any, Union
+
+import sympy as sp
+from sympy.polys.rings import PolyElement, ring
+
+
+class PolynomialRing:
+    """Q[generators] modulo the squares of sines and roots.
+
+    ``symbols`` are free; ``pairs`` are (cosine, sine) expressions of one angle; ``roots`` are square roots of rationals.
+    """
+
+    def __init__(
+        self,
+        symbols: Sequence[sp.Expr],
+        pairs: Sequence[tuple[sp.Expr, sp.Expr]] = (),
+        roots: Sequence[sp.Expr] = (),
+    ) -> None:
+        self.generators: list[sp.Expr] = [*symbols, *(g for pair in pairs for g in pair), *roots]
+        names = [f"g{k}" for k in range(len(self.generators))] or ["g0"]
+        self.ring = ring(names, sp.QQ)[0]
+        self._gens = self.ring.gens
+        self.index = {g: k for k, g in enumerate(self.generators)}
+        self._squares: dict[int, PolyElement] = {}
+        for cosine, sine in pairs:
+            self._squares[self.index[sine]] = 1 - self._gens[self.index[cosine]] ** 2
+        for root in roots:
+            self._squares[self.index[root]] = self.ring(sp.QQ.from_sympy(sp.expand(root**2)))
+
+    def generator(self, expression: sp.Expr) -> Polynomial:
+        """The generator that stands for ``expression``."""
+        return Polynomial(self, self._gens[self.index[expression]])
+
+    def number(self, value: int | Fraction) -> Polynomial:
+        """A rational number."""
+        value = Fraction(value)
+        return Polynomial(self, self.ring(sp.QQ(value.numerator, value.denominator)))
+
+    def convert(self, expression: sp.Expr) -> Any:
+        """An exact SymPy expression as an element; rationals stay plain fractions."""
+        if expression.is_Rational:
+            return Fraction(int(expression.p), int(expression.q))
+        if expression in self.index:
+            return self.generator(expression)
+        if expression.is_Add or expression.is_Mul:
+            total: Any = 0 if expression.is_Add else 1
+            for part in expression.args:
+                value = self.convert(part)
+                total = total + value if expression.is_Add else total * value
+            return total
+        if expression.is_Pow and expression.exp.is_Integer and expression.exp > 0:
+            base = self.convert(expression.base)
+            result = base
+            for _ in range(int(expression.exp) - 1):
+                result = result * base
+            return result
+        raise KeyError(expression)
+
+    def conjugations(self) -> list[Callable[[Polynomial], Polynomial]]:
+        """For each sine and root: the map that changes its sign."""
+
+        def conjugation(k: int) -> Callable[[Polynomial], Polynomial]:
+            def conjugate(value: Polynomial) -> Polynomial:
+                terms = {m: (-c if m[k] % 2 else c) for m, c in value.poly.terms()}
+                return Polynomial(self, self.ring.from_dict(terms))
+
+            return conjugate
+
+        return [conjugation(k) for k in self._squares]
+
+    def reduce(self, poly: PolyElement) -> PolyElement:
+        """Apply the relations until none applies."""
+        for k, square in self._squares.items():
+            while any(monomial[k] > 1 for monomial in poly):
+                high, rest = [], {}
+                for monomial, coefficient in poly.terms():
+                    if monomial[k] > 1:
+                        high.append(((*monomial[:k], monomial[k] - 2, *monomial[k + 1 :]), coefficient))
+                    else:
+                        rest[monomial] = coefficient
+                poly = self.ring.from_dict(rest) + self.ring.from_terms(high) * square
+        return poly
+
+
+class Polynomial:
+    """An element of a :class:`PolynomialRing` under the Python operators."""
+
+    __slots__ = ("poly", "ring")
+
+    def __init__(self, ring_: PolynomialRing, poly: PolyElement) -> None:
+        self.ring = ring_
+        self.poly = poly
+
+    def _of(self, other: Operand) -> PolyElement:
+        if isinstance(other, Polynomial):
+            return other.poly
+        value = Fraction(other)
+        return self.ring.ring(sp.QQ(value.numerator, value.denominator))
+
+    def _result(self, poly: PolyElement) -> Any:
+        if poly.is_ground:
+            value = poly.coeff(1)
+            return Fraction(int(value.numerator), int(value.denominator))
+        return Polynomial(self.ring, poly)
+
+    def __add__(self, other: Operand) -> Any:
+        return self._result(self.poly + self._of(other))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Operand) -> Any:
+        return self._result(self.poly - self._of(other))
+
+    def __rsub__(self, other: Operand) -> Any:
+        return self._result(self._of(other) - self.poly)
+
+    def __mul__(self, other: Operand) -> Any:
+        if isinstance(other, Polynomial):
+            return self._result(self.ring.reduce(self.poly * other.poly))
+        if not isinstance(other, (int, Fraction)):
+            return NotImplemented
+        return self._result(self.poly * self._of(other)) if other else 0
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: int | Fraction) -> Any:
+        return self * (1 / Fraction(other))
+
+    def __neg__(self) -> Any:
+        return self._result(-self.poly)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, (Polynomial, int, Fraction)) and not (self.poly - self._of(other))
+
+    def __hash__(self) -> int:
+        return hash(self.poly)
+
+    def derivative(self, generator: sp.Expr) -> Any:
+        """Partial derivative with respect to a free symbol."""
+        return self._result(self.poly.diff(self.ring._gens[self.ring.index[generator]]))
+
+    def coefficients(self, generators: Iterable[sp.Expr]) -> dict[tuple[int, ...], Any]:
+        """Split by the powers of ``generators``: exponents -> coefficient polynomial."""
+        places = [self.ring.index[g] for g in generators]
+        parts: dict[tuple[int, ...], dict[tuple[int, ...], Any]] = {}
+        for monomial, coefficient in self.poly.terms():
+            key = tuple(monomial[k] for k in places)
+            rest = list(monomial)
+            for k in places:
+                rest[k] = 0
+            parts.setdefault(key, {})[tuple(rest)] = coefficient
+        return {key: Polynomial(self.ring, self.ring.ring.from_dict(part)) for key, part in sorted(parts.items())}
+
+    def expression(self) -> sp.Expr:
+        """As a SymPy expression, expanded."""
+        terms = []
+        for monomial, coefficient in self.poly.terms():
+            factors = [g**e for g, e in zip(self.ring.generators, monomial, strict=False) if e]
+            terms.append(sp.Mul(sp.Rational(int(coefficient.numerator), int(coefficient.denominator)), *factors))
+        return sp.Add(*terms)
+
+
+Operand = Union[Polynomial, int, Fraction]
+
+
+def to_expression(value: Operand) -> sp.Expr:
+    """A polynomial or a plain number as a SymPy expression."""
+    if isinstance(value, Polynomial):
+        return value.expression()
+    value = Fraction(value)
+    return sp.Rational(value.numerator, value.denominator)

@@ -1,0 +1,111 @@
+"""Recording a model function: its input ports, the chain, and the inertias behind the base parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from rrrgen.derive.base_parameters import BaseSet
+from rrrgen.derive.chain import Chain, program_chain, rational
+from rrrgen.derive.inertia import PseudoInertia
+from rrrgen.derive.user_basis import BasisChange
+from rrrgen.model import RobotModel
+from rrrgen.program import Builder, Port, Value
+
+JOINT_PORTS = {
+    "q": ("joint positions", "", ""),
+    "dq": ("joint velocities", "/s", ""),
+    "ddq": ("joint accelerations", "/s^2", ""),
+    "tau": ("joint torques", "torque", ""),
+    "e": ("vector multiplied from the left", "any", ""),
+}
+
+
+@dataclass(frozen=True)
+class Parametrization:
+    """How base parameters become pseudo-inertias of the links in canonical frames.
+
+    ``inverse`` maps the user's base parameters to the compiler's own (None: they are the same).
+    """
+
+    own: BaseSet
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    inverse: tuple[tuple[Fraction, ...], ...] | None
+
+    def inertias(self, n: int, beta: Sequence[Any]) -> list[PseudoInertia]:
+        """Pseudo-inertias with only the entries of the base set different from zero."""
+        values = list(beta) if self.inverse is None else [_combine(row, beta) for row in self.inverse]
+        entries: list[dict[str, Any]] = [{} for _ in range(n)]
+        for (i, entry), value in zip(self.own.parameters, values, strict=True):
+            entries[i][entry] = value
+        return [PseudoInertia(**link) for link in entries]
+
+
+def _combine(row: Sequence[Any], values: Sequence[Any]) -> Any:
+    total: Any = 0
+    for factor, value in zip(row, values, strict=True):
+        if factor:
+            total = total + factor * value
+    return total
+
+
+def parametrize(model: RobotModel, own: BaseSet, change: BasisChange | None) -> Parametrization:
+    """The parametrization of emitted code: the user's basis where the file has one, else the compiler's own."""
+    if change is None:
+        return Parametrization(own, own.names, tuple(own.units), None)
+    inverse = tuple(tuple(rational(model.spec.nominal(v)) for v in row) for row in change.inverse)
+    return Parametrization(own, change.names, change.units, inverse)
+
+
+class Recording:
+    """One function being recorded."""
+
+    def __init__(self, model: RobotModel, parametrization: Parametrization) -> None:
+        self.model = model
+        self.parametrization = parametrization
+        self.builder = Builder()
+        revolute = all(joint.revolute for joint in model.joints)
+        prismatic = not any(joint.revolute for joint in model.joints)
+        self.position_unit = "rad" if revolute else "m" if prismatic else "rad | m"
+        self.torque_unit = "N m" if revolute else "N" if prismatic else "N m | N"
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.model.n
+
+    def joints(self, name: str) -> list[Value]:
+        """Declare a joint vector as input."""
+        meaning, suffix, _ = JOINT_PORTS[name]
+        if suffix == "any":
+            unit = ""
+        elif suffix == "torque":
+            unit = self.torque_unit
+        else:
+            unit = " | ".join(part + suffix for part in self.position_unit.split(" | "))
+        return list(self.builder.input(Port(name, (self.n,), unit, "", meaning)))
+
+    def chain(self) -> Chain:
+        """Declare q and return the geometry."""
+        return program_chain(self.model, self.builder, self.joints("q"))
+
+    def inertias(self) -> list[PseudoInertia]:
+        """Declare beta and return the inertias it stands for."""
+        names = self.parametrization.names
+        beta = self.builder.input(Port("beta", (len(names),), "SI", "", "base parameters " + ", ".join(names)))
+        return self.parametrization.inertias(self.n, beta)
+
+    def drive_inertia(self) -> list[Value]:
+        """Declare Ia if any drive has inertia, else zeros."""
+        if not has_drive_inertia(self.model):
+            return [0] * self.n
+        unit = "kg m^2" if self.position_unit == "rad" else "kg" if self.position_unit == "m" else "kg m^2 | kg"
+        return list(self.builder.input(Port("Ia", (self.n,), unit, "", "drive inertia seen at the joints")))
+
+
+def has_drive_inertia(model: RobotModel) -> bool:
+    """Whether the file gives the inertia of any drive."""
+    return any(joint.drive is not None and joint.drive.inertia is not None for joint in model.spec.joints)

@@ -1,0 +1,70 @@
+"""Three-vectors and 3x3 matrices over any scalar: plain lists, the operators, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+Vector = list[Any]
+Matrix = list[list[Any]]
+
+ZERO3: Vector = [0, 0, 0]
+
+
+def add(u: Sequence[Any], v: Sequence[Any]) -> Vector:
+    """u + v."""
+    return [x + y for x, y in zip(u, v, strict=True)]
+
+
+def subtract(u: Sequence[Any], v: Sequence[Any]) -> Vector:
+    """u - v."""
+    return [x - y for x, y in zip(u, v, strict=True)]
+
+
+def scale(factor: Any, u: Sequence[Any]) -> Vector:
+    """factor * u."""
+    return [factor * x for x in u]
+
+
+def dot(u: Sequence[Any], v: Sequence[Any]) -> Any:
+    """u . v."""
+    total: Any = 0
+    for x, y in zip(u, v, strict=True):
+        total = total + x * y
+    return total
+
+
+def cross(u: Sequence[Any], v: Sequence[Any]) -> Vector:
+    """u x v."""
+    return [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+
+
+def times(A: Matrix, v: Sequence[Any]) -> Vector:
+    """A v."""
+    return [dot(row, v) for row in A]
+
+
+def transposed_times(A: Matrix, v: Sequence[Any]) -> Vector:
+    """A' v."""
+    return [dot([row[k] for row in A], v) for k in range(len(A[0]))]
+
+
+def product(A: Matrix, B: Matrix) -> Matrix:
+    """A B."""
+    columns = list(zip(*B, strict=True))
+    return [[dot(row, column) for column in columns] for row in A]
+
+
+def transpose(A: Matrix) -> Matrix:
+    """A'."""
+    return [list(row) for row in zip(*A, strict=True)]
+
+
+def turn(c: Any, s: Any, v: Sequence[Any]) -> Vector:
+    """Rz v, with c and s the cosine and sine of the angle."""
+    return [c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]]
+
+
+def turn_back(c: Any, s: Any, v: Sequence[Any]) -> Vector:
+    """Rz' v."""
+    return [c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]]
