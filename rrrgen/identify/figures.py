@@ -1,0 +1,41 @@
+"""One look for every figure of the identification workflow, and reproducible files of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def new_figure(rows: int, columns: int, height: float, width: float = 7.0, **options: Any) -> tuple[Figure, Any]:
+    """A figure outside pyplot's global state with a flat array of ``rows*columns`` axes; size in inches."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, columns, squeeze=False, **options)
+    return figure, axes.ravel()
+
+
+def style_axes(axis: Any, xlabel: str, ylabel: str) -> None:
+    """Label an axis and give it a light grid."""
+    if xlabel:
+        axis.set_xlabel(xlabel)
+    axis.set_ylabel(ylabel)
+    axis.grid(True, linewidth=0.4, alpha=0.5)
+    axis.margins(x=0.01)
+
+
+def save_figure(figure: Figure, stem: Path) -> list[Path]:
+    """Write ``stem.svg`` and ``stem.png`` without dates, so that the same data give the same bytes."""
+    import matplotlib
+
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    paths = [stem.with_name(stem.name + suffix) for suffix in (".svg", ".png")]
+    with matplotlib.rc_context({"svg.hashsalt": "rrrgen", "svg.fonttype": "none"}):
+        figure.savefig(paths[0], metadata={"Date": None, "Creator": None})
+        figure.savefig(paths[1], dpi=120, metadata={"Software": None})
+    return paths

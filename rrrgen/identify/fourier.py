@@ -1,0 +1,146 @@
+"""Finite Fourier series as joint motion: the exciting trajectory (14.24) with analytic derivatives.
+
+The coefficients ``a`` and ``b`` are speed amplitudes; the motion is periodic with ``1/base_frequency`` and its highest
+frequency is ``harmonics*base_frequency``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rrrgen.errors import InputError
+
+Floats = NDArray[np.floating[Any]]
+
+
+def fourier_basis(t: ArrayLike, harmonics: int, base_frequency: float, derivative: int = 0) -> Floats:
+    """The matrix that turns the coefficients of one joint into its motion, or a time derivative of it.
+
+    ``B(t) [q0, a_1..a_N, b_1..b_N]' = d^k q / dt^k`` with ``k = derivative`` and
+    ``q = q0 + sum_j (a_j sin w_j t - b_j cos w_j t)/w_j``, ``w_j = 2 pi j base_frequency``.
+    ``t`` (m,) in s; returns (m, 1 + 2 harmonics). Source: (14.24).
+    """
+    times = np.atleast_1d(np.asarray(t, dtype=float))
+    omega = 2.0 * np.pi * base_frequency * np.arange(1, harmonics + 1)
+    # Whole periods are dropped before the product with the harmonic number: late samples stay as exact as early ones.
+    phase = np.remainder(times * base_frequency, 1.0)
+    angle = 2.0 * np.pi * np.remainder(np.outer(phase, np.arange(1, harmonics + 1)), 1.0)
+    # d^k/dt^k of sin(x)/w and -cos(x)/w advance the phase by k quarter turns and multiply by w^k.
+    gain = omega ** (derivative - 1)
+    quarter = derivative % 4
+    sine = (np.sin(angle), np.cos(angle), -np.sin(angle), -np.cos(angle))[quarter]
+    cosine = (np.cos(angle), -np.sin(angle), -np.cos(angle), np.sin(angle))[quarter]
+    constant = np.full((times.size, 1), 1.0 if derivative == 0 else 0.0)
+    return np.hstack([constant, sine * gain, -cosine * gain])
+
+
+def between_samples_factor(harmonics: int, samples_per_period: int) -> float:
+    """How much larger than its largest sample a trigonometric polynomial of degree N can be: ``1/cos(pi N/M)``.
+
+    ``M`` equispaced samples per period; infinite for ``M <= 2N``, where the samples alias and prove nothing.
+    Source: Ehlich and Zeller, Schwankung von Polynomen zwischen Gitterpunkten, Math. Z. 86 (1964).
+    """
+    if samples_per_period <= 2 * harmonics:
+        return math.inf
+    return 1.0 / math.cos(math.pi * harmonics / samples_per_period)
+
+
+@dataclass(frozen=True, eq=False)
+class FourierTrajectory:
+    """Joint motion ``q_i = q0_i + sum_j (a_ij sin w_j t - b_ij cos w_j t)/w_j`` with ``w_j = 2 pi j base_frequency``.
+
+    ``q0`` (n,) rad or m; ``a``, ``b`` (n, N) rad/s or m/s; ``base_frequency`` Hz. Source: (14.24).
+    """
+
+    q0: Floats
+    a: Floats
+    b: Floats
+    base_frequency: float
+
+    def __post_init__(self) -> None:
+        for name in ("q0", "a", "b"):
+            value = np.array(getattr(self, name), dtype=float)
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        if self.a.ndim != 2 or self.a.shape != self.b.shape or self.q0.shape != (self.a.shape[0],):
+            raise InputError(f"Fourier series: a and b must be (n, N), q0 (n,); got {self.a.shape}, {self.b.shape}")
+        if not self.base_frequency > 0.0:
+            raise InputError(f"Fourier series: the base frequency must be positive, got {self.base_frequency} Hz")
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.a.shape[0])
+
+    @property
+    def harmonics(self) -> int:
+        """Number of harmonics N."""
+        return int(self.a.shape[1])
+
+    @property
+    def period(self) -> float:
+        """Duration of one cycle, s."""
+        return 1.0 / self.base_frequency
+
+    @property
+    def coefficients(self) -> Floats:
+        """The coefficients joint by joint, (1 + 2N, n): column i is ``[q0_i, a_i, b_i]``."""
+        return np.vstack([self.q0[None, :], self.a.T, self.b.T])
+
+    @classmethod
+    def from_coefficients(cls, coefficients: ArrayLike, base_frequency: float) -> FourierTrajectory:
+        """The trajectory whose :attr:`coefficients` (1 + 2N, n) are given."""
+        X = np.asarray(coefficients, dtype=float)
+        N = (X.shape[0] - 1) // 2
+        return cls(X[0], X[1 : N + 1].T, X[N + 1 :].T, base_frequency)
+
+    def derivative(self, t: ArrayLike, order: int) -> Floats:
+        """d^k q/dt^k at the times ``t`` (any shape), (..., n)."""
+        times = np.asarray(t, dtype=float)
+        B = fourier_basis(times.ravel(), self.harmonics, self.base_frequency, order)
+        return (B @ self.coefficients).reshape((*times.shape, self.n))
+
+    def evaluate(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """Position, velocity and acceleration ``(q, dq, ddq)`` at the times ``t`` (any shape), each (..., n)."""
+        return self.derivative(t, 0), self.derivative(t, 1), self.derivative(t, 2)
+
+    def times(self, sample_period: float, cycles: float = 1.0) -> Floats:
+        """The sampling instants of ``cycles`` cycles, the end excluded (it repeats the start), s."""
+        count = round(cycles * self.period / sample_period)
+        return np.arange(count) * sample_period
+
+    def starts_at_rest(self, tolerance: float = 1e-9) -> bool:
+        """Whether speed and acceleration vanish at t = 0 and at the end of every cycle, relative to their peaks."""
+        grid = self.times(self.period / (8 * self.harmonics))
+        peaks = [np.abs(self.derivative(grid, k)).max() for k in (1, 2)]
+        starts = [np.abs(self.derivative(0.0, k)).max() for k in (1, 2)]
+        return all(start <= tolerance * peak for start, peak in zip(starts, peaks, strict=True))
+
+    def to_json(self) -> dict[str, object]:
+        """The coefficients as plain lists; floats survive the round trip through JSON exactly."""
+        return {
+            "base_frequency_hz": self.base_frequency,
+            "q0": self.q0.tolist(),
+            "a": self.a.tolist(),
+            "b": self.b.tolist(),
+        }
+
+    @classmethod
+    def from_json(cls, data: dict[str, object] | str | Path) -> FourierTrajectory:
+        """Read what :meth:`to_json` returned: the mapping itself or the path of a JSON file."""
+        if isinstance(data, str | Path):
+            try:
+                data = json.loads(Path(data).read_text(encoding="utf-8"))
+            except (OSError, ValueError) as error:
+                raise InputError(f"{data}: not a trajectory: {error}") from error
+        try:
+            return cls(data["q0"], data["a"], data["b"], float(data["base_frequency_hz"]))  # type: ignore[index,arg-type]
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"trajectory: q0, a, b and base_frequency_hz are needed ({error})") from error
