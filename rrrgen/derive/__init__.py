@@ -1,0 +1,103 @@
+"""From a robot's exact normal form to programs and closed forms.
+
+Heavy modules load when they are used: import the functions below, not the modules, from outside.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.spec.robot_spec import RobotSpec
+
+
+def derive_model(spec: RobotSpec) -> DerivedModel:
+    """All programs and the minimal base parameters of ``spec``, before optimization."""
+    import sympy as sp
+
+    from rrrgen.derive.base_parameters import BaseParameter, base_set, linear_expression, standard_symbols
+    from rrrgen.derive.chain import rational
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.derive.functions import FUNCTIONS, friction
+    from rrrgen.derive.recording import Recording, parametrize
+    from rrrgen.derive.regrouping import regroupings
+    from rrrgen.derive.user_basis import change_basis
+    from rrrgen.model import build_model
+
+    model = build_model(spec)
+    own = base_set(model)
+    change = change_basis(spec, own) if spec.basis is not None else None
+    parametrization = parametrize(model, own, change)
+    programs = {name: record(Recording(model, parametrization)) for name, record in FUNCTIONS.items()}
+    if any(joint.friction is not None for joint in spec.joints):
+        programs["friction"] = friction(Recording(model, parametrization))
+    projection = _projection(own, change)
+    symbols = standard_symbols(spec.n)
+    expressions = change.expressions if change else [linear_expression(row, symbols) for row in projection]
+    numeric = [[rational(spec.nominal(v)) for v in row] for row in projection]
+    phi = _nominal_standard(spec)
+    return DerivedModel(
+        spec=spec,
+        model=model,
+        own_basis=own,
+        basis_change=change,
+        programs=programs,
+        base_parameters=tuple(
+            BaseParameter(name, sp.S(expression), unit)
+            for name, expression, unit in zip(parametrization.names, expressions, parametrization.units, strict=True)
+        ),
+        base_projection=tuple(tuple(float(v) for v in row) for row in numeric),
+        regrouping=tuple(regroupings(model, own, parametrization.names, projection)),
+        beta_nominal=None if phi is None else tuple(_dot(row, phi) for row in numeric),
+        drive_inertia_nominal=_nominal_drive_inertia(spec),
+    )
+
+
+def _projection(own: object, change: object) -> list[list[sp.Expr]]:
+    """Base parameters (the user's, or the compiler's own) over the standard parameters."""
+    import sympy as sp
+
+    from rrrgen.derive.base_parameters import BaseSet
+    from rrrgen.derive.polynomials import to_expression
+    from rrrgen.derive.user_basis import BasisChange
+
+    assert isinstance(own, BaseSet)
+    if change is None:
+        return [list(row) for row in own.projection]
+    assert isinstance(change, BasisChange)
+    rows = []
+    for factors in change.forward:
+        row = [sp.S.Zero] * len(own.projection[0])
+        for factor, base in zip(factors, own.projection, strict=True):
+            if factor:
+                row = [sp.expand(x + to_expression(factor) * y) for x, y in zip(row, base, strict=True)]
+        rows.append(row)
+    return rows
+
+
+def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
+    """Standard parameters of all links from the file, in the order of emission."""
+    if spec.links is None:
+        return None
+    phi: list[Fraction] = []
+    for link in spec.links:
+        xx, yy, zz, xy, xz, yz = link.inertia_about_origin()
+        first = [link.mass * c for c in link.com]
+        values = [link.mass, *first, xx, xy, yy, xz, yz, zz]
+        phi += [Fraction(int(v.p), int(v.q)) for v in values]
+    return phi
+
+
+def _nominal_drive_inertia(spec: RobotSpec) -> tuple[Fraction, ...] | None:
+    from rrrgen.derive.chain import rational_float
+
+    values = [None if joint.drive is None else joint.drive.inertia for joint in spec.joints]
+    return tuple(rational_float(v) for v in values) if any(v is not None for v in values) else None
+
+
+def _dot(row: list[Fraction], phi: list[Fraction]) -> Fraction:
+    return sum((x * y for x, y in zip(row, phi, strict=True)), Fraction(0))

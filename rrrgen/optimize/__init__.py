@@ -1,0 +1,15 @@
+"""From programs to cheaper programs: one pass per module, each with its operations before and after."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
+
+
+def optimize(derived: DerivedModel) -> DerivedModel:
+    """``derived`` with every program at its cheapest, nominal twins added, and a report of each pass."""
+    from rrrgen.optimize.passes import optimize_model
+
+    return optimize_model(derived)
