@@ -33,22 +33,22 @@ LENGTH, GRAVITY = 0.4, 9.81
 def double_pendulum_regressor() -> casadi.Function:
     """Vertical 2R arm, first link LENGTH: 2 x 6."""
     q, dq, ddq = _symbols(2)
-    s2, c2, l, g = casadi.sin(q[1]), casadi.cos(q[1]), LENGTH, GRAVITY
+    s2, c2, L, g = casadi.sin(q[1]), casadi.cos(q[1]), LENGTH, GRAVITY
     s12, c12 = casadi.sin(q[0] + q[1]), casadi.cos(q[0] + q[1])
     both, swing = 2 * ddq[0] + ddq[1], 2 * dq[0] * dq[1] + dq[1] ** 2
     first = [
         ddq[0],
         ddq[0] + ddq[1],
-        l * (both * c2 - swing * s2) + g * c12,
-        -l * (both * s2 + swing * c2) - g * s12,
+        L * (both * c2 - swing * s2) + g * c12,
+        -L * (both * s2 + swing * c2) - g * s12,
         g * casadi.cos(q[0]),
         -g * casadi.sin(q[0]),
     ]
     second = [
         0,
         ddq[0] + ddq[1],
-        l * (ddq[0] * c2 + dq[0] ** 2 * s2) + g * c12,
-        l * (dq[0] ** 2 * c2 - ddq[0] * s2) - g * s12,
+        L * (ddq[0] * c2 + dq[0] ** 2 * s2) + g * c12,
+        L * (dq[0] ** 2 * c2 - ddq[0] * s2) - g * s12,
         0,
         0,
     ]
