@@ -1,0 +1,1 @@
+"""From experiment to parameters: excitation, recordings, reconstruction, estimation, validation."""
