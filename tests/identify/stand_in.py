@@ -119,7 +119,11 @@ def _dh(row: Row, q: np.ndarray, convention: str) -> np.ndarray:
     T = np.zeros((*np.shape(q), 4, 4))
     T[..., 3, 3] = 1.0
     if convention == "standard":
-        entries = [[c, -ca * s, sa * s, row.a * c], [s, ca * c, -sa * c, row.a * s], [0 * c, sa + 0 * c, ca + 0 * c, slide]]
+        entries = [
+            [c, -ca * s, sa * s, row.a * c],
+            [s, ca * c, -sa * c, row.a * s],
+            [0 * c, sa + 0 * c, ca + 0 * c, slide],
+        ]
     else:
         entries = [
             [c, -s, 0 * c, row.a + 0 * c],
@@ -145,9 +149,7 @@ def _inertia_times(v: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(line, -1) for line in ([x, y, o, z, o, o], [o, x, y, o, z, o], [o, o, o, x, y, z])], -2)
 
 
-def _wrench_regressor(
-    R: np.ndarray, w: np.ndarray, dw: np.ndarray, acc: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _wrench_regressor(R: np.ndarray, w: np.ndarray, dw: np.ndarray, acc: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Force and moment (at the frame origin, base axes) that move one link, linear in its ten parameters."""
     Rt = np.swapaxes(R, -1, -2)
     w, dw, acc = (np.einsum("...ij,...j->...i", Rt, v) for v in (w, dw, acc))
@@ -180,7 +182,9 @@ def _independent_columns(W: np.ndarray, tolerance: float = 1e-9) -> tuple[list[i
 
 
 def _combination(names: list[str], row: np.ndarray) -> str:
-    terms = [f"{c:+.6g}*{n}" if abs(abs(c) - 1) > 1e-9 else f"{'+' if c > 0 else '-'}{n}" for n, c in zip(names, row) if c]
+    terms = [
+        f"{c:+.6g}*{n}" if abs(abs(c) - 1) > 1e-9 else f"{'+' if c > 0 else '-'}{n}" for n, c in zip(names, row) if c
+    ]
     return " ".join(terms).removeprefix("+")
 
 
