@@ -1,0 +1,25 @@
+"""Closed forms for people: LaTeX and plain text."""
+
+from rrrgen.backends.latex.layout import Display, Equation, lay_out, trig_abbreviates
+from rrrgen.backends.latex.notation import GREEK, Notation, Quantity, notation, quantity
+from rrrgen.backends.latex.output import break_sum, latex, latex_expression, plain, plain_expression
+from rrrgen.backends.latex.walk import Markup, Walk
+
+__all__ = [
+    "GREEK",
+    "Display",
+    "Equation",
+    "Markup",
+    "Notation",
+    "Quantity",
+    "Walk",
+    "break_sum",
+    "latex",
+    "latex_expression",
+    "lay_out",
+    "notation",
+    "plain",
+    "plain_expression",
+    "quantity",
+    "trig_abbreviates",
+]

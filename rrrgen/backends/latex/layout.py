@@ -1,0 +1,96 @@
+"""Laying closed forms out as equations of readable size, before any markup.
+
+A matrix whose entries are all short stays a matrix. Otherwise its entries become equations of their own, zeros and
+the mirrored half of a symmetric matrix left out and said so. Expressions that share much are written through common
+subexpressions first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import sympy as sp
+
+from rrrgen.backends.latex.notation import Quantity, quantity
+
+ENTRY_LIMIT = 12  # operations in an entry of a matrix that is still written as a matrix
+COLUMNS_LIMIT = 6  # and its number of columns
+CSE_LIMIT = 400  # operations of a quantity from which common subexpressions are given names
+SHARED = "t"  # the letter of common subexpressions
+
+
+@dataclass(frozen=True)
+class Equation:
+    """``letter[indices] = value``; without indices the value may be a matrix."""
+
+    letter: str
+    indices: tuple[int, ...]
+    value: sp.Expr | sp.MatrixBase
+
+
+@dataclass(frozen=True)
+class Display:
+    """One quantity: named common subexpressions, equations, and what was left out."""
+
+    name: str
+    quantity: Quantity
+    shape: tuple[int, int]
+    definitions: tuple[tuple[sp.Symbol, sp.Expr], ...]
+    equations: tuple[Equation, ...]
+    remarks: tuple[str, ...]
+
+
+def lay_out(closed_forms: Mapping[str, sp.Expr | sp.MatrixBase], cse_limit: int = CSE_LIMIT) -> list[Display]:
+    """One display per quantity, in the order given."""
+    return [_display(name, value, cse_limit) for name, value in closed_forms.items()]
+
+
+def _display(name: str, value: sp.Expr | sp.MatrixBase, cse_limit: int) -> Display:
+    matrix = value if isinstance(value, sp.MatrixBase) else sp.Matrix([value])
+    entries = list(matrix)
+    definitions: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
+    if sum(int(sp.count_ops(entry)) for entry in entries) > cse_limit:
+        definitions, entries = _shared(entries)
+    matrix = sp.Matrix(*matrix.shape, entries)
+    about = quantity(name)
+    if not isinstance(value, sp.MatrixBase):
+        return Display(name, about, (1, 1), definitions, (Equation(about.letter, (), entries[0]),), ())
+    short = max((int(sp.count_ops(entry)) for entry in entries), default=0) <= ENTRY_LIMIT
+    if short and matrix.cols <= COLUMNS_LIMIT:
+        return Display(name, about, matrix.shape, definitions, (Equation(about.letter, (), matrix),), ())
+    equations, remarks = _entrywise(about.letter, matrix)
+    return Display(name, about, matrix.shape, definitions, equations, remarks)
+
+
+def _shared(entries: list[sp.Expr]) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ...], list[sp.Expr]]:
+    """Common subexpressions; sines and cosines stay whole, so that sums of angles remain readable."""
+    waves = sorted(set().union(*(entry.atoms(sp.sin, sp.cos) for entry in entries)), key=sp.default_sort_key)
+    masks = {wave: sp.Symbol(f"wave{k:04d}", real=True) for k, wave in enumerate(waves)}
+    back = {mask: wave for wave, mask in masks.items()}
+    taken = {str(symbol) for entry in entries for symbol in entry.free_symbols}
+    names = (symbol for symbol in sp.numbered_symbols(SHARED, start=1, real=True) if str(symbol) not in taken)
+    shared, reduced = sp.cse([entry.xreplace(masks) for entry in entries], symbols=names, order="canonical")
+    return tuple((s, value.xreplace(back)) for s, value in shared), [entry.xreplace(back) for entry in reduced]
+
+
+def trig_abbreviates(closed_forms: Mapping[str, sp.Expr | sp.MatrixBase]) -> bool:
+    """Whether c2, s23, ... are free to stand for cosines and sines: no symbol has such a name."""
+    names = {str(symbol) for value in closed_forms.values() for symbol in value.free_symbols}
+    return not any(re.fullmatch(r"[cs]_?[1-9]+", name) for name in names)
+
+
+def _entrywise(letter: str, matrix: sp.MatrixBase) -> tuple[tuple[Equation, ...], tuple[str, ...]]:
+    symmetric = matrix.rows > 1 and matrix.rows == matrix.cols and matrix == matrix.T
+    equations, zeros = [], 0
+    for r in range(matrix.rows):
+        for c in range(r if symmetric else 0, matrix.cols):
+            if matrix[r, c] == 0:
+                zeros += 1
+                continue
+            indices = (r + 1,) if matrix.cols == 1 else (r + 1, c + 1)
+            equations.append(Equation(letter, indices, matrix[r, c]))
+    remarks = ["The matrix is symmetric; the upper triangle is written."] if symmetric else []
+    remarks += ["Entries that are not written are zero."] if zeros else []
+    return tuple(equations), tuple(remarks)

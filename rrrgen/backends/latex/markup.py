@@ -1,0 +1,130 @@
+"""LaTeX and plain text for the walk over expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rrrgen.backends.latex.notation import GREEK, Notation
+
+_LATEX_GREEK = {"epsilon": r"\varepsilon", "phi": r"\varphi"}
+_KNOWN = frozenset({"sin", "cos", "tan", "exp", "tanh"})
+
+
+class LatexMarkup:
+    """Formulas for a display in amsmath."""
+
+    def symbol(self, parts: Notation) -> str:
+        """A letter with dots and subscript."""
+        base = self._letter(parts.base)
+        if parts.dots:
+            base = rf"\{'d' * parts.dots}ot{{{base}}}"
+        if not parts.subscript:
+            return base
+        return f"{base}_{{{','.join(self._subscript(part) for part in parts.subscript)}}}"
+
+    def _letter(self, name: str) -> str:
+        if name in GREEK:
+            return _LATEX_GREEK.get(name, rf"\{name}")
+        return name if len(name) == 1 else rf"\mathit{{{self._escaped(name)}}}"
+
+    def _subscript(self, part: str) -> str:
+        return part if part.isdigit() or len(part) <= 2 else rf"\mathrm{{{self._escaped(part)}}}"
+
+    def _escaped(self, text: str) -> str:
+        return text.replace("_", r"\_")
+
+    def number(self, text: str) -> str:
+        """An unsigned number."""
+        mantissa, _, exponent = text.partition("e")
+        return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else text
+
+    def total(self, terms: Sequence[tuple[bool, str]]) -> str:
+        """A sum."""
+        return join_terms(terms)
+
+    def product(self, factors: Sequence[str]) -> str:
+        r"""Factors side by side, with \cdot between numbers."""
+        text = factors[0]
+        for factor in factors[1:]:
+            text += (r" \cdot " if factor[0].isdigit() else " ") + factor
+        return text
+
+    def fraction(self, numerator: str, denominator: str) -> str:
+        """A quotient."""
+        return rf"\frac{{{numerator}}}{{{denominator}}}"
+
+    def power(self, base: str, exponent: str) -> str:
+        """A power."""
+        return f"{base}^{{{exponent}}}"
+
+    def root(self, argument: str) -> str:
+        """A square root."""
+        return rf"\sqrt{{{argument}}}"
+
+    def function(self, name: str, argument: str, exponent: str) -> str:
+        """A function, the exponent after its name."""
+        command = rf"\{name}" if name in _KNOWN else rf"\operatorname{{{name}}}"
+        raised = f"^{{{exponent}}}" if exponent else ""
+        return rf"{command}{raised}\left({argument}\right)"
+
+    def group(self, content: str) -> str:
+        """Parentheses."""
+        return rf"\left({content}\right)"
+
+
+class TextMarkup:
+    """Formulas in plain text that a terminal shows and a program could read: ``ddq1*c23^2``."""
+
+    def symbol(self, parts: Notation) -> str:
+        """The name as one word."""
+        last = parts.subscript[-1] if parts.subscript else ""
+        joint = "_" if len(last) > 1 and not last.isdigit() else ""
+        return "d" * parts.dots + parts.base + "".join(parts.subscript[:-1]) + joint + last
+
+    def number(self, text: str) -> str:
+        """An unsigned number."""
+        return text
+
+    def total(self, terms: Sequence[tuple[bool, str]]) -> str:
+        """A sum."""
+        return join_terms(terms)
+
+    def product(self, factors: Sequence[str]) -> str:
+        """A product."""
+        return "*".join(factors)
+
+    def fraction(self, numerator: str, denominator: str) -> str:
+        """A quotient."""
+        return f"{_enclosed(numerator, ' ')}/{_enclosed(denominator, ' */')}"
+
+    def power(self, base: str, exponent: str) -> str:
+        """A power."""
+        return f"{base}^{_enclosed(exponent, ' */-')}"
+
+    def root(self, argument: str) -> str:
+        """A square root."""
+        return f"sqrt({argument})"
+
+    def function(self, name: str, argument: str, exponent: str) -> str:
+        """A function, the exponent behind."""
+        return f"{name}({argument})" + (f"^{_enclosed(exponent, ' */-')}" if exponent else "")
+
+    def group(self, content: str) -> str:
+        """Parentheses."""
+        return f"({content})"
+
+
+def join_terms(terms: Sequence[tuple[bool, str]]) -> str:
+    """``a - b + c``."""
+    text = ""
+    for negative, term in terms:
+        if text:
+            text += " - " if negative else " + "
+        elif negative:
+            text += "-"
+        text += term
+    return text or "0"
+
+
+def _enclosed(text: str, separators: str) -> str:
+    return f"({text})" if any(character in text for character in separators) else text

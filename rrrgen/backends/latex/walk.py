@@ -1,0 +1,145 @@
+"""One walk over an exact expression, any markup: LaTeX, plain text, MathML."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import sympy as sp
+
+from rrrgen.backends.latex.notation import Notation, notation, short_angle
+from rrrgen.errors import BackendError
+
+_SUM, _PRODUCT, _POWER, _ATOM = range(4)
+
+
+class Markup(Protocol):
+    """How the parts of a formula are written."""
+
+    def symbol(self, parts: Notation) -> str:
+        """A letter with dots and subscript."""
+        ...
+
+    def number(self, text: str) -> str:
+        """An unsigned number."""
+        ...
+
+    def total(self, terms: Sequence[tuple[bool, str]]) -> str:
+        """A sum of (negative?, term)."""
+        ...
+
+    def product(self, factors: Sequence[str]) -> str:
+        """A product."""
+        ...
+
+    def fraction(self, numerator: str, denominator: str) -> str:
+        """A quotient."""
+        ...
+
+    def power(self, base: str, exponent: str) -> str:
+        """A power."""
+        ...
+
+    def root(self, argument: str) -> str:
+        """A square root."""
+        ...
+
+    def function(self, name: str, argument: str, exponent: str) -> str:
+        """``name(argument)``, to the power ``exponent`` unless that is empty."""
+        ...
+
+    def group(self, content: str) -> str:
+        """Parentheses."""
+        ...
+
+
+class Walk:
+    """Writes expressions in one markup; ``short_trig`` writes c_{23} for cos(q2 + q3) and s_{23} for the sine."""
+
+    def __init__(self, markup: Markup, short_trig: bool = True) -> None:
+        self.markup = markup
+        self.short_trig = short_trig
+
+    def write(self, expression: sp.Expr) -> str:
+        """The whole expression. Raises :class:`BackendError` for what a closed form cannot contain."""
+        return self._write(expression, _SUM)
+
+    def terms(self, expression: sp.Expr) -> list[tuple[bool, str]]:
+        """The terms of a sum in printing order, (negative?, text) each."""
+        return [self._signed(term) for term in expression.as_ordered_terms()]
+
+    def _signed(self, term: sp.Expr) -> tuple[bool, str]:
+        negative = bool(term.could_extract_minus_sign()) and not term.is_Add
+        return negative, self._write(-term if negative else term, _PRODUCT)
+
+    def _write(self, expression: sp.Expr, needed: int) -> str:
+        text, strength = self._node(expression)
+        return text if strength >= needed else self.markup.group(text)
+
+    def _node(self, e: sp.Expr) -> tuple[str, int]:
+        markup = self.markup
+        if e.is_Symbol:
+            return markup.symbol(notation(str(e))), _ATOM
+        if e is sp.pi:
+            return markup.symbol(Notation("pi")), _ATOM
+        if e.is_Add:
+            return markup.total(self.terms(e)), _SUM
+        if e.is_number and (e.is_Rational or e.is_Float):
+            return self._number(e)
+        if e.is_Mul:
+            return self._product(e)
+        if e.is_Pow:
+            return self._power(e.base, e.exp)
+        if e.is_Function:
+            return self._function(e, ""), _ATOM
+        raise BackendError(f"no notation for {type(e).__name__} in a closed form")
+
+    def _number(self, value: sp.Expr) -> tuple[str, int]:
+        if value < 0:
+            return self.markup.total([(True, self._write(-value, _PRODUCT))]), _SUM
+        if value.is_Rational and value.q != 1:
+            return self.markup.fraction(self.markup.number(str(value.p)), self.markup.number(str(value.q))), _PRODUCT
+        return self.markup.number(str(value.p) if value.is_Rational else f"{float(value):.6g}"), _ATOM
+
+    def _product(self, e: sp.Expr) -> tuple[str, int]:
+        if e.could_extract_minus_sign():
+            return self.markup.total([(True, self._write(-e, _PRODUCT))]), _SUM
+        above, below = [], []
+        for factor in e.as_ordered_factors():
+            if factor.is_Rational:
+                above += [sp.Integer(factor.p)] if factor.p != 1 else []
+                below += [sp.Integer(factor.q)] if factor.q != 1 else []
+            elif factor.is_Pow and factor.exp.is_number and factor.exp.is_negative:
+                below.append(factor.base ** (-factor.exp))
+            else:
+                above.append(factor)
+        if not below:
+            return self._times(above), _PRODUCT
+        return self.markup.fraction(self._times(above, alone=True), self._times(below, alone=True)), _PRODUCT
+
+    def _times(self, factors: Sequence[sp.Expr], alone: bool = False) -> str:
+        if len(factors) == 1 and alone:
+            return self._write(factors[0], _SUM)
+        if not factors:
+            return self.markup.number("1")
+        return self.markup.product([self._write(factor, _POWER) for factor in factors])
+
+    def _power(self, base: sp.Expr, exponent: sp.Expr) -> tuple[str, int]:
+        if exponent == sp.Rational(1, 2):
+            return self.markup.root(self._write(base, _SUM)), _ATOM
+        if exponent.is_number and exponent.is_negative:
+            return self.markup.fraction(self.markup.number("1"), self._write(base**-exponent, _SUM)), _PRODUCT
+        raised = self._write(exponent, _SUM)
+        if base.is_Function:
+            return self._function(base, raised), _POWER
+        return self.markup.power(self._write(base, _ATOM), raised), _POWER
+
+    def _function(self, e: sp.Expr, exponent: str) -> str:
+        name = e.func.__name__
+        if name not in ("sin", "cos", "tan", "sign", "Abs", "exp", "tanh", "atan2") or len(e.args) != 1:
+            raise BackendError(f"no notation for the function {name} in a closed form")
+        short = short_angle(e.args[0]) if self.short_trig and name in ("sin", "cos") else None
+        if short is None:
+            return self.markup.function({"sign": "sgn", "Abs": "abs"}.get(name, name), self.write(e.args[0]), exponent)
+        letter = self.markup.symbol(Notation(name[0], (short,)))
+        return self.markup.power(letter, exponent) if exponent else letter
