@@ -1,0 +1,71 @@
+"""A code-generating symbolic modelling compiler for serial robots.
+
+>>> import rrrgen
+>>> m = rrrgen.compile("rrr")  # a bundled robot, or the path of a robot file
+>>> tau = m.inverse_dynamics(q, dq, ddq)  # doctest: +SKIP
+
+Everything is imported on first use.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from rrrgen.errors import (
+        BackendError,
+        BuildError,
+        DerivationError,
+        InputError,
+        InternalError,
+        RrrgenError,
+    )
+    from rrrgen.pipeline import compile, derive
+    from rrrgen.runtime.model import Model
+    from rrrgen.spec import bundled_names, load_spec, loads_spec
+
+_HOMES = {
+    "compile": "rrrgen.pipeline",
+    "derive": "rrrgen.pipeline",
+    "load_spec": "rrrgen.spec",
+    "loads_spec": "rrrgen.spec",
+    "bundled_names": "rrrgen.spec",
+    "Model": "rrrgen.runtime.model",
+    "RrrgenError": "rrrgen.errors",
+    "InputError": "rrrgen.errors",
+    "DerivationError": "rrrgen.errors",
+    "BackendError": "rrrgen.errors",
+    "BuildError": "rrrgen.errors",
+    "InternalError": "rrrgen.errors",
+}
+
+__all__ = [
+    "BackendError",
+    "BuildError",
+    "DerivationError",
+    "InputError",
+    "InternalError",
+    "Model",
+    "RrrgenError",
+    "__version__",
+    "bundled_names",
+    "compile",
+    "derive",
+    "load_spec",
+    "loads_spec",
+]
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'rrrgen' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(home), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -23,7 +23,10 @@ TAU = Port("tau", (2,), "N m", "joint", "joint torques")
 BETA = Port("beta", (6,), "mixed", "", "base parameters")
 IA = Port("Ia", (2,), "kg m^2", "joint", "drive inertia")
 IA_NOMINAL = (F(1, 50), F(1, 100))
-BETA_NOMINAL = (F(9, 4), F(21, 5), F(1, 10), F(4, 5), F(6, 5), F(-1, 20))
+LINKS = (  # mass, com x, com y, Izz about the com
+    (F(4), F(-1, 5), F(1, 40), F(3, 20)),
+    (F(3), F(-1, 10), F(-1, 60), F(1, 10)),
+)
 
 
 def spec(name: str = "planar", links: bool = True, drives: bool = True) -> RobotSpec:
@@ -34,9 +37,18 @@ def spec(name: str = "planar", links: bool = True, drives: bool = True) -> Robot
                   drive=DriveSpec(inertia=float(IA_NOMINAL[i])) if drives else None)
         for i, a in enumerate((A1, A2))
     )  # fmt: skip
-    link = LinkSpec(sp.Integer(1), (zero, zero, zero), (zero,) * 6, "com")
+    rational = lambda x: sp.Rational(x.numerator, x.denominator)  # noqa: E731
+    bodies = tuple(
+        LinkSpec(
+            rational(m),
+            (rational(x), rational(y), zero),
+            (rational(J / 2), rational(J / 2), rational(J), *[zero] * 3),
+            "com",
+        )
+        for m, x, y, J in LINKS
+    )
     gravity = (zero, sp.Rational(-981, 100), zero)
-    return RobotSpec(name, "standard", gravity, {}, joints, (link, link) if links else None, description="Planar arm")
+    return RobotSpec(name, "standard", gravity, {}, joints, bodies if links else None, description="Planar arm")
 
 
 def _model(b, q, dq, beta, Ia=None):
@@ -190,6 +202,16 @@ def projection() -> list[list[F]]:
     K[4][10], K[4][11] = A2, F(1)
     K[5][12] = F(1)
     return K
+
+
+def _phi() -> list[F]:
+    rows = []
+    for m, x, y, J in LINKS:
+        rows += [m, m * x, m * y, 0, J / 2 + m * y * y, -m * x * y, J / 2 + m * x * x, 0, 0, J + m * (x * x + y * y)]
+    return rows
+
+
+BETA_NOMINAL = tuple(sum((k * v for k, v in zip(row, _phi(), strict=True)), F(0)) for row in projection())
 
 
 def planar_model(name: str = "planar", links: bool = True, drives: bool = True) -> DerivedModel:

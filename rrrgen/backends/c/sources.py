@@ -89,8 +89,9 @@ _CONVENTIONS = {
 
 
 _SYMBOLS = (
-    "Base parameters beta[{macro}_B]. Link i: mass mi, first moments mxi myi mzi (mass times centre of mass), inertia "
-    "tensor Ixxi Ixyi Iyyi Ixzi Iyzi Izzi about the origin of link frame i (Ixy = -integral of x*y dm), in its axes."
+    "Base parameters beta[{macro}_B]. Link i, in the axes of link frame i: mass mi, centre of mass xi yi zi, first "
+    "moments mxi myi mzi = mi*(xi, yi, zi), inertia tensor Ixxi Ixyi Iyyi Ixzi Iyzi Izzi about the origin of the frame "
+    "(Ixy = -integral of x*y dm)."
 )
 
 

@@ -1,0 +1,202 @@
+"""The self-test that runs on the target: golden vectors of the reference evaluation, and identities of mechanics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.backends import Identity
+from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.signature import function_name
+from rrrgen.program import Program, evaluate
+from rrrgen.resources import render
+
+if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.spec.robot_spec import LinkSpec, RobotSpec
+
+Array = NDArray[np.float64]
+
+GOLDEN = (
+    "forward_kinematics",
+    "link_frames",
+    "jacobian",
+    "jacobian_dot_dq",
+    "mass_matrix",
+    "coriolis_matrix",
+    "coriolis",
+    "coriolis_transpose",
+    "gravity",
+    "inverse_dynamics",
+    "regressor",
+    "regressor_transpose",
+    "energy",
+    "friction",
+)
+"""Functions with golden vectors. The others are checked through identities: forward dynamics undoes inverse dynamics
+(its own values are as uncertain as M is ill-conditioned), the standard regressor times phi is the torque."""
+
+
+@dataclass(frozen=True)
+class Golden:
+    """One function's expected values at every state."""
+
+    name: str
+    call: str  # arguments in C, for state k
+    size: int
+    scale: str  # largest absolute value over all states
+    rows: tuple[str, ...]
+
+
+def selftest(model: DerivedModel, identity: Identity, dialect: Dialect) -> dict[str, str]:
+    """``<name>_selftest.c``: returns 0 and prints a line per check, or 1."""
+    states = _states(model.spec)
+    parameters = _parameters(model)
+    golden = _golden(model.programs, states, parameters)
+    tables = {name: _rows(values) for name, values in states.items()}
+    vectors = {name: _lines(values) for name, values in parameters.items()}
+    text = render(
+        "c/selftest.c.j2",
+        prefix=dialect.prefix,
+        macro=dialect.macro,
+        real=dialect.real,
+        identity=identity,
+        n=model.spec.n,
+        b=len(model.base_parameters),
+        count=len(states["q"]),
+        states=tables,
+        parameters=vectors,
+        golden=golden,
+        functions=set(model.programs),
+        drives=model.drive_inertia_nominal is not None,
+        positive=_is_positive(model.programs, states, parameters),
+        twins=_twins(model, dialect),
+    )
+    return {f"{dialect.prefix}_selftest.c": text}
+
+
+def _states(spec: RobotSpec) -> dict[str, Array]:
+    """Rest and motion at zero, right angles, half turns (singular for most robots), and scattered states.
+
+    All are multiples of 1/64, which are exact in either precision.
+    """
+    n = spec.n
+    span = np.array([3.0 if joint.is_revolute else 0.5 for joint in spec.joints])
+    turn = np.array([101 / 64 if joint.is_revolute else 0.25 for joint in spec.joints])  # 101/64 is close to pi/2
+    scattered = _scattered(4, 4 * n)
+    zero = np.zeros(n)
+    q = [zero, zero, turn, 2 * turn, *(np.round(64 * row[:n] * span) / 64 for row in scattered)]
+    moving = [_scattered(1, 3 * n, seed)[0] for seed in (5, 6, 7)]
+    rest = np.zeros(3 * n)
+    others = np.array([rest, *moving, *(row[n:] for row in scattered)])
+    others = np.round(128 * others) / 64  # up to 2 rad/s and rad/s^2
+    return {"q": np.array(q), "dq": others[:, :n], "ddq": others[:, n : 2 * n], "e": others[:, 2 * n :]}
+
+
+def _scattered(rows: int, columns: int, seed: int = 1) -> Array:
+    """Numbers in (-1, 1) of a linear congruential generator: the same for every version of every library."""
+    values, state = [], seed
+    for _ in range(rows * columns):
+        state = (1103515245 * state + 12345) % 2**31
+        values.append(2 * (state >> 16) / 2**15 - 1)
+    return np.array(values).reshape(rows, columns)
+
+
+def _parameters(model: DerivedModel) -> dict[str, Array]:
+    """phi, beta and Ia: of the robot file, or of plausible links where it has none."""
+    links = model.spec.links
+    phi = np.concatenate([standard_parameters(link) for link in links] if links else _plausible(model.spec.n))
+    K = np.array(model.base_projection, dtype=float).reshape(-1, len(phi))
+    nominal = model.beta_nominal
+    parameters = {"phi": phi, "beta": K @ phi if nominal is None else np.array([float(x) for x in nominal])}
+    if model.drive_inertia_nominal is not None:
+        parameters["Ia"] = np.array([float(value) for value in model.drive_inertia_nominal])
+    return parameters
+
+
+def standard_parameters(link: LinkSpec) -> Array:
+    """m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz of a link, about the origin of its frame."""
+    xx, yy, zz, xy, xz, yz = (float(value) for value in link.inertia_about_origin())
+    m = float(link.mass)
+    return np.array([m, *(m * float(x) for x in link.com), xx, xy, yy, xz, yz, zz])
+
+
+def _plausible(n: int) -> list[Array]:
+    """Links of decreasing mass with their centre of mass off all axes: every parameter non-zero, M > 0."""
+    rows = []
+    for i in range(n):
+        m, c = 2.0 - i / n, np.array([0.125, -0.0625, 0.03125])
+        tensor = m * (c @ c * np.eye(3) - np.outer(c, c)) + m * np.diag([0.03125, 0.046875, 0.0390625])
+        places = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+        rows.append(np.array([m, *(m * c), *(tensor[place] for place in places)]))
+    return rows
+
+
+def _golden(programs: Mapping[str, Program], states: dict[str, Array], parameters: dict[str, Array]) -> list[Golden]:
+    found = []
+    for name in GOLDEN:
+        if name in programs:
+            program = programs[name]
+            (values,) = _evaluated(program, states, parameters)
+            rows = values.reshape(len(values), -1)
+            scale = max(float(np.abs(rows).max()), 1e-6)
+            call = ", ".join(f"{port.name}[k]" if port.name in states else port.name for port in program.inputs)
+            found.append(Golden(name, call, rows.shape[1], f"{scale:.3g}", _rows(rows)))
+    return found
+
+
+def _evaluated(program: Program, states: dict[str, Array], parameters: dict[str, Array]) -> tuple[Any, ...]:
+    known = {**states, **parameters}
+    values = evaluate(program, *(known[port.name] for port in program.inputs))
+    count = len(states["q"])
+    return tuple(np.broadcast_to(v, (count, *port.shape)) for v, port in zip(values, program.outputs, strict=True))
+
+
+def _is_positive(programs: Mapping[str, Program], states: dict[str, Array], parameters: dict[str, Array]) -> bool:
+    """Whether M > 0 at the states; a robot file may hold inertias that no body has, which is a warning only."""
+    if "mass_matrix" not in programs:
+        return False
+    (M,) = _evaluated(programs["mass_matrix"], states, parameters)
+    return bool(np.linalg.eigvalsh(M).min() > 1e-9 * np.abs(M).max())
+
+
+def _twins(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
+    """Functions with a nominal twin: both calls in C and the size of the output."""
+    twins = []
+    for name, program in model.programs.items():
+        twin = model.programs.get(f"{name}_nominal")
+        if twin is None or any(port.name in ("status", "tau") for port in (*program.inputs, *twin.outputs[:-1])):
+            continue
+        states = {"q": "q[k]", "dq": "dq[k]", "ddq": "ddq[k]"}
+        arguments = [[states.get(port.name, port.name) for port in each.inputs] for each in (program, twin)]
+        twins.append(
+            {
+                "name": name,
+                "general": f"{function_name(program, dialect)}({', '.join(arguments[0])}, expected)",
+                "nominal": f"{function_name(twin, dialect)}({', '.join(arguments[1])}, result)",
+                "size": program.outputs[-1].size,
+            }
+        )
+    return twins
+
+
+def _rows(table: Array) -> tuple[str, ...]:
+    """One brace-enclosed row per state, broken over lines."""
+    return tuple("{" + ",\n     ".join(_lines(row)) + "}" for row in table)
+
+
+def _lines(values: Array, width: int = 108) -> list[str]:
+    """Numbers ``R(...)`` joined by commas, as lines of at most ``width`` characters."""
+    lines, line = [], ""
+    for value in values:
+        cell = f"R({float(value) + 0.0!r})"  # + 0.0 turns -0.0 into 0.0
+        if line and len(line) + len(cell) + 2 > width:
+            lines.append(line)
+            line = cell
+        else:
+            line = f"{line}, {cell}" if line else cell
+    return [*lines, line]
