@@ -31,7 +31,7 @@ def derive_model(spec: RobotSpec) -> DerivedModel:
     model = build_model(spec)
     own = base_set(model)
     change = change_basis(spec, own) if spec.basis is not None else None
-    parametrization = parametrize(model, own, change)
+    parametrization = parametrize(own, change)
     programs = {name: record(Recording(model, parametrization)) for name, record in FUNCTIONS.items()}
     if any(joint.friction is not None for joint in spec.joints):
         programs["friction"] = friction(Recording(model, parametrization))

@@ -15,11 +15,10 @@ from typing import Any
 import sympy as sp
 
 from rrrgen.derive.finite_field import PRIME, Residue, square_root
-from rrrgen.derive.polynomials import PolynomialRing
-from rrrgen.derive.vectors import Matrix, Vector, turn
+from rrrgen.derive.vectors import Matrix, Vector
 from rrrgen.errors import DerivationError
 from rrrgen.model import RobotModel, cosine_sine
-from rrrgen.program import Builder
+from rrrgen.program import Builder, Port, Value
 
 HALF_PI = sp.pi / 2
 
@@ -136,19 +135,46 @@ def rational_float(value: float | None) -> Fraction:
     return Fraction(0) if value is None else Fraction(str(value))
 
 
-def program_chain(model: RobotModel, builder: Builder, q: Sequence[Any]) -> Chain:
-    """The chain over recorded scalars, named parameters at their nominal values."""
-    spec = model.spec
+def nominal_constant(model: RobotModel) -> Callable[[sp.Expr], Fraction]:
+    """Constants of the geometry as fractions, named parameters at their nominal values."""
 
     def constant(expression: sp.Expr) -> Fraction:
-        return rational(spec.nominal(expression))
+        return rational(model.spec.nominal(expression))
+
+    return constant
+
+
+def symbolic_constant(builder: Builder, generators: Sequence[sp.Expr]) -> Callable[[sp.Expr], Value]:
+    """Constants of the geometry as inputs of the program, one for each of ``generators``."""
+    port = Port("constants", (len(generators),), "", "", ", ".join(map(str, generators)))
+    inputs = dict(zip(generators, builder.input(port), strict=True))
+
+    def constant(expression: sp.Expr) -> Value:
+        if expression.is_Rational:
+            return Fraction(int(expression.p), int(expression.q))
+        if expression in inputs:
+            return inputs[expression]
+        if expression.is_Pow and expression.exp.is_Integer and expression.exp > 0:
+            return constant(expression.base) * constant(expression.base ** (expression.exp - 1))
+        total: Value = 0 if expression.is_Add else 1
+        for part in expression.args:
+            total = total + constant(part) if expression.is_Add else total * constant(part)
+        return total
+
+    return constant
+
+
+def program_chain(
+    model: RobotModel, builder: Builder, constant: Callable[[sp.Expr], Value], q: Sequence[Any]
+) -> Chain:
+    """The chain over recorded scalars."""
 
     def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:
         total: Any = 0
         for i in turning:
             total = total + q[i]
-        quarters, rest = quarter_turns(spec.nominal(angle))
-        total = total + rational(rest)
+        quarters, rest = quarter_turns(angle)
+        total = total + constant(rest)
         label = "".join(str(i + 1) for i in turning)
         c = builder.label(builder.cos(total), f"c{label}")
         s = builder.label(builder.sin(total), f"s{label}")
@@ -226,18 +252,20 @@ def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain
     return build_chain(model, constants, trig, q), q
 
 
-# -- polynomials -----------------------------------------------------------------------------------------------------
+# -- exact constants -------------------------------------------------------------------------------------------------
 
 
-def exact_constants(model: RobotModel) -> tuple[list[sp.Expr], list[tuple[sp.Expr, sp.Expr]], list[sp.Expr]]:
-    """The generators that the constants of ``model`` need: symbols, (cosine, sine) pairs, square roots."""
-    expressions: list[sp.Expr] = list(model.spec.gravity)
+def exact_constants(
+    model: RobotModel, further: Sequence[sp.Expr] = ()
+) -> tuple[list[sp.Expr], list[tuple[sp.Expr, sp.Expr]], list[sp.Expr]]:
+    """The generators that the constants of ``model`` (and ``further`` ones) need: symbols, trig pairs, square roots."""
+    expressions: list[sp.Expr] = [*model.spec.gravity, *further]
     for X in [joint.before for joint in model.joints] + [model.tip, *model.link_frames]:
         expressions += [*X.R, *X.p]
     for joint, angle in zip(model.joints, block_angles(model), strict=True):
         rest = quarter_turns(angle)[1]
         if joint.revolute and rest != 0:
-            expressions += cosine_sine(rest)
+            expressions += [rest, *cosine_sine(rest)]
     symbols: set[sp.Expr] = set()
     angles: set[sp.Expr] = set()
     roots: set[sp.Expr] = set()
@@ -280,35 +308,3 @@ def _collect(
 def joint_symbols(n: int, prefix: str = "q") -> list[sp.Symbol]:
     """``q1 .. qn`` (or dq1, ddq1, ...)."""
     return [sp.Symbol(f"{prefix}{i + 1}", real=True) for i in range(n)]
-
-
-def angle_pairs(model: RobotModel) -> dict[tuple[int, ...], tuple[sp.Expr, sp.Expr]]:
-    """For each set of joints whose angles add up: cosine and sine of the sum."""
-    q = joint_symbols(model.n)
-    pairs: dict[tuple[int, ...], tuple[sp.Expr, sp.Expr]] = {}
-    for block in model.blocks:
-        turning: tuple[int, ...] = ()
-        for i in block:
-            if model.joints[i].revolute:
-                turning = (*turning, i)
-                total = sum((q[k] for k in turning), sp.S.Zero)
-                pairs[turning] = (sp.cos(total), sp.sin(total))
-    return pairs
-
-
-def polynomial_chain(model: RobotModel, ring: PolynomialRing) -> Chain:
-    """The chain over polynomials; ``ring`` must hold the generators of constants, angles and slides."""
-    q = joint_symbols(model.n)
-    pairs = angle_pairs(model)
-
-    def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:
-        cosine, sine = (ring.generator(g) for g in pairs[turning])
-        quarters, rest = quarter_turns(angle)
-        c, s = rotate_quarters(quarters, cosine, sine)
-        if rest == 0:
-            return c, s
-        shifted = turn(*(ring.convert(v) for v in cosine_sine(rest)), [c, s, 0])
-        return shifted[0], shifted[1]
-
-    slides = [0 if joint.revolute else ring.generator(q[i]) for i, joint in enumerate(model.joints)]
-    return build_chain(model, ring.convert, trig, slides)

@@ -7,6 +7,8 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+import sympy as sp
+
 from rrrgen.derive import composite, kinematics, momentum
 from rrrgen.derive.chain import Chain, Placement, rational_float
 from rrrgen.derive.inertia import STANDARD, PseudoInertia, from_standard
@@ -203,16 +205,17 @@ def _regressor_rows(r: Recording, columns: list[list[Any]]) -> list[list[Any]]:
     inverse = r.parametrization.inverse
     if inverse is None:
         return [list(row) for row in zip(*columns, strict=True)]
-    width = len(inverse[0])
-    rows = []
-    for j in range(r.n):
-        row: list[Any] = [0] * width
-        for k, column in enumerate(columns):
-            for m in range(width):
-                if inverse[k][m]:
-                    row[m] = row[m] + inverse[k][m] * column[j]
-        rows.append(row)
-    return rows
+    return [_through(r, inverse, [column[j] for column in columns]) for j in range(r.n)]
+
+
+def _through(r: Recording, inverse: tuple[tuple[sp.Expr, ...], ...], values: list[Any]) -> list[Any]:
+    """Row vector times the inverse change of basis."""
+    result: list[Any] = [0] * len(inverse[0])
+    for row, value in zip(inverse, values, strict=True):
+        for m, factor in enumerate(row):
+            if factor != 0:
+                result[m] = result[m] + r.constant(factor) * value
+    return result
 
 
 def _motions(r: Recording) -> tuple[Chain, list[LinkMotion]]:
@@ -248,10 +251,7 @@ def regressor_transpose(r: Recording) -> Program:
         values.append(dot(v, F) + dot(omega, N))
     inverse = r.parametrization.inverse
     if inverse is not None:
-        values = [
-            sum((inverse[k][m] * values[k] for k in range(len(values)) if inverse[k][m]), 0)
-            for m in range(len(inverse[0]))
-        ]
+        values = _through(r, inverse, values)
     port = Port("r", (len(values),), "SI", "", "Y' e")
     return r.builder.program(
         "regressor_transpose",

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
+import sympy as sp
+
 from rrrgen.derive.base_parameters import BaseSet
-from rrrgen.derive.chain import Chain, program_chain, rational
+from rrrgen.derive.chain import Chain, nominal_constant, program_chain, symbolic_constant
 from rrrgen.derive.inertia import PseudoInertia
 from rrrgen.derive.user_basis import BasisChange
 from rrrgen.model import RobotModel
 from rrrgen.program import Builder, Port, Value
+
+Constant = Callable[[sp.Expr], Value]
 
 JOINT_PORTS = {
     "q": ("joint positions", "", ""),
@@ -33,11 +36,13 @@ class Parametrization:
     own: BaseSet
     names: tuple[str, ...]
     units: tuple[str, ...]
-    inverse: tuple[tuple[Fraction, ...], ...] | None
+    inverse: tuple[tuple[sp.Expr, ...], ...] | None
 
-    def inertias(self, n: int, beta: Sequence[Any]) -> list[PseudoInertia]:
+    def inertias(self, n: int, beta: Sequence[Any], constant: Constant) -> list[PseudoInertia]:
         """Pseudo-inertias with only the entries of the base set different from zero."""
-        values = list(beta) if self.inverse is None else [_combine(row, beta) for row in self.inverse]
+        values = list(beta)
+        if self.inverse is not None:
+            values = [_combine([constant(v) for v in row], beta) for row in self.inverse]
         entries: list[dict[str, Any]] = [{} for _ in range(n)]
         for (i, entry), value in zip(self.own.parameters, values, strict=True):
             entries[i][entry] = value
@@ -52,21 +57,21 @@ def _combine(row: Sequence[Any], values: Sequence[Any]) -> Any:
     return total
 
 
-def parametrize(model: RobotModel, own: BaseSet, change: BasisChange | None) -> Parametrization:
-    """The parametrization of emitted code: the user's basis where the file has one, else the compiler's own."""
+def parametrize(own: BaseSet, change: BasisChange | None) -> Parametrization:
+    """The parametrization of a model: the user's basis where the file has one, else the compiler's own."""
     if change is None:
         return Parametrization(own, own.names, tuple(own.units), None)
-    inverse = tuple(tuple(rational(model.spec.nominal(v)) for v in row) for row in change.inverse)
-    return Parametrization(own, change.names, change.units, inverse)
+    return Parametrization(own, change.names, change.units, change.inverse)
 
 
 class Recording:
-    """One function being recorded."""
+    """One function being recorded, with nominal geometry or (for closed forms) with the geometry as symbols."""
 
-    def __init__(self, model: RobotModel, parametrization: Parametrization) -> None:
+    def __init__(self, model: RobotModel, parametrization: Parametrization, symbols: Sequence[sp.Expr] = ()) -> None:
         self.model = model
         self.parametrization = parametrization
         self.builder = Builder()
+        self.constant: Constant = symbolic_constant(self.builder, symbols) if symbols else nominal_constant(model)
         revolute = all(joint.revolute for joint in model.joints)
         prismatic = not any(joint.revolute for joint in model.joints)
         self.position_unit = "rad" if revolute else "m" if prismatic else "rad | m"
@@ -90,13 +95,13 @@ class Recording:
 
     def chain(self) -> Chain:
         """Declare q and return the geometry."""
-        return program_chain(self.model, self.builder, self.joints("q"))
+        return program_chain(self.model, self.builder, self.constant, self.joints("q"))
 
     def inertias(self) -> list[PseudoInertia]:
         """Declare beta and return the inertias it stands for."""
         names = self.parametrization.names
         beta = self.builder.input(Port("beta", (len(names),), "SI", "", "base parameters " + ", ".join(names)))
-        return self.parametrization.inertias(self.n, beta)
+        return self.parametrization.inertias(self.n, beta, self.constant)
 
     def drive_inertia(self) -> list[Value]:
         """Declare Ia if any drive has inertia, else zeros."""
