@@ -24,6 +24,12 @@ from rrrgen.errors import InternalError
 from rrrgen.program import Builder, Op, Port, Program, Scalar, Value
 from rrrgen.program.ir import Node, replay
 
+Tangent = dict[int, Value]
+"""Derivatives of one value, by direction; directions that are missing are zero."""
+
+ROWS_FACTOR = 4
+"""A reverse sweep costs about this many times a forward direction that shares the sweep with others."""
+
 
 @dataclass(frozen=True)
 class Matrix:
@@ -110,28 +116,51 @@ def routine(program: Program, name: str) -> Routine:
 
 
 def jacobian(base: Routine) -> Routine:
-    """The sparse blocks d vec(output) / d vec(input), for every output (outer) and input (inner)."""
+    """The sparse blocks d vec(output) / d vec(input), for every output (outer) and input (inner).
+
+    Written by columns (forward) or, when outputs are few, by rows (reverse), whichever takes less arithmetic.
+    """
     builder = Builder()
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs)]
     values = _declare(builder, inputs)[: len(base.inputs)]
-    offsets: list[int] = []
-    seeds: list[list[Tangent]] = []
-    count = 0
-    for elements in values:
-        offsets.append(count)
-        seeds.append([{count + k: 1} for k in range(len(elements))])
-        count += len(elements)
-    tangents = _propagate(base.program, builder, values, seeds)
+    count = sum(len(m.entries) for m in base.inputs)
+    by_rows = ROWS_FACTOR * sum(len(m.entries) for m in base.outputs) < count
+    gradients = (_rows if by_rows else _columns)(base, builder, values)
     outputs, results = [], []
-    for out, row in zip(base.outputs, tangents, strict=True):
-        for source, offset in zip(base.inputs, offsets, strict=True):
+    for out, row in zip(base.outputs, gradients, strict=True):
+        offset = 0
+        for source in base.inputs:
             matrix, nonzeros = _block(out, row, source, offset)
             outputs.append(matrix)
             results.append(nonzeros)
+            offset += len(source.entries)
     return _finish(builder, f"jac_{base.name}", inputs, outputs, results, f"Jacobian of {base.name}.")
 
 
-def _block(out: Matrix, row: Sequence[dict[int, Value]], source: Matrix, offset: int) -> tuple[Matrix, list[Value]]:
+def _columns(base: Routine, builder: Builder, values: Sequence[Sequence[Value]]) -> list[list[Tangent]]:
+    """Gradients of all outputs by one sparse forward sweep; inputs are numbered through."""
+    seeds: list[list[Tangent]] = []
+    count = 0
+    for row in values:
+        seeds.append([{count + k: 1} for k in range(len(row))])
+        count += len(row)
+    return _propagate(base.program, builder, values, seeds)
+
+
+def _rows(base: Routine, builder: Builder, values: Sequence[Sequence[Value]]) -> list[list[Tangent]]:
+    """Gradients of all outputs by one reverse sweep each."""
+    gradients: list[list[Tangent]] = []
+    for k, out in enumerate(base.outputs):
+        gradients.append([])
+        for element in range(len(out.entries)):
+            weights: list[list[Value]] = [[0] * len(m.entries) for m in base.outputs]
+            weights[k][element] = 1
+            flat = [v for row in _pull_back(base.program, builder, values, weights) for v in row]
+            gradients[-1].append({place: value for place, value in enumerate(flat) if not _is_zero(value)})
+    return gradients
+
+
+def _block(out: Matrix, row: Sequence[Tangent], source: Matrix, offset: int) -> tuple[Matrix, list[Value]]:
     """One Jacobian block: its pattern and its nonzeros by compressed columns."""
     entries, elements = [], []
     for column, (r, c) in enumerate(source.entries):
@@ -186,9 +215,6 @@ def _finish(
 
 
 # -- differentiation of one program ------------------------------------------------------------------------------------
-
-Tangent = dict[int, Value]
-"""Derivatives of one value, by direction; directions that are missing are zero."""
 
 
 def _record(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[Value]:
