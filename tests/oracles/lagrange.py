@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from oracles.newton_euler import Robot, frames
+from oracles.newton_euler import Robot, cross, frames
 
 STEP = 1e-30  # the complex step has no cancellation, so the step may be far below round-off
 
@@ -23,7 +23,7 @@ def mass_matrix(robot: Robot, q) -> np.ndarray:
         Jw = np.zeros((3, robot.n), dtype=M.dtype)
         for i in range(j + 1):
             if robot.rows[i][0] == "revolute":
-                Jv[:, i], Jw[:, i] = np.cross(f.axes[i], centre - f.points[i]), f.axes[i]
+                Jv[:, i], Jw[:, i] = cross(f.axes[i], centre - f.points[i]), f.axes[i]
             else:
                 Jv[:, i] = f.axes[i]
         M = M + link.mass * Jv.T @ Jv + Jw.T @ R @ link.inertia @ R.T @ Jw

@@ -1,0 +1,158 @@
+"""Every function of the model against the built-in Newton-Euler."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rrrgen.verify.chain import Array
+from rrrgen.verify.comparison import Collector, Tolerances, rate, size
+from rrrgen.verify.newton_euler import NewtonEuler
+from rrrgen.verify.subject import Model, Parameters, States, draw_states
+
+RANK_STATES = 40  # at least four rows of the stacked regressor per standard parameter
+RANK_THRESHOLD = 1e-10  # exact zeros come out near 1e-15 of the largest singular value
+NO_PARAMETERS = "-"
+
+
+def check_kinematics(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
+    """Frames and Jacobians."""
+    check = rows.against(ne.name, NO_PARAMETERS, tolerances.exact, s.count)
+    J, acceleration = ne.jacobian(s.q), ne.jacobian_dot_dq(s.q, s.dq)
+    check("forward_kinematics", lambda: model.forward_kinematics(s.q), ne.forward_kinematics(s.q))
+    check("link_frames", lambda: model.link_frames(s.q), ne.link_frames(s.q))
+    check("jacobian", lambda: model.jacobian(s.q), J)
+    scale = max(size(acceleration), size(J) * size(s.dq) ** 2)
+    check("jacobian_dot_dq", lambda: model.jacobian_dot_dq(s.q, s.dq), acceleration, scale=scale)
+
+
+def check_regressors(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
+    """Y phi = Y_base K phi for every phi, hence Y = Y_base K column by column; as many columns as the rank of Y."""
+    check = rows.against(ne.name, NO_PARAMETERS, tolerances.exact, s.count)
+    Y, K = ne.standard_regressor(s.q, s.dq, s.ddq), np.asarray(model.base_projection)
+    applied = np.einsum("nij,ni->nj", Y, s.e)
+    check("standard_regressor", lambda: model.standard_regressor(s.q, s.dq, s.ddq), Y)
+    check("regressor K", lambda: np.asarray(model.regressor(s.q, s.dq, s.ddq)) @ K, Y)
+    check("regressor_transpose K", lambda: np.asarray(model.regressor_transpose(s.q, s.dq, s.ddq, s.e)) @ K, applied)
+    extra = _extra_columns(model, s)
+    check(
+        "identification_regressor",
+        lambda: _identification_columns(model, K, s, extra),
+        np.concatenate([Y, extra], axis=2),
+    )
+    check(
+        "number of base parameters (rank)",
+        lambda: np.array([len(K), len(model.base_parameter_names)], dtype=np.float64),
+        np.full(2, float(base_rank(ne))),
+        scale=1.0,
+    )
+
+
+def base_rank(ne: NewtonEuler) -> int:
+    """Rank of the stacked standard regressor, its non-zero columns scaled to unit length."""
+    s = draw_states(ne.chain, RANK_STATES, np.random.default_rng(0))
+    Y = ne.standard_regressor(s.q, s.dq, s.ddq).reshape(-1, 10 * ne.chain.n)
+    norms = np.linalg.norm(Y, axis=0)
+    used = norms > RANK_THRESHOLD * max(size(norms), 1e-300)
+    singular_values = np.linalg.svd(Y[:, used] / norms[used], compute_uv=False)
+    return int(np.sum(singular_values > RANK_THRESHOLD * size(singular_values)))
+
+
+def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collector) -> None:
+    """fv dq + fc sgn(dq) + offset (14.11), a field that the description leaves out being zero."""
+
+    def coefficients(kind: str) -> Array:
+        terms = [None if joint.friction is None else getattr(joint.friction, kind) for joint in model.spec.joints]
+        return np.array([term or 0.0 for term in terms], dtype=np.float64)
+
+    expected = coefficients("viscous") * s.dq + coefficients("coulomb") * np.sign(s.dq) + coefficients("offset")
+    check = rows.against("(14.11)", NO_PARAMETERS, tolerances.exact, s.count)
+    check("friction", lambda: model.friction(s.dq), expected)
+
+
+def _extra_columns(model: Model, s: States) -> Array:
+    """Drive inertia, viscous, Coulomb and offset columns (N, n, extra) of the joints that have them."""
+    signals = {"inertia": s.ddq, "viscous": s.dq, "coulomb": np.sign(s.dq), "offset": np.ones_like(s.q)}
+    columns = []
+    for kind, signal in signals.items():
+        for i, joint in enumerate(model.spec.joints):
+            owner = joint.drive if kind == "inertia" else joint.friction
+            if owner is not None and getattr(owner, kind) is not None:
+                columns.append(np.zeros_like(s.q))
+                columns[-1][:, i] = signal[:, i]
+    return np.stack(columns, axis=2) if columns else np.zeros((*s.q.shape, 0))
+
+
+def _identification_columns(model: Model, K: Array, s: States, extra: Array) -> Array:
+    """The model's identification regressor, base columns times K, the others in the order of ``extra``."""
+    got = np.asarray(model.identification_regressor(s.q, s.dq, s.ddq))
+    names = len(model.identification_parameter_names)
+    if got.shape[-1] != names or names != len(K) + extra.shape[-1]:
+        raise ValueError(f"{got.shape[-1]} columns and {names} names instead of {len(K) + extra.shape[-1]}")
+    own = got[..., len(K) :]
+    distances = np.max(np.abs(own[..., :, None] - extra[..., None, :]), axis=(0, 1), initial=0.0)
+    order = np.argmin(distances, axis=0) if extra.shape[-1] else np.zeros(0, dtype=np.intp)
+    return np.concatenate([got[..., : len(K)] @ K, own[..., order]], axis=2)
+
+
+def check_dynamics(
+    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+) -> None:
+    """Everything that depends on inertial parameters."""
+    check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
+    beta = parameters.beta
+    tau, c, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.coriolis(s.q, s.dq), ne.mass_matrix(s.q)
+    torque = size(tau)
+    if beta is None:
+        check("beta = K phi", lambda: _nominal_beta(model), np.asarray(model.base_projection) @ parameters.phi.ravel())
+    check("inverse_dynamics", lambda: model.inverse_dynamics(s.q, s.dq, s.ddq, beta=beta), tau)
+    check("mass_matrix", lambda: model.mass_matrix(s.q, beta=beta), M)
+    check("coriolis", lambda: model.coriolis(s.q, s.dq, beta=beta), c, scale=torque)
+    check("gravity", lambda: model.gravity(s.q, beta=beta), ne.gravity(s.q), scale=torque)
+    check(
+        "coriolis_matrix dq",
+        lambda: np.einsum("nij,nj->ni", model.coriolis_matrix(s.q, s.dq, beta=beta), s.dq),
+        c,
+        scale=torque,
+    )
+    M_dot = rate(lambda t: ne.mass_matrix(s.q + t * s.dq), tolerances.step)
+    transposed = np.einsum("nij,nj->ni", M_dot, s.dq) - c  # dM/dt = C + C'
+    rows.against(ne.name, parameters.label, tolerances.differenced, s.count)(
+        "coriolis_transpose",
+        lambda: model.coriolis_transpose(s.q, s.dq, beta=beta),
+        transposed,
+        scale=max(torque, size(transposed)),
+    )
+    if np.all(np.linalg.eigvalsh(M)[:, 0] > 0.0):
+        check(
+            "forward_dynamics (as torque)",
+            lambda: ne.inverse_dynamics(s.q, s.dq, np.asarray(model.forward_dynamics(s.q, s.dq, tau, beta=beta))),
+            tau,
+        )
+    else:
+        rows.skipped.append(("forward_dynamics", f"M(q) of the {parameters.label} parameters is not positive definite"))
+    _check_energy(model, ne, parameters, s, tolerances, rows)
+
+
+def _nominal_beta(model: Model) -> Array:
+    """The model's own base parameters."""
+    if model.beta is None:
+        raise ValueError("the description has links, but the model has no nominal base parameters")
+    return np.asarray(model.beta)
+
+
+def _check_energy(
+    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+) -> None:
+    """Kinetic and potential energy, the latter up to its value at q = 0."""
+    check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
+    home = np.zeros_like(s.q)
+    kinetic, potential = ne.energy(s.q, s.dq)
+    potential = potential - ne.energy(home, s.dq)[1]
+    scale = max(size(kinetic), size(potential))
+
+    def own_potential() -> Array:
+        here, there = (model.energy(q, s.dq, beta=parameters.beta)[1] for q in (s.q, home))
+        return np.asarray(here) - np.asarray(there)
+
+    check("energy, kinetic", lambda: np.asarray(model.energy(s.q, s.dq, beta=parameters.beta)[0]), kinetic, scale=scale)
+    check("energy, potential", own_potential, potential, scale=scale)

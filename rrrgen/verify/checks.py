@@ -1,0 +1,87 @@
+"""Verification of a compiled model: every public function against independent references."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rrrgen.verify.against_newton_euler import check_dynamics, check_friction, check_kinematics, check_regressors
+from rrrgen.verify.chain import Chain, chain_of
+from rrrgen.verify.comparison import DOUBLE, SINGLE, Collector, Tolerances
+from rrrgen.verify.identities import check_identities
+from rrrgen.verify.newton_euler import NewtonEuler
+from rrrgen.verify.reference import LIBRARIES, ReferenceUnavailableError
+from rrrgen.verify.report import Report
+from rrrgen.verify.subject import Model, Parameters, States, draw_states, parameter_sets
+
+LIBRARY_SAMPLES = 20  # the other libraries are asked one state at a time; the Robotics Toolbox takes milliseconds each
+
+
+def verify(
+    model: Model,
+    samples: int = 200,
+    seed: int = 0,
+    *,
+    libraries: bool = True,
+) -> Report:
+    """Compare every function of a model with independent references at random states.
+
+    References: the built-in Newton-Euler (always), Pinocchio, MuJoCo and the Robotics Toolbox (when installed and
+    ``libraries``), and identities among the model's own functions. Parameters: the description's links where it has
+    them, and a random physical set handed over as ``beta``.
+
+    A difference is ``max|a - b| / scale`` over all entries of all states. The scale is ``max|b|``, except where b may
+    vanish identically: torque-like results (c, g, C'dq) are taken relative to the largest torque of the same states,
+    energies to the largest energy, ``dJ/dt dq`` to ``max|J| max|dq|^2`` when that is larger, the skew-symmetry residue
+    to ``max|M| max|dq|``. Accelerations from the forward dynamics are put back into the torque, so that an
+    ill-conditioned M does not count against the model. Potential energies are compared up to their value at q = 0,
+    because base parameters do not determine the constant. A model that answers in float32 is held to the tolerances of
+    single precision, at states that float32 represents exactly.
+    """
+    if samples < 1:
+        raise ValueError(f"samples must be at least 1, got {samples}")
+    rng = np.random.default_rng(seed)
+    chain = chain_of(model.spec)
+    states = draw_states(chain, samples, rng)
+    single = np.asarray(model.forward_kinematics(states.q)).dtype == np.float32
+    tolerances = SINGLE if single else DOUBLE
+    if single:
+        states = states.rounded(np.float32)
+    sets = parameter_sets(model, rng)
+    rows = Collector()
+    geometry = NewtonEuler(chain, sets[-1].phi)
+    check_kinematics(model, geometry, states, tolerances, rows)
+    check_regressors(model, geometry, states, tolerances, rows)
+    check_friction(model, states, tolerances, rows)
+    for parameters in sets:
+        check_dynamics(model, NewtonEuler(chain, parameters.phi), parameters, states, tolerances, rows)
+        check_identities(model, chain, parameters, states, tolerances, rows)
+    if libraries:
+        for name in LIBRARIES:
+            for parameters in sets:
+                _check_library(name, model, chain, parameters, states.first(LIBRARY_SAMPLES), tolerances, rows)
+    return Report(chain.name, samples, seed, tuple(rows.rows), tuple(dict.fromkeys(rows.skipped)))
+
+
+def _check_library(
+    name: str,
+    model: Model,
+    chain: Chain,
+    parameters: Parameters,
+    s: States,
+    tolerances: Tolerances,
+    rows: Collector,
+) -> None:
+    """Torque, mass matrix and tip against another library."""
+    try:
+        library = LIBRARIES[name](chain, parameters.phi)
+    except ReferenceUnavailableError as reason:
+        rows.skipped.append((name, str(reason)))
+        return
+    check = rows.against(library.name, parameters.label, tolerances.foreign, s.count)
+    beta = parameters.beta
+    tau = np.stack([library.inverse_dynamics(*state) for state in zip(s.q, s.dq, s.ddq, strict=True)])
+    check("inverse_dynamics", lambda: model.inverse_dynamics(s.q, s.dq, s.ddq, beta=beta), tau)
+    M = np.stack([library.mass_matrix(q) for q in s.q])
+    check("mass_matrix", lambda: model.mass_matrix(s.q, beta=beta), M)
+    tips = np.stack([library.forward_kinematics(q) for q in s.q])
+    check("forward_kinematics", lambda: model.forward_kinematics(s.q), tips)

@@ -1,0 +1,91 @@
+"""Relative differences, collected as rows of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from rrrgen.errors import RrrgenError
+from rrrgen.verify.chain import Array
+from rrrgen.verify.report import Row
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """What is accepted, relative, for a model in double or in float arithmetic.
+
+    ``exact``: both sides are closed computations, so only round-off differs; the margin covers cancellation in sums of
+    hundreds of terms. ``differenced``: one side is an eighth-order difference over ``step`` (rad or m per unit speed),
+    which costs round-off / step. ``foreign``: another library, with its own normalisations.
+    """
+
+    exact: float
+    differenced: float
+    foreign: float
+    step: float
+
+
+DOUBLE = Tolerances(exact=1e-11, differenced=1e-8, foreign=1e-10, step=2e-3)
+SINGLE = Tolerances(exact=1e-4, differenced=5e-3, foreign=1e-4, step=5e-2)
+
+STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
+"""Eighth-order central difference: f' h = sum w_k (f(k h) - f(-k h))."""
+
+
+ANSWERED_WITH_AN_ERROR = (RrrgenError, ArithmeticError, ValueError, TypeError, np.linalg.LinAlgError)
+"""What a model may raise at a valid state; it makes the comparison fail instead of ending the verification."""
+
+
+def rate(function: Callable[[float], Array], step: float) -> Array:
+    """df/ds at s = 0."""
+    return np.asarray(sum(w * (function(k * step) - function(-k * step)) for k, w in STENCIL) / step)
+
+
+def size(value: Array) -> float:
+    """The largest magnitude, 0 for an empty array."""
+    return float(np.max(np.abs(value), initial=0.0))
+
+
+def relative_difference(value: Array, expected: Array, scale: float) -> float:
+    """max|value - expected| / scale; inf when the shapes differ, nan stays nan."""
+    value, expected = np.asarray(value), np.asarray(expected)
+    if value.shape != expected.shape:
+        return float("inf")
+    return size(value - expected) / max(scale, 1e-300)
+
+
+class Check(Protocol):
+    """A comparison bound to a reference, parameters, and a tolerance."""
+
+    def __call__(
+        self, function: str, value: Callable[[], Array], expected: Array, *, scale: float | None = None
+    ) -> None:
+        """Add one row: ``value()`` against ``expected``, relative to ``scale`` (default max|expected|)."""
+        ...
+
+
+@dataclass
+class Collector:
+    """Gathers rows; a model that raises instead of answering gets a failing row with the message."""
+
+    rows: list[Row] = field(default_factory=list)
+    skipped: list[tuple[str, str]] = field(default_factory=list)
+
+    def against(self, reference: str, parameters: str, tolerance: float, samples: int) -> Check:
+        """The check that files its rows under a reference, a set of parameters, and a tolerance."""
+
+        def check(function: str, value: Callable[[], Array], expected: Array, *, scale: float | None = None) -> None:
+            note, difference = "", float("inf")
+            try:
+                got = np.asarray(value(), dtype=np.float64)
+                difference = relative_difference(got, expected, size(expected) if scale is None else scale)
+                if got.shape != np.shape(expected):
+                    note = f"shape {got.shape} instead of {np.shape(expected)}"
+            except ANSWERED_WITH_AN_ERROR as error:
+                note = f"{type(error).__name__}: {error}"
+            self.rows.append(Row(function, reference, parameters, samples, difference, tolerance, note))
+
+        return check

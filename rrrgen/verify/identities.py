@@ -1,0 +1,98 @@
+"""Identities that the model's own functions must satisfy among themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.verify.chain import Array, Chain
+from rrrgen.verify.comparison import ANSWERED_WITH_AN_ERROR, Collector, Tolerances, rate, size
+from rrrgen.verify.subject import Model, Parameters, States
+
+SELF = "identity"
+
+
+@dataclass(frozen=True)
+class _Own:
+    """The model's torque (N, n), mass matrix and Coriolis matrix (N, n, n) at the states."""
+
+    tau: Array
+    M: Array
+    C: Array
+
+
+def check_identities(
+    model: Model, chain: Chain, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+) -> None:
+    """tau = M ddq + C dq + g = Y beta (+ Ia ddq), M = M' > 0, C'dq, dM/dt - 2C skew, power balance."""
+    beta = parameters.beta
+    try:
+        own = _Own(
+            np.asarray(model.inverse_dynamics(s.q, s.dq, s.ddq, beta=beta)),
+            np.asarray(model.mass_matrix(s.q, beta=beta)),
+            np.asarray(model.coriolis_matrix(s.q, s.dq, beta=beta)),
+        )
+    except ANSWERED_WITH_AN_ERROR as error:
+        rows.skipped.append((SELF, f"the model gave no torque, M or C: {error}"))  # their own rows have failed
+        return
+    _check_sums(model, chain, parameters, s, own, tolerances, rows)
+    _check_rates(model, parameters, s, own, tolerances, rows)
+
+
+def _check_sums(
+    model: Model,
+    chain: Chain,
+    parameters: Parameters,
+    s: States,
+    own: _Own,
+    tolerances: Tolerances,
+    rows: Collector,
+) -> None:
+    """Identities without derivatives."""
+    beta = parameters.beta
+    check = rows.against(SELF, parameters.label, tolerances.exact, s.count)
+    inertial = np.einsum("nij,nj->ni", own.M, s.ddq) + np.einsum("nij,nj->ni", own.C, s.dq)
+
+    def from_regressor() -> Array:
+        base = np.asarray(model.beta if beta is None else beta)
+        return np.asarray(np.asarray(model.regressor(s.q, s.dq, s.ddq)) @ base + chain.drive_inertia * s.ddq)
+
+    def round_trip() -> Array:
+        ddq = model.forward_dynamics(s.q, s.dq, own.tau, beta=beta)
+        return np.asarray(np.einsum("nij,nj->ni", own.M, np.asarray(ddq) - s.ddq))
+
+    check("tau = M ddq + C dq + g", lambda: inertial + np.asarray(model.gravity(s.q, beta=beta)), own.tau)
+    check("tau = Y beta + Ia ddq", from_regressor, own.tau)
+    check("M = M'", lambda: np.swapaxes(own.M, 1, 2), own.M)
+    check(
+        "coriolis_transpose = C' dq",
+        lambda: model.coriolis_transpose(s.q, s.dq, beta=beta),
+        np.einsum("nji,nj->ni", own.C, s.dq),
+        scale=max(size(own.tau), size(own.C) * size(s.dq)),
+    )
+    if parameters.physical:
+        indefinite = np.mean(np.linalg.eigvalsh(0.5 * (own.M + np.swapaxes(own.M, 1, 2)))[:, 0] <= 0.0)
+        check("M > 0 (share of states where not)", lambda: np.asarray(indefinite), np.zeros(()), scale=1.0)
+        check("M (forward(inverse) - ddq) = 0", round_trip, np.zeros_like(s.q), scale=size(own.tau))
+
+
+def _check_rates(
+    model: Model, parameters: Parameters, s: States, own: _Own, tolerances: Tolerances, rows: Collector
+) -> None:
+    """The two identities with a derivative, taken along q + t dq, dq + t ddq."""
+    beta = parameters.beta
+    check = rows.against(SELF, parameters.label, tolerances.differenced, s.count)
+
+    def skew() -> Array:
+        M_dot = rate(lambda t: np.asarray(model.mass_matrix(s.q + t * s.dq, beta=beta)), tolerances.step)
+        S = M_dot - 2.0 * own.C
+        return S + np.swapaxes(S, 1, 2)
+
+    def total(t: float) -> Array:
+        kinetic, potential = model.energy(s.q + t * s.dq, s.dq + t * s.ddq, beta=beta)
+        return np.asarray(kinetic) + np.asarray(potential)
+
+    check("dM/dt - 2C skew", skew, np.zeros_like(own.C), scale=size(own.M) * size(s.dq))
+    power = own.tau * s.dq
+    check("d(K + U)/dt = tau.dq", lambda: rate(total, tolerances.step), np.sum(power, axis=1), scale=size(power))

@@ -1,0 +1,115 @@
+"""The outcome of a verification: one row per comparison, a verdict, text and JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Any
+
+HEADINGS = ("function", "reference", "parameters", "states", "max rel. difference", "tolerance", "verdict")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One comparison: what was compared with what, over how many states, and the largest relative difference.
+
+    ``difference`` is ``max|a - b| / scale`` (see :func:`rrrgen.verify.checks.verify` for the scales); a difference that
+    is not a number fails. ``note`` says what happened when the model refused to answer.
+    """
+
+    function: str
+    reference: str
+    parameters: str
+    samples: int
+    difference: float
+    tolerance: float
+    note: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Within tolerance; False for nan."""
+        return self.difference <= self.tolerance
+
+    @property
+    def verdict(self) -> str:
+        """``pass`` or ``FAIL``."""
+        return "pass" if self.ok else "FAIL"
+
+
+@dataclass(frozen=True)
+class Report:
+    """All comparisons of one model; ``skipped`` names references that could not be asked, with the reason."""
+
+    robot: str
+    samples: int
+    seed: int
+    rows: tuple[Row, ...]
+    skipped: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Every comparison passed, and there was at least one."""
+        return bool(self.rows) and all(row.ok for row in self.rows)
+
+    @property
+    def failures(self) -> tuple[Row, ...]:
+        """The rows that failed."""
+        return tuple(row for row in self.rows if not row.ok)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data; a difference that is infinite or not a number becomes None."""
+        rows = [
+            {
+                "function": row.function,
+                "reference": row.reference,
+                "parameters": row.parameters,
+                "samples": row.samples,
+                "max_relative_difference": row.difference if math.isfinite(row.difference) else None,
+                "tolerance": row.tolerance,
+                "verdict": row.verdict.lower(),
+                "note": row.note,
+            }
+            for row in self.rows
+        ]
+        skipped = [{"reference": name, "reason": reason} for name, reason in self.skipped]
+        return {
+            "robot": self.robot,
+            "ok": self.ok,
+            "samples": self.samples,
+            "seed": self.seed,
+            "rows": rows,
+            "skipped": skipped,
+        }
+
+    def to_json(self) -> str:
+        """:meth:`to_dict` as JSON text."""
+        return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
+
+    def to_text(self) -> str:
+        """A table of all rows, the references that were not asked, and the verdict."""
+        cells = [HEADINGS] + [
+            (
+                row.function,
+                row.reference,
+                row.parameters,
+                str(row.samples),
+                f"{row.difference:.1e}",
+                f"{row.tolerance:.0e}" if row.tolerance else "0",
+                row.verdict,
+            )
+            for row in self.rows
+        ]
+        widths = [max(len(line[k]) for line in cells) for k in range(len(HEADINGS))]
+        text = [
+            "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in cells
+        ]
+        text.insert(1, "  ".join("-" * width for width in widths))
+        text += [f"note: {row.function}: {row.note}" for row in self.rows if row.note]
+        text += [f"not asked: {name}: {reason}" for name, reason in self.skipped]
+        failed = len(self.failures)
+        verdict = "all comparisons pass" if self.ok else f"{failed} of {len(self.rows)} comparisons FAIL"
+        return "\n".join([*text, f"{self.robot}: {verdict} ({self.samples} states, seed {self.seed})"]) + "\n"
+
+    def __str__(self) -> str:
+        return self.to_text()

@@ -1,0 +1,123 @@
+"""What is verified: the public interface of a compiled model, and the states and parameters it is asked at."""
+
+# ruff: noqa: D102 -- the methods of the protocol are documented where they are implemented
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from rrrgen.spec.robot_spec import RobotSpec
+from rrrgen.verify.chain import Array, Chain, is_physical, nominal_parameters
+
+ANGLE_RANGE, STROKE, SPEED, ACCELERATION = np.pi, 0.5, 3.0, 10.0
+"""States are uniform in plus or minus these: rad, m, rad/s or m/s, rad/s^2 or m/s^2. Limits play no role."""
+
+
+class Model(Protocol):
+    """The functions of :class:`rrrgen.runtime.Model` that verification calls, on batches (N, n)."""
+
+    @property
+    def n(self) -> int: ...
+    @property
+    def spec(self) -> RobotSpec: ...
+    @property
+    def beta(self) -> Array | None: ...
+    @property
+    def base_projection(self) -> Array: ...
+    @property
+    def base_parameter_names(self) -> Sequence[str]: ...
+    @property
+    def identification_parameter_names(self) -> Sequence[str]: ...
+
+    def forward_kinematics(self, q: Array) -> Array: ...
+    def link_frames(self, q: Array) -> Array: ...
+    def jacobian(self, q: Array) -> Array: ...
+    def jacobian_dot_dq(self, q: Array, dq: Array) -> Array: ...
+    def mass_matrix(self, q: Array, *, beta: Array | None = None) -> Array: ...
+    def coriolis_matrix(self, q: Array, dq: Array, *, beta: Array | None = None) -> Array: ...
+    def coriolis(self, q: Array, dq: Array, *, beta: Array | None = None) -> Array: ...
+    def coriolis_transpose(self, q: Array, dq: Array, *, beta: Array | None = None) -> Array: ...
+    def gravity(self, q: Array, *, beta: Array | None = None) -> Array: ...
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array, *, beta: Array | None = None) -> Array: ...
+    def forward_dynamics(self, q: Array, dq: Array, tau: Array, *, beta: Array | None = None) -> Array: ...
+    def energy(self, q: Array, dq: Array, *, beta: Array | None = None) -> tuple[Array, Array]: ...
+    def friction(self, dq: Array) -> Array: ...
+    def regressor(self, q: Array, dq: Array, ddq: Array) -> Array: ...
+    def standard_regressor(self, q: Array, dq: Array, ddq: Array) -> Array: ...
+    def regressor_transpose(self, q: Array, dq: Array, ddq: Array, e: Array) -> Array: ...
+    def identification_regressor(self, q: Array, dq: Array, ddq: Array) -> Array: ...
+
+
+@dataclass(frozen=True)
+class States:
+    """Random states (N, n), and a vector e (N, n) for products with transposes."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+    e: Array
+
+    @property
+    def count(self) -> int:
+        """N."""
+        return len(self.q)
+
+    def first(self, count: int) -> States:
+        """At most ``count`` of them."""
+        return States(self.q[:count], self.dq[:count], self.ddq[:count], self.e[:count])
+
+    def rounded(self, dtype: type[np.floating[Any]]) -> States:
+        """The nearest states whose numbers ``dtype`` holds exactly, still as float64."""
+        return States(*(part.astype(dtype).astype(np.float64) for part in (self.q, self.dq, self.ddq, self.e)))
+
+
+def draw_states(chain: Chain, count: int, rng: np.random.Generator) -> States:
+    """States over the whole range of every joint."""
+    span = np.where(chain.revolute, ANGLE_RANGE, STROKE)
+    shape = (count, chain.n)
+    return States(
+        rng.uniform(-1, 1, shape) * span,
+        rng.uniform(-SPEED, SPEED, shape),
+        rng.uniform(-ACCELERATION, ACCELERATION, shape),
+        rng.uniform(-1, 1, shape),
+    )
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Standard parameters (n, 10) for the references, and the base parameters for the model (None: its own)."""
+
+    label: str
+    phi: Array
+    beta: Array | None
+
+    @property
+    def physical(self) -> bool:
+        """Whether M(q) > 0 must hold."""
+        return is_physical(self.phi)
+
+
+def random_parameters(n: int, rng: np.random.Generator) -> Array:
+    """Standard parameters (n, 10) of random clouds of point masses: every entry non-zero, M(q) > 0."""
+    rows = np.empty((n, 10))
+    for row in rows:
+        weights = rng.uniform(0.1, 1.0, 8)
+        points = rng.normal(0.0, 0.15, (8, 3)) + rng.normal(0.0, 0.15, 3)
+        second = np.einsum("k,ki,kj->ij", weights, points, points)
+        tensor = np.trace(second) * np.eye(3) - second
+        row[0], row[1:4] = weights.sum(), weights @ points
+        row[4:] = [tensor[place] for place in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
+    return rows
+
+
+def parameter_sets(model: Model, rng: np.random.Generator) -> tuple[Parameters, ...]:
+    """The nominal parameters where the description has links, and a random physical set."""
+    phi = random_parameters(model.n, rng)
+    sets = [Parameters("random", phi, np.asarray(model.base_projection) @ phi.ravel())]
+    nominal = nominal_parameters(model.spec)
+    if nominal is not None:
+        sets.insert(0, Parameters("nominal", nominal, None))
+    return tuple(sets)
