@@ -38,6 +38,6 @@ def environment() -> Environment:
     )
 
 
-def render(name: str, **values: object) -> str:
-    """The template ``name`` filled with ``values``."""
-    return environment().get_template(name).render(**values)
+def render(template: str, /, **values: object) -> str:
+    """The template of that name filled with ``values``."""
+    return environment().get_template(template).render(**values)

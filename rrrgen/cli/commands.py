@@ -1,0 +1,14 @@
+"""The table of commands: name -> where it lives and its one-line help; imported only when called."""
+
+from __future__ import annotations
+
+COMMANDS: dict[str, tuple[str, str]] = {
+    "new": ("rrrgen.cli.new:new", "Write a robot file to start from."),
+    "robots": ("rrrgen.cli.robots:robots", "List the bundled robots."),
+    "check": ("rrrgen.cli.check:check", "Check robot files and print every fault with its place."),
+    "show": ("rrrgen.cli.show:show", "Print a robot back: DH, zero pose, base parameters, closed forms."),
+    "generate": ("rrrgen.cli.generate:generate", "Write C and CasADi models of a robot."),
+    "verify": ("rrrgen.cli.verify:verify", "Compare a compiled model with independent dynamics."),
+    "schema": ("rrrgen.cli.schema:schema", "Print the JSON Schema of robot files, for editors."),
+}
+"""A new command or command group is one line here and one file beside this one."""

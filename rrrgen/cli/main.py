@@ -1,0 +1,119 @@
+"""Entry point: finds the command, turns errors into messages and exit codes."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import NoReturn
+
+import click
+
+from rrrgen import __version__
+from rrrgen.cli.commands import COMMANDS
+from rrrgen.errors import InputError, InternalError, RrrgenError
+
+INTERRUPTED = 130
+
+EPILOG = """\b
+Examples:
+  rrrgen generate rrr -o rrr_model     C and CasADi code of a bundled robot
+  rrrgen verify rrr                    compare it with independent dynamics
+  rrrgen new elbow3                    start a robot file of your own
+
+\b
+Exit codes: 0 ok, 1 a check failed, 2 usage, 3 bad input file, 4 no closed form or not identifiable,
+5 toolchain missing, 70 fault of rrrgen.
+
+\b
+Shell completion:
+  bash:  eval "$(_RRRGEN_COMPLETE=bash_source rrrgen)"      (in ~/.bashrc)
+  zsh:   eval "$(_RRRGEN_COMPLETE=zsh_source rrrgen)"       (in ~/.zshrc)
+  fish:  _RRRGEN_COMPLETE=fish_source rrrgen | source
+"""
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called; their one-line helps come from the table."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All names, in the order of the table: the order of work."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import one command."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, attribute = COMMANDS[cmd_name][0].split(":")
+        command = getattr(import_module(module), attribute)
+        if not isinstance(command, click.Command):
+            raise InternalError(f"{COMMANDS[cmd_name][0]} is no command")
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command, or say which one may have been meant."""
+        if args[0] not in COMMANDS and not args[0].startswith("-"):
+            close = difflib.get_close_matches(args[0], COMMANDS, n=1)
+            hint = f" Did you mean '{close[0]}'?" if close else ""
+            ctx.fail(f"No such command '{args[0]}'.{hint}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list of commands without importing any."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, help_text) for name, (_, help_text) in COMMANDS.items()])
+
+
+@click.group(cls=LazyGroup, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="rrrgen")
+def cli() -> None:
+    """Compile a robot's Denavit-Hartenberg table into verified C and CasADi models.
+
+    ROBOT is a robot file (YAML) or the name of a bundled robot; see 'rrrgen robots'.
+    """
+
+
+def main(args: Sequence[str] | None = None, prog_name: str = "rrrgen") -> NoReturn:
+    """Run the command line and exit."""
+    sys.exit(run(args, prog_name))
+
+
+def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen") -> int:
+    """Run the command line; returns the exit code."""
+    try:
+        result = cli.main(args=args, prog_name=prog_name, standalone_mode=False)
+        sys.stdout.flush()
+        return result if isinstance(result, int) else 0
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("interrupted", err=True)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader, e.g. head, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except InputError as error:
+        for fault in error.faults:
+            click.echo(str(fault), err=True)
+        return error.exit_code
+    except RrrgenError as error:
+        click.echo(f"rrrgen: {error}", err=True)
+        return error.exit_code
+    except Exception as error:  # anything else is a fault of rrrgen, and says so
+        return _internal(error)
+
+
+def _internal(error: Exception) -> int:
+    import traceback
+
+    if os.environ.get("RRRGEN_DEBUG"):
+        traceback.print_exc()
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    fault = InternalError(f"{type(error).__name__}: {error} (in {place.name}, {os.path.basename(place.filename)})")
+    click.echo(f"rrrgen: {fault}\nSet RRRGEN_DEBUG=1 to see the whole traceback.", err=True)
+    return fault.exit_code

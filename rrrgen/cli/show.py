@@ -1,0 +1,92 @@
+"""``rrrgen show``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from rrrgen.derive.derived_model import DerivedModel
+
+SMALL = 3  # joints up to which closed forms are shown unasked
+USUAL = ("forward_kinematics", "mass_matrix", "coriolis", "gravity")
+
+
+@click.command()
+@robot_argument
+@click.option("-f", "--function", "functions", multiple=True, help="Closed form of this function; may be repeated.")
+@click.option("--entry", help="Only this entry of the function, e.g. 1,2 (from 1); for large robots.")
+@click.option("--closed-forms/--no-closed-forms", default=None, help="Closed forms; the default is yes up to 3 joints.")
+@click.option("--latex", "as_latex", is_flag=True, help="Print the closed forms as LaTeX.")
+@json_option
+def show(
+    robot: str,
+    functions: tuple[str, ...],
+    entry: str | None,
+    closed_forms: bool | None,
+    as_latex: bool,
+    as_json: bool,
+) -> None:
+    """Print a robot back as it was understood.
+
+    DH table, zero pose, conventions, base parameters with what became of every link parameter, and closed forms.
+
+    \b
+    Examples:
+      rrrgen show rrr
+      rrrgen show rrr -f mass_matrix --latex
+      rrrgen show panda -f mass_matrix --entry 7,7
+    """
+    from rrrgen import pipeline
+
+    if as_latex and as_json:
+        raise click.UsageError("give one of --latex and --json")
+    if entry is not None and len(functions) != 1:
+        raise click.UsageError("--entry needs exactly one --function")
+    model = pipeline.derive(read_with_warnings(robot))
+    wanted = functions or (USUAL if closed_forms or (closed_forms is None and model.spec.n <= SMALL) else ())
+    forms = {_label(name, entry): _closed_form(model, name, entry) for name in wanted}
+    if as_json:
+        from rrrgen.cli.description import as_data
+
+        print_json(as_data(model, {name: _plain(form) for name, form in forms.items()}))
+    elif as_latex:
+        from rrrgen.backends.latex import latex
+
+        click.echo(latex(forms), nl=False)
+    else:
+        from rrrgen.backends.latex import plain
+        from rrrgen.cli.description import as_text
+
+        text = "" if functions else as_text(model)
+        click.echo(text + plain(forms) if forms else text, nl=False)
+
+
+def _label(name: str, entry: str | None) -> str:
+    return name if entry is None else f"{name}[{entry}]"
+
+
+def _closed_form(model: DerivedModel, name: str, entry: str | None) -> sp.Expr | sp.Matrix:
+    from rrrgen.derive.closed_form import closed_form
+
+    form = closed_form(model, name)
+    if entry is None:
+        return form.matrix()
+    try:
+        place = tuple(int(part) - 1 for part in entry.split(","))
+        if min(place) < 0:
+            raise IndexError(f"entries count from 1, got {entry}")
+        return form[place]
+    except (ValueError, IndexError) as error:
+        raise click.BadParameter(str(error), param_hint="--entry") from None
+
+
+def _plain(form: sp.Expr | sp.Matrix) -> Any:
+    from sympy import MatrixBase
+
+    return [[str(value) for value in row] for row in form.tolist()] if isinstance(form, MatrixBase) else str(form)
