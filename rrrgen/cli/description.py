@@ -31,9 +31,9 @@ def as_text(model: DerivedModel) -> str:
     lines += ["", "Pose of the tip at q = 0, in the base frame"]
     lines += [f"  {'  '.join(f'{value:10.6f}' for value in row)}" for row in zero_pose(model)]
     lines += ["", f"{len(model.base_parameters)} base parameters, tau = Y(q, dq, ddq) beta"]
-    lines += _table([(p.name, p.unit, value, str(p.expression)) for p, value in zip(*_parameters(model), strict=True)])
+    lines += _parameters(model)
     lines += ["", "What became of the link parameters"]
-    lines += _table([(r.parameter, r.formula, r.reason) for r in model.regrouping])
+    lines += _regrouping(model)
     lines += ["", "Operations of the emitted functions"]
     lines += _table([(name, str(count_operations(program))) for name, program in model.programs.items()])
     return "\n".join(lines) + "\n\n"
@@ -42,6 +42,7 @@ def as_text(model: DerivedModel) -> str:
 def as_data(model: DerivedModel, closed_forms: dict[str, Any]) -> dict[str, Any]:
     """The same for machines."""
     spec = model.spec
+    nominal = [None] * len(model.base_parameters) if model.beta_nominal is None else map(float, model.beta_nominal)
     return {
         "name": spec.name,
         "description": spec.description,
@@ -52,13 +53,8 @@ def as_data(model: DerivedModel, closed_forms: dict[str, Any]) -> dict[str, Any]
         "joints": [_joint(spec, joint) for joint in spec.joints],
         "zero_pose": [[float(value) for value in row] for row in zero_pose(model)],
         "base_parameters": [
-            {
-                "name": p.name,
-                "unit": p.unit,
-                "expression": str(p.expression),
-                "nominal": float(value) if value else None,
-            }
-            for p, value in zip(*_parameters(model), strict=True)
+            {"name": p.name, "unit": p.unit, "expression": str(p.expression), "nominal": value}
+            for p, value in zip(model.base_parameters, nominal, strict=True)
         ],
         "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
         "operations": {name: count_operations(program).as_dict() for name, program in model.programs.items()},
@@ -128,10 +124,23 @@ def _joint(spec: RobotSpec, joint: JointSpec) -> dict[str, Any]:
     }
 
 
-def _parameters(model: DerivedModel) -> tuple[Any, list[str]]:
+def _parameters(model: DerivedModel) -> list[str]:
     nominal = model.beta_nominal
     values = [""] * len(model.base_parameters) if nominal is None else [f"{float(value):.10g}" for value in nominal]
-    return model.base_parameters, values
+    rows = zip(model.base_parameters, values, strict=True)
+    return _table([(p.name, p.unit, value, str(p.expression)) for p, value in rows])
+
+
+def _regrouping(model: DerivedModel) -> list[str]:
+    """The standard parameters under the reason for what became of them."""
+    reasons: dict[str, dict[str, list[str]]] = {}
+    for entry in model.regrouping:
+        reasons.setdefault(entry.reason, {}).setdefault(entry.formula, []).append(entry.parameter)
+    lines = []
+    for reason, formulas in reasons.items():
+        lines.append(f"  {reason}")
+        lines += [f"    {', '.join(parameters)}: {formula}" for formula, parameters in formulas.items()]
+    return lines
 
 
 def _table(rows: list[tuple[str, ...]]) -> list[str]:
