@@ -149,13 +149,14 @@ def _columns(base: Routine, builder: Builder, values: Sequence[Sequence[Value]])
 
 def _rows(base: Routine, builder: Builder, values: Sequence[Sequence[Value]]) -> list[list[Tangent]]:
     """Gradients of all outputs by one reverse sweep each."""
+    recorded = _record(base.program, builder, values)
     gradients: list[list[Tangent]] = []
     for k, out in enumerate(base.outputs):
         gradients.append([])
         for element in range(len(out.entries)):
             weights: list[list[Value]] = [[0] * len(m.entries) for m in base.outputs]
             weights[k][element] = 1
-            flat = [v for row in _pull_back(base.program, builder, values, weights) for v in row]
+            flat = [v for row in _pull_back(base.program, builder, recorded, weights) for v in row]
             gradients[-1].append({place: value for place, value in enumerate(flat) if not _is_zero(value)})
     return gradients
 
@@ -192,7 +193,8 @@ def reverse(base: Routine) -> Routine:
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs), *seeds]
     declared = _declare(builder, inputs)
     weights = declared[len(declared) - len(seeds) :]
-    results = _pull_back(base.program, builder, declared[: len(base.inputs)], weights)
+    recorded = _record(base.program, builder, declared[: len(base.inputs)])
+    results = _pull_back(base.program, builder, recorded, weights)
     outputs = [m.renamed("adj_") for m in base.inputs]
     return _finish(builder, f"adj1_{base.name}", inputs, outputs, results, f"Reverse derivative of {base.name}.")
 
@@ -270,11 +272,10 @@ def _select_tangent(builder: Builder, condition: Value, positive: Tangent, other
 def _pull_back(
     program: Program,
     builder: Builder,
-    inputs: Sequence[Sequence[Value]],
+    values: Sequence[Value],
     weights: Sequence[Sequence[Value]],
 ) -> list[list[Value]]:
-    """Adjoints of the inputs for adjoints of the outputs."""
-    values = _record(program, builder, inputs)
+    """Adjoints of the inputs for adjoints of the outputs; ``values`` are those of all nodes, as recorded."""
     adjoints: list[Value] = [0] * len(program.nodes)
     for elements, row in zip(program.results, weights, strict=True):
         for index, weight in zip(elements, row, strict=True):
