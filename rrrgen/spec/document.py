@@ -15,12 +15,14 @@ from rrrgen.errors import Fault, InputError
 
 MAX_BYTES = 1_000_000
 MAX_NODES = 20_000
+MAX_WORD = 5_000  # characters without a blank; YAML scanners are quadratic in the length of a tag
 MAX_DEPTH = 12
 MAX_ALIASES = 100
 MAX_FAULTS = 100
 
 _LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x80-\x84\x86-\x9f\ud800-\udfff\ufeff\ufffe\uffff]")
+_LONG_WORD = re.compile(rf"[^\s]{{{MAX_WORD}}}")
 _TAB_INDENT = re.compile(r"^ *\t[ \t]*(?=[^\s#])")
 
 
@@ -140,6 +142,8 @@ def _check_characters(text: str, faults: FaultList) -> None:
         if control := _CONTROL.search(line):
             message = f"the control character U+{ord(control.group()):04X}"
             faults.error(Place(number, control.start() + 1), message, "a robot file is plain UTF-8 text")
+        if word := _LONG_WORD.search(line):
+            faults.error(Place(number, word.start() + 1), f"a word of more than {MAX_WORD} characters")
         if _TAB_INDENT.match(line):
             faults.error(
                 Place(number, line.index("\t") + 1), "a tab in the indentation", "YAML is indented with spaces"

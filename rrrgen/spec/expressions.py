@@ -23,7 +23,7 @@ from rrrgen.spec.units import ANGLE, UNITS, Dimension, Unit, find_unit, quantity
 MAX_LENGTH = 4000  # characters of one value
 MAX_DEPTH = 100  # nesting of one value
 MAX_NUMBER_LENGTH = 400
-MAX_DECIMAL_EXPONENT = 60
+MAX_DECIMAL_EXPONENT = 330  # that of doubles
 MAX_BITS = 4096  # of numerator and denominator of any number met on the way
 MAX_POWER = 16
 MAX_DEGREE = 64  # of nested powers together
@@ -105,7 +105,7 @@ def parse_expression(text: str, names: Mapping[str, Name] | None = None, units: 
 
 def _check_unit_reach(text: str, body: str, unit: Unit, tree: ast.expr, walker: _Walker) -> None:
     """Refuse a unit where it is unclear what it belongs to."""
-    behind = len(body.rstrip())
+    behind = len(body)
     if walker.names:
         message = f"the unit {unit.name} stands behind the parameter '{min(walker.names)}', which has its own unit"
         hint = f"declare the number as a parameter too, e.g. offset: 30 {unit.name}, and drop the unit here"
@@ -346,8 +346,8 @@ class _Walker:
             what = f"{quantity_name(left.dimension)} and {quantity_name(right.dimension)}"
             raise self.fail(f"{what} cannot be added", node)
         for one, other in ((left, right), (right, left)):
-            bare = one.dimension is None and not one.open_names and not one.expr.is_zero
-            self.adds_bare_number |= bare and bool(other.dimension or other.open_names)
+            if (other.dimension or other.open_names) and one.dimension is None and not one.open_names:
+                self.adds_bare_number |= not one.expr.is_zero
         return left.dimension or right.dimension
 
     def power(self, node: ast.BinOp, base: _Term, exponent: _Term) -> _Term:

@@ -8,14 +8,14 @@ from typing import Literal, cast
 
 import sympy as sp
 
-from rrrgen.spec.document import Node
+from rrrgen.spec.document import Node, Scalar, Sequence
 from rrrgen.spec.keys import INERTIA, MAX_JOINTS
 from rrrgen.spec.quantities import Scope, read_rational, read_vector
 from rrrgen.spec.robot_spec import LinkSpec
 from rrrgen.spec.sections import read_choice, read_list, read_section
 
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
-FARTHEST_COM = 20  # m; beyond it a bare centre of mass was written in mm
+FARTHEST_COM = 2  # m; a bare number beyond it in a mm file was written in mm
 ROUNDING = sp.Rational(1, 10**6)  # share of the trace by which rounded decimals may miss the semidefinite cone
 
 _ABOUT = next(key for key in INERTIA if key.name == "about")
@@ -65,6 +65,11 @@ def _read_com(node: Node, what: str, scope: Scope) -> tuple[sp.Rational, sp.Rati
     if not (x.is_Rational and y.is_Rational and z.is_Rational):
         scope.faults.error(node, f"{what} is not rational", "write decimal numbers")
         return None
+    for item, value in zip(node.items if isinstance(node, Sequence) else (), (x, y, z), strict=False):
+        bare = isinstance(item, Scalar) and not any(letter.isalpha() for letter in item.text)
+        if bare and scope.units.length == "mm" and abs(value) > FARTHEST_COM:
+            hint = f"links are in SI units whatever the units of the file; write e.g. {value} mm"
+            scope.faults.error(item, f"{what} is {value} m", hint)
     return x, y, z
 
 
