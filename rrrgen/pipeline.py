@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
+    from rrrgen.derive.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Contents
     from rrrgen.runtime.load import EngineName
@@ -47,14 +48,24 @@ def emit(model: DerivedModel, real: Real = "double", casadi_files: bool = False)
 def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> Model:
     """Derive, emit, build and load a robot: a path to a robot file, a bundled name such as "rrr", or a RobotSpec.
 
-    ``backend="numpy"`` evaluates without a compiler, slowly. Built code is cached by its content. Raises InputError
-    for a faulty file, BuildError without a C compiler.
+    ``backend="numpy"`` evaluates without a compiler, slowly. Derivation and built code are cached by content. Raises
+    InputError for a faulty file, BuildError without a C compiler.
     """
     from rrrgen.manifest import identify
+    from rrrgen.runtime.derived_cache import recall
     from rrrgen.runtime.load import load_model
 
-    model = derive(read(robot))
-    return load_model(model, identify(model.spec), backend, real)
+    spec = read(robot)
+    identity = identify(spec)
+    return load_model(recall(spec, identity, derive), identity, backend, real, lambda name: closed_form(spec, name))
+
+
+def closed_form(spec: RobotSpec, function: str) -> ClosedForm:
+    """Function ``function`` of the robot as exact expressions: index it for entries, or take its ``matrix()``."""
+    from rrrgen.derive import derive_model
+    from rrrgen.derive.closed_form import closed_form as closed_form_of
+
+    return closed_form_of(derive_model(spec), function)
 
 
 def read(robot: Robot) -> RobotSpec:

@@ -12,8 +12,7 @@ from rrrgen.runtime.engines import CompiledEngine, Engine, NumpyEngine
 from rrrgen.runtime.model import Model
 
 if TYPE_CHECKING:
-    import sympy as sp
-
+    from rrrgen.derive.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
 
 EngineName = Literal["c", "numpy"]
@@ -24,7 +23,7 @@ def load_model(
     identity: Identity,
     backend: EngineName = "c",
     real: Real = "double",
-    closed_form: Callable[[str], sp.Matrix] | None = None,
+    closed_form: Callable[[str], ClosedForm] | None = None,
 ) -> Model:
     """A callable model; ``backend="numpy"`` needs no compiler. Raises BuildError where C cannot be built."""
     if backend not in ("c", "numpy"):

@@ -17,6 +17,7 @@ from rrrgen.runtime.identification import IdentificationColumns
 if TYPE_CHECKING:
     import sympy as sp
 
+    from rrrgen.derive.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.spec.robot_spec import RobotSpec
 
@@ -33,7 +34,7 @@ class Model:
     """
 
     def __init__(
-        self, derived: DerivedModel, engine: Engine, closed_form: Callable[[str], sp.Matrix] | None = None
+        self, derived: DerivedModel, engine: Engine, closed_form: Callable[[str], ClosedForm] | None = None
     ) -> None:
         self.derived = derived
         self.engine = engine
@@ -180,7 +181,7 @@ class Model:
 
     # -- more ----------------------------------------------------------------------------------------------------
 
-    def closed_form(self, name: str) -> sp.Matrix:
+    def closed_form(self, name: str) -> ClosedForm:
         """Function ``name`` as exact expressions, trigonometry collected: ``closed_form("mass_matrix")[0, 0]``."""
         if self._closed_form is None:
             raise ValueError("this model was made without its derivation; use rrrgen.compile")

@@ -1,0 +1,53 @@
+"""Derived programs, kept between runs: derivation is the slow part of loading a robot that was compiled before."""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rrrgen.backends import Identity
+from rrrgen.runtime.cache import cache_directory, digest, store
+
+if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.spec.robot_spec import RobotSpec
+
+
+def recall(spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel]) -> DerivedModel:
+    """``derive(spec)``, or what an earlier run of the same compiler made of the same robot.
+
+    The records of the derivation itself (``model``, ``own_basis``, ``basis_change``) are not kept; closed forms derive
+    anew. The cache lies in a directory private to the user, as the extensions that are loaded from it do.
+    """
+    path = cache_directory() / f"{spec.name}-{digest(identity.model_hash, _compiler_hash())[:24]}.derived"
+    kept = _load(path)
+    if kept is None:
+        kept = replace(derive(spec), model=None, own_basis=None, basis_change=None)  # type: ignore[arg-type]
+        store(path, pickle.dumps(kept))
+    return replace(kept, spec=spec)
+
+
+def _load(path: Path) -> DerivedModel | None:
+    try:
+        return pickle.loads(path.read_bytes())  # type: ignore[no-any-return]
+    except FileNotFoundError:
+        return None
+    except Exception:  # a damaged file raises whatever its bytes happen to mean; deriving anew replaces it
+        return None
+
+
+@cache
+def _compiler_hash() -> str:
+    """Changes with every source file of this package, with SymPy and with Python."""
+    import sympy
+
+    root = Path(__file__).resolve().parents[1]
+    parts = [sys.version, sympy.__version__]
+    for path in sorted(root.rglob("*.py")):
+        parts += [path.relative_to(root).as_posix(), path.read_text(encoding="utf-8")]
+    return digest(*parts)
