@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 
 from rrrgen.errors import InputError
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 Kind = Literal["rigid", "inertia", "viscous", "coulomb", "offset"]
 
 DRIVE_KINDS: tuple[Kind, ...] = ("inertia", "viscous", "coulomb", "offset")
 SYMBOLS = {"inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "off"}
+STANDSTILL = 1e-7
+"""Speed (rad/s, m/s) below which a joint stands still: the round-off of a reconstruction has no sign."""
 STANDARD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Standard parameters of one link, in their order: first moments and inertia tensor about the origin of the frame."""
 
@@ -113,7 +115,7 @@ class DriveTerms:
 
 
 def drive_columns(columns: Sequence[Column], dq: Array, ddq: Array) -> Array:
-    """The columns (N, n, len(columns)) of drive terms: ``w f(w dq, w ddq)``; ``sgn 0 = 0``."""
+    """The columns (N, n, len(columns)) of drive terms: ``w f(w dq, w ddq)``; ``sgn ds = 0`` at a standstill."""
     W = np.empty((*dq.shape, len(columns)))
     for k, column in enumerate(columns):
         w = np.asarray(column.direction)
@@ -121,7 +123,7 @@ def drive_columns(columns: Sequence[Column], dq: Array, ddq: Array) -> Array:
         force = {
             "inertia": acceleration,
             "viscous": speed,
-            "coulomb": np.sign(speed),
+            "coulomb": np.sign(speed) * (np.abs(speed) > STANDSTILL),
             "offset": np.ones_like(speed),
         }[column.kind]
         W[..., k] = force[..., None] * w

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rrrgen.errors import InputError
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 FORGOTTEN = 1e-14
 """A filter has forgotten a sample when what is left of it is below the round-off of a double."""

@@ -1,0 +1,164 @@
+"""Recordings of an experiment: named joints, instants, positions, torques, in SI at the joints."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.errors import InputError
+from rrrgen.identify.columns import Array
+from rrrgen.identify.log_repair import Finding
+from rrrgen.identify.log_stream import CHUNK, LogStream, Part, joined
+from rrrgen.identify.mapping import LogMapping, plain_mapping
+
+MAPPING_SUFFIXES = (".yaml", ".yml")
+
+
+@dataclass(frozen=True)
+class Log:
+    """A recording in memory, uniformly sampled at ``period`` (s) within each uninterrupted stretch ``segment``.
+
+    ``t`` (N,) s; ``q``, and ``dq``, ``ddq`` where recorded, (N, n) in rad (m) and per s, s^2; ``tau`` (N, n) N m (N)
+    at the joints; ``valid`` (N, n) False where the torque of a joint cannot be used. ``findings`` tells what was
+    found wrong.
+    """
+
+    joints: tuple[str, ...]
+    t: Array
+    q: Array
+    tau: Array | None = None
+    dq: Array | None = None
+    ddq: Array | None = None
+    period: float = 0.0
+    valid: NDArray[np.bool_] | None = None
+    segment: NDArray[np.int64] | None = None
+    findings: tuple[Finding, ...] = ()
+    mapping: LogMapping | None = field(default=None, compare=False)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    def parts(self) -> Iterator[Part]:
+        """The uninterrupted stretches."""
+        valid = np.ones(self.q.shape, bool) if self.valid is None else self.valid
+        segment = np.zeros(len(self.t), np.int64) if self.segment is None else self.segment
+        whole = Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0)
+        edges = [0, *(np.flatnonzero(np.diff(segment)) + 1), len(self.t)]
+        for number, (start, stop) in enumerate(pairwise(edges)):
+            part = whole.sliced(int(start), int(stop))
+            yield Part(part.t, part.q, part.dq, part.ddq, part.tau, part.valid, number, 0)
+
+
+def open_log(path: str | os.PathLike[str], mapping: LogMapping | str | os.PathLike[str] | None = None) -> LogMapping:
+    """The mapping that reads ``path``: a recording with its ``mapping`` (or mapping file), or a mapping file alone.
+
+    Without a mapping, a recording must have rrrgen's own columns, ``t, q_<joint>, [dq_<joint>,] tau_<joint>``.
+    """
+    from rrrgen.identify.mapping_reader import load_mapping
+
+    place = Path(path)
+    if place.suffix.lower() in MAPPING_SUFFIXES and mapping is None:
+        return load_mapping(place)
+    if isinstance(mapping, LogMapping):
+        return mapping.with_file(place)
+    if mapping is not None:
+        return load_mapping(mapping).with_file(place)
+    return _own_mapping(place)
+
+
+def _own_mapping(path: Path) -> LogMapping:
+    from rrrgen.identify.mapping import FileSource
+    from rrrgen.identify.tables import open_table, table_fault
+
+    columns = open_table(FileSource("log", path)).columns
+    joints = tuple(name[2:] for name in columns if name.startswith("q_"))
+    if "t" not in columns or not joints:
+        raise table_fault(
+            path,
+            "without a mapping file a recording needs the columns t, q_<joint>, tau_<joint>",
+            f"there are: {', '.join(columns[:20])}",
+        )
+    velocity, torque = (all(f"{key}_{joint}" in columns for joint in joints) for key in ("dq", "tau"))
+    return plain_mapping(path, joints, velocity, torque)
+
+
+def read_log(
+    path: str | os.PathLike[str],
+    mapping: LogMapping | str | os.PathLike[str] | None = None,
+    joints: Sequence[str] | None = None,
+    chunk: int = CHUNK,
+) -> Log:
+    """Read a whole recording into memory; see :func:`open_log` for the arguments.
+
+    ``joints`` are the names that the robot gives its joints, in order; they must be those of the recording. Raises
+    :class:`InputError` where nothing sound can be done with the recording.
+    """
+    return load_stream(LogStream(open_log(path, mapping), chunk), joints)
+
+
+def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
+    """All of a stream, in memory."""
+    if joints is not None:
+        check_joints(stream.joints, joints)
+    parts = list(stream.parts())
+    whole = joined(parts)
+    return Log(
+        joints=stream.joints,
+        t=whole.t,
+        q=whole.q,
+        tau=whole.tau,
+        dq=whole.dq,
+        ddq=whole.ddq,
+        period=stream.period,
+        valid=whole.valid,
+        segment=np.concatenate([np.full(len(part), part.segment, np.int64) for part in parts]),
+        findings=stream.facts.findings,
+        mapping=stream.mapping,
+    )
+
+
+def check_joints(recorded: Sequence[str], robot: Sequence[str]) -> None:
+    """Raise :class:`InputError` unless the recording has the robot's joints in the robot's order."""
+    if len(recorded) != len(robot):
+        raise InputError(f"the recording has {len(recorded)} joints, the robot {len(robot)}")
+    if tuple(recorded) != tuple(robot):
+        raise InputError(
+            f"the joints of the recording ({', '.join(recorded)}) are not those of the robot ({', '.join(robot)}); "
+            "name them alike, in the same order"
+        )
+
+
+def write_log(path: str | os.PathLike[str], log: Log) -> None:
+    """Write a recording as CSV in rrrgen's own columns, with 17 digits: what is read back is equal."""
+    columns, names = [log.t], ["t"]
+    for key, values in (("q", log.q), ("dq", log.dq), ("ddq", log.ddq), ("tau", log.tau)):
+        if values is not None:
+            columns += list(values.T)
+            names += [f"{key}_{joint}" for joint in log.joints]
+    with open(path, "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(",".join(names) + "\n")
+        np.savetxt(stream, np.column_stack(columns), fmt="%.17g", delimiter=",")
+
+
+def file_hashes(mapping: LogMapping) -> dict[str, str]:
+    """SHA-256 of every file of a recording, by its name in the mapping; a folder (a bag) by its files in order."""
+    return {source.name: _hash(source.path) for source in mapping.files}
+
+
+def _hash(path: Path) -> str:
+    digest = hashlib.sha256()
+    files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+    for file in files:
+        with file.open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()

@@ -1,0 +1,167 @@
+"""From a recording to the rows of the estimation problem: reconstruct, evaluate the regressor, decimate, leave out.
+
+The rows come in blocks, and the recording may be longer than the memory: every block is computed from a window that
+reaches as far beyond it as the filters remember, so that it does not depend on where the recording was cut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from rrrgen.errors import InputError
+from rrrgen.identify.columns import Array
+from rrrgen.identify.decimation import Decimator
+from rrrgen.identify.log_stream import Part, joined
+from rrrgen.identify.processing import Processing
+from rrrgen.identify.reconstruction import Reconstruction, Reconstructor
+from rrrgen.identify.tsqr import Rows
+
+BLOCK = 10_000  # samples whose regressor is held at a time
+TUNING_SAMPLES = 50_000
+
+Regressor = Callable[[Array, Array, Array], Array]
+KnownTorque = Callable[[Reconstruction], Array]
+
+
+class Recording(Protocol):
+    """A :class:`~rrrgen.identify.logs.Log` or a :class:`~rrrgen.identify.log_stream.LogStream`."""
+
+    @property
+    def period(self) -> float: ...  # noqa: D102
+    @property
+    def joints(self) -> tuple[str, ...]: ...  # noqa: D102
+    def parts(self) -> Iterator[Part]: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Re-iterable blocks of :class:`Rows` of several recordings, one after the other.
+
+    ``regressor(q, dq, ddq)`` gives W (N, n, p); ``known`` is a torque that is subtracted from the measured one before
+    anything else, (14.19): friction that is known already.
+    """
+
+    recordings: tuple[Recording, ...]
+    regressor: Regressor
+    processing: Processing
+    known: KnownTorque | None = None
+
+    def __iter__(self) -> Iterator[Rows]:
+        segment = 0
+        for recording in self.recordings:
+            last = -1
+            for window in windows(recording, self.memory(recording.period)):
+                for rows in self.rows(window, recording.period):
+                    if window.part.segment != last:
+                        segment, last = segment + 1, window.part.segment
+                    yield replace(rows, segment=np.full(len(rows.t), segment, np.int64))
+
+    def memory(self, period: float) -> int:
+        """Samples on either side that a row depends on."""
+        return _reconstruction_memory(self.processing, period) + Decimator(self.processing.decimate).memory
+
+    def rows(self, window: Window, period: float) -> Iterator[Rows]:
+        """The rows of one window, block by block."""
+        part = window.part
+        if part.tau is None:
+            raise InputError("the recording has no torques: nothing can be estimated from it")
+        motion = reconstruct(part, self.processing)
+        tau = part.tau if self.known is None else part.tau - self.known(motion)
+        decimate = Decimator(self.processing.decimate)
+        for start in range(window.start, window.stop, BLOCK):
+            stop = min(start + BLOCK, window.stop)
+            lo, hi = max(0, start - decimate.memory), min(len(part), stop + decimate.memory)
+            kept = _kept(decimate, part.first + lo, start - lo, stop - lo, hi - lo)
+            yield self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept)
+
+    def _block(self, motion: Reconstruction, tau: Array, part: Part, decimate: Decimator, kept: slice) -> Rows:
+        """Both sides of the equations through the same filter; a sample that is not valid is zero on both sides."""
+        first = part.first
+        W = self.regressor(motion.q, motion.dq, motion.ddq) * part.valid[..., None]
+        sound = decimate(part.valid.astype(float), first)[kept] > 0.5
+        speed = np.abs(decimate(motion.dq, first)[kept])
+        use = sound & (speed >= np.asarray(self.processing.low_speed)) if self.processing.low_speed else sound
+        t = decimate.instants(part.t, first)[kept]
+        return Rows(
+            t=t,
+            W=decimate(W, first)[kept],
+            tau=decimate(tau * part.valid, first)[kept],
+            use=use,
+            segment=np.zeros(len(t), np.int64),
+        )
+
+
+def _kept(decimate: Decimator, first: int, start: int, stop: int, length: int) -> slice:
+    """Which of the decimated samples of a stretch belong to its samples ``start`` to ``stop``."""
+    grid = np.arange(-first % decimate.factor, length, decimate.factor)
+    return slice(int(np.searchsorted(grid, start)), int(np.searchsorted(grid, stop)))
+
+
+@dataclass(frozen=True)
+class Window:
+    """Samples ``start`` to ``stop`` of ``part`` are to be delivered; the others are there for the filters."""
+
+    part: Part
+    start: int
+    stop: int
+
+
+def windows(recording: Recording, memory: int) -> Iterator[Window]:
+    """A recording cut into windows that overlap by ``memory`` samples on either side."""
+    pending: Part | None = None
+    done = 0  # index within its stretch of the first sample that is still to be delivered
+    for part in recording.parts():
+        if pending is not None and part.segment != pending.segment:
+            yield Window(pending, done - pending.first, len(pending))
+            pending, done = None, 0
+        pending = part if pending is None else joined([pending, part])
+        ready = pending.first + len(pending) - memory
+        # a step shorter than the overlap would cost more than it delivers
+        if ready - done > memory:
+            yield Window(pending, done - pending.first, ready - pending.first)
+            done = ready
+            pending = pending.sliced(max(0, done - memory - pending.first), len(pending))
+    if pending is not None:
+        yield Window(pending, done - pending.first, len(pending))
+
+
+def reconstruct(part: Part, processing: Processing) -> Reconstruction:
+    """The motion of one stretch."""
+    if processing.method == "logged":
+        if part.dq is None or part.ddq is None:
+            raise InputError("the recording has no speeds and accelerations; choose a method of reconstruction")
+        return Reconstruction(part.t, part.q, part.dq, part.ddq, "as recorded")
+    # instants made anew: their differences must not depend on how far from zero the stretch lies
+    period = (part.t[-1] - part.t[0]) / max(1, len(part) - 1)
+    method = processing.reconstructor()
+    motion = method(np.arange(len(part)) * _rounded(period), part.q)
+    return replace(motion, t=part.t)
+
+
+def _rounded(period: float) -> float:
+    """The period without the round-off of the instants it was taken from."""
+    return float(f"{period:.9e}")
+
+
+def _reconstruction_memory(processing: Processing, period: float) -> int:
+    if processing.method == "logged":
+        return 0
+    method: Reconstructor = processing.reconstructor()
+    return method.memory(period)
+
+
+def tuned(processing: Processing, recordings: Sequence[Recording]) -> Processing:
+    """``processing`` with the variances of its Kalman filter, from the innovations of the first long stretch."""
+    from rrrgen.identify.smoother import tune_by_innovations
+
+    if not processing.method.startswith("kalman") or (processing.var_eta and processing.var_xi):
+        return processing
+    part = next(recordings[0].parts())
+    part = part.sliced(0, min(len(part), TUNING_SAMPLES))
+    found = tune_by_innovations(np.arange(len(part)) * recordings[0].period, part.q)
+    eta, xi = (tuple(np.atleast_1d(v)) for v in (found.var_eta, found.var_xi))
+    return replace(processing, var_eta=processing.var_eta or eta, var_xi=processing.var_xi or xi)
