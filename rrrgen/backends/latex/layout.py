@@ -43,7 +43,7 @@ class Display:
 
 
 def lay_out(closed_forms: Mapping[str, sp.Expr | sp.MatrixBase], cse_limit: int = CSE_LIMIT) -> list[Display]:
-    """One display per quantity, in the order given."""
+    """One display per quantity, in the order given; ``mass_matrix[1,2]`` names a single entry."""
     return [_display(name, value, cse_limit) for name, value in closed_forms.items()]
 
 
@@ -54,14 +54,21 @@ def _display(name: str, value: sp.Expr | sp.MatrixBase, cse_limit: int) -> Displ
     if sum(int(sp.count_ops(entry)) for entry in entries) > cse_limit:
         definitions, entries = _shared(entries)
     matrix = sp.Matrix(*matrix.shape, entries)
-    about = quantity(name)
+    function, place = _place(name)
+    about = quantity(function)
     if not isinstance(value, sp.MatrixBase):
-        return Display(name, about, (1, 1), definitions, (Equation(about.letter, (), entries[0]),), ())
+        return Display(name, about, (1, 1), definitions, (Equation(about.letter, place, entries[0]),), ())
     short = max((int(sp.count_ops(entry)) for entry in entries), default=0) <= ENTRY_LIMIT
     if short and matrix.cols <= COLUMNS_LIMIT:
         return Display(name, about, matrix.shape, definitions, (Equation(about.letter, (), matrix),), ())
     equations, remarks = _entrywise(about.letter, matrix)
     return Display(name, about, matrix.shape, definitions, equations, remarks)
+
+
+def _place(name: str) -> tuple[str, tuple[int, ...]]:
+    """``mass_matrix[1,2]`` as function and indices."""
+    match = re.fullmatch(r"(\w+)\[(\d+(?:,\d+)*)\]", name)
+    return (match[1], tuple(int(index) for index in match[2].split(","))) if match else (name, ())
 
 
 def _shared(entries: list[sp.Expr]) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ...], list[sp.Expr]]:

@@ -127,4 +127,10 @@ def join_terms(terms: Sequence[tuple[bool, str]]) -> str:
 
 
 def _enclosed(text: str, separators: str) -> str:
-    return f"({text})" if any(character in text for character in separators) else text
+    """``text`` in parentheses if a separator occurs in it outside of parentheses."""
+    depth = 0
+    for character in text:
+        depth += (character == "(") - (character == ")")
+        if depth == 0 and character in separators:
+            return f"({text})"
+    return text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -53,6 +54,29 @@ class Markup(Protocol):
         ...
 
 
+def decimal_text(value: sp.Rational) -> str | None:
+    """An integer, or a decimal fraction that a robot file would contain; None for what reads better as p/q.
+
+    Simple fractions stay fractions; expansions that do not end, or are very long, are shown to 12 digits.
+    """
+    if value.q == 1:
+        return str(value.p)
+    rest = int(value.q)
+    for prime in (2, 5):
+        while rest % prime == 0:
+            rest //= prime
+    if value.q <= 10 or (rest != 1 and max(abs(value.p), value.q) < 10**6):
+        return None
+    return f"{float(value):.12g}"
+
+
+def _by_parameters(term: sp.Expr) -> list[tuple[str, int]]:
+    """Terms with the same parameters stand together, p9 before p10."""
+    names = [str(symbol) for symbol in term.free_symbols]
+    numbered = [re.fullmatch(r"(.*?)(\d*)", name) for name in names if not re.fullmatch(r"d{0,2}q\d+", name)]
+    return sorted((match[1], int(match[2] or 0)) for match in numbered if match)
+
+
 class Walk:
     """Writes expressions in one markup; ``short_trig`` writes c_{23} for cos(q2 + q3) and s_{23} for the sine."""
 
@@ -66,7 +90,7 @@ class Walk:
 
     def terms(self, expression: sp.Expr) -> list[tuple[bool, str]]:
         """The terms of a sum in printing order, (negative?, text) each."""
-        return [self._signed(term) for term in expression.as_ordered_terms()]
+        return [self._signed(term) for term in sorted(expression.as_ordered_terms(), key=_by_parameters)]
 
     def _signed(self, term: sp.Expr) -> tuple[bool, str]:
         negative = bool(term.could_extract_minus_sign()) and not term.is_Add
@@ -97,16 +121,19 @@ class Walk:
     def _number(self, value: sp.Expr) -> tuple[str, int]:
         if value < 0:
             return self.markup.total([(True, self._write(-value, _PRODUCT))]), _SUM
-        if value.is_Rational and value.q != 1:
-            return self.markup.fraction(self.markup.number(str(value.p)), self.markup.number(str(value.q))), _PRODUCT
-        return self.markup.number(str(value.p) if value.is_Rational else f"{float(value):.6g}"), _ATOM
+        text = f"{float(value):.6g}" if value.is_Float else decimal_text(value)
+        if text is not None:
+            return self.markup.number(text), _ATOM
+        return self.markup.fraction(self.markup.number(str(value.p)), self.markup.number(str(value.q))), _PRODUCT
 
     def _product(self, e: sp.Expr) -> tuple[str, int]:
         if e.could_extract_minus_sign():
             return self.markup.total([(True, self._write(-e, _PRODUCT))]), _SUM
         above, below = [], []
         for factor in e.as_ordered_factors():
-            if factor.is_Rational:
+            if factor.is_Rational and decimal_text(factor) is not None:
+                above += [factor] if factor != 1 else []
+            elif factor.is_Rational:
                 above += [sp.Integer(factor.p)] if factor.p != 1 else []
                 below += [sp.Integer(factor.q)] if factor.q != 1 else []
             elif factor.is_Pow and factor.exp.is_number and factor.exp.is_negative:
@@ -138,8 +165,9 @@ class Walk:
         name = e.func.__name__
         if name not in ("sin", "cos", "tan", "sign", "Abs", "exp", "tanh", "atan2") or len(e.args) != 1:
             raise BackendError(f"no notation for the function {name} in a closed form")
-        short = short_angle(e.args[0]) if self.short_trig and name in ("sin", "cos") else None
+        argument = sp.expand(e.args[0])
+        short = short_angle(argument) if self.short_trig and name in ("sin", "cos") else None
         if short is None:
-            return self.markup.function({"sign": "sgn", "Abs": "abs"}.get(name, name), self.write(e.args[0]), exponent)
+            return self.markup.function({"sign": "sgn", "Abs": "abs"}.get(name, name), self.write(argument), exponent)
         letter = self.markup.symbol(Notation(name[0], (short,)))
         return self.markup.power(letter, exponent) if exponent else letter

@@ -1,0 +1,94 @@
+"""The frames of a robot in its zero pose, from the Denavit-Hartenberg numbers alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, sin
+
+import sympy as sp
+
+from rrrgen.spec.robot_spec import FixedTransform, RobotSpec
+
+Point = tuple[float, float, float]
+Transform = tuple[tuple[float, float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Frame i in the zero pose, the joint that moves it, and the way along the link to its origin.
+
+    ``axis`` is a point on the joint axis and its direction; ``path`` the corner points of the DH displacements from the
+    frame before.
+    """
+
+    frame: Transform
+    revolute: bool
+    axis: tuple[Point, Point]
+    path: tuple[Point, ...]
+
+
+def zero_pose(spec: RobotSpec) -> tuple[Transform, list[Stage], Transform]:
+    """Base frame, one stage per joint, tip frame, all in the user's base frame at q = 0 and nominal parameters."""
+    base = T = _numbers(spec, spec.base)
+    stages = []
+    for kind, alpha, a, d, theta in spec.dh_table():
+        turn, slide = _rotation_z(theta), _shift(0.0, 0.0, d)
+        lean, reach = _rotation_x(alpha), _shift(a, 0.0, 0.0)
+        if spec.convention == "standard":
+            start, steps = T, (turn, slide, reach, lean)
+        else:
+            start, steps = _times(_times(T, lean), reach), (lean, reach, turn, slide)
+        corners = [origin(T)]
+        for step in steps:
+            T = _times(T, step)
+            corners.append(origin(T))
+        path = tuple(p for k, p in enumerate(corners) if k == 0 or p != corners[k - 1])
+        stages.append(Stage(T, kind == "revolute", (origin(start), column(start, 2)), path))
+    return base, stages, _times(T, _numbers(spec, spec.tool))
+
+
+def origin(T: Transform) -> Point:
+    """The position of a frame."""
+    return T[0][3], T[1][3], T[2][3]
+
+
+def column(T: Transform, k: int) -> Point:
+    """The direction of axis k of a frame."""
+    return T[0][k], T[1][k], T[2][k]
+
+
+def _numbers(spec: RobotSpec, fixed: FixedTransform) -> Transform:
+    rotation = [_value(spec, v) for v in fixed.rotation]
+    shift = [_value(spec, v) for v in fixed.translation]
+    rows = tuple((rotation[3 * r], rotation[3 * r + 1], rotation[3 * r + 2], shift[r]) for r in range(3))
+    return (*rows, (0.0, 0.0, 0.0, 1.0))
+
+
+def _value(spec: RobotSpec, expression: sp.Expr) -> float:
+    return float(spec.nominal(expression))
+
+
+def _rotation_z(angle: float) -> Transform:
+    c, s = cos(angle), sin(angle)
+    return ((c, -s, 0.0, 0.0), (s, c, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def _rotation_x(angle: float) -> Transform:
+    c, s = cos(angle), sin(angle)
+    return ((1.0, 0.0, 0.0, 0.0), (0.0, c, -s, 0.0), (0.0, s, c, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def _shift(x: float, y: float, z: float) -> Transform:
+    return ((1.0, 0.0, 0.0, x), (0.0, 1.0, 0.0, y), (0.0, 0.0, 1.0, z), (0.0, 0.0, 0.0, 1.0))
+
+
+def _times(A: Transform, B: Transform) -> Transform:
+    return tuple(
+        (
+            sum(A[r][k] * B[k][0] for k in range(4)),
+            sum(A[r][k] * B[k][1] for k in range(4)),
+            sum(A[r][k] * B[k][2] for k in range(4)),
+            sum(A[r][k] * B[k][3] for k in range(4)),
+        )
+        for r in range(4)
+    )

@@ -1,0 +1,156 @@
+"""Presentation MathML for the walk over expressions, and whole equations; browsers show it without scripts or fonts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+import sympy as sp
+
+from rrrgen.backends.latex import GREEK, Equation, Notation, Quantity, Walk, break_sum, notation
+
+_BOLD_CAPITALS, _BOLD_SMALL, _BOLD_GREEK = 0x1D468, 0x1D482, 0x1D736
+_DOTS = {1: "˙", 2: "¨"}
+LINE = 84
+
+
+class MathmlMarkup:
+    """Elements of presentation MathML."""
+
+    def symbol(self, parts: Notation) -> str:
+        """A letter with dots and subscript."""
+        return _with_subscript(_dotted(GREEK.get(parts.base, parts.base), parts.dots), parts.subscript)
+
+    def number(self, text: str) -> str:
+        """An unsigned number."""
+        mantissa, _, exponent = text.partition("e")
+        if not exponent:
+            return f"<mn>{mantissa}</mn>"
+        power = self.power("<mn>10</mn>", _signed(int(exponent)))
+        return f"<mn>{mantissa}</mn><mo>·</mo>{power}"
+
+    def total(self, terms: Sequence[tuple[bool, str]]) -> str:
+        """A sum."""
+        return f"<mrow>{sum_of(terms)}</mrow>"
+
+    def product(self, factors: Sequence[str]) -> str:
+        """Factors side by side, with a dot between numbers."""
+        text = factors[0]
+        for factor in factors[1:]:
+            text += ("<mo>·</mo>" if factor.startswith("<mn>") else "<mo>⁢</mo>") + factor
+        return f"<mrow>{text}</mrow>"
+
+    def fraction(self, numerator: str, denominator: str) -> str:
+        """A quotient."""
+        return f"<mfrac><mrow>{numerator}</mrow><mrow>{denominator}</mrow></mfrac>"
+
+    def power(self, base: str, exponent: str) -> str:
+        """A power."""
+        return f"<msup><mrow>{base}</mrow><mrow>{exponent}</mrow></msup>"
+
+    def root(self, argument: str) -> str:
+        """A square root."""
+        return f"<msqrt>{argument}</msqrt>"
+
+    def function(self, name: str, argument: str, exponent: str) -> str:
+        """A function, the exponent after its name."""
+        head = f"<mi>{name}</mi>"
+        head = f"<msup>{head}<mrow>{exponent}</mrow></msup>" if exponent else head
+        return f"<mrow>{head}<mo>⁡</mo>{self.group(argument)}</mrow>"
+
+    def group(self, content: str) -> str:
+        """Parentheses."""
+        return f"<mrow><mo>(</mo>{content}<mo>)</mo></mrow>"
+
+
+def _signed(value: int) -> str:
+    return f"<mo>−</mo><mn>{-value}</mn>" if value < 0 else f"<mn>{value}</mn>"
+
+
+def _dotted(letter: str, dots: int) -> str:
+    text = f"<mi>{escape(letter)}</mi>"
+    return f'<mover accent="true">{text}<mo>{_DOTS[dots]}</mo></mover>' if dots else text
+
+
+def _with_subscript(base: str, parts: Sequence[str]) -> str:
+    if not parts:
+        return base
+    below = "<mo>,</mo>".join(f"<mn>{p}</mn>" if p.isdigit() else f"<mi>{escape(p)}</mi>" for p in parts)
+    return f"<msub>{base}<mrow>{below}</mrow></msub>"
+
+
+def sum_of(terms: Sequence[tuple[bool, str]]) -> str:
+    """``a - b + c`` as a run of elements."""
+    text = ""
+    for negative, term in terms:
+        if text or negative:
+            text += "<mo>−</mo>" if negative else "<mo>+</mo>"
+        text += term
+    return text or "<mn>0</mn>"
+
+
+def bold(letter: str) -> str:
+    """A letter (or the name of a Greek one) in bold italics, the sign of a vector or matrix."""
+    letter = GREEK.get(letter, letter)
+    if len(letter) != 1:
+        return f"<mi>{escape(letter)}</mi>"
+    for first, start in (("A", _BOLD_CAPITALS), ("a", _BOLD_SMALL), ("α", _BOLD_GREEK)):
+        if 0 <= ord(letter) - ord(first) < 26:
+            return f"<mi>{chr(start + ord(letter) - ord(first))}</mi>"
+    return f"<mi>{escape(letter)}</mi>"
+
+
+def inline(expression: sp.Expr, walk: Walk) -> str:
+    """An expression within a line of text."""
+    return f"<math>{walk.write(expression)}</math>"
+
+
+def display(lines: Sequence[tuple[str, str]]) -> str:
+    """Aligned lines (left-hand side, right-hand side); an empty left-hand side continues the line before."""
+    rows = "".join(
+        f'<mtr><mtd class="left">{left}</mtd><mtd>{"<mo>=</mo>" if left else ""}</mtd>'
+        f'<mtd class="right">{right}</mtd></mtr>'
+        for left, right in lines
+    )
+    return f'<math display="block"><mtable columnalign="right center left">{rows}</mtable></math>'
+
+
+def definition_lines(symbol: sp.Symbol, value: sp.Expr, walk: Walk) -> list[tuple[str, str]]:
+    """A named subexpression."""
+    return _lines(walk.markup.symbol(notation(str(symbol))), value, walk)
+
+
+def equation_lines(about: Quantity, equation: Equation, walk: Walk) -> list[tuple[str, str]]:
+    """One equation of a closed form."""
+    left = _left(about, equation)
+    if isinstance(equation.value, sp.MatrixBase):
+        return [(left, matrix(equation.value, walk))]
+    return _lines(left, equation.value, walk)
+
+
+def matrix(value: sp.MatrixBase, walk: Walk) -> str:
+    """A matrix in brackets."""
+    rows = "".join(
+        "<mtr>" + "".join(f"<mtd>{walk.write(entry)}</mtd>" for entry in value.row(r)) + "</mtr>"
+        for r in range(value.rows)
+    )
+    return f"<mrow><mo>[</mo><mtable>{rows}</mtable><mo>]</mo></mrow>"
+
+
+def _left(about: Quantity, equation: Equation) -> str:
+    parts = notation(equation.letter)
+    letter = bold(parts.base)
+    below = (*parts.subscript, *(str(index) for index in equation.indices))
+    if equation.indices or not about.arguments:
+        return _with_subscript(letter, below)
+    arguments = "<mo>,</mo>".join(_dotted(chr(_BOLD_SMALL + 16), len(a) - 1) for a in about.arguments)
+    return f"{_with_subscript(letter, below)}<mo>(</mo>{arguments}<mo>)</mo>"
+
+
+def _lines(left: str, value: sp.Expr, walk: Walk) -> list[tuple[str, str]]:
+    first, *others = break_sum(value, walk, LINE)
+    lines = [(left, f"<mrow>{sum_of(first)}</mrow>")]
+    for row in others:
+        sign = "" if row[0][0] else "<mo>+</mo>"
+        lines.append(("", f"<mrow>{sign}{sum_of(row)}</mrow>"))
+    return lines

@@ -1,0 +1,165 @@
+"""A sketch of the frames in the zero pose: SVG in orthographic projection, nothing but lines and letters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from math import cos, hypot, radians, sin
+
+from rrrgen.report.geometry import Point, Stage, Transform, column, origin, zero_pose
+from rrrgen.spec.robot_spec import RobotSpec
+
+WIDTH, HEIGHT, MARGIN = 640, 480, 70
+AZIMUTH, ELEVATION = radians(-60.0), radians(22.0)  # where the viewer stands; no DH direction is seen end-on
+_AXIS_CLASSES = ("x", "y", "z")
+_TRIAD = 34.0  # length of the axes of a frame, px
+_COINCIDENT = 1e-9  # m; origins closer than this share one label
+
+
+@dataclass(frozen=True)
+class View:
+    """Projection to the screen: right and up in space, a scale, and where the middle of the scene goes."""
+
+    scale: float
+    middle: tuple[float, float]
+
+    def at(self, p: Point) -> tuple[float, float]:
+        """Screen position of a point, px, y down."""
+        u, v = _flat(p)
+        return WIDTH / 2 + self.scale * (u - self.middle[0]), HEIGHT / 2 - self.scale * (v - self.middle[1])
+
+
+def _flat(p: Point) -> tuple[float, float]:
+    """Coordinates of a point in the viewing plane, m."""
+    x, y, z = p
+    right = -sin(AZIMUTH) * x + cos(AZIMUTH) * y
+    depth = cos(AZIMUTH) * x + sin(AZIMUTH) * y
+    return right, cos(ELEVATION) * z - sin(ELEVATION) * depth
+
+
+def frame_sketch(spec: RobotSpec) -> str:
+    """An ``<svg>`` element with the base, every link frame, every joint axis and the tip at q = 0."""
+    base, stages, tip = zero_pose(spec)
+    points = [origin(base), origin(tip), *(p for stage in stages for p in (*stage.path, stage.axis[0]))]
+    view = _view(points)
+    parts = [_ground(view, origin(base))]
+    parts += [_axis(view, k, stage) for k, stage in enumerate(stages, start=1)]
+    parts += [_polyline(view, stage.path, "link") for stage in stages]
+    parts.append(_polyline(view, (origin(stages[-1].frame), origin(tip)), "tool"))
+    parts += [_joint(view, stage) for stage in stages]
+    frames = [("0", base), *((str(k), s.frame) for k, s in enumerate(stages, start=1))]
+    if _distance(origin(tip), origin(stages[-1].frame)) > _COINCIDENT:
+        frames.append(("tip", tip))
+    parts += [_triad(view, frame) for _, frame in frames]
+    parts += _labels(view, frames)
+    parts += _gravity(spec)
+    title = escape(f"Frames of {spec.name} in the zero pose")
+    body = "\n".join(part for part in parts if part)
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{title}">\n<title>{title}</title>\n{body}\n</svg>'
+    )
+
+
+def _view(points: Sequence[Point]) -> View:
+    flat = [_flat(p) for p in points]
+    low = [min(f[k] for f in flat) for k in range(2)]
+    high = [max(f[k] for f in flat) for k in range(2)]
+    spans = [(WIDTH - 2 * MARGIN) / max(high[0] - low[0], 1e-6), (HEIGHT - 2 * MARGIN) / max(high[1] - low[1], 1e-6)]
+    scale = min(spans) if max(high[0] - low[0], high[1] - low[1]) > _COINCIDENT else 1.0
+    return View(scale, ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2))
+
+
+def _px(value: float) -> str:
+    text = f"{value:.1f}"
+    return "0.0" if text == "-0.0" else text
+
+
+def _line(start: tuple[float, float], end: tuple[float, float], kind: str) -> str:
+    (x1, y1), (x2, y2) = start, end
+    return f'<line class="{kind}" x1="{_px(x1)}" y1="{_px(y1)}" x2="{_px(x2)}" y2="{_px(y2)}"/>'
+
+
+def _text(place: tuple[float, float], text: str, kind: str) -> str:
+    return f'<text class="{kind}" x="{_px(place[0])}" y="{_px(place[1])}">{escape(text)}</text>'
+
+
+def _polyline(view: View, path: Sequence[Point], kind: str) -> str:
+    corners = " ".join(f"{_px(x)},{_px(y)}" for x, y in map(view.at, path))
+    return f'<polyline class="{kind}" points="{corners}"/>' if len(path) > 1 else ""
+
+
+def _screen(direction: Point) -> tuple[float, float]:
+    """Where a unit direction points on the screen, foreshortened."""
+    u, v = _flat(direction)
+    return u, -v
+
+
+def _ground(view: View, place: Point) -> str:
+    x, y = view.at(place)
+    hatches = [_line((x - 24 + 8 * k, y + 6), (x - 30 + 8 * k, y + 13), "ground") for k in range(7)]
+    return "\n".join([_line((x - 28, y + 6), (x + 28, y + 6), "ground"), *hatches])
+
+
+def _axis(view: View, number: int, stage: Stage) -> str:
+    """The joint axis as a dashed line with the joint's variable at its positive end."""
+    x, y = view.at(stage.axis[0])
+    dx, dy = _screen(stage.axis[1])
+    reach = 62.0
+    end = (x + reach * dx, y + reach * dy)
+    away = (x + (reach + 11) * dx, y + (reach + 11) * dy + 4)
+    return _line((x - 26 * dx, y - 26 * dy), end, "axis") + "\n" + _text(away, f"q{number}", "variable")
+
+
+def _joint(view: View, stage: Stage) -> str:
+    x, y = view.at(stage.axis[0])
+    if stage.revolute:
+        return f'<circle class="joint" cx="{_px(x)}" cy="{_px(y)}" r="6"/>'
+    return f'<rect class="joint" x="{_px(x - 6)}" y="{_px(y - 6)}" width="12" height="12"/>'
+
+
+def _triad(view: View, frame: Transform) -> str:
+    x, y = view.at(origin(frame))
+    lines = []
+    for k, kind in enumerate(_AXIS_CLASSES):
+        dx, dy = _screen(column(frame, k))
+        lines.append(_line((x, y), (x + _TRIAD * dx, y + _TRIAD * dy), kind))
+    return "\n".join(lines)
+
+
+def _labels(view: View, frames: Sequence[tuple[str, Transform]]) -> list[str]:
+    """The numbers of the frames; frames with one origin share a label."""
+    groups: list[tuple[Point, list[str]]] = []
+    for name, frame in frames:
+        for place, names in groups:
+            if _distance(place, origin(frame)) <= _COINCIDENT:
+                names.append(name)
+                break
+        else:
+            groups.append((origin(frame), [name]))
+    labels = []
+    for place, names in groups:
+        x, y = view.at(place)
+        labels.append(_text((x - 9, y + 20), ", ".join(names), "frame"))
+    return labels
+
+
+def _distance(p: Point, q: Point) -> float:
+    return hypot(*(a - b for a, b in zip(p, q, strict=True)))
+
+
+def _gravity(spec: RobotSpec) -> list[str]:
+    """An arrow in the corner for the direction of gravity."""
+    g = tuple(float(spec.nominal(component)) for component in spec.gravity)
+    size = hypot(*g)
+    start = (WIDTH - 46.0, 30.0)
+    if size == 0.0:
+        return [_text((start[0] - 50, start[1]), "no gravity", "gravity")]
+    dx, dy = _screen((g[0] / size, g[1] / size, g[2] / size))
+    end = (start[0] + 42 * dx, start[1] + 42 * dy)
+    length = max(hypot(dx, dy), 1e-9)
+    ux, uy = dx / length, dy / length
+    wings = [(end[0] - 9 * ux + w * 4 * uy, end[1] - 9 * uy - w * 4 * ux) for w in (1, -1)]
+    head = " ".join(f"{_px(x)},{_px(y)}" for x, y in (end, *wings))
+    arrow = [_line(start, end, "gravity"), f'<polygon class="gravity" points="{head}"/>']
+    return [*arrow, _text((start[0] + 8, start[1] + 4), "g", "gravity")]

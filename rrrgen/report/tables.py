@@ -1,0 +1,152 @@
+"""The rows of the report's tables, as text or MathML, ready for the template."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import degrees, isfinite
+from typing import TYPE_CHECKING
+
+import sympy as sp
+from markupsafe import Markup
+
+from rrrgen.backends.latex import Walk
+from rrrgen.program import OperationCount, count_operations
+from rrrgen.report.mathml import inline
+from rrrgen.spec.robot_spec import JointSpec, RobotSpec
+
+if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.verify.report import Report
+
+
+@dataclass(frozen=True)
+class Table:
+    """Headings and rows; ``numeric`` columns are aligned to the right."""
+
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str | Markup, ...], ...]
+    numeric: frozenset[int] = frozenset()
+    failed: frozenset[int] = frozenset()  # rows to be marked
+
+
+def number(value: float, digits: int = 6) -> str:
+    """A number for a table: ``digits`` significant digits, no negative zero."""
+    if not isfinite(value):
+        return str(value)
+    return f"{value + 0.0:.{digits}g}".replace("-", "−")
+
+
+def dh_exact(spec: RobotSpec, walk: Walk) -> Table:
+    """The rows as written, with named parameters."""
+    rows = []
+    for i, joint in enumerate(spec.joints, start=1):
+        q = sp.Symbol(f"q{i}", real=True)
+        theta, d = (joint.theta + q, joint.d) if joint.is_revolute else (joint.theta, joint.d + q)
+        cells = (Markup(inline(value, walk)) for value in (joint.alpha, joint.a, d, theta))
+        rows.append((str(i), joint.name, joint.type, *cells))
+    return Table(("i", "joint", "type", "α", "a", "d", "θ"), tuple(rows), frozenset({0}))
+
+
+def dh_numbers(spec: RobotSpec, in_degrees: bool) -> Table:
+    """The rows at the nominal parameters, in rad and m or in degrees and mm."""
+    angle, length = (degrees, 1000.0) if in_degrees else (float, 1.0)
+    rows = []
+    for i, (joint, (_, alpha, a, d, theta)) in enumerate(zip(spec.joints, spec.dh_table(), strict=True), start=1):
+        d_text, theta_text = number(d * length), number(angle(theta))
+        if joint.is_revolute:
+            theta_text = _with_variable(i, theta_text)
+        else:
+            d_text = _with_variable(i, d_text)
+        rows.append((str(i), number(angle(alpha)), number(a * length), d_text, theta_text))
+    units = ("°", "mm") if in_degrees else ("rad", "m")
+    headings = ("i", f"α [{units[0]}]", f"a [{units[1]}]", f"d [{units[1]}]", f"θ [{units[0]}]")
+    return Table(headings, tuple(rows), frozenset(range(5)))
+
+
+def _with_variable(i: int, offset: str) -> str:
+    if offset == "0":
+        return f"q{i}"
+    return f"q{i} − {offset[1:]}" if offset.startswith("−") else f"q{i} + {offset}"
+
+
+def limits(spec: RobotSpec) -> Table | None:
+    """Joint limits and drives where the file gives any, in SI units."""
+    columns: list[tuple[str, Callable[[JointSpec], float | None]]] = [
+        ("lower", lambda j: j.limits.lower),
+        ("upper", lambda j: j.limits.upper),
+        ("speed", lambda j: j.limits.velocity),
+        ("acceleration", lambda j: j.limits.acceleration),
+        ("torque or force", lambda j: j.limits.torque),
+        ("drive inertia", lambda j: j.drive.inertia if j.drive else None),
+        ("viscous friction", lambda j: j.friction.viscous if j.friction else None),
+        ("Coulomb friction", lambda j: j.friction.coulomb if j.friction else None),
+        ("friction offset", lambda j: j.friction.offset if j.friction else None),
+    ]
+    used = [(name, read) for name, read in columns if any(read(joint) is not None for joint in spec.joints)]
+    if not used:
+        return None
+
+    def cell(joint: JointSpec, value: float | None) -> str:
+        return "" if value is None else number(value)
+
+    rows = tuple((joint.name, *(cell(joint, read(joint)) for _, read in used)) for joint in spec.joints)
+    return Table(("joint", *(name for name, _ in used)), rows, frozenset(range(1, len(used) + 1)))
+
+
+def base_parameters(model: DerivedModel, walk: Walk) -> Table:
+    """Name, expression, unit, and the nominal value where the file gives the links."""
+    rows = []
+    for k, parameter in enumerate(model.base_parameters):
+        symbol = Markup(inline(sp.Symbol(parameter.name, real=True), walk))
+        row: list[str | Markup] = [str(k + 1), symbol, Markup(inline(parameter.expression, walk)), parameter.unit]
+        if model.beta_nominal is not None:
+            row.append(number(float(model.beta_nominal[k])))
+        rows.append(tuple(row))
+    nominal = ("nominal value",) if model.beta_nominal is not None else ()
+    return Table(("", "parameter", "expression", "unit", *nominal), tuple(rows), frozenset({0, 4}))
+
+
+def regrouping(model: DerivedModel) -> Table:
+    """What became of every standard parameter."""
+    rows = tuple((item.parameter, item.formula, item.reason) for item in model.regrouping)
+    return Table(("standard parameter", "regrouped into", "reason"), rows)
+
+
+_COUNTS = ("multiplications", "additions", "divisions", "roots", "sine and cosine pairs", "other", "total")
+
+
+def operations(model: DerivedModel) -> Table:
+    """Arithmetic of one evaluation of every function."""
+    rows = tuple((name, *_counts(count_operations(program))) for name, program in model.programs.items())
+    return Table(("function", *_COUNTS), rows, frozenset(range(1, len(_COUNTS) + 1)))
+
+
+def _counts(count: OperationCount) -> tuple[str, ...]:
+    values = (count.mul, count.add, count.div, count.sqrt, count.sincos, count.other, count.total)
+    return tuple(str(value) for value in values)
+
+
+def passes(model: DerivedModel) -> Table:
+    """What each optimisation pass did: totals before and after."""
+    rows = tuple((p.function, p.name, str(p.before.total), str(p.after.total)) for p in model.passes)
+    return Table(("function", "pass", "operations before", "after"), rows, frozenset({2, 3}))
+
+
+def verification(report: Report) -> Table:
+    """The comparisons of a verification."""
+    rows, failed = [], []
+    for k, row in enumerate(report.rows):
+        difference, tolerance = f"{row.difference:.1e}", f"{row.tolerance:.0e}" if row.tolerance else "0"
+        verdict = row.verdict if not row.note else f"{row.verdict}: {row.note}"
+        rows.append((row.function, row.reference, row.parameters, str(row.samples), difference, tolerance, verdict))
+        if not row.ok:
+            failed.append(k)
+    headings = ("function", "reference", "parameters", "states", "max. relative difference", "tolerance", "verdict")
+    return Table(headings, tuple(rows), frozenset({3, 4, 5}), frozenset(failed))
+
+
+def pose(rows: Sequence[Sequence[float]]) -> str:
+    """A homogeneous transform as a MathML matrix of numbers."""
+    cells = "".join("<mtr>" + "".join(f"<mtd><mn>{number(v, 5)}</mn></mtd>" for v in row) + "</mtr>" for row in rows)
+    return f"<math><mo>[</mo><mtable>{cells}</mtable><mo>]</mo></math>"
