@@ -129,14 +129,13 @@ class FrictionModel:
         following, torque = self.law.step(NUMPY, np.asarray(z), np.asarray(dq), self._columns, period)
         return np.asarray(following), np.asarray(torque)
 
-    def branches(self, dq: ArrayLike) -> tuple[Array, Array]:
-        """The torque with sgn(dq) replaced by -1 and by +1, each (..., n).
+    def directed(self, dq: ArrayLike, direction: ArrayLike) -> Array:
+        """The torque with sgn(dq) replaced by ``direction``, (..., n).
 
-        At rest friction may take any value between the two; their difference there is twice the break-away torque.
+        At rest friction may take any value between those for -1 and for +1: its break-away torques.
         """
         speeds = np.asarray(dq, dtype=float)
-        backward, forward = (self.law.torque(_Fixed(s), speeds, self._columns) + 0.0 * speeds for s in (-1.0, 1.0))
-        return np.asarray(backward), np.asarray(forward)
+        return np.asarray(self.law.torque(_Fixed(np.asarray(direction, dtype=float)), speeds, self._columns))
 
     def passivity_margin(self) -> Array:
         """LuGre: ``alpha2 - sigma1 alpha0/alpha1`` per joint; not negative suffices for passivity, (n,).
@@ -173,13 +172,13 @@ class FrictionModel:
 
 
 class _Fixed(_NumPy):
-    """The operations with the sign decided beforehand."""
+    """The operations with the signs of the speeds decided beforehand."""
 
-    def __init__(self, sign: float) -> None:
-        self.value = sign
+    def __init__(self, signs: Array) -> None:
+        self.signs = signs
 
     def sign(self, x: Array) -> Array:  # type: ignore[override]
-        return np.full(np.shape(x), self.value)
+        return self.signs
 
 
 def _law(data: Mapping[str, Any]) -> FrictionLaw:

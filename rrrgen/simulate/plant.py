@@ -1,0 +1,238 @@
+"""The mechanics of the virtual robot between two samples: ``M(q) ddq + c + g + tau_f = tau``, and what is not rigid.
+
+Rigid: joint positions and velocities. With flexible joints every joint has a rotor of its own behind a spring and a
+damper (two masses). With a flexible base, the base swings about the axis of joint 1 against a spring and a damper; the
+arm sees the sum of base and joint angle, encoder and friction see the difference. Source: (14.6), section 14.6.6.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rrrgen.errors import InputError
+from rrrgen.simulate.friction import Friction, NoFriction
+
+Array = NDArray[Any]
+
+
+class Dynamics(Protocol):
+    """What the plant asks of a robot model; :class:`rrrgen.Model` has it."""
+
+    n: int
+
+    def mass_matrix(self, q: Array, beta: Array | None = None) -> Array:
+        """M(q), (n, n)."""
+        ...
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array, beta: Array | None = None) -> Array:
+        """``M ddq + c + g``, (n,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class FlexibleJoints:
+    """Rotor, spring and damper of every joint: inertia (kg m^2), stiffness (N m/rad), damping (N m s/rad), (n,) each.
+
+    Seen at the joint; for prismatic joints mass, N/m and N s/m.
+    """
+
+    rotor_inertia: tuple[float, ...]
+    stiffness: tuple[float, ...]
+    damping: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if min(self.rotor_inertia) <= 0.0 or min(self.stiffness) <= 0.0 or min(self.damping) < 0.0:
+            raise InputError("flexible joints: rotor inertia and stiffness must be positive, damping not negative")
+
+
+@dataclass(frozen=True)
+class FlexibleBase:
+    """The swing of the base about the axis of joint 1: inertia (kg m^2), natural frequency (Hz), damping ratio."""
+
+    inertia: float
+    frequency: float = 28.0
+    damping_ratio: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.inertia <= 0.0 or self.frequency <= 0.0 or self.damping_ratio < 0.0:
+            raise InputError("flexible base: inertia and frequency must be positive, the damping ratio not negative")
+
+    @property
+    def stiffness(self) -> float:
+        """N m/rad."""
+        return self.inertia * (2.0 * math.pi * self.frequency) ** 2
+
+    @property
+    def damping(self) -> float:
+        """N m s/rad."""
+        return 2.0 * self.damping_ratio * self.inertia * 2.0 * math.pi * self.frequency
+
+
+class RigidBody:
+    """Mass matrix, bias and accelerations of one state, through preallocated buffers where the model has them."""
+
+    def __init__(self, model: Any, beta: ArrayLike | None = None, drive_inertia: ArrayLike | None = None) -> None:
+        self.n: int = model.n
+        parameters = None if beta is None else np.asarray(beta, dtype=float)
+        self._added = None if drive_inertia is None else np.diag(np.asarray(drive_inertia, dtype=float))
+        self._zero = np.zeros(self.n)
+        self._direct: Callable[[Array, Array, Array], Array] | None = None
+        self._mass: Callable[[Array], Array]
+        self._torque: Callable[[Array, Array, Array], Array]
+        if hasattr(model, "bind"):
+            self._mass = model.bind("mass_matrix", parameters)
+            self._torque = model.bind("inverse_dynamics", parameters)
+            if self._added is None:
+                self._direct = model.bind("forward_dynamics", parameters)
+        else:
+            self._mass = lambda q: np.asarray(model.mass_matrix(q, parameters))
+            self._torque = lambda q, dq, ddq: np.asarray(model.inverse_dynamics(q, dq, ddq, parameters))
+
+    def mass(self, q: Array) -> Array:
+        """``M`` with drive inertia, (n, n)."""
+        return self._mass(q).copy() if self._added is None else self._mass(q) + self._added
+
+    def bias(self, q: Array, dq: Array) -> Array:
+        """``c + g``, (n,)."""
+        return self._torque(q, dq, self._zero).copy()
+
+    def acceleration(self, q: Array, dq: Array, net: Array) -> Array:
+        """``M^-1 (net - c - g)``, (n,)."""
+        if self._direct is not None:
+            return self._direct(q, dq, net).copy()
+        return np.asarray(np.linalg.solve(self.mass(q), net - self.bias(q, dq)))
+
+
+@dataclass(frozen=True)
+class Plant:
+    """The mechanics: rigid body, friction, flexibility.
+
+    Source: (14.6), (14.11)-(14.14).
+    """
+
+    body: RigidBody
+    friction: Friction
+    joints: FlexibleJoints | None = None
+    base: FlexibleBase | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.body.n
+
+    @property
+    def needs_stiff_solver(self) -> bool:
+        """Whether the state has more in it than q and dq."""
+        return self.joints is not None or self.base is not None or self.friction.has_state
+
+    @property
+    def layout(self) -> dict[str, slice]:
+        """Where each part of the state stands: ``q dq`` of the links, then rotors, bristles, base as present."""
+        parts = [("q", self.n), ("dq", self.n)]
+        if self.joints is not None:
+            parts += [("rotor", self.n), ("rotor_speed", self.n)]
+        if self.friction.has_state:
+            parts += [("z", self.n)]
+        if self.base is not None:
+            parts += [("base", 1), ("base_speed", 1)]
+        places, start = {}, 0
+        for name, size in parts:
+            places[name] = slice(start, start + size)
+            start += size
+        return places
+
+    def initial_state(self, q: ArrayLike, dq: ArrayLike) -> Array:
+        """The state in which the encoders read ``q``, everything moves with ``dq``, and springs carry the links.
+
+        Springs of flexible joints start deflected by the torque that the motion needs at that instant without
+        acceleration; the base starts at rest.
+        """
+        layout = self.layout
+        state = np.zeros(max(part.stop for part in layout.values()))
+        state[layout["q"]] = q
+        state[layout["dq"]] = dq
+        if self.joints is not None:
+            bias = self.body.bias(np.asarray(q, dtype=float), np.asarray(dq, dtype=float))
+            deflection = bias / np.asarray(self.joints.stiffness)
+            state[layout["rotor"]] = q
+            state[layout["q"]] = np.asarray(q) - deflection
+            state[layout["rotor_speed"]] = dq
+        return state
+
+    def encoders(self, state: Array) -> Array:
+        """What the encoders turn by, motor side where the joints are flexible, relative to the base, (n,)."""
+        return self._relative(state, "rotor" if self.joints is not None else "q", "base")
+
+    def speeds(self, state: Array) -> Array:
+        """The speeds of the encoders, (n,)."""
+        return self._relative(state, "rotor_speed" if self.joints is not None else "dq", "base_speed")
+
+    def _relative(self, state: Array, part: str, base: str) -> Array:
+        layout = self.layout
+        values = state[layout[part]].copy()
+        if self.base is not None:
+            values[0] -= state[layout[base]][0]
+        return values
+
+    def state_derivative(self) -> Callable[[Array, float, Array], Array]:
+        """The right-hand side ``f(state, t, tau)`` for the stiff solver; sgn is smoothed as the friction declares."""
+        layout = self.layout
+        body, friction, flexible, base = self.body, self.friction, self.joints, self.base
+        z = layout.get("z")
+        moved = "rotor_speed" if flexible is not None else "dq"
+        size = max(part.stop for part in layout.values())
+
+        def derivative(state: Array, _: float, tau: Array) -> Array:
+            rates = np.zeros(size)
+            q, dq = state[layout["q"]], state[layout["dq"]]
+            sliding = state[layout[moved]].copy()
+            if base is not None:
+                sliding[0] -= state[layout["base_speed"]][0]
+            if z is None:
+                net = tau - friction.smooth_torque(sliding)
+            else:
+                net = tau - friction.state_torque(state[z], sliding)
+                rates[z] = friction.rate(state[z], sliding)
+            load = net
+            if flexible is not None:
+                load = np.asarray(flexible.stiffness) * (state[layout["rotor"]] - q)
+                load += np.asarray(flexible.damping) * (state[layout["rotor_speed"]] - dq)
+                rates[layout["rotor"]] = state[layout["rotor_speed"]]
+                rates[layout["rotor_speed"]] = (net - load) / np.asarray(flexible.rotor_inertia)
+            rates[layout["q"]] = dq
+            rates[layout["dq"]] = body.acceleration(q, dq, load)
+            if base is not None:
+                angle, speed = state[layout["base"]], state[layout["base_speed"]]
+                rates[layout["base"]] = speed
+                restoring = base.damping * speed + base.stiffness * angle
+                rates[layout["base_speed"]] = (-restoring - net[0]) / base.inertia
+            return rates
+
+        return derivative
+
+
+def make_plant(
+    model: Any,
+    *,
+    beta: ArrayLike | None = None,
+    friction: Friction | None = None,
+    drive_inertia: ArrayLike | None = None,
+    joints: FlexibleJoints | None = None,
+    base: FlexibleBase | None = None,
+) -> Plant:
+    """The mechanics of ``model`` under its nominal or the given base parameters.
+
+    ``drive_inertia`` (n,) adds to the diagonal of M; with flexible joints the rotors stand for it instead.
+    """
+    if joints is not None and drive_inertia is not None:
+        raise InputError("flexible joints have rotors: give the drive inertia as rotor_inertia")
+    if joints is not None and len(joints.rotor_inertia) != model.n:
+        raise InputError(f"flexible joints: {len(joints.rotor_inertia)} rotors for {model.n} joints")
+    chosen = friction if friction is not None else NoFriction(model.n)
+    return Plant(RigidBody(model, beta, drive_inertia), chosen, joints, base)

@@ -1,0 +1,62 @@
+"""Recordings on disk: the CSV and mapping file that a real robot leaves, so that identification sees no difference."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rrrgen.errors import InputError
+from rrrgen.simulate.experiment import Instruments, Recording
+
+
+def write_recording(
+    folder: Path,
+    stem: str,
+    recording: Recording,
+    *,
+    joints: Sequence[str],
+    prismatic: Sequence[bool] | None = None,
+    instruments: Instruments | None = None,
+) -> tuple[Path, Path]:
+    """Write ``stem.csv`` (t, q_<joint>.., tau_<joint>..) and ``stem.yaml``, its mapping; returns both paths.
+
+    ``prismatic`` says which joints slide (m, N instead of rad, N m). The numbers read back exactly.
+    """
+    n = recording.q.shape[1]
+    if len(joints) != n:
+        raise InputError(f"a recording of {n} joints needs {n} names, got {len(joints)}")
+    folder.mkdir(parents=True, exist_ok=True)
+    log, mapping = folder / f"{stem}.csv", folder / f"{stem}.yaml"
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["t", *(f"q_{name}" for name in joints), *(f"tau_{name}" for name in joints)])
+    writer.writerows(np.column_stack([recording.t, recording.q, recording.tau]).tolist())
+    log.write_text(text.getvalue(), encoding="utf-8", newline="\n")
+    kinds = list(prismatic) if prismatic is not None else [False] * n
+    limits = None if instruments is None else instruments.torque_limit
+    mapping.write_text(_mapping_text(stem, joints, kinds, limits), encoding="utf-8", newline="\n")
+    return log, mapping
+
+
+def _mapping_text(stem: str, joints: Sequence[str], prismatic: Sequence[bool], limits: Sequence[float] | None) -> str:
+    lines = [
+        "schema: rrrgen-log/1",
+        f"name: {stem}",
+        "description: recording of the virtual robot",
+        f"files: {stem}.csv",
+        "time: {column: t, unit: s}",
+        "joints:",
+    ]
+    for i, (name, slides) in enumerate(zip(joints, prismatic, strict=True)):
+        length, force = ("m", "N") if slides else ("rad", "N*m")
+        limit = "" if limits is None else f", limit: {limits[i]!r}"
+        lines += [
+            f"  - name: {name}",
+            f"    position: {{column: q_{name}, unit: {length}}}",
+            f"    torque: {{column: tau_{name}, unit: {force}{limit}}}",
+        ]
+    return "\n".join(lines) + "\n"
