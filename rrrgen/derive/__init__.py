@@ -32,9 +32,12 @@ def derive_model(spec: RobotSpec) -> DerivedModel:
     own = base_set(model)
     change = change_basis(spec, own) if spec.basis is not None else None
     parametrization = parametrize(own, change)
-    programs = {name: record(Recording(model, parametrization)) for name, record in FUNCTIONS.items()}
+    alternatives = {
+        name: tuple(record(Recording(model, parametrization)) for record in recorders)
+        for name, recorders in FUNCTIONS.items()
+    }
     if any(joint.friction is not None for joint in spec.joints):
-        programs["friction"] = friction(Recording(model, parametrization))
+        alternatives["friction"] = (friction(Recording(model, parametrization)),)
     projection = _projection(own, change)
     symbols = standard_symbols(spec.n)
     expressions = change.expressions if change else [linear_expression(row, symbols) for row in projection]
@@ -44,8 +47,9 @@ def derive_model(spec: RobotSpec) -> DerivedModel:
         spec=spec,
         model=model,
         own_basis=own,
+        parametrization=parametrization,
         basis_change=change,
-        programs=programs,
+        alternatives=alternatives,
         base_parameters=tuple(
             BaseParameter(name, sp.S(expression), unit)
             for name, expression, unit in zip(parametrization.names, expressions, parametrization.units, strict=True)

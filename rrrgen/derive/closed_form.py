@@ -17,13 +17,10 @@ from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.derive.fourier_form import shorter_form
 from rrrgen.derive.functions import FUNCTIONS
 from rrrgen.derive.polynomials import Polynomial, PolynomialRing, to_expression
-from rrrgen.derive.recording import Recording, parametrize
+from rrrgen.derive.recording import Recording
 from rrrgen.errors import DerivationError
 from rrrgen.program import Op, Program, Value
 from rrrgen.program.ir import reachable
-
-WITHOUT_CLOSED_FORM = ("forward_dynamics",)
-
 
 class ClosedForm:
     """The closed form of one function: index it for single entries, or take the whole ``matrix()``."""
@@ -67,17 +64,15 @@ class ClosedForm:
 
 def closed_form(derived: DerivedModel, function: str) -> ClosedForm:
     """The closed form of ``function`` with named parameters and base parameters as symbols."""
-    if function not in FUNCTIONS or function in WITHOUT_CLOSED_FORM:
-        known = ", ".join(name for name in FUNCTIONS if name not in WITHOUT_CLOSED_FORM)
-        raise DerivationError(f"no closed form of {function!r}; there is one of: {known}")
-    model = derived.model
-    parametrization = parametrize(derived.own_basis, derived.basis_change)
+    if function not in FUNCTIONS:
+        raise DerivationError(f"no closed form of {function!r}; there is one of: {', '.join(FUNCTIONS)}")
+    model, parametrization = derived.model, derived.parametrization
     further = [v for row in parametrization.inverse or () for v in row]
     free, pairs, roots = exact_constants(model, further)
     generators = [*free, *(g for pair in pairs for g in pair), *roots]
     recording = Recording(model, parametrization, generators or [sp.Symbol("one")])
     return ClosedForm(
-        FUNCTIONS[function](recording), generators or [sp.Symbol("one")], roots, parametrization.names, pairs
+        FUNCTIONS[function][0](recording), generators or [sp.Symbol("one")], roots, parametrization.names, pairs
     )
 
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.chain import Chain, Placement
@@ -164,7 +163,6 @@ class Dyad:
         return Dyad([add(x, y) for x, y in zip(self.A, other.A, strict=True)], add(self.P, other.P))
 
 
-_HALF = Fraction(1, 2)
 NO_MOMENTUM = Dyad([[0] * 3 for _ in range(3)], [0, 0, 0])
 
 
@@ -202,15 +200,12 @@ def _dyad_down(chain: Chain, i: int, dyad: Dyad) -> Dyad:
 
 
 def _turn_matrix(c: Any, s: Any, A: Matrix) -> Matrix:
-    """Rz A Rz': the plane part turns by the double angle, apart from its trace and its skew part."""
-    mean, skew = (A[0][0] + A[1][1]) * _HALF, (A[0][1] - A[1][0]) * _HALF
-    difference, shear = (A[0][0] - A[1][1]) * _HALF, (A[0][1] + A[1][0]) * _HALF
-    two_s = 2 * s
-    cos2, sin2 = 1 - two_s * s, two_s * c
-    d, m = difference * cos2 - shear * sin2, difference * sin2 + shear * cos2
+    """Rz A Rz', with four products for the plane part."""
+    u = (A[0][0] - A[1][1]) * c - (A[0][1] + A[1][0]) * s
+    shift, shear = c * u, s * u
     xz, yz, _ = turn(c, s, [A[0][2], A[1][2], 0])
     zx, zy, _ = turn(c, s, [A[2][0], A[2][1], 0])
-    return [[mean + d, m + skew, xz], [m - skew, mean - d, yz], [zx, zy, A[2][2]]]
+    return [[A[1][1] + shift, A[0][1] + shear, xz], [A[1][0] + shear, A[0][0] - shift, yz], [zx, zy, A[2][2]]]
 
 
 def coriolis_matrix(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]) -> Matrix:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from rrrgen.derive.base_parameters import BaseParameter, BaseSet, Regrouping
+from rrrgen.derive.recording import Parametrization
 from rrrgen.derive.user_basis import BasisChange
 from rrrgen.model import RobotModel
 from rrrgen.program import OperationCount, Program
@@ -26,21 +27,24 @@ class PassReport:
 class DerivedModel:
     """Everything that backends, the runtime and reports need to know about one robot.
 
-    ``programs`` maps public function names to programs in the order of emission; with inertias in the file every
-    function that takes base parameters has a twin ``<function>_nominal`` with the file's numbers folded in.
+    ``alternatives`` holds every function as derived, in equivalent ways; ``programs`` (filled by optimization) maps
+    public function names to the cheapest programs, in the order of emission. With inertias in the file every function
+    that takes base parameters has a twin ``<function>_nominal`` with the file's numbers folded in.
     ``base_projection`` is K of ``beta = K phi`` (b x 10 n) at nominal geometry.
     """
 
     spec: RobotSpec
     model: RobotModel
     own_basis: BaseSet
+    parametrization: Parametrization
     basis_change: BasisChange | None
-    programs: dict[str, Program]
+    alternatives: dict[str, tuple[Program, ...]]
     base_parameters: tuple[BaseParameter, ...]
     base_projection: tuple[tuple[float, ...], ...]
     regrouping: tuple[Regrouping, ...]
     beta_nominal: tuple[Fraction, ...] | None
     drive_inertia_nominal: tuple[Fraction, ...] | None
+    programs: dict[str, Program] = field(default_factory=dict)
     passes: tuple[PassReport, ...] = ()
 
     @property

@@ -18,6 +18,7 @@ from rrrgen.derive.recording import Recording
 from rrrgen.derive.regressor import unit_torques
 from rrrgen.derive.vectors import dot
 from rrrgen.program import Port, Program, Value
+from rrrgen.program.ir import replay
 
 PIVOT_TOLERANCE = Fraction(1, 2**40)
 """A pivot of M below this part of its diagonal entry counts as zero."""
@@ -34,8 +35,16 @@ def _weightless(chain: Chain) -> Chain:
 
 
 def forward_kinematics(r: Recording) -> Program:
-    """Pose of the tip."""
-    T = kinematics.forward_kinematics_inwards(r.chain())
+    """Pose of the tip, from the base outwards."""
+    return _pose(r, kinematics.forward_kinematics(r.chain()))
+
+
+def forward_kinematics_inwards(r: Recording) -> Program:
+    """Pose of the tip, axis by axis from the tip inwards."""
+    return _pose(r, kinematics.forward_kinematics_inwards(r.chain()))
+
+
+def _pose(r: Recording, T: list[list[Any]]) -> Program:
     port = Port("T", (4, 4), "-, m", BASE, "homogeneous transform of the tip")
     return r.builder.program(
         "forward_kinematics", [(port, _flat(T))], "Pose of the tip.", "T = T_base A_1(q_1) ... A_n(q_n) T_tool   (14.5)"
@@ -94,13 +103,43 @@ def _torque_port(r: Recording, name: str, meaning: str) -> Port:
     return Port(name, (r.n,), r.torque_unit, "", meaning)
 
 
-def coriolis(r: Recording, in_block: tuple[int, ...] = ()) -> Program:
+def _own_frames(chain: Chain) -> list[bool]:
+    return choose_frames(chain)
+
+
+def _block_frames(chain: Chain) -> list[bool]:
+    return choose_frames(chain, range(chain.n))
+
+
+Frames = Callable[[Chain], list[bool]]
+
+
+def coriolis(frames: Frames) -> Callable[[Recording], Program]:
     """Coriolis and centrifugal torques."""
-    chain = _weightless(r.chain())
-    dq = r.joints("dq")
-    c = inverse_dynamics(chain, dq, [0] * r.n, r.inertias(), choose_frames(chain, in_block))
-    port = _torque_port(r, "c", "Coriolis and centrifugal torques")
-    return r.builder.program("coriolis", [(port, c)], "Coriolis and centrifugal torques.", "c = C(q, dq) dq")
+
+    def record(r: Recording) -> Program:
+        chain = _weightless(r.chain())
+        dq = r.joints("dq")
+        c = inverse_dynamics(chain, dq, [0] * r.n, r.inertias(), frames(chain))
+        port = _torque_port(r, "c", "Coriolis and centrifugal torques")
+        return r.builder.program("coriolis", [(port, c)], "Coriolis and centrifugal torques.", "c = C(q, dq) dq")
+
+    return record
+
+
+def bias(frames: Frames) -> Callable[[Recording], Program]:
+    """Coriolis, centrifugal and gravity torques together."""
+
+    def record(r: Recording) -> Program:
+        chain = r.chain()
+        dq = r.joints("dq")
+        torques = inverse_dynamics(chain, dq, [0] * r.n, r.inertias(), frames(chain))
+        port = _torque_port(r, "h", "torques for ddq = 0, friction not included")
+        return r.builder.program(
+            "bias", [(port, torques)], "Coriolis, centrifugal and gravity torques together.", "h = c(q, dq) + g(q)"
+        )
+
+    return record
 
 
 def coriolis_transpose(r: Recording) -> Program:
@@ -125,31 +164,34 @@ def gravity(r: Recording) -> Program:
     return r.builder.program("gravity", [(port, g)], "Gravity torques.", "g = dU/dq")
 
 
-def inverse_dynamics_function(r: Recording, in_block: tuple[int, ...] = ()) -> Program:
+def inverse_dynamics_function(frames: Frames) -> Callable[[Recording], Program]:
     """Joint torques of the rigid body."""
-    chain = r.chain()
-    dq, ddq = r.joints("dq"), r.joints("ddq")
-    tau = inverse_dynamics(chain, dq, ddq, r.inertias(), choose_frames(chain, in_block))
-    tau = [t + Ia * a for t, Ia, a in zip(tau, r.drive_inertia(), ddq, strict=True)]
-    port = _torque_port(r, "tau", "joint torques, friction not included")
-    return r.builder.program(
-        "inverse_dynamics",
-        [(port, tau)],
-        "Joint torques of the rigid body with drive inertia.",
-        "tau = M(q) ddq + c(q, dq) + g(q)   (14.6)",
-    )
+
+    def record(r: Recording) -> Program:
+        chain = r.chain()
+        dq, ddq = r.joints("dq"), r.joints("ddq")
+        tau = inverse_dynamics(chain, dq, ddq, r.inertias(), frames(chain))
+        tau = [t + Ia * a for t, Ia, a in zip(tau, r.drive_inertia(), ddq, strict=True)]
+        port = _torque_port(r, "tau", "joint torques, friction not included")
+        return r.builder.program(
+            "inverse_dynamics",
+            [(port, tau)],
+            "Joint torques of the rigid body with drive inertia.",
+            "tau = M(q) ddq + c(q, dq) + g(q)   (14.6)",
+        )
+
+    return record
 
 
-def forward_dynamics(r: Recording, in_block: tuple[int, ...] = ()) -> Program:
-    """Joint accelerations."""
-    chain = r.chain()
-    dq, tau = r.joints("dq"), r.joints("tau")
-    inertias = r.inertias()
-    M = composite.mass_matrix(chain, inertias)
-    for i, Ia in enumerate(r.drive_inertia()):
-        M[i][i] = M[i][i] + Ia
-    bias = inverse_dynamics(chain, dq, [0] * r.n, inertias, choose_frames(chain, in_block))
-    status, ddq = solve_positive_definite(r, M, [t - b for t, b in zip(tau, bias, strict=True)])
+def forward_dynamics(r: Recording, mass: Program, torques: Program, nominal: bool = False) -> Program:
+    """Joint accelerations, from the programs of the mass matrix and of the bias torques (``nominal``: without beta)."""
+    inputs = {name: r.joints(name) for name in ("q", "dq", "tau")}
+    if not nominal:
+        inputs |= {"beta": r.beta(), "Ia": r.drive_inertia()}
+    flat = replay(mass, r.builder, [inputs[port.name] for port in mass.inputs])[0]
+    M = [flat[k * r.n : (k + 1) * r.n] for k in range(r.n)]
+    h = replay(torques, r.builder, [inputs[port.name] for port in torques.inputs])[0]
+    status, ddq = solve_positive_definite(r, M, [t - b for t, b in zip(inputs["tau"], h, strict=True)])
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
     ports = [
         (Port("status", ()), [status]),
@@ -315,21 +357,23 @@ def friction(r: Recording) -> Program:
     )
 
 
-FUNCTIONS: dict[str, Callable[[Recording], Program]] = {
-    "forward_kinematics": forward_kinematics,
-    "link_frames": link_frames,
-    "jacobian": jacobian,
-    "jacobian_dot_dq": jacobian_dot_dq,
-    "mass_matrix": mass_matrix,
-    "coriolis_matrix": coriolis_matrix,
-    "coriolis": coriolis,
-    "coriolis_transpose": coriolis_transpose,
-    "gravity": gravity,
-    "inverse_dynamics": inverse_dynamics_function,
-    "forward_dynamics": forward_dynamics,
-    "regressor": regressor,
-    "regressor_transpose": regressor_transpose,
-    "standard_regressor": standard_regressor,
-    "energy": energy,
+Recorder = Callable[[Recording], Program]
+
+FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
+    "forward_kinematics": (forward_kinematics, forward_kinematics_inwards),
+    "link_frames": (link_frames,),
+    "jacobian": (jacobian,),
+    "jacobian_dot_dq": (jacobian_dot_dq,),
+    "mass_matrix": (mass_matrix,),
+    "coriolis_matrix": (coriolis_matrix,),
+    "coriolis": (coriolis(_block_frames), coriolis(_own_frames)),
+    "coriolis_transpose": (coriolis_transpose,),
+    "gravity": (gravity,),
+    "bias": (bias(_block_frames), bias(_own_frames)),
+    "inverse_dynamics": (inverse_dynamics_function(_block_frames), inverse_dynamics_function(_own_frames)),
+    "regressor": (regressor,),
+    "regressor_transpose": (regressor_transpose,),
+    "standard_regressor": (standard_regressor,),
+    "energy": (energy,),
 }
-"""All functions of every model, in the order of emission."""
+"""Functions recorded from the derivations, in the order of emission, each in one or more equivalent ways."""

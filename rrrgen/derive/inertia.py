@@ -67,16 +67,14 @@ class PseudoInertia:
 
     def turned(self, c: Any, s: Any) -> PseudoInertia:
         """Seen from a frame turned back by the angle with cosine ``c`` and sine ``s`` about z."""
-        half_sum = (self.Jxx + self.Jyy) * Fraction(1, 2)
-        half_difference = (self.Jxx - self.Jyy) * Fraction(1, 2)
-        two_s = 2 * s
-        cos2, sin2 = 1 - two_s * s, two_s * c
-        difference = half_difference * cos2 - self.Jxy * sin2
+        # with P = Jxx - Jyy and u = P c - 2 Jxy s: four products turn the plane part
+        u = (self.Jxx - self.Jyy) * c - 2 * self.Jxy * s
+        shift = c * u
         return PseudoInertia(
-            Jxx=half_sum + difference,
-            Jxy=half_difference * sin2 + self.Jxy * cos2,
+            Jxx=self.Jyy + shift,
+            Jxy=self.Jxy + s * u,
             Jxz=c * self.Jxz - s * self.Jyz,
-            Jyy=half_sum - difference,
+            Jyy=self.Jxx - shift,
             Jyz=s * self.Jxz + c * self.Jyz,
             Jzz=self.Jzz,
             hx=c * self.hx - s * self.hy,

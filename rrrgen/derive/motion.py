@@ -15,7 +15,7 @@ cheaper; the last link of a block that has a successor uses its own frame, since
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,7 +52,7 @@ class _BlockEntry:
     U23: Any
 
 
-def choose_frames(chain: Chain, keep_in_block: Sequence[int] = ()) -> list[bool]:
+def choose_frames(chain: Chain, keep_in_block: Container[int] = ()) -> list[bool]:
     """Whether each link uses its own frame; links in ``keep_in_block`` use the block's where that is allowed."""
     own = []
     for i in range(chain.n):

@@ -97,11 +97,14 @@ class Recording:
         """Declare q and return the geometry."""
         return program_chain(self.model, self.builder, self.constant, self.joints("q"))
 
-    def inertias(self) -> list[PseudoInertia]:
-        """Declare beta and return the inertias it stands for."""
+    def beta(self) -> list[Value]:
+        """Declare the base parameters as input."""
         names = self.parametrization.names
-        beta = self.builder.input(Port("beta", (len(names),), "SI", "", "base parameters " + ", ".join(names)))
-        return self.parametrization.inertias(self.n, beta, self.constant)
+        return list(self.builder.input(Port("beta", (len(names),), "SI", "", "base parameters " + ", ".join(names))))
+
+    def inertias(self) -> list[PseudoInertia]:
+        """Declare the base parameters and return the inertias they stand for."""
+        return self.parametrization.inertias(self.n, self.beta(), self.constant)
 
     def drive_inertia(self) -> list[Value]:
         """Declare Ia if any drive has inertia, else zeros."""

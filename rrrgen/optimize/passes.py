@@ -1,38 +1,95 @@
-"""The order of the passes."""
+"""The order of the passes, and the choice between equivalent programs by counted cost."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from rrrgen.derive.derived_model import DerivedModel, PassReport
+from rrrgen.derive.functions import forward_dynamics
+from rrrgen.derive.recording import Recording
+from rrrgen.optimize.doubling import double_by_addition
+from rrrgen.optimize.expansion import Cutting, factored
 from rrrgen.optimize.folding import fold
 from rrrgen.program import Program, count_operations
 
+SMALL = 230
+"""Programs up to this many operations are also expanded as a whole; larger ones are factored locally."""
+
+
+class _Log:
+    """Collects what each pass did."""
+
+    def __init__(self) -> None:
+        self.reports: list[PassReport] = []
+
+    def note(self, name: str, function: str, before: Program, after: Program) -> Program:
+        """Record a pass that changed something, and hand its result on."""
+        if before is not after:
+            self.reports.append(PassReport(name, function, count_operations(before), count_operations(after)))
+        return after
+
 
 def optimize_model(derived: DerivedModel) -> DerivedModel:
-    """Run every pass over every function, then add the nominal twins."""
+    """The cheapest program of every function, then the nominal twins."""
+    log = _Log()
+    best = {name: cheapest(list(ways), name, log) for name, ways in derived.alternatives.items()}
     programs: dict[str, Program] = {}
-    reports: list[PassReport] = []
-    for name, program in derived.programs.items():
+    for name, program in best.items():
         programs[name] = program
-        twin = nominal_twin(derived, program)
-        if twin is not None:
-            programs[twin.name] = twin
-            reports.append(
-                PassReport("fold parameters", twin.name, count_operations(program), count_operations(twin))
-            )
-    return replace(derived, programs=programs, passes=tuple(reports))
+        _add_twin(derived, derived.alternatives[name], program, programs, log)
+        if name == "inverse_dynamics":
+            _add_forward_dynamics(derived, programs)
+    return replace(derived, programs=programs, passes=tuple(log.reports))
 
 
-def nominal_twin(derived: DerivedModel, program: Program) -> Program | None:
-    """``program`` with the file's base parameters and drive inertias folded in, where it takes any."""
-    if derived.beta_nominal is None or "beta" not in {port.name for port in program.inputs}:
-        return None
+def cost(program: Program) -> tuple[int, int, int]:
+    """What programs are compared by: angles weigh most, then operations, then multiplications."""
+    count = count_operations(program)
+    return (40 * count.sincos + count.total + 10 * count.div, count.mul, len(program.nodes))
+
+
+def cheapest(ways: list[Program], name: str, log: _Log) -> Program:
+    """The cheapest of the equivalent programs ``ways`` after every pass."""
+    first = ways[0]
+    chosen = log.note("choose recursion", name, first, min(ways, key=cost))
+    candidates = [chosen]
+    for way in ways:
+        small = count_operations(way).total <= SMALL
+        for cutting in Cutting if small else (Cutting.LOCAL,):
+            program = factored(way, cutting)
+            if program is not None:
+                candidates.append(program)
+    chosen = log.note("expand and factor", name, chosen, min(candidates, key=cost))
+    return log.note("double by addition", name, chosen, double_by_addition(chosen))
+
+
+def _add_twin(
+    derived: DerivedModel, ways: tuple[Program, ...], best: Program, programs: dict[str, Program], log: _Log
+) -> None:
+    """``<function>_nominal`` with the file's base parameters and drive inertias folded in, where it takes any."""
+    if derived.beta_nominal is None or "beta" not in {port.name for port in best.inputs}:
+        return
     known = {"beta": derived.beta_nominal}
     if derived.drive_inertia_nominal is not None:
         known["Ia"] = derived.drive_inertia_nominal
-    twin = fold(program, known)
-    return twin.described(
-        name=f"{program.name}_nominal",
-        summary=program.summary.rstrip(".") + ", with the parameters of the robot file.",
+    name = f"{best.name}_nominal"
+    folded = [fold(program, known) for program in (best, *ways)]
+    log.note("fold parameters", name, best, folded[0])
+    twin = cheapest(folded, name, log)
+    programs[name] = twin.described(
+        name=name, summary=best.summary.rstrip(".") + ", with the parameters of the robot file."
     )
+
+
+def _add_forward_dynamics(derived: DerivedModel, programs: dict[str, Program]) -> None:
+    """Forward dynamics from the cheapest mass matrix and bias torques, with both sets of parameters."""
+    recording = Recording(derived.model, derived.parametrization)
+    program = forward_dynamics(recording, programs["mass_matrix"], programs["bias"])
+    programs["forward_dynamics"] = program
+    if "mass_matrix_nominal" in programs:
+        recording = Recording(derived.model, derived.parametrization)
+        twin = forward_dynamics(recording, programs["mass_matrix_nominal"], programs["bias_nominal"], nominal=True)
+        programs["forward_dynamics_nominal"] = twin.described(
+            name="forward_dynamics_nominal",
+            summary=program.summary.rstrip(".") + ", with the parameters of the robot file.",
+        )

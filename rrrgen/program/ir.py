@@ -294,9 +294,10 @@ class Builder:
             x, y = y, x
         if not isinstance(x, Scalar):
             return self._scale(Fraction(x), y)  # type: ignore[arg-type]
-        cx, x = self._scaled(x)
-        cy, y = self._scaled(y)  # type: ignore[arg-type]
-        return self._scale(cx * cy, self._binary(Op.MUL, x, y))
+        # Signs move outwards, where sums absorb them; constant factors stay where they are shared.
+        minus_x, minus_y = self._negated(x), self._negated(y)
+        product = self._binary(Op.MUL, x if minus_x is None else minus_x, y if minus_y is None else minus_y)
+        return product if (minus_x is None) == (minus_y is None) else self.neg(product)
 
     def _scale(self, factor: Fraction, x: Scalar) -> Value:
         if factor == 0:
@@ -310,6 +311,10 @@ class Builder:
         if factor < 0:  # the sign is kept outside, where sums absorb it
             return self.neg(self._scale(-factor, x))
         return Scalar(self, self._node(Op.MUL, (self.index_of(factor), x.index)))
+
+    def double(self, x: Value) -> Value:
+        """x + x, kept as an addition."""
+        return self._binary(Op.ADD, x, x) if isinstance(x, Scalar) else 2 * Fraction(x)
 
     def _binary(self, op: Op, x: Value, y: Value) -> Scalar:
         i, j = self.index_of(x), self.index_of(y)

@@ -1,0 +1,271 @@
+"""Expanding a program into polynomials in its literals: inputs, sines and cosines, and sums of inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+from fractions import Fraction
+
+from rrrgen.optimize.factoring import Factoring, Monomial, Polynomial
+from rrrgen.program import Builder, Op, Program, Value
+from rrrgen.program.ir import Node
+
+MAX_TERMS = 4000
+
+
+class TooLarge(Exception):
+    """The expansion exceeds what the search can handle."""
+
+
+class Cutting(Enum):
+    """Where the expansion stops."""
+
+    NOTHING = "expand everything"
+    SUMS = "keep sums that depend on configuration and parameters"
+    SCALED = "keep such sums, and scaled sines and cosines too"
+    LOCAL = "keep every sum that is used more than once"
+
+
+class Expansion:
+    """Polynomials of a program's results over its literals, with ``s**2 = 1 - c**2`` applied.
+
+    A literal is a node that stays as it is: an input, a sine or cosine, a function of inputs, or a sum of inputs (the
+    absolute rates of parallel axes). With ``cutting``, parts that depend on the configuration and the parameters only
+    are expanded on their own: other polynomials then have such parts as literals (``cuts``).
+    """
+
+    def __init__(self, program: Program, cutting: Cutting) -> None:
+        self.program = program
+        self.cutting = cutting
+        self.stages = _stages(program)
+        self.uses = _uses(program)
+        self.cuts: dict[int, Polynomial] = {}
+        self.literals: list[int] = []
+        self._position: dict[int, int] = {}
+        self._sine_of: dict[int, int] = {}
+        self._values: dict[int, Polynomial] = {}
+        self._pair_sines()
+        self._roots = self._operands_of_functions()
+
+    def _pair_sines(self) -> None:
+        cosines = {node.args[0]: k for k, node in enumerate(self.program.nodes) if node.op is Op.COS}
+        for k, node in enumerate(self.program.nodes):
+            if node.op is Op.SIN and node.args[0] in cosines:
+                self._sine_of[self._literal(k)] = self._literal(cosines[node.args[0]])
+
+    def _operands_of_functions(self) -> set[int]:
+        """Operands of functions, quotients and choices: polynomials of their own, as results are."""
+        roots: set[int] = set()
+        for node in self.program.nodes:
+            if node.op not in (Op.ADD, Op.SUB, Op.MUL, Op.NEG):
+                roots.update(node.args)
+        nodes = self.program.nodes
+        return {k for k in roots if nodes[k].op is not Op.CONST and not self._is_literal(nodes[k])}
+
+    def _literal(self, node: int) -> int:
+        if node not in self._position:
+            self._position[node] = len(self.literals)
+            self.literals.append(node)
+        return self._position[node]
+
+    def position(self, node: int) -> int | None:
+        """The literal that a node is, if it is one."""
+        return self._position.get(node)
+
+    def _is_literal(self, node: Node) -> bool:
+        if node.op in (Op.ADD, Op.SUB):
+            return all(self._is_sum_of_inputs(arg) for arg in node.args)
+        return node.op not in (Op.CONST, Op.MUL, Op.NEG)
+
+    def _is_sum_of_inputs(self, index: int) -> bool:
+        node = self.program.nodes[index]
+        if node.op in (Op.ADD, Op.SUB):
+            return all(self._is_sum_of_inputs(arg) for arg in node.args)
+        return node.op is Op.INPUT
+
+    def results(self) -> list[Polynomial]:
+        """One polynomial per result of the program."""
+        for k, node in enumerate(self.program.nodes):
+            self._values[k] = self._value(k, node)
+        for k in sorted(self._roots):
+            self.cuts[self._literal(k)] = self._values[k]
+        return [self._values[index] for row in self.program.results for index in row]
+
+    def _value(self, k: int, node: Node) -> Polynomial:
+        if node.op is Op.CONST:
+            return {(): node.value} if node.value else {}  # type: ignore[dict-item]
+        if self._is_literal(node):
+            return {(self._literal(k),): Fraction(1)}
+        args = [self._operand(arg, self.stages[k]) for arg in node.args]
+        if node.op is Op.NEG:
+            return {m: -c for m, c in args[0].items()}
+        if node.op is Op.MUL:
+            return self._product(args[0], args[1])
+        return _sum(args[0], args[1], 1 if node.op is Op.ADD else -1)
+
+    def _operand(self, index: int, stage: int) -> Polynomial:
+        """The polynomial of an operand, or a literal where a part of an earlier stage is cut off."""
+        if not self._cuts_off(index, stage):
+            return self._values[index]
+        node = self.program.nodes[index]
+        if node.op in (Op.ADD, Op.SUB) and any(self.stages[arg] == 0 for arg in node.args):
+            first, second = (self._operand(arg, stage) for arg in node.args)
+            return _sum(first, second, 1 if node.op is Op.ADD else -1)
+        if node.op is Op.NEG:
+            return {m: -c for m, c in self._operand(node.args[0], stage).items()}
+        literal = self._literal(index)
+        if index in self._roots:
+            self.cuts[literal] = self._values[index]
+            return {(literal,): Fraction(1)}
+        alone = {m: c for m, c in self._values[index].items() if all(self._of_parameters(k) for k in m)}
+        self.cuts[literal] = {m: c for m, c in self._values[index].items() if m not in alone}
+        return {(literal,): Fraction(1), **alone}
+
+    def _cuts_off(self, index: int, stage: int) -> bool:
+        """Whether this use takes node ``index`` as a literal."""
+        if self.cutting is Cutting.LOCAL:
+            return self.uses[index] > 1 and len(self._values[index]) > 1
+        if self.cutting is Cutting.NOTHING or self.stages[index] != 1:
+            return False
+        value = self._values[index]
+        if len(value) > 1:
+            return stage == 2 or self.uses[index] > 1
+        scaled = any(abs(c) != 1 for c in value.values())
+        return self.cutting is Cutting.SCALED and scaled and self.uses[index] > 1
+
+    def _of_parameters(self, literal: int) -> bool:
+        return self.stages[self.literals[literal]] == 0
+
+    def _product(self, x: Polynomial, y: Polynomial) -> Polynomial:
+        if len(x) * len(y) > MAX_TERMS:
+            raise TooLarge
+        total: Polynomial = {}
+        for m, c in x.items():
+            for n, d in y.items():
+                _accumulate(total, tuple(sorted(m + n)), c * d)
+        return self._reduce(total)
+
+    def _reduce(self, value: Polynomial) -> Polynomial:
+        """Replace squares of sines."""
+        while True:
+            found = next((m for m in value if self._squared_sine(m) is not None), None)
+            if found is None:
+                return value
+            sine = self._squared_sine(found)
+            assert sine is not None
+            coefficient = value.pop(found)
+            rest = list(found)
+            rest.remove(sine)
+            rest.remove(sine)
+            cosine = self._sine_of[sine]
+            _accumulate(value, tuple(rest), coefficient)
+            _accumulate(value, tuple(sorted([*rest, cosine, cosine])), -coefficient)
+
+    def _squared_sine(self, monomial: Monomial) -> int | None:
+        for a, b in zip(monomial, monomial[1:], strict=False):
+            if a == b and a in self._sine_of:
+                return a
+        return None
+
+
+def _sum(x: Polynomial, y: Polynomial, sign: int) -> Polynomial:
+    total = dict(x)
+    for m, c in y.items():
+        _accumulate(total, m, sign * c)
+    return total
+
+
+def _uses(program: Program) -> list[int]:
+    uses = [0] * len(program.nodes)
+    for node in program.nodes:
+        for arg in node.args:
+            uses[arg] += 1
+    return uses
+
+
+def _stages(program: Program) -> list[int]:
+    """0: parameters and numbers only; 1: configuration too; 2: rates too."""
+    stages: list[int] = []
+    for node in program.nodes:
+        if node.op is Op.INPUT:
+            name = program.inputs[node.value[0]].name  # type: ignore[index]
+            stages.append({"q": 1, "beta": 0, "Ia": 0, "constants": 0}.get(name, 2))
+        else:
+            stages.append(max((stages[arg] for arg in node.args), default=0))
+    return stages
+
+
+def _accumulate(total: Polynomial, monomial: Monomial, coefficient: Fraction) -> None:
+    value = total.get(monomial, Fraction(0)) + coefficient
+    if value:
+        total[monomial] = value
+    else:
+        total.pop(monomial, None)
+
+
+def factored(program: Program, cutting: Cutting) -> Program | None:
+    """``program`` expanded and factored, or None where the expansion is too large."""
+    expansion = Expansion(program, cutting)
+    try:
+        polynomials = expansion.results()
+    except TooLarge:
+        return None
+    results = len(polynomials)
+    search = Factoring(polynomials + list(expansion.cuts.values()), len(expansion.literals))
+    search.run()
+    return _record(program, expansion, search, results)
+
+
+def _record(program: Program, expansion: Expansion, search: Factoring, results: int) -> Program:
+    builder = Builder()
+    inputs = [builder.input(port) for port in program.inputs]
+    values: dict[int, Value] = {}
+    originals: dict[int, Value] = {}
+
+    def original(index: int) -> Value:
+        """A literal's own node, recorded as in the program."""
+        if index not in originals:
+            node = program.nodes[index]
+            if node.op is Op.INPUT:
+                port, element = node.value  # type: ignore[misc]
+                originals[index] = inputs[port][element]
+            elif node.op is Op.CONST:
+                originals[index] = node.value  # type: ignore[assignment]
+            else:
+                originals[index] = getattr(builder, node.op.value)(*(operand(arg) for arg in node.args))
+            if index in program.labels:
+                builder.label(originals[index], program.labels[index])
+        return originals[index]
+
+    def operand(index: int) -> Value:
+        """An operand of a literal: itself a literal, or a polynomial of its own."""
+        position = expansion.position(index)
+        return literal(position) if position is not None else original(index)
+
+    definitions = search.definitions()
+    for at, cut in enumerate(expansion.cuts):
+        definitions[cut] = search.polynomials[results + at]
+
+    def literal(k: int) -> Value:
+        if k not in values:
+            values[k] = polynomial(definitions[k]) if k in definitions else original(expansion.literals[k])
+        return values[k]
+
+    def polynomial(p: Polynomial) -> Value:
+        total: Value = 0
+        ordered = sorted(p.items(), key=lambda item: (item[1] < 0, item[0]))
+        for monomial, coefficient in ordered:
+            term: Value = abs(coefficient)
+            for k in monomial:
+                term = term * literal(k)
+            total = total + term if coefficient > 0 else total - term
+        return total
+
+    flat: Sequence[Value] = [polynomial(p) for p in search.polynomials[:results]]
+    outputs, at = [], 0
+    for port in program.outputs:
+        outputs.append((port, flat[at : at + port.size]))
+        at += port.size
+    return builder.program(program.name, outputs, program.summary, program.formula, program.notes)
+
+
