@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,17 +17,33 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.spec.robot_spec import RobotSpec
 
+_KEPT = frozenset(
+    {
+        "spec",
+        "programs",
+        "base_parameters",
+        "base_projection",
+        "regrouping",
+        "beta_nominal",
+        "drive_inertia_nominal",
+        "passes",
+    }
+)
+"""What backends and the runtime read of a derived model."""
+
 
 def recall(spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel]) -> DerivedModel:
     """``derive(spec)``, or what an earlier run of the same compiler made of the same robot.
 
-    The records of the derivation itself (``model``, ``own_basis``, ``basis_change``) are not kept; closed forms derive
-    anew. The cache lies in a directory private to the user, as the extensions that are loaded from it do.
+    The records of the derivation itself are not kept; closed forms derive anew. The cache lies in a directory private
+    to the user, as the extensions that are loaded from it do.
     """
     path = cache_directory() / f"{spec.name}-{digest(identity.model_hash, _compiler_hash())[:24]}.derived"
     kept = _load(path)
     if kept is None:
-        kept = replace(derive(spec), model=None, own_basis=None, basis_change=None)  # type: ignore[arg-type]
+        derived = derive(spec)
+        records = {field.name: None for field in fields(derived) if field.name not in _KEPT}
+        kept = replace(derived, **records)  # type: ignore[arg-type]
         store(path, pickle.dumps(kept))
     return replace(kept, spec=spec)
 
@@ -35,8 +51,6 @@ def recall(spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], De
 def _load(path: Path) -> DerivedModel | None:
     try:
         return pickle.loads(path.read_bytes())  # type: ignore[no-any-return]
-    except FileNotFoundError:
-        return None
     except Exception:  # a damaged file raises whatever its bytes happen to mean; deriving anew replaces it
         return None
 

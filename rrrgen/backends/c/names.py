@@ -14,6 +14,7 @@ class Names:
     def __init__(self, taken: Iterable[str]) -> None:
         self._taken = {*RESERVED, *taken}
         self._temporaries = 0
+        self._serials: dict[str, int] = {}
 
     def temporary(self) -> str:
         """The next of t1, t2, ..."""
@@ -29,9 +30,9 @@ class Names:
         base = re.sub(r"\W+", "_", hint, flags=re.ASCII).strip("_") or "t"
         if base[0].isdigit():
             base = f"t{base}"
-        name, serial = base, 1
+        name = base
         while name in self._taken:
-            serial += 1
-            name = f"{base}_{serial}"
+            self._serials[base] = self._serials.get(base, 1) + 1
+            name = f"{base}_{self._serials[base]}"
         self._taken.add(name)
         return name

@@ -1,0 +1,53 @@
+"""Compilers for emitted C, and how strictly they are asked."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from rrrgen.backends import Identity
+from rrrgen.backends.c.backend import CBackend
+
+IDENTITY = Identity("0123456789abcdef" * 4, "0.0.0")
+
+WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wundef", "-Werror"]
+C99 = ["-std=c99", "-Wstrict-prototypes", "-Wmissing-prototypes", *WARNINGS]
+CXX = ["-x", "c++", "-std=c++17", *WARNINGS]
+SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-O1"]
+
+
+def compiler(name: str) -> str:
+    """The compiler's path; the test is skipped where it is not installed."""
+    path = shutil.which(name)
+    if path is None:
+        pytest.skip(f"{name} is not installed")
+    return path
+
+
+def write(files: dict[str, str], folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    return folder
+
+
+def emitted(model, folder: Path, real: str = "double") -> Path:
+    """The C of ``model`` below ``folder``."""
+    return write(CBackend().files(model, IDENTITY, real), folder)
+
+
+def compile_all(folder: Path, command: list[str], program: str = "selftest") -> Path:
+    """Compile and link every C file of ``folder``; a compiler's complaint fails the test with its words."""
+    sources = sorted(path.name for path in folder.glob("*.c"))
+    done = subprocess.run(
+        [*command, *sources, "-o", program, "-lm"], cwd=folder, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr[:3000]
+    return folder / program
+
+
+def run(program: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([str(program)], capture_output=True, text=True, timeout=120)

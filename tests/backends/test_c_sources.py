@@ -1,0 +1,245 @@
+"""Emitted C as a whole: compilers, sanitizers, self-test, header, packaging."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from backends.c_tools import C99, CXX, IDENTITY, SANITIZERS, compile_all, compiler, emitted, run, write
+from backends.planar import planar_model
+from rrrgen.backends.c.backend import CBackend
+from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.packaging import build_files
+
+MODELS = {"nominal": {}, "no links": {"links": False, "drives": False}}
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("language", ["c99", "c++17"])
+@pytest.mark.parametrize("name", ["gcc", "clang"])
+def test_no_compiler_has_anything_to_complain_about(name, language, real, tmp_path):
+    flags = C99 if language == "c99" else CXX
+    for kind, options in MODELS.items():
+        folder = emitted(planar_model(**options), tmp_path / kind, real)
+        compile_all(folder, [compiler(name), *flags, "-O1"])
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("kind", MODELS)
+def test_the_self_test_passes_under_sanitizers(kind, real, tmp_path):
+    folder = emitted(planar_model(**MODELS[kind]), tmp_path, real)
+    done = run(compile_all(folder, [compiler("gcc"), *C99, *SANITIZERS]))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "planar: all checks passed" in done.stdout
+    assert "FAILED" not in done.stdout
+
+
+FUNCTIONS = ["forward_kinematics", "jacobian", "jacobian_dot_dq", "mass_matrix", "coriolis_matrix", "coriolis",
+             "coriolis_transpose", "gravity", "inverse_dynamics", "forward_dynamics", "regressor",
+             "regressor_transpose", "standard_regressor", "energy", "mass_matrix_nominal",
+             "inverse_dynamics_nominal"]  # fmt: skip
+
+
+def flipped(source: str, function: str) -> str:
+    """``source`` with the first + between two terms of ``function`` turned into - (or - into +)."""
+    start = re.search(rf"_{function}\([^)]*\)\n{{", source).end()
+    end = source.index("\n}", start)
+    body = source[start:end]
+    sign = re.search(r" ([+-]) ", body)
+    other = "-" if sign[1] == "+" else "+"
+    return source[:start] + body[: sign.start(1)] + other + body[sign.end(1) :] + source[end:]
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_one_wrong_sign_anywhere_fails_the_self_test(function, tmp_path):
+    files = CBackend().files(planar_model(), IDENTITY, "double")
+    broken = flipped(files["planar.c"], function)
+    assert broken != files["planar.c"]
+    folder = write({**files, "planar.c": broken}, tmp_path)
+    done = run(compile_all(folder, [compiler("gcc"), "-std=c99", "-O0"]))
+    assert done.returncode == 1, done.stdout
+    assert "FAILED" in done.stdout
+
+
+@pytest.mark.parametrize("broken", ["output = nan", "status"])
+def test_the_self_test_notices_what_comparisons_with_nan_would_hide(broken, tmp_path):
+    files = CBackend().files(planar_model(), IDENTITY, "double")
+    source = files["planar.c"]
+    if broken == "status":
+        source = source.replace("? PLANAR_OK : PLANAR_NOT_POSITIVE_DEFINITE", "? PLANAR_OK : PLANAR_OK")
+    else:
+        source = re.sub(
+            r"(_gravity\([^)]*\)\n{)", r"\1 g[0] = g[1] = 0.0/0.0; if (g[0] != g[0]) return;", source, count=1
+        )
+    assert source != files["planar.c"]
+    folder = write({**files, "planar.c": source}, tmp_path)
+    assert run(compile_all(folder, [compiler("gcc"), "-std=c99", "-O0"])).returncode == 1
+
+
+def test_the_header_says_what_a_reader_needs():
+    header = CBackend().files(planar_model(), IDENTITY, "double")["planar.h"]
+    for text in (
+        "#ifndef PLANAR_H",
+        'extern "C"',
+        "#define PLANAR_N 2",
+        "#define PLANAR_B 6",
+        f'#define PLANAR_MODEL_HASH "{IDENTITY.model_hash}"',
+        "rrrgen 0.0.0",
+        "The generated code belongs to you",
+        "standard Denavit-Hartenberg",
+        "typedef double planar_real;",
+        "Matrices are row-major",
+        "must not overlap",
+        "acceleration (0.0, -9.81, 0.0) m/s^2",
+        "beta[0]  b1  kg m^2  Izz1 + m2/4",
+        "joint velocities",
+        "Operations: ",
+        "Stack: about",
+        "PLANAR_NOT_POSITIVE_DEFINITE",
+        "const planar_real q[2], planar_real T[PLANAR_RESTRICT 16]",
+    ):
+        assert text in header, text
+
+
+def test_every_symbol_has_the_robot_s_prefix_and_none_is_data(tmp_path):
+    folder = emitted(planar_model(), tmp_path)
+    subprocess.run([compiler("gcc"), "-std=c99", "-c", "planar.c"], cwd=folder, check=True)
+    listing = subprocess.run([compiler("nm"), "-g", "planar.o"], cwd=folder, check=True, capture_output=True, text=True)
+    symbols = [line.split()[-2:] for line in listing.stdout.splitlines()]
+    defined = [name for kind, name in symbols if kind != "U"]
+    assert defined
+    assert all(name.lstrip("_").startswith("planar_") for name in defined)
+    assert {kind for kind, _ in symbols} <= {"T", "U"}, "functions only: no global data"
+    undefined = {name.lstrip("_").split("@")[0] for kind, name in symbols if kind == "U"}
+    assert undefined <= {"sin", "cos", "sincos", "sqrt"}, "no heap, no stdio"
+
+
+def test_the_stack_estimate_is_no_less_than_what_gcc_uses(tmp_path):
+    folder = emitted(planar_model(), tmp_path)
+    command = [compiler("gcc"), "-std=c99", "-O2", "-fstack-usage", "-c", "planar.c"]
+    subprocess.run(command, cwd=folder, check=True)
+    header = (folder / "planar.h").read_text()
+    estimates = dict(
+        re.findall(r"Stack: about (\d+) bytes\.[^;]*?\b(planar_\w+)\(", header)[i][::-1] for i in range(10)
+    )
+    used = {line.split(":")[3].split("\t")[0]: int(line.split("\t")[1]) for line in (folder / "planar.su").open()}
+    assert len(estimates) == 10
+    for function, estimate in estimates.items():
+        assert used[function] <= int(estimate), function
+
+
+def test_nothing_in_the_files_depends_on_when_and_where_they_are_made(tmp_path):
+    script = (
+        "import hashlib, sys; sys.path[:0] = sys.argv[1:]\n"
+        "from backends.planar import planar_model\n"
+        "from backends.c_tools import IDENTITY\n"
+        "from rrrgen.backends.c.backend import CBackend\n"
+        "files = CBackend().files(planar_model(), IDENTITY, 'double')\n"
+        "print(hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest())\n"
+    )
+    root = Path(__file__).resolve().parents[2]
+    digests = set()
+    for seed in ("0", "1", "31337"):
+        done = subprocess.run(
+            [sys.executable, "-c", script, str(root), str(root / "tests")],
+            env={**os.environ, "PYTHONHASHSEED": seed, "TZ": f"UTC+{len(digests)}"},
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        digests.add(done.stdout)
+    assert len(digests) == 1
+
+
+CONSUMER = """#include <planar.h>
+#include <stdio.h>
+int main(void)
+{
+    const planar_real q[PLANAR_N] = {0.0, 0.0};
+    planar_real T[16];
+    planar_forward_kinematics(q, T);
+    printf("%.3f\\n", (double)T[3]);
+    return 0;
+}
+"""
+
+
+def project(folder: Path, lines: str) -> Path:
+    text = f"cmake_minimum_required(VERSION 3.14)\nproject(consumer C)\n{lines}\n"
+    text += "add_executable(consumer main.c)\ntarget_link_libraries(consumer PRIVATE planar::planar)\n"
+    return write({"CMakeLists.txt": text, "main.c": CONSUMER}, folder)
+
+
+def cmake(*arguments: object) -> None:
+    done = subprocess.run(["cmake", *map(str, arguments)], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def packaged(folder: Path) -> Path:
+    files = CBackend().files(planar_model(), IDENTITY, "double")
+    return write({**files, **build_files(files, IDENTITY, Dialect("planar"))}, folder)
+
+
+def built(folder: Path, build: Path, *options: str) -> Path:
+    cmake("-S", folder, "-B", build, "-DCMAKE_BUILD_TYPE=Release", *options)
+    cmake("--build", build)
+    return build
+
+
+def test_cmake_builds_tests_and_serves_both_kinds_of_consumers(tmp_path):
+    if shutil.which("cmake") is None:
+        pytest.skip("cmake is not installed")
+    source = packaged(tmp_path / "planar")
+    build = built(source, tmp_path / "build", f"-DCMAKE_INSTALL_PREFIX={tmp_path / 'first'}")
+    assert run(build / "planar_selftest").returncode == 0
+    cmake("--install", build)
+    prefix = tmp_path / "moved"
+    (tmp_path / "first").rename(prefix)  # an installed package must work wherever it is put
+    finds = project(tmp_path / "finds", "find_package(planar REQUIRED)")
+    adds = project(tmp_path / "adds", f"add_subdirectory({source.as_posix()} planar)")
+    for folder, option in ((finds, f"-DCMAKE_PREFIX_PATH={prefix}"), (adds, "-DUNUSED=1")):
+        assert run(built(folder, folder / "build", option) / "consumer").stdout == "0.850\n"
+    assert not (adds / "build" / "planar" / "planar_selftest").exists(), "a consumer does not build our tests"
+
+
+def test_pkg_config_points_into_the_place_where_the_package_lies(tmp_path):
+    if shutil.which("cmake") is None or shutil.which("pkg-config") is None:
+        pytest.skip("cmake or pkg-config is not installed")
+    build = built(packaged(tmp_path / "planar"), tmp_path / "build", f"-DCMAKE_INSTALL_PREFIX={tmp_path / 'first'}")
+    cmake("--install", build)
+    prefix = tmp_path / "moved"
+    (tmp_path / "first").rename(prefix)
+    flags = subprocess.run(
+        ["pkg-config", "--cflags", "--libs", "planar"],
+        env={**os.environ, "PKG_CONFIG_PATH": str(prefix / "lib" / "pkgconfig")},
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split()
+    write({"main.c": CONSUMER}, tmp_path)
+    subprocess.run([compiler("gcc"), "main.c", "-o", "main", *flags], cwd=tmp_path, check=True)
+    assert run(tmp_path / "main").stdout == "0.850\n"
+
+
+def test_two_robots_live_in_one_program(tmp_path):
+    for name in ("left", "right"):
+        emitted(planar_model(name), tmp_path)
+    for unused in tmp_path.glob("*_selftest.c"):
+        unused.unlink()
+    main = '#include "left.h"\n#include "right.h"\nint main(void) { return LEFT_N - RIGHT_N; }\n'
+    assert run(compile_all(write({"main.c": main}, tmp_path), [compiler("gcc"), *C99])).returncode == 0
+
+
+def test_a_description_with_the_end_of_a_comment_does_no_harm(tmp_path):
+    model = planar_model()
+    evil = dataclasses.replace(model.spec, description="*/ #error no /* \\")
+    folder = emitted(dataclasses.replace(model, spec=evil), tmp_path)
+    compile_all(folder, [compiler("gcc"), *C99])
