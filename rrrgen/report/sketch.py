@@ -11,10 +11,12 @@ from rrrgen.report.geometry import Point, Stage, Transform, column, origin, zero
 from rrrgen.spec.robot_spec import RobotSpec
 
 WIDTH, HEIGHT, MARGIN = 640, 480, 70
-AZIMUTH, ELEVATION = radians(-60.0), radians(22.0)  # where the viewer stands; no DH direction is seen end-on
+AZIMUTH, ELEVATION = radians(-52.0), radians(22.0)  # where the viewer stands; no DH direction is seen end-on
 _AXIS_CLASSES = ("x", "y", "z")
 _TRIAD = 34.0  # length of the axes of a frame, px
-_COINCIDENT = 1e-9  # m; origins closer than this share one label
+_REACH = 58.0  # length of the positive side of a joint axis, px
+_LABEL = 14.0  # labels closer than this, px, are written as one
+_COINCIDENT = 1e-9  # m
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ def frame_sketch(spec: RobotSpec) -> str:
     points = [origin(base), origin(tip), *(p for stage in stages for p in (*stage.path, stage.axis[0]))]
     view = _view(points)
     parts = [_ground(view, origin(base))]
-    parts += [_axis(view, k, stage) for k, stage in enumerate(stages, start=1)]
+    parts += [_axis(view, stage) for stage in stages]
     parts += [_polyline(view, stage.path, "link") for stage in stages]
     parts.append(_polyline(view, (origin(stages[-1].frame), origin(tip)), "tool"))
     parts += [_joint(view, stage) for stage in stages]
@@ -52,7 +54,7 @@ def frame_sketch(spec: RobotSpec) -> str:
     if _distance(origin(tip), origin(stages[-1].frame)) > _COINCIDENT:
         frames.append(("tip", tip))
     parts += [_triad(view, frame) for _, frame in frames]
-    parts += _labels(view, frames)
+    parts += _apart([*_frame_labels(view, frames), *_variable_labels(view, stages)])
     parts += _gravity(spec)
     title = escape(f"Frames of {spec.name} in the zero pose")
     body = "\n".join(part for part in parts if part)
@@ -81,7 +83,9 @@ def _line(start: tuple[float, float], end: tuple[float, float], kind: str) -> st
 
 
 def _text(place: tuple[float, float], text: str, kind: str) -> str:
-    return f'<text class="{kind}" x="{_px(place[0])}" y="{_px(place[1])}">{escape(text)}</text>'
+    where = f'x="{_px(place[0])}" y="{_px(place[1])}"'
+    halo = f'<text class="{kind} halo" {where} aria-hidden="true">{escape(text)}</text>'  # keeps lines off the letters
+    return f'{halo}<text class="{kind}" {where}>{escape(text)}</text>'
 
 
 def _polyline(view: View, path: Sequence[Point], kind: str) -> str:
@@ -101,14 +105,11 @@ def _ground(view: View, place: Point) -> str:
     return "\n".join([_line((x - 28, y + 6), (x + 28, y + 6), "ground"), *hatches])
 
 
-def _axis(view: View, number: int, stage: Stage) -> str:
-    """The joint axis as a dashed line with the joint's variable at its positive end."""
+def _axis(view: View, stage: Stage) -> str:
+    """The joint axis as a dash-dotted line, longer on its positive side."""
     x, y = view.at(stage.axis[0])
     dx, dy = _screen(stage.axis[1])
-    reach = 62.0
-    end = (x + reach * dx, y + reach * dy)
-    away = (x + (reach + 11) * dx, y + (reach + 11) * dy + 4)
-    return _line((x - 26 * dx, y - 26 * dy), end, "axis") + "\n" + _text(away, f"q{number}", "variable")
+    return _line((x - 26 * dx, y - 26 * dy), (x + _REACH * dx, y + _REACH * dy), "axis")
 
 
 def _joint(view: View, stage: Stage) -> str:
@@ -127,21 +128,50 @@ def _triad(view: View, frame: Transform) -> str:
     return "\n".join(lines)
 
 
-def _labels(view: View, frames: Sequence[tuple[str, Transform]]) -> list[str]:
-    """The numbers of the frames; frames with one origin share a label."""
-    groups: list[tuple[Point, list[str]]] = []
-    for name, frame in frames:
-        for place, names in groups:
-            if _distance(place, origin(frame)) <= _COINCIDENT:
+Label = tuple[str, tuple[float, float], str]
+"""Text, the middle of its base line, and its class."""
+
+
+def _frame_labels(view: View, frames: Sequence[tuple[str, Transform]]) -> list[Label]:
+    """The numbers of the frames below their origins."""
+    places = [(name, view.at(origin(frame))) for name, frame in frames]
+    return [(names, (x - 9, y + 20), "frame") for names, (x, y) in _merged(places)]
+
+
+def _variable_labels(view: View, stages: Sequence[Stage]) -> list[Label]:
+    """The joint variables beside the positive ends of the axes."""
+    places = []
+    for number, stage in enumerate(stages, start=1):
+        x, y = view.at(stage.axis[0])
+        dx, dy = _screen(stage.axis[1])
+        places.append((f"q{number}", (x + _REACH * dx - 15 * dy, y + _REACH * dy + 15 * abs(dx) + 4)))
+    return [(names, place, "variable") for names, place in _merged(places)]
+
+
+def _apart(labels: Sequence[Label]) -> list[str]:
+    """Each label at its place or, where another one stands already, below it."""
+    boxes: list[tuple[float, float, float]] = []  # middle, half width
+    texts = []
+    for name, (x, y), kind in labels:
+        half = 4.0 * len(name)
+        while any(abs(x - u) < half + w and abs(y - v) < _LABEL for u, v, w in boxes):
+            y += 1.0
+        boxes.append((x, y, half))
+        texts.append(_text((x, y), name, kind))
+    return texts
+
+
+def _merged(places: Sequence[tuple[str, tuple[float, float]]]) -> list[tuple[str, tuple[float, float]]]:
+    """Labels that would cover each other become one."""
+    groups: list[tuple[list[str], tuple[float, float]]] = []
+    for name, place in places:
+        for names, taken in groups:
+            if hypot(place[0] - taken[0], place[1] - taken[1]) < _LABEL:
                 names.append(name)
                 break
         else:
-            groups.append((origin(frame), [name]))
-    labels = []
-    for place, names in groups:
-        x, y = view.at(place)
-        labels.append(_text((x - 9, y + 20), ", ".join(names), "frame"))
-    return labels
+            groups.append(([name], place))
+    return [(", ".join(names), place) for names, place in groups]
 
 
 def _distance(p: Point, q: Point) -> float:
@@ -162,4 +192,4 @@ def _gravity(spec: RobotSpec) -> list[str]:
     wings = [(end[0] - 9 * ux + w * 4 * uy, end[1] - 9 * uy - w * 4 * ux) for w in (1, -1)]
     head = " ".join(f"{_px(x)},{_px(y)}" for x, y in (end, *wings))
     arrow = [_line(start, end, "gravity"), f'<polygon class="gravity" points="{head}"/>']
-    return [*arrow, _text((start[0] + 8, start[1] + 4), "g", "gravity")]
+    return [*arrow, _text((start[0] - 12 * ux, start[1] - 12 * uy + 4), "g", "gravity")]

@@ -74,7 +74,7 @@ def _by_parameters(term: sp.Expr) -> list[tuple[str, int]]:
     """Terms with the same parameters stand together, p9 before p10."""
     names = [str(symbol) for symbol in term.free_symbols]
     numbered = [re.fullmatch(r"(.*?)(\d*)", name) for name in names if not re.fullmatch(r"d{0,2}q\d+", name)]
-    return sorted((match[1], int(match[2] or 0)) for match in numbered if match)
+    return sorted(((match[1], int(match[2] or 0)) for match in numbered if match), reverse=True)
 
 
 class Walk:
