@@ -150,10 +150,33 @@ class FullRegressor:
         """The parameter of every column."""
         return tuple(column.name for column in self.columns)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A compiled model holds code of this machine: another process compiles the robot itself."""
+        from rrrgen.runtime.model import Model
+
+        if isinstance(self.model, Model):
+            return _compiled_regressor, (self.model.spec, self.terms)
+        return FullRegressor, (self.model, self.terms)
+
     def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Evaluate at N instants; ``q``, ``dq``, ``ddq`` are (N, n)."""
         drives = drive_columns(self.terms.columns(self.model.n), np.asarray(dq, float), np.asarray(ddq, float))
         return np.concatenate([np.asarray(self.model.regressor(q, dq, ddq)), drives], axis=-1)
+
+
+_COMPILED: dict[bytes, RigidModel] = {}
+
+
+def _compiled_regressor(spec: Any, terms: DriveTerms) -> FullRegressor:
+    """The regressor of ``spec`` in this process, which compiles every robot once."""
+    import pickle
+
+    import rrrgen
+
+    key = pickle.dumps(spec)
+    if key not in _COMPILED:
+        _COMPILED[key] = rrrgen.compile(spec)
+    return FullRegressor(_COMPILED[key], terms)
 
 
 def standard_names(n: int) -> tuple[str, ...]:

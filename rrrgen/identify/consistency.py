@@ -8,13 +8,12 @@ Slotine 2018; Lee, Wensing and Park 2020).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.identify.columns import Array, Column, RigidModel
@@ -25,7 +24,6 @@ NON_NEGATIVE = ("inertia", "viscous", "coulomb")
 DEFAULT_STRENGTH = 1.0
 """Weight lambda of the prior: that of one observation with the standard deviation of the noise, per link."""
 SMALLEST_LENGTH = 0.05  # m, of the prior of a link without length
-POSES = 10_000
 
 
 @dataclass(frozen=True)
@@ -141,16 +139,18 @@ def consistent_estimate(
     weights: Array,
     prior: Prior,
     reference: Estimate | None = None,
+    fixed: Mapping[int, float] | None = None,
 ) -> ConsistentEstimate:
     """Solve the semidefinite program for the rows in ``factors``, whose columns are ``columns``.
 
     ``weights`` (n,) are those of the joints, ``1 / sigma_j``, so that the noise counts alike; ``reference`` is the
-    unconstrained estimate, to tell what consistency costs. Raises :class:`DerivationError` where the solver fails.
+    unconstrained estimate, to tell what consistency costs; ``fixed`` are standard parameters with known values, by
+    index. Raises :class:`DerivationError` where the solver fails.
     """
     b, n = model.base_projection.shape[0], model.n
     R = factors.stacked(weights)
     program = _Program(R, np.asarray(model.base_projection), columns, prior)
-    phi, drives, status = program.solve()
+    phi, drives, status = program.solve(fixed or {})
     beta = np.asarray(model.base_projection) @ phi
     theta = np.concatenate([beta, drives])
     squares = factors.residual_squares(theta)
@@ -200,7 +200,7 @@ class _Program:
         self.free = [10 * n + i for i, column in enumerate(drives) if column.kind not in NON_NEGATIVE]
         self.n, self.basis, self.strength = n, basis, prior.strength
 
-    def solve(self) -> tuple[Array, Array, str]:
+    def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, str]:
         """phi (10n,), the drive parameters, and the solver's word."""
         cp = _cvxpy()
         x = cp.Variable(self.A.shape[1])
@@ -213,6 +213,8 @@ class _Program:
             penalty = penalty + cp.trace(X) - cp.log_det(X)
         if self.bounded:
             constraints.append(x[self.bounded] >= 0)
+        for index, value in fixed.items():
+            constraints.append(self.to_phi[index] @ x[: 10 * self.n] == value)
         # tiny pull on what is neither determined nor bounded, so that the solution is unique
         if self.free:
             penalty = penalty + 1e-9 * cp.sum_squares(x[self.free])
@@ -242,17 +244,3 @@ def _reduced(A: Array, z: Array) -> tuple[Array, Array]:
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     kept = s > 1e-13 * s[0]
     return s[kept, None] * Vt[kept], np.asarray(U[:, kept].T @ z)
-
-
-def indefinite_share(
-    mass_matrix: Any, lower: Array, upper: Array, poses: int = POSES, seed: int = 0
-) -> tuple[float, float]:
-    """Share of random poses at which M(q) is not positive definite, and the smallest eigenvalue over its largest one.
-
-    ``mass_matrix(q)`` gives (N, n, n); the poses are uniform between ``lower`` and ``upper`` (n,).
-    """
-    rng = np.random.default_rng(seed)
-    M = np.asarray(mass_matrix(rng.uniform(lower, upper, (poses, len(lower)))))
-    values = np.linalg.eigvalsh(0.5 * (M + np.swapaxes(M, -1, -2)))
-    bad: NDArray[np.bool_] = values[:, 0] <= 0.0
-    return float(np.mean(bad)), float(np.min(values[:, 0] / np.maximum(values[:, -1], 1e-300)))

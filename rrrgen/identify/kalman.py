@@ -100,7 +100,9 @@ def _predicted_covariance(ratio: float) -> Array:
 
 def _iterated_covariance(E: Array, g: Array) -> Array:
     """The same by structured doubling, which needs no separation of the closed-loop poles from the unit circle."""
-    A, G, H = E.T.copy(), np.outer(MEASURED, MEASURED), np.outer(g, g)
+    A: Array = E.T.copy()
+    G: Array = np.outer(MEASURED, MEASURED)
+    H: Array = np.outer(g, g)
     for _ in range(100):
         W = np.linalg.inv(np.eye(3) + G @ H)
         A, G, step = A @ W @ A, G + A @ W @ G @ A.T, A.T @ H @ W @ A

@@ -79,6 +79,7 @@ class LogFacts:
     """What the first reading found: rows, ``period`` (s), whether samples must be moved, clip levels, findings."""
 
     rows: int
+    start: float
     duration: float
     period: float
     resample: bool
@@ -106,6 +107,14 @@ class LogStream:
     def period(self) -> float:
         """Sampling period, s."""
         return self.facts.period
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First instant and duration, s."""
+        return self.facts.start, self.facts.duration
+
+    def __len__(self) -> int:
+        return self.facts.rows
 
     def parts(self) -> Iterator[Part]:
         """The recording from its beginning."""
@@ -142,7 +151,7 @@ class LogStream:
         low, high = clips.levels(findings)
         resample = clock.report(period, self.mapping.max_gap, findings)
         told = tuple(Finding(k, c, _told(k, c, findings.worst.get(k, 0.0), period)) for k, c in findings.counts.items())
-        return LogFacts(clock.rows, clock.last - clock.first, period, resample, low, high, told)
+        return LogFacts(clock.rows, clock.first, clock.last - clock.first, period, resample, low, high, told)
 
 
 class _Clock:

@@ -47,6 +47,14 @@ class Log:
         """Number of joints."""
         return len(self.joints)
 
+    @property
+    def span(self) -> tuple[float, float]:
+        """First instant and duration, s."""
+        return float(self.t[0]), float(self.t[-1] - self.t[0])
+
+    def __len__(self) -> int:
+        return len(self.t)
+
     def parts(self) -> Iterator[Part]:
         """The uninterrupted stretches."""
         valid = np.ones(self.q.shape, bool) if self.valid is None else self.valid

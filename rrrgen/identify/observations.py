@@ -34,37 +34,29 @@ class Recording(Protocol):
     def period(self) -> float: ...  # noqa: D102
     @property
     def joints(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def span(self) -> tuple[float, float]: ...  # noqa: D102
     def parts(self) -> Iterator[Part]: ...  # noqa: D102
+    def __len__(self) -> int: ...
 
 
 @dataclass(frozen=True)
-class Observations:
-    """Re-iterable blocks of :class:`Rows` of several recordings, one after the other.
+class RowMaker:
+    """Makes rows of recorded samples: ``regressor(q, dq, ddq)`` gives W (N, n, p).
 
-    ``regressor(q, dq, ddq)`` gives W (N, n, p); ``known`` is a torque that is subtracted from the measured one before
-    anything else, (14.19): friction that is known already.
+    ``known`` is a torque that is subtracted from the measured one before anything else, (14.19): friction that is known
+    already.
     """
 
-    recordings: tuple[Recording, ...]
     regressor: Regressor
     processing: Processing
     known: KnownTorque | None = None
-
-    def __iter__(self) -> Iterator[Rows]:
-        segment = 0
-        for recording in self.recordings:
-            last = -1
-            for window in windows(recording, self.memory(recording.period)):
-                for rows in self.rows(window, recording.period):
-                    if window.part.segment != last:
-                        segment, last = segment + 1, window.part.segment
-                    yield replace(rows, segment=np.full(len(rows.t), segment, np.int64))
 
     def memory(self, period: float) -> int:
         """Samples on either side that a row depends on."""
         return _reconstruction_memory(self.processing, period) + Decimator(self.processing.decimate).memory
 
-    def rows(self, window: Window, period: float) -> Iterator[Rows]:
+    def rows(self, window: Window) -> Iterator[Rows]:
         """The rows of one window, block by block."""
         part = window.part
         if part.tau is None:
@@ -76,7 +68,8 @@ class Observations:
             stop = min(start + BLOCK, window.stop)
             lo, hi = max(0, start - decimate.memory), min(len(part), stop + decimate.memory)
             kept = _kept(decimate, part.first + lo, start - lo, stop - lo, hi - lo)
-            yield self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept)
+            rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept)
+            yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
 
     def _block(self, motion: Reconstruction, tau: Array, part: Part, decimate: Decimator, kept: slice) -> Rows:
         """Both sides of the equations through the same filter; a sample that is not valid is zero on both sides."""
@@ -103,11 +96,37 @@ def _kept(decimate: Decimator, first: int, start: int, stop: int, length: int) -
 
 @dataclass(frozen=True)
 class Window:
-    """Samples ``start`` to ``stop`` of ``part`` are to be delivered; the others are there for the filters."""
+    """Samples ``start`` to ``stop`` of ``part`` are to be delivered; the others are there for the filters.
+
+    ``recording`` counts the recordings, ``segment`` the uninterrupted stretches of all of them.
+    """
 
     part: Part
     start: int
     stop: int
+    recording: int = 0
+    segment: int = 0
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Re-iterable blocks of :class:`Rows` of several recordings, one after the other."""
+
+    recordings: tuple[Recording, ...]
+    maker: RowMaker
+
+    def __iter__(self) -> Iterator[Rows]:
+        for window in self.windows():
+            yield from self.maker.rows(window)
+
+    def windows(self) -> Iterator[Window]:
+        """The windows of all recordings."""
+        segment = -1
+        for number, recording in enumerate(self.recordings):
+            last = -1
+            for window in windows(recording, self.maker.memory(recording.period)):
+                segment, last = segment + int(window.part.segment != last), window.part.segment
+                yield replace(window, recording=number, segment=segment)
 
 
 def windows(recording: Recording, memory: int) -> Iterator[Window]:

@@ -1,0 +1,68 @@
+"""How the estimates settle as samples come in, as in Fig. 14.12."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.identify.columns import Array
+from rrrgen.identify.regression import RANK_TOLERANCE
+from rrrgen.identify.tsqr import JointFactors, Rows, factor_rows
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Estimates ``x`` (points, p) from the first ``samples`` (points,) instants, and their condition numbers (points,).
+
+    NaN where the samples so far do not determine the parameters.
+    """
+
+    names: tuple[str, ...]
+    samples: NDArray[np.int64]
+    x: Array
+    condition: Array
+
+
+def convergence(
+    blocks: Iterable[Rows],
+    names: Sequence[str],
+    weights: Array,
+    transform: Callable[[JointFactors], JointFactors] | None = None,
+    every: int = 1,
+) -> Convergence:
+    """Weighted least squares (14.20) of the first k instants, for every ``every``-th k.
+
+    ``weights`` (n,) are those of the joints; ``transform`` maps the factors of the rows to the parameters sought.
+    """
+    total: JointFactors | None = None
+    samples, estimates, conditions, seen = [], [], [], 0
+    for rows in blocks:
+        for start in range(0, len(rows.t), every):
+            part = factor_rows(_piece(rows, start, start + every))
+            total = part if total is None else total.merged(part)
+            seen += min(every, len(rows.t) - start)
+            x, condition = _solved((transform(total) if transform else total).stacked(weights))
+            samples.append(seen)
+            estimates.append(x)
+            conditions.append(condition)
+    return Convergence(tuple(names), np.array(samples), np.array(estimates), np.array(conditions))
+
+
+def _piece(rows: Rows, start: int, stop: int) -> Rows:
+    part = slice(start, stop)
+    return Rows(rows.t[part], rows.W[part], rows.tau[part], rows.use[part], rows.segment[part])
+
+
+def _solved(R: Array) -> tuple[Array, float]:
+    """The solution of a factor and its condition number; NaN where it is rank-deficient."""
+    p = R.shape[1] - 1
+    size = np.linalg.norm(R[:p, :p], axis=0)
+    if np.any(size == 0.0):
+        return np.full(p, np.nan), np.inf
+    U, s, Vt = np.linalg.svd(R[:p, :p] / size)
+    if s[-1] <= RANK_TOLERANCE * s[0]:
+        return np.full(p, np.nan), np.inf
+    return np.asarray(Vt.T @ ((U.T @ R[:p, p]) / s) / size), float(np.linalg.cond(R[:p, :p]))

@@ -1,0 +1,285 @@
+"""Identification from beginning to end: recordings and a compiled robot in, parameters and their quality out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from rrrgen.errors import InputError
+from rrrgen.identify.columns import Array, Column, DriveTerms, FullRegressor, RigidModel, standard_names
+from rrrgen.identify.consistency import (
+    DEFAULT_STRENGTH,
+    ConsistentEstimate,
+    Prior,
+    consistent_estimate,
+    default_prior,
+)
+from rrrgen.identify.definiteness import POSES, indefinite_share, mass_matrix, pose_limits
+from rrrgen.identify.essential import Essential, essential_parameters
+from rrrgen.identify.factoring import Factors, Progress, Split, factor_recordings, rows_in_memory, score
+from rrrgen.identify.identifiability import Direction, unexcited, weak_directions
+from rrrgen.identify.observations import KnownTorque, Observations, Recording, RowMaker, tuned
+from rrrgen.identify.parametrisation import Parametrisation, parametrise
+from rrrgen.identify.processing import Processing
+from rrrgen.identify.regression import (
+    Estimate,
+    correlated_covariance,
+    least_squares,
+    robust_least_squares,
+    weighted_least_squares,
+)
+from rrrgen.identify.statistics import Whiteness, residual_whiteness
+from rrrgen.identify.structure import Structure
+from rrrgen.identify.tsqr import JointFactors, Rows
+
+Method = Literal["ordinary", "weighted", "robust"]
+METHODS: tuple[Method, ...] = ("ordinary", "weighted", "robust")
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to estimate and how.
+
+    ``terms`` are the drive terms (those of the robot file by default). ``fixed`` are columns with known values, such
+    as ``{"fv1": 3.2}`` or ``{"p4": 0}``; ``fixed_standard`` standard parameters, such as ``{"my2": 0}``.
+    ``consistent`` adds the physically consistent estimate, with a ``prior`` (from the robot by default) of weight
+    ``prior_strength``. ``limits`` (2, n) bound the random poses at which M(q) is tested.
+    """
+
+    method: Method = "weighted"
+    terms: DriveTerms | None = None
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    fixed_standard: Mapping[str, float] = field(default_factory=dict)
+    known: KnownTorque | None = None
+    split: Split = field(default_factory=Split)
+    consistent: bool = True
+    prior: Prior | None = None
+    prior_strength: float = DEFAULT_STRENGTH
+    essential: bool = False
+    correlated: bool = True
+    limits: Array | None = None
+    poses: int = POSES
+    seed: int = 0
+    jobs: int = 1
+    cluster: str | None = None
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The result: ``estimate`` of the identifiable combinations, ``theta`` (p,) of all columns, scores, and what is
+    left open.
+
+    ``fit`` and ``held_out`` are the scores on the data that were fitted and on the others (0 rows without a split);
+    ``consistent_*`` those of the physically consistent estimate. ``indefinite`` maps an estimate to the share of random
+    poses with an indefinite mass matrix. ``notes`` say in words what the robot's structure and the motion leave open.
+    """
+
+    columns: tuple[Column, ...]
+    structure: Structure
+    estimate: Estimate
+    iid_std: Array
+    theta: Array
+    processing: Processing
+    split: Split
+    fit: dict[str, Any]
+    held_out: dict[str, Any]
+    whiteness: tuple[Whiteness, ...]
+    consistent: ConsistentEstimate | None
+    consistent_fit: dict[str, Any] | None
+    consistent_held_out: dict[str, Any] | None
+    essential: Essential | None
+    indefinite: dict[str, float]
+    structural_notes: tuple[str, ...]
+    motion_notes: tuple[str, ...]
+    weak: tuple[Direction, ...]
+    blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
+    transform: Callable[[JointFactors], JointFactors] | None = field(repr=False, compare=False, default=None)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the identified combinations."""
+        return self.estimate.names
+
+
+def identify(
+    model: RigidModel,
+    recordings: Sequence[Recording],
+    processing: Processing,
+    options: Options | None = None,
+    *,
+    checkpoint: Path | None = None,
+    digest: str = "",
+    progress: Progress | None = None,
+) -> Identification:
+    """Estimate the base parameters and drive terms of ``model`` from ``recordings``.
+
+    ``progress(done, total, message)`` is called as the work goes on; ``checkpoint`` and ``digest`` as in
+    :func:`~rrrgen.identify.factoring.factor_recordings`. Raises :class:`InputError` for data that cannot be used, and
+    :class:`~rrrgen.errors.DerivationError` where nothing can be told from them.
+    """
+    options = options or Options()
+    tell: Progress = progress or (lambda done, total, message: None)
+    for recording in recordings:
+        if len(recording.joints) != model.n:
+            raise InputError(f"a recording of {len(recording.joints)} joints for a robot with {model.n}")
+    regressor = FullRegressor(model, options.terms or DriveTerms.of_spec(model.spec))
+    chosen = parametrise(regressor, options.fixed, options.fixed_standard, options.seed)
+    tell(0, 0, f"{chosen.structure.rank} identifiable parameters")
+    processing = tuned(processing, recordings)
+    maker = RowMaker(regressor, processing, options.known)
+    observations = Observations(tuple(recordings), maker)
+    factors = factor_recordings(
+        observations,
+        options.split,
+        jobs=options.jobs,
+        cluster=options.cluster,
+        checkpoint=checkpoint,
+        digest=digest,
+        progress=progress,
+    )
+    if int(np.sum(factors.fit.counts)) == 0:
+        raise InputError("no row is left to fit: check the split of the data and the lowest speed")
+    return _Run(model, regressor, chosen, processing, options, factors, observations, tell).result()
+
+
+class _Run:
+    """The estimates of one set of factors."""
+
+    def __init__(
+        self,
+        model: RigidModel,
+        regressor: FullRegressor,
+        chosen: Parametrisation,
+        processing: Processing,
+        options: Options,
+        factors: Factors,
+        observations: Observations,
+        tell: Progress,
+    ) -> None:
+        self.model, self.regressor, self.chosen = model, regressor, chosen
+        self.processing, self.options, self.factors, self.tell = processing, options, factors, tell
+        tell(0, 0, "statistics of the residuals")
+        needed = options.correlated or options.method == "robust"
+        self.blocks: Iterable[Rows] = rows_in_memory(_Fitted(observations, options.split)) if needed else ()
+
+    def result(self) -> Identification:
+        options, chosen = self.options, self.chosen
+        reduced = chosen.transform(self.factors.fit)
+        estimate = self.estimated(reduced)
+        theta = chosen.expand(estimate.x)
+        iid_std = estimate.std
+        white = residual_whiteness(self.blocks, theta) if self.blocks else ()
+        if options.correlated and options.method != "robust" and estimate.relative_error > 1e-9:
+            lags = max(1, max(_correlation_length(w) for w in white))
+            covariance = correlated_covariance(self.blocks, estimate, lags, chosen.expand, chosen.T)
+            estimate = replace(estimate, covariance=covariance)
+        consistent = self.consistent_estimate(estimate) if options.consistent else None
+        essential = None
+        if options.essential:
+            self.tell(0, 0, "essential parameters")
+            inflation = max((w.inflation for w in white), default=1.0)
+            essential = essential_parameters(reduced, chosen.structure.names, samples_per_independent=inflation)
+        return Identification(
+            columns=self.regressor.columns,
+            structure=chosen.structure,
+            estimate=estimate,
+            iid_std=iid_std,
+            theta=theta,
+            processing=self.processing,
+            split=options.split,
+            fit=score(self.factors.fit, theta),
+            held_out=score(self.factors.score, theta),
+            whiteness=white,
+            consistent=consistent,
+            consistent_fit=None if consistent is None else score(self.factors.fit, consistent.theta),
+            consistent_held_out=None if consistent is None else score(self.factors.score, consistent.theta),
+            essential=essential,
+            indefinite=self.indefinite(theta, consistent),
+            structural_notes=chosen.structure.in_words(),
+            motion_notes=unexcited(reduced, chosen.structure.names, estimate.weights),
+            weak=weak_directions(reduced, chosen.structure.names, estimate.weights),
+            blocks=self.blocks,
+            transform=chosen.transform,
+        )
+
+    def estimated(self, reduced: JointFactors) -> Estimate:
+        names = self.chosen.structure.names
+        self.tell(0, 0, f"{self.options.method} least squares")
+        if self.options.method == "ordinary":
+            return least_squares(reduced, names)
+        weighted = weighted_least_squares(reduced, names)
+        if self.options.method == "weighted":
+            return weighted
+        if self.options.method != "robust":
+            raise InputError(f"unknown method '{self.options.method}'; there are {', '.join(METHODS)}")
+        chosen = self.chosen
+        return robust_least_squares(
+            lambda: self.blocks, names, weighted, transform=chosen.transform, expand=chosen.expand
+        )
+
+    def consistent_estimate(self, estimate: Estimate) -> ConsistentEstimate:
+        """The physically consistent estimate of the same rows and weights."""
+        self.tell(0, 0, "physically consistent estimate")
+        options, fit = self.options, self.factors.fit
+        columns = self.regressor.columns
+        b = len(self.model.base_parameter_names)
+        known = np.zeros(len(columns))
+        free = list(range(b))
+        for i, column in enumerate(columns[b:], start=b):
+            if column.name in options.fixed:
+                known[i] = options.fixed[column.name]
+            else:
+                free.append(i)
+        rms = float(np.sqrt(np.sum(fit.torque_squares) / np.sum(fit.counts)))
+        prior = options.prior or default_prior(self.model.spec, rms, options.prior_strength)
+        names = standard_names(self.model.n)
+        fixed = {names.index(name): value for name, value in options.fixed_standard.items()}
+        T = np.eye(len(columns))[:, free]
+        found = consistent_estimate(
+            self.model,
+            fit.mapped(T, known),
+            [columns[i] for i in free],
+            estimate.weights,
+            prior,
+            reference=estimate,
+            fixed=fixed,
+        )
+        return replace(found, theta=T @ found.theta + known, names=self.regressor.names)
+
+    def indefinite(self, theta: Array, consistent: ConsistentEstimate | None) -> dict[str, float]:
+        """Share of random poses with an indefinite M(q), by estimate."""
+        self.tell(0, 0, "mass matrix at random poses")
+        n = self.model.n
+        limits = self.options.limits if self.options.limits is not None else pose_limits(self.model.spec, n)
+        estimates = {self.options.method: theta} | ({} if consistent is None else {"consistent": consistent.theta})
+        shares = {}
+        for name, values in estimates.items():
+            mass = partial(mass_matrix, self.model, self.regressor.columns, values)
+            shares[name], _ = indefinite_share(mass, limits[0], limits[1], self.options.poses, self.options.seed)
+        return shares
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """The rows of the observations that are fitted; the others stay, out of use, to keep time."""
+
+    observations: Observations
+    split: Split
+
+    def __iter__(self) -> Iterator[Rows]:
+        for window in self.observations.windows():
+            start, duration = self.observations.recordings[window.recording].span
+            for rows in self.observations.maker.rows(window):
+                yield rows.chosen(self.split.fitted(rows.t, start, duration))
+
+
+def _correlation_length(white: Whiteness) -> int:
+    """Lags up to the first correlation that is within the noise of its estimate, doubled to be on the safe side."""
+    noise = 2.0 / np.sqrt(max(1, white.samples))
+    small = np.flatnonzero(white.autocorrelation < noise)
+    return 2 * int(small[0] if len(small) else len(white.autocorrelation))
