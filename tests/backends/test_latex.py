@@ -1,0 +1,133 @@
+"""Closed forms in LaTeX, plain text and MathML, read back and computed."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import sympy as sp
+from hypothesis import given
+from hypothesis import strategies as st
+
+from backends.formula_reading import compute, raise_functions, read_latex, read_mathml, read_plain
+from rrrgen.backends.latex import Walk, latex, latex_expression, notation, plain, plain_expression
+from rrrgen.errors import BackendError
+from rrrgen.report.mathml import MathmlMarkup
+
+TRANSCRIBED = 1e-9  # numbers may be shown to 12 digits; a wrong sign or grouping is of order one
+
+NAMES = ("q1", "q2", "q3", "dq1", "ddq2", "p3", "p12", "a2", "mx2", "Ixx3", "tau1", "beta4")
+S = {name: sp.Symbol(name, real=True) for name in NAMES}
+VALUES = {name: 0.3 + 0.37 * k for k, name in enumerate(NAMES)}
+
+rationals = st.builds(sp.Rational, st.integers(-9, 9), st.sampled_from([1, 2, 3, 7, 20, 1000]))
+angles = st.builds(
+    lambda k, j, m, half: k * S["q1"] + j * S["q2"] + m * S["q3"] + half,
+    *(st.integers(-1, 2) for _ in range(3)),
+    st.sampled_from([0, sp.pi / 2]),
+)
+leaves = st.one_of(
+    st.sampled_from(list(S.values())), rationals, angles.map(sp.cos), angles.map(sp.sin), st.just(sp.sqrt(2) / 2)
+)
+expressions = st.recursive(
+    leaves,
+    lambda inner: st.one_of(
+        st.lists(inner, min_size=2, max_size=4).map(lambda terms: sp.Add(*terms)),
+        st.lists(inner, min_size=2, max_size=3).map(lambda factors: sp.Mul(*factors)),
+        st.tuples(inner, st.sampled_from([2, 3])).map(lambda pair: pair[0] ** pair[1]),
+        inner.map(lambda e: 1 / (2 + e**2)),
+        inner.map(lambda e: sp.sqrt(1 + e**2)),
+    ),
+    max_leaves=12,
+)
+
+
+def value_of(expression: sp.Expr) -> float:
+    return float(expression.subs({S[name]: value for name, value in VALUES.items()}))
+
+
+READERS = {
+    "plain": lambda e, short: read_plain(plain_expression(e, short)),
+    "latex": lambda e, short: read_latex(latex_expression(e, short)),
+    "mathml": lambda e, short: raise_functions(read_mathml(Walk(MathmlMarkup(), short).write(e))),
+}
+
+
+@pytest.mark.parametrize("markup", READERS)
+@given(expression=expressions, short=st.booleans())
+def test_what_is_printed_means_the_expression(markup: str, expression: sp.Expr, short: bool) -> None:
+    printed = READERS[markup](expression, short)
+    assert math.isclose(compute(printed, VALUES), value_of(expression), rel_tol=TRANSCRIBED, abs_tol=TRANSCRIBED), (
+        printed
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "printed"),
+    [
+        ("q1", "q_{1}"),
+        ("ddq12", r"\ddot{q}_{12}"),
+        ("Ixx2", "I_{xx,2}"),
+        ("Jyz3", "J_{yz,3}"),
+        ("mx2", r"\mathit{mx}_{2}"),
+        ("hx2", "h_{x,2}"),
+        ("Ia1", "I_{a,1}"),
+        ("fc2", "f_{c,2}"),
+        ("beta10", r"\beta_{10}"),
+        ("L_tool", r"L_{\mathrm{tool}}"),
+        ("d1", "d_{1}"),
+        ("reach", r"\mathit{reach}"),
+    ],
+)
+def test_notation_of_names(name: str, printed: str) -> None:
+    assert latex_expression(sp.Symbol(name, real=True)) == printed
+    assert notation(name).base in name
+
+
+def test_chapter_notation() -> None:
+    q1, q2, q3 = S["q1"], S["q2"], S["q3"]
+    assert latex_expression(sp.cos(q2 + q3) ** 2) == "c_{23}^{2}"
+    assert latex_expression(sp.sin(2 * (q2 + q3))) == r"\sin\left(2 q_{2} + 2 q_{3}\right)"
+    assert latex_expression(sp.cos(q1), short_trig=False) == r"\cos\left(q_{1}\right)"
+    assert plain_expression(S["p3"] * sp.cos(q2 + q3) - sp.Rational(981, 100) * S["p12"]) == "p3*c23 - 9.81*p12"
+
+
+def test_small_matrix_stays_a_matrix_and_large_entries_become_equations() -> None:
+    q2, p3, p12 = S["q2"], S["p3"], S["p12"]
+    small = sp.Matrix([[p12, p3 * sp.cos(q2)], [p3 * sp.cos(q2), 0]])
+    assert r"\begin{bmatrix}" in latex({"mass_matrix": small})
+    long = sum((p3**k * sp.cos(k * q2) for k in range(1, 15)), sp.S.Zero)
+    text = plain({"mass_matrix": sp.Matrix([[long, p3], [p3, 0]])})
+    assert "symmetric" in text
+    assert "M[1,2] = p3" in text
+    assert "M[2,1]" not in text
+    assert max(map(len, text.splitlines())) <= 120
+
+
+def test_common_subexpressions_keep_the_meaning() -> None:
+    """Definitions and equations together compute the entries, and no angle is taken apart."""
+    q2, q3, p3, p12 = S["q2"], S["q3"], S["p3"], S["p12"]
+    shared = (p3 + p12 * sp.cos(q2 + q3)) ** 2
+    entries = sp.Matrix([shared * sp.sin(2 * q2 + q3) + p3, shared + sp.sin(2 * q2)])
+    values = dict(VALUES)
+    for line in plain({"coriolis": entries}, cse_limit=1).splitlines()[1:]:
+        if " = " in line:
+            left, right = line.strip().split(" = ")
+            values[left] = compute(read_plain(right), values)
+    assert any(name.startswith("t") and name != "tau1" for name in values)
+    for k in range(2):
+        assert values[f"c[{k + 1}]"] == pytest.approx(value_of(entries[k]), rel=TRANSCRIBED)
+
+
+def test_a_parameter_called_c2_switches_the_short_form_off() -> None:
+    text = plain({"gravity": sp.Matrix([sp.Symbol("c2", real=True) * sp.cos(S["q2"])])})
+    assert "c2*cos(q2)" in text
+
+
+def test_single_entry_carries_its_indices() -> None:
+    assert plain({"mass_matrix[3,3]": S["p12"]}).splitlines()[1].strip() == "M[3,3] = p12"
+
+
+def test_unknown_functions_are_refused() -> None:
+    with pytest.raises(BackendError, match="erf"):
+        plain_expression(sp.erf(S["q1"]))
