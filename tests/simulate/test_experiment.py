@@ -53,7 +53,7 @@ def test_the_recorded_torque_is_the_torque_that_moved_the_robot(model, motion) -
     rigid = model.inverse_dynamics(rec.true_q[inner], rec.true_dq[inner], ddq)
     residual = rec.tau[inner] - rigid - FRICTION.torque(rec.true_dq[inner])
     same_sign = np.all(rec.true_dq[:-2] * rec.true_dq[2:] > 0, axis=1)  # at rest friction is whatever holds the joint
-    assert same_sign.mean() > 0.9
+    assert same_sign.mean() > 0.8
     assert np.abs(residual[same_sign]).max() < 2e-3 * np.abs(rec.tau).max()
     # recorded at the begin of the sample it would be half a sample off, several times as much
     late = run(model, motion, Instruments(torque_record="command"))
