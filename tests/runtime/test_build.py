@@ -1,0 +1,140 @@
+"""Building and loading C: caching, parallel builds, missing toolchains, damaged caches."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rrrgen.errors import BuildError
+from rrrgen.runtime import build as build_module
+from rrrgen.runtime.build import build_extension
+from rrrgen.runtime.cache import cache_directory, digest, store
+
+SOURCES = {
+    "twice.h": "double twice(double x);\n",
+    "twice.c": '#include "twice.h"\ndouble twice(double x) { return 2.0 * x; }\n',
+}
+CDEF = "double twice(double x);"
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """A cache directory of this test's own."""
+    monkeypatch.setenv("RRRGEN_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(build_module, "_loaded", {})
+    cache_directory.cache_clear()
+    yield tmp_path / "cache"
+    cache_directory.cache_clear()
+
+
+def libraries(cache: Path) -> list[Path]:
+    return sorted(cache.glob("*.so"))
+
+
+def test_sources_become_callable_and_are_built_once(cache, monkeypatch):
+    _, lib = build_extension(SOURCES, CDEF, "twice")
+    assert lib.twice(21.0) == 42.0
+    (built,) = libraries(cache)
+    assert built.name.startswith("twice-")
+    assert [p for p in cache.iterdir() if p.name.startswith(".")] == [], "no leftovers"
+    monkeypatch.setattr(build_module, "_loaded", {})
+    monkeypatch.setattr(build_module, "_build", lambda *_: pytest.fail("built again"))
+    _, again = build_extension(SOURCES, CDEF, "twice")
+    assert again.twice(1.0) == 2.0
+
+
+def test_any_change_builds_anew(cache):
+    build_extension(SOURCES, CDEF, "twice")
+    other = {**SOURCES, "twice.c": SOURCES["twice.c"].replace("2.0", "3.0")}
+    _, lib = build_extension(other, CDEF, "twice")
+    assert lib.twice(1.0) == 3.0, "two builds of one name live in one process"
+    build_extension(SOURCES, CDEF, "twice", ["-DX"])
+    assert len(libraries(cache)) == 3
+
+
+def test_the_cache_is_private(cache):
+    build_extension(SOURCES, CDEF, "twice")
+    assert cache.stat().st_mode & 0o077 == 0
+
+
+def test_a_damaged_library_is_removed_and_named(cache, monkeypatch):
+    with monkeypatch.context() as patch:  # Python never reads a library again that it has loaded once
+        patch.setattr(build_module, "_load", lambda *_: (None, None))
+        build_extension(SOURCES, CDEF, "twice")
+    (built,) = libraries(cache)
+    built.write_bytes(b"not a library")
+    build_module._loaded.clear()
+    with pytest.raises(BuildError, match="cannot be loaded"):
+        build_extension(SOURCES, CDEF, "twice")
+    _, lib = build_extension(SOURCES, CDEF, "twice")
+    assert lib.twice(1.0) == 2.0
+
+
+def test_what_the_compiler_refuses_is_shown(cache):
+    with pytest.raises(BuildError, match=r"(?s)refused emitted code.*undeclared|unknown"):
+        build_extension({**SOURCES, "twice.c": "int f(void) { return nothing; }\n"}, CDEF, "twice")
+    assert libraries(cache) == []
+
+
+def test_without_a_compiler_the_message_says_what_to_install(cache, monkeypatch):
+    monkeypatch.setenv("PATH", "/nonexistent")
+    monkeypatch.delenv("CC", raising=False)
+    with pytest.raises(BuildError, match=r"(?s)C compiler.*was not found.*apt install gcc.*backend='numpy'") as caught:
+        build_extension(SOURCES, CDEF, "twice")
+    assert caught.value.exit_code == 5
+
+
+def test_a_compiler_named_by_cc_is_used_or_missed(cache, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler -pipe")
+    with pytest.raises(BuildError, match="'no-such-compiler' named by CC"):
+        build_extension(SOURCES, CDEF, "twice")
+    monkeypatch.setenv("CC", "gcc -DUNUSED=1")
+    _, lib = build_extension(SOURCES, CDEF, "twice")
+    assert lib.twice(1.0) == 2.0
+
+
+def test_without_python_headers_the_message_says_what_to_install(cache, monkeypatch):
+    monkeypatch.setattr(build_module.sysconfig, "get_path", lambda _: "/nonexistent")
+    with pytest.raises(BuildError, match="apt install python3-dev"):
+        build_extension(SOURCES, CDEF, "twice")
+
+
+def test_processes_that_build_the_same_do_not_disturb_each_other(cache):
+    script = (
+        "from rrrgen.runtime.build import build_extension\n"
+        f"_, lib = build_extension({SOURCES!r}, {CDEF!r}, 'twice')\n"
+        "print(lib.twice(4.0))\n"
+    )
+    root = Path(__file__).resolve().parents[2]
+    environment = {**os.environ, "PYTHONPATH": str(root), "RRRGEN_CACHE": str(cache)}
+    running = [
+        subprocess.Popen([sys.executable, "-c", script], env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(4)
+    ]
+    assert [process.communicate()[0] for process in running] == ["8.0\n"] * 4
+    assert len(libraries(cache)) == 1
+    assert [p for p in cache.iterdir() if p.name.startswith(".")] == []
+
+
+def test_a_cache_that_cannot_be_written_is_replaced(tmp_path, monkeypatch):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    monkeypatch.setenv("RRRGEN_CACHE", str(blocked / "cache"))
+    cache_directory.cache_clear()
+    try:
+        assert cache_directory().is_dir()
+        assert cache_directory() != blocked / "cache"
+    finally:
+        cache_directory.cache_clear()
+
+
+def test_digests_keep_their_parts_apart_and_files_appear_whole(tmp_path):
+    assert digest("ab", "c") != digest("a", "bc")
+    store(tmp_path / "x", b"1")
+    store(tmp_path / "x", b"2")
+    assert (tmp_path / "x").read_bytes() == b"2"
+    assert len(list(tmp_path.iterdir())) == 1
