@@ -1,0 +1,44 @@
+# make        set up, then the main job: generate the reference robot and verify it
+# make test   set up, then lint, types and all tests
+# make help   every target
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.DEFAULT_GOAL := rrr
+.PHONY: rrr setup test lint types unit generated clean help
+
+rrr: setup  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
+	$(BIN)/rrrgen generate rrr -o runs/rrr
+	$(CC) -std=c99 -O2 runs/rrr/*.c -lm -o runs/rrr_selftest && runs/rrr_selftest
+	$(BIN)/rrrgen verify rrr
+
+setup: $(READY)  ## the virtual environment with everything that the tests need
+
+$(READY): pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet -e ".[test]"
+	touch $@
+
+test: setup lint types unit generated  ## everything that continuous integration runs
+
+lint: setup  ## style
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: setup  ## static types
+	$(BIN)/mypy
+
+unit: setup  ## the tests, on all processors
+	$(BIN)/python -m pytest -q -n auto
+
+generated: setup  ## the committed code of the reference robot is what the generator writes today
+	$(BIN)/rrrgen generate rrr -o generated/rrr --check
+
+clean:  ## remove what the targets above made
+	rm -rf $(VENV) runs/rrr runs/rrr_selftest
+
+help:  ## this list
+	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
