@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -155,18 +154,3 @@ def write_log(path: str | os.PathLike[str], log: Log) -> None:
     with open(path, "w", encoding="utf-8", newline="\n") as stream:
         stream.write(",".join(names) + "\n")
         np.savetxt(stream, np.column_stack(columns), fmt="%.17g", delimiter=",")
-
-
-def file_hashes(mapping: LogMapping) -> dict[str, str]:
-    """SHA-256 of every file of a recording, by its name in the mapping; a folder (a bag) by its files in order."""
-    return {source.name: _hash(source.path) for source in mapping.files}
-
-
-def _hash(path: Path) -> str:
-    digest = hashlib.sha256()
-    files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-    for file in files:
-        with file.open("rb") as stream:
-            while block := stream.read(1 << 20):
-                digest.update(block)
-    return digest.hexdigest()

@@ -135,7 +135,8 @@ def windows(recording: Recording, memory: int) -> Iterator[Window]:
     done = 0  # index within its stretch of the first sample that is still to be delivered
     for part in recording.parts():
         if pending is not None and part.segment != pending.segment:
-            yield Window(pending, done - pending.first, len(pending))
+            if done < pending.first + len(pending):
+                yield Window(pending, done - pending.first, len(pending))
             pending, done = None, 0
         pending = part if pending is None else joined([pending, part])
         ready = pending.first + len(pending) - memory
@@ -144,7 +145,7 @@ def windows(recording: Recording, memory: int) -> Iterator[Window]:
             yield Window(pending, done - pending.first, ready - pending.first)
             done = ready
             pending = pending.sliced(max(0, done - memory - pending.first), len(pending))
-    if pending is not None:
+    if pending is not None and done < pending.first + len(pending):
         yield Window(pending, done - pending.first, len(pending))
 
 

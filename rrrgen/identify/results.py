@@ -1,0 +1,176 @@
+"""The results of an identification as records, tables, and a robot file with the identified parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrrgen.errors import DerivationError
+from rrrgen.identify.columns import STANDARD, Array, standard_names
+from rrrgen.identify.consistency import ConsistentEstimate
+from rrrgen.identify.statistics import confidence_factor
+
+if TYPE_CHECKING:
+    from rrrgen.identify.identification import Identification
+    from rrrgen.identify.run_folder import RunFolder
+    from rrrgen.spec.robot_spec import RobotSpec
+
+FIELDS = {"fv": "viscous", "fc": "coulomb", "off": "offset"}
+CONFIDENCE = 0.95
+
+
+def as_record(found: Identification) -> dict[str, Any]:
+    """Everything worth keeping, as plain data."""
+    estimate = found.estimate
+    return {
+        "method": estimate.method,
+        "data": str(found.split),
+        "identifiable_parameters": found.structure.rank,
+        "columns": len(found.columns),
+        "relative_error_fit": found.fit["relative_error"],
+        "relative_error_held_out": found.held_out["relative_error"],
+        "fit": found.fit,
+        "held_out": found.held_out,
+        "condition": estimate.condition,
+        "condition_scaled": estimate.scaled_condition,
+        "rank": estimate.rank,
+        "iterations": estimate.iterations,
+        "joint_sigma": estimate.joint_sigma,
+        "processing": found.processing.settings(),
+        "whiteness": [
+            {
+                "durbin_watson": w.durbin_watson,
+                "ljung_box_p": w.p_value,
+                "samples_per_independent": w.inflation,
+                "autocorrelation": w.autocorrelation,
+            }
+            for w in found.whiteness
+        ],
+        "not_identifiable": list(found.structural_notes),
+        "not_excited": list(found.motion_notes) + [direction.sentence for direction in found.weak],
+        "indefinite_mass_matrix_share": found.indefinite,
+        "physically_consistent": _consistent_record(found),
+        "essential": None
+        if found.essential is None
+        else {
+            "parameters": list(found.essential.estimate.names),
+            "values": found.essential.estimate.x,
+            "left_out": list(found.essential.dropped),
+            "relative_error_fit": found.essential.estimate.relative_error,
+            "condition": found.essential.estimate.condition,
+            "stopped_by": found.essential.stopped_by,
+        },
+        "parameters": dict(zip((c.name for c in found.columns), found.theta, strict=True)),
+    }
+
+
+def _consistent_record(found: Identification) -> dict[str, Any] | None:
+    consistent = found.consistent
+    if consistent is None:
+        return None
+    names = standard_names(len(consistent.phi) // len(STANDARD))
+    return {
+        "relative_error_fit": None if found.consistent_fit is None else found.consistent_fit["relative_error"],
+        "relative_error_held_out": None
+        if found.consistent_held_out is None
+        else found.consistent_held_out["relative_error"],
+        "fit": found.consistent_fit,
+        "held_out": found.consistent_held_out,
+        "smallest_eigenvalues": consistent.eigenvalues,
+        "rise_of_weighted_residual": consistent.loss,
+        "standard_parameters": dict(zip(names, consistent.phi, strict=True)),
+        "parameters": dict(zip(consistent.names, consistent.theta, strict=True)),
+        **consistent.facts,
+    }
+
+
+def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Sequence[Any]]]:
+    """Header and rows: every identified combination with its standard deviations and confidence interval."""
+    estimate = found.estimate
+    half = confidence_factor(CONFIDENCE, estimate.freedom)
+    header = ("parameter", "value", "std", "std_percent", "lower_95", "upper_95", "std_if_white", "essential")
+    kept = None if found.essential is None else set(found.essential.kept)
+
+    def rows() -> Iterator[Sequence[Any]]:
+        for i, name in enumerate(estimate.names):
+            value, std = float(estimate.x[i]), float(estimate.std[i])
+            percent = 100.0 * float(estimate.relative_std[i])
+            essential = "" if kept is None else "yes" if i in kept else "no"
+            yield name, value, std, percent, value - half * std, value + half * std, float(found.iid_std[i]), essential
+
+    return header, rows()
+
+
+def identified_spec(spec: RobotSpec, consistent: ConsistentEstimate, description: str = "") -> RobotSpec:
+    """``spec`` with the links, friction and drives of a physically consistent estimate.
+
+    Inertia is written about the origin of the link frame, as it was estimated. Terms of coupled drives have no place
+    in a robot file and are left out.
+    """
+    phi = consistent.phi.reshape(spec.n, len(STANDARD))
+    if np.any(phi[:, 0] <= 0):
+        raise DerivationError("a link without mass cannot be written into a robot file")
+    joints = []
+    for i, joint in enumerate(spec.joints):
+        friction, drive = joint.friction, joint.drive
+        given = {field: consistent.drives.get(f"{key}{i + 1}") for key, field in FIELDS.items()}
+        if friction is not None:
+            friction = replace(friction, **{field: value for field, value in given.items() if value is not None})
+        inertia = consistent.drives.get(f"Ia{i + 1}")
+        if drive is not None and inertia is not None:
+            drive = replace(drive, inertia=inertia)
+        joints.append(replace(joint, friction=friction, drive=drive))
+    links = tuple(_link(row) for row in phi)
+    return replace(spec, joints=tuple(joints), links=links, description=description or spec.description)
+
+
+def _link(phi: Array) -> Any:
+    """One link; every number the exact decimal of its double."""
+    import sympy as sp
+
+    from rrrgen.spec.robot_spec import LinkSpec
+
+    def exact(value: float) -> Any:
+        return sp.Rational(repr(float(value)))
+
+    m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz = (float(v) for v in phi)
+    com = (exact(mx / m), exact(my / m), exact(mz / m))
+    inertia = tuple(exact(v) for v in (Ixx, Iyy, Izz, Ixy, Ixz, Iyz))
+    return LinkSpec(mass=exact(m), com=com, inertia=inertia, about="origin", products="tensor")
+
+
+def coupled_terms(found: Identification) -> Mapping[str, float]:
+    """The estimated terms of coupled drives, which a robot file cannot hold."""
+    if found.consistent is None:
+        return {}
+    return {name: value for name, value in found.consistent.drives.items() if "_" in name}
+
+
+def write_identification(folder: RunFolder, found: Identification, spec: RobotSpec, points: int = 200) -> None:
+    """Write an identification into a run folder.
+
+    ``identification.json``, ``parameters.csv``, ``robot.yaml`` (of the physically consistent estimate),
+    ``convergence.csv``, and the figures ``torques``, ``convergence`` and ``whiteness``.
+    """
+    from rrrgen.identify.convergence import convergence
+    from rrrgen.identify.estimation_plots import plot_convergence, plot_torques, plot_whiteness
+    from rrrgen.spec import dumps
+
+    folder.write_json("identification.json", as_record(found))
+    folder.write_csv("parameters.csv", *parameter_table(found))
+    if found.consistent is not None:
+        folder.write_text("robot.yaml", dumps(identified_spec(spec, found.consistent)))
+    blocks = list(found.blocks) if isinstance(found.blocks, list) else []
+    joints = [joint.name for joint in spec.joints]
+    if blocks:
+        samples = sum(len(rows.t) for rows in blocks)
+        settling = convergence(blocks, found.names, found.estimate.weights, found.transform, max(1, samples // points))
+        rows = zip(settling.samples, settling.condition, *settling.x.T, strict=True)
+        folder.write_csv("convergence.csv", ("samples", "condition", *settling.names), rows)
+        folder.figure("convergence", plot_convergence(settling, found.estimate.std))
+        folder.figure("torques", plot_torques(blocks, found.theta, joints))
+    if found.whiteness:
+        folder.figure("whiteness", plot_whiteness(found.whiteness, joints))
