@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +19,9 @@ from rrrgen.errors import DerivationError
 from rrrgen.identify.excitation_check import ExcitationCheck, LimitUse, ProblemFunctions, check_trajectory
 from rrrgen.identify.excitation_problem import ExcitationLimits, ExcitationProblem, excitation_problem
 from rrrgen.identify.excitation_search import StartResult, solve_start
-from rrrgen.identify.excitation_starts import Progress, run_starts, write_json_atomically
+from rrrgen.identify.excitation_starts import Progress, run_starts
 from rrrgen.identify.fourier import FourierTrajectory
+from rrrgen.identify.run_folder import write_atomically
 
 __all__ = [
     "ExcitationCheck",
@@ -77,7 +79,7 @@ class ExcitationDesign:
     def write(self, folder: Path) -> list[Path]:
         """Write the trajectory (coefficients and samples at the controller's rate) into ``folder``."""
         result, samples = folder / "excitation.json", folder / "excitation.csv"
-        write_json_atomically(result, self.to_json())
+        write_atomically(result, json.dumps(self.to_json(), indent=1) + "\n")
         write_trajectory_csv(samples, self.trajectory, self.problem.sample_period)
         return [result, samples]
 
@@ -119,5 +121,4 @@ def write_trajectory_csv(path: Path, trajectory: FourierTrajectory, sample_perio
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["t", *(f"{name}{i + 1}" for name in ("q", "dq", "ddq") for i in range(trajectory.n))])
     writer.writerows(np.column_stack([t, q, dq, ddq]).tolist())
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text.getvalue(), encoding="utf-8", newline="\n")
+    write_atomically(path, text.getvalue())

@@ -7,8 +7,6 @@ an interrupted search loses at most the starts in flight, and a repeated one ret
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +17,7 @@ from rrrgen.identify.excitation_check import ExcitationCheck, LimitUse
 from rrrgen.identify.excitation_problem import ExcitationProblem
 from rrrgen.identify.excitation_search import StartResult, solve_start
 from rrrgen.identify.fourier import FourierTrajectory
+from rrrgen.identify.run_folder import write_atomically
 
 CLUSTER_TIMEOUT = "15s"
 """How long a scheduler may take to answer."""
@@ -50,7 +49,7 @@ def run_starts(
     for result in _solve_all(problem, missing, jobs, cluster):
         done[result.seed] = result
         if checkpoints is not None:
-            write_json_atomically(_place(checkpoints, digest, result.seed), _to_json(result, digest))
+            write_atomically(_place(checkpoints, digest, result.seed), json.dumps(_to_json(result, digest), indent=1))
         if progress is not None:
             best = min(done.values(), key=lambda r: r.score).check.condition
             progress(len(done), len(seeds), f"start {result.seed}: cond {result.check.condition:.4g}, best {best:.4g}")
@@ -108,21 +107,6 @@ def _finished(folder: Path, digest: str, seeds: Sequence[int]) -> dict[int, Star
         except (OSError, ValueError, KeyError, TypeError):
             continue
     return found
-
-
-def write_json_atomically(path: Path, data: Any) -> None:
-    """Write ``data`` so that the file is either complete or absent, whatever interrupts the writing."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
-            json.dump(data, stream, indent=1)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
 
 
 def _to_json(result: StartResult, digest: str) -> dict[str, Any]:

@@ -1,0 +1,234 @@
+"""Validation: the torque of an identified model against the torque that was applied, joint by joint, with a verdict.
+
+A model is fed the reconstructed motion and its torque set against the recorded one (Fig. 14.4, Fig. 14.13). Scoring on
+other data than was fitted is the default; a fit that is scored on its own data is labelled so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.errors import InputError
+from rrrgen.identify.columns import Array
+from rrrgen.identify.definiteness import POSES, indefinite_share
+from rrrgen.identify.statistics import relative_error, rms
+
+TorqueModel = Callable[[Array, Array, Array], Array]
+"""Motion (q, dq, ddq), (N, n) each, to joint torques (N, n)."""
+
+Label = Literal["held-out data", "partly its own data", "its own data"]
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What a model must reach to pass; None where nothing is asked.
+
+    ``relative_error`` is ``|tau - tau_model| / |tau|`` over all joints, ``joint_relative_error`` the same joint by
+    joint, ``beyond_noise`` the part of the error that known noise does not explain over the RMS torque, joint by joint,
+    ``indefinite_share`` the share of random poses with an indefinite mass matrix. ``require_held_out`` fails a model
+    that is scored on data it was fitted to.
+    """
+
+    relative_error: float | None = 0.1
+    joint_relative_error: float | None = None
+    beyond_noise: float | None = None
+    indefinite_share: float | None = 0.0
+    require_held_out: bool = False
+
+
+@dataclass(frozen=True)
+class JointScore:
+    """Agreement at one joint, N m (N): RMS and largest error, RMS torque, and their ratio.
+
+    ``beyond_noise`` is ``sqrt(max(error^2 - noise^2, 0))`` over the RMS torque, None where the noise is not known;
+    ``samples`` is how many instants count.
+    """
+
+    joint: str
+    rms_torque: float
+    rms_error: float
+    max_error: float
+    relative_error: float
+    beyond_noise: float | None
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """The score of a model on one recording, its verdict, and the curves behind it (N, n)."""
+
+    joints: tuple[JointScore, ...]
+    relative_error: float
+    indefinite_share: float | None
+    label: Label
+    failures: tuple[str, ...]
+    t: Array
+    measured: Array
+    predicted: Array
+    used: NDArray[np.bool_]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every threshold is met."""
+        return not self.failures
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything but the curves."""
+        return {
+            "passed": self.passed,
+            "failures": list(self.failures),
+            "scored_on": self.label,
+            "relative_error": self.relative_error,
+            "indefinite_mass_matrix_share": self.indefinite_share,
+            "joints": [vars(score) for score in self.joints],
+        }
+
+
+def data_label(fitted: Sequence[str], scored: Sequence[str], split: bool = False) -> Label:
+    """Whether a model is scored on its own data, from the hashes of the files it was fitted to and is scored on.
+
+    ``split`` says that fit and score are different stretches of the same files.
+    """
+    common = set(fitted) & set(scored)
+    if not common or (split and set(scored) <= set(fitted)):
+        return "held-out data"
+    return "its own data" if set(scored) <= set(fitted) else "partly its own data"
+
+
+def validate(
+    torque_model: TorqueModel,
+    motion: Any,
+    measured: Array,
+    *,
+    joints: Sequence[str],
+    used: NDArray[np.bool_] | None = None,
+    noise: Sequence[float] | None = None,
+    label: Label = "held-out data",
+    mass: Callable[[Array], Array] | None = None,
+    limits: tuple[Array, Array] | None = None,
+    poses: int = POSES,
+    seed: int = 0,
+    thresholds: Thresholds | None = None,
+) -> Validation:
+    """Score ``torque_model`` along ``motion`` (t, q, dq, ddq) against the ``measured`` torques (N, n).
+
+    ``used`` (N, n) leaves out samples whose torque is not valid or whose joint hardly moves; ``noise`` (n,) is the
+    standard deviation of the measured torque. ``mass(q)`` (N, n, n) is tested at ``poses`` random poses between
+    ``limits``. Raises InputError where there is nothing to compare.
+    """
+    tau = np.asarray(measured, dtype=float)
+    predicted = np.asarray(torque_model(motion.q, motion.dq, motion.ddq), dtype=float)
+    use = np.ones(tau.shape, bool) if used is None else np.asarray(used, dtype=bool)
+    if predicted.shape != tau.shape or use.shape != tau.shape:
+        raise InputError(f"validation: torques of shape {tau.shape} against a model's {predicted.shape}")
+    idle = [name for name, column in zip(joints, use.T, strict=True) if not column.any()]
+    if idle:
+        raise InputError(f"validation: no sample is left to score joint {', '.join(idle)}")
+    scores = tuple(
+        _joint_score(name, tau[use[:, i], i], predicted[use[:, i], i], None if noise is None else noise[i])
+        for i, name in enumerate(joints)
+    )
+    share = None
+    if mass is not None:
+        if limits is None:
+            raise InputError("validation: random poses need limits of the joint positions")
+        share, _ = indefinite_share(mass, limits[0], limits[1], poses, seed)
+    total = relative_error(tau[use], predicted[use])
+    failures = _failures(thresholds if thresholds is not None else Thresholds(), scores, total, share, label)
+    return Validation(scores, total, share, label, failures, np.asarray(motion.t), tau, predicted, use)
+
+
+def _joint_score(joint: str, measured: Array, predicted: Array, noise: float | None) -> JointScore:
+    size, error = float(rms(measured)), float(rms(measured - predicted))
+    beyond = None if noise is None else float(np.sqrt(max(error**2 - noise**2, 0.0))) / max(size, 1e-300)
+    return JointScore(
+        joint=joint,
+        rms_torque=size,
+        rms_error=error,
+        max_error=float(np.abs(measured - predicted).max()),
+        relative_error=error / max(size, 1e-300),
+        beyond_noise=beyond,
+        samples=int(measured.size),
+    )
+
+
+def _failures(
+    asked: Thresholds, scores: Sequence[JointScore], total: float, share: float | None, label: Label
+) -> tuple[str, ...]:
+    found = []
+    if asked.relative_error is not None and not total <= asked.relative_error:
+        found.append(f"relative error {100 * total:.3g} % exceeds {100 * asked.relative_error:.3g} %")
+    for score in scores:
+        if asked.joint_relative_error is not None and not score.relative_error <= asked.joint_relative_error:
+            allowed = 100 * asked.joint_relative_error
+            found.append(f"{score.joint}: relative error {100 * score.relative_error:.3g} % exceeds {allowed:.3g} %")
+        if (
+            asked.beyond_noise is not None
+            and score.beyond_noise is not None
+            and score.beyond_noise > asked.beyond_noise
+        ):
+            allowed = 100 * asked.beyond_noise
+            found.append(f"{score.joint}: error beyond noise {100 * score.beyond_noise:.3g} % exceeds {allowed:.3g} %")
+    if asked.indefinite_share is not None and share is not None and share > asked.indefinite_share:
+        found.append(f"M(q) is indefinite at {100 * share:.3g} % of random poses")
+    if asked.require_held_out and label != "held-out data":
+        found.append(f"the model is scored on {label}")
+    return tuple(found)
+
+
+def column_model(regressor: Callable[[Array, Array, Array], Array], theta: Array) -> TorqueModel:
+    """``tau = W(q, dq, ddq) theta`` from a full regressor and the parameters of all its columns."""
+
+    def torque(q: Array, dq: Array, ddq: Array) -> Array:
+        return np.asarray(regressor(q, dq, ddq) @ theta)
+
+    return torque
+
+
+def robot_model(model: Any) -> TorqueModel:
+    """The torque of a compiled robot as its file describes it, linear friction included."""
+
+    def torque(q: Array, dq: Array, ddq: Array) -> Array:
+        return np.asarray(model.inverse_dynamics(q, dq, ddq) + model.friction(dq))
+
+    return torque
+
+
+def summary(result: Validation) -> list[Mapping[str, Any]]:
+    """One row per joint for a table: RMS torque and error (N m), relative errors (%)."""
+    return [
+        {
+            "joint": score.joint,
+            "rms_torque": score.rms_torque,
+            "rms_error": score.rms_error,
+            "relative_error_percent": 100.0 * score.relative_error,
+            "beyond_noise_percent": None if score.beyond_noise is None else 100.0 * score.beyond_noise,
+            "samples": score.samples,
+        }
+        for score in result.joints
+    ]
+
+
+def plot_torques(result: Validation, units: Sequence[str] | None = None) -> Any:
+    """Applied torque and model torque of every joint over time, the difference below in the same panel (Fig. 14.13)."""
+    from rrrgen.identify.figures import new_figure, style_axes
+
+    n = len(result.joints)
+    figure, axes = new_figure(n, 1, height=2.0 * n + 0.6, sharex=True)
+    for i, (axis, score) in enumerate(zip(axes, result.joints, strict=True)):
+        axis.plot(result.t, result.measured[:, i], color="0.55", linewidth=0.8, label="applied")
+        axis.plot(result.t, result.predicted[:, i], color="C0", linewidth=0.8, label="model")
+        difference = np.where(result.used[:, i], result.measured[:, i] - result.predicted[:, i], np.nan)
+        axis.plot(result.t, difference, color="C3", linewidth=0.5, label="difference")
+        axis.set_title(
+            f"{score.joint}: {score.rms_error:.3g} RMS, {100 * score.relative_error:.2f} %", fontsize=9, loc="left"
+        )
+        style_axes(axis, "", f"τ{i + 1} [{'N m' if units is None else units[i]}]")
+    axes[0].legend(loc="upper right", ncols=3, fontsize=8)
+    axes[-1].set_xlabel("t [s]")
+    return figure

@@ -1,0 +1,155 @@
+"""Scores, labels and verdicts of a validation on data with known errors."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rrrgen.errors import InputError
+from rrrgen.identify.validation import (
+    Thresholds,
+    column_model,
+    data_label,
+    plot_torques,
+    robot_model,
+    summary,
+    validate,
+)
+
+NAMES = ("shoulder", "elbow")
+
+
+def case(error: float = 0.0, noise: float = 0.0, seed: int = 0, N: int = 4000):
+    """Torques 3 q and 2 dq + ddq; the model is off by the factor 1 + error, the measurement by noise."""
+    rng = np.random.default_rng(seed)
+    q, dq, ddq = rng.normal(size=(3, N, 2))
+    motion = SimpleNamespace(t=np.arange(N) * 1e-3, q=q, dq=dq, ddq=ddq)
+    truth = np.column_stack([3 * q[:, 0], 2 * dq[:, 1] + ddq[:, 1]])
+    measured = truth + noise * rng.normal(size=truth.shape)
+    model = lambda q, dq, ddq: (1 + error) * np.column_stack([3 * q[:, 0], 2 * dq[:, 1] + ddq[:, 1]])  # noqa: E731
+    return model, motion, measured
+
+
+def test_a_perfect_model_scores_zero_and_passes() -> None:
+    result = validate(*case(), joints=NAMES)
+    assert result.relative_error < 1e-15
+    assert result.passed
+    assert [s.joint for s in result.joints] == list(NAMES)
+    assert result.joints[0].samples == 4000
+
+
+def test_known_errors_are_measured() -> None:
+    model, motion, measured = case(error=0.02)
+    result = validate(model, motion, measured, joints=NAMES)
+    assert result.relative_error == pytest.approx(0.02, rel=1e-9)
+    for i, score in enumerate(result.joints):
+        assert score.relative_error == pytest.approx(0.02, rel=1e-9)
+        assert score.rms_torque == pytest.approx(np.sqrt(np.mean(measured[:, i] ** 2)), rel=1e-12)
+        assert score.max_error == pytest.approx(0.02 * np.abs(measured[:, i]).max(), rel=1e-9)
+        assert score.beyond_noise is None
+    rows = summary(result)
+    assert rows[1]["relative_error_percent"] == pytest.approx(2.0)
+    assert rows[1]["joint"] == "elbow"
+
+
+def test_what_noise_explains_is_taken_off() -> None:
+    model, motion, measured = case(error=0.03, noise=0.5, N=200_000)
+    score = validate(model, motion, measured, joints=NAMES, noise=[0.5, 0.5]).joints[0]
+    assert score.relative_error > 0.1
+    assert score.beyond_noise == pytest.approx(0.03, rel=0.1)  # 200 000 samples of noise know its variance to 0.3 %
+    perfect = validate(*case(noise=0.5), joints=NAMES, noise=[0.6, 0.6])
+    assert all(s.beyond_noise == 0.0 for s in perfect.joints)
+
+
+def test_samples_can_be_left_out_joint_by_joint() -> None:
+    model, motion, measured = case()
+    measured = measured.copy()
+    measured[:100, 1] += 50.0
+    used = np.ones(measured.shape, bool)
+    used[:100, 1] = False
+    assert validate(model, motion, measured, joints=NAMES, used=used).relative_error < 1e-15
+    assert not validate(model, motion, measured, joints=NAMES).passed
+    with pytest.raises(InputError, match="elbow"):
+        validate(model, motion, measured, joints=NAMES, used=np.column_stack([used[:, 0], np.zeros(4000, bool)]))
+
+
+def test_every_threshold_can_fail_and_says_so() -> None:
+    model, motion, measured = case(error=0.02)
+    strict = Thresholds(
+        relative_error=0.01,
+        joint_relative_error=0.015,
+        beyond_noise=0.001,
+        indefinite_share=0.0,
+        require_held_out=True,
+    )
+    # M = diag(1, 1 - 2 sin^2) is indefinite for |sin q| > 1/sqrt 2: half of all angles
+    mass = lambda q: np.stack(  # noqa: E731
+        [np.stack([np.ones(len(q)), 0 * q[:, 0]], -1), np.stack([0 * q[:, 0], np.cos(2 * q[:, 1])], -1)], -2
+    )
+    result = validate(
+        model,
+        motion,
+        measured,
+        joints=NAMES,
+        noise=[0.0, 0.0],
+        label="its own data",
+        mass=mass,
+        limits=(np.full(2, -np.pi), np.full(2, np.pi)),
+        thresholds=strict,
+    )
+    assert not result.passed
+    text = "\n".join(result.failures)
+    for part in ("2 % exceeds 1 %", "shoulder: relative", "elbow: error beyond noise", "indefinite", "its own data"):
+        assert part in text
+    assert result.indefinite_share == pytest.approx(0.5, abs=0.02)
+    data = result.to_json()
+    assert data["passed"] is False
+    assert data["scored_on"] == "its own data"
+    assert len(data["joints"]) == 2
+
+
+def test_nan_never_passes() -> None:
+    model, motion, measured = case()
+    bad = lambda q, dq, ddq: model(q, dq, ddq) * np.nan  # noqa: E731
+    assert not validate(bad, motion, measured, joints=NAMES).passed
+
+
+@pytest.mark.parametrize(
+    ("fitted", "scored", "split", "label"),
+    [
+        (["a"], ["b"], False, "held-out data"),
+        (["a"], ["a"], False, "its own data"),
+        (["a", "b"], ["a"], False, "its own data"),
+        (["a"], ["a", "b"], False, "partly its own data"),
+        (["a"], ["a"], True, "held-out data"),
+        (["a"], ["a", "b"], True, "partly its own data"),
+    ],
+)
+def test_labels(fitted: list[str], scored: list[str], split: bool, label: str) -> None:
+    assert data_label(fitted, scored, split) == label
+
+
+def test_shapes_and_missing_limits_are_faults() -> None:
+    model, motion, measured = case()
+    with pytest.raises(InputError, match="shape"):
+        validate(model, motion, measured[:, :1], joints=NAMES[:1])
+    with pytest.raises(InputError, match="limits"):
+        validate(model, motion, measured, joints=NAMES, mass=lambda q: np.zeros((len(q), 2, 2)))
+
+
+def test_models_of_torque() -> None:
+    import rrrgen
+
+    model = rrrgen.compile("rrr")
+    rng = np.random.default_rng(0)
+    q, dq, ddq = rng.normal(size=(3, 5, 3))
+    both = column_model(model.regressor, model.beta)(q, dq, ddq), robot_model(model)(q, dq, ddq)
+    assert np.abs(both[0] - both[1]).max() < 1e-12 * np.abs(both[1]).max()
+
+
+def test_figure_has_one_panel_per_joint() -> None:
+    figure = plot_torques(validate(*case(0.1), joints=NAMES), units=("N m", "N"))
+    assert len(figure.axes) == 2
+    assert "elbow" in figure.axes[1].get_title(loc="left")
