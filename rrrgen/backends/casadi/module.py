@@ -14,6 +14,7 @@ from rrrgen.program import Op, Port, Program
 from rrrgen.resources import render
 
 _LINE = 116
+_GLUED = "\0=\0"
 
 
 def _constant(value: Fraction) -> str:
@@ -105,12 +106,14 @@ def _output(port: Port, row: Sequence[str]) -> list[str]:
 
 
 def _wrapped(text: str) -> list[str]:
-    """``text`` in lines of at most the usual length, broken at spaces inside its brackets."""
+    """``text`` in lines of at most the usual length, broken at spaces inside its brackets (never around ``=``)."""
     if len(text) <= _LINE:
         return [text]
     first = len(text) - len(text.lstrip())
-    folded = textwrap.wrap(text.strip(), _LINE - first - 4, break_long_words=False, break_on_hyphens=False)
-    return [" " * first + folded[0], *(" " * (first + 4) + line for line in folded[1:])]
+    whole = text.strip().replace(" = ", _GLUED)
+    folded = textwrap.wrap(whole, _LINE - first - 4, break_long_words=False, break_on_hyphens=False)
+    lines = [" " * first + folded[0], *(" " * (first + 4) + line for line in folded[1:])]
+    return [line.replace(_GLUED, " = ") for line in lines]
 
 
 def _joined(ports: Sequence[Port]) -> str:

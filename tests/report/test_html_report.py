@@ -1,0 +1,195 @@
+"""The HTML report: true numbers, well formed, self-contained, the same bytes every time."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from oracles.newton_euler import Robot, frames
+
+from rrrgen.pipeline import derive
+from rrrgen.report import html_report
+from rrrgen.report.geometry import zero_pose
+from rrrgen.report.sketch import HEIGHT, WIDTH, frame_sketch
+from rrrgen.spec import bundled_names, load_spec
+from rrrgen.verify.report import Report, Row
+
+GEOMETRY = 1e-12  # the same products of transforms, metres
+
+VOID = {"meta", "link", "br", "hr", "img", "input"}
+
+
+class Reader(HTMLParser):
+    """Collects the text of every table row, checks that tags are balanced, and notes every attribute."""
+
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.attributes: set[str] = set()
+        self.tags: set[str] = set()
+        self.rows: list[list[str]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self.attributes |= {name for name, _ in attrs}
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th") and self.rows:
+            self.rows[-1].append("")
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self.attributes |= {name for name, _ in attrs}
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open, tag
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.rows and self.rows[-1] and {"td", "th"} & set(self.open):
+            self.rows[-1][-1] += data
+
+
+def read(text: str) -> Reader:
+    reader = Reader()
+    reader.feed(text)
+    reader.close()
+    assert not reader.open
+    return reader
+
+
+@cache
+def model(name: str) -> Any:
+    return derive(load_spec(name))
+
+
+@cache
+def forms(name: str) -> dict[str, Any]:
+    from rrrgen.derive.closed_form import closed_form
+
+    return {f: closed_form(model(name), f).matrix() for f in ("forward_kinematics", "mass_matrix", "gravity")}
+
+
+@pytest.mark.parametrize("name", ["rrr", "panda", "gantry", "pendulum"])
+def test_report_is_well_formed_and_fetches_nothing(name: str) -> None:
+    text = html_report(model(name), forms(name) if name == "rrr" else {})
+    reader = read(text)
+    assert not reader.tags & {"script", "link", "img", "iframe", "object", "embed"}
+    assert not reader.attributes & {"src", "href", "style", "onload"}
+    assert "url(" not in text
+    assert "http" not in re.sub(re.escape(model(name).spec.source), "", text)
+    assert "nan" not in re.findall(r"[\w.]+", text)
+
+
+def test_tables_hold_the_numbers_of_the_robot() -> None:
+    derived = model("rrr")
+    rows = read(html_report(derived, {})).rows
+    assert ["2", "0", "0.2", "0.169", "q2"] in rows  # rad, m
+    assert ["2", "0", "200", "169", "q2"] in rows  # degrees, mm
+    assert ["1", "1.5708", "0", "0.56", "q1"] in rows
+    assert ["1", "90", "0", "560", "q1"] in rows
+    names = [row[1] for row in rows if len(row) == 5 and re.fullmatch(r"p\d+", row[1].replace(" ", ""))]
+    assert names == [f"p{k}" for k in range(1, 16)]
+    functions = {row[0] for row in rows if len(row) == 8}
+    assert set(derived.programs) <= functions
+    assert {item.parameter for item in derived.regrouping} <= {row[0] for row in rows if len(row) == 3}
+
+
+def test_convention_is_stated() -> None:
+    assert "Standard (distal)" in html_report(model("rrr"), {})
+    assert "Modified (proximal)" in html_report(model("panda"), {})
+
+
+def test_closed_forms_appear_as_mathml() -> None:
+    text = html_report(model("rrr"), forms("rrr"))
+    assert text.count('<math display="block">') == 3
+    assert "mass_matrix: mass matrix" in text
+    assert "<msub><mi>c</mi><mrow><mn>23</mn></mrow></msub>" in text
+
+
+def test_verification_table_shows_failures() -> None:
+    good = Row("inverse_dynamics", "Newton-Euler", "random", 100, 3.2e-15, 1e-11)
+    bad = Row("gravity", "Newton-Euler", "random", 100, 0.5, 1e-11, "sign")
+    passed = html_report(model("rrr"), {}, Report("rrr", 100, 7, (good,), (("MuJoCo", "not installed"),)))
+    assert "All comparisons pass" in passed
+    assert 'class="failed"' not in passed
+    assert "MuJoCo" in passed
+    failed = html_report(model("rrr"), {}, Report("rrr", 100, 7, (good, bad)))
+    assert "Some comparisons FAIL" in failed
+    assert failed.count('class="failed"') == 1
+    assert ["gravity", "Newton-Euler", "random", "100", "5.0e-01", "1e-11", "FAIL: sign"] in read(failed).rows
+
+
+def test_text_of_the_file_is_escaped() -> None:
+    spec = replace(model("rrr").spec, description="<script>alert(1)</script> & more")
+    text = html_report(replace(model("rrr"), spec=spec), {}, notice="<b>")
+    assert "script" not in read(text).tags
+    assert "&lt;b&gt;" in text
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_zero_pose_is_that_of_the_oracle(name: str) -> None:
+    spec = load_spec(name)
+    base, stages, tip = zero_pose(spec)
+    nominal = dict(spec.parameters)
+    tool = np.array(spec.tool.matrix().subs(nominal), float)
+    robot = Robot(
+        spec.convention, tuple(spec.dh_table()), base=np.array(spec.base.matrix().subs(nominal), float), tool=tool
+    )
+    expected = frames(robot, np.zeros(spec.n))
+    np.testing.assert_allclose(np.array(base), robot.base, atol=GEOMETRY)
+    np.testing.assert_allclose(np.array(tip), expected.tip, atol=GEOMETRY)
+    for i, stage in enumerate(stages):
+        np.testing.assert_allclose(np.array(stage.frame), expected.links[i], atol=GEOMETRY)
+        np.testing.assert_allclose(np.array(stage.path[-1]), expected.links[i][:3, 3], atol=GEOMETRY)
+        point, direction = (np.array(v) for v in stage.axis)
+        np.testing.assert_allclose(direction, expected.axes[i], atol=GEOMETRY)
+        np.testing.assert_allclose(np.cross(direction, point - expected.points[i]), 0.0, atol=GEOMETRY)
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_sketch_stays_on_its_sheet(name: str) -> None:
+    text = frame_sketch(load_spec(name))
+    xs = [float(v) for v in re.findall(r'\b(?:x|x1|x2|cx)="(-?[\d.]+)"', text)]
+    ys = [float(v) for v in re.findall(r'\b(?:y|y1|y2|cy)="(-?[\d.]+)"', text)]
+    assert min(xs) >= 0
+    assert max(xs) <= WIDTH
+    assert min(ys) >= 0
+    assert max(ys) <= HEIGHT
+    assert "-0.0" not in text
+    assert text.count('class="joint"') == load_spec(name).n
+
+
+_HASH = """
+import hashlib
+from rrrgen.derive.closed_form import closed_form
+from rrrgen.pipeline import derive
+from rrrgen.report import html_report
+from rrrgen.backends.latex import latex
+from rrrgen.spec import load_spec
+m = derive(load_spec("rrr"))
+forms = {f: closed_form(m, f).matrix() for f in ("mass_matrix", "coriolis")}
+print(hashlib.sha256((html_report(m, forms) + latex(forms, cse_limit=20)).encode()).hexdigest())
+"""
+
+
+def test_report_repeats_in_fresh_processes() -> None:
+    hashes = set()
+    for seed in ("0", "77"):
+        environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(__file__).resolve().parents[2])}
+        done = subprocess.run(
+            [sys.executable, "-c", _HASH], env=environment, check=True, capture_output=True, text=True, timeout=120
+        )
+        hashes.add(done.stdout)
+    assert len(hashes) == 1
