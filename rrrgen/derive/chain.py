@@ -138,8 +138,12 @@ def rational_float(value: float | None) -> Fraction:
 def nominal_constant(model: RobotModel) -> Callable[[sp.Expr], Fraction]:
     """Constants of the geometry as fractions, named parameters at their nominal values."""
 
+    known: dict[sp.Expr, Fraction] = {}
+
     def constant(expression: sp.Expr) -> Fraction:
-        return rational(model.spec.nominal(expression))
+        if expression not in known:
+            known[expression] = rational(model.nominal(expression))
+        return known[expression]
 
     return constant
 
@@ -164,9 +168,7 @@ def symbolic_constant(builder: Builder, generators: Sequence[sp.Expr]) -> Callab
     return constant
 
 
-def program_chain(
-    model: RobotModel, builder: Builder, constant: Callable[[sp.Expr], Value], q: Sequence[Any]
-) -> Chain:
+def program_chain(model: RobotModel, builder: Builder, constant: Callable[[sp.Expr], Value], q: Sequence[Any]) -> Chain:
     """The chain over recorded scalars."""
 
     def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:

@@ -22,6 +22,7 @@ from rrrgen.errors import DerivationError
 from rrrgen.program import Op, Program, Value
 from rrrgen.program.ir import reachable
 
+
 class ClosedForm:
     """The closed form of one function: index it for single entries, or take the whole ``matrix()``."""
 
@@ -177,5 +178,3 @@ _ARITHMETIC: dict[Op, Callable[..., Any]] = {
 
 def _monomial(generators: Sequence[sp.Expr], powers: Sequence[int]) -> sp.Expr:
     return sp.Mul(*(g**e for g, e in zip(generators, powers, strict=False) if e))
-
-

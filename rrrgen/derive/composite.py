@@ -16,7 +16,7 @@ wrenches per joint (upper: of column j; lower: of the unit acceleration, with th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rrrgen.derive.chain import Chain, Placement
@@ -52,12 +52,18 @@ def composites(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[PseudoIn
             moved = result[i + 1].moved(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, i + 1)))
             result[i] = inertias[i].turned(joint.c, joint.s).plus(moved)
         else:
-            result[i] = inertias[i].plus(carried).turned(joint.c, joint.s)
+            result[i] = _turned(inertias[i].plus(carried), joint.c, joint.s)
         if not joint.parallel:
             slide = Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 0, joint.slide])
             at_foot = result[i] if joint.revolute else result[i].moved(slide)
             carried = at_foot.moved(Placement(joint.R, joint.p))
     return result
+
+
+def _turned(J: PseudoInertia, c: Any, s: Any) -> PseudoInertia:
+    """``J.turned``, with Jyy written so that the polar sum Jxx + Jyy, which never turns, is found unchanged."""
+    turned = J.turned(c, s)
+    return replace(turned, Jyy=(J.Jxx + J.Jyy) - turned.Jxx)
 
 
 def unit_wrench(revolute: bool, J: PseudoInertia) -> tuple[Vector, Vector]:

@@ -22,7 +22,6 @@ from rrrgen.derive.regressor import Parameter, regressor
 from rrrgen.errors import InternalError
 from rrrgen.model import RobotModel
 
-
 STATES = 10
 """States sampled. The columns of the first k links have at least k rows per state and at most 7 k columns."""
 

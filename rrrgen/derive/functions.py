@@ -10,12 +10,12 @@ from typing import Any
 import sympy as sp
 
 from rrrgen.derive import composite, kinematics, momentum
-from rrrgen.derive.chain import Chain, Placement, rational_float
-from rrrgen.derive.inertia import STANDARD, PseudoInertia, from_standard
+from rrrgen.derive.chain import Chain, rational_float
+from rrrgen.derive.inertia import STANDARD, from_standard
 from rrrgen.derive.motion import LinkMotion, choose_frames, forward
-from rrrgen.derive.newton_euler import inverse_dynamics, link_wrench, pass_down
+from rrrgen.derive.newton_euler import inverse_dynamics
 from rrrgen.derive.recording import Recording
-from rrrgen.derive.regressor import unit_torques
+from rrrgen.derive.regressor import all_parameters, columns_by_axes, columns_passed_down, virtual_power
 from rrrgen.derive.vectors import dot
 from rrrgen.program import Port, Program, Value
 from rrrgen.program.ir import replay
@@ -206,9 +206,7 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program, nominal: boo
     )
 
 
-def solve_positive_definite(
-    r: Recording, M: list[list[Value]], rhs: list[Value]
-) -> tuple[Value, list[Value]]:
+def solve_positive_definite(r: Recording, M: list[list[Value]], rhs: list[Value]) -> tuple[Value, list[Value]]:
     """Solve M x = rhs by L D L'; status 1 and x = 0 where a pivot is not positive. Straight-line, never divides by 0."""
     b, n = r.builder, len(rhs)
     L: list[list[Value]] = [[0] * n for _ in range(n)]
@@ -266,17 +264,22 @@ def _motions(r: Recording) -> tuple[Chain, list[LinkMotion]]:
     return chain, forward(chain, dq, ddq, [True] * r.n)
 
 
-def regressor(r: Recording) -> Program:
+def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
     """Regressor in the base parameters."""
-    chain, motions = _motions(r)
-    own = [True] * r.n
-    columns = [unit_torques(chain, motions, own, i, entry) for i, entry in r.parametrization.own.parameters]
-    rows = _regressor_rows(r, columns)
-    width = len(r.parametrization.names)
-    port = Port("Y", (r.n, width), "SI", "", "columns in the order of the base parameters")
-    return r.builder.program(
-        "regressor", [(port, _flat(rows))], "Regressor in the base parameters.", "tau = Y(q, dq, ddq) beta   (14.10)"
-    )
+
+    def record(r: Recording) -> Program:
+        chain = r.chain()
+        dq, ddq = r.joints("dq"), r.joints("ddq")
+        rows = _regressor_rows(r, columns(chain, dq, ddq, frames(chain), r.parametrization.own.parameters))
+        port = Port("Y", (r.n, len(r.parametrization.names)), "SI", "", "columns in the order of the base parameters")
+        return r.builder.program(
+            "regressor",
+            [(port, _flat(rows))],
+            "Regressor in the base parameters.",
+            "tau = Y(q, dq, ddq) beta   (14.10)",
+        )
+
+    return record
 
 
 def regressor_transpose(r: Recording) -> Program:
@@ -284,13 +287,8 @@ def regressor_transpose(r: Recording) -> Program:
     chain, motions = _motions(r)
     e = r.joints("e")
     virtual = composite.velocities(chain, e)
-    values: list[Any] = []
-    for i, entry in r.parametrization.own.parameters:
-        joint = chain.joints[i]
-        F, N = link_wrench(motions[i], PseudoInertia(**{entry: 1}))
-        v = kinematics.turn_into_link(joint, virtual[i].v)
-        omega = kinematics.turn_into_link(joint, virtual[i].omega)
-        values.append(dot(v, F) + dot(omega, N))
+    own = [True] * r.n
+    values = [virtual_power(chain, motions, own, virtual, p) for p in r.parametrization.own.parameters]
     inverse = r.parametrization.inverse
     if inverse is not None:
         values = _through(r, inverse, values)
@@ -305,16 +303,15 @@ def regressor_transpose(r: Recording) -> Program:
 
 def standard_regressor(r: Recording) -> Program:
     """Regressor in the standard parameters."""
-    chain, motions = _motions(r)
-    own = [True] * r.n
+    chain = r.chain()
+    dq, ddq = r.joints("dq"), r.joints("ddq")
+    canonical = columns_by_axes(chain, dq, ddq, [True] * r.n, all_parameters(r.n))
     columns = []
-    for i in range(r.n):
-        X: Placement = chain.link_frames[i]
+    for i, X in enumerate(chain.link_frames):
+        entries = canonical[len(STANDARD) * i : len(STANDARD) * (i + 1)]
         for k in range(len(STANDARD)):
-            J = from_standard([int(k == m) for m in range(len(STANDARD))]).moved(X)
-            wrenches = [([0, 0, 0], [0, 0, 0])] * r.n
-            wrenches[i] = link_wrench(motions[i], J)
-            columns.append(pass_down(chain, own, wrenches))
+            factors = from_standard([int(k == m) for m in range(len(STANDARD))]).moved(X).entries()
+            columns.append([dot(factors, values) for values in zip(*entries, strict=True)])
     rows = [[column[j] for column in columns] for j in range(r.n)]
     port = Port("Y", (r.n, 10 * r.n), "SI", "", "per link: " + ", ".join(STANDARD))
     return r.builder.program(
@@ -337,7 +334,10 @@ def energy(r: Recording) -> Program:
     potential = momentum.potential_energy(chain, inertias)
     port = Port("E", (2,), "J", "", "kinetic energy, potential energy (up to a constant)")
     return r.builder.program(
-        "energy", [(port, [kinetic, potential])], "Kinetic and potential energy.", "E = [dq' M dq / 2, U(q)],  g = dU/dq"
+        "energy",
+        [(port, [kinetic, potential])],
+        "Kinetic and potential energy.",
+        "E = [dq' M dq / 2, U(q)],  g = dU/dq",
     )
 
 
@@ -371,7 +371,11 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
     "gravity": (gravity,),
     "bias": (bias(_block_frames), bias(_own_frames)),
     "inverse_dynamics": (inverse_dynamics_function(_block_frames), inverse_dynamics_function(_own_frames)),
-    "regressor": (regressor,),
+    "regressor": tuple(
+        regressor(columns, frames)
+        for columns in (columns_by_axes, columns_passed_down)
+        for frames in (_own_frames, _block_frames)
+    ),
     "regressor_transpose": (regressor_transpose,),
     "standard_regressor": (standard_regressor,),
     "energy": (energy,),

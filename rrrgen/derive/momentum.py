@@ -16,7 +16,7 @@ from typing import Any
 from rrrgen.derive.chain import Chain
 from rrrgen.derive.composite import BlockVelocity, composites, step_down, velocities
 from rrrgen.derive.inertia import PseudoInertia
-from rrrgen.derive.vectors import Vector, add, cross, dot, scale, times, turn
+from rrrgen.derive.vectors import Vector, add, cross, dot, scale, times
 
 
 def link_momentum(J: PseudoInertia, velocity: BlockVelocity) -> tuple[Vector, Vector]:

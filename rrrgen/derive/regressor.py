@@ -2,8 +2,9 @@
 
     tau = Y(q, dq, ddq) beta
 
-Column k of Y is the torque caused by parameter k alone. The wrench of a link is linear in its ten parameters, so the
-columns of all its parameters are passed down the chain side by side.
+Column k of Y is the torque caused by parameter k alone. There are two ways to the same columns: pass the wrenches of
+all parameters down the chain side by side, or project them, where they arise, on the velocity that a unit rate of each
+joint gives the link (the principle of virtual power). The second turns few axes instead of many wrenches.
 """
 
 from __future__ import annotations
@@ -12,9 +13,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from rrrgen.derive.chain import Chain
+from rrrgen.derive.composite import BlockVelocity, velocities
 from rrrgen.derive.inertia import ENTRIES, PseudoInertia
+from rrrgen.derive.kinematics import turn_into_link
 from rrrgen.derive.motion import LinkMotion, forward
-from rrrgen.derive.newton_euler import link_wrench, pass_down
+from rrrgen.derive.newton_euler import Wrench, link_wrench, pass_down
+from rrrgen.derive.vectors import dot
 
 Parameter = tuple[int, str]
 """(link index from 0, entry of its pseudo-inertia in the canonical frame)."""
@@ -27,15 +31,53 @@ def all_parameters(n: int) -> list[Parameter]:
 
 def regressor(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], parameters: Sequence[Parameter]) -> list[list[Any]]:
     """Rows of Y (n x len(parameters)) for parameters in the links' canonical frames."""
-    own = [True] * chain.n
-    motions = forward(chain, dq, ddq, own)
-    columns = [unit_torques(chain, motions, own, i, entry) for i, entry in parameters]
+    columns = columns_passed_down(chain, dq, ddq, [True] * chain.n, parameters)
     return [[column[j] for column in columns] for j in range(chain.n)]
 
 
-def unit_torques(chain: Chain, motions: Sequence[LinkMotion], own: Sequence[bool], i: int, entry: str) -> list[Any]:
-    """Torques of all joints when parameter ``entry`` of link i is one and every other parameter is zero."""
-    nothing = ([0, 0, 0], [0, 0, 0])
-    wrenches = [nothing] * chain.n
-    wrenches[i] = link_wrench(motions[i], PseudoInertia(**{entry: 1}))
-    return pass_down(chain, own, wrenches)
+def columns_passed_down(
+    chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], own: Sequence[bool], parameters: Sequence[Parameter]
+) -> list[list[Any]]:
+    """Columns of Y from the wrench of each parameter, passed down the chain."""
+    motions = forward(chain, dq, ddq, own)
+    columns = []
+    for i, entry in parameters:
+        wrenches: list[Wrench] = [([0, 0, 0], [0, 0, 0])] * chain.n
+        wrenches[i] = unit_wrench(chain, motions, own, (i, entry))
+        columns.append(pass_down(chain, own, wrenches))
+    return columns
+
+
+def columns_by_axes(
+    chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], own: Sequence[bool], parameters: Sequence[Parameter]
+) -> list[list[Any]]:
+    """Columns of Y from the virtual power of each parameter's wrench under a unit rate of each joint."""
+    motions = forward(chain, dq, ddq, own)
+    rows = []
+    for j in range(chain.n):
+        virtual = velocities(chain, [int(k == j) for k in range(chain.n)])
+        rows.append([virtual_power(chain, motions, own, virtual, p) if p[0] >= j else 0 for p in parameters])
+    return [list(column) for column in zip(*rows, strict=True)]
+
+
+def unit_wrench(chain: Chain, motions: Sequence[LinkMotion], own: Sequence[bool], parameter: Parameter) -> Wrench:
+    """Wrench on a link whose only parameter different from zero is ``parameter``, which is one."""
+    i, entry = parameter
+    J = PseudoInertia(**{entry: 1})
+    return link_wrench(motions[i], J if own[i] else J.turned(chain.joints[i].c, chain.joints[i].s))
+
+
+def virtual_power(
+    chain: Chain,
+    motions: Sequence[LinkMotion],
+    own: Sequence[bool],
+    virtual: Sequence[BlockVelocity],
+    parameter: Parameter,
+) -> Any:
+    """Power of the unit wrench of ``parameter`` under virtual velocities (given in the blocks' frames)."""
+    i, _ = parameter
+    F, N = unit_wrench(chain, motions, own, parameter)
+    v, omega = virtual[i].v, virtual[i].omega
+    if own[i]:
+        v, omega = turn_into_link(chain.joints[i], v), turn_into_link(chain.joints[i], omega)
+    return dot(v, F) + dot(omega, N)

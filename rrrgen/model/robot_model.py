@@ -16,7 +16,7 @@ brought to the plane of the joint before it. ``D`` of the reference robot (d_2 +
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import sympy as sp
 
@@ -96,6 +96,13 @@ class RobotModel:
     joints: tuple[JointModel, ...]
     tip: RigidTransform
     link_frames: tuple[RigidTransform, ...]
+    _nominal: dict[sp.Expr, sp.Expr] = field(default_factory=dict, compare=False, repr=False)
+
+    def nominal(self, expression: sp.Expr) -> sp.Expr:
+        """``expression`` with every named parameter at its nominal value; remembered, since constants recur."""
+        if expression not in self._nominal:
+            self._nominal[expression] = self.spec.nominal(expression)
+        return self._nominal[expression]
 
     @property
     def n(self) -> int:

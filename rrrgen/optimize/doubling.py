@@ -23,9 +23,7 @@ def double_by_addition(program: Program) -> Program:
         if index in program.labels:
             builder.label(value, program.labels[index])
         values.append(value)
-    outputs = [
-        (port, [values[k] for k in row]) for port, row in zip(program.outputs, program.results, strict=True)
-    ]
+    outputs = [(port, [values[k] for k in row]) for port, row in zip(program.outputs, program.results, strict=True)]
     return builder.program(program.name, outputs, program.summary, program.formula, program.notes)
 
 

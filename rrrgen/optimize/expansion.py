@@ -242,9 +242,10 @@ def _record(program: Program, expansion: Expansion, search: Factoring, results: 
         position = expansion.position(index)
         return literal(position) if position is not None else original(index)
 
-    definitions = search.definitions()
+    final = search.polynomials
+    definitions = {search.first + k: p for k, p in enumerate(final[search.count :])}
     for at, cut in enumerate(expansion.cuts):
-        definitions[cut] = search.polynomials[results + at]
+        definitions[cut] = final[results + at]
 
     def literal(k: int) -> Value:
         if k not in values:
@@ -261,11 +262,9 @@ def _record(program: Program, expansion: Expansion, search: Factoring, results: 
             total = total + term if coefficient > 0 else total - term
         return total
 
-    flat: Sequence[Value] = [polynomial(p) for p in search.polynomials[:results]]
+    flat: Sequence[Value] = [polynomial(p) for p in final[:results]]
     outputs, at = [], 0
     for port in program.outputs:
         outputs.append((port, flat[at : at + port.size]))
         at += port.size
     return builder.program(program.name, outputs, program.summary, program.formula, program.notes)
-
-

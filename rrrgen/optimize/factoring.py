@@ -13,21 +13,42 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
+from math import gcd
 from typing import Any
 
 Monomial = tuple[int, ...]
 Polynomial = dict[Monomial, Fraction]
-Double = tuple[Monomial, Monomial, Fraction]
-Single = tuple[int | str, int, Fraction]
-Occurrence = tuple[int, Monomial, Monomial, Monomial, Fraction]
+Ratio = tuple[int, int]
+"""A coefficient as numerator and denominator: hashed a million times, and much faster so than a Fraction."""
+
+Terms = dict[Monomial, Ratio]
+Double = tuple[Monomial, Monomial, Ratio]
+Single = tuple[int, int, Ratio]
+Occurrence = tuple[int, Monomial, Monomial, Monomial, Ratio]
+
+ONE: Ratio = (1, 1)
+NUMBER = -1
+"""First member of a single divisor that is a number times a literal."""
 
 ADDITION = 0.95
 """Weight of an addition against a multiplication; a little less, so that ties go to fewer multiplications."""
 
 
-def term_cost(monomial: Monomial, coefficient: Fraction) -> float:
+def term_cost(monomial: Monomial, coefficient: Ratio) -> int:
     """Multiplications in one term."""
-    return max(0, len(monomial) - 1) + (0 if abs(coefficient) == 1 or not monomial else 1)
+    if not monomial:
+        return 0
+    numerator, denominator = coefficient
+    return len(monomial) - (denominator == 1 and (numerator == 1 or numerator == -1))
+
+
+def divide(x: Ratio, y: Ratio) -> Ratio:
+    """x / y in lowest terms."""
+    numerator, denominator = x[0] * y[1], x[1] * y[0]
+    if denominator < 0:
+        numerator, denominator = -numerator, -denominator
+    common = gcd(numerator, denominator)
+    return numerator // common, denominator // common
 
 
 def split_common(x: Monomial, y: Monomial) -> tuple[Monomial, Monomial, Monomial]:
@@ -61,7 +82,7 @@ class Factoring:
     """The search. ``polynomials`` holds the given ones first, then the definitions of extracted literals."""
 
     def __init__(self, polynomials: list[Polynomial], literals: int) -> None:
-        self.polynomials: list[Polynomial] = []
+        self._terms: list[Terms] = []
         self.count = len(polynomials)
         self.first = literals
         self.next = literals
@@ -71,7 +92,7 @@ class Factoring:
         self._single_gains: dict[Single, float] = {}
         self._keys: list[tuple[set[Double], set[Single]]] = []
         for polynomial in polynomials:
-            self._append(dict(polynomial))
+            self._append({m: (c.numerator, c.denominator) for m, c in polynomial.items()})
 
     def run(self) -> None:
         """Extract until nothing saves any more."""
@@ -87,16 +108,17 @@ class Factoring:
             elif single is not None:
                 self._extract_single(single)
 
-    def definitions(self) -> dict[int, Polynomial]:
-        """Extracted literals and their polynomials."""
-        return {self.first + k: p for k, p in enumerate(self.polynomials[self.count :])}
+    @property
+    def polynomials(self) -> list[Polynomial]:
+        """The given polynomials as they are now, then the definitions of extracted literals."""
+        return [{m: Fraction(*c) for m, c in terms.items()} for terms in self._terms]
 
     # -- candidates ----------------------------------------------------------------------------------------------
 
-    def _append(self, polynomial: Polynomial) -> None:
-        self.polynomials.append(polynomial)
+    def _append(self, terms: Terms) -> None:
+        self._terms.append(terms)
         self._keys.append((set(), set()))
-        self._scan([len(self.polynomials) - 1])
+        self._scan([len(self._terms) - 1])
 
     def _scan(self, changed: Iterable[int]) -> None:
         """Find the divisors of changed polynomials anew, and the gains of all divisors that this touches."""
@@ -121,7 +143,7 @@ class Factoring:
                 self._singles.setdefault(single, {})[k] = monomials
         for double in sorted(doubles):
             self._set(self._double_gains, double, self._doubles, self._double_choice(double)[1])
-        for single in sorted(singles, key=str):
+        for single in sorted(singles):
             gain = sum(map(len, self._singles[single].values())) - 1.0
             self._set(self._single_gains, single, self._singles, gain)
 
@@ -138,14 +160,15 @@ class Factoring:
     def _find(self, k: int) -> tuple[dict[Double, list[Occurrence]], dict[Single, list[Monomial]]]:
         doubles: dict[Double, list[Occurrence]] = {}
         singles: dict[Single, list[Monomial]] = {}
-        terms = sorted(self.polynomials[k].items())
+        terms = sorted(self._terms[k].items())
         for a, (x, cx) in enumerate(terms):
             for key in _pairs(x, cx):
                 singles.setdefault(key, []).append(x)
             for y, cy in terms[a + 1 :]:
                 common, left, right = split_common(x, y)
-                if common or abs(cx) == abs(cy) or (left and right):
-                    doubles.setdefault((left, right, cy / cx), []).append((k, x, y, common, cx))
+                ratio = divide(cy, cx)
+                if common or ratio in ((1, 1), (-1, 1)) or (left and right):
+                    doubles.setdefault((left, right, ratio), []).append((k, x, y, common, cx))
         return doubles, singles
 
     def _double_choice(self, key: Double) -> tuple[list[Occurrence], float]:
@@ -153,13 +176,13 @@ class Factoring:
         left, right, ratio = key
         used: set[tuple[int, Monomial]] = set()
         chosen: list[Occurrence] = []
-        gain = -(term_cost(left, Fraction(1)) + term_cost(right, ratio) + ADDITION)
+        gain = -(term_cost(left, ONE) + term_cost(right, ratio) + ADDITION)
         for k in sorted(self._doubles[key]):
             for place in self._doubles[key][k]:
                 _, x, y, common, cx = place
                 if (k, x) in used or (k, y) in used:
                     continue
-                own = term_cost(x, cx) + term_cost(y, self.polynomials[k][y]) + ADDITION
+                own = term_cost(x, cx) + term_cost(y, self._terms[k][y]) + ADDITION
                 saved = own - term_cost((*common, 0), cx)
                 if saved > 0:
                     used.update(((k, x), (k, y)))
@@ -169,49 +192,50 @@ class Factoring:
 
     # -- extraction ----------------------------------------------------------------------------------------------
 
-    def _define(self, polynomial: Polynomial) -> int:
+    def _define(self, terms: Terms) -> int:
         literal = self.next
         self.next += 1
-        self._append(polynomial)
+        self._append(terms)
         return literal
 
-    def _add(self, k: int, monomial: Monomial, coefficient: Fraction) -> None:
-        polynomial = self.polynomials[k]
-        total = polynomial.get(monomial, Fraction(0)) + coefficient
+    def _add(self, k: int, monomial: Monomial, coefficient: Ratio) -> None:
+        terms = self._terms[k]
+        total = Fraction(*terms.get(monomial, (0, 1))) + Fraction(*coefficient)
         if total:
-            polynomial[monomial] = total
+            terms[monomial] = (total.numerator, total.denominator)
         else:
-            polynomial.pop(monomial, None)
+            terms.pop(monomial, None)
 
     def _extract_double(self, key: Double) -> None:
         left, right, ratio = key
         places, _ = self._double_choice(key)
-        literal = self._define({left: Fraction(1), right: ratio})
+        literal = self._define({left: ONE, right: ratio})
         for k, x, y, common, cx in places:
-            del self.polynomials[k][x], self.polynomials[k][y]
+            del self._terms[k][x], self._terms[k][y]
             self._add(k, tuple(sorted((*common, literal))), cx)
         self._scan({place[0] for place in places})
 
     def _extract_single(self, key: Single) -> None:
         first, second, number = key
-        product = (second,) if isinstance(first, str) else (first, second)
+        product = (second,) if first == NUMBER else (first, second)
         places = {k: list(monomials) for k, monomials in self._singles[key].items()}
         literal = self._define({product: number})
         for k, monomials in places.items():
             for monomial in monomials:
-                coefficient = self.polynomials[k].pop(monomial) / number
+                coefficient = divide(self._terms[k].pop(monomial), number)
                 self._add(k, tuple(sorted((*without(monomial, *product), literal))), coefficient)
         self._scan(places)
 
 
-def _pairs(x: Monomial, coefficient: Fraction) -> Iterator[Single]:
+def _pairs(x: Monomial, coefficient: Ratio) -> Iterator[Single]:
     """Products of two literals, or of the coefficient and a literal, that are part of a term."""
-    seen: set[Single] = set()
+    seen: set[tuple[int, int]] = set()
     for i, u in enumerate(x):
         for v in x[i + 1 :]:
-            if (u, v, Fraction(1)) not in seen:
-                seen.add((u, v, Fraction(1)))
-                yield (u, v, Fraction(1))
-    if abs(coefficient) != 1 and len(x) > 1:
+            if (u, v) not in seen:
+                seen.add((u, v))
+                yield (u, v, ONE)
+    numerator, denominator = coefficient
+    if len(x) > 1 and not (denominator == 1 and abs(numerator) == 1):
         for u in dict.fromkeys(x):
-            yield ("number", u, abs(coefficient))
+            yield (NUMBER, u, (abs(numerator), denominator))

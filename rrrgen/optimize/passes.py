@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from rrrgen.derive.derived_model import DerivedModel, PassReport
 from rrrgen.derive.functions import forward_dynamics
@@ -32,11 +33,10 @@ class _Log:
 def optimize_model(derived: DerivedModel) -> DerivedModel:
     """The cheapest program of every function, then the nominal twins."""
     log = _Log()
-    best = {name: cheapest(list(ways), name, log) for name, ways in derived.alternatives.items()}
     programs: dict[str, Program] = {}
-    for name, program in best.items():
-        programs[name] = program
-        _add_twin(derived, derived.alternatives[name], program, programs, log)
+    for name, ways in derived.alternatives.items():
+        programs[name], choice = cheapest(ways, choices(ways), name, log)
+        _add_twin(derived, ways, choice, programs[name], programs, log)
         if name == "inverse_dynamics":
             _add_forward_dynamics(derived, programs)
     return replace(derived, programs=programs, passes=tuple(log.reports))
@@ -48,23 +48,46 @@ def cost(program: Program) -> tuple[int, int, int]:
     return (40 * count.sincos + count.total + 10 * count.div, count.mul, len(program.nodes))
 
 
-def cheapest(ways: list[Program], name: str, log: _Log) -> Program:
-    """The cheapest of the equivalent programs ``ways`` after every pass."""
-    first = ways[0]
-    chosen = log.note("choose recursion", name, first, min(ways, key=cost))
-    candidates = [chosen]
-    for way in ways:
-        small = count_operations(way).total <= SMALL
+@dataclass(frozen=True)
+class Choice:
+    """One way to a program: which of the equivalent recursions, and where its expansion stops (None: not expanded)."""
+
+    way: int
+    cutting: Cutting | None
+
+
+def choices(ways: Sequence[Program]) -> list[Choice]:
+    """All ways worth trying; expanding everything gives the same from any recursion, so once is enough."""
+    result = []
+    for index, program in enumerate(ways):
+        result.append(Choice(index, None))
+        small = count_operations(program).total <= SMALL
         for cutting in Cutting if small else (Cutting.LOCAL,):
-            program = factored(way, cutting)
-            if program is not None:
-                candidates.append(program)
-    chosen = log.note("expand and factor", name, chosen, min(candidates, key=cost))
-    return log.note("double by addition", name, chosen, double_by_addition(chosen))
+            if index == 0 or cutting is not Cutting.NOTHING:
+                result.append(Choice(index, cutting))
+    return result
+
+
+def cheapest(ways: Sequence[Program], trials: Sequence[Choice], name: str, log: _Log) -> tuple[Program, Choice]:
+    """The cheapest program found by ``trials``, after every pass, and the choice that gave it."""
+    best, taken = ways[0], trials[0]
+    for trial in trials:
+        way = ways[trial.way]
+        program = way if trial.cutting is None else factored(way, trial.cutting)
+        if program is not None and cost(program) < cost(best):
+            best, taken = program, trial
+    log.note("choose recursion", name, ways[0], ways[taken.way])
+    log.note("expand and factor", name, ways[taken.way], best)
+    return log.note("double by addition", name, best, double_by_addition(best)), taken
 
 
 def _add_twin(
-    derived: DerivedModel, ways: tuple[Program, ...], best: Program, programs: dict[str, Program], log: _Log
+    derived: DerivedModel,
+    ways: Sequence[Program],
+    choice: Choice,
+    best: Program,
+    programs: dict[str, Program],
+    log: _Log,
 ) -> None:
     """``<function>_nominal`` with the file's base parameters and drive inertias folded in, where it takes any."""
     if derived.beta_nominal is None or "beta" not in {port.name for port in best.inputs}:
@@ -73,9 +96,9 @@ def _add_twin(
     if derived.drive_inertia_nominal is not None:
         known["Ia"] = derived.drive_inertia_nominal
     name = f"{best.name}_nominal"
-    folded = [fold(program, known) for program in (best, *ways)]
+    folded = [fold(program, known) for program in (best, ways[choice.way])]
     log.note("fold parameters", name, best, folded[0])
-    twin = cheapest(folded, name, log)
+    twin, _ = cheapest(folded, [Choice(0, None), Choice(1, None), Choice(1, choice.cutting)], name, log)
     programs[name] = twin.described(
         name=name, summary=best.summary.rstrip(".") + ", with the parameters of the robot file."
     )
