@@ -1,0 +1,121 @@
+"""The compiler's decision: which family solves this chain, after trying its own equations on a few poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import product as cartesian
+from typing import TYPE_CHECKING
+
+from rrrgen.ik import families
+from rrrgen.ik.chain import Chain, numeric_chain
+from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.snap import snapped
+from rrrgen.ik.virtual import extended
+
+if TYPE_CHECKING:
+    from rrrgen.spec.robot_spec import RobotSpec
+
+TRIALS = 3
+"""Random poses on which a plan must find the configuration it was made from."""
+
+RANK_TOLERANCE = 1e-7
+"""A singular value of the Jacobian (lengths in reaches) below this times the largest is zero."""
+
+
+def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
+    """The inverse kinematics of ``spec``; ``redundancy`` (from 0) prescribes that joint of a redundant arm.
+
+    The plan of a chain that cannot be solved has family ``"none"`` and the reason.
+    """
+    return plan_chain(numeric_chain(spec), redundancy)
+
+
+def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
+    """:func:`plan` of a chain in normal form."""
+    position_rank, pose_rank = generic_ranks(chain)
+    special = snapped(chain)
+    near = special != chain
+    options: Iterable[tuple[int, SolverPlan]]
+    if redundancy is None and chain.n <= 3 and position_rank == chain.n:
+        options = families.position_plans(special)
+    elif pose_rank == chain.n and redundancy is None:
+        options = _pose_plans(special)
+    elif pose_rank == chain.n - 1:
+        options = _redundant_plans(special, redundancy)
+    else:
+        return _none(chain, _dependent(chain, pose_rank, redundancy))
+    for _, option in sorted(options, key=lambda entry: entry[0]):
+        candidate = replace(option, chain=chain, snapped=near)
+        if families.works(candidate, TRIALS):
+            return families.counted(candidate)
+    return _none(chain, families.reason(special))
+
+
+def _pose_plans(chain: Chain) -> list[tuple[int, SolverPlan]]:
+    options = list(families.pose_plans(chain))
+    if chain.n < 6:
+        for solving, count in _virtual_chains(chain):
+            for score, option in families.pose_plans(solving):
+                options.append((score + 20 + count, replace(option, virtual=count)))
+    return options
+
+
+def _virtual_chains(chain: Chain) -> Iterator[tuple[Chain, int]]:
+    """Chains filled up to six (or, for pure orientation, three) joints with virtual ones at the tip or the base."""
+    wanted = 3 if chain.n < 3 else 6
+    count = wanted - chain.n
+    offsets = (0.0, 0.37 * chain.reach)
+    for at_base, shift, turn in cartesian((False, True), offsets, (0, 1)):
+        yield extended(chain, count, at_base=at_base, shift=shift, turn=turn), count
+
+
+def _redundant_plans(chain: Chain, redundancy: int | None) -> list[tuple[int, SolverPlan]]:
+    options: list[tuple[int, SolverPlan]] = []
+    if redundancy is None:
+        options += families.arm_angle_plans(chain)
+    joints = range(chain.n) if redundancy is None else (redundancy,)
+    for k in joints:
+        # the ends of the arm are preferred: locking them leaves the geometry of the rest constant
+        end = 0 if k in (0, chain.n - 1) else 3
+        for score, option in families.pose_plans(chain, locked=k):
+            words = f"joint {chain.joints[k].name or k + 1} is prescribed"
+            options.append((score + 5 + end, replace(option, locked=k, redundancy=words)))
+    return options
+
+
+def generic_ranks(chain: Chain) -> tuple[int, int]:
+    """Ranks of the position and of the pose Jacobian at random configurations."""
+    import numpy as np
+
+    rng = np.random.default_rng(7)
+    position = pose = 0
+    for _ in range(3):
+        J = chain.jacobian(rng.uniform(-2.0, 2.0, chain.n))
+        scaled = J.copy()
+        for k, joint in enumerate(chain.joints):
+            if joint.revolute:
+                scaled[:3, k] /= chain.reach
+        for rows, what in ((scaled[:3], "position"), (scaled, "pose")):
+            values = np.linalg.svd(rows, compute_uv=False)
+            rank = int(np.sum(values > RANK_TOLERANCE * max(values[0], 1e-300)))
+            if what == "position":
+                position = max(position, rank)
+            else:
+                pose = max(pose, rank)
+    return position, pose
+
+
+def _dependent(chain: Chain, rank: int, redundancy: int | None) -> str:
+    if redundancy is not None and rank == chain.n:
+        return "no joint can be prescribed: the arm is not redundant"
+    free = chain.n - rank
+    return (
+        f"the {chain.n} joints move the tip in only {rank} independent directions, so every target that can be reached "
+        f"is reached by a {free}-dimensional continuum; at most one joint can be prescribed"
+    )
+
+
+def _none(chain: Chain, reason: str) -> SolverPlan:
+    task = "position" if chain.n <= 3 else "pose"
+    return SolverPlan("none", "no closed form", task, chain, chain, reason=reason)  # type: ignore[arg-type]

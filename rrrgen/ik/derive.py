@@ -1,0 +1,72 @@
+"""From a plan to its equations: the one place that knows which family is derived where."""
+
+from __future__ import annotations
+
+from rrrgen.errors import InternalError
+from rrrgen.ik.builder import Builder, Turn
+from rrrgen.ik.chain import Chain, Joint
+from rrrgen.ik.elbow7 import derive_elbow7
+from rrrgen.ik.loop import Loop, close, commuted, lock, straightened
+from rrrgen.ik.parallel import derive_parallel
+from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.position import Arm, solve_position
+from rrrgen.ik.reduced import derive_lift, derive_orientation, derive_planar, derive_point
+from rrrgen.ik.rigid import Crossing, Vector, minus, rigid, rotate, transposed
+from rrrgen.ik.spherical import derive_spherical
+
+ARM_ANGLE = 100
+"""``SolverPlan.locked`` of an arm that is prescribed by its arm angle instead of a joint."""
+
+
+def derive(b: Builder, plan: SolverPlan, chain: Chain | None = None) -> None:
+    """Let ``b`` interpret the equations of ``plan``, for its own chain or for an exact twin of it."""
+    solving = chain or plan.solving
+    reach = plan.solving.reach
+    if plan.family == "position":
+        derive_position(b, solving, reach)
+    elif plan.family == "point":
+        derive_point(b, solving, reach)
+    elif plan.family == "elbow7":
+        psi = b.given(Joint(ARM_ANGLE, True))
+        if not isinstance(psi, Turn):
+            raise InternalError("the arm angle is an angle")
+        derive_elbow7(b, straightened(close(b, solving)), psi, reach)
+    else:
+        _derive_loop(b, plan, solving_loop(b, solving, plan.locked, plan.commute), reach)
+
+
+def solving_loop(b: Builder, chain: Chain, locked: int | None, commute: tuple[int, int] | None = None) -> Loop:
+    """The loop that is solved: closed by the target, without the prescribed joint, a prismatic joint moved aside."""
+    loop = close(b, chain)
+    if locked is not None:
+        loop = lock(b, loop, locked)
+    if commute is None:
+        return loop
+    moved = commuted(loop, *commute)
+    if moved is None:
+        raise InternalError("the prismatic joint does not commute")
+    return moved
+
+
+def _derive_loop(b: Builder, plan: SolverPlan, loop: Loop, reach: float) -> None:
+    if plan.family == "spherical":
+        derive_spherical(b, loop, plan.first, reach)
+    elif plan.family == "parallel":
+        derive_parallel(b, loop, plan.first, reach)
+    elif plan.family == "orientation":
+        derive_orientation(b, loop, reach)
+    elif plan.family == "planar":
+        derive_planar(b, loop, reach)
+    elif plan.family == "lift":
+        derive_lift(b, loop, plan.first, reach)
+    else:
+        raise InternalError(f"no equations for the family {plan.family}")
+
+
+def derive_position(b: Builder, chain: Chain, reach: float) -> None:
+    """Three joints carry the tip to a point."""
+    base, tip = rigid(chain.base), rigid(chain.tip)
+    target: Vector = b.names("p", rotate(transposed(base.R), minus(b.point(), base.t)))
+    first, second = (Crossing.of(link) for link in chain.links)
+    joints = (chain.joints[0], chain.joints[1], chain.joints[2])
+    solve_position(b, Arm(joints, first, second, tip.t, target), reach)

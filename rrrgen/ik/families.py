@@ -1,0 +1,180 @@
+"""The families of closed forms: where each applies, what it costs, and whether its equations work on this chain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from rrrgen.errors import InternalError
+from rrrgen.ik.c_builder import CBuilder
+from rrrgen.ik.chain import Chain
+from rrrgen.ik.derive import ARM_ANGLE, derive, solving_loop
+from rrrgen.ik.elbow7 import is_elbow7
+from rrrgen.ik.float_builder import FloatBuilder, every_branch, wrapped
+from rrrgen.ik.loop import Loop, commuted, straightened
+from rrrgen.ik.parallel import Frame, better
+from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.planar import triple_of
+from rrrgen.ik.position import simplest
+from rrrgen.ik.reduced import turning_axes
+from rrrgen.ik.spherical import arm_of, is_spherical
+
+FOUND = 1e-5
+"""How near (rad, reaches) the configuration that made a trial pose must be found; double roots cost half the digits."""
+
+Options = Iterator[tuple[int, SolverPlan]]
+
+
+def position_plans(chain: Chain) -> Options:
+    """Plans for the position of the tip, one to three joints."""
+    if chain.n == 3:
+        yield 0, SolverPlan("position", f"position of the tip by three joints {chain.types}", "position", chain, chain)
+    else:
+        yield (
+            0,
+            SolverPlan("point", f"position of the tip by {chain.n} joint(s) {chain.types}", "position", chain, chain),
+        )
+
+
+def pose_plans(chain: Chain, locked: int | None = None) -> Options:
+    """Plans for the pose of the tip with the joints of ``chain`` (without the locked one), each with its cost."""
+    loop = structure(chain, locked)
+    yield from _structured_plans(chain, loop, locked, None)
+    for i, joint in enumerate(loop.joints):
+        for direction in (1, -1) if not joint.revolute else ():
+            moved = commuted(loop, i, direction)
+            if moved is not None:
+                yield from _structured_plans(chain, moved, locked, (i, direction))
+    if loop.types == "RRRRRR" and locked in (None, 0, chain.n - 1):
+        title = "general six revolute joints (elimination of degree 16)"
+        yield 40, SolverPlan("general6r", title, "pose", chain, chain, locked=locked)
+
+
+def _structured_plans(chain: Chain, loop: Loop, locked: int | None, commute: tuple[int, int] | None) -> Options:
+    names = [f"{joint.index + 1}" for joint in loop.joints]
+    m = len(loop.joints)
+    straight = straightened(loop)
+
+    def made(family: Any, title: str, first: int = 0) -> SolverPlan:
+        return SolverPlan(family, title, "pose", chain, chain, first=first, locked=locked, commute=commute)
+
+    def triple(k: int) -> str:
+        return "-".join(names[(k + i) % m] for i in range(3))
+
+    for k in range(m if m == 6 else 0):
+        if is_spherical(loop, k):
+            rank = simplest(arm_of(straightened(loop.started((k + 3) % 6))))[0]
+            arm = "".join(loop.types[(k + 3 + i) % 6] for i in range(3))
+            if rank < 9:
+                yield 10 + rank, made("spherical", f"spherical triple {triple(k)} on the arm {arm}", k)
+        rank = better(straight, k)[0]
+        if rank < 9:
+            yield 11 + rank, made("parallel", f"planar triple {triple(k)} (parallel axes)", k)
+    if turning_axes(loop) is not None and (loop.types == "RRR" or (m == 6 and loop.types.count("P") == 3)):
+        yield 12, made("orientation", "rotation by three joints" + (", then three linear equations" if m == 6 else ""))
+    if m == 3 and triple_of(straight, 0) is not None:
+        yield 5, made("planar", f"planar arm {loop.types}: position and angle in its plane")
+    for k in range(m if m == 4 else 0):
+        frame = Frame.of(straight, k)
+        if frame is not None and _lifts(frame):
+            yield 5, made("lift", f"planar triple {triple(k)} with a lift (SCARA type)", k)
+
+
+def _lifts(frame: Frame) -> bool:
+    """Whether the joint beside a planar triple slides along the normal."""
+    if frame.loop.joints[0].revolute:
+        return False
+    trail = frame.trail.rigid().R
+    axis = (trail[0][2], trail[1][2], trail[2][2])
+    return abs(abs(float(axis[2])) - 1) < 1e-12
+
+
+def arm_angle_plans(chain: Chain) -> Options:
+    """The arm angle of seven-joint arms with spherical shoulder and wrist."""
+    loop = structure(chain, None)
+    if is_elbow7(loop):
+        title = "spherical shoulder and wrist with one elbow, prescribed by the arm angle"
+        words = "the arm angle psi (rad) of the stereographic reference, see the header"
+        yield 0, SolverPlan("elbow7", title, "pose", chain, chain, locked=ARM_ANGLE, redundancy=words)
+
+
+def structure(chain: Chain, locked: int | None) -> Loop:
+    """The loop for decisions that look at constant links only."""
+    import numpy as np
+
+    # any pose will do; an irregular one keeps accidental zeros out
+    T = chain.forward(0.1 + 0.37 * np.arange(1, 1 + max(j.index for j in chain.joints) + 1))
+    builder = FloatBuilder(T, [0.0] * (chain.n + 1), [], redundancy=0.6180339)
+    return solving_loop(builder, chain, locked)
+
+
+def works(plan: SolverPlan, trials: int) -> bool:
+    """Whether the equations of ``plan`` give back the configurations of a few random poses."""
+    import numpy as np
+
+    if plan.family == "general6r":
+        return True
+    chain, rng = plan.solving, np.random.default_rng(11)
+    size = 1 + max(joint.index for joint in chain.joints)
+    for _ in range(trials):
+        q = rng.uniform(-1.4, 1.4, size)
+        for joint in chain.joints:
+            if not joint.revolute:
+                q[joint.index] *= chain.reach
+            if joint.name.startswith("virtual"):
+                q[joint.index] = 0.0
+        T = chain.forward(q)
+        given = parameter(plan, q)
+        try:
+            rows = every_branch(
+                lambda b: derive(b, plan),
+                lambda script, T=T, q=q, given=given: FloatBuilder(T, q, script, redundancy=given),  # type: ignore[misc]
+            )
+        except InternalError:
+            return False
+        if not any(_same(chain, row, q) for row in rows):
+            return False
+    return True
+
+
+def parameter(plan: SolverPlan, q: Any) -> float:
+    """The redundancy parameter of a configuration."""
+    from rrrgen.ik.arm_angle import arm_angle
+
+    if plan.locked is None:
+        return 0.0
+    return arm_angle(plan.solving, q) if plan.locked == ARM_ANGLE else float(q[plan.locked])
+
+
+def _same(chain: Chain, row: list[float], q: Any) -> bool:
+    if len(row) < len(q):
+        return False
+    return all(
+        abs(wrapped(row[joint.index] - q[joint.index])) < FOUND
+        if joint.revolute
+        else abs(row[joint.index] - q[joint.index]) < FOUND * chain.reach
+        for joint in chain.joints
+    )
+
+
+def counted(plan: SolverPlan) -> SolverPlan:
+    """``plan`` with the number of rows that its equations can give."""
+    if plan.family == "general6r":
+        return replace(plan, max_solutions=16)
+    builder = CBuilder("x", plan.chain.joints, plan.chain.reach, position=plan.task == "position")
+    derive(builder, plan)
+    return replace(plan, max_solutions=builder.body().rows)
+
+
+def reason(chain: Chain) -> str:
+    """Why no family fits."""
+    if "P" in chain.types and chain.n in (5, 6, 7):
+        return (
+            f"the joints {chain.types} have no three revolute axes through one point, no planar triple and no rotation "
+            "decided by three joints alone; six joints with a prismatic one and no such structure need an elimination "
+            "that is not offered"
+        )
+    if chain.n > 7:
+        return f"{chain.n} joints: only arms with one redundant joint are solved"
+    return f"the {chain.n} joints {chain.types} fit none of the families, even with virtual joints"

@@ -1,0 +1,55 @@
+"""What the compiler found out about a chain: the family of its inverse kinematics, and what an answer can look like."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from rrrgen.ik.chain import Chain
+
+Task = Literal["position", "pose"]
+Family = Literal[
+    "position", "point", "spherical", "parallel", "planar", "lift", "orientation", "elbow7", "general6r", "none"
+]
+
+
+@dataclass(frozen=True)
+class Singularity:
+    """A set of configurations where branches meet or a joint becomes free; ``expression`` vanishes there."""
+
+    words: str
+    expression: sp.Expr | None = None
+
+
+@dataclass(frozen=True)
+class SolverPlan:
+    """The inverse kinematics of one robot.
+
+    ``task`` is what is prescribed: the position of the tip (1 to 3 joints) or its pose. ``solving`` is the chain that
+    is solved: the user's ``chain`` with nearly special geometry made special (rows are then refined on the true chain)
+    and virtual joints added. ``first`` is the place (from 0) of the special triple in its loop, ``commute`` the place
+    and direction in which a prismatic joint was moved past a parallel axis before, ``locked`` the prescribed joint.
+    """
+
+    family: Family
+    title: str
+    task: Task
+    chain: Chain
+    solving: Chain
+    max_solutions: int = 0
+    first: int = 0
+    commute: tuple[int, int] | None = None
+    locked: int | None = None
+    redundancy: str = ""
+    virtual: int = 0
+    snapped: bool = False
+    singularities: tuple[Singularity, ...] = field(default=())
+    reason: str = ""
+
+    @property
+    def solvable(self) -> bool:
+        """Whether code can be emitted."""
+        return self.family != "none"

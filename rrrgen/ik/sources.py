@@ -1,0 +1,165 @@
+"""The emitted inverse kinematics: ``<name>_ik.h`` and ``<name>_ik.c``, self-contained C99 that is valid C++."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import textwrap
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import rrrgen
+from rrrgen.errors import DerivationError
+from rrrgen.ik.c_builder import CBody, CBuilder, Stage
+from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.derive import ARM_ANGLE, derive
+from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.tolerances import runtime
+from rrrgen.resources import render
+
+if TYPE_CHECKING:
+    from rrrgen.spec.robot_spec import RobotSpec
+
+
+@dataclass(frozen=True)
+class Emitted:
+    """The files and what a loader must know about them."""
+
+    plan: SolverPlan
+    files: dict[str, str]
+    rows: int
+    labels: tuple[tuple[str, int, int], ...]
+    reasons: tuple[str, ...]
+
+
+def sources(spec: RobotSpec, real: str = "double") -> dict[str, str]:
+    """The emitted files, name -> text; empty for a chain without a solver (see :func:`manifest` for the reason)."""
+    plan = make_plan(spec)
+    return emit(spec, plan, real).files if plan.solvable else {}
+
+
+def emit(spec: RobotSpec, plan: SolverPlan, real: str = "double") -> Emitted:
+    """Files and branch labels of ``plan``; :class:`DerivationError` with the reason where there is no solver."""
+    if not plan.solvable:
+        raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
+    chain = plan.chain
+    prefix = f"{spec.name}_ik"
+    builder = CBuilder(prefix, chain.joints, chain.reach, position=plan.task == "position", trusted=not plan.snapped)
+    derive(builder, plan)
+    body = builder.body()
+    values = _values(spec, plan, body, real)
+    header = render("c/ik/header.h.j2", **values)
+    source = _spelled(render("c/ik/source.c.j2", **values), spec.name, real)
+    return Emitted(plan, {f"{prefix}.h": header, f"{prefix}.c": source}, values["rows"], body.labels, values["reasons"])
+
+
+def _values(spec: RobotSpec, plan: SolverPlan, body: CBody, real: str) -> dict[str, Any]:
+    chain, name = plan.chain, spec.name
+    prefix, macro = f"{name}_ik", name.upper()
+    position = plan.task == "position"
+    reasons = _reasons(plan, body.stages)
+    mask = sum(1 << k for k, joint in enumerate(chain.joints) if not joint.revolute)
+    limits = [(joint.lower, joint.upper) for joint in chain.joints]
+    limited = [lower is not None or upper is not None for lower, upper in limits]
+    offsets = [float(joint.offset) for joint in chain.joints]
+    model = hashlib.sha256(repr(chain).encode()).hexdigest()
+    return {
+        "prefix": name, "p": prefix, "P": prefix, "M": f"{macro}_IK", "K": f"{macro}_IK_TOL", "macro": macro,
+        "real": real, "n": chain.n, "m": 3 if position else 6, "size": 3 if position else 16, "position": position,
+        "rows": body.rows, "needs": set(body.needs), "body": body.text, "fragment": "", "redundant": plan.locked is not None, "virtual": plan.virtual, "steps": 40 if plan.snapped else 12,
+        "locked": None if plan.locked == ARM_ANGLE else plan.locked,
+        "types": chain.types, "prismatic": _mask(mask, "k"), "prismatic_i": _mask(mask, "i"),
+        "prismatic_k": _mask(mask, "k"),
+        "fixed": _tables(plan), "offsets": ", ".join(_number(x) for x in offsets) if any(offsets) else "",
+        "limited": any(limited), "limited_flags": ", ".join(str(int(x)) for x in limited),
+        "limits": ", ".join(f"{{{_limit(low, -1)}, {_limit(high, 1)}}}" for low, high in limits),
+        "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
+        "reasons": reasons, "far_stage": len(reasons) - 1, "starts": 6, "spread": "2.0",
+        "branch_text": _branch_text(body.labels), "explanation": _explanation(plan), "opening": _opening(spec, plan, real),
+        "version": rrrgen.__version__, "hash": model,
+    }  # fmt: skip
+
+
+def _mask(mask: int, index: str) -> str:
+    return f"((0x{mask:x}u >> {index}) & 1u) != 0u"
+
+
+def _number(x: float) -> str:
+    return f"(REAL){x!r}" if x >= 0 else f"-(REAL){-x!r}"
+
+
+def _limit(x: float | None, side: int) -> str:
+    return _number(side * 1e9 if x is None else float(x))
+
+
+def _tables(plan: SolverPlan) -> list[str]:
+    chain = plan.chain
+    matrices = [chain.base, *(link.matrix() for link in chain.links), chain.tip]
+    return [", ".join(_number(float(x) + 0.0) for row in matrix for x in row) for matrix in matrices]
+
+
+def _reasons(plan: SolverPlan, stages: tuple[Stage, ...]) -> tuple[str, ...]:
+    """One text per stage; the last two are for rows that fail the check and for targets out of range."""
+    texts = ["no reason"]
+    for stage in stages:
+        names = {j.index: j.name for j in plan.solving.joints}
+        joint = names.get(stage.joint) or f"joint {stage.joint + 1}"
+        texts.append(f"the {stage.label} equation of {joint} has no real root: the target is out of reach")
+    texts.append("no candidate meets the whole target: it lies off the set that the arm can reach")
+    texts.append("the target is farther than a million reaches: its coordinates drown the arm")
+    return tuple(texts)
+
+
+def _branch_text(labels: tuple[tuple[str, int, int], ...]) -> str:
+    if not labels:
+        return "always 0"
+    parts = [
+        f"bit{'s' if bits > 1 else ''} {bit}{f'-{bit + bits - 1}' if bits > 1 else ''} {name}"
+        for name, bit, bits in labels
+    ]
+    return ", ".join(parts) + "; a two-way choice is 0 on its plus side"
+
+
+def _explanation(plan: SolverPlan) -> list[str]:
+    text = (
+        f"Family: {plan.title}; at most {plan.max_solutions} solutions. `target` is "
+        + ("the position (m)" if plan.task == "position" else "the row-major 4x4 pose (m)")
+        + " of the tip in the base frame. `q_ref` (may be null: zeros, no turns added) gives free angles at singular "
+        "configurations and the turn to which angles are taken. Every row satisfies forward kinematics. With no row the "
+        "status says why, and `distance` how far the target is from the nearest that can be reached."
+    )
+    return textwrap.wrap(text, 116)
+
+
+def _opening(spec: RobotSpec, plan: SolverPlan, real: str) -> list[str]:
+    lines = [f"{spec.name}_ik.h: inverse kinematics of {spec.name}, joints {' '.join(plan.chain.types)}", ""]
+    lines += textwrap.wrap(f"Family: {plan.title}.", 116)
+    for singularity in plan.singularities:
+        lines += textwrap.wrap(f"Singular: {singularity.words}", 116)
+    lines += [
+        "",
+        f"Generated by rrrgen {rrrgen.__version__}. The generated code belongs to you.",
+        f"Precision: {real}.",
+    ]
+    lines += textwrap.wrap(
+        "No function has state, allocates, or loops without bound; all may be called from several threads at once. "
+        "Rows beyond count are not written.",
+        116,
+    )
+    return lines
+
+
+_FUNCTIONS = {"SQRT": "sqrt", "FABS": "fabs", "SIN": "sin", "COS": "cos", "FLOOR": "floor", "CEIL": "ceil"}
+
+
+def _spelled(text: str, name: str, real: str) -> str:
+    """The shorthands of the templates in the robot's own names."""
+    suffix = "f" if real == "float" else ""
+    words = {key: value + suffix for key, value in _FUNCTIONS.items()}
+    words |= {
+        "REAL": f"{name}_real",
+        "WRAP": f"{name}_ik_wrap",
+        "ROOT0": f"{name}_ik_root0",
+        **{flag: f"{name.upper()}_IK_{flag}" for flag in ("FREE", "MULTIPLE", "NEAR")},
+    }
+    return re.sub(r"\b(" + "|".join(words) + r")\b", lambda match: words[match[1]], text)
