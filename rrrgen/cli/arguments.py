@@ -15,26 +15,17 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-class RobotType(click.ParamType[str]):
-    """A path to a robot file, or a bundled name; completes to both."""
+def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Shell completion of ROBOT: bundled names, and files."""
+    from rrrgen.spec import bundled_names
 
-    name = "robot"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Any text; the reader explains what is wrong with it."""
-        return str(value)
-
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Bundled names, and files."""
-        from rrrgen.spec import bundled_names
-
-        names = [CompletionItem(name) for name in bundled_names() if name.startswith(incomplete)]
-        return [*names, CompletionItem(incomplete, type="file")]
+    names = [CompletionItem(name) for name in bundled_names() if name.startswith(incomplete)]
+    return [*names, CompletionItem(incomplete, type="file")]
 
 
 def robot_argument(function: F) -> F:
-    """The argument ROBOT."""
-    return click.argument("robot", type=RobotType())(function)
+    """The argument ROBOT: a path to a robot file, or a bundled name."""
+    return click.argument("robot", shell_complete=complete_robot)(function)
 
 
 def json_option(function: F) -> F:

@@ -6,12 +6,12 @@ from typing import Any
 
 import click
 
-from rrrgen.cli.arguments import RobotType, json_option, print_json
+from rrrgen.cli.arguments import complete_robot, json_option, print_json
 from rrrgen.errors import Fault, InputError
 
 
 @click.command()
-@click.argument("files", nargs=-1, required=True, type=RobotType(), metavar="ROBOT...")
+@click.argument("files", nargs=-1, required=True, metavar="ROBOT...", shell_complete=complete_robot)
 @click.option("--strict", is_flag=True, help="Treat warnings, such as inertias that no body has, as errors.")
 @json_option
 def check(files: tuple[str, ...], strict: bool, as_json: bool) -> int:

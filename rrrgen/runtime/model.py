@@ -92,6 +92,10 @@ class Model:
         """Gravity torques g(q), (..., n). Source: (14.7)."""
         return self._call_with("gravity", (q,), beta)
 
+    def bias(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Bias torques c(q, dq) + g(q), what forward dynamics subtracts from tau, (..., n)."""
+        return self._call_with("bias", (q, dq), beta)
+
     def inverse_dynamics(
         self,
         q: ArrayLike,

@@ -133,6 +133,8 @@ def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
     record("coriolis", [Q, DQ], lambda b, v, M, C, g, U: [(vector("c"), _times(C, v["dq"]))])
     record("coriolis_transpose", [Q, DQ], lambda b, v, M, C, g, U: [(vector("c"), _times(_transposed(C), v["dq"]))])
     record("gravity", [Q], lambda b, v, M, C, g, U: [(vector("g"), g)])
+    record("bias", [Q, DQ], lambda b, v, M, C, g, U: [(vector("bias"), [
+        x + y for x, y in zip(_times(C, v["dq"]), g, strict=True)])])  # fmt: skip
     record("energy", [Q, DQ], lambda b, v, M, C, g, U: [(Port("E", (2,), "J", "", "kinetic and potential energy"), [
         F(1, 2) * sum(x * y for x, y in zip(v["dq"], _times(M, v["dq"]), strict=True)), U])], True)  # fmt: skip
     record("inverse_dynamics", [Q, DQ, DDQ], lambda b, v, M, C, g, U: [(TAU, [

@@ -42,7 +42,7 @@ def test_the_self_test_passes_under_sanitizers(kind, real, tmp_path):
 
 
 FUNCTIONS = ["forward_kinematics", "jacobian", "jacobian_dot_dq", "mass_matrix", "coriolis_matrix", "coriolis",
-             "coriolis_transpose", "gravity", "inverse_dynamics", "forward_dynamics", "regressor",
+             "coriolis_transpose", "gravity", "bias", "inverse_dynamics", "forward_dynamics", "regressor",
              "regressor_transpose", "standard_regressor", "energy", "mass_matrix_nominal",
              "inverse_dynamics_nominal"]  # fmt: skip
 

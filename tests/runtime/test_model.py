@@ -43,6 +43,7 @@ CALLS = {
     "coriolis": "q dq",
     "coriolis_transpose": "q dq",
     "gravity": "q",
+    "bias": "q dq",
     "inverse_dynamics": "q dq ddq",
     "forward_dynamics": "q dq tau",
     "regressor": "q dq ddq",

@@ -31,6 +31,7 @@ GOLDEN = (
     "coriolis",
     "coriolis_transpose",
     "gravity",
+    "bias",
     "inverse_dynamics",
     "regressor",
     "regressor_transpose",
