@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from rrrgen.errors import InputError
 from rrrgen.identify.columns import Array
-from rrrgen.identify.definiteness import POSES, indefinite_share
+from rrrgen.identify.decimation import Decimator
+from rrrgen.identify.observations import Observations, Recording, RowMaker, tuned
+from rrrgen.identify.processing import Processing
 from rrrgen.identify.statistics import relative_error, rms
 
 TorqueModel = Callable[[Array, Array, Array], Array]
@@ -100,47 +102,83 @@ def data_label(fitted: Sequence[str], scored: Sequence[str], split: bool = False
     return "its own data" if set(scored) <= set(fitted) else "partly its own data"
 
 
-def validate(
-    torque_model: TorqueModel,
-    motion: Any,
+def score_torques(
+    t: Array,
     measured: Array,
+    predicted: Array,
     *,
     joints: Sequence[str],
     used: NDArray[np.bool_] | None = None,
     noise: Sequence[float] | None = None,
     label: Label = "held-out data",
-    mass: Callable[[Array], Array] | None = None,
-    limits: tuple[Array, Array] | None = None,
-    poses: int = POSES,
-    seed: int = 0,
+    indefinite: float | None = None,
     thresholds: Thresholds | None = None,
 ) -> Validation:
-    """Score ``torque_model`` along ``motion`` (t, q, dq, ddq) against the ``measured`` torques (N, n).
+    """Score ``predicted`` torques against ``measured`` ones, (N, n) each, at the instants ``t`` (N,).
 
     ``used`` (N, n) leaves out samples whose torque is not valid or whose joint hardly moves; ``noise`` (n,) is the
-    standard deviation of the measured torque. ``mass(q)`` (N, n, n) is tested at ``poses`` random poses between
-    ``limits``. Raises InputError where there is nothing to compare.
+    standard deviation of the measured torque; ``indefinite`` the share of poses with an indefinite mass matrix.
+    Raises InputError where there is nothing to compare.
     """
-    tau = np.asarray(measured, dtype=float)
-    predicted = np.asarray(torque_model(motion.q, motion.dq, motion.ddq), dtype=float)
+    tau, model = np.asarray(measured, dtype=float), np.asarray(predicted, dtype=float)
     use = np.ones(tau.shape, bool) if used is None else np.asarray(used, dtype=bool)
-    if predicted.shape != tau.shape or use.shape != tau.shape:
-        raise InputError(f"validation: torques of shape {tau.shape} against a model's {predicted.shape}")
+    if model.shape != tau.shape or use.shape != tau.shape:
+        raise InputError(f"validation: torques of shape {tau.shape} against a model's {model.shape}")
     idle = [name for name, column in zip(joints, use.T, strict=True) if not column.any()]
     if idle:
         raise InputError(f"validation: no sample is left to score joint {', '.join(idle)}")
     scores = tuple(
-        _joint_score(name, tau[use[:, i], i], predicted[use[:, i], i], None if noise is None else noise[i])
+        _joint_score(name, tau[use[:, i], i], model[use[:, i], i], None if noise is None else noise[i])
         for i, name in enumerate(joints)
     )
-    share = None
-    if mass is not None:
-        if limits is None:
-            raise InputError("validation: random poses need limits of the joint positions")
-        share, _ = indefinite_share(mass, limits[0], limits[1], poses, seed)
-    total = relative_error(tau[use], predicted[use])
-    failures = _failures(thresholds if thresholds is not None else Thresholds(), scores, total, share, label)
-    return Validation(scores, total, share, label, failures, np.asarray(motion.t), tau, predicted, use)
+    total = relative_error(tau[use], model[use])
+    failures = _failures(thresholds if thresholds is not None else Thresholds(), scores, total, indefinite, label)
+    return Validation(scores, total, indefinite, label, failures, np.asarray(t), tau, model, use)
+
+
+def validate(torque_model: TorqueModel, motion: Any, measured: Array, **options: Any) -> Validation:
+    """Score ``torque_model`` along a known ``motion`` (t, q, dq, ddq); ``options`` are those of score_torques."""
+    return score_torques(motion.t, measured, torque_model(motion.q, motion.dq, motion.ddq), **options)
+
+
+def validate_recordings(
+    torque_model: TorqueModel,
+    recordings: Sequence[Recording],
+    processing: Processing,
+    *,
+    noise: Sequence[float] | None = None,
+    **options: Any,
+) -> Validation:
+    """Score ``torque_model`` on recordings, made ready exactly as for identification.
+
+    The motion is reconstructed, and the model's torque passes the same decimation filter as the measured one; samples
+    below the lowest speed or with invalid torque are left out. ``noise`` (n,) is the standard deviation of the
+    *recorded* torque; what the filter leaves of it is known. ``options`` are those of score_torques.
+    """
+
+    def as_column(q: Array, dq: Array, ddq: Array) -> Array:
+        return np.asarray(torque_model(q, dq, ddq))[..., None]
+
+    chosen = tuned(processing, recordings)
+    blocks = list(Observations(tuple(recordings), RowMaker(as_column, chosen, columns=1)))
+    left = None if noise is None else [value * noise_gain(chosen.decimate) for value in noise]
+    return score_torques(
+        np.concatenate([rows.t for rows in blocks]),
+        np.concatenate([rows.tau for rows in blocks]),
+        np.concatenate([rows.W[..., 0] for rows in blocks]),
+        used=np.concatenate([rows.use for rows in blocks]),
+        joints=recordings[0].joints,
+        noise=left,
+        **options,
+    )
+
+
+def noise_gain(decimate: int) -> float:
+    """Standard deviation that the decimation filter leaves of white noise of standard deviation 1."""
+    filtered = Decimator(decimate)
+    middle = filtered.memory
+    taps = filtered(np.eye(2 * middle + 1))[middle // decimate]
+    return float(np.linalg.norm(taps))
 
 
 def _joint_score(joint: str, measured: Array, predicted: Array, noise: float | None) -> JointScore:
