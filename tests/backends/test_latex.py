@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from backends.formula_reading import compute, raise_functions, read_latex, read_mathml, read_plain
-from rrrgen.backends.latex import Walk, latex, latex_expression, notation, plain, plain_expression
+from rrrgen.backends.latex import Walk, break_sum, latex, latex_expression, notation, plain, plain_expression
+from rrrgen.backends.latex.markup import TextMarkup
 from rrrgen.errors import BackendError
 from rrrgen.report.mathml import MathmlMarkup
 
@@ -60,6 +61,16 @@ def test_what_is_printed_means_the_expression(markup: str, expression: sp.Expr, 
     assert math.isclose(compute(printed, VALUES), value_of(expression), rel_tol=TRANSCRIBED, abs_tol=TRANSCRIBED), (
         printed
     )
+
+
+@given(expression=expressions, width=st.integers(5, 60))
+def test_breaking_into_lines_keeps_the_meaning(expression: sp.Expr, width: int) -> None:
+    walk = Walk(TextMarkup(), True)
+    rows = break_sum(expression, walk, width)
+    printed = " ".join(f"{'-' if negative else '+'} {term}" for row in rows for negative, term in row)
+    assert math.isclose(
+        compute(read_plain(printed), VALUES), value_of(expression), rel_tol=TRANSCRIBED, abs_tol=TRANSCRIBED
+    ), printed
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ def smooth_sign(program: Program) -> Program:
     builder = Builder()
     inputs: list[list[Value]] = [list(builder.input(port)) for port in program.inputs]
     width = builder.input(
-        Port("eps", (), unit="rad/s", meaning="width of the smooth sign: sgn(x) is replaced by tanh(x/eps)")
+        Port("eps", (), unit="rad/s or m/s", meaning="width of the smooth sign: sgn(x) is replaced by tanh(x/eps)")
     )[0]
     values: list[Value] = []
     for index, node in enumerate(program.nodes):

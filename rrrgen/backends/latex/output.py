@@ -82,19 +82,37 @@ def _after_sign(row: Sequence[tuple[bool, str]]) -> str:
 
 
 def break_sum(value: sp.Expr, walk: Walk, width: int = LINE) -> list[list[tuple[bool, str]]]:
-    """The terms of a sum in ``walk``'s markup, in rows of at most ``width`` plain characters."""
-    if not value.is_Add:
-        return [[(False, walk.write(value))]]
+    """The terms of a sum in ``walk``'s markup, in rows of at most ``width`` plain characters where terms allow it.
+
+    A term that is too long for a row is multiplied out, one factor at a time.
+    """
+    counter = Walk(TextMarkup(), walk.short_trig)
     rows: list[list[tuple[bool, str]]] = [[]]
     used = 0
-    plain_terms = Walk(TextMarkup(), walk.short_trig).terms(value)
-    for (_, counted), term in zip(plain_terms, walk.terms(value), strict=True):
-        if rows[-1] and used + len(counted) > width:
+    for term in _pieces(value, counter, width):
+        size = len(counter.write(term))
+        if rows[-1] and used + size > width:
             rows.append([])
             used = 0
-        rows[-1].append(term)
-        used += len(counted) + 3
+        rows[-1] += walk.terms(term)
+        used += size + 3
     return rows
+
+
+def _pieces(value: sp.Expr, counter: Walk, width: int) -> list[sp.Expr]:
+    pieces: list[sp.Expr] = []
+    number, rest = value.as_coeff_Mul()
+    if rest.is_Add:  # no parentheses around a whole right-hand side
+        value = sp.Add(*(number * term for term in rest.args))
+    for term in counter.ordered(value):
+        sums = [factor for factor in term.args if factor.is_Add] if term.is_Mul else []
+        if sums and len(counter.write(term)) > width:
+            longest = max(sums, key=lambda factor: len(factor.args))
+            rest = term / longest
+            pieces += _pieces(sp.Add(*(rest * part for part in longest.args)), counter, width)
+        else:
+            pieces.append(term)
+    return pieces
 
 
 def plain(

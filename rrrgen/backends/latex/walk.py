@@ -70,6 +70,19 @@ def decimal_text(value: sp.Rational) -> str | None:
     return f"{float(value):.12g}"
 
 
+def _with_decimals_inside(product: sp.Expr) -> sp.Expr:
+    """``0.025*(13*c1 + 11*c12)`` as ``0.325*c1 + 0.275*c12``: the numbers of the robot file come back."""
+    number, rest = product.as_coeff_Mul()
+    if number.q == 1 or decimal_text(number) is None:
+        return product
+    factors = list(sp.Mul.make_args(rest))
+    for k, factor in enumerate(factors):
+        if factor.is_Add:
+            factors[k] = sp.Add(*(number * term for term in factor.args))
+            return sp.Mul(*factors)
+    return product
+
+
 def _by_parameters(term: sp.Expr) -> list[tuple[str, int]]:
     """Terms with the same parameters stand together, p9 before p10."""
     names = [str(symbol) for symbol in term.free_symbols]
@@ -90,7 +103,11 @@ class Walk:
 
     def terms(self, expression: sp.Expr) -> list[tuple[bool, str]]:
         """The terms of a sum in printing order, (negative?, text) each."""
-        return [self._signed(term) for term in sorted(expression.as_ordered_terms(), key=_by_parameters)]
+        return [self._signed(term) for term in self.ordered(expression)]
+
+    def ordered(self, expression: sp.Expr) -> list[sp.Expr]:
+        """The terms of a sum in printing order."""
+        return sorted(expression.as_ordered_terms(), key=_by_parameters)
 
     def _signed(self, term: sp.Expr) -> tuple[bool, str]:
         negative = bool(term.could_extract_minus_sign()) and not term.is_Add
@@ -129,6 +146,9 @@ class Walk:
     def _product(self, e: sp.Expr) -> tuple[str, int]:
         if e.could_extract_minus_sign():
             return self.markup.total([(True, self._write(-e, _PRODUCT))]), _SUM
+        e = _with_decimals_inside(e)
+        if not e.is_Mul:
+            return self._node(e)
         above, below = [], []
         for factor in e.as_ordered_factors():
             if factor.is_Rational and decimal_text(factor) is not None:
