@@ -151,7 +151,7 @@ def nominal_constant(model: RobotModel) -> Callable[[sp.Expr], Fraction]:
 def symbolic_constant(builder: Builder, generators: Sequence[sp.Expr]) -> Callable[[sp.Expr], Value]:
     """Constants of the geometry as inputs of the program, one for each of ``generators``."""
     port = Port("constants", (len(generators),), "", "", ", ".join(map(str, generators)))
-    inputs = dict(zip(generators, builder.input(port), strict=True))
+    inputs: dict[sp.Expr, Value] = dict(zip(generators, builder.input(port), strict=True))
 
     def constant(expression: sp.Expr) -> Value:
         if expression.is_Rational:
@@ -159,10 +159,10 @@ def symbolic_constant(builder: Builder, generators: Sequence[sp.Expr]) -> Callab
         if expression in inputs:
             return inputs[expression]
         if expression.is_Pow and expression.exp.is_Integer and expression.exp > 0:
-            return constant(expression.base) * constant(expression.base ** (expression.exp - 1))
+            return builder.mul(constant(expression.base), constant(expression.base ** (expression.exp - 1)))
         total: Value = 0 if expression.is_Add else 1
         for part in expression.args:
-            total = total + constant(part) if expression.is_Add else total * constant(part)
+            total = builder.add(total, constant(part)) if expression.is_Add else builder.mul(total, constant(part))
         return total
 
     return constant
@@ -206,9 +206,11 @@ class ResidueConstants:
     def draw_angle(self) -> tuple[Residue, Residue]:
         """The image of a random rational point of the unit circle."""
         t = self.draw()
-        return (1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)
+        one, square = Residue(1), Residue.of(t * t)
+        return (one - square) / (one + square), (t + t) / (one + square)
 
     def __call__(self, expression: sp.Expr) -> Residue | Fraction | int:
+        """The image of ``expression``."""
         if expression.is_Rational:
             value = Fraction(int(expression.p), int(expression.q))
             return value if value.denominator == 1 else Residue.of(value)
@@ -243,7 +245,8 @@ def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain
     angles: dict[int, tuple[Residue, Residue]] = {}
 
     def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:
-        c, s = Residue(1), Residue(0)
+        c: Any = Residue(1)
+        s: Any = Residue(0)
         for i in turning:
             if i not in angles:
                 angles[i] = constants.draw_angle()

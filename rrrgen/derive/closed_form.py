@@ -118,10 +118,10 @@ class _Expander:
         """A sum of joint angles and constants as an expression."""
         node = self.program.nodes[index]
         if node.op is Op.INPUT:
-            port, element = node.value  # type: ignore[misc]
+            port, element = node.place
             return self.inputs[port][element]
         if node.op is Op.CONST:
-            return to_expression(node.value)  # type: ignore[arg-type]
+            return to_expression(node.number)
         parts = [self._angle(arg) for arg in node.args]
         operations: dict[Op, Callable[..., sp.Expr]] = {
             Op.ADD: lambda x, y: x + y,
@@ -141,16 +141,17 @@ class _Expander:
     def _evaluate(self, index: int) -> Value | Polynomial:
         node = self.program.nodes[index]
         if node.op is Op.INPUT:
-            port, element = node.value  # type: ignore[misc]
+            port, element = node.place
             return self.ring.generator(self.inputs[port][element])
         if node.op is Op.CONST:
-            return node.value  # type: ignore[return-value]
+            return node.number
         if node.op in (Op.COS, Op.SIN):
             function = sp.cos if node.op is Op.COS else sp.sin
             return self.ring.generator(function(self.angles[node.args[0]]))
         if node.op is Op.SELECT or node.op not in _ARITHMETIC:
             raise DerivationError(f"{self.program.name} has no closed form")
-        return _ARITHMETIC[node.op](*(self._values[arg] for arg in node.args))
+        result: Value | Polynomial = _ARITHMETIC[node.op](*(self._values[arg] for arg in node.args))
+        return result
 
     def expression(self, index: int) -> sp.Expr:
         """The node as a readable expression: parameters times (rates times trigonometry)."""

@@ -105,7 +105,7 @@ def _canonical(ring: PolynomialRing, value: Any) -> sp.Expr:
 
 
 def _independent(rows: list[list[Any]], field: Any) -> bool:
-    return DomainMatrix(rows, (len(rows), len(rows[0])), field.to_domain()).rank() == len(rows)
+    return int(DomainMatrix(rows, (len(rows), len(rows[0])), field.to_domain()).rank()) == len(rows)
 
 
 def _poly(ring: PolynomialRing, value: Any) -> Any:

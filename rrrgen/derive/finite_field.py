@@ -1,14 +1,13 @@
 """Arithmetic modulo a large prime: exact linear algebra on exact rational states.
 
 A rational state has an image in the field; a non-zero minor there proves that the minor over the rationals is not
-zero. Ranks found here are therefore lower bounds that hold exactly, without any tolerance. In the field chosen all primes up to 19 are
-squares, so that the square roots of usual twist angles (30, 45, 60, 72 degrees) have exact images too.
+zero. Ranks found here are therefore lower bounds that hold exactly, without any tolerance. In the field chosen all
+primes up to 19 are squares, so that the square roots of usual twist angles (30, 45, 60, 72 degrees) have exact images.
 """
 
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Union
 
 PRIME = 2305843009213682039  # 2**61 - 11913
 
@@ -75,7 +74,7 @@ class Residue:
         return f"Residue({self.value})"
 
 
-Operand = Union[Residue, int, Fraction]
+Operand = Residue | int | Fraction
 
 
 def square_root(number: int) -> int | None:

@@ -207,7 +207,7 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program, nominal: boo
 
 
 def solve_positive_definite(r: Recording, M: list[list[Value]], rhs: list[Value]) -> tuple[Value, list[Value]]:
-    """Solve M x = rhs by L D L'; status 1 and x = 0 where a pivot is not positive. Straight-line, never divides by 0."""
+    """Solve M x = rhs by L D L'; status 1 and x = 0 where a pivot is not positive. Straight-line, no division by 0."""
     b, n = r.builder, len(rhs)
     L: list[list[Value]] = [[0] * n for _ in range(n)]
     margins: list[Value] = []
@@ -346,7 +346,8 @@ def friction(r: Recording) -> Program:
     dq = r.joints("dq")
     torques: list[Any] = []
     for joint, rate in zip(r.model.spec.joints, dq, strict=True):
-        spec, torque = joint.friction, 0
+        spec = joint.friction
+        torque: Value = 0
         if spec is not None:
             viscous, coulomb, offset = (rational_float(v) for v in (spec.viscous, spec.coulomb, spec.offset))
             torque = viscous * rate + coulomb * r.builder.sign(rate) + offset

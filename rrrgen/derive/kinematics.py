@@ -111,7 +111,7 @@ def jacobian(chain: Chain) -> Matrix:
         if joint.revolute:
             columns.append(cross(axis, subtract(tip, frame.p)) + axis)
         else:
-            columns.append(axis + [0, 0, 0])
+            columns.append([*axis, 0, 0, 0])
     return [[column[r] for column in columns] for r in range(6)]
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
-from typing import Any, Union
+from typing import Any
 
 import sympy as sp
 from sympy.polys.rings import PolyElement, ring
@@ -18,7 +18,7 @@ from sympy.polys.rings import PolyElement, ring
 class PolynomialRing:
     """Q[generators] modulo the squares of sines and roots.
 
-    ``symbols`` are free; ``pairs`` are (cosine, sine) expressions of one angle; ``roots`` are square roots of rationals.
+    ``symbols`` are free; ``pairs`` are (cosine, sine) expressions of an angle; ``roots`` square roots of rationals.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class Polynomial:
         return sp.Add(*terms)
 
 
-Operand = Union[Polynomial, int, Fraction]
+Operand = Polynomial | int | Fraction
 
 
 def to_expression(value: Operand) -> sp.Expr:

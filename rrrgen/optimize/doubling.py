@@ -12,10 +12,10 @@ def double_by_addition(program: Program) -> Program:
     values: list[Value] = []
     for index, node in enumerate(program.nodes):
         if node.op is Op.INPUT:
-            port, element = node.value  # type: ignore[misc]
+            port, element = node.place
             value: Value = inputs[port][element]
         elif node.op is Op.CONST:
-            value = node.value  # type: ignore[assignment]
+            value = node.number
         elif node.op is Op.MUL and _is_two(program, node.args[0]):
             value = builder.double(values[node.args[1]])
         else:

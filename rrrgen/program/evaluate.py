@@ -44,10 +44,10 @@ def evaluate(program: Program, *inputs: Any) -> tuple[np.ndarray, ...]:
     values: list[Any] = []
     for node in program.nodes:
         if node.op is Op.INPUT:
-            position, element = node.value  # type: ignore[misc]
+            position, element = node.place
             values.append(flat[position][..., element])
         elif node.op is Op.CONST:
-            values.append(float(node.value))  # type: ignore[arg-type]
+            values.append(float(node.number))
         else:
             values.append(_FUNCTIONS[node.op](*(values[arg] for arg in node.args)))
     return tuple(

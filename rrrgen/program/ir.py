@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
-from typing import NamedTuple, Union
+from typing import NamedTuple, cast
 
 from rrrgen.errors import InternalError
 
@@ -67,6 +67,16 @@ class Node(NamedTuple):
     args: tuple[int, ...] = ()
     value: object = None
 
+    @property
+    def place(self) -> tuple[int, int]:
+        """Port and element that an input reads."""
+        return cast("tuple[int, int]", self.value)
+
+    @property
+    def number(self) -> Fraction:
+        """The value of a constant."""
+        return cast(Fraction, self.value)
+
 
 @dataclass(frozen=True)
 class Port:
@@ -115,7 +125,7 @@ class Program:
             if len(node.args) != ARITY[node.op] or any(not 0 <= arg < index for arg in node.args):
                 raise InternalError(f"program {self.name}: node {index} ({node.op.value}) has bad operands {node.args}")
             if node.op is Op.INPUT:
-                port, element = node.value  # type: ignore[misc]
+                port, element = node.place
                 if not 0 <= element < self.inputs[port].size:
                     raise InternalError(f"program {self.name}: node {index} reads outside input {port}")
         for port_, elements in zip(self.outputs, self.results, strict=True):
@@ -169,7 +179,7 @@ class Scalar:
         return f"Scalar({self.index}: {self.builder.nodes[self.index]})"
 
 
-Value = Union[Scalar, int, Fraction]
+Value = Scalar | int | Fraction
 """What recorded arithmetic works on: a node, or a number known while recording."""
 
 
@@ -232,7 +242,7 @@ class Builder:
             factor, rest = self._scaled(Scalar(self, node.args[0]))
             return -factor, rest
         if node.op is Op.MUL and self.nodes[node.args[0]].op is Op.CONST:
-            return self.nodes[node.args[0]].value, Scalar(self, node.args[1])  # type: ignore[return-value]
+            return self.nodes[node.args[0]].number, Scalar(self, node.args[1])
         return Fraction(1), value
 
     # -- arithmetic ----------------------------------------------------------------------------------------------
@@ -443,10 +453,10 @@ def replay(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]
     values: list[Value] = []
     for index, node in enumerate(program.nodes):
         if node.op is Op.INPUT:
-            port, element = node.value  # type: ignore[misc]
+            port, element = node.place
             value: Value = inputs[port][element]
         elif node.op is Op.CONST:
-            value = node.value  # type: ignore[assignment]
+            value = node.number
         else:
             value = getattr(builder, node.op.value)(*(values[arg] for arg in node.args))
         if index in program.labels:
