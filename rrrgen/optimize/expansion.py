@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import Enum
 from fractions import Fraction
+from itertools import pairwise
 
 from rrrgen.optimize.factoring import Factoring, Monomial, Polynomial
 from rrrgen.program import Builder, Op, Program, Value
 from rrrgen.program.ir import Node
 
-MAX_TERMS = 4000
+MAX_TERMS = 100
+"""Longest polynomial that is worth a search: its pairs of terms are what the search looks at."""
 
 
-class TooLarge(Exception):
+MAX_PAIRS = 1500
+"""Pairs of terms in all polynomials together that are worth a search of a whole expansion."""
+
+
+class TooLargeError(Exception):
     """The expansion exceeds what the search can handle."""
 
 
@@ -87,13 +93,15 @@ class Expansion:
         """One polynomial per result of the program."""
         for k, node in enumerate(self.program.nodes):
             self._values[k] = self._value(k, node)
+            if len(self._values[k]) > MAX_TERMS:
+                raise TooLargeError
         for k in sorted(self._roots):
             self.cuts[self._literal(k)] = self._values[k]
         return [self._values[index] for row in self.program.results for index in row]
 
     def _value(self, k: int, node: Node) -> Polynomial:
         if node.op is Op.CONST:
-            return {(): node.value} if node.value else {}  # type: ignore[dict-item]
+            return {(): node.number} if node.number else {}
         if self._is_literal(node):
             return {(self._literal(k),): Fraction(1)}
         args = [self._operand(arg, self.stages[k]) for arg in node.args]
@@ -137,8 +145,8 @@ class Expansion:
         return self.stages[self.literals[literal]] == 0
 
     def _product(self, x: Polynomial, y: Polynomial) -> Polynomial:
-        if len(x) * len(y) > MAX_TERMS:
-            raise TooLarge
+        if len(x) * len(y) > 4 * MAX_TERMS:
+            raise TooLargeError
         total: Polynomial = {}
         for m, c in x.items():
             for n, d in y.items():
@@ -162,7 +170,7 @@ class Expansion:
             _accumulate(value, tuple(sorted([*rest, cosine, cosine])), -coefficient)
 
     def _squared_sine(self, monomial: Monomial) -> int | None:
-        for a, b in zip(monomial, monomial[1:], strict=False):
+        for a, b in pairwise(monomial):
             if a == b and a in self._sine_of:
                 return a
         return None
@@ -188,7 +196,7 @@ def _stages(program: Program) -> list[int]:
     stages: list[int] = []
     for node in program.nodes:
         if node.op is Op.INPUT:
-            name = program.inputs[node.value[0]].name  # type: ignore[index]
+            name = program.inputs[node.place[0]].name
             stages.append({"q": 1, "beta": 0, "Ia": 0, "constants": 0}.get(name, 2))
         else:
             stages.append(max((stages[arg] for arg in node.args), default=0))
@@ -208,9 +216,12 @@ def factored(program: Program, cutting: Cutting) -> Program | None:
     expansion = Expansion(program, cutting)
     try:
         polynomials = expansion.results()
-    except TooLarge:
+    except TooLargeError:
         return None
     results = len(polynomials)
+    pairs = sum(len(p) * (len(p) - 1) // 2 for p in [*polynomials, *expansion.cuts.values()])
+    if cutting is not Cutting.LOCAL and pairs > MAX_PAIRS:
+        return None
     search = Factoring(polynomials + list(expansion.cuts.values()), len(expansion.literals))
     search.run()
     return _record(program, expansion, search, results)
@@ -227,10 +238,10 @@ def _record(program: Program, expansion: Expansion, search: Factoring, results: 
         if index not in originals:
             node = program.nodes[index]
             if node.op is Op.INPUT:
-                port, element = node.value  # type: ignore[misc]
+                port, element = node.place
                 originals[index] = inputs[port][element]
             elif node.op is Op.CONST:
-                originals[index] = node.value  # type: ignore[assignment]
+                originals[index] = node.number
             else:
                 originals[index] = getattr(builder, node.op.value)(*(operand(arg) for arg in node.args))
             if index in program.labels:

@@ -11,7 +11,7 @@ goes on with everything there is now (the method of fast extraction from logic s
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from math import gcd
 from typing import Any
@@ -24,7 +24,8 @@ Ratio = tuple[int, int]
 Terms = dict[Monomial, Ratio]
 Double = tuple[Monomial, Monomial, Ratio]
 Single = tuple[int, int, Ratio]
-Occurrence = tuple[int, Monomial, Monomial, Monomial, Ratio]
+Place = tuple[int, Monomial]
+Pair = tuple[int, Monomial, Monomial]
 
 ONE: Ratio = (1, 1)
 NUMBER = -1
@@ -79,20 +80,31 @@ def without(monomial: Monomial, *literals: int) -> Monomial:
 
 
 class Factoring:
-    """The search. ``polynomials`` holds the given ones first, then the definitions of extracted literals."""
+    """The search. ``polynomials`` holds the given ones first, then the definitions of extracted literals.
+
+    Every pair of terms is looked at once, when the later of the two appears; what divisors gain is kept up to date.
+    """
 
     def __init__(self, polynomials: list[Polynomial], literals: int) -> None:
-        self._terms: list[Terms] = []
         self.count = len(polynomials)
         self.first = literals
         self.next = literals
-        self._doubles: dict[Double, dict[int, list[Occurrence]]] = {}
-        self._singles: dict[Single, dict[int, list[Monomial]]] = {}
+        self._terms: list[Terms] = []
+        self._doubles: dict[Double, dict[Pair, tuple[Monomial, Ratio]]] = {}
+        self._singles: dict[Single, dict[Place, None]] = {}
+        self._doubles_of: dict[Place, dict[tuple[Double, Pair], None]] = {}
         self._double_gains: dict[Double, float] = {}
         self._single_gains: dict[Single, float] = {}
-        self._keys: list[tuple[set[Double], set[Single]]] = []
+        self._touched_doubles: dict[Double, None] = {}
+        self._touched_singles: dict[Single, None] = {}
         for polynomial in polynomials:
-            self._append({m: (c.numerator, c.denominator) for m, c in polynomial.items()})
+            self._append({m: (c.numerator, c.denominator) for m, c in sorted(polynomial.items())})
+        self._update_gains()
+
+    @property
+    def polynomials(self) -> list[Polynomial]:
+        """The given polynomials as they are now, then the definitions of extracted literals."""
+        return [{m: Fraction(*c) for m, c in terms.items()} for terms in self._terms]
 
     def run(self) -> None:
         """Extract until nothing saves any more."""
@@ -107,87 +119,87 @@ class Factoring:
                 self._extract_double(double)
             elif single is not None:
                 self._extract_single(single)
+            self._update_gains()
 
-    @property
-    def polynomials(self) -> list[Polynomial]:
-        """The given polynomials as they are now, then the definitions of extracted literals."""
-        return [{m: Fraction(*c) for m, c in terms.items()} for terms in self._terms]
-
-    # -- candidates ----------------------------------------------------------------------------------------------
+    # -- terms and their divisors --------------------------------------------------------------------------------
 
     def _append(self, terms: Terms) -> None:
-        self._terms.append(terms)
-        self._keys.append((set(), set()))
-        self._scan([len(self._terms) - 1])
+        self._terms.append({})
+        for monomial, coefficient in terms.items():
+            self._insert(len(self._terms) - 1, monomial, coefficient)
 
-    def _scan(self, changed: Iterable[int]) -> None:
-        """Find the divisors of changed polynomials anew, and the gains of all divisors that this touches."""
-        ordered = sorted(changed)
-        doubles: set[Double] = set()
-        singles: set[Single] = set()
-        for k in ordered:
-            doubles |= self._keys[k][0]
-            singles |= self._keys[k][1]
-            for double in self._keys[k][0]:
-                self._doubles[double].pop(k)
-            for single in self._keys[k][1]:
-                self._singles[single].pop(k)
-        for k in ordered:
-            found = self._find(k)
-            self._keys[k] = (set(found[0]), set(found[1]))
-            doubles |= self._keys[k][0]
-            singles |= self._keys[k][1]
-            for double, places in found[0].items():
-                self._doubles.setdefault(double, {})[k] = places
-            for single, monomials in found[1].items():
-                self._singles.setdefault(single, {})[k] = monomials
-        for double in sorted(doubles):
-            self._set(self._double_gains, double, self._doubles, self._double_choice(double)[1])
-        for single in sorted(singles):
-            gain = sum(map(len, self._singles[single].values())) - 1.0
-            self._set(self._single_gains, single, self._singles, gain)
+    def _insert(self, k: int, x: Monomial, cx: Ratio) -> None:
+        """Add a term to polynomial k, and the divisors it makes with the terms there."""
+        place = (k, x)
+        found: dict[tuple[Double, Pair], None] = {}
+        for y, cy in self._terms[k].items():
+            first, second, c1, c2 = (x, y, cx, cy) if x < y else (y, x, cy, cx)
+            common, left, right = split_common(first, second)
+            ratio = divide(c2, c1)
+            if common or ratio in ((1, 1), (-1, 1)) or (left and right):
+                key, pair = (left, right, ratio), (k, first, second)
+                self._doubles.setdefault(key, {})[pair] = (common, c1)
+                self._touched_doubles[key] = None
+                found[key, pair] = None
+                self._doubles_of[k, y][key, pair] = None
+        self._doubles_of[place] = found
+        self._terms[k][x] = cx
+        for single in _pairs(x, cx):
+            self._singles.setdefault(single, {})[place] = None
+            self._touched_singles[single] = None
 
-    @staticmethod
-    def _set(gains: dict[Any, float], key: Any, places: dict[Any, Any], gain: float) -> None:
-        """Record a gain; forget divisors that are gone or save nothing."""
-        if not places[key]:
-            del places[key]
-        if gain > 0:
-            gains[key] = round(gain, 6)
-        else:
-            gains.pop(key, None)
+    def _remove(self, k: int, x: Monomial) -> Ratio:
+        """Take a term out of polynomial k, with its divisors; returns its coefficient."""
+        place = (k, x)
+        for key, pair in self._doubles_of.pop(place):
+            del self._doubles[key][pair]
+            self._touched_doubles[key] = None
+            other = pair[2] if pair[1] == x else pair[1]
+            del self._doubles_of[k, other][key, pair]
+        coefficient = self._terms[k].pop(x)
+        for single in _pairs(x, coefficient):
+            del self._singles[single][place]
+            self._touched_singles[single] = None
+        return coefficient
 
-    def _find(self, k: int) -> tuple[dict[Double, list[Occurrence]], dict[Single, list[Monomial]]]:
-        doubles: dict[Double, list[Occurrence]] = {}
-        singles: dict[Single, list[Monomial]] = {}
-        terms = sorted(self._terms[k].items())
-        for a, (x, cx) in enumerate(terms):
-            for key in _pairs(x, cx):
-                singles.setdefault(key, []).append(x)
-            for y, cy in terms[a + 1 :]:
-                common, left, right = split_common(x, y)
-                ratio = divide(cy, cx)
-                if common or ratio in ((1, 1), (-1, 1)) or (left and right):
-                    doubles.setdefault((left, right, ratio), []).append((k, x, y, common, cx))
-        return doubles, singles
+    def _accumulate(self, k: int, monomial: Monomial, coefficient: Ratio) -> None:
+        """Add to the coefficient of a term that may be there already."""
+        if monomial in self._terms[k]:
+            total = Fraction(*self._remove(k, monomial)) + Fraction(*coefficient)
+            coefficient = (total.numerator, total.denominator)
+        if coefficient[0]:
+            self._insert(k, monomial, coefficient)
 
-    def _double_choice(self, key: Double) -> tuple[list[Occurrence], float]:
+    # -- gains ---------------------------------------------------------------------------------------------------
+
+    def _update_gains(self) -> None:
+        for double in self._touched_doubles:
+            _keep(self._double_gains, double, self._choose(double)[1])
+            if not self._doubles[double]:
+                del self._doubles[double]
+        for single in self._touched_singles:
+            _keep(self._single_gains, single, len(self._singles[single]) - 1.0)
+            if not self._singles[single]:
+                del self._singles[single]
+        self._touched_doubles.clear()
+        self._touched_singles.clear()
+
+    def _choose(self, key: Double) -> tuple[list[tuple[Pair, Monomial, Ratio]], float]:
         """The disjoint occurrences of a divisor that pay, and what its extraction saves."""
         left, right, ratio = key
-        used: set[tuple[int, Monomial]] = set()
-        chosen: list[Occurrence] = []
+        used: set[Place] = set()
+        chosen: list[tuple[Pair, Monomial, Ratio]] = []
         gain = -(term_cost(left, ONE) + term_cost(right, ratio) + ADDITION)
-        for k in sorted(self._doubles[key]):
-            for place in self._doubles[key][k]:
-                _, x, y, common, cx = place
-                if (k, x) in used or (k, y) in used:
-                    continue
-                own = term_cost(x, cx) + term_cost(y, self._terms[k][y]) + ADDITION
-                saved = own - term_cost((*common, 0), cx)
-                if saved > 0:
-                    used.update(((k, x), (k, y)))
-                    chosen.append(place)
-                    gain += saved
+        for pair, (common, cx) in self._doubles[key].items():
+            k, x, y = pair
+            if (k, x) in used or (k, y) in used:
+                continue
+            own = term_cost(x, cx) + term_cost(y, self._terms[k][y]) + ADDITION
+            saved = own - term_cost((*common, 0), cx)
+            if saved > 0:
+                used.update(((k, x), (k, y)))
+                chosen.append((pair, common, cx))
+                gain += saved
         return chosen, gain
 
     # -- extraction ----------------------------------------------------------------------------------------------
@@ -198,33 +210,31 @@ class Factoring:
         self._append(terms)
         return literal
 
-    def _add(self, k: int, monomial: Monomial, coefficient: Ratio) -> None:
-        terms = self._terms[k]
-        total = Fraction(*terms.get(monomial, (0, 1))) + Fraction(*coefficient)
-        if total:
-            terms[monomial] = (total.numerator, total.denominator)
-        else:
-            terms.pop(monomial, None)
-
     def _extract_double(self, key: Double) -> None:
         left, right, ratio = key
-        places, _ = self._double_choice(key)
+        places, _ = self._choose(key)
         literal = self._define({left: ONE, right: ratio})
-        for k, x, y, common, cx in places:
-            del self._terms[k][x], self._terms[k][y]
-            self._add(k, tuple(sorted((*common, literal))), cx)
-        self._scan({place[0] for place in places})
+        for (k, x, y), common, cx in places:
+            self._remove(k, x)
+            self._remove(k, y)
+            self._accumulate(k, tuple(sorted((*common, literal))), cx)
 
     def _extract_single(self, key: Single) -> None:
         first, second, number = key
         product = (second,) if first == NUMBER else (first, second)
-        places = {k: list(monomials) for k, monomials in self._singles[key].items()}
+        places = list(self._singles[key])
         literal = self._define({product: number})
-        for k, monomials in places.items():
-            for monomial in monomials:
-                coefficient = divide(self._terms[k].pop(monomial), number)
-                self._add(k, tuple(sorted((*without(monomial, *product), literal))), coefficient)
-        self._scan(places)
+        for k, monomial in places:
+            coefficient = divide(self._remove(k, monomial), number)
+            self._accumulate(k, tuple(sorted((*without(monomial, *product), literal))), coefficient)
+
+
+def _keep(gains: dict[Any, float], key: Any, gain: float) -> None:
+    """Record a gain, or forget one that is none."""
+    if gain > 0:
+        gains[key] = round(gain, 6)
+    else:
+        gains.pop(key, None)
 
 
 def _pairs(x: Monomial, coefficient: Ratio) -> Iterator[Single]:

@@ -57,10 +57,13 @@ class Choice:
 
 
 def choices(ways: Sequence[Program]) -> list[Choice]:
-    """All ways worth trying; expanding everything gives the same from any recursion, so once is enough."""
-    result = []
-    for index, program in enumerate(ways):
-        result.append(Choice(index, None))
+    """All ways worth trying: the two cheapest recursions, and their expansions.
+
+    Expanding everything gives the same from any recursion, so once is enough.
+    """
+    result = [Choice(index, None) for index in range(len(ways))]
+    for index in sorted(range(len(ways)), key=lambda k: cost(ways[k]))[:2]:
+        program = ways[index]
         small = count_operations(program).total <= SMALL
         for cutting in Cutting if small else (Cutting.LOCAL,):
             if index == 0 or cutting is not Cutting.NOTHING:
