@@ -9,9 +9,10 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.errors import InputError
 from rrrgen.identify.columns import Array
@@ -102,28 +103,88 @@ class _ArrayTable:
 
 
 class NpyTable(_ArrayTable):
-    """One array in a .npy file, mapped into memory; its columns are named by their numbers from 1, or ``data[k]``."""
+    """One array in a .npy file, read piece by piece; its columns are named by their numbers from 1, or ``data[k]``.
+
+    The file is not mapped into memory: it may be larger than the address space that the process is allowed.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.data = _numpy(path, lambda: np.load(path, mmap_mode="r", allow_pickle=False))
+        with path.open("rb") as stream:
+            self.data = _numpy(path, lambda: _ArrayFile(path, stream))
         if self.data.dtype.names:
             self.columns = tuple(self.data.dtype.names)
         else:
-            width = 1 if self.data.ndim < 2 else min(self.data.shape)
+            width = 1 if len(self.data.shape) < 2 else min(self.data.shape)
             self.columns = tuple(str(i + 1) for i in range(width))
 
     def array(self, name: str) -> Any:
-        """A field of a record array, a numbered column, or the array itself as ``data``."""
+        """The array as ``data``."""
+        return self.data if name == "data" and not self.data.dtype.names else None
+
+    def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
+        """Blocks of the wanted columns."""
         if self.data.dtype.names:
-            return self.data[name] if name in self.columns else None
-        if name == "data":
-            return self.data
-        if name in self.columns:
-            axis = 0 if self.data.ndim < 2 or self.data.shape[0] > self.data.shape[1] else 1
-            flat = self.data if self.data.ndim < 2 else np.moveaxis(self.data, axis, 0)[:, int(name) - 1]
-            return flat
-        return None
+            places = [self.columns[named_column(self.path, name, self.columns)] for name in wanted]
+            for start in range(0, self.data.shape[0], size):
+                piece = self.data.rows(start, size)
+                yield np.column_stack([piece[place].astype(float) for place in places])
+            return
+        if len(self.data.shape) == 2 and self.data.shape[0] == self.data.shape[1]:
+            raise table_fault(self.path, "the array is square: which axis is time?")
+        numbers = [self._number(name) for name in wanted]
+        by_rows = len(self.data.shape) < 2 or self.data.shape[0] > self.data.shape[1]
+        length = self.data.shape[0] if by_rows else self.data.shape[1]
+        for start in range(0, length, size):
+            if by_rows:
+                piece = self.data.rows(start, size).reshape(min(size, length - start), -1)
+                yield piece[:, numbers].astype(float)
+            else:
+                yield np.column_stack([self.data.row_part(k, start, size) for k in numbers])
+
+    def _number(self, name: str | int) -> int:
+        base, index = indexed_name(str(name))
+        if index is None:
+            return named_column(self.path, int(base) if base.isdecimal() else base, self.columns)
+        if base != "data" or index >= len(self.columns):
+            raise unknown_column(self.path, name, self.columns)
+        return index
+
+
+class _ArrayFile:
+    """An array of one or two dimensions in a .npy file, of which pieces are read."""
+
+    def __init__(self, path: Path, stream: BinaryIO) -> None:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        self.shape, self.fortran, self.dtype = read(stream)
+        self.path, self.offset = path, stream.tell()
+        if self.dtype.hasobject or len(self.shape) not in (1, 2):
+            raise ValueError("not an array of numbers of one or two dimensions")
+
+    def rows(self, start: int, count: int) -> NDArray[Any]:
+        """``count`` rows from ``start`` on."""
+        count = min(count, self.shape[0] - start)
+        width = self.shape[1] if len(self.shape) == 2 else 1
+        if self.fortran and width > 1:
+            return np.column_stack([self._piece(k * self.shape[0] + start, count) for k in range(width)])
+        return self._piece(start * width, count * width).reshape((count, *self.shape[1:]))
+
+    def row_part(self, row: int, start: int, count: int) -> NDArray[Any]:
+        """Part of one row of an array of two dimensions."""
+        count = min(count, self.shape[1] - start)
+        if not self.fortran:
+            return self._piece(row * self.shape[1] + start, count).astype(float)
+        height = self.shape[0]
+        return self._piece(start * height, count * height).reshape(count, height)[:, row].astype(float)
+
+    def _piece(self, first: int, count: int) -> NDArray[Any]:
+        with self.path.open("rb") as stream:
+            stream.seek(self.offset + first * self.dtype.itemsize)
+            found = np.fromfile(stream, self.dtype, count)
+        if len(found) < count:
+            raise table_fault(self.path, "the file is shorter than its header says", "was it copied completely?")
+        return found
 
 
 class NpzTable(_ArrayTable):

@@ -200,7 +200,7 @@ def score(factors: JointFactors, theta: Array) -> dict[str, Any]:
     }
 
 
-def rows_in_memory(blocks: Iterable[Rows], limit: int = 400_000_000) -> Iterable[Rows]:
+def rows_in_memory(blocks: Iterable[Rows], limit: int = 64_000_000) -> Iterable[Rows]:
     """The blocks in a list if they fit into ``limit`` bytes, else as they were, to be computed again every time."""
     kept: list[Rows] = []
     size = 0

@@ -131,7 +131,7 @@ def identify(
     chosen = parametrise(regressor, options.fixed, options.fixed_standard, options.seed)
     tell(0, 0, f"{chosen.structure.rank} identifiable parameters")
     processing = tuned(processing, recordings)
-    maker = RowMaker(regressor, processing, options.known)
+    maker = RowMaker(regressor, processing, len(regressor.columns), options.known)
     observations = Observations(tuple(recordings), maker)
     factors = factor_recordings(
         observations,

@@ -20,7 +20,8 @@ from rrrgen.identify.processing import Processing
 from rrrgen.identify.reconstruction import Reconstruction, Reconstructor
 from rrrgen.identify.tsqr import Rows
 
-BLOCK = 10_000  # samples whose regressor is held at a time
+BLOCK_BYTES = 16_000_000  # of the regressor that is held at a time
+SHORTEST_BLOCK = 500  # samples
 TUNING_SAMPLES = 50_000
 
 Regressor = Callable[[Array, Array, Array], Array]
@@ -42,7 +43,7 @@ class Recording(Protocol):
 
 @dataclass(frozen=True)
 class RowMaker:
-    """Makes rows of recorded samples: ``regressor(q, dq, ddq)`` gives W (N, n, p).
+    """Makes rows of recorded samples: ``regressor(q, dq, ddq)`` gives W (N, n, p) with p = ``columns``.
 
     ``known`` is a torque that is subtracted from the measured one before anything else, (14.19): friction that is known
     already.
@@ -50,6 +51,7 @@ class RowMaker:
 
     regressor: Regressor
     processing: Processing
+    columns: int
     known: KnownTorque | None = None
 
     def memory(self, period: float) -> int:
@@ -64,8 +66,9 @@ class RowMaker:
         motion = reconstruct(part, self.processing)
         tau = part.tau if self.known is None else part.tau - self.known(motion)
         decimate = Decimator(self.processing.decimate)
-        for start in range(window.start, window.stop, BLOCK):
-            stop = min(start + BLOCK, window.stop)
+        block = max(SHORTEST_BLOCK, decimate.memory, BLOCK_BYTES // (8 * part.q.shape[1] * self.columns))
+        for start in range(window.start, window.stop, block):
+            stop = min(start + block, window.stop)
             lo, hi = max(0, start - decimate.memory), min(len(part), stop + decimate.memory)
             kept = _kept(decimate, part.first + lo, start - lo, stop - lo, hi - lo)
             rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept)

@@ -245,7 +245,7 @@ def correlated_covariance(
         scores = np.vstack([tail, np.einsum("kj,kjp->kp", residual, rows.W) @ project])
         segment = np.concatenate([tail_segment, rows.segment])
         old = len(tail)
-        for lag in range(lags + 1):
+        for lag in range(min(lags, len(scores) - 1) + 1):
             first = max(old, lag)
             same = segment[first:] == segment[first - lag : len(segment) - lag]
             G = (scores[first:] * same[:, None]).T @ scores[first - lag : len(scores) - lag]

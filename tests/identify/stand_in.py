@@ -182,9 +182,8 @@ def _independent_columns(W: np.ndarray, tolerance: float = 1e-9) -> tuple[list[i
 
 
 def _combination(names: list[str], row: np.ndarray) -> str:
-    terms = [
-        f"{c:+.6g}*{n}" if abs(abs(c) - 1) > 1e-9 else f"{'+' if c > 0 else '-'}{n}" for n, c in zip(names, row) if c
-    ]
+    chosen = [(name, c) for name, c in zip(names, row, strict=True) if c]
+    terms = [f"{c:+.6g}*{n}" if abs(abs(c) - 1) > 1e-9 else f"{'+' if c > 0 else '-'}{n}" for n, c in chosen]
     return " ".join(terms).removeprefix("+")
 
 
