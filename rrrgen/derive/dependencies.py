@@ -7,7 +7,7 @@ constants of the geometry, and checked at independent states.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from random import Random
 from typing import Any
@@ -26,6 +26,9 @@ STATES = 10
 """States sampled. The columns of the first k links have at least k rows per state and at most 7 k columns."""
 
 CHECK_STATES = 3
+
+ROUNDS = 30
+"""Attempts, of :data:`STATES` states each, to find plain rows; one is enough as a rule."""
 
 
 @dataclass(frozen=True)
@@ -71,27 +74,59 @@ def _solve(
     """Exact factors of the relation between ``parameter`` and the columns of its ``support``."""
     if not support:
         return {}
-    random = Random(seed)
     field = ring.ring.to_field()
-    rows: list[list[Any]] = []
-    while len(rows) < len(support):
-        chain, dq, ddq = _rational_state(model, ring, random)
-        for row in regressor(chain, dq, ddq, [*support, parameter]):
-            trial = [*rows, [field(_poly(ring, v)) for v in row]]
-            if any(trial[-1]) and _independent([r[:-1] for r in trial], field):
-                rows = trial
-            if len(rows) == len(support):
-                break
-    A = DomainMatrix([r[:-1] for r in rows], (len(rows), len(support)), field.to_domain())
-    b = DomainMatrix([[r[-1]] for r in rows], (len(rows), 1), field.to_domain())
+    rows = _plain_rows(model, ring, [*support, parameter], seed)
+    elements = [[field(_poly(ring, v)) for v in row] for row in rows]
+    A = DomainMatrix([r[:-1] for r in elements], (len(rows), len(support)), field.to_domain())
+    b = DomainMatrix([r[-1:] for r in elements], (len(rows), 1), field.to_domain())
     solution = A.lu_solve(b).to_list_flat()
     return {keeper: _canonical(ring, value) for keeper, value in zip(support, solution, strict=True)}
 
 
+def _plain_rows(model: RobotModel, ring: PolynomialRing, columns: list[Parameter], seed: int) -> list[list[Any]]:
+    """Rows of the regressor whose entries in all ``columns`` but the last are independent, and as plain as can be.
+
+    Independence is judged on images in the finite field: sines and cosines of one constant angle are not independent
+    of each other, so polynomials in them that differ may be the same number. Plain rows (numbers instead of polynomials
+    in the constants) keep the factors free of needless denominators.
+    """
+    random, constants = Random(seed), ResidueConstants(seed)
+    images = [Residue.of(constants(generator)) for generator in ring.generators]
+    pool: list[list[Any]] = []
+    for _ in range(ROUNDS):
+        for _ in range(STATES):
+            chain, dq, ddq = _rational_state(model, ring, random, 1 + max(i for i, _ in columns))
+            pool += [row for row in regressor(chain, dq, ddq, columns) if any(row[:-1])]
+        pool.sort(key=_terms)
+        mapped = [[_image(v, images).value for v in row[:-1]] for row in pool]
+        _, chosen = row_echelon([list(column) for column in zip(*mapped, strict=True)])
+        if len(chosen) == len(columns) - 1:
+            return [pool[k] for k in chosen]
+    raise InternalError(f"no states found at which the columns {columns[:-1]} are independent")
+
+
+def _terms(row: list[Any]) -> tuple[int, int]:
+    """Terms that are not plain numbers: before the last entry, and in it."""
+    counts = [len(v.poly) if isinstance(v, Polynomial) else 0 for v in row]
+    return sum(counts[:-1]), counts[-1]
+
+
+def _image(value: Any, images: list[Residue]) -> Residue:
+    """A polynomial in the finite field, its generators at ``images``."""
+    if not isinstance(value, Polynomial):
+        return Residue.of(value)
+    total = 0
+    for powers, coefficient in value.poly.terms():
+        term = Residue.of(Fraction(int(coefficient.numerator), int(coefficient.denominator))).value
+        for image, power in zip(images, powers, strict=False):
+            term = term * pow(image.value, power, PRIME) % PRIME
+        total += term
+    return Residue(total)
+
+
 def _canonical(ring: PolynomialRing, value: Any) -> sp.Expr:
     """A quotient of polynomials with a denominator free of sines and roots (times its conjugates), in lowest terms."""
-    numerator: Any = Polynomial(ring, value.numer) * 1
-    denominator: Any = Polynomial(ring, value.denom) * 1
+    numerator, denominator = ring.element(value.numer), ring.element(value.denom)
     for conjugate in ring.conjugations():
         if isinstance(denominator, Polynomial):
             other = conjugate(denominator)
@@ -104,10 +139,6 @@ def _canonical(ring: PolynomialRing, value: Any) -> sp.Expr:
     return to_expression(Polynomial(ring, lowest.numer)) / to_expression(Polynomial(ring, lowest.denom))
 
 
-def _independent(rows: list[list[Any]], field: Any) -> bool:
-    return int(DomainMatrix(rows, (len(rows), len(rows[0])), field.to_domain()).rank()) == len(rows)
-
-
 def _poly(ring: PolynomialRing, value: Any) -> Any:
     if isinstance(value, Polynomial):
         return value.poly
@@ -115,12 +146,16 @@ def _poly(ring: PolynomialRing, value: Any) -> Any:
     return ring.ring(sp.QQ(value.numerator, value.denominator))
 
 
-def _rational_state(model: RobotModel, ring: PolynomialRing, random: Random) -> tuple[Chain, list[Any], list[Any]]:
-    """A state with small rational sines and cosines, and the exact geometry."""
-    n = model.n
+def _rational_state(
+    model: RobotModel, ring: PolynomialRing, random: Random, joints: int
+) -> tuple[Chain, list[Any], list[Any]]:
+    """A state of the first ``joints`` joints with small rational sines and cosines, and the exact geometry.
+
+    Half of all angles, slides, rates and accelerations are zero.
+    """
     points = []
-    for _ in range(n):
-        t = Fraction(random.randint(1, 9), random.randint(1, 9))
+    for _ in range(joints):
+        t = Fraction(random.choice((0, 1)) * random.randint(1, 9), random.randint(1, 9))
         points.append(((1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)))
 
     def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:
@@ -129,8 +164,11 @@ def _rational_state(model: RobotModel, ring: PolynomialRing, random: Random) -> 
             c, s = c * points[i][0] - s * points[i][1], s * points[i][0] + c * points[i][1]
         return c, s
 
-    numbers = [[Fraction(random.randint(-9, 9) or 1) for _ in range(n)] for _ in range(3)]
-    return build_chain(model, ring.convert, trig, numbers[0]), numbers[1], numbers[2]
+    def numbers() -> list[Fraction]:
+        return [Fraction(random.choice((0, 1)) * random.randint(-9, 9)) for _ in range(joints)]
+
+    part = replace(model, joints=model.joints[:joints], link_frames=model.link_frames[:joints])
+    return build_chain(part, ring.convert, trig, numbers()), numbers(), numbers()
 
 
 def _check(

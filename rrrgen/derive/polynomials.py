@@ -47,6 +47,10 @@ class PolynomialRing:
         value = Fraction(value)
         return Polynomial(self, self.ring(sp.QQ(value.numerator, value.denominator)))
 
+    def element(self, poly: PolyElement) -> Any:
+        """A polynomial of :attr:`ring` in its normal form; numbers become plain fractions."""
+        return self.number(0) + Polynomial(self, self.reduce(poly))
+
     def convert(self, expression: sp.Expr) -> Any:
         """An exact SymPy expression as an element; rationals stay plain fractions."""
         if expression.is_Rational:
