@@ -121,6 +121,13 @@ def test_constants_beyond_a_double_are_refused(value):
         decimal(value)
 
 
+@pytest.mark.parametrize("value", [Fraction(10) ** 39, Fraction(-1, 10**39)])
+def test_constants_beyond_a_float_are_refused_in_single_precision(value):
+    assert float(DIALECT.literal(value).removeprefix("(t_real)")) == float(value)
+    with pytest.raises(BackendError, match="does not fit a float"):
+        Dialect("t", "float").literal(value)
+
+
 def planar() -> Program:
     b = Builder()
     q = b.input(Port("q", (3,)))

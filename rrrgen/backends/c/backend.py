@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.selftest import selftest
 from rrrgen.backends.c.sources import header_and_source
+from rrrgen.backends.c.trigonometry import Trig, sincos_strategy
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
 
 
+@dataclass(frozen=True)
 class CBackend:
-    """Prints header, source and self-test."""
+    """Prints header, source and self-test; ``trig`` says where sines and cosines come from."""
 
-    name = "c"
+    trig: Trig = "inline"
+    name: ClassVar[str] = "c"
 
     def files(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
         """``<name>.h``, ``<name>.c`` and ``<name>_selftest.c``."""
         dialect = Dialect(model.spec.name, real)
-        return {**header_and_source(model, identity, dialect), **selftest(model, identity, dialect)}
+        return {
+            **header_and_source(model, identity, dialect, sincos_strategy(self.trig)),
+            **selftest(model, identity, dialect),
+        }

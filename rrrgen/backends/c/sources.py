@@ -64,7 +64,7 @@ def header_and_source(
         "status": any(has_status(program) for program in programs.values()),
         "functions": print_functions(programs, dialect, sincos),
     }
-    opening = _opening(model, identity, dialect)
+    opening = _opening(model, identity, dialect, sincos)
     header = render("c/header.h.j2", **values, opening=opening, n=model.spec.n, b=len(model.base_parameters))
     source = render("c/source.c.j2", **values, preamble=sincos.preamble(dialect))
     return {f"{dialect.prefix}.h": header, f"{dialect.prefix}.c": source}
@@ -100,7 +100,7 @@ def _number(value: sp.Expr) -> str:
     return decimal(Fraction(int(value.p), int(value.q))) if value.is_Rational else plain(str(value))
 
 
-def _opening(model: DerivedModel, identity: Identity, dialect: Dialect) -> list[str]:
+def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: SinCos) -> list[str]:
     """The first comment of the header: what this is, the conventions, the rules, the base parameters."""
     spec, macro = model.spec, dialect.macro
     structure = " ".join("R" if joint.is_revolute else "P" for joint in spec.joints)
@@ -121,6 +121,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect) -> list[
             "base = before the first joint and the fixed base transform, link i = frame i, tip = after the tool",
         ),
         ("Precision", f"{dialect.real}; the typedef {dialect.real_type} is the only switch"),
+        ("Sine, cosine", sincos.description(dialect)),
     ]
     lines += [*columns(facts, indent=""), ""]
     lines += wrapped(
