@@ -15,6 +15,7 @@ from typing import Any
 import sympy as sp
 
 from rrrgen.derive.finite_field import PRIME, Residue, square_root
+from rrrgen.derive.polynomials import root_factors
 from rrrgen.derive.vectors import Matrix, Vector
 from rrrgen.errors import DerivationError
 from rrrgen.model import RobotModel, cosine_sine
@@ -160,8 +161,9 @@ def symbolic_constant(builder: Builder, generators: Sequence[sp.Expr]) -> Callab
             return inputs[expression]
         if expression.is_Pow and expression.exp.is_Integer and expression.exp > 0:
             return builder.mul(constant(expression.base), constant(expression.base ** (expression.exp - 1)))
+        parts = root_factors(expression) or expression.args
         total: Value = 0 if expression.is_Add else 1
-        for part in expression.args:
+        for part in parts:
             total = builder.add(total, constant(part)) if expression.is_Add else builder.mul(total, constant(part))
         return total
 
@@ -304,8 +306,8 @@ def _collect(
         _collect(expression.base, symbols, angles, roots, others)
     elif isinstance(expression, (sp.cos, sp.sin)):
         angles.add(expression.args[0])
-    elif expression.is_Pow and expression.exp == sp.Rational(1, 2) and expression.base.is_Rational:
-        roots.add(expression)
+    elif factors := root_factors(expression):
+        roots.update(factors)
     else:
         others.add(expression)
 

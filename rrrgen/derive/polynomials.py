@@ -18,7 +18,7 @@ from sympy.polys.rings import PolyElement, ring
 class PolynomialRing:
     """Q[generators] modulo the squares of sines and roots.
 
-    ``symbols`` are free; ``pairs`` are (cosine, sine) expressions of an angle; ``roots`` square roots of rationals.
+    ``symbols`` are free; ``pairs`` are (cosine, sine) expressions of an angle; ``roots`` square roots of primes.
     """
 
     def __init__(
@@ -69,6 +69,8 @@ class PolynomialRing:
             for _ in range(int(expression.exp) - 1):
                 result = result * base
             return result
+        if len(roots := root_factors(expression)) > 1:
+            return self.convert(sp.Mul(*roots, evaluate=False))
         raise KeyError(expression)
 
     def conjugations(self) -> list[Callable[[Polynomial], Polynomial]]:
@@ -176,6 +178,16 @@ class Polynomial:
 
 
 Operand = Polynomial | int | Fraction
+
+
+def root_factors(expression: sp.Expr) -> list[sp.Expr]:
+    """``[sqrt(2), sqrt(3)]`` for sqrt(6): the roots of primes that a square root is made of, else an empty list.
+
+    Roots of different primes have no relation but their squares, while sqrt(6) = sqrt(2) sqrt(3) would be one more.
+    """
+    if not (expression.is_Pow and expression.exp == sp.Rational(1, 2) and expression.base.is_Rational):
+        return []
+    return [sp.sqrt(prime) for prime in sp.factorint(expression.base, limit=2**15)]
 
 
 def to_expression(value: Operand) -> sp.Expr:
