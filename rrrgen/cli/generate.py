@@ -12,6 +12,7 @@ from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, re
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
+    from rrrgen.backends.c.trigonometry import Trig
     from rrrgen.derive.derived_model import DerivedModel
 
 
@@ -21,6 +22,13 @@ if TYPE_CHECKING:
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Directory to write.", metavar="DIR"
 )
 @real_option
+@click.option(
+    "--trig",
+    type=click.Choice(["inline", "libm"]),
+    default="inline",
+    show_default=True,
+    help="Sines and cosines from a kernel in the emitted code, or from the C library.",
+)
 @click.option(
     "--check", "only_check", is_flag=True, help="Write nothing; print a diff and exit with 1 if DIR would change."
 )
@@ -32,7 +40,14 @@ if TYPE_CHECKING:
 @json_option
 @click.option("-v", "--verbose", is_flag=True, help="Say what each step did, on stderr.")
 def generate(
-    robot: str, output: Path, real: Real, only_check: bool, casadi_files: bool, as_json: bool, verbose: bool
+    robot: str,
+    output: Path,
+    real: Real,
+    trig: Trig,
+    only_check: bool,
+    casadi_files: bool,
+    as_json: bool,
+    verbose: bool,
 ) -> int:
     """Derive a robot's kinematics and dynamics and write them as C and CasADi.
 
@@ -51,7 +66,7 @@ def generate(
     model = pipeline.derive(read_with_warnings(robot))
     if verbose:
         _report_passes(model)
-    files = pipeline.emit(model, real, casadi_files and not only_check and _has_casadi())
+    files = pipeline.emit(model, real, casadi_files and not only_check and _has_casadi(), trig)
     if only_check:
         diff = emit.differences(files, output)
         if as_json:

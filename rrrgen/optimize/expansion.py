@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from rrrgen.optimize.factoring import Factoring, Monomial, Polynomial
 from rrrgen.program import Builder, Op, Program, Value
-from rrrgen.program.ir import Node
+from rrrgen.program.ir import Node, settled
 
 MAX_TERMS = 100
 """Longest polynomial that is worth a search: its pairs of terms are what the search looks at."""
@@ -204,7 +204,7 @@ def _stages(program: Program) -> list[int]:
 
 
 def _accumulate(total: Polynomial, monomial: Monomial, coefficient: Fraction) -> None:
-    value = total.get(monomial, Fraction(0)) + coefficient
+    value = settled(total.get(monomial, Fraction(0)) + coefficient)
     if value:
         total[monomial] = value
     else:

@@ -21,6 +21,16 @@ from typing import NamedTuple, cast
 from rrrgen.errors import InternalError
 
 
+NEGLIGIBLE = Fraction(1, 10**30)
+"""Constants smaller than this are what is left where irrational constants (given to 40 digits) cancel: zero."""
+
+
+def settled(value: Fraction | int) -> Fraction:
+    """A constant, with the remains of cancelled irrational ones taken as zero."""
+    value = Fraction(value)
+    return Fraction(0) if abs(value) < NEGLIGIBLE else value
+
+
 class Op(Enum):
     """The operations a program is made of; ``arity`` operands each."""
 
@@ -252,9 +262,9 @@ class Builder:
         if not isinstance(x, Scalar):
             x, y = y, x
         if not isinstance(x, Scalar):
-            return Fraction(x) + Fraction(y)  # type: ignore[arg-type]
+            return settled(Fraction(x) + Fraction(y))  # type: ignore[arg-type]
         if not isinstance(y, Scalar):
-            if y == 0:
+            if abs(y) < NEGLIGIBLE:
                 return x
             minus = self._negated(x)
             return self.sub(y, minus) if minus is not None else self._binary(Op.ADD, x, y)
@@ -273,13 +283,15 @@ class Builder:
     def sub(self, x: Value, y: Value) -> Value:
         """x - y."""
         if not isinstance(x, Scalar) and not isinstance(y, Scalar):
-            return Fraction(x) - Fraction(y)
+            return settled(Fraction(x) - Fraction(y))
         if not isinstance(y, Scalar):
-            return self.add(x, -Fraction(y)) if y < 0 and y != 0 else (x if y == 0 else self._subtract(x, y))
+            if abs(y) < NEGLIGIBLE:
+                return x
+            return self.add(x, -Fraction(y)) if y < 0 else self._subtract(x, y)
         if (minus := self._negated(y)) is not None:
             return self.add(x, minus)
         if not isinstance(x, Scalar):
-            return self.neg(y) if x == 0 else self._subtract(x, y)
+            return self.neg(y) if abs(x) < NEGLIGIBLE else self._subtract(x, y)
         if x.index == y.index:
             return 0
         node = self._op(x)
@@ -310,10 +322,10 @@ class Builder:
         return product if (minus_x is None) == (minus_y is None) else self.neg(product)
 
     def _scale(self, factor: Fraction, x: Scalar) -> Value:
-        if factor == 0:
-            return 0
         own, x = self._scaled(x)
         factor *= own
+        if abs(factor) < NEGLIGIBLE:
+            return 0
         if factor == 1:
             return x
         if factor == -1:
