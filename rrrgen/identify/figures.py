@@ -9,12 +9,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def new_figure(rows: int, columns: int, height: float, width: float = 7.0, **options: Any) -> tuple[Figure, Any]:
-    """A figure outside pyplot's global state with a flat array of ``rows*columns`` axes; size in inches."""
+def new_figure(
+    rows: int, columns: int, height: float, width: float = 7.0, layout: Any = "constrained", **options: Any
+) -> tuple[Figure, Any]:
+    """A figure outside pyplot's global state with a flat array of ``rows*columns`` axes; size in inches.
+
+    ``layout`` is matplotlib's; "none" leaves the axes where they are put.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     return figure, axes.ravel()
@@ -36,6 +41,9 @@ def save_figure(figure: Figure, stem: Path) -> list[Path]:
     stem.parent.mkdir(parents=True, exist_ok=True)
     paths = [stem.with_name(stem.name + suffix) for suffix in (".svg", ".png")]
     with matplotlib.rc_context({"svg.hashsalt": "rrrgen", "svg.fonttype": "none"}):
+        if figure.get_layout_engine() is not None:  # arranging the axes is the slow part: once for both files
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")
         figure.savefig(paths[0], metadata={"Date": None, "Creator": None})
         figure.savefig(paths[1], dpi=120, metadata={"Software": None})
     return paths

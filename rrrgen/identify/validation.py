@@ -19,9 +19,13 @@ from rrrgen.identify.decimation import Decimator
 from rrrgen.identify.observations import Observations, Recording, RowMaker, tuned
 from rrrgen.identify.processing import Processing
 from rrrgen.identify.statistics import relative_error, rms
+from rrrgen.identify.tsqr import Rows
 
 TorqueModel = Callable[[Array, Array, Array], Array]
 """Motion (q, dq, ddq), (N, n) each, to joint torques (N, n)."""
+
+MAIN_LOBE = 2
+"""Decimated samples on either side with which the decimation filter mixes a sample."""
 
 Label = Literal["held-out data", "partly its own data", "its own data"]
 
@@ -151,9 +155,10 @@ def validate_recordings(
 ) -> Validation:
     """Score ``torque_model`` on recordings, made ready exactly as for identification.
 
-    The motion is reconstructed, and the model's torque passes the same decimation filter as the measured one; samples
-    below the lowest speed or with invalid torque are left out. ``noise`` (n,) is the standard deviation of the
-    *recorded* torque; what the filter leaves of it is known. ``options`` are those of score_torques.
+    The motion is reconstructed, and the model's torque passes the same decimation filter as the measured one. Samples
+    below the lowest speed or with invalid torque are left out, and those next to them that the filter mixes with them.
+    ``noise`` (n,) is the standard deviation of the *recorded* torque; what the filter leaves of it is known.
+    ``options`` are those of score_torques.
     """
 
     def as_column(q: Array, dq: Array, ddq: Array) -> Array:
@@ -166,11 +171,23 @@ def validate_recordings(
         np.concatenate([rows.t for rows in blocks]),
         np.concatenate([rows.tau for rows in blocks]),
         np.concatenate([rows.W[..., 0] for rows in blocks]),
-        used=np.concatenate([rows.use for rows in blocks]),
+        used=_undisturbed(blocks, chosen.decimate),
         joints=recordings[0].joints,
         noise=left,
         **options,
     )
+
+
+def _undisturbed(blocks: Sequence[Rows], decimate: int) -> NDArray[np.bool_]:
+    """The samples to score: those in use whose neighbours within the filter's main lobe are in use too."""
+    use = np.concatenate([rows.use for rows in blocks])
+    segment = np.concatenate([rows.segment for rows in blocks])
+    kept = use.copy()
+    for shift in range(1, 1 + (MAIN_LOBE if decimate > 1 else 0)):
+        together = (segment[shift:] == segment[:-shift])[:, None]
+        kept[shift:] &= use[:-shift] | ~together
+        kept[:-shift] &= use[shift:] | ~together
+    return kept
 
 
 def noise_gain(decimate: int) -> float:

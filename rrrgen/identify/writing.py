@@ -184,6 +184,22 @@ def _newton(model: Any, q: Array, target: Array, tolerance: float, iterations: i
     raise DerivationError(f"no joint position was found for the tip at {np.round(target, 4).tolist()} m")
 
 
+def solver_inverse_kinematics(
+    solver: Any, start: ArrayLike, revolute: Sequence[bool] | None = None
+) -> InverseKinematics:
+    """Closed-form inverse kinematics along a path, on the branch whose first solution is nearest to ``start`` (n,).
+
+    ``solver`` is a position solver of :mod:`rrrgen.ik`, with ``solve_batch(positions) -> q, counts``.
+    """
+
+    def solve(positions: Array) -> Array:
+        batch = solver.solve_batch(positions, limits=False)
+        valid = np.arange(batch.q.shape[1]) < np.asarray(batch.counts)[:, None]
+        return follow_branch(batch.q, valid, start, revolute)
+
+    return solve
+
+
 def follow_branch(
     solutions: Array,
     valid: NDArray[np.bool_],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -35,11 +36,18 @@ def write_recording(
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["t", *(f"q_{name}" for name in joints), *(f"tau_{name}" for name in joints)])
     writer.writerows(np.column_stack([recording.t, recording.q, recording.tau]).tolist())
-    log.write_text(text.getvalue(), encoding="utf-8", newline="\n")
+    _write(log, text.getvalue())
     kinds = list(prismatic) if prismatic is not None else [False] * n
     limits = None if instruments is None else instruments.torque_limit
-    mapping.write_text(_mapping_text(stem, joints, kinds, limits), encoding="utf-8", newline="\n")
+    _write(mapping, _mapping_text(stem, joints, kinds, limits))
     return log, mapping
+
+
+def _write(path: Path, text: str) -> None:
+    """Write ``text`` so that the file is either complete or absent."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8", newline="\n")
+    os.replace(part, path)
 
 
 def _mapping_text(stem: str, joints: Sequence[str], prismatic: Sequence[bool], limits: Sequence[float] | None) -> str:
