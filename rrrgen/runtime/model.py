@@ -191,6 +191,18 @@ class Model:
             raise ValueError("this model was made without its derivation; use rrrgen.compile")
         return self._closed_form(name)
 
+    def casadi_function(self, name: str, smooth_sign: float | None = None) -> Any:
+        """Function ``name`` as a ``casadi.Function`` over SX, with exact derivatives, for optimisation.
+
+        Inputs and outputs carry the names of the ports; base parameters are an input where the function takes them.
+        ``smooth_sign`` = eps > 0 replaces sgn(x) by tanh(x / eps). Raises BuildError without CasADi.
+        """
+        if name not in self.derived.programs:
+            raise ValueError(f"no function '{name}'; there are {', '.join(sorted(self.derived.programs))}")
+        from rrrgen.backends.casadi import function
+
+        return function(self.derived.programs[name], name, smooth_sign)
+
     def bind(self, name: str, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None) -> BoundFunction:
         """Function ``name`` with preallocated buffers for one state, for control loops.
 
