@@ -16,10 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from rrrgen.errors import BuildError
-from rrrgen.runtime.cache import cache_directory, digest
+from rrrgen.runtime.cache import cache_directory, digest, prune, touch
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC")
 """No contraction to fused multiply-adds: results then do not depend on the processor."""
+
+NATIVE = ("-march=native", "-Wno-psabi")
+"""For this processor: packs of states then fill its widest registers. Its features become part of the cache's key."""
 
 _loaded: dict[str, tuple[Any, Any]] = {}
 
@@ -35,13 +38,18 @@ def build_extension(
     """
     compiler = find_compiler()
     identity = [sys.implementation.cache_tag, platform.machine(), _cffi_version(), *compiler, _stamp(compiler[0])]
+    if "-march=native" in flags:
+        identity.append(_processor())
     contents = [text for name in sorted(sources) for text in (name, sources[name])]
     key = digest(*identity, *FLAGS, *flags, cdef, *contents)
     if key not in _loaded:
         module = f"_rrrgen_{key[:24]}"
         path = cache_directory() / f"{module_key}-{key[:24]}.so"
-        if not path.exists():
+        if path.exists():
+            touch(path)
+        else:
             _build(path, module, sources, cdef, [*compiler, *FLAGS, *flags])
+            prune()
         _loaded[key] = _load(path, module)
     return _loaded[key]
 
@@ -121,6 +129,15 @@ def _load(path: Path, module: str) -> tuple[Any, Any]:
         path.unlink(missing_ok=True)  # a damaged file must not stay in the way of the next build
         raise BuildError(f"the built extension cannot be loaded: {error}; it was removed, please try again") from error
     return extension.ffi, extension.lib
+
+
+def _processor() -> str:
+    """The features of this processor, as far as the system tells them."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return f"{platform.machine()} {platform.processor()}"
+    return next((line for line in lines if line.startswith(("flags", "Features"))), "")
 
 
 def _cffi_version() -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import sys
@@ -33,6 +34,29 @@ def _wanted_directory() -> Path:
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches" / "rrrgen"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache").expanduser().absolute() / "rrrgen"
+
+
+def prune(most: int = 500) -> None:
+    """Forget the results that were not used for longest when there are more than ``most``."""
+    entries = [path for path in cache_directory().iterdir() if path.is_file()]
+    if len(entries) <= most:
+        return
+    ages = sorted((_last_use(path), path) for path in entries)
+    for _, path in ages[: len(entries) - most * 3 // 4]:
+        path.unlink(missing_ok=True)
+
+
+def touch(path: Path) -> None:
+    """Note that a result was used; a cache that is read-only by now loses nothing but this note."""
+    with contextlib.suppress(OSError):
+        os.utime(path)
+
+
+def _last_use(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except OSError:  # another process was faster
+        return 0.0
 
 
 def digest(*parts: str) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rrrgen.backends import Identity
-from rrrgen.runtime.cache import cache_directory, digest, store
+from rrrgen.runtime.cache import cache_directory, digest, store, touch
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
@@ -45,6 +45,8 @@ def recall(spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], De
         records = {field.name: None for field in fields(derived) if field.name not in _KEPT}
         kept = replace(derived, **records)  # type: ignore[arg-type]
         store(path, pickle.dumps(kept))
+    else:
+        touch(path)
     return replace(kept, spec=spec)
 
 

@@ -12,7 +12,7 @@ import pytest
 from rrrgen.errors import BuildError
 from rrrgen.runtime import build as build_module
 from rrrgen.runtime.build import build_extension
-from rrrgen.runtime.cache import cache_directory, digest, store
+from rrrgen.runtime.cache import cache_directory, digest, prune, store, touch
 
 SOURCES = {
     "twice.h": "double twice(double x);\n",
@@ -130,6 +130,19 @@ def test_a_cache_that_cannot_be_written_is_replaced(tmp_path, monkeypatch):
         assert cache_directory() != blocked / "cache"
     finally:
         cache_directory.cache_clear()
+
+
+def test_the_cache_forgets_what_was_not_used_for_longest(cache):
+    cache_directory()
+    for k in range(12):
+        (cache / f"{k}").write_text("")
+        os.utime(cache / f"{k}", (1000 + k, 1000 + k))
+    touch(cache / "0")
+    prune(most=12)
+    assert len(list(cache.iterdir())) == 12
+    (cache / "12").write_text("")
+    prune(most=12)
+    assert {path.name for path in cache.iterdir()} == {"0", "5", "6", "7", "8", "9", "10", "11", "12"}
 
 
 def test_digests_keep_their_parts_apart_and_files_appear_whole(tmp_path):
