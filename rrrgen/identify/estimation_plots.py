@@ -56,10 +56,10 @@ def plot_convergence(settling: Convergence, std: Array | None = None) -> Figure:
     p = len(settling.names)
     columns = min(PANELS_PER_ROW, p)
     rows = math.ceil(p / columns)
-    figure, axes = new_figure(rows, columns, height=1.5 * rows + 0.5, width=2.6 * columns, sharex=True)
-    if p > MANY_PANELS:
-        # the automatic layout takes seconds for so many
-        figure.set_layout_engine("none")
+    many = p > MANY_PANELS  # the automatic layout takes seconds for so many
+    layout = "none" if many else "constrained"
+    figure, axes = new_figure(rows, columns, height=1.5 * rows + 0.5, width=2.6 * columns, layout=layout, sharex=True)
+    if many:
         figure.subplots_adjust(0.06, 0.04, 0.98, 0.97, wspace=0.35, hspace=0.6)
     for i, axis in enumerate(axes):
         if i >= p:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ class FrictionModel:
         values.setflags(write=False)
         object.__setattr__(self, "parameters", values)
 
-    @property
+    @cached_property
     def _columns(self) -> tuple[Array, ...]:
         return tuple(self.parameters.T)
 

@@ -67,8 +67,10 @@ class RigidIntegrator:
         self.plant, self.n, self.steps = plant, plant.n, steps
         self.direction = np.zeros(plant.n)
         """Per joint +1 or -1 while sliding, 0 while stuck."""
-        backward, forward = self._bounds()
-        self.jumps = np.asarray(forward > backward)
+        rest, one = np.zeros(plant.n), np.ones(plant.n)
+        self.break_away = plant.friction.directed(rest, -one), plant.friction.directed(rest, one)
+        """The friction torques between which a joint sticks, backward and forward."""
+        self.jumps = np.asarray(self.break_away[1] > self.break_away[0])
 
     def advance(self, state: Array, tau: Array, duration: float) -> Array:
         """See :class:`Integrator`."""
@@ -136,7 +138,7 @@ class RigidIntegrator:
         if dq.all():
             return
         resting = np.flatnonzero(dq == 0.0)
-        backward, forward = self._bounds()
+        backward, forward = self.break_away
         inverse = np.linalg.inv(self.plant.body.mass(q))
         torque = np.array(self.plant.friction.directed(dq, self.direction))
         load = tau - self.plant.body.bias(q, dq)
@@ -153,11 +155,6 @@ class RigidIntegrator:
         for i in resting:  # without a jump the direction means nothing; it must not be zero, which says stuck
             held = backward[i] < torque[i] < forward[i]
             self.direction[i] = 0.0 if held else (np.sign(acceleration[i]) or 1.0)
-
-    def _bounds(self) -> tuple[Array, Array]:
-        """The break-away torques backward and forward, (n,) each."""
-        rest, one = np.zeros(self.n), np.ones(self.n)
-        return self.plant.friction.directed(rest, -one), self.plant.friction.directed(rest, one)
 
     def _acceleration(self, q: Array, dq: Array, tau: Array) -> Array:
         net = tau - self.plant.friction.directed(dq, self.direction)
