@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,10 +18,15 @@ Array = NDArray[Any]
 STATUS = "status"
 
 
+SMALLEST_SHARE = 2048
+"""States below which another thread costs more than it brings."""
+
+
 class Engine(Protocol):
-    """Evaluates the programs of one robot."""
+    """Evaluates the programs of one robot; ``threads`` is how many may work on one batch."""
 
     dtype: np.dtype[Any]
+    threads: int
 
     def call(self, name: str, values: Sequence[Any]) -> tuple[Array, ...]:
         """Check ``values`` and evaluate program ``name``: one array (..., *port.shape) per output."""
@@ -37,6 +43,7 @@ class NumpyEngine:
     dtype: np.dtype[Any] = np.dtype(np.float64)
 
     def __init__(self, programs: Mapping[str, Program]) -> None:
+        self.threads = 1
         self._programs = programs
 
     def call(self, name: str, values: Sequence[Any]) -> tuple[Array, ...]:
@@ -75,6 +82,7 @@ class CompiledEngine:
         dtype: np.dtype[Any],
     ) -> None:
         self.dtype = dtype
+        self.threads = 1
         self._pointer = "double[]" if dtype == np.float64 else "float[]"
         self._ffi, self._functions = ffi, functions
         self._calls = {
@@ -84,7 +92,7 @@ class CompiledEngine:
 
     def call(self, name: str, values: Sequence[Any]) -> tuple[Array, ...]:
         """See :class:`Engine`."""
-        return self._calls[name](values)
+        return self._calls[name](values, self.threads)
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
         """See :class:`Engine`."""
@@ -110,12 +118,14 @@ class CompiledCall:
         self._written = [(k, pointers[k]) for k in status_first]
         self._address, self._pointer = address, pointer
 
-    def __call__(self, values: Sequence[Any]) -> tuple[Array, ...]:
+    def __call__(self, values: Sequence[Any], threads: int = 1) -> tuple[Array, ...]:
         """Check ``values`` and evaluate: one array (..., *port.shape) per output."""
         batch, arrays = prepare(self._function, self._ports, values, self._dtype)
         outputs = tuple([np.empty(batch + shape, dtype) for shape, dtype in self._outputs])
         count = math.prod(batch)
-        if count:
+        if threads > 1 and count >= 2 * SMALLEST_SHARE:
+            self._share(count, threads, arrays, outputs)
+        elif count:
             address, pointer = self._address, self._pointer
             arguments: list[Any] = [count]
             for (rank, size), array in zip(self._inputs, arrays, strict=True):
@@ -125,6 +135,26 @@ class CompiledCall:
                 arguments.append(address(kind, outputs[k]))
             self._loop(*arguments)
         return outputs
+
+    def _share(self, count: int, threads: int, arrays: Sequence[Array], outputs: Sequence[Array]) -> None:
+        """Split a batch between threads; each writes its own rows of the outputs."""
+        shares = min(threads, count // SMALLEST_SHARE)
+        bounds = [count * k // shares for k in range(shares + 1)]
+        inputs = [
+            (array.reshape(count, -1), size) if array.ndim > rank else (array.reshape(1, -1), 0)
+            for (rank, size), array in zip(self._inputs, arrays, strict=True)
+        ]
+        rows = [output.reshape(count, -1) for output in outputs]
+
+        def work(start: int, stop: int) -> None:
+            arguments: list[Any] = [stop - start]
+            for array, step in inputs:
+                arguments += [self._address(self._pointer, array[start:stop] if step else array), step]
+            arguments += [self._address(kind, rows[k][start:stop]) for k, kind in self._written]
+            self._loop(*arguments)
+
+        with ThreadPoolExecutor(shares) as pool:
+            list(pool.map(work, bounds[:-1], bounds[1:]))
 
 
 def has_status(program: Program) -> bool:

@@ -48,6 +48,17 @@ class Model:
         self.drive_inertia: Array | None = _floats(derived.drive_inertia_nominal)
         self._columns = IdentificationColumns.of(derived.spec)
 
+    @property
+    def threads(self) -> int:
+        """How many threads share one batch (1 unless set); every call releases Python's global lock."""
+        return self.engine.threads
+
+    @threads.setter
+    def threads(self, count: int) -> None:
+        if count < 1:
+            raise ValueError(f"threads must be at least 1, not {count}")
+        self.engine.threads = count
+
     def __repr__(self) -> str:
         structure = "".join("R" if joint.is_revolute else "P" for joint in self.spec.joints)
         return f"<rrrgen.Model {self.spec.name}: {structure}, {len(self.base_parameters)} base parameters>"

@@ -46,6 +46,15 @@ class Dialect:
         """Name of a function of math.h in the file's precision."""
         return name if self.real == "double" else f"{name}f"
 
+    def select(self, condition: str, yes: str, no: str) -> str:
+        """``yes`` where ``condition`` is positive, else ``no``."""
+        return f"({condition} > {self.literal(Fraction(0))}) ? {yes} : {no}"
+
+    def sign(self, x: str) -> str:
+        """-1, 0 or 1; NaN stays NaN."""
+        zero, one = self.literal(Fraction(0)), self.literal(Fraction(1))
+        return f"({x} > {zero}) ? {one} : (({x} < {zero}) ? -{one} : {x})"
+
 
 def decimal(value: Fraction) -> str:
     """A C floating literal that reads back to the nearest double: the exact decimal where 17 digits hold it."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.packs import STATUS_LANES, pack_functions, pack_name
+from rrrgen.backends.c.printer import STATUS
 from rrrgen.backends.c.signature import function_name, has_status, stored_outputs
 from rrrgen.program import Program
 
@@ -20,7 +22,9 @@ def loop_files(programs: Iterable[Program], dialect: Dialect) -> dict[str, str]:
     Each input comes with a step, in elements from one state to the next: 0 repeats one value for all states. Outputs
     are dense. The status of a program, where it has one, is stored per state in the array ``status``.
     """
+    programs = list(programs)
     header, source = [], [f'#include "{dialect.prefix}_loops.h"', ""]
+    source += [pack_functions({program.name: program for program in programs}, dialect)]
     for program in programs:
         signature = _loop_signature(program, dialect)
         header.append(f"{signature};")
@@ -63,4 +67,42 @@ def _loop_body(program: Program, dialect: Dialect) -> list[str]:
     call = f"{function_name(program, dialect)}({', '.join(arguments)});"
     if has_status(program):
         call = f"status[k] = (int){call}"
-    return ["for (long long k = 0; k < count; k++) {", f"    {call}", "}"]
+    return [
+        "long long k = 0;",
+        "for (; k + PACK_LANES <= count; k += PACK_LANES) {",
+        *(f"    {line}" for line in _pack_body(program, dialect)),
+        "}",
+        "for (; k < count; k++) {",
+        f"    {call}",
+        "}",
+    ]
+
+
+def _pack_body(program: Program, dialect: Dialect) -> list[str]:
+    """Gather one state per lane, evaluate the pack, scatter the results."""
+    pack = f"{dialect.prefix}_pack"
+    lines: list[str] = []
+    arguments: list[str] = []
+    for port in program.inputs:
+        lines += [
+            f"{pack} {port.name}_pack[{port.size}];",
+            f"for (int element = 0; element < {port.size}; element++)",
+            "    for (int lane = 0; lane < PACK_LANES; lane++)",
+            f"        {port.name}_pack[element][lane] = {port.name}[(k + lane)*{port.name}_step + element];",
+        ]
+        arguments.append(f"{port.name}_pack")
+    stores: list[str] = []
+    for port in program.outputs:
+        name = STATUS_LANES if port.name == STATUS else port.name
+        target = f"{name if name != STATUS_LANES else STATUS}[(k + lane)*{port.size} + element]"
+        value = f"{name}_pack[element][lane]"
+        if name == STATUS_LANES:  # a NaN must not read as ok
+            value = f"({value} < ({dialect.real_type})0.5) ? 0 : 1"
+        lines.append(f"{pack} {name}_pack[{port.size}];")
+        arguments.append(f"{name}_pack")
+        stores += [
+            f"for (int element = 0; element < {port.size}; element++)",
+            "    for (int lane = 0; lane < PACK_LANES; lane++)",
+            f"        {target} = {value};",
+        ]
+    return [*lines, f"{pack_name(program, dialect)}({', '.join(arguments)});", *stores]

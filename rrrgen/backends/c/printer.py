@@ -21,7 +21,7 @@ STATUS = "status"
 
 _LONGEST = 88  # characters of one expression; with the declaration in front a line stays below 120
 
-_ZERO, _HALF, _ONE = Fraction(0), Fraction(1, 2), Fraction(1)
+_HALF = Fraction(1, 2)
 
 # binding strength of printed text, weakest first
 _CHOICE, _SUM, _PRODUCT, _UNARY, _ATOM = range(5)
@@ -51,7 +51,6 @@ class _Body:
     def __init__(self, program: Program, dialect: Dialect, sincos: SinCos) -> None:
         self.program, self.dialect, self.sincos = program, dialect, sincos
         self.lines: list[str] = []
-        self._zero = dialect.literal(_ZERO)
         self._texts: dict[int, Text] = {}
         self._names = Names([port.name for port in (*program.inputs, *program.outputs)])
         self._readers = _count_readers(program)
@@ -181,16 +180,12 @@ class _Body:
             case Op.NEG:
                 return Text(f"-{args[0].within(_PRODUCT)}", _SUM)  # in parentheses wherever it is an operand
             case Op.SIGN:
-                one, x = self.dialect.literal(_ONE), args[0].code
-                return self._choice(f"{x} > {self._zero}", one, f"(({x} < {self._zero}) ? -{one} : {x})")
+                return Text(self.dialect.sign(args[0].code), _CHOICE)
             case Op.SELECT:
-                condition = f"{args[0].within(_PRODUCT)} > {self._zero}"
-                return self._choice(condition, args[1].within(_SUM), args[2].within(_SUM))
+                texts = args[0].within(_PRODUCT), args[1].within(_SUM), args[2].within(_SUM)
+                return Text(self.dialect.select(*texts), _CHOICE)
             case _:
                 return Text(f"{self.dialect.function(_FUNCTIONS[node.op])}({args[0].code})")
-
-    def _choice(self, condition: str, yes: str, no: str) -> Text:
-        return Text(f"({condition}) ? {yes} : {no}", _CHOICE)
 
     def _product(self, indices: tuple[int, ...], args: list[Text]) -> Text:
         left, right = args

@@ -126,6 +126,7 @@ def kernel_values(dialect: Dialect) -> dict[str, object]:
         "range": RANGE[real],
         "error": ERROR_BOUND[real],
         "suffix": "" if real == "double" else "f",
+        "mask": "long long" if real == "double" else "int",
     }
 
 

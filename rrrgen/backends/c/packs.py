@@ -1,0 +1,97 @@
+"""The same programs printed over packs: one state per lane of a vector register, for batches.
+
+A pack holds as many states as the processor's registers do (2, 4, 8 in double, twice as many in float). The arithmetic
+is the scalar code's, operation by operation, so results agree to round-off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from rrrgen.backends.c.dialect import Dialect, decimal
+from rrrgen.backends.c.printer import STATUS, print_body
+from rrrgen.backends.c.trigonometry import kernel_values
+from rrrgen.program import Program
+from rrrgen.resources import render
+
+STATUS_LANES = "status_lanes"
+
+
+@dataclass(frozen=True)
+class PackDialect(Dialect):
+    """C over packs: every local is a pack, every constant is spread over its lanes."""
+
+    @property
+    def real_type(self) -> str:
+        """Name of the pack type."""
+        return f"{self.prefix}_pack"
+
+    def literal(self, value: Fraction) -> str:
+        """A constant in all lanes."""
+        return f"{self.prefix}_pack_all(({self.prefix}_real){decimal(value)})"
+
+    def function(self, name: str) -> str:
+        """A function applied lane by lane."""
+        return f"{self.prefix}_pack_{name}"
+
+    def select(self, condition: str, yes: str, no: str) -> str:
+        """Lane by lane: ``yes`` where ``condition`` is positive."""
+        return f"{self.prefix}_pack_select({condition}, {yes}, {no})"
+
+    def sign(self, x: str) -> str:
+        """Lane by lane: -1, 0 or 1."""
+        return f"{self.prefix}_pack_sign({x})"
+
+
+class PackSinCos:
+    """The inline kernel over packs."""
+
+    def preamble(self, dialect: Dialect) -> str:
+        """The pack type and its functions, the kernel among them."""
+        return render("c/pack.h.j2", **kernel_values(Dialect(dialect.prefix, dialect.real))).rstrip("\n")
+
+    def description(self, dialect: Dialect) -> str:
+        """As the scalar kernel's."""
+        return "inline kernel over packs"
+
+    def statements(self, dialect: Dialect, angle: str, sine: str | None, cosine: str | None) -> list[str]:
+        """One call for both."""
+        first, second = sine or f"{cosine}_other", cosine or f"{sine}_other"
+        return [
+            f"{dialect.real_type} {first}, {second};",
+            f"{dialect.prefix}_pack_sincos({angle}, &{first}, &{second});",
+            *([] if sine and cosine else [f"(void){first if sine is None else second};"]),
+        ]
+
+
+def pack_name(program: Program, dialect: Dialect) -> str:
+    """The function over packs."""
+    return f"{dialect.prefix}_pack_{program.name}"
+
+
+def pack_functions(programs: Mapping[str, Program], dialect: Dialect) -> str:
+    """The preamble and one static function over packs per program."""
+    packs = PackDialect(dialect.prefix, dialect.real)
+    sincos = PackSinCos()
+    lines = [sincos.preamble(dialect), ""]
+    for program in programs.values():
+        lines += [f"{pack_signature(program, dialect)}", "{"]
+        lines += [f"    {line}" for line in print_body(_without_status(program), packs, sincos)]
+        lines += ["}", ""]
+    return "\n".join(lines)
+
+
+def pack_signature(program: Program, dialect: Dialect) -> str:
+    """``static void <name>_pack_<function>(const pack *q, ..., pack *tau)``."""
+    pack = f"{dialect.prefix}_pack"
+    ports = [f"const {pack} *{port.name}" for port in program.inputs]
+    ports += [f"{pack} *{port.name}" for port in _without_status(program).outputs]
+    return f"static void {pack_name(program, dialect)}({', '.join(ports)})"
+
+
+def _without_status(program: Program) -> Program:
+    """The status as an ordinary output: one number per lane."""
+    outputs = tuple(replace(p, name=STATUS_LANES) if p.name == STATUS else p for p in program.outputs)
+    return program.described(outputs=outputs)

@@ -1,0 +1,83 @@
+"""The inline sine and cosine: within its bound over its range against 40-digit arithmetic, the C library beyond."""
+
+import ctypes
+import subprocess
+
+import mpmath
+import numpy as np
+import pytest
+
+from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.trigonometry import ERROR_BOUND, HALF_PI, RANGE, InlineSinCos
+
+WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]
+
+
+def kernel(real, folder):
+    dialect = Dialect("k", real)
+    source = f"""typedef {real} k_real;
+#include <math.h>
+{InlineSinCos().preamble(dialect)}
+void run(int n, const k_real *x, k_real *s, k_real *c);
+void run(int n, const k_real *x, k_real *s, k_real *c) {{ for (int i = 0; i < n; i++) k_sincos(x[i], s + i, c + i); }}
+"""
+    path = folder / f"{real}.c"
+    path.write_text(source)
+    library = folder / f"{real}.so"
+    flags = ["-std=c99", "-O2", "-ffp-contract=off", *WARNINGS, "-fPIC", "-shared"]
+    subprocess.run(["cc", *flags, str(path), "-o", str(library), "-lm"], check=True)
+    run = ctypes.CDLL(str(library)).run
+    kind = np.float64 if real == "double" else np.float32
+
+    def evaluate(x):
+        x = np.ascontiguousarray(x, kind)
+        s, c = np.empty_like(x), np.empty_like(x)
+        run(len(x), *(ctypes.c_void_p(a.ctypes.data) for a in (x, s, c)))
+        return s, c
+
+    return evaluate, kind
+
+
+def hard_angles(kind, limit, count):
+    """Over the whole range, near zero, and as close to quarter and eighth turns as numbers get."""
+    rng = np.random.default_rng(14)
+    turns = rng.integers(-int(limit / np.pi * 2), int(limit / np.pi * 2), count)
+    near = turns * (np.pi / 2) + rng.normal(size=count) * 10.0 ** rng.uniform(-17, 0, count)
+    x = np.concatenate(
+        [rng.uniform(-limit, limit, count), rng.uniform(-7, 7, count), near, turns * (np.pi / 4), [0.0, limit, -limit]]
+    ).astype(kind)
+    return x[np.abs(x) <= limit]
+
+
+@pytest.mark.parametrize(("real", "count"), [("double", 4000), ("float", 400_000)])
+def test_error_bound_over_the_range(real, count, tmp_path):
+    evaluate, kind = kernel(real, tmp_path)
+    x = hard_angles(kind, float(RANGE[real]), count)
+    s, c = evaluate(x)
+    if real == "float":
+        error = max(np.max(np.abs(np.sin(x.astype(float)) - s)), np.max(np.abs(np.cos(x.astype(float)) - c)))
+    else:
+        with mpmath.workdps(40):
+            pairs = zip(x, s, c, strict=True)
+            error = max(
+                max(abs(mpmath.sin(mpmath.mpf(float(a))) - float(b)), abs(mpmath.cos(mpmath.mpf(float(a))) - float(d)))
+                for a, b, d in pairs
+            )
+    assert 0.1 * ERROR_BOUND[real] < error <= ERROR_BOUND[real], "the bound holds and is not idle"
+
+
+def test_the_parts_of_half_pi_add_up_and_the_first_two_are_short():
+    with mpmath.workdps(60):
+        rest = sum(mpmath.mpf(float(part)) for part in HALF_PI["double"]) - mpmath.pi / 2
+        assert abs(rest) < 1e-35
+    for part in HALF_PI["double"][:2]:
+        assert int(np.float64(part).view(np.uint64)) & ((1 << 20) - 1) == 0, "20 bits are left for the quarter turns"
+
+
+def test_beyond_the_range_the_c_library_answers(tmp_path):
+    evaluate, _ = kernel("double", tmp_path)
+    far = np.array([1.1e6, -3e8, 1e22])
+    s, c = evaluate(far)
+    np.testing.assert_allclose(s, np.sin(far), rtol=0, atol=2.3e-16)
+    np.testing.assert_allclose(c, np.cos(far), rtol=0, atol=2.3e-16)
+    assert np.isnan(evaluate(np.array([np.nan, np.inf, -np.inf]))).all()

@@ -1,0 +1,74 @@
+"""Batches: packs of states in vector registers, and several threads, give what single states give."""
+
+import numpy as np
+import pytest
+
+import rrrgen
+
+ROUND_OFF = 1e-12  # relative to the largest entry: the packs repeat the scalar arithmetic
+FLOAT_ROUND_OFF = 1e-4
+FUNCTIONS = {
+    "inverse_dynamics": 3,
+    "mass_matrix": 1,
+    "forward_dynamics": 3,
+    "regressor": 3,
+    "forward_kinematics": 1,
+    "coriolis_matrix": 2,
+    "energy": 2,
+}
+
+
+def states(n: int, count: int) -> np.ndarray:
+    return np.random.default_rng(3).uniform(-3, 3, (3, count, n))
+
+
+def as_array(result) -> np.ndarray:
+    return np.stack(result, axis=-1) if isinstance(result, tuple) else result
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_packs_equal_single_states(function, real):
+    model = rrrgen.compile("rrr", real=real)
+    arguments = states(model.n, 37)[: FUNCTIONS[function]]  # not a multiple of any pack
+    evaluate = getattr(model, function)
+    batch = as_array(evaluate(*arguments))
+    single = np.array([as_array(evaluate(*(a[k] for a in arguments))) for k in range(37)])
+    tolerance = ROUND_OFF if real == "double" else FLOAT_ROUND_OFF
+    assert np.max(np.abs(batch - single)) <= tolerance * np.max(np.abs(single))
+
+
+def test_angles_outside_the_kernels_range_and_nan_stay_in_their_lane():
+    model = rrrgen.compile("rrr")
+    q = states(3, 32)[0]
+    q[5, 1], q[7, 2] = 3e8, np.nan
+    g = model.gravity(q)
+    reference = rrrgen.compile("rrr", backend="numpy").gravity(q)
+    assert np.isnan(g[7]).any()
+    assert np.isfinite(np.delete(g, 7, axis=0)).all()
+    np.testing.assert_allclose(np.delete(g, 7, axis=0), np.delete(reference, 7, axis=0), atol=1e-12)
+
+
+def test_an_indefinite_mass_matrix_is_reported_in_its_lane_only():
+    model = rrrgen.compile("rrr")
+    q, dq, tau = states(3, 24)
+    beta = np.tile(model.beta, (24, 1))
+    beta[9] = -beta[9]
+    ddq, status = model.forward_dynamics(q, dq, tau, beta, with_status=True)
+    assert np.flatnonzero(status).tolist() == [9]
+    assert not ddq[9].any()
+    assert np.isfinite(ddq).all()
+
+
+def test_threads_share_a_batch_without_changing_it():
+    model = rrrgen.compile("rrr")
+    q, dq, ddq = states(3, 10_001)
+    alone = model.inverse_dynamics(q, dq, ddq[0])
+    model.threads = 3
+    try:
+        shared = model.inverse_dynamics(q, dq, ddq[0])
+    finally:
+        model.threads = 1
+    assert np.max(np.abs(shared - alone)) <= ROUND_OFF * np.max(np.abs(alone))
+    with pytest.raises(ValueError, match="at least 1"):
+        model.threads = 0
