@@ -60,7 +60,7 @@ def plot_convergence(settling: Convergence, std: Array | None = None) -> Figure:
     layout = "none" if many else "constrained"
     figure, axes = new_figure(rows, columns, height=1.5 * rows + 0.5, width=2.6 * columns, layout=layout, sharex=True)
     if many:
-        figure.subplots_adjust(0.06, 0.04, 0.98, 0.97, wspace=0.35, hspace=0.6)
+        figure.subplots_adjust(0.06, 0.06, 0.98, 0.97, wspace=0.35, hspace=0.6)
     for i, axis in enumerate(axes):
         if i >= p:
             axis.set_visible(False)
