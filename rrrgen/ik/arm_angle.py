@@ -31,7 +31,7 @@ def arm_angle(chain: Chain, q: Any) -> float:
     if size == 0.0:
         return 0.0
     e = away / size
-    n = np.cross(np.cross([*e, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0]), e)
+    n = np.cross(np.cross(e + np.array([0.0, 0.0, 1.0]), [1.0, 0.0, 0.0]), e)
     if float(np.linalg.norm(n)) == 0.0:
         return 0.0
     y = n / np.linalg.norm(n)

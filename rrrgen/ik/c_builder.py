@@ -51,10 +51,18 @@ class CBuilder:
     """Collects statements; :meth:`body` prints them."""
 
     def __init__(
-        self, prefix: str, joints: Sequence[Joint], length: float, *, position: bool = False, trusted: bool = True
+        self,
+        prefix: str,
+        joints: Sequence[Joint],
+        length: float,
+        *,
+        position: bool = False,
+        trusted: bool = True,
+        banded: bool = False,
     ) -> None:
         self.pool = Pool()
         self._trusted = trusted
+        self._slack = "slack, band" if banded else "slack"
         self.prefix = prefix
         self.length = length
         self._joints = {joint.index: joint for joint in joints}
@@ -73,9 +81,9 @@ class CBuilder:
 
     def pose(self) -> Rigid:
         """The target: ``T`` is a row-major 4x4 matrix."""
-        R = tuple(tuple(self.pool.var(f"T[{4 * i + j}]") for j in range(3)) for i in range(3))
-        p = tuple(self.pool.var(f"T[{4 * i + 3}]") for i in range(3))
-        return Rigid(R, p)
+        rows = [[self.pool.var(f"T[{4 * i + j}]") for j in range(4)] for i in range(3)]
+        x, y, z = ((row[0], row[1], row[2]) for row in rows)
+        return Rigid((x, y, z), (rows[0][3], rows[1][3], rows[2][3]))
 
     def point(self) -> Vector:
         """The target position: a position solver receives three numbers, a pose solver the last column."""
@@ -128,7 +136,7 @@ class CBuilder:
                 f"REAL a{tag} = {{0}}, b{tag} = {{1}}, k{tag} = {{2}}, w{tag};",
                 f"unsigned f{tag} = 0u;",
                 f"const int n{tag} = {self.prefix}_linear(&a{tag}, &b{tag}, &k{tag}, {w2}, {self._real(unit)}, {{3}}, "
-                f"slack, &w{tag}, &f{tag});",
+                f"{self._slack}, &w{tag}, &f{tag});",
                 f"const REAL m{tag} = {self.prefix}_atan2(b{tag}, a{tag});",
                 f"const REAL e{tag} = {self.prefix}_atan2(w{tag}, k{tag});",
             ),
@@ -160,7 +168,7 @@ class CBuilder:
             level,
             (
                 f"unsigned f{tag} = 0u;",
-                f"const int n{tag} = {self.prefix}_cosine(&k{tag}, {{0}}, slack, &w{tag}, &f{tag});",
+                f"const int n{tag} = {self.prefix}_cosine(&k{tag}, {{0}}, {self._slack}, &w{tag}, &f{tag});",
                 f"const REAL e{tag} = {self.prefix}_atan2(w{tag}, k{tag});",
             ),
             (w2,),
@@ -202,7 +210,7 @@ class CBuilder:
             (
                 f"REAL w{tag};",
                 f"unsigned f{tag} = 0u;",
-                f"const int n{tag} = {self.prefix}_root({{0}}, {{1}}, slack, &w{tag}, &f{tag});",
+                f"const int n{tag} = {self.prefix}_root({{0}}, {{1}}, {self._slack}, &w{tag}, &f{tag});",
             ),
             (node, big),
         )
@@ -249,13 +257,14 @@ class CBuilder:
         level = max(node.level for node in nodes)
         most = len(nodes) - 1
         kind = "quadratic" if most == 2 else "power4"
+        slack = self._slack if most == 2 else "slack"
         slots = ", ".join(f"{{{i}}}" for i in range(len(nodes)))
         self._add(
             level,
             (
                 f"REAL x{tag}_[{most}];",
                 f"unsigned g{tag}[{most}], f{tag} = 0u;",
-                f"const int n{tag} = {self.prefix}_{kind}({slots}, {self._real(unit)}, slack, "
+                f"const int n{tag} = {self.prefix}_{kind}({slots}, {self._real(unit)}, {slack}, "
                 f"x{tag}_, g{tag}, &f{tag});",
             ),
             nodes,
@@ -428,9 +437,9 @@ class CBuilder:
 
     def _open(self, joint: Joint, tag: str, count: str, most: int, label: Label, level: int) -> int:
         self._stages.append(Stage(joint.index, label.name, most))
-        self._add(
-            level, (f"if ({count} == 0 && *stage < {len(self._stages)}) {{ *stage = {len(self._stages)}; }}",), ()
-        )
+        k = len(self._stages)
+        failed = "return 0; " if level == 0 else ""
+        self._add(level, (f"if ({count} == 0) {{ *stage = *stage < {k} ? {k} : *stage; {failed}}}",), ())
         self._loops.append((f"i{tag}", count, most))
         return len(self._loops)
 

@@ -11,6 +11,7 @@ from rrrgen.ik import families
 from rrrgen.ik.chain import Chain, numeric_chain
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.snap import snapped
+from rrrgen.ik.tolerances import EXACT, NEARLY, SPECIAL
 from rrrgen.ik.virtual import extended
 
 if TYPE_CHECKING:
@@ -18,6 +19,12 @@ if TYPE_CHECKING:
 
 TRIALS = 3
 """Random poses on which a plan must find the configuration it was made from."""
+
+SPLITS = 13
+"""Plans up to this cost consist of quadratics."""
+
+UNSOLVED = 1000
+"""The cost of having no plan."""
 
 RANK_TOLERANCE = 1e-7
 """A singular value of the Jacobian (lengths in reaches) below this times the largest is zero."""
@@ -32,10 +39,29 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
 
 
 def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
-    """:func:`plan` of a chain in normal form."""
-    position_rank, pose_rank = generic_ranks(chain)
-    special = snapped(chain)
-    near = special != chain
+    """:func:`plan` of a chain in normal form.
+
+    The chain is first solved as it is. Where that takes a quartic or more, or fails, simpler arms near by are looked
+    for; see :mod:`rrrgen.ik.tolerances`.
+    """
+    cost, general = _best(chain, snapped(chain, EXACT), redundancy)
+    if cost <= SPLITS:
+        return general
+    for tolerance in (SPECIAL, *NEARLY):
+        special = snapped(chain, tolerance)
+        simpler, plan_ = _best(chain, special, redundancy)
+        if special == chain or simpler >= cost:
+            continue
+        plan_ = replace(plan_, snapped=True)
+        if tolerance == SPECIAL or not general.solvable:
+            return plan_
+        return replace(general, companion=plan_)
+    return general
+
+
+def _best(chain: Chain, special: Chain, redundancy: int | None) -> tuple[int, SolverPlan]:
+    """The cheapest plan for ``special`` that works, with its cost."""
+    position_rank, pose_rank = generic_ranks(special)
     options: Iterable[tuple[int, SolverPlan]]
     if redundancy is None and chain.n <= 3 and position_rank == chain.n:
         options = families.position_plans(special)
@@ -44,12 +70,13 @@ def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
     elif pose_rank == chain.n - 1:
         options = _redundant_plans(special, redundancy)
     else:
-        return _none(chain, _dependent(chain, pose_rank, redundancy))
-    for _, option in sorted(options, key=lambda entry: entry[0]):
-        candidate = replace(option, chain=chain, snapped=near)
-        if families.works(candidate, TRIALS):
-            return families.counted(candidate)
-    return _none(chain, families.reason(special))
+        return UNSOLVED, _none(chain, _dependent(chain, pose_rank, redundancy))
+    for cost, option in sorted(options, key=lambda entry: entry[0]):
+        candidate = replace(option, chain=chain)
+        complete = families.counted(candidate) if families.works(candidate, TRIALS) else None
+        if complete is not None:
+            return cost, complete
+    return UNSOLVED, _none(chain, families.reason(special, pose_rank))
 
 
 def _pose_plans(chain: Chain) -> list[tuple[int, SolverPlan]]:

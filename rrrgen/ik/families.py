@@ -16,8 +16,9 @@ from rrrgen.ik.loop import Loop, commuted, straightened
 from rrrgen.ik.parallel import Frame, better
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.planar import triple_of
-from rrrgen.ik.position import simplest
+from rrrgen.ik.position import Arm, simplest
 from rrrgen.ik.reduced import turning_axes
+from rrrgen.ik.rigid import Crossing, rigid
 from rrrgen.ik.spherical import arm_of, is_spherical
 
 FOUND = 1e-5
@@ -29,7 +30,13 @@ Options = Iterator[tuple[int, SolverPlan]]
 def position_plans(chain: Chain) -> Options:
     """Plans for the position of the tip, one to three joints."""
     if chain.n == 3:
-        yield 0, SolverPlan("position", f"position of the tip by three joints {chain.types}", "position", chain, chain)
+        base, tip = rigid(chain.base), rigid(chain.tip)
+        links = tuple(Crossing.of(link) for link in chain.links)
+        joints = (chain.joints[0], chain.joints[1], chain.joints[2])
+        rank = simplest(Arm(joints, links[0], links[1], tip.t, base.t))[0]
+        if rank < 9:
+            title = f"position of the tip by three joints {chain.types}"
+            yield 10 + rank, SolverPlan("position", title, "position", chain, chain)
     else:
         yield (
             0,
@@ -158,23 +165,34 @@ def _same(chain: Chain, row: list[float], q: Any) -> bool:
     )
 
 
-def counted(plan: SolverPlan) -> SolverPlan:
-    """``plan`` with the number of rows that its equations can give."""
+def counted(plan: SolverPlan) -> SolverPlan | None:
+    """``plan`` with the number of rows that its equations can give; nothing where they degenerate on this chain."""
     if plan.family == "general6r":
         return replace(plan, max_solutions=16)
     builder = CBuilder("x", plan.chain.joints, plan.chain.reach, position=plan.task == "position")
-    derive(builder, plan)
+    try:
+        derive(builder, plan)
+    except (InternalError, ZeroDivisionError):
+        return None
     return replace(plan, max_solutions=builder.body().rows)
 
 
-def reason(chain: Chain) -> str:
-    """Why no family fits."""
+def reason(chain: Chain, rank: int) -> str:
+    """Why no family fits a chain whose joints move the tip in ``rank`` independent directions."""
+    if rank < chain.n:
+        return (
+            f"the {chain.n} joints move the tip in only {rank} independent directions, and no joint can be prescribed "
+            "so that the others fit a family"
+        )
     if "P" in chain.types and chain.n in (5, 6, 7):
         return (
             f"the joints {chain.types} have no three revolute axes through one point, no planar triple and no rotation "
             "decided by three joints alone; six joints with a prismatic one and no such structure need an elimination "
             "that is not offered"
         )
-    if chain.n > 7:
-        return f"{chain.n} joints: only arms with one redundant joint are solved"
+    if chain.n <= 3:
+        return (
+            f"the {chain.n} joints {chain.types} move the tip along a set that is neither a position task (the tip "
+            "does not move in as many directions) nor planar nor a pure rotation"
+        )
     return f"the {chain.n} joints {chain.types} fit none of the families, even with virtual joints"

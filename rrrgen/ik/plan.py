@@ -32,6 +32,8 @@ class SolverPlan:
     is solved: the user's ``chain`` with nearly special geometry made special (rows are then refined on the true chain)
     and virtual joints added. ``first`` is the place (from 0) of the special triple in its loop, ``commute`` the place
     and direction in which a prismatic joint was moved past a parallel axis before, ``locked`` the prescribed joint.
+    ``companion`` solves a special arm that is nearly this one: its rows, refined on the true chain, are added because
+    the general equations lose digits there.
     """
 
     family: Family
@@ -45,6 +47,7 @@ class SolverPlan:
     locked: int | None = None
     redundancy: str = ""
     virtual: int = 0
+    companion: SolverPlan | None = None
     snapped: bool = False
     singularities: tuple[Singularity, ...] = field(default=())
     reason: str = ""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from rrrgen.errors import InternalError
 from rrrgen.ik.builder import Builder, Label, Turn
-from rrrgen.ik.chain import Chain
+from rrrgen.ik.chain import Chain, Joint
 from rrrgen.ik.forms import Form, Moving
 from rrrgen.ik.loop import AnyLink, Closing, Loop, Motion, apply, move, straightened, turned
 from rrrgen.ik.parallel import Frame, finish_plane
@@ -185,7 +185,7 @@ def derive_point(b: Builder, chain: Chain, length: float) -> None:
         b.residual((total(at[0], -p[0]), total(at[1], -p[1]), 0))
 
 
-def _turn_to(b: Builder, joint: object, v: Vector, p: Vector, length: float) -> Turn:
+def _turn_to(b: Builder, joint: Joint, v: Vector, p: Vector, length: float) -> Turn:
     return b.turn(
         joint,
         total(product(p[1], v[0]), -product(p[0], v[1])),
@@ -195,7 +195,7 @@ def _turn_to(b: Builder, joint: object, v: Vector, p: Vector, length: float) -> 
     )
 
 
-def _best(b: Builder, joint: object, equations: list[tuple[Form, float]]) -> Motion:
+def _best(b: Builder, joint: Joint, equations: list[tuple[Form, float]]) -> Motion:
     """The root of the equation that depends most on the joint."""
 
     def slope(entry: tuple[Form, float]) -> float:

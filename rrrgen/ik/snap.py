@@ -7,10 +7,9 @@ from dataclasses import replace
 import sympy as sp
 
 from rrrgen.ik.chain import Chain, Link, Number
-from rrrgen.ik.tolerances import SPECIAL
 
 
-def snapped(chain: Chain, tolerance: float = SPECIAL) -> Chain:
+def snapped(chain: Chain, tolerance: float) -> Chain:
     """``chain`` with lengths, sines and cosines nearer to zero than ``tolerance`` (times the reach) set to zero."""
     least = tolerance * chain.reach
     return replace(chain, links=tuple(_snap(link, least, tolerance) for link in chain.links))

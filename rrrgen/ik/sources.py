@@ -42,41 +42,73 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: str = "double") -> Emitted:
     """Files and branch labels of ``plan``; :class:`DerivationError` with the reason where there is no solver."""
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
-    chain = plan.chain
+    bodies = [_body(spec, part, banded=plan.snapped or plan.companion is not None) for part in _parts(plan)]
+    values = _values(spec, plan, bodies, real)
     prefix = f"{spec.name}_ik"
-    builder = CBuilder(prefix, chain.joints, chain.reach, position=plan.task == "position", trusted=not plan.snapped)
-    derive(builder, plan)
-    body = builder.body()
-    values = _values(spec, plan, body, real)
     header = render("c/ik/header.h.j2", **values)
     source = _spelled(render("c/ik/source.c.j2", **values), spec.name, real)
-    return Emitted(plan, {f"{prefix}.h": header, f"{prefix}.c": source}, values["rows"], body.labels, values["reasons"])
+    files = {f"{prefix}.h": header, f"{prefix}.c": source}
+    return Emitted(plan, files, values["rows"], bodies[0].labels, values["reasons"])
 
 
-def _values(spec: RobotSpec, plan: SolverPlan, body: CBody, real: str) -> dict[str, Any]:
+def _parts(plan: SolverPlan) -> list[SolverPlan]:
+    return [plan] if plan.companion is None else [plan, plan.companion]
+
+
+def _body(spec: RobotSpec, plan: SolverPlan, *, banded: bool) -> CBody:
+    chain = plan.chain
+    builder = CBuilder(
+        f"{spec.name}_ik",
+        chain.joints,
+        chain.reach,
+        position=plan.task == "position",
+        trusted=not plan.snapped,
+        banded=banded,
+    )
+    derive(builder, plan)
+    return builder.body()
+
+
+def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -> dict[str, Any]:
     chain, name = plan.chain, spec.name
     prefix, macro = f"{name}_ik", name.upper()
     position = plan.task == "position"
-    reasons = _reasons(plan, body.stages)
+    reasons = _reasons(plan, bodies[0].stages)
+    needs = frozenset().union(*(body.needs for body in bodies))
+    comments = ("The candidates of every branch.", "The candidates of a simpler arm that is nearly this one.")
+    functions = [
+        {"name": name, "comment": comment, "rows": body.rows, "body": body.text}
+        for name, comment, body in zip(("branches", "nearby"), comments, bodies, strict=False)
+    ]
     mask = sum(1 << k for k, joint in enumerate(chain.joints) if not joint.revolute)
     limits = [(joint.lower, joint.upper) for joint in chain.joints]
     limited = [lower is not None or upper is not None for lower, upper in limits]
     offsets = [float(joint.offset) for joint in chain.joints]
     model = hashlib.sha256(repr(chain).encode()).hexdigest()
+    banded = plan.snapped or plan.companion is not None
     return {
+        # names
         "prefix": name, "p": prefix, "P": prefix, "M": f"{macro}_IK", "K": f"{macro}_IK_TOL", "macro": macro,
+        # the task
         "real": real, "n": chain.n, "m": 3 if position else 6, "size": 3 if position else 16, "position": position,
-        "rows": body.rows, "needs": set(body.needs), "body": body.text, "fragment": "", "redundant": plan.locked is not None, "virtual": plan.virtual, "steps": 40 if plan.snapped else 12,
-        "locked": None if plan.locked == ARM_ANGLE else plan.locked,
+        "redundant": plan.locked is not None, "locked": None if plan.locked == ARM_ANGLE else plan.locked,
+        "virtual": plan.virtual,
+        # the chain
         "types": chain.types, "prismatic": _mask(mask, "k"), "prismatic_i": _mask(mask, "i"),
-        "prismatic_k": _mask(mask, "k"),
-        "fixed": _tables(plan), "offsets": ", ".join(_number(x) for x in offsets) if any(offsets) else "",
+        "prismatic_k": _mask(mask, "k"), "fixed": _tables(plan),
+        "offsets": ", ".join(_number(x) for x in offsets) if any(offsets) else "",
         "limited": any(limited), "limited_flags": ", ".join(str(int(x)) for x in limited),
         "limits": ", ".join(f"{{{_limit(low, -1)}, {_limit(high, 1)}}}" for low, high in limits),
+        # the equations
+        "functions": functions, "needs": needs, "fragment": "", "banded": banded,
+        "rows": max(body.rows for body in bodies), "tries": max(body.rows for body in bodies),
+        # numbers
         "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
-        "reasons": reasons, "far_stage": len(reasons) - 1, "starts": 6, "spread": "2.0",
-        "branch_text": _branch_text(body.labels), "explanation": _explanation(plan), "opening": _opening(spec, plan, real),
-        "version": rrrgen.__version__, "hash": model,
+        "steps": 200 if banded else 12, "starts": 6, "spread": "2.0",
+        # words
+        "reasons": reasons, "far_stage": len(reasons) - 1, "branch_text": _branch_text(bodies[0].labels),
+        "explanation": _explanation(plan), "opening": _opening(spec, plan, real), "version": rrrgen.__version__,
+        "hash": model,
     }  # fmt: skip
 
 
@@ -125,8 +157,8 @@ def _explanation(plan: SolverPlan) -> list[str]:
         f"Family: {plan.title}; at most {plan.max_solutions} solutions. `target` is "
         + ("the position (m)" if plan.task == "position" else "the row-major 4x4 pose (m)")
         + " of the tip in the base frame. `q_ref` (may be null: zeros, no turns added) gives free angles at singular "
-        "configurations and the turn to which angles are taken. Every row satisfies forward kinematics. With no row the "
-        "status says why, and `distance` how far the target is from the nearest that can be reached."
+        "configurations and the turn to which angles are taken. Every row satisfies forward kinematics. With no row "
+        "the status says why, and `distance` how far the target is from the nearest that can be reached."
     )
     return textwrap.wrap(text, 116)
 
