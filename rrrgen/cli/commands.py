@@ -9,6 +9,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "show": ("rrrgen.cli.show:show", "Print a robot back: DH, zero pose, base parameters, closed forms."),
     "generate": ("rrrgen.cli.generate:generate", "Write C and CasADi models of a robot."),
     "verify": ("rrrgen.cli.verify:verify", "Compare a compiled model with independent dynamics."),
+    "ik": ("rrrgen.cli.ik:ik", "Solve the inverse kinematics for a pose."),
+    "excite": ("rrrgen.cli.excite:excite", "Design an exciting trajectory."),
+    "identify": ("rrrgen.cli.identify:identify", "Estimate parameters from recordings."),
+    "validate": ("rrrgen.cli.validate:validate", "Score a robot file against recordings."),
+    "case-study": ("rrrgen.cli.case_study:case_study", "Run the whole case study on the virtual RRR."),
     "schema": ("rrrgen.cli.schema:schema", "Print the JSON Schema of robot files, for editors."),
 }
 """A new command or command group is one line here and one file beside this one."""

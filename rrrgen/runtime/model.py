@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from rrrgen.derive.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.ik.solver import IKResult, InverseKinematics
     from rrrgen.spec.robot_spec import RobotSpec
 
 Array = NDArray[Any]
@@ -47,6 +48,7 @@ class Model:
         self.beta: Array | None = _floats(derived.beta_nominal)
         self.drive_inertia: Array | None = _floats(derived.drive_inertia_nominal)
         self._columns = IdentificationColumns.of(derived.spec)
+        self._ik: InverseKinematics | None = None
 
     @property
     def threads(self) -> int:
@@ -80,6 +82,29 @@ class Model:
     def jacobian_dot_dq(self, q: ArrayLike, dq: ArrayLike) -> Array:
         """dJ/dt dq: the tip's acceleration where ddq = 0, (..., 6)."""
         return self._call("jacobian_dot_dq", q, dq)
+
+    @property
+    def ik(self) -> InverseKinematics:
+        """The compiled inverse kinematics with all its options; DerivationError where the chain has none."""
+        if self._ik is None:
+            from rrrgen.ik.solver import load_solver
+
+            self._ik = load_solver(self.spec)
+        return self._ik
+
+    def inverse_kinematics(
+        self,
+        target: ArrayLike,
+        q_ref: ArrayLike | None = None,
+        limits: bool = True,
+        sort: Literal["branch", "nearest"] = "branch",
+    ) -> IKResult:
+        """Every configuration that brings the tip to ``target``: a pose (4, 4), or a position (3,) for up to 3 joints.
+
+        The result has ``q`` (k, n), ``flags`` (k,), ``branches`` (k,), and without a row the ``reason``. ``q_ref`` (n,)
+        gives free angles, the turn of angles, and the order with ``sort="nearest"``. Source: (14.45), all branches.
+        """
+        return self.ik.solve(target, q_ref, limits=limits, sort=sort)
 
     # -- dynamics ------------------------------------------------------------------------------------------------
 

@@ -1,0 +1,111 @@
+"""``rrrgen ik``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+
+if TYPE_CHECKING:
+    from rrrgen.ik.solver import IKResult, InverseKinematics
+
+
+@click.command()
+@robot_argument
+@click.option(
+    "--pose",
+    required=True,
+    help="Position 'x y z' (m), position and fixed-axis angles 'x y z roll pitch yaw' (rad), or 16 numbers, row-major.",
+)
+@click.option("--near", metavar="Q", help="Reference configuration: free angles, turns, and the order of the rows.")
+@click.option("--limits/--no-limits", default=True, show_default=True, help="Leave out rows outside the joint limits.")
+@click.option("--redundancy", type=float, help="The prescribed joint or arm angle of a redundant arm, rad or m.")
+@click.option("--closest", is_flag=True, help="The nearest configuration, in the least-squares sense.")
+@json_option
+def ik(robot: str, pose: str, near: str | None, as_json: bool, **options: Any) -> int:
+    """Solve the inverse kinematics in closed form: every configuration that reaches a pose.
+
+    Prints the family of the arm and one row per configuration with its branch. Exits with 1 if there is none, with the
+    reason and the distance to reach.
+
+    \b
+    Examples:
+      rrrgen ik rrr --pose '0.2 -0.4 0.6'
+      rrrgen ik puma560 --pose '0.4 0.1 0.3 0 3.1416 0' --near '0 0 0 0 0 0' --json
+    """
+    from rrrgen.ik.solver import load_solver
+
+    solver = load_solver(read_with_warnings(robot))
+    target = _target(pose)
+    reference = None if near is None else _numbers(near, "--near", (solver.n,))
+    if options["closest"]:
+        found = solver.closest(target, reference, limits=options["limits"], redundancy=options["redundancy"])
+    else:
+        sort = "branch" if reference is None else "nearest"
+        found = solver.solve(target, reference, limits=options["limits"], sort=sort, redundancy=options["redundancy"])
+    if as_json:
+        print_json(_record(solver, found))
+    else:
+        _print(solver, found)
+    return 0 if len(found) else 1
+
+
+def _numbers(text: str, option: str, sizes: tuple[int, ...]) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.replace(",", " ").split()]
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint=option) from None
+    if len(numbers) not in sizes:
+        raise click.BadParameter(f"{len(numbers)} numbers; wanted {' or '.join(map(str, sizes))}", param_hint=option)
+    return numbers
+
+
+def _target(text: str) -> Any:
+    """(3,) or (4, 4) from the option's text."""
+    import numpy as np
+
+    numbers = _numbers(text, "--pose", (3, 6, 16))
+    if len(numbers) == 3:
+        return np.array(numbers)
+    if len(numbers) == 16:
+        return np.array(numbers).reshape(4, 4)
+    (cr, cp, cy), (sr, sp, sy) = np.cos(numbers[3:]), np.sin(numbers[3:])
+    T = np.eye(4)
+    T[:3, :3] = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    T[:3, 3] = numbers[:3]
+    return T
+
+
+def _record(solver: InverseKinematics, found: IKResult) -> dict[str, Any]:
+    return {
+        "family": str(solver.plan.family),
+        "max_solutions": solver.max_solutions,
+        "status": found.status,
+        "reason": found.reason,
+        "distance": found.distance,
+        "solutions": [
+            {"q": q.tolist(), "branch": solver.branch_names(branch), "flags": int(flags), "residual": float(residual)}
+            for q, branch, flags, residual in zip(found.q, found.branches, found.flags, found.residual, strict=True)
+        ],
+    }
+
+
+def _print(solver: InverseKinematics, found: IKResult) -> None:
+    from rrrgen.ik.solver import FREE, INEXACT, MULTIPLE, OUTSIDE
+
+    words = {MULTIPLE: "multiple", FREE: "free angle from the reference", OUTSIDE: "outside limits", INEXACT: "inexact"}
+    click.echo(f"{solver.plan.family}: at most {solver.max_solutions} solutions")
+    for q, branch, flags in zip(found.q, found.branches, found.flags, strict=True):
+        angles = "  ".join(f"{value:10.6f}" for value in q)
+        names = " ".join(f"{name}={value}" for name, value in solver.branch_names(branch).items())
+        remarks = ", ".join(text for bit, text in words.items() if flags & bit)
+        click.echo(f"  {angles}   {names}{'   ' + remarks if remarks else ''}")
+    if not len(found):
+        distance = f", {found.distance:.6g} m from reach" if found.distance > 0 else ""
+        click.echo(f"no solution: {found.status}{': ' + found.reason if found.reason else ''}{distance}")

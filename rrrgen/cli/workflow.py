@@ -1,0 +1,77 @@
+"""Options that the commands of the identification workflow share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from rrrgen.identify.logs import LogMapping
+    from rrrgen.identify.processing import Processing
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def output_option(function: F) -> F:
+    """The run folder ``-o``."""
+    return click.option(
+        "-o", "--output", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Run folder to write."
+    )(function)
+
+
+def log_option(function: F) -> F:
+    """The recording, or its mapping file, ``--log``; may be given several times."""
+    return click.option(
+        "--log",
+        "logs",
+        required=True,
+        multiple=True,
+        type=click.Path(path_type=Path),
+        help="A recording with rrrgen's own columns, or the mapping file of one; repeat for several.",
+    )(function)
+
+
+def jobs_options(function: F) -> F:
+    """``--jobs`` and ``--cluster``."""
+    function = click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to share the work with.")(function)
+    return click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes.")(function)
+
+
+def seed_option(function: F) -> F:
+    """``--seed``."""
+    return click.option("--seed", type=int, default=0, show_default=True, help="Of everything random.")(function)
+
+
+def processing_options(function: F) -> F:
+    """How recordings are made ready; a mapping file's own ``processing`` is the default."""
+    function = click.option("--decimate", type=click.IntRange(min=1), help="Keep every k-th row, filtered.")(function)
+    function = click.option("--cutoff", type=float, metavar="HZ", help="Of the Butterworth filter.")(function)
+    methods = click.Choice(["butterworth", "kalman", "kalman_filter", "logged"])
+    return click.option("--method", "reconstruction", type=methods, help="How the motion is reconstructed.")(function)
+
+
+def chosen_processing(
+    mappings: list[LogMapping], reconstruction: str | None, cutoff: float | None, decimate: int | None
+) -> Processing:
+    """The processing of the first mapping file that names one, with the command line's own words on top."""
+    from rrrgen.identify.processing import Processing
+
+    settings: dict[str, Any] = dict(next((m.processing for m in mappings if m.processing), {}))
+    given = {"method": reconstruction, "cutoff": cutoff, "decimate": decimate}
+    settings |= {name: value for name, value in given.items() if value is not None}
+    if not settings:
+        settings = {"method": "kalman", "decimate": 10}
+    return Processing(**settings)
+
+
+def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping]) -> dict[str, Path]:
+    """Everything that a run reads, for its record: the robot (if it is a file), mapping files and data files."""
+    files = {"robot": Path(robot)} if Path(robot).is_file() else {}
+    for k, (log, mapping) in enumerate(zip(logs, mappings, strict=True)):
+        files[f"log{k + 1}"] = log
+        for source in mapping.files:
+            files[f"log{k + 1}.{source.name}"] = Path(source.path)
+    return files
