@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from rrrgen.identify.logs import LogMapping
+    from rrrgen.identify.mapping import LogMapping
     from rrrgen.identify.processing import Processing
 
 F = TypeVar("F", bound=Callable[..., Any])
