@@ -40,11 +40,11 @@ def ik(robot: str, pose: str, near: str | None, as_json: bool, **options: Any) -
     solver = load_solver(read_with_warnings(robot))
     target = _target(pose)
     reference = None if near is None else _numbers(near, "--near", (solver.n,))
+    chosen = {"limits": options["limits"], "redundancy": options["redundancy"]}
     if options["closest"]:
-        found = solver.closest(target, reference, limits=options["limits"], redundancy=options["redundancy"])
+        found = solver.closest(target, reference, **chosen)
     else:
-        sort = "branch" if reference is None else "nearest"
-        found = solver.solve(target, reference, limits=options["limits"], sort=sort, redundancy=options["redundancy"])
+        found = solver.solve(target, reference, sort="branch" if reference is None else "nearest", **chosen)
     if as_json:
         print_json(_record(solver, found))
     else:

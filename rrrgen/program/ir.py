@@ -31,6 +31,10 @@ def settled(value: Fraction | int) -> Fraction:
     return Fraction(0) if abs(value) < NEGLIGIBLE else value
 
 
+def _negligible(value: Value) -> bool:
+    return not isinstance(value, Scalar) and settled(value) == 0
+
+
 class Op(Enum):
     """The operations a program is made of; ``arity`` operands each."""
 
@@ -264,7 +268,7 @@ class Builder:
         if not isinstance(x, Scalar):
             return settled(Fraction(x) + Fraction(y))  # type: ignore[arg-type]
         if not isinstance(y, Scalar):
-            if abs(y) < NEGLIGIBLE:
+            if _negligible(y):
                 return x
             minus = self._negated(x)
             return self.sub(y, minus) if minus is not None else self._binary(Op.ADD, x, y)
@@ -285,13 +289,13 @@ class Builder:
         if not isinstance(x, Scalar) and not isinstance(y, Scalar):
             return settled(Fraction(x) - Fraction(y))
         if not isinstance(y, Scalar):
-            if abs(y) < NEGLIGIBLE:
+            if _negligible(y):
                 return x
             return self.add(x, -Fraction(y)) if y < 0 else self._subtract(x, y)
         if (minus := self._negated(y)) is not None:
             return self.add(x, minus)
         if not isinstance(x, Scalar):
-            return self.neg(y) if abs(x) < NEGLIGIBLE else self._subtract(x, y)
+            return self.neg(y) if _negligible(x) else self._subtract(x, y)
         if x.index == y.index:
             return 0
         node = self._op(x)
