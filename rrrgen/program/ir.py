@@ -20,7 +20,6 @@ from typing import NamedTuple, cast
 
 from rrrgen.errors import InternalError
 
-
 NEGLIGIBLE = Fraction(1, 10**30)
 """Constants smaller than this are what is left where irrational constants (given to 40 digits) cancel: zero."""
 
