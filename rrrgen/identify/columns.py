@@ -116,18 +116,23 @@ class DriveTerms:
 
 def drive_columns(columns: Sequence[Column], dq: Array, ddq: Array) -> Array:
     """The columns (N, n, len(columns)) of drive terms: ``w f(w dq, w ddq)``; ``sgn ds = 0`` at a standstill."""
-    W = np.empty((*dq.shape, len(columns)))
+    W = np.zeros((*dq.shape, len(columns)))
     for k, column in enumerate(columns):
         w = np.asarray(column.direction)
-        speed, acceleration = dq @ w, ddq @ w
-        force = {
-            "inertia": acceleration,
-            "viscous": speed,
-            "coulomb": np.sign(speed) * (np.abs(speed) > STANDSTILL),
-            "offset": np.ones_like(speed),
-        }[column.kind]
-        W[..., k] = force[..., None] * w
+        force = _force(column.kind, dq @ w, ddq @ w)
+        for joint in np.flatnonzero(w):
+            W[..., joint, k] = w[joint] * force
     return W
+
+
+def _force(kind: Kind, speed: Array, acceleration: Array) -> Array | float:
+    if kind == "inertia":
+        return acceleration
+    if kind == "viscous":
+        return speed
+    if kind == "coulomb":
+        return np.sign(speed) * (np.abs(speed) > STANDSTILL)
+    return 1.0
 
 
 @dataclass(frozen=True)

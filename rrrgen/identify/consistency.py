@@ -21,6 +21,7 @@ from rrrgen.identify.regression import Estimate
 from rrrgen.identify.tsqr import JointFactors
 
 NON_NEGATIVE = ("inertia", "viscous", "coulomb")
+ATTEMPTS = 3  # with a stronger prior, where the solver fails
 DEFAULT_STRENGTH = 1.0
 """Weight lambda of the prior: that of one observation with the standard deviation of the noise, per link."""
 SMALLEST_LENGTH = 0.05  # m, of the prior of a link without length
@@ -48,7 +49,8 @@ class ConsistentEstimate:
 
     ``theta`` (p,) are the values of all columns, rigid and drive. ``eigenvalues`` (n,) are the smallest of the
     pseudo-inertias in scaled coordinates (kg). ``relative_error`` and ``joint_rms`` belong to the rows of the fit;
-    ``loss`` is the rise of the weighted residual over the unconstrained one.
+    ``loss`` is the rise of the weighted residual over the unconstrained one; ``facts`` tell the solver, its status and
+    the weight of the prior.
     """
 
     phi: Array
@@ -60,7 +62,6 @@ class ConsistentEstimate:
     relative_error: float
     joint_rms: Array
     loss: float
-    status: str
     facts: dict[str, Any] = field(default_factory=dict)
 
 
@@ -150,7 +151,7 @@ def consistent_estimate(
     b, n = model.base_projection.shape[0], model.n
     R = factors.stacked(weights)
     program = _Program(R, np.asarray(model.base_projection), columns, prior)
-    phi, drives, status = program.solve(fixed or {})
+    phi, drives, facts = program.solve(fixed or {})
     beta = np.asarray(model.base_projection) @ phi
     theta = np.concatenate([beta, drives])
     squares = factors.residual_squares(theta)
@@ -171,8 +172,7 @@ def consistent_estimate(
         relative_error=float(np.sqrt(np.sum(squares) / np.sum(factors.torque_squares))),
         joint_rms=np.sqrt(squares / np.maximum(1, factors.counts)),
         loss=loss,
-        status=status,
-        facts={"strength": prior.strength, "solver": "CLARABEL"},
+        facts=facts,
     )
 
 
@@ -200,34 +200,49 @@ class _Program:
         self.free = [10 * n + i for i, column in enumerate(drives) if column.kind not in NON_NEGATIVE]
         self.n, self.basis, self.strength = n, basis, prior.strength
 
-    def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, str]:
-        """phi (10n,), the drive parameters, and the solver's word."""
+    def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, dict[str, Any]]:
+        """phi (10n,), the drive parameters, and facts about the solution.
+
+        A very weak prior next to an impossible least-squares estimate makes the problem too ill-conditioned for the
+        solver; then the prior is strengthened by tens, and the facts tell the weight that was used.
+        """
+        strength = self.strength
+        for _ in range(1 + ATTEMPTS):
+            x, status = self._attempt(strength, fixed)
+            if x is not None:
+                drives = x[10 * self.n :] * self.drive_size
+                facts = {"solver": "CLARABEL", "strength": strength, "status": status}
+                return self.to_phi @ x[: 10 * self.n], drives, facts
+            strength *= 10.0
+        raise DerivationError(f"no physically consistent estimate was found: the solver reports '{status}'")
+
+    def _attempt(self, strength: float, fixed: Mapping[int, float]) -> tuple[Array | None, str]:
         cp = _cvxpy()
         x = cp.Variable(self.A.shape[1])
         penalty: Any = 0.0
         constraints: list[Any] = []
+        upper = list(zip(*np.triu_indices(4), strict=True))
         for j in range(self.n):
             X = cp.Variable((4, 4), symmetric=True)
-            upper = np.triu_indices(4)
-            constraints.append(x[10 * j : 10 * j + 10] == cp.hstack([X[i, k] for i, k in zip(*upper, strict=True)]))
+            constraints.append(x[10 * j : 10 * j + 10] == cp.hstack([X[i, k] for i, k in upper]))
             penalty = penalty + cp.trace(X) - cp.log_det(X)
         if self.bounded:
             constraints.append(x[self.bounded] >= 0)
         for index, value in fixed.items():
             constraints.append(self.to_phi[index] @ x[: 10 * self.n] == value)
-        # tiny pull on what is neither determined nor bounded, so that the solution is unique
+        # a tiny pull on what is neither determined nor bounded, so that the solution is unique
         if self.free:
             penalty = penalty + 1e-9 * cp.sum_squares(x[self.free])
-        problem = cp.Problem(cp.Minimize(cp.sum_squares(self.A @ x - self.z) + self.strength * penalty), constraints)
+        problem = cp.Problem(cp.Minimize(cp.sum_squares(self.A @ x - self.z) + strength * penalty), constraints)
         try:
             problem.solve(solver=cp.CLARABEL)
         except cp.SolverError as error:
-            raise DerivationError(f"the solver of the physically consistent estimate failed: {error}") from None
+            return None, str(error)
         if x.value is None or problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-            raise DerivationError(f"no physically consistent estimate was found: {problem.status}")
+            return None, str(problem.status)
         values = np.asarray(x.value, float)
         values[self.bounded] = np.maximum(values[self.bounded], 0.0)
-        return self.to_phi @ values[: 10 * self.n], values[10 * self.n :] * self.drive_size, str(problem.status)
+        return values, str(problem.status)
 
 
 def _cvxpy() -> Any:

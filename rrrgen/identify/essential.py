@@ -64,8 +64,9 @@ def essential_parameters(
             break
         worst = int(np.argmax(relative))
         fewer = kept[:worst] + kept[worst + 1 :]
-        reduced = estimator(factors.selected(fewer), [names[i] for i in fewer])
-        squares = float(np.sum(factors.selected(fewer).residual_squares(reduced.x) * weights**2))
+        selected = factors.selected(fewer)
+        reduced = estimator(selected, [names[i] for i in fewer])
+        squares = float(np.sum(selected.residual_squares(reduced.x) * weights**2))
         rise = (squares - reference) / samples_per_independent / (len(names) - len(fewer))
         if reference > 0 and rise / (reference / samples_per_independent / freedom) > fisher.isf(
             significance, len(names) - len(fewer), freedom

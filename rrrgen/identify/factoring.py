@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -19,6 +19,9 @@ from rrrgen.identify.columns import Array
 from rrrgen.identify.observations import Observations, RowMaker, Window
 from rrrgen.identify.parallel import ordered_map
 from rrrgen.identify.tsqr import JointFactors, Rows, factor_rows
+
+IN_MEMORY = 64_000_000
+"""Bytes of rows that are kept; more are computed anew in every pass over them."""
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, message)``; total 0: not known."""
@@ -124,9 +127,7 @@ def factor_recordings(
         state.add(fit, scored, samples)
         if progress is not None:
             progress(state.samples, total, f"{state.samples} samples")
-    if state.fit is None or state.score is None:
-        raise InputError("the recordings hold no samples")
-    return Factors(state.fit, state.score)
+    return state.factors()
 
 
 class _State:
@@ -146,6 +147,11 @@ class _State:
         self.windows, self.samples = self.windows + 1, self.samples + samples
         if self.path is not None:
             self._write(self.path)
+
+    def factors(self) -> Factors:
+        if self.fit is None or self.score is None:
+            raise InputError("the recordings hold no samples")
+        return Factors(self.fit, self.score)
 
     def _read(self, path: Path) -> None:
         """A state of other data or settings, or a damaged one, counts as absent."""
@@ -200,13 +206,43 @@ def score(factors: JointFactors, theta: Array) -> dict[str, Any]:
     }
 
 
-def rows_in_memory(blocks: Iterable[Rows], limit: int = 64_000_000) -> Iterable[Rows]:
-    """The blocks in a list if they fit into ``limit`` bytes, else as they were, to be computed again every time."""
-    kept: list[Rows] = []
-    size = 0
-    for rows in blocks:
-        size += rows.W.nbytes
-        if size > limit:
-            return blocks
-        kept.append(rows)
-    return kept
+def fits_in_memory(observations: Observations, limit: int = IN_MEMORY) -> bool:
+    """Whether the rows of all recordings take less than ``limit`` bytes."""
+    samples = sum(len(recording) for recording in observations.recordings)
+    width = len(observations.recordings[0].joints) * observations.maker.columns * 8
+    return samples // observations.maker.processing.decimate * width <= limit
+
+
+def rows_of_recordings(
+    observations: Observations, split: Split, progress: Progress | None = None
+) -> tuple[Factors, list[Rows], list[Rows]]:
+    """Factors as by :func:`factor_recordings`, with the rows they were made of: those fitted and those only scored."""
+    total = sum(len(recording) for recording in observations.recordings)
+    state = _State(None, "")
+    fitted: list[Rows] = []
+    scored: list[Rows] = []
+    for window in observations.windows():
+        start, duration = observations.recordings[window.recording].span
+        for rows in observations.maker.rows(window):
+            mask = split.fitted(rows.t, start, duration)
+            fitted.append(rows.chosen(mask))
+            scored.append(rows.chosen(~mask))
+            state.add(factor_rows(fitted[-1]), factor_rows(scored[-1]), 0)
+        state.samples += window.stop - window.start
+        if progress is not None:
+            progress(state.samples, total, f"{state.samples} samples")
+    return state.factors(), fitted, scored
+
+
+@dataclass(frozen=True)
+class FittedRows:
+    """The rows that are fitted, computed anew in every pass; the others stay, out of use, to keep time."""
+
+    observations: Observations
+    split: Split
+
+    def __iter__(self) -> Iterator[Rows]:
+        for window in self.observations.windows():
+            start, duration = self.observations.recordings[window.recording].span
+            for rows in self.observations.maker.rows(window):
+                yield rows.chosen(self.split.fitted(rows.t, start, duration))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,16 @@ from rrrgen.identify.consistency import (
 )
 from rrrgen.identify.definiteness import POSES, indefinite_share, mass_matrix, pose_limits
 from rrrgen.identify.essential import Essential, essential_parameters
-from rrrgen.identify.factoring import Factors, Progress, Split, factor_recordings, rows_in_memory, score
+from rrrgen.identify.factoring import (
+    Factors,
+    FittedRows,
+    Progress,
+    Split,
+    factor_recordings,
+    fits_in_memory,
+    rows_of_recordings,
+    score,
+)
 from rrrgen.identify.identifiability import Direction, unexcited, weak_directions
 from rrrgen.identify.observations import KnownTorque, Observations, Recording, RowMaker, tuned
 from rrrgen.identify.parametrisation import Parametrisation, parametrise
@@ -98,6 +107,7 @@ class Identification:
     motion_notes: tuple[str, ...]
     weak: tuple[Direction, ...]
     blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
+    held_out_blocks: Sequence[Rows] = field(repr=False, compare=False, default=())
     transform: Callable[[JointFactors], JointFactors] | None = field(repr=False, compare=False, default=None)
 
     @property
@@ -133,18 +143,24 @@ def identify(
     processing = tuned(processing, recordings)
     maker = RowMaker(regressor, processing, len(regressor.columns), options.known)
     observations = Observations(tuple(recordings), maker)
-    factors = factor_recordings(
-        observations,
-        options.split,
-        jobs=options.jobs,
-        cluster=options.cluster,
-        checkpoint=checkpoint,
-        digest=digest,
-        progress=progress,
-    )
+    blocks: Iterable[Rows]
+    held_out: list[Rows] = []
+    if fits_in_memory(observations):
+        factors, blocks, held_out = rows_of_recordings(observations, options.split, progress)
+    else:
+        blocks = FittedRows(observations, options.split)
+        factors = factor_recordings(
+            observations,
+            options.split,
+            jobs=options.jobs,
+            cluster=options.cluster,
+            checkpoint=checkpoint,
+            digest=digest,
+            progress=progress,
+        )
     if int(np.sum(factors.fit.counts)) == 0:
         raise InputError("no row is left to fit: check the split of the data and the lowest speed")
-    return _Run(model, regressor, chosen, processing, options, factors, observations, tell).result()
+    return _Run(model, regressor, chosen, processing, options, factors, blocks, held_out, tell).result()
 
 
 class _Run:
@@ -158,14 +174,13 @@ class _Run:
         processing: Processing,
         options: Options,
         factors: Factors,
-        observations: Observations,
+        blocks: Iterable[Rows],
+        held_out: list[Rows],
         tell: Progress,
     ) -> None:
         self.model, self.regressor, self.chosen = model, regressor, chosen
         self.processing, self.options, self.factors, self.tell = processing, options, factors, tell
-        tell(0, 0, "statistics of the residuals")
-        needed = options.correlated or options.method == "robust"
-        self.blocks: Iterable[Rows] = rows_in_memory(_Fitted(observations, options.split)) if needed else ()
+        self.blocks, self.held_out = blocks, held_out
 
     def result(self) -> Identification:
         options, chosen = self.options, self.chosen
@@ -173,7 +188,8 @@ class _Run:
         estimate = self.estimated(reduced)
         theta = chosen.expand(estimate.x)
         iid_std = estimate.std
-        white = residual_whiteness(self.blocks, theta) if self.blocks else ()
+        self.tell(0, 0, "statistics of the residuals")
+        white = residual_whiteness(self.blocks, theta) if options.correlated else ()
         if options.correlated and options.method != "robust" and estimate.relative_error > 1e-9:
             lags = max(1, max(_correlation_length(w) for w in white))
             covariance = correlated_covariance(self.blocks, estimate, lags, chosen.expand, chosen.T)
@@ -204,6 +220,7 @@ class _Run:
             motion_notes=unexcited(reduced, chosen.structure.names, estimate.weights),
             weak=weak_directions(reduced, chosen.structure.names, estimate.weights),
             blocks=self.blocks,
+            held_out_blocks=self.held_out,
             transform=chosen.transform,
         )
 
@@ -262,20 +279,6 @@ class _Run:
             mass = partial(mass_matrix, self.model, self.regressor.columns, values)
             shares[name], _ = indefinite_share(mass, limits[0], limits[1], self.options.poses, self.options.seed)
         return shares
-
-
-@dataclass(frozen=True)
-class _Fitted:
-    """The rows of the observations that are fitted; the others stay, out of use, to keep time."""
-
-    observations: Observations
-    split: Split
-
-    def __iter__(self) -> Iterator[Rows]:
-        for window in self.observations.windows():
-            start, duration = self.observations.recordings[window.recording].span
-            for rows in self.observations.maker.rows(window):
-                yield rows.chosen(self.split.fitted(rows.t, start, duration))
 
 
 def _correlation_length(white: Whiteness) -> int:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import uuid
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -11,6 +13,8 @@ from rrrgen.errors import InputError
 T = TypeVar("T")
 R = TypeVar("R")
 
+AHEAD = 2  # items per worker that wait for their turn: bounds the memory, keeps the workers busy
+
 
 def ordered_map(
     function: Callable[[T], R], items: Iterable[T], jobs: int = 1, cluster: str | None = None
@@ -18,29 +22,42 @@ def ordered_map(
     """``function`` of every item, in the order of the items, a few items at a time.
 
     ``jobs`` processes of this machine (-1: all cores), or the Dask scheduler at ``cluster`` ("tcp://host:port"), whose
-    workers must be able to import rrrgen; a task whose worker dies is done again by another one.
+    workers must be able to import rrrgen; an item whose worker dies is done again by another one.
     """
-    if jobs == 1 and cluster is None:
+    if cluster is not None:
+        yield from _on_cluster(function, items, cluster)
+    elif jobs == 1:
         yield from map(function, items)
-        return
+    else:
+        yield from _on_cores(function, items, jobs)
+
+
+def _on_cores(function: Callable[[T], R], items: Iterable[T], jobs: int) -> Iterator[R]:
     try:
         import joblib
     except ImportError as error:
         raise InputError("several processes need the extra 'identify': pip install rrrgen[identify]") from error
-    with worker_pool(jobs, cluster):
-        parallel = joblib.Parallel(return_as="generator", pre_dispatch="2*n_jobs", batch_size=1)
+    with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
+        parallel = joblib.Parallel(return_as="generator", pre_dispatch=f"{AHEAD}*n_jobs", batch_size=1)
         yield from parallel(joblib.delayed(function)(item) for item in items)
 
 
-@contextmanager
-def worker_pool(jobs: int, cluster: str | None) -> Iterator[Any]:
-    """joblib's own processes, or the workers of a Dask cluster."""
-    import joblib
+def _on_cluster(function: Callable[[T], R], items: Iterable[T], cluster: str) -> Iterator[R]:
+    """Items travel inside their tasks, so that nothing is lost with a worker."""
+    with cluster_client(cluster) as client:
+        waiting: deque[Any] = deque()
+        run = uuid.uuid4().hex
+        for number, item in enumerate(items):
+            waiting.append(client.submit(function, item, key=f"rrrgen-{run}-{number}"))
+            if len(waiting) >= AHEAD * max(1, len(client.ncores())):
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
 
-    if cluster is None:
-        with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
-            yield None
-        return
+
+@contextmanager
+def cluster_client(cluster: str) -> Iterator[Any]:
+    """A client of the Dask scheduler at an address; :class:`InputError` where none answers."""
     try:
         from distributed import Client
     except ImportError as error:
@@ -49,5 +66,5 @@ def worker_pool(jobs: int, cluster: str | None) -> Iterator[Any]:
         client = Client(cluster, timeout="15s", set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise InputError(f"no Dask scheduler answers at {cluster}: {error}") from error
-    with client, joblib.parallel_config(backend="dask", client=client, n_jobs=-1):
+    with client:
         yield client

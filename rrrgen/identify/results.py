@@ -163,7 +163,7 @@ def write_identification(folder: RunFolder, found: Identification, spec: RobotSp
     folder.write_csv("parameters.csv", *parameter_table(found))
     if found.consistent is not None:
         folder.write_text("robot.yaml", dumps(identified_spec(spec, found.consistent)))
-    blocks = list(found.blocks) if isinstance(found.blocks, list) else []
+    blocks = found.blocks if isinstance(found.blocks, list) else []
     joints = [joint.name for joint in spec.joints]
     if blocks:
         samples = sum(len(rows.t) for rows in blocks)
@@ -172,5 +172,7 @@ def write_identification(folder: RunFolder, found: Identification, spec: RobotSp
         folder.write_csv("convergence.csv", ("samples", "condition", *settling.names), rows)
         folder.figure("convergence", plot_convergence(settling, found.estimate.std))
         folder.figure("torques", plot_torques(blocks, found.theta, joints))
+        if any(rows.use.any() for rows in found.held_out_blocks):
+            folder.figure("torques_held_out", plot_torques(found.held_out_blocks, found.theta, joints))
     if found.whiteness:
         folder.figure("whiteness", plot_whiteness(found.whiteness, joints))

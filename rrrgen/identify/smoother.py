@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rrrgen.errors import InputError
-from rrrgen.identify.kalman import MEASURED, KalmanMatrices, kalman_matrices, recursions
+from rrrgen.identify.kalman import KalmanMatrices, kalman_matrices, recursions
 from rrrgen.identify.reconstruction import FORGOTTEN, Array, Reconstruction, sampling_period
 
 LOWEST_RATIO, HIGHEST_RATIO = -10.0, 1.0  # log10 of lambda in the search for the innovation likelihood
@@ -77,12 +77,13 @@ def jerk_variance(t: Array, q: Array, cutoff: float = 10.0) -> tuple[float, ...]
 
 
 def innovations(matrices: KalmanMatrices, e: Array) -> Array:
-    """Innovations ``y(k) - c x_hat(k)`` of one joint (N,), white with variance ``matrices.innovation * var eta`` if the
-    model is right."""
+    """Innovations ``y(k) - c x_hat(k)`` of one joint (N - 1,), from the second sample on.
+
+    White with variance ``matrices.innovation * var eta`` if the model is right.
+    """
     pad = _padding(matrices, len(e))
-    updated = _forward(matrices, _extended(e, pad))
-    predicted = updated[:-1] @ matrices.E[0]
-    return np.asarray(e[1:] - predicted[pad : pad + len(e) - 1])
+    _, found = _forward(matrices, _extended(e, pad))
+    return found[pad + 1 : pad + len(e)]
 
 
 def tune_by_innovations(t: Array, q: Array, reference: Reconstruction | None = None) -> KalmanSmoother:
@@ -141,19 +142,33 @@ def _extended(e: Array, pad: int) -> Array:
 def _states(matrices: KalmanMatrices, e: Array, smooth: bool) -> Array:
     """Updated, or smoothed, states (N, 3) of one joint."""
     pad = _padding(matrices, len(e))
-    states = _forward(matrices, _extended(e, pad))
+    extended = _extended(e, pad)
+    states, innovation = _forward(matrices, extended)
     if smooth:
+        # x_s(k) - x_bar(k) = C (x_s(k+1) - E x_bar(k)) = C (x_s(k+1) - x_bar(k+1)) + C k innovation(k+1)
         _, C = recursions(matrices)
-        drive = states @ (np.eye(3) - C @ matrices.E).T
-        # the last smoothed state is the last updated one
-        states = _recursion(C, drive[::-1], states[-1])[::-1]
+        drive = np.zeros_like(states)
+        drive[:-1] = innovation[1:, None] * (C @ matrices.k)
+        states = states + _recursion(C, drive[::-1], np.zeros(3))[::-1]
     return states[pad : pad + len(e)]
 
 
-def _forward(matrices: KalmanMatrices, e: Array) -> Array:
-    """Updated states (N, 3), started at rest at the first sample."""
+def _forward(matrices: KalmanMatrices, y: Array) -> tuple[Array, Array]:
+    """Updated states (N, 3) and innovations (N,), started on the straight line through the first two samples.
+
+    What is computed is the distance s of the states from ``[y, difference of y, 0]``, which obeys ``s(k) = F s(k-1) +
+    (k - [1, 1/Ts, 0]) a(k)`` with a the second difference of y: exact differences of measured values, so that the
+    round-off is that of the noise, not that of the position.
+    """
     F, _ = recursions(matrices)
-    return _recursion(F, e[:, None] * matrices.k, e[0] * MEASURED)
+    slope = np.diff(y, prepend=2 * y[:1] - y[1:2]) / matrices.period
+    second = np.zeros(len(y))
+    second[2:] = np.diff(y, 2)
+    b = np.array([1.0, 1.0 / matrices.period, 0.0])
+    s = _recursion(F, second[:, None] * (matrices.k - b), np.zeros(3))
+    innovation = second.copy()
+    innovation[1:] -= s[:-1] @ matrices.E[0]
+    return s + np.column_stack([y, slope, np.zeros(len(y))]), innovation
 
 
 def _recursion(A: Array, drive: Array, first: Array) -> Array:

@@ -1,0 +1,299 @@
+"""Long recordings: constant memory, several processes, interruption, and always the same result."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pytest
+from recordings import fourier_motion, planar_arm
+
+from rrrgen.errors import InputError
+from rrrgen.identify.columns import DriveTerms, FullRegressor
+from rrrgen.identify.factoring import (
+    FittedRows,
+    Split,
+    factor_recordings,
+    fits_in_memory,
+    rows_of_recordings,
+    score,
+)
+from rrrgen.identify.log_stream import LogStream
+from rrrgen.identify.logs import Log, open_log, read_log, write_log
+from rrrgen.identify.observations import Observations, RowMaker, tuned
+from rrrgen.identify.processing import Processing
+from rrrgen.identify.regression import weighted_least_squares
+from rrrgen.identify.tsqr import factor_rows
+
+SAME = 1e-9  # relative: the accuracy promised for streams against recordings in memory
+
+N, PERIOD = 6000, 1e-3
+TERMS = DriveTerms.everywhere(2, "viscous", "coulomb", "offset")
+
+
+def recording(tmp_path, seed=0):
+    arm = planar_arm()
+    rng = np.random.default_rng(seed)
+    t = PERIOD * np.arange(N)
+    q, dq, ddq = fourier_motion(t, 2, seed)
+    regressor = FullRegressor(arm, TERMS)
+    x = rng.uniform(0.2, 2.0, len(regressor.names))
+    tau = regressor(q, dq, ddq) @ x + 0.05 * rng.normal(size=q.shape)
+    write_log(tmp_path / f"log{seed}.csv", Log(("a", "b"), t, np.round(q, 5), tau))
+    return tmp_path / f"log{seed}.csv", regressor, x
+
+
+PROCESSINGS = [
+    Processing("butterworth", cutoff=20.0),
+    Processing("butterworth", cutoff=40.0, decimate=10, low_speed=(0.02, 0.02)),
+    Processing("kalman", var_eta=(8e-12,) * 2, var_xi=(1e4,) * 2, decimate=4),
+    Processing("differences"),
+]
+
+
+@pytest.mark.parametrize("processing", PROCESSINGS, ids=lambda p: f"{p.method}-{p.decimate}")
+def test_a_stream_gives_what_the_recording_in_memory_gives(tmp_path, processing):
+    path, regressor, _ = recording(tmp_path)
+    maker = RowMaker(regressor, processing, len(regressor.names))
+    split = Split.parse("blocks:0.5")
+    whole = factor_recordings(Observations((read_log(path),), maker), split)
+    stream = factor_recordings(Observations((LogStream(open_log(path), chunk=500),), maker), split)
+    for a, b in ((whole.fit, stream.fit), (whole.score, stream.score)):
+        np.testing.assert_array_equal(a.counts, b.counts)
+        xa, xb = (weighted_least_squares(f, regressor.names).x for f in (a, b))
+        np.testing.assert_allclose(xb, xa, rtol=SAME, atol=SAME * np.abs(xa).max())
+
+
+def test_splits_share_out_the_instants():
+    t = 3.0 + 0.01 * np.arange(1000)
+    assert np.sum(Split.parse("first:0.6").fitted(t, 3.0, 10.0)) == 600
+    blocks = Split.parse("blocks:0.5").fitted(t, 3.0, 10.0)
+    # instants within round-off of a border may fall on either side
+    assert np.sum(blocks) == pytest.approx(500, abs=10)
+    assert blocks[:49].all()
+    assert not blocks[51:99].any()
+    assert Split.parse("none").fitted(t, 3.0, 10.0).all()
+    assert "same data" in str(Split())
+    for text in ("first", "first:1.5", "blocks:0", "blocks:-1", "half", "none:3", "first:x", "first:1e"):
+        with pytest.raises(InputError):
+            Split.parse(text)
+
+
+def test_scores_are_those_of_the_rows(tmp_path):
+    path, regressor, x = recording(tmp_path)
+    observations = Observations((read_log(path),), RowMaker(regressor, PROCESSINGS[0], len(regressor.names)))
+    factors = factor_recordings(observations, Split.parse("first:0.5"))
+    rows = list(observations)
+    tau = np.concatenate([r.tau for r in rows])
+    residual = np.concatenate([r.tau - r.W @ x for r in rows])
+    second = np.concatenate([r.t for r in rows]) >= 0.5 * PERIOD * (N - 1)
+    found = score(factors.score, x)
+    assert found["relative_error"] == pytest.approx(np.linalg.norm(residual[second]) / np.linalg.norm(tau[second]))
+    np.testing.assert_allclose(found["joint_rms"], np.sqrt(np.mean(residual[second] ** 2, axis=0)))
+    assert score(factor_rows(rows[0].chosen(np.zeros(len(rows[0].t), bool))), x)["relative_error"] is None
+
+
+def test_several_recordings_do_not_run_into_one_another(tmp_path):
+    paths = [recording(tmp_path, seed)[0] for seed in (0, 1)]
+    _, regressor, _ = recording(tmp_path, 0)
+    maker = RowMaker(regressor, PROCESSINGS[1], len(regressor.names))
+    logs = [read_log(path) for path in paths]
+    together = factor_recordings(Observations(tuple(logs), maker))
+    apart = [factor_recordings(Observations((log,), maker)).fit for log in logs]
+    merged = apart[0].merged(apart[1])
+    np.testing.assert_allclose(together.fit.R, merged.R, atol=1e-12 * np.abs(merged.R).max())
+    segments = {int(s) for rows in Observations(tuple(logs), maker) for s in rows.segment}
+    assert segments == {0, 1}
+
+
+def test_known_friction_is_subtracted(tmp_path):
+    path, regressor, x = recording(tmp_path)
+    b = len(regressor.model.base_parameter_names)
+    rigid = FullRegressor(regressor.model, DriveTerms())
+
+    def friction(motion):
+        return regressor(motion.q, motion.dq, motion.ddq)[..., b:] @ x[b:]
+
+    maker = RowMaker(rigid, PROCESSINGS[1], b, known=friction)
+    found = weighted_least_squares(factor_recordings(Observations((read_log(path),), maker)).fit, rigid.names)
+    assert np.max(np.abs(found.x - x[:b]) / found.std) < 5
+
+
+def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path):
+    path, regressor, _ = recording(tmp_path)
+    maker = RowMaker(regressor, PROCESSINGS[0], len(regressor.names))
+    observations = Observations((LogStream(open_log(path), chunk=500),), maker)
+    whole = factor_recordings(observations)
+    done = []
+
+    def interrupt(count, total, message):
+        done.append(count)
+        if len(done) == 4:
+            raise KeyboardInterrupt
+
+    state = tmp_path / "state.npz"
+    with pytest.raises(KeyboardInterrupt):
+        factor_recordings(observations, checkpoint=state, digest="a", progress=interrupt)
+    seen = []
+    again = factor_recordings(
+        observations, checkpoint=state, digest="a", progress=lambda count, total, message: seen.append(count)
+    )
+    assert seen[0] > done[-1]
+    assert seen[-1] == N
+    np.testing.assert_array_equal(again.fit.R, whole.fit.R)
+    # another digest, or a damaged state, starts over
+    for prepare in (lambda: "b", lambda: state.write_bytes(b"damaged") and "a"):
+        digest = prepare()
+        seen.clear()
+        other = factor_recordings(
+            observations, checkpoint=state, digest=digest, progress=lambda count, total, message: seen.append(count)
+        )
+        assert seen[0] == done[0]
+        np.testing.assert_array_equal(other.fit.R, whole.fit.R)
+
+
+def test_two_processes_give_the_same_bits(tmp_path):
+    pytest.importorskip("joblib", reason="joblib runs several processes")
+    path, regressor, _ = recording(tmp_path)
+    maker = RowMaker(regressor, PROCESSINGS[1], len(regressor.names))
+    observations = Observations((LogStream(open_log(path), chunk=1500),), maker)
+    alone = factor_recordings(observations)
+    together = factor_recordings(observations, jobs=2)
+    np.testing.assert_array_equal(together.fit.R, alone.fit.R)
+
+
+def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path):
+    pytest.importorskip("distributed", reason="dask[distributed] runs clusters")
+    from distributed import LocalCluster
+
+    path, regressor, _ = recording(tmp_path)
+    maker = RowMaker(regressor, PROCESSINGS[1], len(regressor.names))
+    observations = Observations((LogStream(open_log(path), chunk=1500),), maker)
+    alone = factor_recordings(observations)
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        victim = next(iter(cluster.workers.values())).pid
+
+        def kill(count, total, message, killed=[]):  # noqa: B006 - remembers that it has been done
+            if not killed:
+                killed.append(os.kill(victim, signal.SIGKILL))
+                time.sleep(0.1)
+
+        together = factor_recordings(observations, cluster=cluster.scheduler_address, progress=kill)
+    np.testing.assert_array_equal(together.fit.R, alone.fit.R)
+
+
+def test_a_cluster_that_does_not_answer_is_an_input_error(tmp_path):
+    pytest.importorskip("distributed", reason="dask[distributed] runs clusters")
+    path, regressor, _ = recording(tmp_path)
+    maker = RowMaker(regressor, PROCESSINGS[0], len(regressor.names))
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
+        factor_recordings(Observations((read_log(path),), maker), cluster="not-an-address://x")
+
+
+def test_rows_in_memory_and_rows_computed_anew_are_the_same(tmp_path):
+    path, regressor, _ = recording(tmp_path)
+    observations = Observations((read_log(path),), RowMaker(regressor, PROCESSINGS[1], len(regressor.names)))
+    split = Split.parse("blocks:0.7")
+    factors, fitted, scored = rows_of_recordings(observations, split)
+    expected = factor_recordings(observations, split)
+    np.testing.assert_allclose(factors.fit.R, expected.fit.R, atol=1e-11 * np.abs(expected.fit.R).max())
+    np.testing.assert_array_equal(factors.score.counts, expected.score.counts)
+    again = list(FittedRows(observations, split))
+    np.testing.assert_array_equal(np.concatenate([r.W for r in again]), np.concatenate([r.W for r in fitted]))
+    np.testing.assert_array_equal(np.concatenate([r.use for r in again]), np.concatenate([r.use for r in fitted]))
+    assert not any((a.use & b.use).any() for a, b in zip(fitted, scored, strict=True))
+    assert fits_in_memory(observations)
+    assert not fits_in_memory(observations, limit=1000)
+
+
+def test_the_kalman_filter_is_tuned_when_nothing_is_said(tmp_path):
+    path, regressor, x = recording(tmp_path)
+    log = read_log(path)
+    processing = tuned(Processing("kalman"), [log])
+    assert len(processing.var_eta) == len(processing.var_xi) == 2
+    assert tuned(processing, [log]) is processing
+    maker = RowMaker(regressor, processing, len(regressor.names))
+    found = weighted_least_squares(factor_recordings(Observations((log,), maker)).fit, regressor.names)
+    assert np.max(np.abs(found.x - x) / found.std) < 5
+
+
+LIMITED = """
+import resource, sys
+import numpy as np
+from pathlib import Path
+import scipy.signal, scipy.linalg
+sys.path[:0] = [{tests!r}, {identify!r}]
+from test_factoring import TERMS
+from recordings import planar_arm
+from rrrgen.identify.columns import FullRegressor
+from rrrgen.identify.factoring import factor_recordings
+from rrrgen.identify.log_stream import LogStream
+from rrrgen.identify.mapping_reader import load_mapping
+from rrrgen.identify.observations import Observations, RowMaker
+from rrrgen.identify.processing import Processing
+
+regressor = FullRegressor(planar_arm(), TERMS)
+regressor(*np.ones((3, 10, 2)))
+pages = int(Path("/proc/self/statm").read_text().split()[0])
+allowed = pages * resource.getpagesize() + {allowance}
+resource.setrlimit(resource.RLIMIT_AS, (allowed, allowed))
+stream = LogStream(load_mapping({mapping!r}), chunk=20000)
+maker = RowMaker(regressor, Processing("butterworth", cutoff=20.0, decimate=50), len(regressor.names))
+np.save({out!r}, factor_recordings(Observations((stream,), maker)).fit.R)
+"""
+
+
+@pytest.mark.slow
+def test_a_recording_ten_times_larger_than_the_memory(tmp_path):
+    pytest.importorskip("resource", reason="limits of memory are those of POSIX")
+    if not os.path.exists("/proc/self/statm"):
+        pytest.skip("needs /proc to know the memory in use")
+    allowance, rows = 20_000_000, 5_000_000
+    arm = planar_arm()
+    regressor = FullRegressor(arm, TERMS)
+    x = np.linspace(0.5, 2.0, len(regressor.names))
+    # one motion over and over: the file is large, the answer is known from one of its periods
+    t = PERIOD * np.arange(10_000)
+    q, dq, ddq = fourier_motion(t, 2, 3, base=0.1)
+    tau = regressor(q, dq, ddq) @ x + 0.05 * np.random.default_rng(0).normal(size=q.shape)
+    block = np.column_stack([q, tau])
+    path = tmp_path / "log.npy"
+    data = np.lib.format.open_memmap(path, "w+", np.float64, (rows, 5))
+    for start in range(0, rows, len(block)):
+        data[start : start + len(block), 0] = PERIOD * np.arange(start, start + len(block))
+        data[start : start + len(block), 1:] = block
+    data.flush()
+    del data
+    assert path.stat().st_size >= 10 * allowance
+    mapping = tmp_path / "log.yaml"
+    mapping.write_text(
+        textwrap.dedent("""
+        schema: rrrgen-log/1
+        files: log.npy
+        time: {column: 1, unit: s}
+        units: {position: rad, torque: N*m}
+        joints:
+          - {name: a, position: 2, torque: 4}
+          - {name: b, position: 3, torque: 5}
+        """)
+    )
+    here = os.path.dirname(os.path.abspath(__file__))
+    script = LIMITED.format(
+        tests=os.path.dirname(here),
+        identify=here,
+        allowance=allowance,
+        mapping=str(mapping),
+        out=str(tmp_path / "R.npy"),
+    )
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr[-2000:]
+    limited = np.load(tmp_path / "R.npy")
+    maker = RowMaker(regressor, Processing("butterworth", cutoff=20.0, decimate=50), len(regressor.names))
+    whole = factor_recordings(Observations((read_log(mapping, chunk=10 * rows),), maker)).fit
+    streamed = type(whole)(limited, whole.counts)
+    a, b = (weighted_least_squares(f, regressor.names).x for f in (whole, streamed))
+    np.testing.assert_allclose(b, a, rtol=SAME)
