@@ -331,7 +331,7 @@ class CBuilder:
         first, middle, last = (self._tag(joint) for joint in joints)
         e4, e5 = signs
         nodes = tuple(self.pool.of(x) for x in (e5 * M[0][2], e5 * M[1][2], -e4 * e5 * M[2][2]))
-        mx = (self.name("mxx", M[0][0]), self.name("mxy", M[1][0]), self.name("mxz", M[2][0]))
+        mx = (self.name("mx", M[0][0]), self.name("my", M[1][0]), self.name("mz", M[2][0]))
         level = max(node.level for node in (*nodes, *mx))
         reference = self.reference(joints[0])
         self._add(

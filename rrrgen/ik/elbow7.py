@@ -100,9 +100,8 @@ def derive_elbow7(b: Builder, loop: Loop, psi: Turn, length: float) -> None:
     reached = rotate_z(x3.c, x3.s, behind)
     b.residual((), minus(reached, seen))
     path = unwind([(x1, l1.core().R), (x2, l2.core().R), (x3, l3.core().R), (x4, l4.core().R)], b.name)
-    mx, mz = (
-        b.names(hint, rotated_back(path, turned(back, axis_))) for hint, axis_ in (("mx", (1, 0, 0)), ("mz", (0, 0, 1)))
-    )
+    mx = b.names("m", rotated_back(path, turned(back, (1, 0, 0))))
+    mz = b.names("n", rotated_back(path, turned(back, (0, 0, 1))))
     solve_wrist(b, (loop.joints[4], loop.joints[5], loop.joints[6]), l5, l6, mx, mz)
 
 

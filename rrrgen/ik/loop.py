@@ -18,6 +18,7 @@ from rrrgen.ik.rigid import (
     Rotation,
     S,
     Vector,
+    is_one,
     is_zero,
     plus,
     product,
@@ -197,8 +198,8 @@ def unwind(steps: list[tuple[Motion | None, Rotation | None]], name: Callable[[s
             if merged and isinstance(merged[-1], Turn):
                 last = merged[-1]
                 merged[-1] = Turn(
-                    name("cs", total(product(last.c, motion.c), -product(last.s, motion.s))),
-                    name("ss", total(product(last.s, motion.c), product(last.c, motion.s))),
+                    name("c", total(product(last.c, motion.c), -product(last.s, motion.s))),
+                    name("s", total(product(last.s, motion.c), product(last.c, motion.s))),
                 )
             else:
                 merged.append(motion)
@@ -208,11 +209,7 @@ def unwind(steps: list[tuple[Motion | None, Rotation | None]], name: Callable[[s
 
 
 def _identity(R: Rotation) -> bool:
-    return all(
-        is_zero(R[i][j]) if i != j else (isinstance(R[i][j], (int, float)) and R[i][j] == 1)
-        for i in range(3)
-        for j in range(3)
-    )
+    return all(is_one(R[i][j]) if i == j else is_zero(R[i][j]) for i in range(3) for j in range(3))
 
 
 def rotated_back(path: list[Turn | Rotation], v: Vector) -> Vector:

@@ -13,11 +13,10 @@ in c, or two quadratics where a = 0 or sin alpha = 0. Then b turns m2 onto m1, a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot
 
 from rrrgen.errors import InternalError
 from rrrgen.ik.builder import Builder, Feasible, Label, Turn
-from rrrgen.ik.forms import Form, Moving
+from rrrgen.ik.forms import Moving
 from rrrgen.ik.loop import Closing, Loop, Motion, apply, move, straightened, turned
 from rrrgen.ik.planar import Plane, Triple, anchor, oriented, solve_planar, triple_of
 from rrrgen.ik.rigid import (
@@ -30,10 +29,13 @@ from rrrgen.ik.rigid import (
     product,
     rotate,
     rotate_z,
+    screw,
     total,
 )
 
 ORIGIN: Vector = (0, 0, 0)
+
+IDENTITY = screw(1, 0)
 
 
 @dataclass(frozen=True)
@@ -164,10 +166,12 @@ class _Others:
         m2 = Moving.of(joints[2], Rigid(turn_bc.R, ORIGIN), n_c)
         height = total(frame.lead.rigid().t[2], product(ab.near[2], n_a[2]), dot(n_c, frame.trail.rigid().t))
         g = m2.z.plus(-product(ab.ca, n_a[2]))
-        f = Form(True, (0, 0, 0)).plus(height)
-        for coordinate, form in zip(turn_bc.t, (m2.x, m2.y, m2.z), strict=True):
+        # t_bc . m2, written with the way back from c to b: that is the target itself, not its inverse
+        behind = Moving.of(joints[2], IDENTITY, n_c)
+        away = apply(bc.inverse(), ORIGIN)
+        f = m2.z.times(ab.far[2]).plus(height).times(-1)
+        for coordinate, form in zip(away, (behind.x, behind.y, behind.z), strict=True):
             f = f + form.times(coordinate)
-        f = (f + m2.z.times(ab.far[2])).times(-1)
         if is_zero(ab.a):
             xc = f.root(b, joints[2], Label("shoulder"), L)
             at = b.names("m", m2.at(xc))
@@ -253,8 +257,8 @@ def _before(loop: Loop, frame: Frame, xa: Turn, point: Plane) -> Vector:
     return apply(loop.links[0].inverse(), v)
 
 
-def _gap(a: Plane, b: Plane) -> float:
-    return hypot(float(a[0] - b[0]), float(a[1] - b[1]))
+def _gap(a: Plane, b: Plane) -> S:
+    return ((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2) ** 0.5
 
 
 def _slide_first(b: Builder, frame: Frame, L: float) -> list[Motion]:

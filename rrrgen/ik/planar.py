@@ -104,7 +104,9 @@ def _plane(n: Vector) -> Rigid:
 
 def _flat(x: S) -> bool:
     """Whether a constant is zero up to the rounding of a product of rotations."""
-    return is_zero(x) or abs(float(x)) < ROUNDING
+    if isinstance(x, (int, float)):
+        return abs(x) < ROUNDING
+    return is_zero(x)
 
 
 def _moves(triple: Triple) -> bool:
@@ -175,7 +177,7 @@ def _turn_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: floa
     one, two, three = triple.elements
     upper, fore = _less(two.at, one.at), _less(three.at, two.at)
     aim = _less(point, one.at)
-    aim = (b.name("gx", aim[0]), b.name("gy", aim[1]))
+    aim = (b.name("a_x", aim[0]), b.name("a_y", aim[1]))
     reach2 = _inner(aim, aim)
     # |upper + R(x2) fore|^2 = |aim|^2
     A, B = product(2, _inner(upper, fore)), product(-2, _area(upper, fore))
@@ -183,7 +185,7 @@ def _turn_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: floa
     label = Label("elbow", -1 if is_zero(B) and A < 0 else 1)
     x2 = b.pair(two.joint, A, B, C, label=label, unit=L**2)
     moved = _spun(x2, fore)
-    w = (b.name("wx", total(upper[0], moved[0])), b.name("wy", total(upper[1], moved[1])))
+    w = (b.name("w_x", total(upper[0], moved[0])), b.name("w_y", total(upper[1], moved[1])))
     x1 = b.turn(one.joint, _area(w, aim), _inner(w, aim), unit=L, degree=2)
     x3 = _last(b, three.joint, rotation, x1, x2)
     b.residual((*_less(_spun(x1, w), aim), 0))

@@ -123,7 +123,7 @@ def derive_orientation(b: Builder, loop: Loop, length: float) -> None:
     assert isinstance(first, Crossing)
     assert isinstance(second, Crossing)
     back = closing.inverse()
-    mx, mz = b.names("mx", turned(back, (1, 0, 0))), b.names("mz", turned(back, (0, 0, 1)))
+    mx, mz = b.names("m", turned(back, (1, 0, 0))), b.names("n", turned(back, (0, 0, 1)))
     found = solve_wrist(b, (axes.joints[0], axes.joints[1], axes.joints[2]), first, second, mx, mz)
     if len(loop.joints) == 3:
         b.residual(apply(loop.links[2], (0, 0, 0)) if not isinstance(loop.links[2], Crossing) else (0, 0, 0))

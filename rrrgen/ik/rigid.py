@@ -27,6 +27,15 @@ def is_zero(x: S) -> bool:
     return bool(x == 0)
 
 
+def is_one(x: S) -> bool:
+    """Whether ``x`` is one by construction."""
+    if isinstance(x, Scalar):
+        return x.op == "const" and x.value == 1.0
+    if hasattr(x, "is_one"):
+        return bool(x.is_one())
+    return bool(x == 1)
+
+
 def total(*terms: S) -> S:
     """The sum of the terms that are not zero by construction."""
     result: S = 0.0
@@ -42,7 +51,7 @@ def product(*factors: S) -> S:
     """The product, 0 as soon as one factor is zero by construction, without factors of one."""
     if any(is_zero(factor) for factor in factors):
         return 0
-    kept = [factor for factor in factors if not (isinstance(factor, (int, float)) and factor == 1)]
+    kept = [factor for factor in factors if not is_one(factor)]
     if not kept:
         return 1
     result = kept[0]
@@ -174,8 +183,10 @@ class Crossing:
         if not (is_zero(T.R[0][2]) and is_zero(T.R[1][2])):
             return None
         flip = 1 if T.R[2][2] > 0 else -1
-        a = (T.t[0] ** 2 + T.t[1] ** 2) ** 0.5
-        c, s = (1, 0) if is_zero(a) else (T.t[0] / a, T.t[1] / a)
+        a, c, s = T.t[0], 1, 0
+        if not is_zero(T.t[1]):
+            a = (T.t[0] ** 2 + T.t[1] ** 2) ** 0.5
+            c, s = T.t[0] / a, T.t[1] / a
         # Rz(near) Rx(0 or pi) Rz(far) has the first column (c, s) of near +- far
         ct, st = T.R[0][0], T.R[1][0]
         far = (c * ct + s * st, flip * (c * st - s * ct), 0)

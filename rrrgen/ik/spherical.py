@@ -57,7 +57,7 @@ def derive_spherical(b: Builder, loop: Loop, k: int, length: float) -> None:
     path = unwind([(moved[i], turned_matrix(loop, i)) for i in range(3)], b.name)
     closing = loop.links[5].inverse()
     columns = [rotated_back(path, turned(closing, axis)) for axis in ((1, 0, 0), (0, 0, 1))]
-    mx, mz = b.names("mx", columns[0]), b.names("mz", columns[1])
+    mx, mz = b.names("m", columns[0]), b.names("n", columns[1])
     first, second = loop.links[3], loop.links[4]
     assert isinstance(first, Crossing)
     assert isinstance(second, Crossing)

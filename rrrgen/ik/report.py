@@ -1,0 +1,291 @@
+"""The closed form for reading: every step of the derivation as text and as LaTeX, with symbols for the DH lengths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import sympy as sp
+
+from rrrgen.errors import DerivationError, InternalError
+from rrrgen.ik.builder import Feasible, Label, Turn
+from rrrgen.ik.chain import Chain, Joint, exact_chain
+from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.derive import derive
+from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.rigid import Rigid, S, Vector, dot
+from rrrgen.ik.snap import exact_like
+from rrrgen.spec.robot_spec import parameter_symbol
+
+if TYPE_CHECKING:
+    from rrrgen.spec.robot_spec import RobotSpec
+
+
+@dataclass(frozen=True)
+class Step:
+    """One line of the closed form: ``symbol = expression``, or ``symbol = first +- second`` for a pair of roots."""
+
+    symbol: sp.Symbol
+    expression: sp.Expr
+    either: sp.Expr | None = None
+    note: str = ""
+
+    def text(self) -> str:
+        """The line as plain text."""
+        line = f"{self.symbol} = {_plain(self.expression, self.either)}"
+        return f"{line}    ({self.note})" if self.note else line
+
+    def latex(self) -> str:
+        """The line as LaTeX mathematics, without delimiters."""
+        right = sp.latex(self.expression)
+        if self.either is not None:
+            right = rf"\pm {sp.latex(self.either)}" if self.expression == 0 else rf"{right} \pm {sp.latex(self.either)}"
+        note = rf"\quad\text{{({self.note})}}" if self.note else ""
+        return f"{sp.latex(self.symbol)} = {right}{note}"
+
+
+def _plain(expression: sp.Expr, either: sp.Expr | None) -> str:
+    if either is None:
+        return str(expression)
+    return f"+-{either}" if expression == 0 else f"{expression} +- {either}"
+
+
+@dataclass(frozen=True)
+class ClosedForm:
+    """The closed form of one robot: what the plan says, the values of the symbols, and the steps in order."""
+
+    plan: SolverPlan
+    values: tuple[tuple[sp.Symbol, sp.Expr], ...]
+    steps: tuple[Step, ...]
+
+    def text(self) -> str:
+        """The whole closed form as plain text."""
+        head = [f"inverse kinematics: {self.plan.title}", f"at most {self.plan.max_solutions} solutions"]
+        if self.plan.redundancy:
+            head.append(f"redundancy parameter: {self.plan.redundancy}")
+        head += [f"singular: {singularity.words}" for singularity in self.plan.singularities]
+        if self.values:
+            head.append("with " + ", ".join(f"{symbol} = {value}" for symbol, value in self.values))
+        return "\n".join([*head, *(f"  {step.text()}" for step in self.steps)])
+
+    def latex(self) -> str:
+        """The steps as one LaTeX ``align*`` environment."""
+        lines = [step.latex().replace(" = ", " &= ", 1) for step in self.steps]
+        return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
+
+
+def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
+    """The closed form of ``spec``; DerivationError where there is none that can be written down."""
+    plan = make_plan(spec, redundancy)
+    if not plan.solvable:
+        raise DerivationError(f"{spec.name}: {plan.reason}")
+    if plan.family == "general6r":
+        raise DerivationError(f"{spec.name}: {plan.title}; the solutions are roots of a polynomial, not a formula")
+    chain, values = symbolic_chain(spec, plan)
+    builder = TextBuilder(chain.n, position=plan.task == "position")
+    try:
+        derive(builder, plan, chain)
+    except (TypeError, InternalError):  # a decision that needs numbers: write the numbers
+        builder, values = TextBuilder(chain.n, position=plan.task == "position"), ()
+        derive(builder, plan)
+    return ClosedForm(plan, values, _needed(builder.steps))
+
+
+def _needed(steps: list[Step]) -> tuple[Step, ...]:
+    """Without the lines that no joint depends on."""
+    wanted: set[sp.Symbol] = set()
+    kept: list[Step] = []
+    for step in reversed(steps):
+        if step.symbol in wanted or not isinstance(step.symbol, sp.Symbol) or step.symbol.name.startswith("q_"):
+            kept.append(step)
+            wanted |= step.expression.free_symbols | (step.either.free_symbols if step.either is not None else set())
+    return tuple(reversed(kept))
+
+
+def symbolic_chain(spec: RobotSpec, plan: SolverPlan) -> tuple[Chain, tuple[tuple[sp.Symbol, sp.Expr], ...]]:
+    """The chain with a symbol for every DH value that is not special, and what the symbols stand for."""
+    values: list[tuple[sp.Symbol, sp.Expr]] = []
+    signed = {
+        parameter_symbol(name): sp.Symbol(name, positive=True) if value > 0 else sp.Symbol(name, real=True)
+        for name, value in spec.parameters.items()
+    }
+
+    def symbol(letter: str, i: int, value: sp.Expr) -> sp.Expr:
+        nominal = spec.nominal(value)
+        angle = letter in ("alpha", "theta")
+        if nominal.is_zero or (angle and (2 * nominal / sp.pi).is_integer):
+            return nominal
+        sign = {"positive": True} if nominal > 0 else {"negative": True}
+        name = sp.Symbol(f"{letter}_{i}", **sign) if value.is_number else value.xreplace(signed)
+        if value.is_number:
+            values.append((name, nominal))
+        return name
+
+    joints = tuple(
+        replace(
+            joint,
+            alpha=symbol("alpha", i, joint.alpha),
+            a=symbol("a", i, joint.a),
+            d=symbol("d", i, joint.d),
+            theta=symbol("theta", i, joint.theta),
+        )
+        for i, joint in enumerate(spec.joints, start=1)
+    )
+    exact = exact_chain(replace(spec, joints=joints), nominal=False)
+    decided = plan.solving
+    if decided.n != exact.n:  # virtual joints have numbers only
+        return decided, ()
+    return exact_like(exact, decided), tuple(values)
+
+
+class TextBuilder:
+    """Interprets a derivation over SymPy and writes down what it is told."""
+
+    def __init__(self, n: int, *, position: bool) -> None:
+        self.steps: list[Step] = []
+        self._position, self._n = position, n
+        self._names = {"x", "y", "z"} if position else {"p_x", "p_y", "p_z"}
+
+    def pose(self) -> Rigid:
+        """The target: r_ij and p_x, p_y, p_z."""
+        rows = [[_target(f"r_{i}{j}") for j in (1, 2, 3)] for i in (1, 2, 3)]
+        x, y, z = ((row[0], row[1], row[2]) for row in rows)
+        return Rigid((x, y, z), self._point("p"))
+
+    def point(self) -> Vector:
+        """The target position: x, y, z (p_x, p_y, p_z of a pose)."""
+        return (_target("x"), _target("y"), _target("z")) if self._position else self._point("p")
+
+    def _point(self, letter: str) -> Vector:
+        return (_target(f"{letter}_x"), _target(f"{letter}_y"), _target(f"{letter}_z"))
+
+    def name(self, hint: str, x: S) -> S:
+        """A line of its own, unless the value is short."""
+        value = _tidied(x)
+        if value.is_number or value.is_symbol or (-value).is_symbol:
+            return value
+        symbol = self._fresh(hint)
+        self.steps.append(Step(symbol, value))
+        return symbol
+
+    def names(self, hint: str, v: Vector) -> Vector:
+        """Three lines."""
+        return (self.name(f"{hint}_x", v[0]), self.name(f"{hint}_y", v[1]), self.name(f"{hint}_z", v[2]))
+
+    def sqrt(self, x: S) -> S:
+        """The square root."""
+        return sp.sqrt(x)
+
+    def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
+        """``x = atan2(B, A) +- atan2(sqrt(A^2 + B^2 - C^2), C)``."""
+        A, B, C = _tidied(A), _tidied(B), _tidied(C)
+        if B == 0 and not _carries_target(A):
+            A, C = sp.Integer(1), _tidied(C / A)
+        if _size(C) > 3:
+            C = self.name(f"k_{joint.index + 1}", C)
+        w2 = _tidied(A**2 + B**2 - C**2)
+        middle = sp.Integer(0) if (A == 1 and B == 0) else sp.atan2(B, A)
+        return self._angle(joint, middle, sp.atan2(sp.sqrt(w2), C), label.name)
+
+    def _angle(self, joint: Joint, value: sp.Expr, either: sp.Expr | None, note: str) -> Turn:
+        offset, sign = _tidied(joint.offset), joint.sign
+        q = sp.Symbol(f"q_{joint.index + 1}", real=True)
+        # raw = sign q + offset
+        self.steps.append(Step(q, _tidied(sign * (value - offset)), either, note))
+        raw = sign * q + offset
+        return Turn(sp.cos(raw), sp.sin(raw))
+
+    def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
+        """``+- sqrt(radicand)``."""
+        symbol = self._fresh(f"{hint[0]}_{hint[1:]}" if len(hint) > 1 else hint)
+        self.steps.append(Step(symbol, sp.Integer(0), sp.sqrt(_tidied(radicand)), label.name))
+        return symbol
+
+    def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
+        """The equation itself; its roots have no readable formula."""
+        q = sp.Symbol(f"q_{joint.index + 1}", real=True)
+        x = joint.sign * q + _tidied(joint.offset)
+        terms = (1, sp.cos(x), sp.sin(x), sp.cos(2 * x), sp.sin(2 * x))
+        total = sum(sp.Mul(_tidied(value), term, evaluate=True) for value, term in zip(k, terms, strict=True))
+        self.steps.append(Step(sp.Integer(0), total, None, f"up to four roots q_{joint.index + 1}, {label.name}"))
+        return Turn(sp.cos(x), sp.sin(x))
+
+    def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
+        """The linear or quadratic formula."""
+        if len(k) == 2:
+            return self.slide(joint, -k[0] / k[1])
+        q = sp.Symbol(f"q_{joint.index + 1}", real=True)
+        raw = joint.sign * q + _tidied(joint.offset)
+        if len(k) > 3:
+            total = sum(value * raw**i for i, value in enumerate(k))
+            self.steps.append(Step(sp.Integer(0), total, None, f"up to four roots q_{joint.index + 1}, {label.name}"))
+            return raw
+        root = sp.sqrt(_tidied(k[1] ** 2 - 4 * k[0] * k[2])) / (2 * k[2])
+        middle = _tidied(joint.sign * (-k[1] / (2 * k[2]) - _tidied(joint.offset)))
+        self.steps.append(Step(q, middle, root, label.name))
+        return raw
+
+    def turn(self, joint: Joint, s: S, c: S, *, unit: float, degree: int = 1, feasible: Feasible | None = None) -> Turn:
+        """``atan2(s, c)``."""
+        return self._angle(joint, sp.atan2(_tidied(s), _tidied(c)), None, "")
+
+    def slide(self, joint: Joint, x: S) -> S:
+        """The displacement."""
+        q = sp.Symbol(f"q_{joint.index + 1}", real=True)
+        self.steps.append(Step(q, _tidied(joint.sign * (x - joint.offset))))
+        return joint.sign * q + _tidied(joint.offset)
+
+    def given(self, joint: Joint) -> Turn | S:
+        """The prescribed joint, or the arm angle psi."""
+        prescribed = sp.Symbol("psi" if joint.index >= self._n else f"q_{joint.index + 1}", real=True)
+        raw = joint.sign * prescribed + _tidied(joint.offset)
+        return Turn(sp.cos(raw), sp.sin(raw)) if joint.revolute else raw
+
+    def wrist(
+        self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
+    ) -> tuple[Turn, Turn, Turn]:
+        """Both solutions of an orthogonal wrist."""
+        e4, e5 = signs
+        mxz, myz, mzz = (_tidied(M[i][2]) for i in range(3))
+        middle = self._angle(joints[1], sp.Integer(0), sp.atan2(sp.sqrt(mxz**2 + myz**2), -e4 * e5 * mzz), "wrist")
+        sign = e5 * sp.sign(middle.s)
+        first = self._angle(joints[0], sp.atan2(sign * myz, sign * mxz), None, "")
+        mx = (M[0][0], M[1][0], M[2][0])
+        s6 = dot((e4 * e5 * first.s, -e4 * e5 * first.c, 0), mx)
+        c6 = dot((first.c * middle.c, first.s * middle.c, e4 * middle.s), mx)
+        last = self._angle(joints[2], sp.atan2(_tidied(s6), _tidied(c6)), None, "")
+        return first, middle, last
+
+    def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
+        """Checks are not part of the formula."""
+
+    def _fresh(self, hint: str) -> sp.Symbol:
+        name, serial = hint, 1
+        while name in self._names:
+            serial += 1
+            name = f"{hint}{serial}" if "_" not in hint else f"{hint.split('_')[0]}{serial}_{hint.split('_')[1]}"
+        self._names.add(name)
+        return sp.Symbol(name, real=True)
+
+
+def _target(name: str) -> sp.Symbol:
+    return sp.Symbol(name, real=True)
+
+
+def _carries_target(x: sp.Expr) -> bool:
+    return any(symbol.name[0] in "xyzpr" for symbol in x.free_symbols)
+
+
+def _size(x: sp.Expr) -> int:
+    return int(sp.count_ops(x))
+
+
+def _tidied(x: Any) -> sp.Expr:
+    """Exact numbers, and the shorter of the expression as it grew and expanded."""
+    value = (
+        x if isinstance(x, sp.Basic) else (sp.Rational(repr(float(x))) if float(x) != int(x) else sp.Integer(int(x)))
+    )
+    if value.is_Atom:
+        return value
+    expanded = sp.expand(value)
+    return expanded if sp.count_ops(expanded) <= sp.count_ops(value) else value
