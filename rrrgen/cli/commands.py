@@ -11,6 +11,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "verify": ("rrrgen.cli.verify:verify", "Compare a compiled model with independent dynamics."),
     "ik": ("rrrgen.cli.ik:ik", "Solve the inverse kinematics for a pose."),
     "excite": ("rrrgen.cli.excite:excite", "Design an exciting trajectory."),
+    "simulate": ("rrrgen.cli.simulate:simulate", "Run an experiment on the virtual robot."),
+    "reconstruct": ("rrrgen.cli.reconstruct:reconstruct", "Reconstruct the joint motion of a recording."),
     "identify": ("rrrgen.cli.identify:identify", "Estimate parameters from recordings."),
     "validate": ("rrrgen.cli.validate:validate", "Score a robot file against recordings."),
     "case-study": ("rrrgen.cli.case_study:case_study", "Run the whole case study on the virtual RRR."),
