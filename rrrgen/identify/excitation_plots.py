@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rrrgen.identify.excitation import ExcitationDesign
+from rrrgen.identify.excitation import ExcitationDesign, ExcitationLimits
 from rrrgen.identify.excitation_check import ProblemFunctions, check_trajectory
 from rrrgen.identify.figures import new_figure, style_axes
 from rrrgen.identify.fourier import Floats, FourierTrajectory
@@ -16,19 +16,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def plot_motion(trajectory: FourierTrajectory, problem_limits: Any = None, samples: int = 2000) -> Figure:
-    """Position, velocity and acceleration of every joint over one cycle, limits dashed (as Fig. 14.10)."""
+def plot_motion(
+    trajectory: FourierTrajectory, limits: ExcitationLimits | None = None, samples: int = 2000, unit: str = "rad"
+) -> Figure:
+    """Position, velocity and acceleration of every joint over one cycle, limits dashed (as Fig. 14.10).
+
+    ``unit`` names that of the positions: rad, m, or "rad or m" for arms with both.
+    """
     t = np.linspace(0.0, trajectory.period, samples)
     rows = zip(("position", "speed", "acceleration"), trajectory.evaluate(t), strict=True)
     figure, axes = new_figure(3, 1, height=6.0, sharex=True)
     for axis, (name, values) in zip(axes, rows, strict=True):
         for i in range(trajectory.n):
             (line,) = axis.plot(t, values[:, i], label=f"joint {i + 1}")
-            bound = None if problem_limits is None or name == "position" else problem_limits.row(name, trajectory.n)[i]
+            bound = None if limits is None or name == "position" else limits.row(name, trajectory.n)[i]
             if bound is not None and np.isfinite(bound):
                 axis.axhline(bound, color=line.get_color(), linestyle="--", linewidth=0.6)
                 axis.axhline(-bound, color=line.get_color(), linestyle="--", linewidth=0.6)
-    for axis, label in zip(axes, ("q [rad or m]", "dq [rad/s or m/s]", "ddq [rad/s² or m/s²]"), strict=True):
+    for axis, label in zip(axes, (f"q [{unit}]", f"dq [{unit}/s]", f"ddq [{unit}/s²]"), strict=True):
         style_axes(axis, "", label)
     axes[-1].set_xlabel("t [s]")
     axes[0].legend(loc="upper right", ncols=trajectory.n)

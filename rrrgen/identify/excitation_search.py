@@ -103,7 +103,7 @@ def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
         _exchange(program, trajectory, instants)
     stage, p = STAGES[problem.objective][-1]
     for _ in range(EXCHANGES):
-        if check_trajectory(problem, trajectory).feasible:
+        if check_trajectory(problem, trajectory).worst_use <= 1.0 + MARGIN:
             break
         trajectory = _solve(program, stage, p, eigenvalue, trajectory, instants, history)
         _exchange(program, trajectory, instants)
@@ -185,9 +185,18 @@ def _solve(
 
 
 def _within_limits(problem: ExcitationProblem, trajectory: FourierTrajectory) -> FourierTrajectory:
-    """Shrink the motion about q0 by the last few percent that the solver may have left over."""
-    use = check_trajectory(problem, trajectory).worst_use
-    if not 1.0 < use < 1.0 + LARGEST_SHRINKING:
+    """Shrink the motion about q0 by the last percent that the solver may have left over.
+
+    A limit that is not centred on q0 takes more than its excess: the shrinking doubles until all is well.
+    """
+    excess = check_trajectory(problem, trajectory).worst_use - 1.0
+    if not 0.0 < excess < LARGEST_SHRINKING:
         return trajectory
-    gain = 1.0 / (use * (1.0 + 1e-9))
-    return FourierTrajectory(trajectory.q0, trajectory.a * gain, trajectory.b * gain, trajectory.base_frequency)
+    shrinking = excess * (1.0 + 1e-9)
+    while shrinking < 2.0 * LARGEST_SHRINKING:
+        gain = 1.0 - shrinking
+        smaller = FourierTrajectory(trajectory.q0, trajectory.a * gain, trajectory.b * gain, trajectory.base_frequency)
+        if check_trajectory(problem, smaller).feasible:
+            return smaller
+        shrinking *= 2.0
+    return trajectory
