@@ -86,8 +86,13 @@ def _build(path: Path, module: str, sources: Mapping[str, str], cdef: str, compi
         for file, text in sources.items():
             (directory / file).write_text(text, encoding="utf-8", newline="\n")
         _write_wrapper(directory / f"{module}.c", module, sources, cdef)
-        units = [file for file in (*sources, f"{module}.c") if file.endswith(".c")]
-        _run([[*compile_command, f"-I{include}", "-c", unit, "-o", f"{unit}.o"] for unit in units], directory)
+        wrapper = f"{module}.c"
+        units = [wrapper, *(file for file in sources if file.endswith(".c"))]
+        level = {wrapper: ["-O0"]}  # it only passes pointers on: optimisation took a third of the build and gained 1 %
+        _run(
+            [[*compile_command, *level.get(unit, []), f"-I{include}", "-c", unit, "-o", f"{unit}.o"] for unit in units],
+            directory,
+        )
         link = ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
         objects = [f"{unit}.o" for unit in units]
         _run([[*compile_command, "-shared", *link, *objects, "-lm", "-o", path.name]], directory)
