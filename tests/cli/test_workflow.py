@@ -1,0 +1,86 @@
+"""The commands of the identification workflow and of inverse kinematics, from end to end on a small robot."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from rrrgen.cli.main import cli
+from rrrgen.identify.fourier import FourierTrajectory
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory):
+    """A motion of planar2r, recorded on the virtual robot."""
+    folder = tmp_path_factory.mktemp("workflow")
+    rng = np.random.default_rng(2)
+    motion = FourierTrajectory.from_coefficients(rng.uniform(-0.8, 0.8, (11, 2)), 0.2)
+    trajectory = folder / "trajectory.json"
+    trajectory.write_text(json.dumps(motion.to_json()))
+    noise = ["--torque-noise", 0.01, "--rate", 500]
+    result = run("simulate", "planar2r", "--trajectory", trajectory, *noise, "-o", folder / "experiment")
+    assert result.return_value == 0, result.output
+    return folder
+
+
+def test_simulate_writes_a_recording_that_identify_takes(experiment):
+    log = experiment / "experiment" / "results" / "log.yaml"
+    out = experiment / "identified"
+    result = run("identify", "planar2r", "--log", log, "--split", "blocks:0.5", "-o", out, "--json")
+    assert result.return_value == 0, result.output
+    record = json.loads((out / "results" / "identification.json").read_text())
+    assert record["held_out"]["relative_error"] < 0.02
+    assert (out / "results" / "robot.yaml").is_file()
+    assert (out / "figures" / "torques.svg").is_file()
+
+
+def test_validate_passes_the_true_robot_and_fails_a_wrong_one(experiment, tmp_path):
+    log = experiment / "experiment" / "results" / "log.yaml"
+    good = run("validate", "planar2r", "--log", log, "-o", tmp_path / "good")
+    assert good.return_value == 0, good.output
+    assert "held-out data; passed" in good.output
+    strict = run("validate", "planar2r", "--log", log, "--relative-error", 1e-6, "-o", tmp_path / "strict")
+    assert strict.return_value == 1
+    assert "FAILED" in strict.output
+
+
+def test_reconstruct_writes_the_motion(experiment, tmp_path):
+    log = experiment / "experiment" / "results" / "log.yaml"
+    result = run("reconstruct", log, "--method", "butterworth", "--cutoff", 20, "-o", tmp_path / "motion")
+    assert result.return_value == 0, result.output
+    with (tmp_path / "motion" / "results" / "motion.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert rows[0][0] == "t"
+    assert len(rows[0]) == 7
+    assert len(rows) == 2501
+
+
+def test_a_run_folder_of_other_settings_is_refused(experiment):
+    log = experiment / "experiment" / "results" / "log.yaml"
+    with pytest.raises(Exception, match="another folder"):
+        run("identify", "planar2r", "--log", log, "--split", "first:0.6", "-o", experiment / "experiment")
+
+
+def test_ik_prints_every_branch_and_says_why_there_is_none():
+    found = run("ik", "rrr", "--pose", "0.2 -0.4 0.6", "--json")
+    assert found.return_value == 0
+    rows = json.loads(found.output)["solutions"]
+    assert len(rows) == 4
+    nearest = run("ik", "rrr", "--pose", "0.2 -0.4 0.6", "--near", "1.4 1.5 2.0", "--json")
+    assert np.allclose(json.loads(nearest.output)["solutions"][0]["q"], [1.41677, 1.47716, 2.05795], atol=1e-4)
+    none = run("ik", "rrr", "--pose", "2 0 0")
+    assert none.return_value == 1
+    assert "from reach" in none.output
+    closest = run("ik", "rrr", "--pose", "2 0 0", "--closest")
+    assert closest.return_value == 0
+
+
+def test_ik_refuses_poses_of_the_wrong_size():
+    with pytest.raises(Exception, match="numbers; wanted 3 or 6 or 16"):
+        run("ik", "rrr", "--pose", "1 2")
