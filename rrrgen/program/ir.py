@@ -240,7 +240,7 @@ class Builder:
         return value
 
     def _op(self, value: Scalar) -> Node:
-        return self.nodes[value.index]
+        return self.nodes[self.index_of(value)]
 
     def _negated(self, value: Value) -> Value | None:
         """``x`` where ``value`` is recorded as ``-x``, else None."""
