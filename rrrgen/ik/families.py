@@ -19,6 +19,7 @@ from rrrgen.ik.planar import triple_of
 from rrrgen.ik.position import Arm, simplest
 from rrrgen.ik.reduced import turning_axes
 from rrrgen.ik.rigid import Crossing, rigid
+from rrrgen.ik.singularities import described
 from rrrgen.ik.spherical import arm_of, is_spherical
 
 FOUND = 1e-5
@@ -166,7 +167,7 @@ def _same(chain: Chain, row: list[float], q: Any) -> bool:
 
 
 def counted(plan: SolverPlan) -> SolverPlan | None:
-    """``plan`` with the number of rows that its equations can give; nothing where they degenerate on this chain."""
+    """``plan`` with its number of rows and its singularities; nothing where the equations degenerate on this chain."""
     if plan.family == "general6r":
         return replace(plan, max_solutions=16)
     builder = CBuilder("x", plan.chain.joints, plan.chain.reach, position=plan.task == "position")
@@ -174,7 +175,8 @@ def counted(plan: SolverPlan) -> SolverPlan | None:
         derive(builder, plan)
     except (InternalError, ZeroDivisionError):
         return None
-    return replace(plan, max_solutions=builder.body().rows)
+    body = builder.body()
+    return described(replace(plan, max_solutions=body.rows), body.stages)
 
 
 def reason(chain: Chain, rank: int) -> str:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
 from rrrgen.errors import DerivationError, InternalError
 from rrrgen.ik.builder import Feasible, Label, Turn
-from rrrgen.ik.chain import Chain, Joint, exact_chain
+from rrrgen.ik.chain import Joint
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.derive import derive
-from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.plan import Singularity, SolverPlan
 from rrrgen.ik.rigid import Rigid, S, Vector, dot
-from rrrgen.ik.snap import exact_like
-from rrrgen.spec.robot_spec import parameter_symbol
+from rrrgen.ik.singularities import singular_sets
+from rrrgen.ik.symbols import symbolic_chain
 
 if TYPE_CHECKING:
     from rrrgen.spec.robot_spec import RobotSpec
@@ -52,9 +52,10 @@ def _plain(expression: sp.Expr, either: sp.Expr | None) -> str:
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """The closed form of one robot: what the plan says, the values of the symbols, and the steps in order."""
+    """The closed form of one robot: the plan, where it is singular, what the symbols stand for, the steps in order."""
 
     plan: SolverPlan
+    singularities: tuple[Singularity, ...]
     values: tuple[tuple[sp.Symbol, sp.Expr], ...]
     steps: tuple[Step, ...]
 
@@ -63,7 +64,7 @@ class ClosedForm:
         head = [f"inverse kinematics: {self.plan.title}", f"at most {self.plan.max_solutions} solutions"]
         if self.plan.redundancy:
             head.append(f"redundancy parameter: {self.plan.redundancy}")
-        head += [f"singular: {singularity.words}" for singularity in self.plan.singularities]
+        head += [f"singular: {_said(singularity)}" for singularity in self.singularities]
         if self.values:
             head.append("with " + ", ".join(f"{symbol} = {value}" for symbol, value in self.values))
         return "\n".join([*head, *(f"  {step.text()}" for step in self.steps)])
@@ -72,6 +73,12 @@ class ClosedForm:
         """The steps as one LaTeX ``align*`` environment."""
         lines = [step.latex().replace(" = ", " &= ", 1) for step in self.steps]
         return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
+
+
+def _said(singularity: Singularity) -> str:
+    if singularity.expression is None:
+        return singularity.words
+    return f"{singularity.expression} = 0 ({singularity.words})"
 
 
 def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
@@ -88,7 +95,7 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
     except (TypeError, InternalError):  # a decision that needs numbers: write the numbers
         builder, values = TextBuilder(chain.n, position=plan.task == "position"), ()
         derive(builder, plan)
-    return ClosedForm(plan, values, _needed(builder.steps))
+    return ClosedForm(plan, singular_sets(spec, plan), values, _needed(builder.steps))
 
 
 def _needed(steps: list[Step]) -> tuple[Step, ...]:
@@ -100,42 +107,6 @@ def _needed(steps: list[Step]) -> tuple[Step, ...]:
             kept.append(step)
             wanted |= step.expression.free_symbols | (step.either.free_symbols if step.either is not None else set())
     return tuple(reversed(kept))
-
-
-def symbolic_chain(spec: RobotSpec, plan: SolverPlan) -> tuple[Chain, tuple[tuple[sp.Symbol, sp.Expr], ...]]:
-    """The chain with a symbol for every DH value that is not special, and what the symbols stand for."""
-    values: list[tuple[sp.Symbol, sp.Expr]] = []
-    signed = {
-        parameter_symbol(name): sp.Symbol(name, positive=True) if value > 0 else sp.Symbol(name, real=True)
-        for name, value in spec.parameters.items()
-    }
-
-    def symbol(letter: str, i: int, value: sp.Expr) -> sp.Expr:
-        nominal = spec.nominal(value)
-        angle = letter in ("alpha", "theta")
-        if nominal.is_zero or (angle and (2 * nominal / sp.pi).is_integer):
-            return nominal
-        sign = {"positive": True} if nominal > 0 else {"negative": True}
-        name = sp.Symbol(f"{letter}_{i}", **sign) if value.is_number else value.xreplace(signed)
-        if value.is_number:
-            values.append((name, nominal))
-        return name
-
-    joints = tuple(
-        replace(
-            joint,
-            alpha=symbol("alpha", i, joint.alpha),
-            a=symbol("a", i, joint.a),
-            d=symbol("d", i, joint.d),
-            theta=symbol("theta", i, joint.theta),
-        )
-        for i, joint in enumerate(spec.joints, start=1)
-    )
-    exact = exact_chain(replace(spec, joints=joints), nominal=False)
-    decided = plan.solving
-    if decided.n != exact.n:  # virtual joints have numbers only
-        return decided, ()
-    return exact_like(exact, decided), tuple(values)
 
 
 class TextBuilder:

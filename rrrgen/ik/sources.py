@@ -192,6 +192,6 @@ def _spelled(text: str, name: str, real: str) -> str:
         "REAL": f"{name}_real",
         "WRAP": f"{name}_ik_wrap",
         "ROOT0": f"{name}_ik_root0",
-        **{flag: f"{name.upper()}_IK_{flag}" for flag in ("FREE", "MULTIPLE", "NEAR")},
+        **{flag: f"(unsigned){name.upper()}_IK_{flag}" for flag in ("FREE", "MULTIPLE", "NEAR")},
     }
     return re.sub(r"\b(" + "|".join(words) + r")\b", lambda match: words[match[1]], text)

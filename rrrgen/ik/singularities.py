@@ -1,0 +1,144 @@
+"""Where branches meet: in words for every family, and as factors of the Jacobian's determinant where three joints move
+a point.
+
+At such a configuration two rows of an answer become one (flag MULTIPLE) or a joint is free (flag FREE).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from rrrgen.ik.chain import Chain, multiply
+from rrrgen.ik.plan import Singularity, SolverPlan
+from rrrgen.ik.symbols import symbolic_chain
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rrrgen.ik.c_builder import Stage
+    from rrrgen.spec.robot_spec import RobotSpec
+
+TERMS = 8
+"""Factors with more terms stay polynomials in sines and cosines: collecting sums of angles takes long."""
+
+_MEANING = {
+    "shoulder": "the shoulder's two solutions for {joint} meet: the target point is as near to the first axis as the "
+    "offsets allow",
+    "elbow": "the elbow's two solutions for {joint} meet: the arm is stretched or folded",
+    "wrist": "the wrist's two solutions for {joint} meet: two of its axes are aligned, and only the sum or difference "
+    "of their angles is decided",
+    "offset": "the two solutions for {joint} meet: the offset of the arm is used up",
+    "side": "the two solutions for {joint} meet",
+    "distance": "the two solutions for {joint} meet",
+    "posture": "two of the up to four solutions for {joint} meet (a double root of the quartic)",
+}
+
+
+def described(plan: SolverPlan, stages: Sequence[Stage]) -> SolverPlan:
+    """``plan`` with its singularities in words, one per choice of a root."""
+    names = {joint.index: joint.name or f"joint {joint.index + 1}" for joint in plan.solving.joints}
+    found = []
+    for stage in stages:
+        joint = names.get(stage.joint, f"joint {stage.joint + 1}")
+        found.append(Singularity(_MEANING.get(stage.label, "two solutions for {joint} meet").format(joint=joint)))
+    return replace(plan, singularities=tuple(found))
+
+
+def singular_sets(spec: RobotSpec, plan: SolverPlan) -> tuple[Singularity, ...]:
+    """The singularities of ``plan`` with symbols where there are any.
+
+    For a position task the factors of det(dp/dq), for a spherical wrist on three joints those of the arm (with the
+    wrist's centre as its tip) and the sine of the middle wrist joint.
+    """
+    chain, _ = symbolic_chain(spec, plan)
+    arm: Chain | None = None
+    extra: list[Singularity] = []
+    if plan.family == "position":
+        arm = chain
+    elif plan.family == "spherical" and plan.first == 3 and plan.virtual == 0 and plan.locked is None:
+        centre = replace(chain.links[3], a=sp.S.Zero, ca=sp.S.One, sa=sp.S.Zero)
+        arm = replace(
+            chain,
+            joints=chain.joints[:3],
+            links=chain.links[:2],
+            tip=multiply(chain.links[2].matrix(), centre.matrix()),
+        )
+        middle = chain.joints[4]
+        angle = sp.Symbol("q_5", real=True) + middle.offset
+        extra.append(Singularity("wrist: axes 4 and 6 are parallel", sp.sin(angle)))
+    if arm is None:
+        return plan.singularities
+    factors = [
+        Singularity("a factor of the arm's determinant vanishes", factor) for factor in _factors(determinant(arm))
+    ]
+    return (*factors, *extra)
+
+
+def determinant(arm: Chain) -> sp.Expr:
+    """det(dp/dq) of a three-joint chain whose tip is a point, simplified, up to the rotation of the base.
+
+    For the reference robot: -a2 a3 sin(q3) (a2 cos q2 + a3 cos(q2 + q3)).
+    """
+    q = [sp.Symbol(f"q_{joint.index + 1}", real=True) for joint in arm.joints]
+    moves = [_motion(joint.revolute, joint.sign * x + joint.offset) for joint, x in zip(arm.joints, q, strict=True)]
+    w = _matrix(arm.links[0].matrix()) * moves[1] * _matrix(arm.links[1].matrix()) * moves[2] * _matrix(arm.tip)
+    point = w[:3, 3]
+    axis = sp.Matrix([0, 0, arm.joints[0].sign])
+    first = axis.cross(point) if arm.joints[0].revolute else axis
+    value = sp.Matrix.hstack(first, point.diff(q[1]), point.diff(q[2])).det()
+    return _simplified(sp.expand(value, trig=True), q[1:])
+
+
+def _motion(revolute: bool, x: sp.Expr) -> sp.Matrix:
+    M = sp.eye(4)
+    if revolute:
+        M[0, 0] = M[1, 1] = sp.cos(x)
+        M[1, 0], M[0, 1] = sp.sin(x), -sp.sin(x)
+    else:
+        M[2, 3] = x
+    return M
+
+
+def _matrix(rows: object) -> sp.Matrix:
+    return sp.Matrix([*(list(row) for row in rows), [0, 0, 0, 1]])  # type: ignore[attr-defined]
+
+
+def _simplified(value: sp.Expr, angles: list[sp.Symbol]) -> sp.Expr:
+    """Factored, with sin^2 = 1 - cos^2 used where that makes the product shorter, and sums of angles collected.
+
+    A product of factors hides when too many squares are replaced, so every choice of angles is tried.
+    """
+    cosines, sines = sp.symbols(f"c:{len(angles)}"), sp.symbols(f"s:{len(angles)}")
+    there = {sp.cos(x): c for x, c in zip(angles, cosines, strict=True)}
+    there |= {sp.sin(x): s for x, s in zip(angles, sines, strict=True)}
+    back = {symbol: function for function, symbol in there.items()}
+    polynomial = sp.expand(value.xreplace(there))
+    pairs = list(zip(cosines, sines, strict=True))
+    tried = []
+    for chosen in (pairs[:1], pairs[1:], pairs, []):
+        reduced = polynomial
+        for c, s in chosen:
+            reduced = sp.expand(sp.rem(reduced, s**2 + c**2 - 1, s)) if reduced.has(s) else reduced
+        tried.append(sp.factor(reduced))
+    best = min(tried, key=sp.count_ops)
+    return sp.Mul(*(_collected(factor.xreplace(back)) for factor in sp.Mul.make_args(best)))
+
+
+def _collected(factor: sp.Expr) -> sp.Expr:
+    """A factor with sums of angles, where it is short enough for that search."""
+    if len(sp.Add.make_args(factor)) > TERMS:
+        return factor
+    return min((factor, sp.trigsimp(factor)), key=sp.count_ops)
+
+
+def _factors(value: sp.Expr) -> list[sp.Expr]:
+    """The factors that depend on a joint, without powers and constants."""
+    found = []
+    for factor in sp.Mul.make_args(value):
+        base = factor.base if isinstance(factor, sp.Pow) else factor
+        if any(symbol.name.startswith("q_") for symbol in base.free_symbols):
+            found.append(-base if base.could_extract_minus_sign() else base)
+    return found
