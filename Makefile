@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := rrr
-.PHONY: rrr setup test lint types unit generated clean help
+.PHONY: rrr setup test lint types unit generated bench clean help
 
 rrr: setup  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
 	$(BIN)/rrrgen generate rrr -o runs/rrr
@@ -36,6 +36,11 @@ unit: setup  ## the tests, on all processors
 
 generated: setup  ## the committed code of the reference robot is what the generator writes today
 	$(BIN)/rrrgen generate rrr -o generated/rrr --check
+
+bench: setup  ## measure emitted C side by side with other packages; the page and the plots go to docs/
+	$(BIN)/python -m pip install --quiet -e ".[bench]"
+	$(BIN)/rrrgen bench -o bench/results
+	cp bench/results/benchmark.md bench/results/benchmark.svg bench/results/benchmark.png docs/
 
 clean:  ## remove what the targets above made
 	rm -rf $(VENV) runs/rrr runs/rrr_selftest

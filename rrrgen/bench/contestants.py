@@ -1,0 +1,88 @@
+"""Who takes part: a C function on a state, the numbers it works with, and what it should return."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rrrgen.bench.cases import Case, Numbers, References
+from rrrgen.errors import RrrgenError
+from rrrgen.verify.chain import Array
+
+OWN, OWN_FILE, OWN_LIBM = "rrrgen", "rrrgen, numbers folded", "rrrgen, libm"
+HAND, HAND_FILE, PINOCCHIO = "hand CasADi", "hand CasADi, file's numbers", "Pinocchio"
+
+TITLES = {
+    "inverse_dynamics": "inverse dynamics",
+    "mass_matrix": "mass matrix M",
+    "bias": "bias torques c + g",
+    "gravity": "gravity g",
+    "forward_dynamics": "forward dynamics",
+    "kinematics": "FK + Jacobian",
+    "regressor": "base regressor",
+    "standard_regressor": "standard regressor",
+    "regressor_transpose": "Y' e",
+    "coriolis_matrix": "Coriolis matrix",
+    "inverse_dynamics_derivatives": "derivatives of inverse dynamics",
+}
+"""Compared functions, in the order of the report."""
+
+
+ZERO = 1e-6
+"""Of the largest torque: values below it, such as the gravity of a vertical axis, are compared with it instead."""
+
+
+class DisagreementError(RrrgenError):
+    """Two contestants compute different things, so their times cannot be compared."""
+
+    exit_code = 1
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """One way to compute one function: ``statements`` fill ``out`` from the state ``in``.
+
+    ``parameters`` is what a regressor multiplies to give torques. ``operations`` are counted ones, where known.
+    """
+
+    label: str
+    function: str
+    outputs: int
+    statements: str
+    numbers: Numbers = "dense"
+    parameters: Array | None = None
+    operations: dict[str, int] | None = None
+
+
+@dataclass
+class Party:
+    """The contestants of one supplier for one robot, with the C files that they need."""
+
+    contestants: list[Contestant]
+    sources: dict[str, str] = field(default_factory=dict)
+    declarations: str = ""
+    setup: str = ""
+    cpp: tuple[str, str, tuple[str, ...]] | None = None  # a C++ file, its text and its include flags
+
+
+def deviation(contestant: Contestant, values: Array, case: Case) -> float:
+    """Largest difference to the reference over all states, relative to the largest reference value.
+
+    A regressor is compared through ``Y beta = tau``, ``Y' e`` through ``beta' (Y' e) = e' tau``, a Coriolis matrix
+    through ``C dq = c``.
+    """
+    reference: References = case.references[contestant.numbers]
+    known, N, n = reference.values, len(case.states), case.n
+    name = contestant.function
+    if contestant.parameters is not None and name == "regressor_transpose":
+        got, wanted = values @ contestant.parameters, np.sum(reference.e * known["inverse_dynamics"], axis=1)
+    elif contestant.parameters is not None:
+        got, wanted = values.reshape(N, n, -1) @ contestant.parameters, known["inverse_dynamics"]
+    elif name == "coriolis_matrix":
+        got, wanted = np.einsum("kij,kj->ki", values.reshape(N, n, n), reference.dq), known["coriolis"]
+    else:
+        wanted = known[name].reshape(N, -1)
+        got = values
+    scale = max(float(np.max(np.abs(wanted))), ZERO * float(np.max(np.abs(known["inverse_dynamics"]))))
+    return float(np.max(np.abs(got - wanted))) / scale

@@ -1,0 +1,107 @@
+"""rrrgen's own emitted C as contestants."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rrrgen import pipeline
+from rrrgen.backends.c.signature import has_status, stored_outputs
+from rrrgen.bench.cases import Case, Numbers
+from rrrgen.bench.contestants import OWN, OWN_FILE, OWN_LIBM, TITLES, Contestant, Party
+from rrrgen.program import Program, count_operations
+from rrrgen.verify.chain import Array
+
+if TYPE_CHECKING:
+    from rrrgen.backends.c.trigonometry import Trig
+    from rrrgen.derive.derived_model import DerivedModel
+
+PLACES = {"q": 0, "dq": 1, "ddq": 2, "tau": 2, "e": 3}
+"""Where inputs stand in a state, in multiples of n."""
+
+
+def own_party(case: Case, derived: DerivedModel) -> Party:
+    """Every compared function with base parameters at run time and with the file's numbers folded in.
+
+    With the C library's sines instead of the inline kernel only inverse dynamics takes part.
+    """
+    party = Party([])
+    _add(party, case, derived, OWN, "inline", "", list(TITLES))
+    _add(party, case, derived, OWN_LIBM, "libm", "_libm", ["inverse_dynamics"])
+    return party
+
+
+def _add(party: Party, case: Case, derived: DerivedModel, label: str, trig: Trig, tag: str, names: list[str]) -> None:
+    name = derived.name
+    prefix = f"{name}{tag}"
+    files = pipeline.emit(derived, trig=trig)
+    texts = {file: files[file] for file in (f"{name}.h", f"{name}.c")}
+    for file, text in texts.items():
+        assert isinstance(text, str)
+        renamed = text.replace(f"{name}_", f"{prefix}_").replace(f"{name}.h", f"{prefix}.h") if tag else text
+        party.sources[file.replace(name, prefix, 1)] = renamed
+    party.declarations += f'#include "{prefix}.h"\n' + _constants(case, derived, prefix)
+    for function in names:
+        for suffix, numbers in _variants(label, function, derived):
+            programs = _programs(derived, function, suffix)
+            if programs:
+                shown = OWN_FILE if suffix else label
+                party.contestants.append(_contestant(case, derived, prefix, shown, function, programs, numbers))
+
+
+def _variants(label: str, function: str, derived: DerivedModel) -> list[tuple[str, Numbers]]:
+    with_twin = label == OWN and f"{function}_nominal" in derived.programs
+    return [("", "dense"), ("_nominal", "file")] if with_twin else [("", "dense")]
+
+
+def _programs(derived: DerivedModel, function: str, suffix: str) -> list[Program]:
+    """What is called for one function: one program, or two where no program gives both results."""
+    if function != "kinematics":
+        return [derived.programs[function + suffix]] if function + suffix in derived.programs else []
+    joint = [
+        p for p in derived.programs.values() if [port.shape for port in p.outputs] == [(4, 4), (6, derived.spec.n)]
+    ]
+    both = [derived.programs[name] for name in ("forward_kinematics", "jacobian") if name in derived.programs]
+    return joint[:1] or both
+
+
+def _contestant(
+    case: Case, derived: DerivedModel, prefix: str, label: str, function: str, programs: list[Program], numbers: Numbers
+) -> Contestant:
+    statements, filled = [], 0
+    for program in programs:
+        arguments = [
+            f"in + {PLACES[port.name] * case.n}" if port.name in PLACES else f"{prefix}_{port.name}_values"
+            for port in program.inputs
+        ]
+        for port in stored_outputs(program):
+            arguments.append(f"out + {filled}")
+            filled += port.size
+        call = f"{prefix}_{program.name}({', '.join(arguments)});"
+        statements.append(f"(void){call}" if has_status(program) else call)
+    counts = [count_operations(program) for program in programs]
+    operations = {key: sum(getattr(count, key) for count in counts) for key in ("mul", "add", "div", "sincos")}
+    return Contestant(
+        label, function, filled, " ".join(statements), numbers, _multiplied(case, derived, function), operations
+    )
+
+
+def _multiplied(case: Case, derived: DerivedModel, function: str) -> Array | None:
+    if function == "standard_regressor":
+        return case.dense.reshape(-1)
+    return base_parameters(case, derived) if function in ("regressor", "regressor_transpose") else None
+
+
+def base_parameters(case: Case, derived: DerivedModel) -> Array:
+    """beta of the dense bodies."""
+    return np.asarray(np.array(derived.base_projection, dtype=float) @ case.dense.reshape(-1))
+
+
+def _constants(case: Case, derived: DerivedModel, prefix: str) -> str:
+    beta = ", ".join(repr(float(value)) for value in base_parameters(case, derived))
+    drives = ", ".join("0.0" for _ in range(case.n))
+    lines = [f"static double {prefix}_beta_values[] = {{{beta}}};"]
+    if derived.drive_inertia_nominal is not None:
+        lines.append(f"static double {prefix}_Ia_values[] = {{{drives}}};")
+    return "\n".join(lines) + "\n"

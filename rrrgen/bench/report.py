@@ -1,0 +1,151 @@
+"""Results as a Markdown page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rrrgen.bench.contestants import HAND, HAND_FILE, OWN, OWN_FILE, OWN_LIBM, PINOCCHIO, TITLES
+from rrrgen.bench.growth import COMPARED
+from rrrgen.bench.race import Score
+from rrrgen.bench.results import Results, work
+from rrrgen.bench.targets import verdicts
+
+COLUMNS = (OWN, OWN_FILE, OWN_LIBM, HAND, HAND_FILE, PINOCCHIO)
+
+
+def page(results: Results, plot: str = "benchmark.svg") -> str:
+    """The whole page."""
+    parts = [_opening(results), f"![Instructions per call]({plot})", "", _targets(results)]
+    parts += [_functions(results, robot) for robot in results.robots()]
+    parts += [_calls(results), _batches(results), _ik(results), _growth(results), _generation(results)]
+    return "\n".join(part for part in parts if part)
+
+
+def _opening(results: Results) -> str:
+    peers = ", ".join(f"{name} {version}" for name, version in results.peers.items())
+    lines = [
+        "# Benchmark",
+        "",
+        "Written by `rrrgen bench` (`make bench`); the figures below are one run on one machine.",
+        "",
+        f"- Machine: {results.machine}",
+        f"- Compiler and flags, the same for every contestant: {results.compiler}",
+        f"- Peers: {peers}",
+        f"- Effort: {results.effort}",
+        "",
+        "Every contestant is checked against the built-in Newton-Euler on the same states before anything is timed. "
+        "Times are the least of many samples, taken in turns; on a shared machine they hold as ratios only. "
+        "Instructions are exact: each is single-stepped, mathematical library included. Operations are "
+        "multiplications/additions.",
+        "",
+        f"*{OWN}*: emitted C with base parameters at run time, compared with *{HAND}* and *{PINOCCHIO}* on dense "
+        f"bodies. *{OWN_FILE}* and *{HAND_FILE}* use the numbers of the robot file, zeros included. *{OWN_LIBM}*: "
+        f"sines of the C library instead of the inline kernel. *{HAND}*: Newton-Euler and composite bodies written by "
+        "hand in CasADi, in joint frames and pseudo-inertia base form with all numbers folded, CasADi's common "
+        f"subexpressions and C code. *{PINOCCHIO}*: its headers, compiled here.",
+    ]
+    lines += ["", *(f"- Left out: {text}" for text in results.left_out)]
+    return "\n".join(lines) + "\n"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [f"| {' | '.join(head)} |", f"|{'|'.join('---' for _ in head)}|"]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)]) + "\n"
+
+
+def _targets(results: Results) -> str:
+    found = verdicts(results)
+    rows = [(v.work, v.robot, v.target, v.found, "yes" if v.met else "**no**") for v in found]
+    met = sum(v.met for v in found)
+    text = f"{met} of {len(found)} met. Ratios are instructions, with the ratio of times in brackets.\n\n"
+    return "## Targets\n\n" + text + _table(("work", "robot", "target", "found", "met"), rows)
+
+
+def _functions(results: Results, robot: str) -> str:
+    scores = [score for score in results.scores if score.robot == robot]
+    present = [label for label in COLUMNS if any(score.contestant.label == label for score in scores)]
+    rows = []
+    for function, title in TITLES.items():
+        own = {s.contestant.label: s for s in scores if s.contestant.function == function}
+        if OWN in own:
+            rows.append([title, *(_cell(own.get(label)) for label in present), *_ratios(own)])
+    head = ["function", *present, f"/ {HAND}", f"/ {PINOCCHIO}"]
+    return f"## {robot}\n\nInstructions, ns, operations.\n\n" + _table(head, rows)
+
+
+def _cell(score: Score | None) -> str:
+    if score is None:
+        return ""
+    count = "-" if score.instructions is None else f"{score.instructions:.0f}"
+    operations = score.contestant.operations
+    tail = f", {operations['mul']}/{operations['add']}" if operations else ""
+    return f"{count}, {score.nanoseconds:.1f} ns{tail}"
+
+
+def _ratios(scores: dict[str, Score]) -> list[str]:
+    return [f"{work(scores[OWN]) / work(scores[rival]):.2f}" if rival in scores else "" for rival in (HAND, PINOCCHIO)]
+
+
+def _calls(results: Results) -> str:
+    if not results.calls:
+        return ""
+    robots = list(dict.fromkeys(call.robot for call in results.calls))
+    interfaces = list(dict.fromkeys(call.interface for call in results.calls))
+    rows = []
+    for interface in interfaces:
+        times = (results.call(robot, interface) for robot in robots)
+        rows.append([interface, *("" if time is None else f"{time:.0f}" for time in times)])
+    return "## Python calls of inverse dynamics (ns)\n\n" + _table(["interface", *robots], rows)
+
+
+def _batches(results: Results) -> str:
+    rows = []
+    for robot, state in results.batches.items():
+        own, rival = (results.score(robot, "inverse_dynamics", label) for label in (OWN_FILE, PINOCCHIO))
+        single = "" if own is None else f"{own.nanoseconds:.1f}"
+        ratio = "" if rival is None else f"1/{rival.nanoseconds / state:.0f}"
+        rows.append([robot, f"{state:.1f}", single, ratio])
+    if not rows:
+        return ""
+    head = ["robot", "ns per state, from NumPy", "ns of one C call", "against Pinocchio's call"]
+    return "## Batches of inverse dynamics, one core\n\n" + _table(head, rows)
+
+
+def _ik(results: Results) -> str:
+    if not results.ik:
+        return ""
+    rows = []
+    for score in results.ik:
+        count = "" if score.instructions is None else f"{score.instructions:.0f}"
+        rows.append([score.robot, score.solver, f"{score.nanoseconds:.0f}", count, f"{score.rows:.1f}"])
+    text = "All solutions of reachable poses, every row checked. EAIK: its Python batch interface, one thread.\n\n"
+    return "## Inverse kinematics\n\n" + text + _table(["robot", "solver", "ns", "instructions", "rows per pose"], rows)
+
+
+def _growth(results: Results) -> str:
+    if not results.growth:
+        return ""
+    chains = list(dict.fromkeys(score.robot for score in results.growth))
+    rows = []
+    for chain, seconds in zip(chains, results.derivations, strict=True):
+        found = {(s.contestant.function, s.contestant.label): s for s in results.growth if s.robot == chain}
+        row = [chain.removeprefix("chain"), f"{seconds:.1f}"]
+        for function in COMPARED:
+            scores = {label: found[function, label] for label in (OWN, HAND, PINOCCHIO) if (function, label) in found}
+            row += [_cell(scores.get(OWN)), *_ratios(scores)]
+        rows.append(row)
+    head = ["n", "derivation s"]
+    for function in COMPARED:
+        head += [TITLES[function], f"/ {HAND}", f"/ {PINOCCHIO}"]
+    text = "Random chains of revolute joints, neighbouring axes parallel or at right angles, dense bodies.\n\n"
+    return "## Growth with the number of joints\n\n" + text + _table(head, rows)
+
+
+def _generation(results: Results) -> str:
+    rows = [
+        [each.robot, f"{each.generate:.1f}", f"{each.compile:.1f}", f"{each.megabytes:.0f}"]
+        for each in results.generations
+    ]
+    if not rows:
+        return ""
+    return "## From robot file to compiled C\n\n" + _table(["robot", "generate s", "compile s", "peak MB"], rows)

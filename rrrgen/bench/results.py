@@ -1,0 +1,79 @@
+"""What a run found, and how to look things up in it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from rrrgen.bench.generation import Generation
+from rrrgen.bench.inverse_kinematics import IKScore
+from rrrgen.bench.python_calls import CallTime
+from rrrgen.bench.race import Score
+
+
+@dataclass
+class Results:
+    """One run of the benchmark."""
+
+    machine: str
+    compiler: str
+    peers: dict[str, str]
+    effort: str
+    scores: list[Score] = field(default_factory=list)
+    calls: list[CallTime] = field(default_factory=list)
+    batches: dict[str, float] = field(default_factory=dict)
+    ik: list[IKScore] = field(default_factory=list)
+    growth: list[Score] = field(default_factory=list)
+    derivations: list[float] = field(default_factory=list)
+    generations: list[Generation] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+
+    def score(self, robot: str, function: str, label: str) -> Score | None:
+        """The score of one contestant, if it took part."""
+        for score in self.scores:
+            if (score.robot, score.contestant.function, score.contestant.label) == (robot, function, label):
+                return score
+        return None
+
+    def robots(self) -> list[str]:
+        """Robots that were measured, in order."""
+        return list(dict.fromkeys(score.robot for score in self.scores))
+
+    def call(self, robot: str, interface: str) -> float | None:
+        """Nanoseconds of a Python call."""
+        return next((c.nanoseconds for c in self.calls if (c.robot, c.interface) == (robot, interface)), None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "machine": self.machine,
+            "compiler": self.compiler,
+            "peers": self.peers,
+            "effort": self.effort,
+            "functions": [_plain(score) for score in self.scores],
+            "python_calls": [asdict(call) for call in self.calls],
+            "batch_nanoseconds_per_state": self.batches,
+            "inverse_kinematics": [asdict(score) for score in self.ik],
+            "growth": [_plain(score) for score in self.growth],
+            "growth_derivation_seconds": self.derivations,
+            "generation": [asdict(each) for each in self.generations],
+            "left_out": self.left_out,
+        }
+
+
+def _plain(score: Score) -> dict[str, Any]:
+    contestant = score.contestant
+    return {
+        "robot": score.robot,
+        "function": contestant.function,
+        "contestant": contestant.label,
+        "nanoseconds": score.nanoseconds,
+        "instructions": score.instructions,
+        "operations": contestant.operations,
+        "deviation": score.deviation,
+    }
+
+
+def work(score: Score) -> float:
+    """Instructions, the figure of record; nanoseconds where instructions could not be counted."""
+    return score.nanoseconds if score.instructions is None else score.instructions

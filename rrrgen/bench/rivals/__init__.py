@@ -1,0 +1,1 @@
+"""What rrrgen is measured against; nothing here uses rrrgen's derivation."""

@@ -1,0 +1,147 @@
+"""A whole run: every robot, every part, within a time limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rrrgen.bench.cases import ROBOTS, Case, make_case
+from rrrgen.bench.race import QUICK, Effort, race
+from rrrgen.bench.results import Results
+from rrrgen.bench.toolchain import FLAGS, find_toolchain, machine
+from rrrgen.errors import RrrgenError
+
+if TYPE_CHECKING:
+    from rrrgen.bench.contestants import Party
+    from rrrgen.bench.toolchain import Toolchain
+    from rrrgen.spec.robot_spec import RobotSpec
+
+Say = Callable[[str], None]
+GROWTH_SECONDS = {True: 20.0, False: 120.0}
+"""No further chain is begun after this; long chains take long to derive."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a run contains."""
+
+    robots: tuple[str, ...] = ROBOTS
+    quick: bool = False
+    flags: tuple[str, ...] = FLAGS
+    pinocchio: bool = True
+    parts: frozenset[str] = frozenset({"functions", "python", "ik", "growth", "generation"})
+
+    @property
+    def effort(self) -> Effort:
+        """How long to measure."""
+        return QUICK if self.quick else Effort()
+
+
+def bench(plan: Plan, say: Say) -> Results:
+    """Run ``plan``; ``say`` gets one line per step. Raises BuildError without a C compiler."""
+    from rrrgen.bench.rivals.parties import installed_versions
+
+    toolchain = find_toolchain(plan.flags)
+    effort = plan.effort
+    words = f"{effort.rounds} rounds of {effort.sample / 1e3:.0f} us per contestant"
+    results = Results(machine(), toolchain.describe(), installed_versions(), words)
+    for robot in plan.robots:
+        _robot(robot, plan, toolchain, results, say)
+    if "ik" in plan.parts:
+        _inverse_kinematics(plan, toolchain, results, say)
+    if "growth" in plan.parts:
+        _growth(plan, toolchain, results, say)
+    if "generation" in plan.parts:
+        _generation(plan, toolchain, results, say)
+    return results
+
+
+def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
+    from rrrgen import pipeline
+    from rrrgen.bench.own import own_party
+    from rrrgen.manifest import identify
+    from rrrgen.runtime.derived_cache import recall
+
+    spec = pipeline.read(robot)
+    case = make_case(spec)
+    if "functions" in plan.parts:
+        say(f"{robot}: deriving")
+        derived = recall(spec, identify(spec), pipeline.derive)
+        parties = [own_party(case, derived), *_rivals(case, plan, toolchain, results)]
+        say(f"{robot}: compiling and measuring (Pinocchio's headers take minutes, once)")
+        results.scores += race(case, parties, toolchain, plan.effort)
+    if "python" in plan.parts and case.file is not None:
+        say(f"{robot}: calls from Python")
+        _python(case, plan, toolchain, results)
+
+
+def _rivals(case: Case, plan: Plan, toolchain: Toolchain, results: Results) -> list[Party]:
+    """The installed rivals that can take part; the report names the others."""
+    from rrrgen.bench.rivals.parties import hand_party, pinocchio_party
+
+    parties = []
+    rivals = {"CasADi": hand_party(case), "Pinocchio C++": pinocchio_party(case) if plan.pinocchio else None}
+    for name, rival in rivals.items():
+        if rival is None:
+            asked = plan.pinocchio or name == "CasADi"
+            why = "not installed, or the robot has sliding joints" if asked else "not asked for"
+            _leave_out(results, f"{name}: {why}")
+        elif rival.cpp is not None and toolchain.cxx is None:
+            _leave_out(results, f"{name}: no C++ compiler")
+        else:
+            parties.append(rival)
+    return parties
+
+
+def _python(case: Case, plan: Plan, toolchain: Toolchain, results: Results) -> None:
+    from rrrgen import pipeline
+    from rrrgen.bench.python_calls import batch_time, python_calls
+
+    model = pipeline.compile(case.spec)
+    rounds = max(10, plan.effort.rounds // 2)
+    results.calls += python_calls(case, model, toolchain, rounds)
+    results.batches[case.name] = batch_time(case, model, rounds)
+
+
+def _inverse_kinematics(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
+    from rrrgen.bench.inverse_kinematics import GENERAL, ik_scores
+    from rrrgen.spec import load_spec, loads_spec
+
+    specs: Sequence[RobotSpec] = [load_spec(robot) for robot in plan.robots]
+    for spec in [*(spec for spec in specs if spec.n <= 6), loads_spec(GENERAL, "general6r.yaml")]:
+        say(f"{spec.name}: inverse kinematics")
+        try:
+            results.ik += ik_scores(spec, toolchain, plan.effort)
+        except RrrgenError as error:
+            _leave_out(results, f"inverse kinematics of {spec.name}: {error}")
+
+
+def _growth(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
+    from rrrgen.bench.growth import growth
+
+    sizes = [1, 2, 4, 6, 8] if plan.quick else list(range(1, 13))
+    say(f"random chains of {sizes[0]} to {sizes[-1]} joints")
+    results.growth, results.derivations = growth(
+        sizes,
+        toolchain,
+        plan.effort,
+        GROWTH_SECONDS[plan.quick],
+        lambda case: _rivals(case, plan, toolchain, results),
+    )
+    done = len(results.derivations)
+    if done < len(sizes):
+        _leave_out(results, f"chains of {sizes[done]} and more joints: the time for growth was used up")
+
+
+def _generation(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
+    from rrrgen.bench.generation import generation
+
+    for robot in plan.robots[:1] if plan.quick else plan.robots:
+        say(f"{robot}: generation in a fresh process")
+        results.generations.append(generation(robot, toolchain))
+
+
+def _leave_out(results: Results, text: str) -> None:
+    if text not in results.left_out:
+        results.left_out.append(text)

@@ -1,0 +1,143 @@
+"""The targets that rrrgen sets itself, and whether a run met them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rrrgen.bench.contestants import HAND, OWN, PINOCCHIO, TITLES
+from rrrgen.bench.python_calls import BOUND, PIN
+from rrrgen.bench.results import Results, work
+
+OPERATIONS = {
+    ("rrr", "inverse_dynamics"): (55, 45),
+    ("puma560", "inverse_dynamics"): (215, 195),
+    ("ur10e", "inverse_dynamics"): (200, 180),
+    ("panda", "inverse_dynamics"): (312, 288),
+    ("rrr", "mass_matrix"): (38, 36),
+    ("puma560", "mass_matrix"): (153, 149),
+    ("panda", "mass_matrix"): (213, 191),
+    ("rrr", "regressor"): (92, 67),
+    ("puma560", "regressor"): (383, 277),
+    ("panda", "regressor"): (684, 473),
+    ("rrr", "gravity"): (10, 5),
+    ("puma560", "gravity"): (50, 28),
+    ("panda", "gravity"): (64, 38),
+}
+"""Multiplications and additions with base parameters at run time. For the Puma and the UR these are the aims; the
+rival that had to be beaten takes 254/233."""
+
+CORIOLIS_FLOPS = {"puma560": 1500}
+RATIOS = {"rrr": (0.45, 0.10), "puma560": (0.85, 0.25), "ur10e": (0.85, 0.25), "panda": (0.85, 0.25)}
+"""Instructions of inverse dynamics: against the hand-made rival, against Pinocchio."""
+
+NOT_SLOWER = ("mass_matrix", "bias", "gravity", "forward_dynamics", "kinematics", "regressor")
+BATCH = {"rrr": 1 / 40, "panda": 1 / 25}
+INVERSE_KINEMATICS = {"rrr": 100.0, "puma560": 400.0, "ur10e": 1000.0, "general6r": 50000.0}
+SECONDS = {"rrr": 3.0, "panda": 20.0}
+MEGABYTES = 500.0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One target: what is compared, the limit, what was found."""
+
+    work: str
+    robot: str
+    target: str
+    found: str
+    met: bool
+
+
+def verdicts(results: Results) -> list[Verdict]:
+    """Every target that the run has figures for."""
+    parts = (_operations, _ratios, _transpose, _not_slower, _batches, _inverse_kinematics, _calls, _generation)
+    return [verdict for part in parts for verdict in part(results)]
+
+
+def _operations(results: Results) -> Iterator[Verdict]:
+    for (robot, function), (mul, add) in OPERATIONS.items():
+        score = results.score(robot, function, OWN)
+        if score is not None and score.contestant.operations:
+            got = score.contestant.operations
+            met = got["mul"] <= mul and got["add"] <= add
+            what = f"{TITLES[function]}, operations"
+            yield Verdict(what, robot, f"<= {mul}/{add}", f"{got['mul']}/{got['add']}", met)
+    for robot, flops in CORIOLIS_FLOPS.items():
+        score = results.score(robot, "coriolis_matrix", OWN)
+        if score is not None and score.contestant.operations:
+            total = score.contestant.operations["mul"] + score.contestant.operations["add"]
+            yield Verdict("Coriolis matrix, operations", robot, f"< {flops}", str(total), total < flops)
+
+
+def _ratio(results: Results, what: str, robot: str, function: str, rival: str, limit: float) -> Iterator[Verdict]:
+    own, other = results.score(robot, function, OWN), results.score(robot, function, rival)
+    if own is not None and other is not None:
+        value, times = work(own) / work(other), own.nanoseconds / other.nanoseconds
+        yield Verdict(what, robot, f"<= {limit:.2f} x", f"{value:.2f} x (time {times:.2f} x)", value <= limit)
+
+
+def _ratios(results: Results) -> Iterator[Verdict]:
+    for robot, (hand, pinocchio) in RATIOS.items():
+        for rival, limit in ((HAND, hand), (PINOCCHIO, pinocchio)):
+            what = f"inverse dynamics against {rival}"
+            yield from _ratio(results, what, robot, "inverse_dynamics", rival, limit)
+
+
+def _transpose(results: Results) -> Iterator[Verdict]:
+    for robot in results.robots():
+        own = results.score(robot, "regressor_transpose", OWN)
+        regressor, inverse = (results.score(robot, name, OWN) for name in ("regressor", "inverse_dynamics"))
+        if own is not None and regressor is not None and inverse is not None:
+            to_regressor, to_inverse = work(own) / work(regressor), work(own) / work(inverse)
+            yield Verdict("Y' e against forming Y", robot, "< 1.00 x", f"{to_regressor:.2f} x", to_regressor < 1)
+            yield Verdict("Y' e against inverse dynamics", robot, "<= 2.00 x", f"{to_inverse:.2f} x", to_inverse <= 2)
+
+
+def _not_slower(results: Results) -> Iterator[Verdict]:
+    for robot in results.robots():
+        for function in NOT_SLOWER:
+            limit = 0.75 if robot == "rrr" else 1.0
+            yield from _ratio(results, f"{TITLES[function]} against {HAND}", robot, function, HAND, limit)
+
+
+def _batches(results: Results) -> Iterator[Verdict]:
+    for robot, limit in BATCH.items():
+        rival = results.score(robot, "inverse_dynamics", PINOCCHIO)
+        if rival is not None and robot in results.batches:
+            state = results.batches[robot]
+            ratio = state / rival.nanoseconds
+            text = f"1/{1 / ratio:.0f} ({state:.1f} ns per state)"
+            yield Verdict(
+                "batch inverse dynamics per state against Pinocchio",
+                robot,
+                f"<= 1/{1 / limit:.0f}",
+                text,
+                ratio <= limit,
+            )
+
+
+def _inverse_kinematics(results: Results) -> Iterator[Verdict]:
+    for score in results.ik:
+        limit = INVERSE_KINEMATICS.get(score.robot)
+        if score.solver == "rrrgen" and limit is not None:
+            found = f"{score.nanoseconds:.0f} ns, {score.rows:.1f} rows"
+            yield Verdict("inverse kinematics", score.robot, f"<= {limit:.0f} ns", found, score.nanoseconds <= limit)
+
+
+def _calls(results: Results) -> Iterator[Verdict]:
+    for robot in results.robots():
+        bound, pin = results.call(robot, BOUND), results.call(robot, PIN)
+        if bound is not None and pin is not None:
+            found = f"{bound / pin:.2f} x ({bound:.0f} against {pin:.0f} ns)"
+            yield Verdict("Python call, bound buffers, against pin.rnea", robot, "<= 0.33 x", found, bound <= pin / 3)
+
+
+def _generation(results: Results) -> Iterator[Verdict]:
+    for each in results.generations:
+        limit = SECONDS.get(each.robot)
+        if limit is not None:
+            total = each.generate + each.compile
+            yield Verdict("robot file to compiled C", each.robot, f"<= {limit:.0f} s", f"{total:.1f} s", total <= limit)
+        met = each.megabytes <= MEGABYTES
+        yield Verdict("peak memory of generation", each.robot, "<= 500 MB", f"{each.megabytes:.0f} MB", met)

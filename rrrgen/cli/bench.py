@@ -1,0 +1,105 @@
+"""``rrrgen bench``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rrrgen.cli.arguments import complete_robot, json_option, print_json
+
+if TYPE_CHECKING:
+    from rrrgen.bench.results import Results
+
+PARTS = ("functions", "python", "ik", "growth", "generation")
+
+
+@click.command()
+@click.argument("robots", nargs=-1, shell_complete=complete_robot, metavar="[ROBOT]...")
+@click.option("--quick", is_flag=True, help="Fewer and shorter samples, shorter chains.")
+@click.option("--only", type=click.Choice(PARTS), multiple=True, help="Only this part; may be given several times.")
+@click.option("--flags", default="-O3 -march=native", show_default=True, help="Compiler flags of every contestant.")
+@click.option(
+    "--pinocchio/--no-pinocchio", default=True, help="Whether Pinocchio takes part; building its headers takes minutes."
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("bench/results"),
+    show_default=True,
+    help="Directory for benchmark.json, benchmark.md and the plots.",
+    metavar="DIR",
+)
+@json_option
+def bench(
+    robots: tuple[str, ...],
+    quick: bool,
+    only: tuple[str, ...],
+    flags: str,
+    pinocchio: bool,
+    output: Path,
+    as_json: bool,
+) -> int:
+    """Measure emitted C side by side with Pinocchio, hand-written CasADi and EAIK, as far as they are installed.
+
+    Everything is built with the same compiler and flags, checked against independent dynamics, and measured in turns:
+    nanoseconds, instructions, operation counts, calls from Python, batches, inverse kinematics, growth with the number
+    of joints. Without ROBOT the four of the published table are taken.
+
+    \b
+    Examples:
+      rrrgen bench --quick
+      rrrgen bench rrr --only functions
+      CC=clang rrrgen bench -o clang_results
+    """
+    from rrrgen.bench.cases import ROBOTS
+    from rrrgen.bench.report import page
+    from rrrgen.bench.session import Plan
+    from rrrgen.bench.session import bench as run_bench
+
+    parts = frozenset(only or PARTS)
+    plan = Plan(robots or ROBOTS, quick, tuple(flags.split()), pinocchio, parts)
+    results = run_bench(plan, lambda line: click.echo(line, err=True))
+    output.mkdir(parents=True, exist_ok=True)
+    (output / "benchmark.json").write_text(json.dumps(results.as_dict(), indent=1) + "\n", encoding="utf-8")
+    (output / "benchmark.md").write_text(page(results), encoding="utf-8")
+    _draw(results, output)
+    if as_json:
+        print_json(results.as_dict())
+    else:
+        _print(results)
+    return 0
+
+
+def _draw(results: Results, output: Path) -> None:
+    from importlib.util import find_spec
+
+    if not results.scores:
+        return
+    if find_spec("matplotlib") is None:
+        click.echo("matplotlib is not installed: no plot", err=True)
+        return
+    from rrrgen.bench.plot import plot
+
+    plot(results, output)
+
+
+def _print(results: Results) -> None:
+    from rrrgen.bench.targets import verdicts
+
+    for score in results.scores:
+        contestant, count = score.contestant, score.instructions
+        counted = (
+            "" if contestant.operations is None else f"{contestant.operations['mul']}/{contestant.operations['add']}"
+        )
+        instructions = "-" if count is None else f"{count:.0f}"
+        click.echo(
+            f"{score.robot:9} {contestant.function:22} {contestant.label:26} {score.nanoseconds:9.1f} ns "
+            f"{instructions:>8} instr {counted:>9}"
+        )
+    for verdict in verdicts(results):
+        mark = "met   " if verdict.met else "MISSED"
+        click.echo(f"{mark} {verdict.robot:9} {verdict.work:52} {verdict.target:>12}   {verdict.found}")
