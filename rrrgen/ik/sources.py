@@ -32,10 +32,37 @@ class Emitted:
     reasons: tuple[str, ...]
 
 
-def sources(spec: RobotSpec, real: str = "double") -> dict[str, str]:
+FUNCTIONS = ("inverse_kinematics", "inverse_kinematics_batch", "closest", "ik_status_string", "ik_reason")
+"""Public functions of the emitted files, after the robot's name and an underscore."""
+
+
+def sources(spec: RobotSpec, real: str = "double", redundancy: int | None = None) -> dict[str, str]:
     """The emitted files, name -> text; empty for a chain without a solver (see :func:`manifest` for the reason)."""
-    plan = make_plan(spec)
+    plan = make_plan(spec, redundancy)
     return emit(spec, plan, real).files if plan.solvable else {}
+
+
+def manifest(spec: RobotSpec, redundancy: int | None = None) -> dict[str, Any]:
+    """What the manifest of emitted files says about the inverse kinematics; ``solver`` is false where there is none."""
+    plan = make_plan(spec, redundancy)
+    data: dict[str, Any] = {
+        "solver": plan.solvable,
+        "family": plan.family,
+        "title": plan.title,
+        "task": plan.task,
+        "max_solutions": plan.max_solutions,
+        "redundancy": plan.redundancy or None,
+        "reason": plan.reason or None,
+        "singular": [singularity.words for singularity in plan.singularities],
+    }
+    if plan.solvable:
+        emitted = emit(spec, plan)
+        data |= {
+            "files": sorted(emitted.files),
+            "functions": [f"{spec.name}_{name}" for name in FUNCTIONS],
+            "branch": [{"name": name, "bit": bit, "bits": bits} for name, bit, bits in emitted.labels],
+        }
+    return data
 
 
 def emit(spec: RobotSpec, plan: SolverPlan, real: str = "double") -> Emitted:
