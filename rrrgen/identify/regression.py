@@ -21,7 +21,8 @@ RANK_TOLERANCE = 1e-10
 """Relative to the largest singular value of the scaled regressor; the round-off of a factor is some 1e-14."""
 NOISE_FLOOR = 1e-11  # residuals below this share of the torque are round-off, not noise to be weighted by
 HUBER = 1.345  # 95 % efficiency for normal noise
-SETTLED = 1e-8  # relative change of the weights or parameters at which an iteration stops
+SETTLED = 1e-8  # relative change of the weights at which their iteration stops
+ROBUST_SETTLED = 1e-5  # change in standard deviations at which the slower, robust iteration stops
 
 
 @dataclass(frozen=True)
@@ -188,10 +189,10 @@ def robust_least_squares(
         updated = least_squares(factors, names, None, tolerance, "robust least squares (Huber)")
         share = max(1.0 / (1 + start.rank), 1.0 - start.rank / float(np.sum(start.counts)))
         new_sigma = sigma * np.sqrt(clipped / np.maximum(1, start.counts) / share / consistency)
-        step = np.max(np.abs(updated.x - estimate.x) / (np.abs(updated.x) + updated.std + 1e-300))
+        step = np.max(np.abs(updated.x - estimate.x) / np.maximum(updated.std, np.finfo(float).tiny))
         estimate, moved = updated, np.max(np.abs(new_sigma / sigma - 1.0))
         sigma = np.maximum(new_sigma, np.finfo(float).tiny)
-        if step < SETTLED and moved < SETTLED:
+        if step < ROBUST_SETTLED and moved < ROBUST_SETTLED:
             break
     return replace(_scored(blocks(), expand, estimate), joint_sigma=sigma, weights=1.0 / sigma, iterations=done)
 

@@ -1,0 +1,236 @@
+"""The whole way from recordings to parameters, figures and robot files, with compiled models."""
+
+import json
+
+import numpy as np
+import pytest
+from recordings import fourier_motion
+
+import rrrgen
+from rrrgen.errors import InputError
+from rrrgen.identify.columns import DriveTerms, FullRegressor
+from rrrgen.identify.convergence import convergence
+from rrrgen.identify.estimation_plots import bode_data, plot_bode, plot_whiteness
+from rrrgen.identify.factoring import Split
+from rrrgen.identify.identification import Options, identify
+from rrrgen.identify.kalman import kalman_matrices
+from rrrgen.identify.log_stream import LogStream
+from rrrgen.identify.logs import Log, load_stream, open_log, write_log
+from rrrgen.identify.processing import Processing
+from rrrgen.identify.results import as_record, write_identification
+from rrrgen.identify.run_folder import RunFolder, plain
+
+PERIOD, N = 2e-3, 4000
+ENCODER = 1e-5
+SIGMA = np.array([0.3, 0.15, 0.08])
+FRICTION = np.array([2.0, 1.0, 0.5, 3.0, 1.5, 0.8])  # viscous, then Coulomb
+TERMS = DriveTerms.everywhere(3, "viscous", "coulomb")
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return rrrgen.compile("rrr")
+
+
+def experiment(arm, seed, noise=SIGMA):
+    t = PERIOD * np.arange(N)
+    q, dq, ddq = fourier_motion(t, 3, seed, base=0.125, harmonics=12)
+    rng = np.random.default_rng(seed + 1000)
+    tau = FullRegressor(arm, TERMS)(q, dq, ddq) @ np.concatenate([arm.beta, FRICTION])
+    measured = np.round(q / ENCODER) * ENCODER
+    names = tuple(joint.name for joint in arm.spec.joints)
+    return Log(names, t, measured, tau + noise * rng.normal(size=q.shape), period=PERIOD), (q, dq, ddq, tau)
+
+
+@pytest.fixture(scope="module")
+def logs(arm):
+    return [experiment(arm, seed)[0] for seed in (1, 2)]
+
+
+KALMAN = Processing("kalman", decimate=5)
+
+
+@pytest.fixture(scope="module")
+def result(arm, logs):
+    return identify(arm, logs, KALMAN, Options(terms=TERMS, essential=True, poses=500))
+
+
+def test_virtual_rrr_within_three_reported_deviations(arm, result):
+    truth = result.structure.G @ np.concatenate([arm.beta, FRICTION])
+    assert result.structure.rank == 21
+    assert np.max(np.abs(result.estimate.x - truth) / result.estimate.std) < 3.0
+    assert result.indefinite["consistent"] == 0.0
+
+
+def test_validation_error_beyond_the_noise_is_below_one_percent(arm, result):
+    """Torque without noise on a motion that was not fitted, against the identified model."""
+    _, (q, dq, ddq, tau) = experiment(arm, 7)
+    W = FullRegressor(arm, TERMS)(q, dq, ddq)
+    for theta in (result.theta, result.consistent.theta):
+        error = np.sqrt(np.mean((W @ theta - tau) ** 2, axis=0)) / np.sqrt(np.mean(tau**2, axis=0))
+        assert np.all(error < 0.01)
+
+
+def test_balanced_links_leave_thirteen_parameters(arm, logs):
+    """Links 2 and 3 of the bundled arm are balanced in y: p4 = p15 = 0, said either way."""
+    names = list(arm.base_parameter_names)
+    assert [arm.beta[names.index(name)] for name in ("p4", "p15")] == [0.0, 0.0]
+    by_link = identify(arm, logs, KALMAN, Options(terms=TERMS, fixed_standard={"my2": 0.0, "my3": 0.0}, poses=10))
+    by_name = identify(arm, logs, KALMAN, Options(terms=TERMS, fixed={"p4": 0.0, "p15": 0.0}, poses=10))
+    for found in (by_link, by_name):
+        assert found.structure.rank == 13 + 6
+        assert found.theta[names.index("p4")] == 0.0
+        truth = np.concatenate([np.delete(arm.beta, [3, 14]), FRICTION])
+        assert np.max(np.abs(found.estimate.x - truth) / found.estimate.std) < 3.0
+    np.testing.assert_allclose(by_link.estimate.x, by_name.estimate.x, rtol=1e-9)
+    assert by_link.consistent.phi[12] == pytest.approx(0.0, abs=1e-7)
+
+
+def test_known_friction_can_be_fixed_by_name(arm, logs):
+    fixed = {f"{kind}{i + 1}": FRICTION[3 * k + i] for k, kind in enumerate(("fv", "fc")) for i in range(3)}
+    found = identify(arm, logs, KALMAN, Options(terms=TERMS, fixed=fixed, poses=10))
+    assert found.structure.rank == 15
+    np.testing.assert_array_equal(found.theta[15:], FRICTION)
+    assert found.consistent.theta[15:] == pytest.approx(FRICTION)
+    with pytest.raises(InputError, match="no parameter 'fv9'"):
+        identify(arm, logs, KALMAN, Options(terms=TERMS, fixed={"fv9": 1.0}))
+
+
+@pytest.mark.parametrize("method", ["ordinary", "robust"])
+def test_other_estimators(arm, logs, method):
+    spoiled = Log(logs[0].joints, logs[0].t, logs[0].q, logs[0].tau.copy(), period=PERIOD)
+    if method == "robust":
+        hit = np.random.default_rng(0).random(spoiled.tau.shape) < 0.02
+        spoiled.tau[hit] += 20.0
+    options = Options(method=method, terms=TERMS, poses=10, consistent=False)
+    found = identify(arm, [spoiled], Processing("butterworth", cutoff=20.0, decimate=2), options)
+    truth = found.structure.G @ np.concatenate([arm.beta, FRICTION])
+    assert np.max(np.abs(found.estimate.x - truth) / found.estimate.std) < 4.0
+    with pytest.raises(InputError, match="unknown method"):
+        identify(arm, [spoiled], KALMAN, Options(method="magic", terms=TERMS))
+
+
+def test_a_recording_on_disk_gives_the_same(arm, logs, result, tmp_path):
+    streams = []
+    for k, log in enumerate(logs):
+        write_log(tmp_path / f"{k}.csv", log)
+        streams.append(LogStream(open_log(tmp_path / f"{k}.csv"), chunk=3000))
+    found = identify(arm, streams, result.processing, Options(terms=TERMS, poses=10))
+    np.testing.assert_allclose(found.estimate.x, result.estimate.x, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.estimate.std, result.estimate.std, rtol=1e-6)
+
+
+def test_estimates_settle(result):
+    """Fig. 14.12: every parameter comes to rest, and the last point is the estimate."""
+    settling = convergence(result.blocks, result.names, result.estimate.weights, result.transform, every=40)
+    np.testing.assert_allclose(settling.x[-1], result.estimate.x, rtol=1e-7, atol=1e-9)
+    assert settling.samples[-1] == sum(len(rows.t) for rows in result.blocks)
+    half = settling.x[len(settling.x) // 2 :]
+    assert np.all(np.abs(half - settling.x[-1]) < 6 * result.estimate.std)
+    assert settling.condition[-1] == pytest.approx(result.estimate.condition, rel=0.5)
+
+
+def test_a_run_folder_holds_it_all_and_is_reproducible(arm, logs, tmp_path):
+    write_log(tmp_path / "log.csv", logs[0])
+    log = load_stream(LogStream(open_log(tmp_path / "log.csv")))
+    options = Options(split=Split.parse("blocks:1"), poses=50, essential=True)
+    found = identify(arm, [log], KALMAN, options)
+    with RunFolder(tmp_path / "run", "identify", {"log": tmp_path / "log.csv"}, {}) as folder:
+        write_identification(folder, found, arm.spec, points=30)
+    results, figures = folder.path / "results", folder.path / "figures"
+    for name in ("torques", "torques_held_out", "convergence", "whiteness"):
+        assert (figures / f"{name}.svg").read_text().startswith("<?xml")
+        assert (figures / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    record = json.loads((results / "identification.json").read_text())
+    assert record["identifiable_parameters"] == 15
+    assert 0 < record["relative_error_held_out"] < 1  # the friction of this arm is not in its file
+    identified = rrrgen.loads_spec((results / "robot.yaml").read_text())
+    assert all(link.mass > 0 for link in identified.links)
+    # once more: the same numbers to the last bit, and the same bytes of a figure
+    again = identify(arm, [log], KALMAN, options)
+    assert plain(as_record(again)) == record
+    with RunFolder(tmp_path / "again", "identify", {"log": tmp_path / "log.csv"}, {}) as other:
+        other.figure("whiteness", plot_whiteness(again.whiteness, log.joints))
+    for suffix in (".svg", ".png"):
+        assert (other.path / f"figures/whiteness{suffix}").read_bytes() == (figures / f"whiteness{suffix}").read_bytes()
+
+
+def test_bode_plot_of_the_filter():
+    matrices = kalman_matrices(1e-3, ENCODER**2 / 12, 400.0)
+    data = bode_data(matrices)
+    assert data.shape == (400, 4)
+    assert 3.2 < data[:, 1].max() < 3.6
+    figure = plot_bode([matrices] * 3, ["q1", "q2", "q3"], smoother=True)
+    assert len(figure.axes[0].lines) == 6
+
+
+PRISMATIC = """
+schema: rrrgen/1
+name: slide
+convention: standard
+units: {angle: deg, length: mm}
+gravity: [0, 0, -9.81]
+joints:
+  - name: lift
+    type: prismatic
+    alpha: 0
+    a: 0
+    theta: 0
+    friction: {viscous: 0, coulomb: 0, offset: 0}
+    drive: {inertia: 0}
+"""
+
+SLIDE_LOG = """
+schema: rrrgen-log/1
+files: {file}
+time: {{column: "{t}", unit: ms}}
+joints:
+  - name: lift
+    position: {{column: "{q}", unit: mm, zero: 250}}
+    torque: {{column: "{i}", unit: A, constant: 42 N/A, sign: -1}}
+processing: {{method: kalman}}
+"""
+
+
+@pytest.mark.parametrize("kind", ["csv", "mat"])
+def test_a_prismatic_drive_never_seen_before(tmp_path, kind):
+    """From two YAML files alone: mass 12 kg and drive 3 kg on a vertical axis, which gravity tells apart."""
+    (tmp_path / "slide.yaml").write_text(PRISMATIC)
+    t = PERIOD * np.arange(3000)
+    q, dq, ddq = (0.05 * v for v in fourier_motion(t, 1, 3, base=0.25, harmonics=8, size=3.0))
+    rng = np.random.default_rng(5)
+    force = 12.0 * (ddq + 9.81) + 3.0 * ddq + 40.0 * dq + 9.0 * np.sign(dq) + 2.0 * rng.normal(size=q.shape)
+    column = np.column_stack([t * 1e3, np.round(q * 1e6) / 1e3 + 250.0, -force / 42.0])
+    if kind == "csv":
+        rows = [";".join(f"{v:.9f}".replace(".", ",") for v in row) for row in column]
+        (tmp_path / "log.csv").write_text("Zeit;Weg;Strom\nms;mm;A\n" + "\n".join(rows) + "\n")
+        text = SLIDE_LOG.format(file="log.csv", t="Zeit", q="Weg", i="Strom")
+    else:
+        from scipy.io import savemat
+
+        savemat(tmp_path / "log.mat", {"data": column})
+        text = SLIDE_LOG.format(file="log.mat", t="data(1)", q="data(2)", i="data(3)")
+    (tmp_path / "log.yaml").write_text(text)
+    model = rrrgen.compile(tmp_path / "slide.yaml", backend="numpy")
+    mapping = open_log(tmp_path / "log.yaml")
+    log = load_stream(LogStream(mapping), ["lift"])
+    found = identify(model, [log], Processing(**mapping.processing), Options(poses=100))
+    assert [column.name for column in found.columns][1:] == ["Ia1", "fv1", "fc1", "off1"]
+    truth = found.structure.G @ np.array([12.0, 3.0, 40.0, 9.0, 0.0])
+    assert np.max(np.abs(found.estimate.x - truth) / found.estimate.std) < 4
+    # the offset is no different from the weight of the load on this axis
+    assert any("off1 is not identifiable alone" in note for note in found.structural_notes)
+    assert found.consistent.phi[0] > 0
+    assert found.held_out["rows"] == 0
+
+
+def test_recordings_of_another_robot_are_refused(arm):
+    with pytest.raises(InputError, match="2 joints"):
+        identify(arm, [Log(("a", "b"), np.arange(50.0), np.zeros((50, 2)), np.zeros((50, 2)), period=1.0)], KALMAN)
+    with pytest.raises(InputError, match="no torques"):
+        identify(
+            arm,
+            [Log(("a", "b", "c"), PERIOD * np.arange(500), fourier_motion(PERIOD * np.arange(500), 3, 0)[0])],
+            Processing("differences"),
+            Options(terms=TERMS),
+        )
