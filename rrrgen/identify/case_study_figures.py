@@ -10,7 +10,7 @@ from rrrgen.identify.columns import Array
 from rrrgen.identify.convergence import convergence
 from rrrgen.identify.estimation_plots import plot_bode
 from rrrgen.identify.estimation_plots import plot_convergence as plot_settling
-from rrrgen.identify.excitation_plots import plot_convergence, plot_information, plot_motion, plot_singular_values
+from rrrgen.identify.excitation_plots import design_figures
 from rrrgen.identify.figures import new_figure, style_axes
 from rrrgen.identify.run_folder import RunFolder
 from rrrgen.identify.validation import plot_torques
@@ -30,19 +30,18 @@ def write_figures(run: RunFolder, study: CaseStudy) -> None:
     joints = [joint.name for joint in study.model.spec.joints]
     t = study.writing_log.t
     reference = study.path.evaluate(t)
-    limits = study.design.problem.limits
     run.figure("fig_14_02_kalman_bode", plot_bode(study.observer, joints))
     run.figure("fig_14_03_writing_task", plot_task(study.path, t))
     run.figure("fig_14_06_joint_motion", plot_joint_motion(t, reference[0], reference[1]))
     run.figure("fig_14_07_inverse_kinematics", plot_differences(*_kinematics(run, study, t, reference[0])))
     run.figure("fig_14_08_inverse_dynamics", plot_differences(*_dynamics(run, study, t, reference)))
-    run.figure("fig_14_10_exciting_trajectory", plot_motion(study.design.trajectory, limits))
+    excitation = design_figures(study.design)
+    run.figure("fig_14_10_exciting_trajectory", excitation.pop("motion"))
     run.figure("fig_14_11_torque_and_friction", plot_experiment(study))
     run.figure("fig_14_12_settling_estimates", _settling(run, study))
     run.figure("fig_14_13_validation", plot_torques(study.validation))
-    run.figure("excitation_singular_values", plot_singular_values(study.design))
-    run.figure("excitation_starts", plot_convergence(study.design))
-    run.figure("excitation_condition", plot_information(study.design))
+    for name, figure in excitation.items():
+        run.figure(f"excitation_{name}", figure)
     _tables(run, study)
 
 
@@ -50,12 +49,10 @@ def plot_task(path: JointPath, t: Array) -> Figure:
     """The letters in their plane and the tip speed over time (Fig. 14.3)."""
     position, _, _ = path.task.evaluate(t)
     figure, axes = new_figure(1, 2, height=3.2, width=8.0)
-    start = 0.0
-    for segment, ink, duration in zip(path.task.segments, path.task.ink, path.task.durations, strict=True):
+    for segment, ink in zip(path.task.segments, path.task.ink, strict=True):
         points = segment.frame(np.linspace(0.0, segment.length, 40))[0]
         style = {"color": "C0"} if ink else {"color": "0.7", "linestyle": ":"}
         axes[0].plot(points[:, 0], points[:, 1], **style)
-        start += duration
     plane = path.task.plane
     axes[0].set_xlim(*plane.x)
     axes[0].set_ylim(*plane.z)

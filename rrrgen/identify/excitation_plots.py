@@ -16,6 +16,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+def design_figures(design: ExcitationDesign, unit: str = "rad") -> dict[str, Figure]:
+    """Every figure of a design by name: motion, torque (where it is limited), singular values, condition, starts."""
+    figures = {"motion": plot_motion(design.trajectory, design.problem.limits, unit=unit)}
+    functions = ProblemFunctions(design.problem)
+    if functions.torque is not None:
+        t = np.linspace(0.0, design.trajectory.period, 2000)
+        tau = functions.over(functions.torque, *design.trajectory.evaluate(t))[:, :, 0]
+        figures["torque"] = plot_torque(t, tau, design.problem.limits.row("torque", design.problem.joints))
+    return figures | {
+        "singular_values": plot_singular_values(design),
+        "condition": plot_information(design),
+        "starts": plot_convergence(design),
+    }
+
+
 def plot_motion(
     trajectory: FourierTrajectory, limits: ExcitationLimits | None = None, samples: int = 2000, unit: str = "rad"
 ) -> Figure:

@@ -75,7 +75,6 @@ class Recording:
     true_dq: Array
     true_tau: Array
     saturated: NDArray[np.bool_]
-    settings: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

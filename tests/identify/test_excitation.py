@@ -261,6 +261,15 @@ def test_best_of_many_starts_is_kept_and_written(tmp_path) -> None:
     assert len((tmp_path / "two.csv").read_text().splitlines()) == 801
 
 
+SEARCHED = range(5)
+
+
+@pytest.fixture(scope="module")
+def undisturbed():
+    """What a search of the pendulum gives when nothing happens to it."""
+    return run_starts(pendulum_problem(), SEARCHED)
+
+
 SLOW_SEARCH = """
 import sys
 sys.path[:0] = {paths!r}
@@ -269,16 +278,16 @@ from test_excitation import pendulum_problem
 from rrrgen.identify.excitation import run_starts
 if __name__ == "__main__":
     say = lambda done, total, message: print(done, flush=True)
-    run_starts(pendulum_problem(), range(6), jobs=2, checkpoints=Path(sys.argv[1]), progress=say)
+    run_starts(pendulum_problem(), {starts!r}, jobs=2, checkpoints=Path(sys.argv[1]), progress=say)
 """
 
 
-def test_ctrl_c_loses_nothing_that_was_finished(tmp_path) -> None:
+def test_ctrl_c_loses_nothing_that_was_finished(tmp_path, undisturbed) -> None:
     """Interrupt a parallel search after its first result; the rerun completes it to the same end."""
     paths = [str(HERE), str(HERE.parent), str(HERE.parent.parent)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}  # what the worker processes import
     script = tmp_path / "search.py"
-    script.write_text(SLOW_SEARCH.format(paths=paths))
+    script.write_text(SLOW_SEARCH.format(paths=paths, starts=SEARCHED))
     process = subprocess.Popen(
         [sys.executable, str(script), str(tmp_path / "checkpoints")],
         stdout=subprocess.PIPE,
@@ -293,16 +302,15 @@ def test_ctrl_c_loses_nothing_that_was_finished(tmp_path) -> None:
     process.communicate(timeout=120)
     assert process.returncode != 0
     finished = list((tmp_path / "checkpoints").glob("start-*.json"))
-    assert 1 <= len(finished) < 6
+    assert 1 <= len(finished) < len(SEARCHED)
     assert not list((tmp_path / "checkpoints").glob("*.part"))
     stamps = {path: path.stat().st_mtime_ns for path in finished}
-    resumed = run_starts(pendulum_problem(), range(6), checkpoints=tmp_path / "checkpoints")
+    resumed = run_starts(pendulum_problem(), SEARCHED, checkpoints=tmp_path / "checkpoints")
     assert all(path.stat().st_mtime_ns == stamp for path, stamp in stamps.items())
-    undisturbed = run_starts(pendulum_problem(), range(6))
     assert all(same(a, b) for a, b in zip(resumed, undisturbed, strict=True))
 
 
-def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch) -> None:
+def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch, undisturbed) -> None:
     """The same search on a cluster, one of whose workers is killed in the middle, gives the same result."""
     distributed = pytest.importorskip("distributed", reason="clusters need the extra 'cluster'")
     paths = [str(HERE), str(HERE.parent), str(HERE.parent.parent)]
@@ -320,11 +328,11 @@ def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch) -> 
                 killed.append(victim)
 
         results = run_starts(
-            problem, range(6), cluster=cluster.scheduler_address, checkpoints=tmp_path, progress=progress
+            problem, SEARCHED, cluster=cluster.scheduler_address, checkpoints=tmp_path, progress=progress
         )
     assert len(killed) == 1
-    assert len(list(tmp_path.iterdir())) == 6
-    assert all(same(a, b) for a, b in zip(results, run_starts(problem, range(6)), strict=True))
+    assert len(list(tmp_path.iterdir())) == len(SEARCHED)
+    assert all(same(a, b) for a, b in zip(results, undisturbed, strict=True))
 
 
 def test_a_cluster_that_does_not_answer_is_an_input_error(monkeypatch) -> None:

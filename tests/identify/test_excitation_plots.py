@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 pytest.importorskip("casadi", reason="the search for exciting trajectories needs CasADi")
 pytest.importorskip("matplotlib", reason="figures need matplotlib")
 
-from test_excitation import pendulum_problem
+from casadi_arms import double_pendulum_torque
+from test_excitation import BETA, pendulum_problem
 
-from rrrgen.identify.excitation import design_excitation
+from rrrgen.identify.excitation import ExcitationLimits, design_excitation
 from rrrgen.identify.excitation_plots import (
+    design_figures,
     plot_convergence,
     plot_information,
     plot_motion,
@@ -49,6 +53,16 @@ def test_other_figures_carry_the_verdict(design) -> None:
     assert curve[0] > curve[-1]
     torque = plot_torque(np.arange(3.0), np.ones((3, 2)), limits=(2.0, np.inf))
     assert [len(axis.lines) for axis in torque.axes] == [3, 1]
+
+
+def test_a_design_comes_with_all_its_figures(design) -> None:
+    assert list(design_figures(design)) == ["motion", "singular_values", "condition", "starts"]
+    limits = ExcitationLimits(speed=(6.0, 8.0), torque=(30.0, 10.0))
+    limited = replace(design, problem=pendulum_problem(limits=limits, torque=double_pendulum_torque(BETA)))
+    (panel, _) = design_figures(limited)["torque"].axes
+    (q, dq, ddq) = design.trajectory.evaluate(0.0)
+    assert panel.lines[0].get_ydata()[0] == pytest.approx(float(double_pendulum_torque(BETA)(q, dq, ddq)[0]), rel=1e-9)
+    assert panel.lines[1].get_ydata()[0] == 30.0
 
 
 def test_the_same_figure_gives_the_same_bytes(design, tmp_path) -> None:
