@@ -77,7 +77,7 @@ class References:
             "bias": c + g,
             "coriolis": c,
             "gravity": g,
-            "forward_dynamics": np.linalg.solve(M, (ddq - c - g)[..., None])[..., 0],
+            "forward_dynamics": np.asarray(np.linalg.solve(M, (ddq - c - g)[..., None])[..., 0], dtype=float),
             "inverse_dynamics_derivatives": np.concatenate(
                 [
                     _slope(lambda step: model.inverse_dynamics(q + step, dq, ddq), q).reshape(len(q), -1),

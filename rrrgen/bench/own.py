@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rrrgen import pipeline
+from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import has_status, stored_outputs
+from rrrgen.backends.c.sources import header_and_source
+from rrrgen.backends.c.trigonometry import sincos_strategy
 from rrrgen.bench.cases import Case, Numbers
 from rrrgen.bench.contestants import OWN, OWN_FILE, OWN_LIBM, TITLES, Contestant, Party
+from rrrgen.manifest import identify
 from rrrgen.program import Program, count_operations
 from rrrgen.verify.chain import Array
 
@@ -35,10 +38,8 @@ def own_party(case: Case, derived: DerivedModel) -> Party:
 def _add(party: Party, case: Case, derived: DerivedModel, label: str, trig: Trig, tag: str, names: list[str]) -> None:
     name = derived.name
     prefix = f"{name}{tag}"
-    files = pipeline.emit(derived, trig=trig)
-    texts = {file: files[file] for file in (f"{name}.h", f"{name}.c")}
-    for file, text in texts.items():
-        assert isinstance(text, str)
+    files = header_and_source(derived, identify(derived.spec), Dialect(name, "double"), sincos_strategy(trig))
+    for file, text in files.items():
         renamed = text.replace(f"{name}_", f"{prefix}_").replace(f"{name}.h", f"{prefix}.h") if tag else text
         party.sources[file.replace(name, prefix, 1)] = renamed
     party.declarations += f'#include "{prefix}.h"\n' + _constants(case, derived, prefix)

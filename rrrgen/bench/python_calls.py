@@ -136,7 +136,7 @@ def _casadi_calls(
         trigger()
         return result
 
-    return {"CasADi buffer": buffered, "CasADi plain call": lambda: np.asarray(function(*state))}
+    return {"CasADi buffer": buffered, "CasADi plain call": lambda: function(*state).full()}
 
 
 def batch_time(case: Case, model: Model, rounds: int) -> float:

@@ -72,7 +72,7 @@ def find_toolchain(flags: Sequence[str] = FLAGS) -> Toolchain:
     return Toolchain(tuple(cc), None if cxx == cc[0] else cxx, tuple(flags))
 
 
-def run(command: Sequence[str], seconds: float = 900.0) -> str:
+def run(command: Sequence[str], seconds: float = 3600.0) -> str:
     """Run a command and return what it printed; BuildError with its words where it fails."""
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=seconds, check=False)
     if done.returncode:

@@ -1,0 +1,189 @@
+"""The benchmark: its hand-made rival against independent dynamics, its driver, its verdicts and its page."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rrrgen.bench.cases import Case, dense_bodies, make_case
+from rrrgen.bench.contestants import HAND, OWN, PINOCCHIO, Contestant, DisagreementError, Party, deviation
+from rrrgen.bench.growth import chain_text
+from rrrgen.bench.inverse_kinematics import IKScore
+from rrrgen.bench.python_calls import BOUND, PIN, CallTime, turns
+from rrrgen.bench.race import Effort, Score, race
+from rrrgen.bench.report import page
+from rrrgen.bench.results import Results
+from rrrgen.bench.rivals.joint_frames import joint_frames, regrouped
+from rrrgen.bench.targets import verdicts
+from rrrgen.bench.toolchain import find_toolchain
+from rrrgen.spec import load_spec, loads_spec
+from rrrgen.verify.chain import chain_of, is_physical
+
+ROUND_OFF = 1e-10
+"""Thousands of operations in double, and mass matrices of random chains with conditions up to 1e4."""
+
+SHORT = Effort(rounds=2, sample=1e3, counted=1)
+
+needs_casadi = pytest.mark.skipif(find_spec("casadi") is None, reason="casadi is not installed")
+needs_gcc = pytest.mark.skipif(not any(shutil.which(cc) for cc in ("cc", "gcc", "clang")), reason="no C compiler")
+
+
+@cache
+def hand_of(robot: str) -> tuple[Case, Any]:
+    """A bundled robot with few states, and the rival's functions."""
+    from rrrgen.bench.rivals.hand_casadi import hand_functions
+
+    case = few_states(make_case(load_spec(robot)))
+    return case, hand_functions(joint_frames(case.chain, case.dense))
+
+
+def few_states(case: Case) -> Case:
+    return replace(case, states=case.states[:4])
+
+
+def values_of(case: Case, function: Any) -> np.ndarray:
+    inputs = function.n_in()
+    return np.array([function(*np.split(state, 4)[:inputs]).full().ravel() for state in case.states])
+
+
+@needs_casadi
+@pytest.mark.parametrize("robot", ["rrr", "puma560"])
+def test_the_hand_made_rival_agrees_with_newton_euler_in_every_function(robot: str) -> None:
+    case, hand = hand_of(robot)
+    parameters = hand.parameters | {"regressor_transpose": hand.parameters["regressor"]}
+    for name, function in hand.functions.items():
+        values = values_of(case, function)
+        contestant = Contestant(HAND, name, values.shape[1], "", "dense", parameters.get(name))
+        assert deviation(contestant, values, case) < ROUND_OFF, name
+
+
+@needs_casadi
+@settings(max_examples=5, deadline=None)
+@given(n=st.integers(1, 3), seed=st.integers(0, 1000))
+def test_the_hand_made_rival_agrees_on_random_chains(n: int, seed: int) -> None:
+    from rrrgen.bench.rivals.hand_casadi import hand_functions
+
+    case = few_states(make_case(loads_spec(chain_text(n, seed), "chain.yaml"), seed))
+    functions = hand_functions(joint_frames(case.chain, case.dense)).functions
+    for name in ("inverse_dynamics", "mass_matrix"):
+        values = values_of(case, functions[name])
+        assert deviation(Contestant(HAND, name, values.shape[1], ""), values, case) < ROUND_OFF
+
+
+def test_regrouping_leaves_no_mass_and_keeps_the_chain_solvable() -> None:
+    chain = chain_of(load_spec("puma560"))
+    P = regrouped(joint_frames(chain, dense_bodies(np.random.default_rng(0), chain.n)))
+    assert np.all(P[:, 3, 3] == 0)
+    assert np.all(P[:, 2, 3] == 0)
+    assert np.all(P[:, 2, 2] == 0)
+    assert np.count_nonzero(P[0]) == 1  # the axis is vertical: only the moment about it acts
+    assert np.all(np.abs(P[1:, 0, 0]) > 0)
+
+
+@needs_casadi
+@pytest.mark.parametrize("robot", ["rrr", "puma560"])
+def test_operation_counts_of_the_rival_are_those_of_a_serious_one(robot: str) -> None:
+    from rrrgen.bench.rivals.hand_casadi import operations
+
+    known = {  # multiplications and additions together of the best hand-written codes
+        "rrr": {"inverse_dynamics": 196, "mass_matrix": 74, "regressor": 159},
+        "puma560": {"inverse_dynamics": 487, "mass_matrix": 302, "regressor": 660, "gravity": 78},
+    }
+    functions = hand_of(robot)[1].functions
+    for name, limit in known[robot].items():
+        count = operations(functions[name])
+        assert count["mul"] + count["add"] <= 1.05 * limit, name
+
+
+def test_dense_bodies_are_possible_and_have_no_zero() -> None:
+    bodies = dense_bodies(np.random.default_rng(3), 5)
+    assert is_physical(bodies)
+    assert np.all(bodies != 0)
+
+
+def copying_party(wrong: bool) -> Party:
+    """Two contestants that return q as gravity, the first of them off by one if ``wrong``."""
+    statements = "for (int i = 0; i < 2; i++) out[i] = in[i]" + (" + 1.0;" if wrong else ";")
+    return Party([Contestant("one", "gravity", 2, statements), Contestant("two", "gravity", 2, "run0(in, out);")])
+
+
+def copying_case() -> Case:
+    """A case whose reference gravity is q itself, so that the driver is tested without any robot code."""
+    case = make_case(loads_spec(chain_text(2), "chain.yaml"))
+    case.references["dense"].values = dict.fromkeys(("gravity", "inverse_dynamics"), case.parts()[0])
+    return case
+
+
+@needs_gcc
+def test_the_driver_times_and_counts_and_refuses_wrong_contestants() -> None:
+    case, toolchain = copying_case(), find_toolchain(("-O1",))
+    one, two = race(case, [copying_party(wrong=False)], toolchain, SHORT)
+    assert one.deviation == 0
+    assert one.nanoseconds > 0
+    if one.instructions is not None and two.instructions is not None:
+        assert 3 < one.instructions <= two.instructions + 1 < 100  # one more jump at most
+    with pytest.raises(DisagreementError, match="gravity of one differs"):
+        race(case, [copying_party(wrong=True)], toolchain, SHORT)
+
+
+def results_with(own: float, hand: float, pinocchio: float) -> Results:
+    results = Results("a machine", "cc -O3", {"pin": "4"}, "few rounds")
+    for label, count in ((OWN, own), (HAND, hand), (PINOCCHIO, pinocchio)):
+        operations = {"mul": 54, "add": 42, "div": 0, "sincos": 2}
+        contestant = Contestant(label, "inverse_dynamics", 3, "", operations=operations)
+        results.scores.append(Score("rrr", contestant, 1e-16, count / 10, count))
+    results.calls = [CallTime("rrr", BOUND, 100.0), CallTime("rrr", PIN, 500.0)]
+    results.batches = {"rrr": 5.0}
+    results.ik = [IKScore("rrr", "rrrgen", 150.0, 4.0, 700.0)]
+    return results
+
+
+def test_verdicts_compare_with_the_limits() -> None:
+    met = {(v.work, v.met) for v in verdicts(results_with(200, 500, 2600))}
+    assert ("inverse dynamics against hand CasADi", True) in met
+    assert ("inverse dynamics against Pinocchio", True) in met
+    assert ("inverse kinematics", False) in met
+    assert ("Python call, bound buffers, against pin.rnea", True) in met
+    missed = {(v.work, v.met) for v in verdicts(results_with(240, 500, 2300))}
+    assert ("inverse dynamics against hand CasADi", False) in missed
+    assert ("inverse dynamics against Pinocchio", False) in missed
+
+
+def test_page_and_json_hold_what_was_found() -> None:
+    results = results_with(200, 500, 2600)
+    text = page(results)
+    assert "| inverse dynamics | 200, 20.0 ns, 54/42 |" in text
+    assert "| 0.40 | 0.08 |" in text
+    assert "a machine" in text
+    assert "cc -O3" in text
+    assert all(line.count("|") == 6 for line in text.splitlines() if line.startswith("| inverse dynamics against"))
+    assert json.loads(json.dumps(results.as_dict()))["functions"][0]["instructions"] == 200
+
+
+def test_plot_is_written(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from rrrgen.bench.plot import plot
+
+    plot(results_with(200, 500, 2600), tmp_path)
+    assert (tmp_path / "benchmark.svg").read_text(encoding="utf-8").startswith("<?xml")
+    assert (tmp_path / "benchmark.png").stat().st_size > 1000
+
+
+def test_turns_give_the_least_time_of_each_call() -> None:
+    best = turns({"short": lambda: None, "long": lambda: sum(range(2000))}, 3, 1e-4)
+    assert 0 < best["short"] < best["long"]
+
+
+@pytest.mark.parametrize("n", [1, 6, 12])
+def test_random_chains_are_valid_robot_files(n: int) -> None:
+    assert loads_spec(chain_text(n), "chain.yaml").n == n
