@@ -1,16 +1,8 @@
-"""Mass matrix, Coriolis matrix and gravity from composite bodies (14.6).
+"""Mass matrix and gravity from composite bodies (14.6).
 
 The composite body of joint j is everything beyond it, taken as rigid. A unit acceleration of joint j exerts on it a
 wrench whose moment about joint i is M_ij. All quantities of a joint are expressed in the frame B of its block and
 about the joint's origin.
-
-The Coriolis matrix is the one of the Christoffel symbols, written as an integral over the mass:
-
-    C_ij = integral of J_i(r)' dJ_j(r)/dt dm,   J_j(r) = z_j x (r - o_j),
-
-from which dM/dt = C + C' at once, so dM/dt - 2 C is skew. With the momentum dyad of the composite body,
-``A = integral of r' (r - o)' dm`` (r' the velocity) and momentum ``P``, both sides of the diagonal follow from two
-wrenches per joint (upper: of column j; lower: of the unit acceleration, with the vector W = tr(A) z - A' z).
 """
 
 from __future__ import annotations
@@ -21,18 +13,7 @@ from typing import Any
 
 from rrrgen.derive.chain import Chain, Placement
 from rrrgen.derive.inertia import PseudoInertia
-from rrrgen.derive.vectors import (
-    Matrix,
-    Vector,
-    add,
-    cross,
-    product,
-    times,
-    transpose,
-    transposed_times,
-    turn,
-    turn_back,
-)
+from rrrgen.derive.vectors import Matrix, Vector, add, cross, times, transposed_times, turn, turn_back
 
 
 def offset(chain: Chain, i: int) -> Vector:
@@ -151,117 +132,3 @@ def velocities(chain: Chain, dq: Sequence[Any]) -> list[BlockVelocity]:
             v = [v[0], v[1], v[2] + dq[i]]
         result.append(BlockVelocity(carrier, omega, v))
     return result
-
-
-@dataclass(frozen=True)
-class Dyad:
-    """``A = integral of r' (r - o)' dm`` and momentum ``P = integral of r' dm``."""
-
-    A: Matrix
-    P: Vector
-
-    def shifted(self, p: Vector) -> Dyad:
-        """About the origin from which ``p`` leads to the present one."""
-        return Dyad([[self.A[r][c] + self.P[r] * p[c] for c in range(3)] for r in range(3)], self.P)
-
-    def plus(self, other: Dyad) -> Dyad:
-        """Both bodies together."""
-        return Dyad([add(x, y) for x, y in zip(self.A, other.A, strict=True)], add(self.P, other.P))
-
-
-NO_MOMENTUM = Dyad([[0] * 3 for _ in range(3)], [0, 0, 0])
-
-
-def link_dyad(J: PseudoInertia, velocity: BlockVelocity) -> Dyad:
-    """Momentum dyad of one link about its origin, all in the block's frame."""
-    S = [[J.Jxx, J.Jxy, J.Jxz], [J.Jxy, J.Jyy, J.Jyz], [J.Jxz, J.Jyz, J.Jzz]]
-    h = [J.hx, J.hy, J.hz]
-    columns = [cross(velocity.omega, [row[c] for row in S]) for c in range(3)]
-    A = [[columns[c][r] + velocity.v[r] * h[c] for c in range(3)] for r in range(3)]
-    return Dyad(A, add([J.m * x for x in velocity.v], cross(velocity.omega, h)))
-
-
-def dyads(chain: Chain, inertias: Sequence[PseudoInertia], motion: Sequence[BlockVelocity]) -> list[Dyad]:
-    """Momentum dyad of the composite body beyond each joint, in its block's frame and about its origin."""
-    result: list[Dyad] = [NO_MOMENTUM] * chain.n
-    for i in reversed(range(chain.n)):
-        joint = chain.joints[i]
-        result[i] = link_dyad(inertias[i].turned(joint.c, joint.s), motion[i])
-        if i + 1 < chain.n:
-            following = chain.joints[i + 1]
-            if following.parallel:
-                result[i] = result[i].plus(result[i + 1].shifted(offset(chain, i + 1)))
-            else:
-                result[i] = result[i].plus(_dyad_down(chain, i + 1, result[i + 1]))
-    return result
-
-
-def _dyad_down(chain: Chain, i: int, dyad: Dyad) -> Dyad:
-    """From the first joint of a block to the last joint of the block before."""
-    joint, before = chain.joints[i], chain.joints[i - 1]
-    if not joint.revolute:
-        dyad = dyad.shifted([0, 0, joint.slide])
-    turned = Dyad(product(product(joint.R, dyad.A), transpose(joint.R)), times(joint.R, dyad.P)).shifted(joint.p)
-    return Dyad(_turn_matrix(before.c, before.s, turned.A), turn(before.c, before.s, turned.P))
-
-
-def _turn_matrix(c: Any, s: Any, A: Matrix) -> Matrix:
-    """Rz A Rz', with four products for the plane part."""
-    u = (A[0][0] - A[1][1]) * c - (A[0][1] + A[1][0]) * s
-    shift, shear = c * u, s * u
-    xz, yz, _ = turn(c, s, [A[0][2], A[1][2], 0])
-    zx, zy, _ = turn(c, s, [A[2][0], A[2][1], 0])
-    return [[A[1][1] + shift, A[0][1] + shear, xz], [A[1][0] + shear, A[0][0] - shift, yz], [zx, zy, A[2][2]]]
-
-
-def coriolis_matrix(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]) -> Matrix:
-    """C(q, dq), n x n, with dM/dt - 2 C skew and c = C dq."""
-    n = chain.n
-    motion = velocities(chain, dq)
-    C: Matrix = [[0] * n for _ in range(n)]
-    bodies = composites(chain, inertias)
-    momenta = dyads(chain, inertias, motion)
-    for j in range(n):
-        F, N = _rate_wrench(chain, j, bodies[j], momenta[j], motion[j])
-        for i in range(j, -1, -1):
-            C[i][j] = N[2] if chain.joints[i].revolute else F[2]
-            if i:
-                F, N = step_down(chain, i, F, N)
-        _lower_row(chain, j, bodies[j], momenta[j], motion, C)
-    return C
-
-
-def _rate_wrench(chain: Chain, j: int, J: PseudoInertia, dyad: Dyad, velocity: BlockVelocity) -> tuple[Vector, Vector]:
-    """Wrench on the composite body of the field dJ_j(r)/dt."""
-    A, P, v = dyad.A, dyad.P, velocity.v
-    zdot = [velocity.carrier[1], -velocity.carrier[0], 0]
-    h = [J.hx, J.hy, J.hz]
-    if not chain.joints[j].revolute:  # J_j = z, so dJ_j/dt = zdot for every point
-        return [J.m * x for x in zdot], cross(h, zdot)
-    relative = [v[1], -v[0], 0]  # -(z x v)
-    trace = J.Jxx + J.Jyy + J.Jzz
-    S = [[J.Jxx, J.Jxy, J.Jxz], [J.Jxy, J.Jyy, J.Jyz], [J.Jxz, J.Jyz, J.Jzz]]
-    turning = [trace * zdot[r] - (S[r][0] * zdot[0] + S[r][1] * zdot[1]) for r in range(3)]
-    F = add(add(cross(zdot, h), [-P[1], P[0], 0]), [J.m * x for x in relative])
-    N = add(add(turning, [-A[0][2], -A[1][2], A[0][0] + A[1][1]]), cross(h, relative))
-    return F, N
-
-
-def _lower_row(chain: Chain, i: int, J: PseudoInertia, dyad: Dyad, motion: Sequence[BlockVelocity], C: Matrix) -> None:
-    """C_ij for j < i: the unit wrench of joint i against the rates of the axes before it."""
-    F, N = unit_wrench(chain.joints[i].revolute, J)
-    if chain.joints[i].revolute:
-        W: Vector = [-dyad.A[2][0], -dyad.A[2][1], dyad.A[0][0] + dyad.A[1][1]]
-    else:
-        W = [dyad.P[1], -dyad.P[0], 0]
-    for j in range(i - 1, -1, -1):
-        F, N = step_down(chain, j + 1, F, N)
-        if not chain.joints[j + 1].parallel:
-            before = chain.joints[j]
-            W = turn(before.c, before.s, times(chain.joints[j + 1].R, W))
-        x, y = motion[j].carrier[0], motion[j].carrier[1]
-        v = motion[j].v
-        if chain.joints[j].revolute:
-            C[i][j] = (y * N[0] - x * N[1]) + (W[2] - (v[0] * F[1] - v[1] * F[0]))
-        else:
-            C[i][j] = y * F[0] - x * F[1]

@@ -11,6 +11,7 @@ import sympy as sp
 
 from rrrgen.derive import composite, kinematics, momentum
 from rrrgen.derive.chain import Chain, rational_float
+from rrrgen.derive.coriolis import compose
 from rrrgen.derive.inertia import STANDARD, from_standard
 from rrrgen.derive.motion import LinkMotion, choose_frames, forward
 from rrrgen.derive.newton_euler import inverse_dynamics
@@ -92,7 +93,7 @@ def coriolis_matrix(r: Recording) -> Program:
     """Coriolis matrix."""
     chain = r.chain()
     dq = r.joints("dq")
-    C = composite.coriolis_matrix(chain, dq, r.inertias())
+    C = compose(chain, dq, r.inertias()).coriolis_matrix()
     port = Port("C", (r.n, r.n), "SI", "", "Coriolis matrix of the Christoffel symbols")
     return r.builder.program(
         "coriolis_matrix", [(port, _flat(C))], "Coriolis matrix.", "c = C(q, dq) dq,  dM/dt - 2 C skew, dM/dt = C + C'"
