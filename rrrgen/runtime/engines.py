@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -86,7 +87,7 @@ class CompiledEngine:
         self._pointer = "double[]" if dtype == np.float64 else "float[]"
         self._ffi, self._functions = ffi, functions
         self._calls = {
-            name: CompiledCall(program, ffi.from_buffer, loops[name], dtype, self._pointer)
+            name: CompiledCall(program, ffi.from_buffer, functions[name], loops[name], dtype, self._pointer)
             for name, program in programs.items()
         }
 
@@ -96,20 +97,20 @@ class CompiledEngine:
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
         """See :class:`Engine`."""
-        function = self._functions[name]
-        pointers = tuple(self._ffi.from_buffer(self._pointer, array) for array in (*inputs, *outputs))
-
-        def call() -> Any:
-            return function(*pointers)
-
-        return call
+        pointers = [self._ffi.from_buffer(self._pointer, array) for array in (*inputs, *outputs)]
+        return functools.partial(self._functions[name], *pointers)
 
 
 class CompiledCall:
-    """One loop over states with everything precomputed that does not depend on the arguments."""
+    """One function and its loop over states with everything precomputed that does not depend on the arguments."""
 
-    def __init__(self, program: Program, address: Any, loop: Any, dtype: np.dtype[Any], pointer: str) -> None:
+    def __init__(
+        self, program: Program, address: Any, function: Any, loop: Any, dtype: np.dtype[Any], pointer: str
+    ) -> None:
         self._ports, self._dtype, self._loop = program.inputs, dtype, loop
+        plain = not has_status(program) and all(port.shape for port in program.inputs)
+        self._single = function if plain else None
+        self._shapes = [port.shape for port in program.inputs]
         self._function = program.name.removesuffix("_nominal")
         self._inputs = [(len(port.shape), port.size) for port in program.inputs]
         self._outputs = [(port.shape, np.dtype(np.intc) if port.name == STATUS else dtype) for port in program.outputs]
@@ -120,6 +121,10 @@ class CompiledCall:
 
     def __call__(self, values: Sequence[Any], threads: int = 1) -> tuple[Array, ...]:
         """Check ``values`` and evaluate: one array (..., *port.shape) per output."""
+        if self._single is not None and self._is_one_dense_state(values):
+            results = tuple([np.empty(shape, dtype) for shape, dtype in self._outputs])
+            self._single(*[self._address(self._pointer, array) for array in (*values, *results)])
+            return results
         batch, arrays = prepare(self._function, self._ports, values, self._dtype)
         outputs = tuple([np.empty(batch + shape, dtype) for shape, dtype in self._outputs])
         count = math.prod(batch)
@@ -135,6 +140,15 @@ class CompiledCall:
                 arguments.append(address(kind, outputs[k]))
             self._loop(*arguments)
         return outputs
+
+    def _is_one_dense_state(self, values: Sequence[Any]) -> bool:
+        """Whether nothing has to be converted, copied or repeated: the usual call of a control loop."""
+        for value, shape in zip(values, self._shapes, strict=True):
+            if type(value) is not np.ndarray or value.dtype is not self._dtype or value.shape != shape:
+                return False
+            if not value.flags.carray:
+                return False
+        return True
 
     def _share(self, count: int, threads: int, arrays: Sequence[Array], outputs: Sequence[Array]) -> None:
         """Split a batch between threads; each writes its own rows of the outputs."""
