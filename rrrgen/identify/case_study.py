@@ -22,10 +22,10 @@ from rrrgen.identify.excitation_starts import Progress
 from rrrgen.identify.friction_models import FrictionModel, coulomb_viscous
 from rrrgen.identify.identification import Identification, Options, identify
 from rrrgen.identify.kalman import KalmanMatrices, kalman_matrices
-from rrrgen.identify.logs import Log, read_log
+from rrrgen.identify.logs import Log, file_hashes, read_log
 from rrrgen.identify.processing import Processing
 from rrrgen.identify.run_folder import RunFolder
-from rrrgen.identify.validation import Thresholds, Validation, column_model, validate_recordings
+from rrrgen.identify.validation import Thresholds, Validation, column_model, data_label, validate_recordings
 from rrrgen.identify.writing import (
     InverseKinematics,
     JointPath,
@@ -174,7 +174,7 @@ class _Work:
         identification = self.identified(excitation)
         writing = self.experiment("writing", path.evaluate, observer, self.settings.seed + 1)
         self.tell(0, 0, "validation on the writing task")
-        validation = self.validated(identification, writing)
+        validation = self.validated(identification, writing, excitation)
         return CaseStudy(
             settings=self.settings,
             model=self.model,
@@ -283,13 +283,20 @@ class _Work:
         options = Options(terms=self.terms, fixed_standard=fixed, seed=self.settings.seed)
         return identify(self.model, [log], self.processing, options, progress=self.tell)
 
-    def validated(self, found: Identification, log: Log) -> Validation:
+    def validated(self, found: Identification, log: Log, fitted: Log) -> Validation:
         """The identified model against the writing task, which was not fitted."""
         return validate_recordings(
             column_model(FullRegressor(self.model, self.terms), found.theta),
             [log],
             replace(self.processing, var_eta=found.processing.var_eta, var_xi=found.processing.var_xi),
             noise=self.settings.torque_noise,
+            label=data_label(_hashes(fitted), _hashes(log)),
             indefinite=found.indefinite.get(found.estimate.method, next(iter(found.indefinite.values()))),
             thresholds=Thresholds(relative_error=0.1, beyond_noise=LARGEST_ERROR, indefinite_share=0.0),
         )
+
+
+def _hashes(log: Log) -> list[str]:
+    """SHA-256 of the files behind a recording."""
+    assert log.mapping is not None
+    return list(file_hashes(log.mapping).values())
