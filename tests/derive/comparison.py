@@ -1,0 +1,158 @@
+"""Every public function against the independent Newton-Euler and the energies' own oracle, at random states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+
+import numpy as np
+from oracles import lagrange
+from oracles import newton_euler as oracle
+from oracles.newton_euler import Robot
+from oracles.random_robots import random_state
+
+from rrrgen.program import Program, evaluate
+
+DOUBLE = 1e-11  # relative to the largest value over the states: some hundred to thousand roundings of 1e-16
+
+
+class Reference:
+    """What the functions of ``robot`` must give at ``states`` random states; ``K`` is the map from phi to beta.
+
+    ``error(function, outputs)`` is the largest difference relative to the size of the quantity: torques to the largest
+    torque, energies to the largest energy, everything else to its own largest entry.
+    """
+
+    def __init__(self, robot: Robot, K: np.ndarray, states: int = 2, seed: int = 0) -> None:
+        self.robot, self.K = robot, np.asarray(K, dtype=float)
+        rng = np.random.default_rng(seed)
+        drawn = [random_state(robot, rng) for _ in range(states)]
+        self.q, self.dq, self.ddq = (np.array(part) for part in zip(*drawn, strict=True))
+        self.e = rng.uniform(-1, 1, self.q.shape)
+        self.tau = self.each(oracle.inverse_dynamics, self.q, self.dq, self.ddq)
+        self.torque = float(np.max(np.abs(self.tau))) or 1.0
+        self.beta = self.K @ robot.phi
+
+    def each(self, function: Callable[..., np.ndarray], *arguments: np.ndarray) -> np.ndarray:
+        return np.array([function(self.robot, *state) for state in zip(*arguments, strict=True)])
+
+    def arguments(self, program: Program) -> list[np.ndarray]:
+        """The inputs of a program at these states."""
+        known = {"q": self.q, "dq": self.dq, "ddq": self.ddq, "tau": self.tau, "e": self.e, "beta": self.beta}
+        return [known[port.name] for port in program.inputs]
+
+    def program_error(self, function: str, program: Program) -> float:
+        """Error of a program's reference evaluation; infinite where anything is not a number."""
+        with np.errstate(all="ignore"):
+            outputs = evaluate(program, *self.arguments(program))
+        return self.error(function, outputs)
+
+    def error(self, function: str, outputs: tuple[np.ndarray, ...]) -> float:
+        if not all(np.all(np.isfinite(value)) for value in outputs):
+            return np.inf
+        return float(getattr(self, f"_{function}")(*outputs))
+
+    def _torques(self, value: np.ndarray, expected: np.ndarray) -> float:
+        return float(np.max(np.abs(value - expected))) / self.torque
+
+    @cached_property
+    def M(self) -> np.ndarray:
+        return self.each(oracle.mass_matrix, self.q)
+
+    @cached_property
+    def christoffel(self) -> np.ndarray:
+        return self.each(lagrange.christoffel_matrix, self.q, self.dq)
+
+    @cached_property
+    def standard(self) -> np.ndarray:
+        return self.each(oracle.standard_regressor, self.q, self.dq, self.ddq)
+
+    def _forward_kinematics(self, T):
+        return relative(T, self.each(oracle.forward_kinematics, self.q))
+
+    def _link_frames(self, T):
+        return relative(T, np.array([oracle.frames(self.robot, q).links for q in self.q]))
+
+    def _jacobian(self, J):
+        return relative(J, self.each(oracle.jacobian, self.q))
+
+    def _jacobian_dot_dq(self, a):
+        return relative(a, self.each(oracle.jacobian_dot_dq, self.q, self.dq), least=1.0)
+
+    def _mass_matrix(self, M):
+        return max(relative(M, self.M), relative(M, np.swapaxes(M, 1, 2)))
+
+    def _coriolis_matrix(self, C):
+        """The matrix of the Christoffel symbols; and dM/dt - 2 C is skew, with dM/dt from the oracle's energies."""
+        rate = np.array(
+            [
+                np.einsum("kij,k->ij", lagrange.mass_matrix_derivatives(self.robot, q), dq)
+                for q, dq in zip(self.q, self.dq, strict=True)
+            ]
+        )
+        size = float(np.max(np.abs(self.M)) * np.max(np.abs(self.dq)))
+        skew = rate - C - np.swapaxes(C, 1, 2)  # half the symmetric part of dM/dt - 2 C
+        product = np.einsum("bij,bj->bi", C, self.dq)
+        return max(
+            np.max(np.abs(C - self.christoffel)) / size,
+            np.max(np.abs(skew)) / size,
+            self._torques(product, self.each(oracle.coriolis, self.q, self.dq)),
+        )
+
+    def _coriolis(self, c):
+        return self._torques(c, self.each(oracle.coriolis, self.q, self.dq))
+
+    def _coriolis_transpose(self, p):
+        return self._torques(p, np.einsum("bji,bj->bi", self.christoffel, self.dq))
+
+    def _gravity(self, g):
+        return self._torques(g, self.each(lagrange.gravity, self.q))
+
+    def _bias(self, h):
+        return self._torques(h, self.each(oracle.bias, self.q, self.dq))
+
+    def _inverse_dynamics(self, tau):
+        return self._torques(tau, self.tau)
+
+    def _forward_dynamics(self, status, ddq):
+        """Status ok, and the accelerations reproduce tau: the residual, so that a hard M is not held against it."""
+        if np.any(status != 0):
+            return np.inf
+        bias = self.each(oracle.bias, self.q, self.dq)
+        residual = np.einsum("bij,bj->bi", self.M, ddq) + bias - self.tau
+        size = np.einsum("bij,bj->bi", np.abs(self.M), np.abs(ddq)) + np.abs(bias)
+        return np.max(np.abs(residual)) / max(float(np.max(size)), self.torque)
+
+    def _regressor(self, Y):
+        return relative(Y @ self.K, self.standard)
+
+    def _regressor_transpose(self, r):
+        expected = np.einsum("bij,bi->bj", self.standard, self.e)
+        return np.max(np.abs(r @ self.K - expected)) / (np.max(np.abs(self.standard)) * np.max(np.abs(self.e)))
+
+    def _standard_regressor(self, Y):
+        return relative(Y, self.standard)
+
+    def _energy(self, E):
+        """Kinetic energy, and potential energy up to a constant: differences to the first state."""
+        kinetic, potential = self.each(oracle.energy, self.q, self.dq).T
+        own, reference = E[:, 1] - E[0, 1], potential - potential[0]
+        return max(relative(E[:, 0], kinetic), np.max(np.abs(own - reference)) / max(np.max(np.abs(reference)), 1.0))
+
+
+def relative(value: np.ndarray, expected: np.ndarray, least: float = 1e-9) -> float:
+    """Largest difference in units of the largest expected entry."""
+    assert value.shape == expected.shape
+    return float(np.max(np.abs(value - expected)) / max(float(np.max(np.abs(expected))), least))
+
+
+def failures(
+    reference: Reference, programs: Mapping[str, tuple[Program, ...]], tolerance: float = DOUBLE
+) -> dict[str, float]:
+    """Function (and which of its programs) -> error, for every program that is not within the tolerance."""
+    errors = {
+        f"{name}[{k}]": reference.program_error(name.removesuffix("_nominal"), program)
+        for name, ways in programs.items()
+        for k, program in enumerate(ways)
+    }
+    return {name: error for name, error in errors.items() if not error <= tolerance}

@@ -1,0 +1,78 @@
+"""Random robots, as derived: every way to every function against the independent Newton-Euler.
+
+The optimized programs of further robots are compared in tests/pipeline.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from derive.comparison import Reference, failures
+from hypothesis import Phase, given, settings
+from oracles.random_robots import arbitrary_link, robots, to_yaml
+
+from rrrgen.derive.base_parameters import base_set
+from rrrgen.derive.chain import rational
+from rrrgen.derive.functions import FUNCTIONS, forward_dynamics
+from rrrgen.derive.recording import Recording, parametrize
+from rrrgen.model import build_model
+from rrrgen.program import Program, evaluate
+from rrrgen.spec import loads_spec
+
+FINDING = (Phase.explicit, Phase.generate)  # a robot prints as it is; shrinking one would take minutes
+
+# joints -> robots: 150 in all, most of them small, since the time to derive one grows with the square of the joints
+SIZES = {1: 12, 2: 28, 3: 32, 4: 30, 5: 22, 6: 14, 7: 12}
+
+
+def derived(robot) -> tuple[np.ndarray, dict[str, tuple[Program, ...]]]:
+    """The projection K of ``beta = K phi``, and all functions in all ways, without the words about regrouping."""
+    model = build_model(loads_spec(to_yaml(robot)))
+    own = base_set(model)
+    parametrization = parametrize(own, None)
+    programs = {
+        name: tuple(record(Recording(model, parametrization)) for record in recorders)
+        for name, recorders in FUNCTIONS.items()
+    }
+    recording = Recording(model, parametrization)
+    programs["forward_dynamics"] = (
+        forward_dynamics(recording, programs["mass_matrix"][0], programs["bias"][0]),
+    )
+    K = np.array([[float(rational(v)) for v in row] for row in own.projection]).reshape(-1, 10 * robot.n)
+    return K, programs
+
+
+@pytest.mark.parametrize("joints", SIZES)
+def test_every_function_equals_the_independent_dynamics(joints):
+    @settings(max_examples=SIZES[joints], phases=FINDING)
+    @given(robots(min_joints=joints, max_joints=joints))
+    def compare(robot):
+        K, programs = derived(robot)
+        assert failures(Reference(robot, K), programs) == {}
+
+    compare()
+
+
+@settings(max_examples=15, phases=FINDING)
+@given(robots(max_joints=4, links="arbitrary"))
+def test_forward_dynamics_never_fails_in_silence(robot):
+    """With arbitrary parameters M is often indefinite: then status 1 and zeros; else the accelerations are right."""
+    K, programs = derived(robot)
+    reference = Reference(robot, K, states=6)
+    (program,) = programs["forward_dynamics"]
+    status, ddq = evaluate(program, *reference.arguments(program))
+    definite = np.min(np.linalg.eigvalsh(reference.M), axis=1) > 1e-9 * np.max(np.abs(reference.M), axis=(1, 2))
+    indefinite = np.min(np.linalg.eigvalsh(reference.M), axis=1) < -1e-9 * np.max(np.abs(reference.M), axis=(1, 2))
+    assert np.all(np.isfinite(ddq))
+    assert np.all(status[definite] == 0)
+    assert np.all(status[indefinite] == 1)
+    assert np.all(ddq[status == 1] == 0)
+    recovered = np.einsum("bij,bj->bi", reference.M, ddq) - np.einsum("bij,bj->bi", reference.M, reference.ddq)
+    assert np.all(np.abs(recovered[definite]) <= 1e-6 * reference.torque)
+
+
+def test_arbitrary_links_do_give_indefinite_mass_matrices():
+    """What the test above relies on."""
+    rng = np.random.default_rng(0)
+    tensors = [np.linalg.eigvalsh(arbitrary_link(rng).inertia)[0] for _ in range(20)]
+    assert min(tensors) < 0
