@@ -22,9 +22,9 @@ from rrrgen.identify.excitation_starts import Progress
 from rrrgen.identify.friction_models import FrictionModel, coulomb_viscous
 from rrrgen.identify.identification import Identification, Options, identify
 from rrrgen.identify.kalman import KalmanMatrices, kalman_matrices
-from rrrgen.identify.logs import Log, file_hashes, read_log
+from rrrgen.identify.logs import Log, read_log
 from rrrgen.identify.processing import Processing
-from rrrgen.identify.run_folder import RunFolder
+from rrrgen.identify.run_folder import RunFolder, hash_of
 from rrrgen.identify.validation import Thresholds, Validation, column_model, data_label, validate_recordings
 from rrrgen.identify.writing import (
     InverseKinematics,
@@ -299,4 +299,4 @@ class _Work:
 def _hashes(log: Log) -> list[str]:
     """SHA-256 of the files behind a recording."""
     assert log.mapping is not None
-    return list(file_hashes(log.mapping).values())
+    return [hash_of(source.path) for source in log.mapping.files]
