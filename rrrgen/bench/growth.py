@@ -34,7 +34,7 @@ def chain_text(n: int, seed: int = 0) -> str:
 
 
 def growth(
-    sizes: list[int], toolchain: Toolchain, effort: Effort, seconds: float, rivals: Rivals
+    sizes: list[int], toolchain: Toolchain, effort: Effort, seconds: float, rivals: Rivals, say: Callable[[str], None]
 ) -> tuple[list[Score], list[float]]:
     """Scores of :data:`COMPARED` for every size, and seconds of derivation; stops once ``seconds`` are used up."""
     from rrrgen.spec import loads_spec
@@ -45,6 +45,7 @@ def growth(
     for n in sizes:
         if time.perf_counter() - start > seconds:
             break
+        say(f"chain of {n} joints")
         found, duration = _one(loads_spec(chain_text(n), f"chain{n}.yaml"), toolchain, effort, rivals)
         scores += found
         derivations.append(duration)
@@ -60,7 +61,7 @@ def _one(spec: RobotSpec, toolchain: Toolchain, effort: Effort, rivals: Rivals) 
     derived = optimize(replace(derived, alternatives={name: derived.alternatives[name] for name in COMPARED}))
     duration = time.perf_counter() - start
     case = make_case(spec)
-    parties = [own_party(case, derived), *rivals(case)]
+    parties = [own_party(case, derived, libm=False), *rivals(case)]
     for party in parties:
         party.contestants = [each for each in party.contestants if each.function in COMPARED]
     return race(case, parties, toolchain, effort), duration

@@ -24,14 +24,15 @@ PLACES = {"q": 0, "dq": 1, "ddq": 2, "tau": 2, "e": 3}
 """Where inputs stand in a state, in multiples of n."""
 
 
-def own_party(case: Case, derived: DerivedModel) -> Party:
+def own_party(case: Case, derived: DerivedModel, libm: bool = True) -> Party:
     """Every compared function with base parameters at run time and with the file's numbers folded in.
 
     With the C library's sines instead of the inline kernel only inverse dynamics takes part.
     """
     party = Party([])
     _add(party, case, derived, OWN, "inline", "", list(TITLES))
-    _add(party, case, derived, OWN_LIBM, "libm", "_libm", ["inverse_dynamics"])
+    if libm:
+        _add(party, case, derived, OWN_LIBM, "libm", "_libm", ["inverse_dynamics"])
     return party
 
 

@@ -120,7 +120,7 @@ def _casadi_calls(
     from rrrgen.bench.rivals import hand_casadi
     from rrrgen.bench.rivals.joint_frames import joint_frames
 
-    hand = hand_casadi.hand_functions(joint_frames(case.chain, case.phi("file")))
+    hand = hand_casadi.hand_functions(joint_frames(case.chain, case.phi("file")), ["inverse_dynamics"])
     source, library = place / "hand.c", place / "hand.so"
     source.write_text(hand_casadi.c_source(hand), encoding="utf-8")
     run([*toolchain.cc, *toolchain.flags, "-shared", "-fPIC", str(source), "-lm", "-o", str(library)])

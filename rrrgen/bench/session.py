@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -76,12 +76,14 @@ def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: 
         _python(case, plan, toolchain, results)
 
 
-def _rivals(case: Case, plan: Plan, toolchain: Toolchain, results: Results) -> list[Party]:
+def _rivals(
+    case: Case, plan: Plan, toolchain: Toolchain, results: Results, names: Collection[str] | None = None
+) -> list[Party]:
     """The installed rivals that can take part; the report names the others."""
     from rrrgen.bench.rivals.parties import hand_party, pinocchio_party
 
     parties = []
-    rivals = {"CasADi": hand_party(case), "Pinocchio C++": pinocchio_party(case) if plan.pinocchio else None}
+    rivals = {"CasADi": hand_party(case, names), "Pinocchio C++": pinocchio_party(case) if plan.pinocchio else None}
     for name, rival in rivals.items():
         if rival is None:
             asked = plan.pinocchio or name == "CasADi"
@@ -118,7 +120,7 @@ def _inverse_kinematics(plan: Plan, toolchain: Toolchain, results: Results, say:
 
 
 def _growth(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
-    from rrrgen.bench.growth import growth
+    from rrrgen.bench.growth import COMPARED, growth
 
     sizes = [1, 2, 4, 6, 8] if plan.quick else list(range(1, 13))
     say(f"random chains of {sizes[0]} to {sizes[-1]} joints")
@@ -127,7 +129,8 @@ def _growth(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> Non
         toolchain,
         plan.effort,
         GROWTH_SECONDS[plan.quick],
-        lambda case: _rivals(case, plan, toolchain, results),
+        lambda case: _rivals(case, plan, toolchain, results, COMPARED),
+        say,
     )
     done = len(results.derivations)
     if done < len(sizes):

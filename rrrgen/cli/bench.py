@@ -100,6 +100,8 @@ def _print(results: Results) -> None:
             f"{score.robot:9} {contestant.function:22} {contestant.label:26} {score.nanoseconds:9.1f} ns "
             f"{instructions:>8} instr {counted:>9}"
         )
+    for text in results.left_out:
+        click.echo(f"left out: {text}", err=True)
     for verdict in verdicts(results):
         mark = "met   " if verdict.met else "MISSED"
         click.echo(f"{mark} {verdict.robot:9} {verdict.work:52} {verdict.target:>12}   {verdict.found}")

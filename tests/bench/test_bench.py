@@ -60,10 +60,9 @@ def values_of(case: Case, function: Any) -> np.ndarray:
 @pytest.mark.parametrize("robot", ["rrr", "puma560"])
 def test_the_hand_made_rival_agrees_with_newton_euler_in_every_function(robot: str) -> None:
     case, hand = hand_of(robot)
-    parameters = hand.parameters | {"regressor_transpose": hand.parameters["regressor"]}
     for name, function in hand.functions.items():
         values = values_of(case, function)
-        contestant = Contestant(HAND, name, values.shape[1], "", "dense", parameters.get(name))
+        contestant = Contestant(HAND, name, values.shape[1], "", "dense", hand.parameters.get(name))
         assert deviation(contestant, values, case) < ROUND_OFF, name
 
 
@@ -74,9 +73,9 @@ def test_the_hand_made_rival_agrees_on_random_chains(n: int, seed: int) -> None:
     from rrrgen.bench.rivals.hand_casadi import hand_functions
 
     case = few_states(make_case(loads_spec(chain_text(n, seed), "chain.yaml"), seed))
-    functions = hand_functions(joint_frames(case.chain, case.dense)).functions
-    for name in ("inverse_dynamics", "mass_matrix"):
-        values = values_of(case, functions[name])
+    functions = hand_functions(joint_frames(case.chain, case.dense), ("inverse_dynamics", "mass_matrix")).functions
+    for name, function in functions.items():
+        values = values_of(case, function)
         assert deviation(Contestant(HAND, name, values.shape[1], ""), values, case) < ROUND_OFF
 
 

@@ -6,6 +6,7 @@ and Ezz of every link are zero). CasADi turns the expressions into C.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,33 +31,34 @@ class HandFunctions:
     parameters: dict[str, Array]
 
 
-def hand_functions(frames: JointFrames) -> HandFunctions:
-    """All functions of the rival for one robot with its numbers folded in."""
+def hand_functions(frames: JointFrames, names: Collection[str] | None = None) -> HandFunctions:
+    """The functions of the rival for one robot with its numbers folded in; all of them, or those in ``names``."""
     import casadi as ca
 
     arm = HandArm(frames, regrouped(frames))
-    n = frames.n
-    q, dq, ddq, tau, e = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq", "tau", "e"))
-
-    def named(name: str, inputs: list[Any], value: Any) -> Any:
-        return ca.Function(f"hand_{name}", inputs, [ca.cse(ca.densify(value))])
-
-    M, bias = arm.mass_matrix(q), arm.inverse_dynamics(q, dq, None)
-    base, standard = arm.regressor(q, dq, ddq, standard=False), arm.regressor(q, dq, ddq, standard=True)
-    functions = {
-        "inverse_dynamics": named("inverse_dynamics", [q, dq, ddq], ca.vertcat(*arm.inverse_dynamics(q, dq, ddq))),
-        "mass_matrix": named("mass_matrix", [q], _matrix(M)),
-        "bias": named("bias", [q, dq], ca.vertcat(*bias)),
-        "gravity": named("gravity", [q], ca.vertcat(*arm.gravity(q))),
-        "forward_dynamics": named("forward_dynamics", [q, dq, tau], ca.vertcat(*_solve(M, bias, tau))),
-        "kinematics": named("kinematics", [q], ca.vertcat(*arm.kinematics(q))),
-        "regressor": named("regressor", [q, dq, ddq], _matrix(base)),
-        "standard_regressor": named("standard_regressor", [q, dq, ddq], _matrix(standard)),
-        "regressor_transpose": named(
-            "regressor_transpose", [q, dq, ddq, e], ca.vertcat(*arm.regressor_transpose(q, dq, ddq, e))
+    q, dq, ddq, e = (ca.SX.sym(name, frames.n) for name in ("q", "dq", "ddq", "e"))
+    tau = ddq  # the third input of forward dynamics
+    ways: dict[str, tuple[list[Any], Callable[[], list[Any]]]] = {
+        "inverse_dynamics": ([q, dq, ddq], lambda: arm.inverse_dynamics(q, dq, ddq)),
+        "mass_matrix": ([q], lambda: _flat(arm.mass_matrix(q))),
+        "bias": ([q, dq], lambda: arm.inverse_dynamics(q, dq, None)),
+        "gravity": ([q], lambda: arm.gravity(q)),
+        "forward_dynamics": (
+            [q, dq, tau],
+            lambda: _solve(arm.mass_matrix(q), arm.inverse_dynamics(q, dq, None), tau),
         ),
+        "kinematics": ([q], lambda: arm.kinematics(q)),
+        "regressor": ([q, dq, ddq], lambda: _flat(arm.regressor(q, dq, ddq, standard=False))),
+        "standard_regressor": ([q, dq, ddq], lambda: _flat(arm.regressor(q, dq, ddq, standard=True))),
+        "regressor_transpose": ([q, dq, ddq, e], lambda: arm.regressor_transpose(q, dq, ddq, e)),
     }
-    parameters = {"regressor": arm.base_parameters(), "standard_regressor": arm.standard_parameters()}
+    functions = {
+        name: ca.Function(f"hand_{name}", inputs, [ca.cse(ca.densify(ca.vertcat(*way())))])
+        for name, (inputs, way) in ways.items()
+        if names is None or name in names
+    }
+    base, standard = arm.base_parameters(), arm.standard_parameters()
+    parameters = {"regressor": base, "regressor_transpose": base, "standard_regressor": standard}
     return HandFunctions(functions, parameters)
 
 
@@ -334,11 +336,9 @@ def _solve(M: list[list[Any]], bias: list[Any], tau: Any) -> list[Any]:
     return x
 
 
-def _matrix(rows: list[list[Any]]) -> Any:
-    """Row-major as one column."""
-    import casadi as ca
-
-    return ca.vertcat(*[entry for row in rows for entry in row])
+def _flat(rows: list[list[Any]]) -> list[Any]:
+    """Row-major as one list."""
+    return [entry for row in rows for entry in row]
 
 
 def _constant_rows(R: Array) -> list[Vector]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from importlib import metadata, util
 from pathlib import Path
 
@@ -23,38 +24,38 @@ _INPUTS = {
     "standard_regressor": (0, 1, 2),
     "regressor_transpose": (0, 1, 2, 3),
 }
+_WITH_BODIES = ("inverse_dynamics", "mass_matrix", "bias", "gravity", "forward_dynamics")
+"""Functions with numbers of bodies in them: only they differ between two sets of numbers."""
 
 
-def hand_party(case: Case) -> Party | None:
+def hand_party(case: Case, names: Collection[str] | None = None) -> Party | None:
     """The hand-made CasADi code with dense numbers, and with the file's; None without CasADi or with sliding joints."""
     if util.find_spec("casadi") is None or not all(case.chain.revolute):
         return None
     party = Party([])
-    _add_hand(party, case, HAND, "dense", "")
+    _add_hand(party, case, HAND, "dense", "", names)
     if case.file is not None:
-        _add_hand(party, case, HAND_FILE, "file", "_file")
+        _add_hand(party, case, HAND_FILE, "file", "_file", names or _WITH_BODIES)
     return party
 
 
-def _add_hand(party: Party, case: Case, label: str, numbers: Numbers, tag: str) -> None:
+def _add_hand(party: Party, case: Case, label: str, numbers: Numbers, tag: str, names: Collection[str] | None) -> None:
     from rrrgen.bench.rivals import hand_casadi
     from rrrgen.bench.rivals.joint_frames import joint_frames
 
-    hand = hand_casadi.hand_functions(joint_frames(case.chain, case.phi(numbers)))
+    hand = hand_casadi.hand_functions(joint_frames(case.chain, case.phi(numbers)), names)
     # CasADi guards its helper macros itself; only the exported names have to differ between the two files
     party.sources[f"hand{tag}.c"] = hand_casadi.c_source(hand).replace("hand_", f"hand{tag}_")
-    regressor = hand.parameters["regressor"]
-    parameters = hand.parameters | {"regressor_transpose": regressor}
     for name, function in hand.functions.items():
-        if tag and name in ("regressor", "standard_regressor", "regressor_transpose", "kinematics"):
-            continue  # no numbers of bodies in them
         symbol = f"hand{tag}_{name}"
         party.declarations += f"int {symbol}(const double **, double **, long long int *, double *, int);\n"
         inputs = ", ".join(f"in + {place * case.n}" for place in _INPUTS[name])
         statements = f"const double *arg[] = {{{inputs}}}; double *res[] = {{out}}; {symbol}(arg, res, 0, 0, 0);"
         outputs = int(function.numel_out(0))
         counts = hand_casadi.operations(function)
-        party.contestants.append(Contestant(label, name, outputs, statements, numbers, parameters.get(name), counts))
+        party.contestants.append(
+            Contestant(label, name, outputs, statements, numbers, hand.parameters.get(name), counts)
+        )
 
 
 def pinocchio_party(case: Case) -> Party | None:
@@ -72,9 +73,9 @@ def pinocchio_party(case: Case) -> Party | None:
     party.declarations = (
         _array("pinocchio_joints", joints) + _array("pinocchio_bodies", bodies) + _array("pinocchio_tool", tool)
     )
-    party.declarations += _array("pinocchio_gravity", case.chain.gravity)
+    party.declarations += _array("pinocchio_acceleration", case.chain.gravity)
     party.declarations += "void pinocchio_setup(int, const double *, const double *, const double *, const double *);\n"
-    party.setup = f"pinocchio_setup({n}, pinocchio_joints, pinocchio_bodies, pinocchio_tool, pinocchio_gravity);"
+    party.setup = f"pinocchio_setup({n}, pinocchio_joints, pinocchio_bodies, pinocchio_tool, pinocchio_acceleration);"
     for name, size in outputs.items():
         party.declarations += f"void pinocchio_{name}(const double *, double *);\n"
         parameters = _body_parameters(bodies) if name == "standard_regressor" else None
