@@ -21,18 +21,21 @@ Contents = str | bytes
 def write(files: Mapping[str, Contents], directory: Path) -> None:
     """Write ``files`` (relative path -> contents) below ``directory``.
 
-    Everything is first written to a temporary sibling. A directory that does not exist yet appears complete; in one
-    that exists, files are replaced one by one, each whole, the manifest last. Files that an earlier manifest lists and
-    that are no longer emitted are removed; other files stay. Raises InputError where the place cannot be written.
+    Everything is first written to a temporary directory beside the target. A target that does not exist yet appears
+    complete; in one that exists, files are replaced one by one, each whole, the manifest last. Files that an earlier
+    manifest lists and that are no longer emitted are removed; other files stay. Raises InputError where the place
+    cannot be written.
     """
     directory = Path(os.path.abspath(directory))
     if directory.exists() and not directory.is_dir():
         raise InputError(f"cannot write to {directory}: it is not a directory")
     try:
         directory.parent.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(dir=directory.parent, prefix=f".{directory.name}-"))
+        # inside a directory that exists: it may be a mount point, and files cannot be moved between file systems
+        place = directory if directory.exists() else directory.parent
+        staging = Path(tempfile.mkdtemp(dir=place, prefix=f".{directory.name}-"))
     except OSError as error:
-        raise InputError(f"cannot write next to {directory}: {error.strerror}") from error
+        raise InputError(f"cannot write {directory}: {error.strerror}") from error
     try:
         for name, contents in files.items():
             place = staging / _checked(name)

@@ -42,6 +42,19 @@ def test_an_existing_directory_keeps_what_is_not_ours_and_loses_what_is_stale(tm
     assert len(after) == 5
 
 
+def test_a_directory_is_enough_where_nothing_beside_it_can_be_written(tmp_path, monkeypatch):
+    (tmp_path / "out").mkdir()
+    original = emit.tempfile.mkdtemp
+
+    def only_inside(dir, prefix):
+        assert emit.Path(dir) == tmp_path / "out"
+        return original(dir=dir, prefix=prefix)
+
+    monkeypatch.setattr(emit.tempfile, "mkdtemp", only_inside)
+    write(files(), tmp_path / "out")
+    assert len(tree(tmp_path / "out")) == 4
+
+
 def test_text_is_written_with_lf(tmp_path):
     write(files(), tmp_path / "out")
     assert b"\r" not in (tmp_path / "out" / "a.h").read_bytes()

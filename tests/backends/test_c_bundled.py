@@ -1,0 +1,40 @@
+"""Whole outputs of bundled robots, everything that is C in them: warnings, both languages, the self-test."""
+
+from __future__ import annotations
+
+import pytest
+
+from backends.c_tools import C99, CXX, compile_all, compiler, run, write
+from rrrgen import pipeline
+from rrrgen.spec import load_spec
+
+
+@pytest.fixture(scope="module")
+def derived():
+    return {name: pipeline.derive(load_spec(name)) for name in ("rrr", "stanford", "panda")}
+
+
+def sources(model, real):
+    return {
+        name: text
+        for name, text in pipeline.emit(model, real).items()
+        if name.endswith((".h", ".c")) and "/" not in name
+    }
+
+
+@pytest.mark.parametrize(
+    ("robot", "real", "command", "flags"),
+    [
+        ("rrr", "double", "gcc", C99),
+        ("rrr", "float", "clang", C99),
+        ("rrr", "double", "clang", CXX),
+        ("rrr", "float", "gcc", CXX),
+        ("stanford", "float", "gcc", C99),
+        ("panda", "double", "clang", C99),
+    ],
+)
+def test_bundled_robots_compile_cleanly_and_pass_their_self_test(robot, real, command, flags, derived, tmp_path):
+    folder = write(sources(derived[robot], real), tmp_path)
+    done = run(compile_all(folder, [compiler(command), *flags, "-O1"]))
+    assert done.returncode == 0, done.stdout
+    assert "FAILED" not in done.stdout
