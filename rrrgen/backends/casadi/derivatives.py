@@ -9,23 +9,19 @@ CasADi looks up the derivatives of an external function ``f`` by name and calls 
 where ``out_*`` are the outputs of ``f`` for whoever can reuse them (nothing here does: they have no nonzeros). The
 transformations take and return a :class:`Routine`, so they nest: ``fwd1_adj1_f`` gives Hessian-vector products.
 
-Differentiation works on the program's nodes, and zeros known while recording never become operations, so Jacobians come
-out with their structural sparsity. sgn has derivative 0 and |x| has derivative sgn x, as in CasADi.
+Differentiation works on the program's nodes (:mod:`rrrgen.program.differentiate`); zeros known while recording never
+become operations, so Jacobians come out with their structural sparsity.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import cast
 
-from rrrgen.errors import InternalError
-from rrrgen.program import Builder, Op, Port, Program, Scalar, Value
+from rrrgen.program import Builder, Port, Program, Scalar, Value
+from rrrgen.program.differentiate import Tangent, is_zero, pull_back, record, tangents
 from rrrgen.program.ir import Node, replay
-
-Tangent = dict[int, Value]
-"""Derivatives of one value, by direction; directions that are missing are zero."""
 
 ROWS_FACTOR = 4
 """A reverse sweep costs about this many times a forward direction that shares the sweep with others."""
@@ -95,7 +91,7 @@ def row_major_place(rows: int, cols: int) -> list[int]:
 def routine(program: Program, name: str) -> Routine:
     """``program`` in CasADi's order: dense matrices by columns.
 
-    Raises :class:`InternalError` when the program breaks the rules of the representation.
+    Raises InternalError when the program breaks the rules of the representation.
     """
     program.validate()
     builder = Builder()
@@ -144,20 +140,20 @@ def _columns(base: Routine, builder: Builder, values: Sequence[Sequence[Value]])
     for row in values:
         seeds.append([{count + k: 1} for k in range(len(row))])
         count += len(row)
-    return _propagate(base.program, builder, values, seeds)
+    return tangents(base.program, builder, record(base.program, builder, values), seeds)
 
 
 def _rows(base: Routine, builder: Builder, values: Sequence[Sequence[Value]]) -> list[list[Tangent]]:
     """Gradients of all outputs by one reverse sweep each."""
-    recorded = _record(base.program, builder, values)
+    recorded = record(base.program, builder, values)
     gradients: list[list[Tangent]] = []
     for k, out in enumerate(base.outputs):
         gradients.append([])
         for element in range(len(out.entries)):
             weights: list[list[Value]] = [[0] * len(m.entries) for m in base.outputs]
             weights[k][element] = 1
-            flat = [v for row in _pull_back(base.program, builder, recorded, weights) for v in row]
-            gradients[-1].append({place: value for place, value in enumerate(flat) if not _is_zero(value)})
+            flat = [v for row in pull_back(base.program, builder, recorded, weights) for v in row]
+            gradients[-1].append({place: value for place, value in enumerate(flat) if not is_zero(value)})
     return gradients
 
 
@@ -180,8 +176,9 @@ def forward(base: Routine) -> Routine:
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs), *seeds]
     declared = _declare(builder, inputs)
     directions: list[list[Tangent]] = [[{0: v} for v in row] for row in declared[len(inputs) - len(seeds) :]]
-    tangents = _propagate(base.program, builder, declared[: len(base.inputs)], directions)
-    results: list[list[Value]] = [[tangent.get(0, 0) for tangent in row] for row in tangents]
+    recorded = record(base.program, builder, declared[: len(base.inputs)])
+    found = tangents(base.program, builder, recorded, directions)
+    results: list[list[Value]] = [[tangent.get(0, 0) for tangent in row] for row in found]
     outputs = [m.renamed("fwd_") for m in base.outputs]
     return _finish(builder, f"fwd1_{base.name}", inputs, outputs, results, f"Forward derivative of {base.name}.")
 
@@ -193,8 +190,8 @@ def reverse(base: Routine) -> Routine:
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs), *seeds]
     declared = _declare(builder, inputs)
     weights = declared[len(declared) - len(seeds) :]
-    recorded = _record(base.program, builder, declared[: len(base.inputs)])
-    results = _pull_back(base.program, builder, recorded, weights)
+    recorded = record(base.program, builder, declared[: len(base.inputs)])
+    results = pull_back(base.program, builder, recorded, weights)
     outputs = [m.renamed("adj_") for m in base.inputs]
     return _finish(builder, f"adj1_{base.name}", inputs, outputs, results, f"Reverse derivative of {base.name}.")
 
@@ -214,124 +211,3 @@ def _finish(
     ports = [Port(m.name, (len(m.entries),)) for m in outputs]
     program = builder.program(name, zip(ports, results, strict=True), summary=summary)
     return Routine(name, program, tuple(inputs), tuple(outputs))
-
-
-# -- differentiation of one program ------------------------------------------------------------------------------------
-
-
-def _record(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[Value]:
-    """Record ``program`` and return the value of every node."""
-    flat = Program("all", program.inputs, (), program.nodes, (), labels=program.labels)
-    every = tuple(range(len(program.nodes)))
-    flat = flat.described(outputs=(Port("all", (len(every),)),), results=(every,))
-    return replay(flat, builder, inputs)[0]
-
-
-def _propagate(
-    program: Program,
-    builder: Builder,
-    inputs: Sequence[Sequence[Value]],
-    seeds: Sequence[Sequence[Tangent]],
-) -> list[list[Tangent]]:
-    """Tangents of the outputs for tangents of the inputs."""
-    values = _record(program, builder, inputs)
-    tangents: list[Tangent] = []
-    for index, node in enumerate(program.nodes):
-        if node.op is Op.INPUT:
-            port, element = input_place(node)
-            tangents.append(seeds[port][element])
-        elif node.op is Op.SELECT:
-            tangents.append(_select_tangent(builder, values[node.args[0]], *(tangents[a] for a in node.args[1:])))
-        else:
-            arguments = [tangents[a] for a in node.args]
-            if any(arguments):
-                operands = [values[a] for a in node.args]
-                tangents.append(_chain(builder, _partials(builder, node.op, operands, values[index]), arguments))
-            else:
-                tangents.append({})
-    return [[tangents[index] for index in row] for row in program.results]
-
-
-def _chain(builder: Builder, partials: Sequence[Value], arguments: Sequence[Tangent]) -> Tangent:
-    """The sum of partial times tangent, direction by direction."""
-    total: Tangent = {}
-    for partial, tangent in zip(partials, arguments, strict=True):
-        if _is_zero(partial):
-            continue
-        for direction, value in tangent.items():
-            term = builder.mul(partial, value)
-            total[direction] = builder.add(total[direction], term) if direction in total else term
-    return {direction: value for direction, value in total.items() if not _is_zero(value)}
-
-
-def _select_tangent(builder: Builder, condition: Value, positive: Tangent, otherwise: Tangent) -> Tangent:
-    directions = [*positive, *(d for d in otherwise if d not in positive)]
-    return {d: builder.select(condition, positive.get(d, 0), otherwise.get(d, 0)) for d in directions}
-
-
-def _pull_back(
-    program: Program,
-    builder: Builder,
-    values: Sequence[Value],
-    weights: Sequence[Sequence[Value]],
-) -> list[list[Value]]:
-    """Adjoints of the inputs for adjoints of the outputs; ``values`` are those of all nodes, as recorded."""
-    adjoints: list[Value] = [0] * len(program.nodes)
-    for elements, row in zip(program.results, weights, strict=True):
-        for index, weight in zip(elements, row, strict=True):
-            adjoints[index] = builder.add(adjoints[index], weight)
-    results: list[list[Value]] = [[0] * port.size for port in program.inputs]
-    for index in range(len(program.nodes) - 1, -1, -1):
-        node, adjoint = program.nodes[index], adjoints[index]
-        if _is_zero(adjoint):
-            continue
-        if node.op is Op.INPUT:
-            port, element = input_place(node)
-            results[port][element] = adjoint
-        elif node.op is Op.SELECT:
-            condition, positive, otherwise = node.args
-            given = builder.select(values[condition], adjoint, 0), builder.select(values[condition], 0, adjoint)
-            adjoints[positive] = builder.add(adjoints[positive], given[0])
-            adjoints[otherwise] = builder.add(adjoints[otherwise], given[1])
-        else:
-            partials = _partials(builder, node.op, [values[a] for a in node.args], values[index])
-            for argument, partial in zip(node.args, partials, strict=True):
-                adjoints[argument] = builder.add(adjoints[argument], builder.mul(partial, adjoint))
-    return results
-
-
-def _partials(builder: Builder, op: Op, x: Sequence[Value], value: Value) -> list[Value]:
-    """Partial derivatives of one operation with value ``value`` at operands ``x``."""
-    match op:
-        case Op.CONST | Op.INPUT:
-            return []
-        case Op.ADD:
-            return [1, 1]
-        case Op.SUB:
-            return [1, -1]
-        case Op.MUL:
-            return [x[1], x[0]]
-        case Op.DIV:
-            inverse = builder.div(1, x[1])
-            return [inverse, builder.neg(builder.mul(value, inverse))]
-        case Op.NEG:
-            return [-1]
-        case Op.SIN:
-            return [builder.cos(x[0])]
-        case Op.COS:
-            return [builder.neg(builder.sin(x[0]))]
-        case Op.SQRT:
-            return [builder.div(Fraction(1, 2), value)]
-        case Op.ABS:
-            return [builder.sign(x[0])]
-        case Op.SIGN:
-            return [0]
-        case Op.EXP:
-            return [value]
-        case Op.TANH:
-            return [builder.sub(1, builder.mul(value, value))]
-    raise InternalError(f"no derivative rule for {op.value}")
-
-
-def _is_zero(value: Value) -> bool:
-    return not isinstance(value, Scalar) and value == 0

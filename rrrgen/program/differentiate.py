@@ -1,0 +1,193 @@
+"""Derivatives of programs as programs, by the chain rule on the nodes.
+
+Forward mode carries the derivatives of every node along a set of directions (:func:`tangents`), reverse mode the
+derivatives of a weighted sum of the outputs with respect to every node (:func:`pull_back`). Zeros known while recording
+never become operations, so both follow the sparsity of the program: a direction costs only where a node depends on it.
+sgn has derivative 0 and |x| has derivative sgn x, as almost everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+from rrrgen.errors import InternalError
+from rrrgen.program.ir import Builder, Op, Port, Program, Scalar, Value, replay
+
+Tangent = dict[int, Value]
+"""Derivatives of one value, by direction; directions that are missing are zero."""
+
+
+def jacobian(program: Program, output: str, inputs: Sequence[str], reverse: bool = False) -> Program:
+    """``output`` of ``program`` and its derivatives with respect to each of ``inputs``, sharing their evaluation.
+
+    The matrices ``d<output>_d<input>`` (output.size, input.size) follow the output. ``reverse`` takes one sweep per
+    element of the output instead of one direction per element of the inputs.
+    """
+    position = [port.name for port in program.outputs].index(output)
+    port = program.outputs[position]
+    only = program.described(outputs=(port,), results=(program.results[position],))
+    names = [each.name for each in program.inputs]
+    wanted = [names.index(name) for name in inputs]
+    builder = Builder()
+    values = [builder.input(each) for each in program.inputs]
+    recorded = record(only, builder, values)
+    rows = (_by_sweeps if reverse else _by_directions)(only, builder, values, recorded, wanted)
+    outputs: list[tuple[Port, list[Value]]] = [(port, [recorded[index] for index in only.results[0]])]
+    first = 0
+    for k in wanted:
+        source = program.inputs[k]
+        block = [value for row in rows for value in row[first : first + source.size]]
+        meaning = f"derivatives of {output} with respect to {source.name}"
+        outputs.append((Port(f"d{output}_d{source.name}", (port.size, source.size), meaning=meaning), block))
+        first += source.size
+    summary = f"{program.summary.rstrip('.')}, with derivatives."
+    return builder.program(f"{program.name}_derivatives", outputs, summary, program.formula, program.notes)
+
+
+def _by_directions(
+    program: Program,
+    builder: Builder,
+    inputs: Sequence[Sequence[Value]],
+    recorded: Sequence[Value],
+    wanted: Sequence[int],
+) -> list[list[Value]]:
+    seeds: list[list[Tangent]] = [[{} for _ in row] for row in inputs]
+    count = 0
+    for k in wanted:
+        seeds[k] = [{count + element: 1} for element in range(len(inputs[k]))]
+        count += len(inputs[k])
+    (rows,) = tangents(program, builder, recorded, seeds)
+    return [[row.get(direction, 0) for direction in range(count)] for row in rows]
+
+
+def _by_sweeps(
+    program: Program,
+    builder: Builder,
+    inputs: Sequence[Sequence[Value]],
+    recorded: Sequence[Value],
+    wanted: Sequence[int],
+) -> list[list[Value]]:
+    rows = []
+    for element in range(len(program.results[0])):
+        weights: list[Value] = [int(element == other) for other in range(len(program.results[0]))]
+        adjoints = pull_back(program, builder, recorded, [weights])
+        rows.append([value for k in wanted for value in adjoints[k]])
+    return rows
+
+
+def record(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[Value]:
+    """Record ``program`` with ``inputs`` in place of its ports, and return the value of every node."""
+    every = tuple(range(len(program.nodes)))
+    flat = program.described(outputs=(Port("all", (len(every),)),), results=(every,))
+    return replay(flat, builder, inputs)[0]
+
+
+def tangents(
+    program: Program,
+    builder: Builder,
+    values: Sequence[Value],
+    seeds: Sequence[Sequence[Tangent]],
+) -> list[list[Tangent]]:
+    """Tangents of the outputs for tangents of the inputs; ``values`` are those of all nodes, as recorded."""
+    found: list[Tangent] = []
+    for index, node in enumerate(program.nodes):
+        if node.op is Op.INPUT:
+            port, element = node.place
+            found.append(seeds[port][element])
+        elif node.op is Op.SELECT:
+            found.append(_select_tangent(builder, values[node.args[0]], *(found[a] for a in node.args[1:])))
+        else:
+            arguments = [found[a] for a in node.args]
+            if any(arguments):
+                operands = [values[a] for a in node.args]
+                found.append(_chain(builder, _partials(builder, node.op, operands, values[index]), arguments))
+            else:
+                found.append({})
+    return [[found[index] for index in row] for row in program.results]
+
+
+def _chain(builder: Builder, partials: Sequence[Value], arguments: Sequence[Tangent]) -> Tangent:
+    """The sum of partial times tangent, direction by direction."""
+    total: Tangent = {}
+    for partial, tangent in zip(partials, arguments, strict=True):
+        if is_zero(partial):
+            continue
+        for direction, value in tangent.items():
+            term = builder.mul(partial, value)
+            total[direction] = builder.add(total[direction], term) if direction in total else term
+    return {direction: value for direction, value in total.items() if not is_zero(value)}
+
+
+def _select_tangent(builder: Builder, condition: Value, positive: Tangent, otherwise: Tangent) -> Tangent:
+    directions = [*positive, *(d for d in otherwise if d not in positive)]
+    return {d: builder.select(condition, positive.get(d, 0), otherwise.get(d, 0)) for d in directions}
+
+
+def pull_back(
+    program: Program,
+    builder: Builder,
+    values: Sequence[Value],
+    weights: Sequence[Sequence[Value]],
+) -> list[list[Value]]:
+    """Adjoints of the inputs for adjoints of the outputs; ``values`` are those of all nodes, as recorded."""
+    adjoints: list[Value] = [0] * len(program.nodes)
+    for elements, row in zip(program.results, weights, strict=True):
+        for index, weight in zip(elements, row, strict=True):
+            adjoints[index] = builder.add(adjoints[index], weight)
+    results: list[list[Value]] = [[0] * port.size for port in program.inputs]
+    for index in range(len(program.nodes) - 1, -1, -1):
+        node, adjoint = program.nodes[index], adjoints[index]
+        if is_zero(adjoint):
+            continue
+        if node.op is Op.INPUT:
+            port, element = node.place
+            results[port][element] = adjoint
+        elif node.op is Op.SELECT:
+            condition, positive, otherwise = node.args
+            given = builder.select(values[condition], adjoint, 0), builder.select(values[condition], 0, adjoint)
+            adjoints[positive] = builder.add(adjoints[positive], given[0])
+            adjoints[otherwise] = builder.add(adjoints[otherwise], given[1])
+        else:
+            partials = _partials(builder, node.op, [values[a] for a in node.args], values[index])
+            for argument, partial in zip(node.args, partials, strict=True):
+                adjoints[argument] = builder.add(adjoints[argument], builder.mul(partial, adjoint))
+    return results
+
+
+def _partials(builder: Builder, op: Op, x: Sequence[Value], value: Value) -> list[Value]:
+    """Partial derivatives of one operation with value ``value`` at operands ``x``."""
+    match op:
+        case Op.CONST | Op.INPUT:
+            return []
+        case Op.ADD:
+            return [1, 1]
+        case Op.SUB:
+            return [1, -1]
+        case Op.MUL:
+            return [x[1], x[0]]
+        case Op.DIV:
+            inverse = builder.div(1, x[1])
+            return [inverse, builder.neg(builder.mul(value, inverse))]
+        case Op.NEG:
+            return [-1]
+        case Op.SIN:
+            return [builder.cos(x[0])]
+        case Op.COS:
+            return [builder.neg(builder.sin(x[0]))]
+        case Op.SQRT:
+            return [builder.div(Fraction(1, 2), value)]
+        case Op.ABS:
+            return [builder.sign(x[0])]
+        case Op.SIGN:
+            return [0]
+        case Op.EXP:
+            return [value]
+        case Op.TANH:
+            return [builder.sub(1, builder.mul(value, value))]
+    raise InternalError(f"no derivative rule for {op.value}")
+
+
+def is_zero(value: Value) -> bool:
+    """Whether a value is known to be zero while recording."""
+    return not isinstance(value, Scalar) and value == 0
