@@ -47,15 +47,19 @@ def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
     cost, general = _best(chain, snapped(chain, EXACT), redundancy)
     if cost <= SPLITS:
         return general
+    seen = snapped(chain, EXACT)
     for tolerance in (SPECIAL, *NEARLY):
         special = snapped(chain, tolerance)
-        simpler, plan_ = _best(chain, special, redundancy)
-        if special == chain or simpler >= cost:
+        if special == seen:
             continue
-        plan_ = replace(plan_, snapped=True)
+        seen = special
+        simpler, nearby = _best(chain, special, redundancy)
+        if simpler >= cost:
+            continue
+        nearby = replace(nearby, snapped=True)
         if tolerance == SPECIAL or not general.solvable:
-            return plan_
-        return replace(general, companion=plan_)
+            return nearby
+        return replace(general, companion=nearby)
     return general
 
 

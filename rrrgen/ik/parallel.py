@@ -94,8 +94,7 @@ def better(loop: Loop, k: int) -> tuple[int, Loop, int]:
 
 def derive_parallel(b: Builder, loop: Loop, k: int, length: float) -> None:
     """All joints of a six-joint loop with a planar triple at joints k, k+1, k+2."""
-    loop = straightened(loop)
-    _, loop, k = better(loop, k)
+    _, loop, k = better(straightened(loop), k)
     frame = Frame.of(loop, k)
     if frame is None:
         raise InternalError("there is no planar triple here")

@@ -206,4 +206,14 @@ class Crossing:
 
     def rigid(self) -> Rigid:
         """The whole transform."""
-        return screw(*self.near) @ self.core() @ screw(*self.far)
+        c, s, d = self.near
+        sa, ca = self.sa, self.ca
+        # Rz Tz Tx Rx written out, then the far end
+        rows = (
+            (c, -product(s, ca), product(s, sa)),
+            (s, product(c, ca), -product(c, sa)),
+            (0, sa, ca),
+        )
+        first = Rigid(rows, (product(c, self.a), product(s, self.a), d))
+        cf, sf, df = self.far
+        return first if is_one(cf) and is_zero(sf) and is_zero(df) else first @ screw(cf, sf, df)

@@ -1,0 +1,59 @@
+"""Every structure: spherical and planar triples anywhere, all R/P mixes, with generic geometry elsewhere."""
+
+import numpy as np
+import pytest
+
+from ik.chains import every_structure, planar, position, scara, spherical
+from ik.checks import sample
+from ik.robots import make, reference
+from rrrgen.ik.classify import plan
+from rrrgen.ik.derive import derive
+from rrrgen.ik.float_builder import FloatBuilder, every_branch, wrapped
+
+STRUCTURES = every_structure()
+EQUATION_ERROR = 1e-8
+"""The float interpreter takes the roots of quartics as NumPy gives them, unrefined."""
+
+
+@pytest.mark.parametrize(("name", "family", "rows"), STRUCTURES, ids=[name for name, _, _ in STRUCTURES])
+def test_equations_give_back_the_configuration(name, family, rows):
+    """The derivation itself, in floats: the seed is among the branches, and every branch meets the target."""
+    found = plan(make("structure", rows))
+    assert found.solvable, found.reason
+    if name.startswith("planar") and "P" in name.split()[2] and found.family != family:
+        assert found.family in ("spherical", "orientation")  # three prismatic joints: a simpler way
+    else:
+        assert found.family == family
+    rng = np.random.default_rng(5)
+    turning = [row[0] == "R" for row in rows]
+    for _ in range(2):
+        q = np.where(turning, rng.uniform(-2.5, 2.5, len(rows)), rng.uniform(-0.6, 0.6, len(rows)))
+        T = reference(rows, q)[0]
+        answers = every_branch(lambda b: derive(b, found), lambda script, T=T, q=q: FloatBuilder(T, q, script))
+        apart = [
+            max(abs(wrapped(x - y)) if turn else abs(x - y) for x, y, turn in zip(row, q, turning, strict=True))
+            for row in answers
+        ]
+        assert min(apart) < EQUATION_ERROR
+        if len(rows) >= 3:  # fewer joints leave equations over, which only the emitted code checks
+            for row in answers:
+                F = reference(rows, row)[0]
+                error = F[:3, 3] - T[:3, 3] if found.task == "position" else F - T
+                if found.virtual == 0 and found.family != "lift":
+                    assert np.abs(error).max() < EQUATION_ERROR
+
+
+PLANAR = ((0, "RRR", "RRR"), (1, "RRR", "RRR"), (2, "RPR", "RRR"), (3, "PRR", "RPR"))
+
+COMPILED = [
+    *((f"position {t}", position(t, 1)) for t in ("R", "P", "RP", "RRR", "RRP", "RPR", "PRR", "PRP", "PPR", "PPP")),
+    *((f"spherical {k} {t}", spherical(k, t, 1)) for k, t in enumerate(("RRR", "PRR", "RRP", "RPR"))),
+    *((f"planar {k} {s} {t}", planar(k, s, t, 1)) for k, s, t in PLANAR),
+    ("orientation PRPRRP", position("PRPRRP", 4)),
+    ("scara RRPRRR", scara("RRPRRR", 3)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "rows"), COMPILED, ids=[name for name, _ in COMPILED])
+def test_emitted_code(name, rows):
+    sample("structure", rows, N=1000, seed=2).assert_right()
