@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := rrr
-.PHONY: rrr setup test lint types unit generated bench clean help
+.PHONY: rrr setup test lint types unit generated update bench clean help
 
 rrr: setup  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
 	$(BIN)/rrrgen generate rrr -o runs/rrr
@@ -36,6 +36,9 @@ unit: setup  ## the tests, on all processors
 
 generated: setup  ## the committed code of the reference robot is what the generator writes today
 	$(BIN)/rrrgen generate rrr -o generated/rrr --check
+
+update: setup  ## write the committed code of the reference robot anew
+	$(BIN)/rrrgen generate rrr -o generated/rrr --no-casadi-files
 
 bench: setup  ## measure emitted C side by side with other packages; the page and the plots go to docs/
 	$(BIN)/python -m pip install --quiet -e ".[bench]"
