@@ -27,8 +27,9 @@ class Reference:
         self.robot, self.K = robot, np.asarray(K, dtype=float)
         rng = np.random.default_rng(seed)
         drawn = [random_state(robot, rng) for _ in range(states)]
-        self.q, self.dq, self.ddq = (np.array(part) for part in zip(*drawn, strict=True))
-        self.e = rng.uniform(-1, 1, self.q.shape)
+        # states that a float holds too, so that either precision computes the same thing
+        self.q, self.dq, self.ddq = (np.float32(np.array(part)).astype(float) for part in zip(*drawn, strict=True))
+        self.e = np.float32(rng.uniform(-1, 1, self.q.shape)).astype(float)
         self.tau = self.each(oracle.inverse_dynamics, self.q, self.dq, self.ddq)
         self.torque = float(np.max(np.abs(self.tau))) or 1.0
         self.beta = self.K @ robot.phi
