@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import subprocess
 import sys
@@ -14,35 +13,47 @@ from pathlib import Path
 from rrrgen.bench.toolchain import Toolchain, run
 from rrrgen.errors import BuildError
 
+GENERATE = """
+import sys
+from rrrgen.cli.main import run
+code = run(["generate", sys.argv[1], "-o", sys.argv[2], "--no-casadi-files"])
+try:
+    peak = [line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")][0]
+except OSError:
+    peak = "0"
+print(code, peak)
+"""
+"""The process reads its own peak: what ``wait4`` reports may be that of the process it was forked from."""
+
 
 @dataclass(frozen=True)
 class Generation:
-    """Seconds of ``rrrgen generate`` and of the C compiler, and the peak memory of the former in MB."""
+    """Processor seconds of ``rrrgen generate`` and of the C compiler, both together elapsed, and the peak in MB."""
 
     robot: str
     generate: float
     compile: float
-    megabytes: float
+    elapsed: float
+    megabytes: float | None
 
 
 def generation(robot: str, toolchain: Toolchain) -> Generation:
-    """Measure one robot; nothing is taken from a cache."""
+    """Measure one robot; nothing is taken from a cache. The peak is None where the system does not tell it."""
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
-        command = [sys.executable, "-m", "rrrgen", "generate", robot, "-o", f"{place}/out", "--no-casadi-files"]
-        start = time.perf_counter()
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        complaint = process.stderr.read() if process.stderr else ""
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        seconds = time.perf_counter() - start
-        if process.returncode:
-            raise BuildError(f"rrrgen generate {robot} failed: {complaint[:500]}")
-        start = time.perf_counter()
+        start, before = time.perf_counter(), _processor_seconds()
+        command = [sys.executable, "-c", GENERATE, robot, f"{place}/out"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        code, peak = (done.stdout.splitlines() or ["1 0"])[-1].split()
+        if done.returncode or code != "0":
+            raise BuildError(f"rrrgen generate {robot} failed: {done.stderr[:500]}")
+        between = _processor_seconds()
         for source in sorted(Path(place, "out").glob("*.c")):
             run([*toolchain.cc, *toolchain.flags, "-std=gnu99", "-c", str(source), "-o", f"{place}/{source.stem}.o"])
-        return Generation(robot, seconds, time.perf_counter() - start, _megabytes(usage))
+        after, elapsed = _processor_seconds(), time.perf_counter() - start
+    return Generation(robot, between - before, after - between, elapsed, int(peak) / 1024 if int(peak) else None)
 
 
-def _megabytes(usage: resource.struct_rusage) -> float:
-    """Peak resident memory; Linux counts kB, macOS bytes."""
-    return usage.ru_maxrss / (1024.0**2 if sys.platform == "darwin" else 1024.0)
+def _processor_seconds() -> float:
+    """Of all finished child processes."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime

@@ -10,6 +10,8 @@ from rrrgen.bench.results import Results, work
 
 COLOURS = {OWN: "#0b6e4f", HAND: "#e08e0b", PINOCCHIO: "#8a8fa3"}
 SHOWN = ("inverse_dynamics", "mass_matrix", "bias", "gravity", "forward_dynamics", "kinematics", "regressor")
+RANGE = (50.0, 30000.0)
+"""The same for all robots: on a logarithmic axis the foot of a bar is a choice."""
 SHORT = {"bias": "c + g", "mass_matrix": "M", "kinematics": "FK + J", "gravity": "g"}
 
 
@@ -49,6 +51,7 @@ def _bars(axes: Any, results: Results, robot: str, unit: str, legend: bool) -> N
                 named = label if place == 0 else None
                 axes.bar(place + (k - 1) * width, work(score), width, color=COLOURS[label], label=named)
     axes.set_yscale("log")
+    axes.set_ylim(RANGE if "instructions" in unit else (RANGE[0] / 10, RANGE[1] / 10))
     names = [
         SHORT.get(name, TITLES[name]).replace(" ", "\n", 1) if name not in SHORT else SHORT[name] for name in SHOWN
     ]
@@ -70,6 +73,7 @@ def _lines(axes: Any, results: Results, function: str, unit: str) -> None:
             axes.plot(*zip(*points, strict=True), "o-", color=colour, label=label, markersize=3.5)
     axes.set_title(f"{TITLES[function]}, random chains", loc="left", fontweight="bold")
     axes.set_xlabel("joints")
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_ylabel(unit)
     axes.set_ylim(bottom=0)
     axes.legend(frameon=False, fontsize=8)

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 BATCH = 4096
 """States per batch: their arrays fit the second-level cache of most processors."""
 
-PIN, BOUND, BOUND_COPY, PLAIN = "pin.rnea", "rrrgen bound", "rrrgen bound, three arrays copied in", "rrrgen plain call"
+PIN = "pin.rnea"
+BOUND_RUN, BOUND = "rrrgen bound, run()", "rrrgen bound, call"
+BOUND_COPY, PLAIN = "rrrgen bound, call with three arrays", "rrrgen plain call"
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,9 @@ def python_calls(case: Case, model: Model, toolchain: Toolchain, rounds: int) ->
             error = np.max(np.abs(np.ravel(call()) - wanted)) / np.max(np.abs(wanted))
             if not error < TOLERANCE:
                 raise DisagreementError(f"{case.name}: {name} differs from the reference by {error:.1e}")
-        best = turns(calls, rounds, 1e-3)
+        bound = model.bind("inverse_dynamics")  # the bare call returns nothing to check; its values were just checked
+        bound(*state)
+        best = turns({BOUND_RUN: bound.run, **calls}, rounds, 1e-3)
     return [CallTime(case.name, name, 1e9 * seconds) for name, seconds in best.items()]
 
 

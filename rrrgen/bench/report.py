@@ -15,7 +15,7 @@ COLUMNS = (OWN, OWN_FILE, OWN_LIBM, HAND, HAND_FILE, PINOCCHIO)
 
 def page(results: Results, plot: str = "benchmark.svg") -> str:
     """The whole page."""
-    parts = [_opening(results), f"![Instructions per call]({plot})", "", _targets(results)]
+    parts = [_opening(results), f"![Instructions per call]({plot})\n", _targets(results)]
     parts += [_functions(results, robot) for robot in results.robots()]
     parts += [_calls(results), _batches(results), _ik(results), _growth(results), _generation(results)]
     return "\n".join(part for part in parts if part)
@@ -143,9 +143,17 @@ def _growth(results: Results) -> str:
 
 def _generation(results: Results) -> str:
     rows = [
-        [each.robot, f"{each.generate:.1f}", f"{each.compile:.1f}", f"{each.megabytes:.0f}"]
+        [
+            each.robot,
+            f"{each.generate:.1f}",
+            f"{each.compile:.1f}",
+            f"{each.elapsed:.1f}",
+            "" if each.megabytes is None else f"{each.megabytes:.0f}",
+        ]
         for each in results.generations
     ]
     if not rows:
         return ""
-    return "## From robot file to compiled C\n\n" + _table(["robot", "generate s", "compile s", "peak MB"], rows)
+    text = "Processor seconds, which other work on the machine stretches less than the elapsed ones.\n\n"
+    head = ["robot", "generate", "compile", "elapsed", "peak MB"]
+    return "## From robot file to compiled C\n\n" + text + _table(head, rows)

@@ -60,7 +60,7 @@ class Toolchain:
 
     def describe(self) -> str:
         """Compiler and flags, for the report."""
-        return f"{_version(self.cc[0])}, {' '.join(self.flags)}"
+        return f"{Path(self.cc[0]).resolve().name}: {_version(self.cc[0])}, `{' '.join(self.flags)}`"
 
 
 def find_toolchain(flags: Sequence[str] = FLAGS) -> Toolchain:

@@ -19,7 +19,7 @@ from rrrgen.bench.cases import Case, dense_bodies, make_case
 from rrrgen.bench.contestants import HAND, OWN, PINOCCHIO, Contestant, DisagreementError, Party, deviation
 from rrrgen.bench.growth import chain_text
 from rrrgen.bench.inverse_kinematics import IKScore
-from rrrgen.bench.python_calls import BOUND, PIN, CallTime, turns
+from rrrgen.bench.python_calls import BOUND_RUN, PIN, CallTime, turns
 from rrrgen.bench.race import Effort, Score, race
 from rrrgen.bench.report import page
 from rrrgen.bench.results import Results
@@ -141,7 +141,7 @@ def results_with(own: float, hand: float, pinocchio: float) -> Results:
         operations = {"mul": 54, "add": 42, "div": 0, "sincos": 2}
         contestant = Contestant(label, "inverse_dynamics", 3, "", operations=operations)
         results.scores.append(Score("rrr", contestant, 1e-16, count / 10, count))
-    results.calls = [CallTime("rrr", BOUND, 100.0), CallTime("rrr", PIN, 500.0)]
+    results.calls = [CallTime("rrr", BOUND_RUN, 100.0), CallTime("rrr", PIN, 500.0)]
     results.batches = {"rrr": 5.0}
     results.ik = [IKScore("rrr", "rrrgen", 150.0, 4.0, 700.0)]
     return results
