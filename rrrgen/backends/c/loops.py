@@ -90,7 +90,7 @@ def _pack_body(program: Program, dialect: Dialect) -> list[str]:
             "    for (int lane = 0; lane < PACK_LANES; lane++)",
             f"        {port.name}_pack[element][lane] = {port.name}[(k + lane)*{port.name}_step + element];",
         ]
-        arguments.append(f"{port.name}_pack")
+        arguments.append(f"{port.name}_pack" if port.shape else f"{port.name}_pack[0]")
     stores: list[str] = []
     for port in program.outputs:
         name = STATUS_LANES if port.name == STATUS else port.name

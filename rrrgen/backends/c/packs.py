@@ -86,7 +86,7 @@ def pack_functions(programs: Mapping[str, Program], dialect: Dialect) -> str:
 def pack_signature(program: Program, dialect: Dialect) -> str:
     """``static void <name>_pack_<function>(const pack *q, ..., pack *tau)``."""
     pack = f"{dialect.prefix}_pack"
-    ports = [f"const {pack} *{port.name}" for port in program.inputs]
+    ports = [f"const {pack} *{port.name}" if port.shape else f"{pack} {port.name}" for port in program.inputs]
     ports += [f"{pack} *{port.name}" for port in _without_status(program).outputs]
     return f"static void {pack_name(program, dialect)}({', '.join(ports)})"
 
