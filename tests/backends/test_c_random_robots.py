@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, random_state, to_yaml
-
 from rrrgen import pipeline
 from rrrgen.manifest import identify
 from rrrgen.runtime.load import load_model

@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import numpy as np
+
 from oracles import lagrange
 from oracles import newton_euler as oracle
 from oracles.newton_euler import Robot
 from oracles.random_robots import random_state
-
 from rrrgen.program import Program, evaluate
 
 DOUBLE = 1e-11  # relative to the largest value over the states: some hundred to thousand roundings of 1e-16

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+
 from oracles.known_robots import (
     BASE_PARAMETER_COUNTS,
     CARTESIAN,

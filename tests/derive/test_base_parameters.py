@@ -11,14 +11,14 @@ from functools import cache
 import numpy as np
 import pytest
 import sympy as sp
-from derive.structures import BASE_PARAMETER_COUNTS, TABLE, with_columns, with_named_lengths
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+
+from derive.structures import BASE_PARAMETER_COUNTS, TABLE, with_columns, with_named_lengths
 from oracles import newton_euler as oracle
 from oracles.newton_euler import Robot
 from oracles.numeric_rank import base_parameter_count, matrix_rank
 from oracles.random_robots import random_link, random_robot, random_state, robots, to_yaml
-
 from rrrgen.derive.base_parameters import base_set, standard_symbols
 from rrrgen.derive.functions import FUNCTIONS
 from rrrgen.derive.recording import Recording, parametrize
@@ -140,9 +140,7 @@ def test_lift_is_a_right_inverse_of_the_projection():
     """K lift = 1, exactly: every base parameter can be realised alone by a robot with standard parameters."""
     for seed in (0, 3, 8, 21):
         own = derived_set(to_yaml(random_robot(seed, n=4, links="none")))
-        product = sp.Matrix(own.projection) * sp.Matrix(
-            [[_expression(v) for v in row] for row in own.lift]
-        )
+        product = sp.Matrix(own.projection) * sp.Matrix([[_expression(v) for v in row] for row in own.lift])
         assert product.applyfunc(lambda v: sp.simplify(v)) == sp.eye(len(own.parameters))
 
 
@@ -199,7 +197,9 @@ def test_the_choice_does_not_depend_on_the_hash_seed():
 
 def _output(code: str, hash_seed: str) -> str:
     environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
-    return subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True).stdout
+    return subprocess.run(
+        [sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True
+    ).stdout
 
 
 ODD_PRISMATIC = """

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 import sympy as sp
+
 from derive.exact import vanishes
 from oracles import chapter14
-
 from rrrgen.derive import derive_model
 from rrrgen.derive.closed_form import closed_form
 from rrrgen.spec import load_spec

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from derive.comparison import Reference, failures
 from hypothesis import Phase, given, settings
-from oracles.random_robots import arbitrary_link, robots, to_yaml
 
+from derive.comparison import Reference, failures
+from oracles.random_robots import arbitrary_link, robots, to_yaml
 from rrrgen.derive.base_parameters import base_set
 from rrrgen.derive.chain import rational
 from rrrgen.derive.functions import FUNCTIONS, forward_dynamics
@@ -35,9 +35,7 @@ def derived(robot) -> tuple[np.ndarray, dict[str, tuple[Program, ...]]]:
         for name, recorders in FUNCTIONS.items()
     }
     recording = Recording(model, parametrization)
-    programs["forward_dynamics"] = (
-        forward_dynamics(recording, programs["mass_matrix"][0], programs["bias"][0]),
-    )
+    programs["forward_dynamics"] = (forward_dynamics(recording, programs["mass_matrix"][0], programs["bias"][0]),)
     K = np.array([[float(rational(v)) for v in row] for row in own.projection]).reshape(-1, 10 * robot.n)
     return K, programs
 

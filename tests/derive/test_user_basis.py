@@ -52,7 +52,11 @@ def place(text: str, name: str) -> str:
 
 
 def test_an_incomplete_basis_names_the_direction_that_nothing_covers():
-    expect_one(TEXT.replace(line_of("p13") + "\n", ""), "incomplete (14 of 15 directions)", "nothing covers Jyy3 = Ixx3/2 - Iyy3/2 + Izz3/2")
+    expect_one(
+        TEXT.replace(line_of("p13") + "\n", ""),
+        "incomplete (14 of 15 directions)",
+        "nothing covers Jyy3 = Ixx3/2 - Iyy3/2 + Izz3/2",
+    )
 
 
 @pytest.mark.parametrize("left_out", range(15))

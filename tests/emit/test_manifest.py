@@ -11,9 +11,9 @@ from pathlib import Path
 import jsonschema
 import pytest
 import sympy as sp
-from backends.planar import planar_model, spec
 
 import rrrgen
+from backends.planar import planar_model, spec
 from rrrgen import pipeline
 from rrrgen.emit import checksum
 from rrrgen.manifest import identify

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import casadi
+
 from oracles.chapter14 import regressor_1447
 
 

@@ -22,8 +22,8 @@ from casadi_arms import (  # noqa: E402
     double_pendulum_torque,
     rrr_regressor,
 )
-from oracles.chapter14 import regressor_1447  # noqa: E402
 
+from oracles.chapter14 import regressor_1447  # noqa: E402
 from rrrgen.errors import DerivationError, InputError  # noqa: E402
 from rrrgen.identify.excitation import (  # noqa: E402
     ExcitationLimits,

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from oracles import newton_euler
 from oracles.chapter14 import fk_1444, ik_1445_complete, rrr
-
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.identify.strokes import LETTERS, W, text_path
 from rrrgen.identify.writing import (

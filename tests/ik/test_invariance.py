@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from oracles.random_robots import QUATERNIONS, transform
 
 from ik.checks import FK_ERROR, sample
 from ik.robots import ROWS, make, reference
+from oracles.random_robots import QUATERNIONS, transform
 from rrrgen.ik.solver import OUTSIDE, load_solver
 
 BASE = transform(QUATERNIONS[1], (0.1, -0.2, 0.35))

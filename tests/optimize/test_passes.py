@@ -10,8 +10,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from optimize.programs import ARITHMETIC, PORTS, STATE, precise, programs, same_values
 
+from optimize.programs import ARITHMETIC, PORTS, STATE, precise, programs, same_values
 from rrrgen.optimize.doubling import double_by_addition
 from rrrgen.optimize.expansion import MAX_TERMS, Cutting, factored
 from rrrgen.optimize.folding import fold
@@ -163,7 +163,9 @@ def test_programs_do_not_depend_on_the_hash_seed():
     texts = set()
     for seed in ("0", "31337"):
         environment = {**os.environ, "PYTHONHASHSEED": seed}
-        run = subprocess.run([sys.executable, "-c", DIGEST], env=environment, check=True, capture_output=True, text=True)
+        run = subprocess.run(
+            [sys.executable, "-c", DIGEST], env=environment, check=True, capture_output=True, text=True
+        )
         texts.add(run.stdout)
     assert len(texts) == 1
     assert "inverse_dynamics_nominal" in texts.pop()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from derive.comparison import DOUBLE, Reference, failures
 from hypothesis import Phase, given, settings
-from oracles.random_robots import random_robot, robots, to_yaml
 
+from derive.comparison import DOUBLE, Reference, failures
+from oracles.random_robots import random_robot, robots, to_yaml
 from rrrgen import pipeline
 from rrrgen.derive.functions import FUNCTIONS
 from rrrgen.manifest import identify

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from oracles.newton_euler import Robot, frames
 
+from oracles.newton_euler import Robot, frames
 from rrrgen.pipeline import derive
 from rrrgen.report import html_report
 from rrrgen.report.geometry import zero_pose

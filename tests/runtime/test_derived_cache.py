@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
+
 from backends.c_tools import IDENTITY
 from backends.planar import planar_model
-
 from rrrgen.runtime import derived_cache
 from rrrgen.runtime.cache import cache_directory
 

@@ -6,9 +6,9 @@ import threading
 
 import numpy as np
 import pytest
+
 from backends.c_tools import IDENTITY
 from backends.planar import BETA_NOMINAL, IA_NOMINAL, planar_model, projection
-
 from rrrgen.program import evaluate
 from rrrgen.runtime.load import load_model
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracles import newton_euler
-from oracles.random_robots import random_link
 from scipy.integrate import solve_ivp
 
+from oracles import newton_euler
+from oracles.random_robots import random_link
 from rrrgen.errors import InputError
 from rrrgen.identify.friction_models import FrictionModel, coulomb_viscous
 from rrrgen.model.friction_laws import LAWS

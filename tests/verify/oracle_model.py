@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import sympy as sp
+
 from oracles import newton_euler as ne
 from oracles.lagrange import STEP
 from oracles.newton_euler import Robot
 from oracles.numeric_rank import stacked_regressor
-
 from rrrgen.spec.robot_spec import DriveSpec, FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 import pytest
-from oracles.random_robots import random_robot, to_yaml
 
 import rrrgen
+from oracles.random_robots import random_robot, to_yaml
 from rrrgen.backends.c import sources
 from rrrgen.errors import BuildError
 from rrrgen.verify import verify

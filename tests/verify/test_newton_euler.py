@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from oracles import newton_euler as ne
 from oracles.random_robots import random_robot, random_state, robots, to_yaml
-
 from rrrgen.spec import loads_spec
 from rrrgen.verify.chain import chain_of, is_physical, nominal_parameters
 from rrrgen.verify.newton_euler import NewtonEuler

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+import rrrgen.verify as package
 from oracles import chapter14
 from oracles.newton_euler import Link
 from oracles.random_robots import random_robot
-
-import rrrgen.verify as package
 from rrrgen.spec.robot_spec import FrictionSpec
 from rrrgen.verify import Report, Row, verify
 from verify.oracle_model import OracleModel
