@@ -210,7 +210,7 @@ def fits_in_memory(observations: Observations, limit: int = IN_MEMORY) -> bool:
     """Whether the rows of all recordings take less than ``limit`` bytes."""
     samples = sum(len(recording) for recording in observations.recordings)
     width = len(observations.recordings[0].joints) * observations.maker.columns * 8
-    return samples // observations.maker.processing.decimate * width <= limit
+    return samples // (observations.maker.processing.decimate or 1) * width <= limit
 
 
 def rows_of_recordings(

@@ -7,22 +7,27 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.errors import InputError
+from rrrgen.errors import Fault, InputError
 from rrrgen.identify.columns import Array
 from rrrgen.identify.log_repair import Finding
 from rrrgen.identify.log_stream import CHUNK, LogStream, Part, joined
+from rrrgen.identify.log_units import ANGLE, FORCE, LENGTH, TORQUE
 from rrrgen.identify.mapping import LogMapping, plain_mapping
+from rrrgen.identify.reconstruction import sampling_period
 
 MAPPING_SUFFIXES = (".yaml", ".yml")
+IN_MEMORY = 2_000_000  # rows
 
 
 @dataclass(frozen=True)
 class Log:
-    """A recording in memory, uniformly sampled at ``period`` (s) within each uninterrupted stretch ``segment``.
+    """A recording in memory, uniformly sampled at ``period`` (s; taken from ``t`` if it is 0) in each stretch
+    ``segment``.
 
     ``t`` (N,) s; ``q``, and ``dq``, ``ddq`` where recorded, (N, n) in rad (m) and per s, s^2; ``tau`` (N, n) N m (N)
     at the joints; ``valid`` (N, n) False where the torque of a joint cannot be used. ``findings`` tells what was
@@ -40,6 +45,10 @@ class Log:
     segment: NDArray[np.int64] | None = None
     findings: tuple[Finding, ...] = ()
     mapping: LogMapping | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.period > 0.0:
+            object.__setattr__(self, "period", sampling_period(self.t))
 
     @property
     def n(self) -> int:
@@ -131,6 +140,37 @@ def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
         findings=stream.facts.findings,
         mapping=stream.mapping,
     )
+
+
+def open_recording(
+    path: str | os.PathLike[str],
+    mapping: LogMapping | str | os.PathLike[str] | None = None,
+    spec: Any = None,
+    in_memory: int = IN_MEMORY,
+) -> Log | LogStream:
+    """A recording, in memory if it has at most ``in_memory`` rows, else as a stream; see :func:`open_log`.
+
+    With the robot's ``spec`` its joints and units are checked against the robot's.
+    """
+    stream = LogStream(open_log(path, mapping))
+    if spec is not None:
+        check_robot(stream.mapping, spec)
+    return load_stream(stream) if len(stream) <= in_memory else stream
+
+
+def check_robot(mapping: LogMapping, spec: Any) -> None:
+    """Raise :class:`InputError` unless a recording has the robot's joints, with units that suit their types."""
+    check_joints(mapping.names, [joint.name for joint in spec.joints])
+    faults = []
+    for joint, channels in zip(spec.joints, mapping.joints, strict=True):
+        wrong = (LENGTH, FORCE) if joint.is_revolute else (ANGLE, TORQUE)
+        for signal, table in zip(("position", "torque"), wrong, strict=True):
+            channel = channels.position if signal == "position" else channels.torque
+            if channel is not None and channel.unit in table:
+                message = f"joint {joint.name} is {joint.type}, but its {signal} is in {channel.unit}"
+                faults.append(Fault(mapping.source or "recording", 0, 0, message))
+    if faults:
+        raise InputError(faults)
 
 
 def check_joints(recorded: Sequence[str], robot: Sequence[str]) -> None:

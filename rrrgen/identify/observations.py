@@ -20,9 +20,11 @@ from rrrgen.identify.processing import Processing
 from rrrgen.identify.reconstruction import Reconstruction, Reconstructor
 from rrrgen.identify.tsqr import Rows
 
-BLOCK_BYTES = 16_000_000  # of the regressor that is held at a time
+BLOCK_BYTES = 4_000_000  # of the regressor that is held at a time
 SHORTEST_BLOCK = 500  # samples
 TUNING_SAMPLES = 50_000
+MOTION_POWER = 0.999
+RATE_OVER_BANDWIDTH = 10.0  # of the rows that are kept, over the bandwidth of the motion
 
 Regressor = Callable[[Array, Array, Array], Array]
 KnownTorque = Callable[[Reconstruction], Array]
@@ -56,7 +58,7 @@ class RowMaker:
 
     def memory(self, period: float) -> int:
         """Samples on either side that a row depends on."""
-        return _reconstruction_memory(self.processing, period) + Decimator(self.processing.decimate).memory
+        return _reconstruction_memory(self.processing, period) + Decimator(self.processing.decimate or 1).memory
 
     def rows(self, window: Window) -> Iterator[Rows]:
         """The rows of one window, block by block."""
@@ -65,7 +67,7 @@ class RowMaker:
             raise InputError("the recording has no torques: nothing can be estimated from it")
         motion = reconstruct(part, self.processing)
         tau = part.tau if self.known is None else part.tau - self.known(motion)
-        decimate = Decimator(self.processing.decimate)
+        decimate = Decimator(self.processing.decimate or 1)
         block = max(SHORTEST_BLOCK, decimate.memory, BLOCK_BYTES // (8 * part.q.shape[1] * self.columns))
         for start in range(window.start, window.stop, block):
             stop = min(start + block, window.stop)
@@ -178,13 +180,44 @@ def _reconstruction_memory(processing: Processing, period: float) -> int:
 
 
 def tuned(processing: Processing, recordings: Sequence[Recording]) -> Processing:
-    """``processing`` with the variances of its Kalman filter, from the innovations of the first long stretch."""
+    """``processing`` with what it leaves open taken from the first long stretch.
+
+    The variances of a Kalman filter come from its innovations, the decimation from the motion's bandwidth.
+    """
     from rrrgen.identify.smoother import tune_by_innovations
 
-    if not processing.method.startswith("kalman") or (processing.var_eta and processing.var_xi):
+    kalman = processing.method.startswith("kalman") and not (processing.var_eta and processing.var_xi)
+    if not kalman and processing.decimate is not None:
         return processing
     part = next(recordings[0].parts())
-    part = part.sliced(0, min(len(part), TUNING_SAMPLES))
-    found = tune_by_innovations(np.arange(len(part)) * recordings[0].period, part.q)
-    eta, xi = (tuple(np.atleast_1d(v)) for v in (found.var_eta, found.var_xi))
-    return replace(processing, var_eta=processing.var_eta or eta, var_xi=processing.var_xi or xi)
+    q = part.q[: min(len(part), TUNING_SAMPLES)]
+    period = recordings[0].period
+    if processing.decimate is None:
+        rate = RATE_OVER_BANDWIDTH * motion_bandwidth(q, period)
+        processing = replace(processing, decimate=max(1, int(1.0 / (period * rate))))
+    if kalman:
+        found = tune_by_innovations(np.arange(len(q)) * period, q)
+        eta, xi = (tuple(float(x) for x in np.atleast_1d(v)) for v in (found.var_eta, found.var_xi))
+        processing = replace(processing, var_eta=processing.var_eta or eta, var_xi=processing.var_xi or xi)
+    return processing
+
+
+def motion_bandwidth(q: Array, period: float) -> float:
+    """The frequency (Hz) below which 99.9 % of the power of every joint's speed lies, measuring noise taken off.
+
+    White noise of the position has the power ``4 sin^2(pi f Ts)`` in its differences; its level is read off the upper
+    half of the spectrum.
+    """
+    speed = np.diff(q, axis=0) * np.hanning(len(q) - 1)[:, None]
+    power = np.abs(np.fft.rfft(speed, axis=0)) ** 2
+    power = power[:, np.sum(power, axis=0) > 0]
+    if power.shape[1] == 0:
+        raise InputError("no joint moves in the recording")
+    shape = 4.0 * np.sin(np.pi * np.arange(len(power)) / len(speed))[:, None] ** 2
+    upper = slice(len(power) // 2, None)
+    noise = np.median(power[upper] / shape[upper], axis=0) / np.log(
+        2.0
+    )  # the median of a squared modulus is ln 2 of its mean
+    total = np.cumsum(power - noise * shape, axis=0)
+    last = np.max(np.argmax(total >= MOTION_POWER * np.max(total, axis=0), axis=0))
+    return float((last + 1) / (period * (len(q) - 1)))

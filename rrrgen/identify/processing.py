@@ -24,16 +24,17 @@ class Processing:
     """Reconstruction ``method`` with its tuning, decimation, and speeds below which a joint's rows are left out.
 
     ``cutoff`` (Hz) and ``order`` belong to the Butterworth filter; ``var_eta`` and ``var_xi`` to the Kalman filter,
-    found from the innovations where they are None. ``low_speed`` (n,) is in rad/s (m/s), empty for none. ``logged``
-    takes the speeds and accelerations of the recording as they are.
+    found from the innovations where they are None. ``decimate`` is chosen from the motion where it is None.
+    ``low_speed`` (n,) is in rad/s (m/s), empty for none. ``logged`` takes the speeds and accelerations of the
+    recording as they are.
     """
 
-    method: Method = "butterworth"
+    method: Method = "kalman"
     cutoff: float | None = None
     order: int = 4
     var_eta: tuple[float, ...] | None = None
     var_xi: tuple[float, ...] | None = None
-    decimate: int = 1
+    decimate: int | None = None
     low_speed: tuple[float, ...] = ()
 
     def settings(self) -> dict[str, Any]:

@@ -33,6 +33,8 @@ class _Item:
     level: int
     lines: tuple[str, ...]
     operands: tuple[Scalar, ...]
+    defines: Scalar | None = None
+    """The one variable of a plain definition, which can be left out where nothing uses it."""
 
 
 @dataclass
@@ -105,8 +107,9 @@ class CBuilder:
         if node.op in ("const", "var") or (node.op == "neg" and node.args[0].op == "var"):
             return node
         text = self._fresh(hint)
-        self._add(node.level, (f"const REAL {text} = {{0}};",), (node,))
-        return self.pool.var(text, node.level)
+        variable = self.pool.var(text, node.level)
+        self._items.append(_Item(node.level, (f"const REAL {text} = {{0}};",), (node,), variable))
+        return variable
 
     def names(self, hint: str, v: Vector) -> Vector:
         """Three named coordinates."""
@@ -426,7 +429,7 @@ class CBuilder:
         for _, _, most in self._loops:
             rows *= most
         return CBody(
-            _Printer(self._items, self._loops, self._taken).text(),
+            _Printer(_live(self._items), self._loops, self._taken).text(),
             rows,
             tuple(self._stages),
             frozenset(self._needs),
@@ -559,6 +562,25 @@ class _Printer:
             right = self._render(node.args[1], level, own + (node.op in ("sub", "div", "mul")))
             text = f"{left} {sign} {right}"
         return f"({text})" if own < strength else text
+
+
+def _live(items: list[_Item]) -> list[_Item]:
+    """Without the definitions that nothing uses."""
+    used: set[int] = set()
+
+    def use(node: Scalar) -> None:
+        if id(node) not in used:
+            used.add(id(node))
+            for arg in node.args:
+                use(arg)
+
+    kept = []
+    for item in reversed(items):
+        if item.defines is None or id(item.defines) in used:
+            kept.append(item)
+            for operand in item.operands:
+                use(operand)
+    return kept[::-1]
 
 
 def _fill(line: str, operands: list[str]) -> str:

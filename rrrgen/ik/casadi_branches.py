@@ -175,8 +175,6 @@ def _plan(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
     plan = make_plan(spec, redundancy)
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: {plan.reason}")
-    if plan.family == "general6r":
-        raise DerivationError(f"{spec.name}: six general joints have no branch-wise closed form; use the emitted C")
     if plan.snapped:
         raise DerivationError(f"{spec.name}: nearly special geometry has no exact closed form; use the emitted C")
     return plan

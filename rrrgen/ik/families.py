@@ -54,9 +54,6 @@ def pose_plans(chain: Chain, locked: int | None = None) -> Options:
             moved = commuted(loop, i, direction)
             if moved is not None:
                 yield from _structured_plans(chain, moved, locked, (i, direction))
-    if loop.types == "RRRRRR" and locked in (None, 0, chain.n - 1):
-        title = "general six revolute joints (elimination of degree 16)"
-        yield 40, SolverPlan("general6r", title, "pose", chain, chain, locked=locked)
 
 
 def _structured_plans(chain: Chain, loop: Loop, locked: int | None, commute: tuple[int, int] | None) -> Options:
@@ -121,8 +118,6 @@ def works(plan: SolverPlan, trials: int) -> bool:
     """Whether the equations of ``plan`` give back the configurations of a few random poses."""
     import numpy as np
 
-    if plan.family == "general6r":
-        return True
     chain, rng = plan.solving, np.random.default_rng(11)
     size = 1 + max(joint.index for joint in chain.joints)
     for _ in range(trials):
@@ -168,8 +163,6 @@ def _same(chain: Chain, row: list[float], q: Any) -> bool:
 
 def counted(plan: SolverPlan) -> SolverPlan | None:
     """``plan`` with its number of rows and its singularities; nothing where the equations degenerate on this chain."""
-    if plan.family == "general6r":
-        return replace(plan, max_solutions=16)
     builder = CBuilder("x", plan.chain.joints, plan.chain.reach, position=plan.task == "position")
     try:
         derive(builder, plan)

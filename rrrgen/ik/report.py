@@ -86,8 +86,6 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
     plan = make_plan(spec, redundancy)
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: {plan.reason}")
-    if plan.family == "general6r":
-        raise DerivationError(f"{spec.name}: {plan.title}; the solutions are roots of a polynomial, not a formula")
     chain, values = symbolic_chain(spec, plan)
     builder = TextBuilder(chain.n, position=plan.task == "position")
     try:

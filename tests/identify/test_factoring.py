@@ -23,7 +23,7 @@ from rrrgen.identify.factoring import (
 )
 from rrrgen.identify.log_stream import LogStream
 from rrrgen.identify.logs import Log, open_log, read_log, write_log
-from rrrgen.identify.observations import Observations, RowMaker, tuned
+from rrrgen.identify.observations import Observations, RowMaker, motion_bandwidth, tuned
 from rrrgen.identify.processing import Processing
 from rrrgen.identify.regression import weighted_least_squares
 from rrrgen.identify.tsqr import factor_rows
@@ -220,6 +220,26 @@ def test_the_kalman_filter_is_tuned_when_nothing_is_said(tmp_path):
     assert np.max(np.abs(found.x - x) / found.std) < 5
 
 
+@pytest.mark.parametrize("resolution", [0.0, 1e-5, 1e-4])
+def test_the_bandwidth_of_a_motion_is_told_through_the_noise_of_its_encoder(resolution):
+    t = PERIOD * np.arange(20_000)
+    q = np.column_stack([np.sin(2 * np.pi * 0.5 * t), 0.1 * np.sin(2 * np.pi * 6.0 * t)])
+    if resolution:
+        q = np.round(q / resolution) * resolution
+    assert motion_bandwidth(q, PERIOD) == pytest.approx(6.0, abs=0.5)
+    with pytest.raises(InputError, match="no joint moves"):
+        motion_bandwidth(np.zeros((100, 2)), PERIOD)
+
+
+def test_the_decimation_follows_the_motion_when_nothing_is_said(tmp_path):
+    path, _, _ = recording(tmp_path)
+    log = read_log(path)
+    found = tuned(Processing(), [log])
+    rate = 1.0 / (PERIOD * found.decimate)
+    assert 8 * motion_bandwidth(log.q, PERIOD) < rate < 25 * motion_bandwidth(log.q, PERIOD)
+    assert tuned(Processing("butterworth", cutoff=20.0, decimate=3), [log]).decimate == 3
+
+
 LIMITED = """
 import resource, sys
 import numpy as np
@@ -232,16 +252,17 @@ from rrrgen.identify.columns import FullRegressor
 from rrrgen.identify.factoring import factor_recordings
 from rrrgen.identify.log_stream import LogStream
 from rrrgen.identify.mapping_reader import load_mapping
-from rrrgen.identify.observations import Observations, RowMaker
+from rrrgen.identify.observations import Observations, RowMaker, Window
 from rrrgen.identify.processing import Processing
 
 regressor = FullRegressor(planar_arm(), TERMS)
-regressor(*np.ones((3, 10, 2)))
+maker = RowMaker(regressor, Processing("butterworth", cutoff=20.0, decimate=50), len(regressor.names))
+first = next(LogStream(load_mapping({mapping!r}), chunk=2000).parts())
+list(maker.rows(Window(first, 0, len(first))))  # everything that is imported on first use
 pages = int(Path("/proc/self/statm").read_text().split()[0])
 allowed = pages * resource.getpagesize() + {allowance}
 resource.setrlimit(resource.RLIMIT_AS, (allowed, allowed))
-stream = LogStream(load_mapping({mapping!r}), chunk=20000)
-maker = RowMaker(regressor, Processing("butterworth", cutoff=20.0, decimate=50), len(regressor.names))
+stream = LogStream(load_mapping({mapping!r}), chunk=2000)
 np.save({out!r}, factor_recordings(Observations((stream,), maker)).fit.R)
 """
 
@@ -251,7 +272,7 @@ def test_a_recording_ten_times_larger_than_the_memory(tmp_path):
     pytest.importorskip("resource", reason="limits of memory are those of POSIX")
     if not os.path.exists("/proc/self/statm"):
         pytest.skip("needs /proc to know the memory in use")
-    allowance, rows = 20_000_000, 5_000_000
+    allowance, rows = 12_000_000, 3_000_000
     arm = planar_arm()
     regressor = FullRegressor(arm, TERMS)
     x = np.linspace(0.5, 2.0, len(regressor.names))

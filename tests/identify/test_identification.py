@@ -15,7 +15,7 @@ from rrrgen.identify.factoring import Split
 from rrrgen.identify.identification import Options, identify
 from rrrgen.identify.kalman import kalman_matrices
 from rrrgen.identify.log_stream import LogStream
-from rrrgen.identify.logs import Log, load_stream, open_log, write_log
+from rrrgen.identify.logs import Log, load_stream, open_log, open_recording, write_log
 from rrrgen.identify.processing import Processing
 from rrrgen.identify.results import as_record, write_identification
 from rrrgen.identify.run_folder import RunFolder, plain
@@ -212,8 +212,9 @@ def test_a_prismatic_drive_never_seen_before(tmp_path, kind):
         text = SLIDE_LOG.format(file="log.mat", t="data(1)", q="data(2)", i="data(3)")
     (tmp_path / "log.yaml").write_text(text)
     model = rrrgen.compile(tmp_path / "slide.yaml", backend="numpy")
-    mapping = open_log(tmp_path / "log.yaml")
-    log = load_stream(LogStream(mapping), ["lift"])
+    log = open_recording(tmp_path / "log.yaml", spec=model.spec)
+    mapping = log.mapping
+    assert isinstance(open_recording(tmp_path / "log.yaml", in_memory=10), LogStream)
     found = identify(model, [log], Processing(**mapping.processing), Options(poses=100))
     assert [column.name for column in found.columns][1:] == ["Ia1", "fv1", "fc1", "off1"]
     truth = found.structure.G @ np.array([12.0, 3.0, 40.0, 9.0, 0.0])
@@ -222,6 +223,20 @@ def test_a_prismatic_drive_never_seen_before(tmp_path, kind):
     assert any("off1 is not identifiable alone" in note for note in found.structural_notes)
     assert found.consistent.phi[0] > 0
     assert found.held_out["rows"] == 0
+
+
+def test_units_that_do_not_suit_the_joints_are_refused(arm, logs, tmp_path):
+    write_log(tmp_path / "log.csv", logs[0])
+    rows = "".join(
+        f"  - {{name: {j}, position: {{column: q_{j}, unit: mm}}, torque: {{column: tau_{j}, unit: N}}}}\n"
+        for j in logs[0].joints
+    )
+    text = "schema: rrrgen-log/1\nfiles: log.csv\ntime: {column: t, unit: s}\njoints:\n" + rows
+    (tmp_path / "log.yaml").write_text(text)
+    with pytest.raises(InputError) as caught:
+        open_recording(tmp_path / "log.yaml", spec=arm.spec)
+    assert len(caught.value.faults) == 6
+    assert "is revolute, but its position is in mm" in str(caught.value)
 
 
 def test_recordings_of_another_robot_are_refused(arm):
