@@ -166,12 +166,12 @@ def validate_recordings(
 
     chosen = tuned(processing, recordings)
     blocks = list(Observations(tuple(recordings), RowMaker(as_column, chosen, columns=1)))
-    left = None if noise is None else [value * noise_gain(chosen.decimate) for value in noise]
+    left = None if noise is None else [value * noise_gain(chosen.decimate or 1) for value in noise]
     return score_torques(
         np.concatenate([rows.t for rows in blocks]),
         np.concatenate([rows.tau for rows in blocks]),
         np.concatenate([rows.W[..., 0] for rows in blocks]),
-        used=_undisturbed(blocks, chosen.decimate),
+        used=_undisturbed(blocks, chosen.decimate or 1),
         joints=recordings[0].joints,
         noise=left,
         **options,
