@@ -1,0 +1,162 @@
+"""Which elimination solves a chain of six revolute joints best: the Raghavan-Roth pencil, judged on sample poses.
+
+Loop Z1 E1 Z2 E2 .. Z6 E6 = 1 (Zi turns about z by joint i, the pose sits in one of the constant transforms Ei), begun
+at any joint and run in either direction: 12 labellings. The line of axis 6 (point p, direction l) has 15 features
+(1, p, p.p, l, p x l, p.l, (p.p) l - 2 (p.l) p) on which a rigid transform acts linearly. Seen through joints 3, 4, 5 and
+through 2, 1 the features agree; six combinations know nothing of joints 1 and 2. They are linear in (1, cos, sin) of
+each of joints 3, 4, 5: one of these is kept, the half angles of the others make the 12 x 12 matrix whose determinant
+has degree 8 in the kept angle. Which of the 36 choices are usable depends on the chain: most are identically singular
+on industrial arms (M. Raghavan and B. Roth, 1990, and the remarks of later authors on its conditioning).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+POSES = 40  # sample poses; the score is a quantile of them
+SAMPLES = 25  # of the determinant, which has degree 12 in form and 8 in fact
+SPURIOUS = 1e-9  # coefficients above degree 8, or a value at a solution, that are larger than this are no noise
+USABLE = 12.0  # decimal digits lost in a root at which an elimination is useless
+SHALLOW = 1e-9  # determinant over the product of row norms below which rounding grows
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """A labelling of the loop and the roles of its joints 3, 4, 5 (as 0, 1, 2); ``score``: decimal digits that it costs."""
+
+    start: int
+    direction: int
+    kept: int
+    shifted: int
+    other: int
+    score: float
+    depth: float
+
+    @property
+    def kept_joint(self) -> int:
+        """The joint of the chain (0 .. 5) whose angle is the root."""
+        return (self.start + self.direction * (2 + self.kept)) % 6
+
+
+def eliminations(rows: Array) -> list[Elimination]:
+    """Usable eliminations, best first, for DH rows (6, 3) of alpha (rad), a, d with lengths of the order of one."""
+    rng = np.random.default_rng(6)
+    q = rng.uniform(-np.pi, np.pi, (POSES, 6))
+    links = [_shift([a, 0.0, d]) @ _rx(alpha) for alpha, a, d in rows]
+    pose = np.broadcast_to(np.eye(4), (POSES, 4, 4))
+    for k in range(6):
+        pose = pose @ _rz(q[:, k]) @ links[k]
+    loop = [np.broadcast_to(link, (POSES, 4, 4)) for link in links]
+    loop[5] = loop[5] @ np.linalg.inv(pose)
+    found = []
+    for start in range(6):
+        for direction in (1, -1):
+            order = [(start + direction * k) % 6 for k in range(6)]
+            e = [loop[i] if direction > 0 else np.linalg.inv(loop[(i - 1) % 6]) for i in order]
+            pencil = _pencil(e)
+            for kept in range(3):
+                shifted, other = (kept + 1) % 3, (kept + 2) % 3
+                turned = np.moveaxis(pencil, (2 + kept, 2 + shifted, 2 + other), (2, 3, 4))
+                score, depth = _judge(turned, direction * q[:, order[2 + kept]])
+                if score < USABLE:
+                    found.append(Elimination(start, direction, kept, shifted, other, score, depth))
+    return sorted(found, key=lambda e: (e.score, e.start, e.direction, e.kept))
+
+
+def _judge(pencil: Array, angle: Array) -> tuple[float, float]:
+    """Digits that a root costs (0.9 quantile over the poses, to two decimals: free of rounding) and log10 of the depth."""
+    powers = np.array([[1, 0, 1], [1, 0, -1], [0, 2, 0.0]])  # 1, cos, sin times 1 + x^2 -> powers of x = tan(angle/2)
+    h = np.einsum("nkabc,bi,cj->nakij", pencil, powers, powers).reshape(len(pencil), 3, 6, 9)
+    turns = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+    basis = np.stack([np.ones(SAMPLES), np.cos(turns), np.sin(turns)])
+    m = np.einsum("nakj,as->nskj", h, basis)
+    matrix = np.zeros((*m.shape[:2], 12, 12))
+    matrix[:, :, :6, :9] = m
+    matrix[:, :, 6:, 3:] = m
+    size = np.prod(np.linalg.norm(matrix, axis=-1), axis=-1).max(axis=-1)
+    c = np.fft.fft(np.linalg.det(matrix), axis=-1) / SAMPLES
+    k = np.arange(-8, 9)
+    wave = np.exp(1j * k * angle[:, None])
+    level = np.abs(c[:, k]).sum(axis=-1) + 1e-300
+    spurious = np.abs(c[:, 9:17]).max(axis=-1) / level
+    value = np.abs((c[:, k] * wave).sum(axis=-1)) / level
+    slope = np.abs((1j * k * c[:, k] * wave).sum(axis=-1)) / level
+    depth = float(np.median(level / size))
+    if not (np.median(spurious) < SPURIOUS and np.median(value) < SPURIOUS and depth > 0):
+        return np.inf, -np.inf
+    lost = float(np.quantile(-np.log10(slope + 1e-300), 0.9) + max(0.0, 0.75 * np.log10(SHALLOW / depth)))
+    return round(lost, 2), float(np.log10(depth))
+
+
+def _pencil(e: list[Array]) -> Array:
+    """The six equations, shape (poses, 6, 3, 3, 3): row; then 1, cos, sin of joints 3, 4, 5."""
+    line = np.zeros(15)
+    line[[0, 7]] = 1.0  # the point 0 and the direction z
+    near = np.einsum("nij,j->ni", _features(e[4]), line)[..., None]
+    for transform in (e[3], e[2], e[1]):
+        near = _features(transform) @ _spread(near, 1.0)
+    near = near.reshape(*near.shape[:2], 3, 3, 3).transpose(0, 1, 4, 3, 2)
+    far = np.einsum("nij,j->ni", _features(np.linalg.inv(e[5])), line)[..., None]
+    far = _spread(_features(np.linalg.inv(e[0])) @ _spread(far, -1.0), -1.0)
+    equations = near[:, 1:].copy()
+    equations[..., 0, 0, 0] -= far[:, 1:, 0]
+    rest = np.linalg.svd(far[:, 1:, 1:])[0][:, :, 8:]
+    return np.einsum("nik,nixyz->nkxyz", rest, equations)
+
+
+def _spread(f: Array, sense: float) -> Array:
+    """Columns (poses, 15, m) -> (poses, 15, 3 m), m fastest last: constant, cosine, sine under a turn about +-z."""
+    out = np.zeros((*f.shape, 3))
+    out[..., 0] = f
+    for x in (1, 5, 8, 12):
+        out[:, x : x + 2, :, 0] = 0.0
+        out[:, x : x + 2, :, 1] = f[:, x : x + 2]
+        out[:, x, :, 2], out[:, x + 1, :, 2] = -sense * f[:, x + 1], sense * f[:, x]
+    return out.reshape(*f.shape[:2], -1)
+
+
+def _features(e: Array) -> Array:
+    """The action (poses, 15, 15) of rigid transforms (poses, 4, 4) on the features of a line."""
+    R, t = e[:, :3, :3], e[:, :3, 3]
+    out = np.zeros((len(e), 15, 15))
+    tt, tR = (t * t).sum(axis=-1), np.einsum("ni,nij->nj", t, R)
+    cross = np.zeros((len(e), 3, 3))
+    for i in range(3):
+        cross[:, i, (i + 1) % 3], cross[:, i, (i + 2) % 3] = -t[:, (i + 2) % 3], t[:, (i + 1) % 3]
+    SR = cross @ R
+    out[:, 0, 0] = out[:, 4, 4] = out[:, 11, 11] = 1.0
+    for x in (1, 5, 8, 12):
+        out[:, x : x + 3, x : x + 3] = R
+    out[:, 1:4, 0], out[:, 4, 0], out[:, 4, 1:4] = t, tt, 2 * tR
+    out[:, 8:11, 5:8], out[:, 11, 5:8] = SR, tR
+    out[:, 12:15, 8:11], out[:, 12:15, 11] = -2 * SR, -2 * t
+    out[:, 12:15, 5:8] = tt[:, None, None] * R - 2 * t[:, :, None] * tR[:, None, :]
+    return out
+
+
+def _rz(angle: Array) -> Array:
+    out = np.zeros((len(angle), 4, 4))
+    out[:, 0, 0] = out[:, 1, 1] = np.cos(angle)
+    out[:, 1, 0] = np.sin(angle)
+    out[:, 0, 1] = -out[:, 1, 0]
+    out[:, 2, 2] = out[:, 3, 3] = 1.0
+    return out
+
+
+def _rx(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1, 0, 0, 0], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1.0]])
+
+
+def _shift(t: list[float]) -> Array:
+    out = np.eye(4)
+    out[:3, 3] = t
+    return out
