@@ -1,12 +1,13 @@
 """Which elimination solves a chain of six revolute joints best: the Raghavan-Roth pencil, judged on sample poses.
 
-Loop Z1 E1 Z2 E2 .. Z6 E6 = 1 (Zi turns about z by joint i, the pose sits in one of the constant transforms Ei), begun
-at any joint and run in either direction: 12 labellings. The line of axis 6 (point p, direction l) has 15 features
-(1, p, p.p, l, p x l, p.l, (p.p) l - 2 (p.l) p) on which a rigid transform acts linearly. Seen through joints 3, 4, 5 and
-through 2, 1 the features agree; six combinations know nothing of joints 1 and 2. They are linear in (1, cos, sin) of
-each of joints 3, 4, 5: one of these is kept, the half angles of the others make the 12 x 12 matrix whose determinant
-has degree 8 in the kept angle. Which of the 36 choices are usable depends on the chain: most are identically singular
-on industrial arms (M. Raghavan and B. Roth, 1990, and the remarks of later authors on its conditioning).
+Loop Z1 E1 Z2 E2 .. Z6 E6 = 1 (Zi turns about z by joint i, the pose sits in one of the constant transforms Ei),
+begun at any joint and run in either direction: 12 labellings. The line of axis 6 (point p, direction l) has 15
+features (1, p, p.p, l, p x l, p.l, (p.p) l - 2 (p.l) p) on which a rigid transform acts linearly. Seen through joints
+3, 4, 5 and through 2, 1 the features agree; six combinations know nothing of joints 1 and 2. They are linear in
+(1, cos, sin) of each of joints 3, 4, 5: one of these is kept, the half angles of the others make the 12 x 12 matrix
+whose determinant has degree 8 in the kept angle. Which of the 36 choices are usable depends on the chain: most are
+identically singular on industrial arms (M. Raghavan and B. Roth, 1990, and the remarks of later authors on its
+conditioning).
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ SHALLOW = 1e-9  # determinant over the product of row norms below which rounding
 
 @dataclass(frozen=True)
 class Elimination:
-    """A labelling of the loop and the roles of its joints 3, 4, 5 (as 0, 1, 2); ``score``: decimal digits that it costs."""
+    """A labelling of the loop and the roles of its joints 3, 4, 5 (as 0, 1, 2); ``score``: decimal digits it costs."""
 
     start: int
     direction: int
@@ -55,12 +56,12 @@ def eliminations(rows: Array) -> list[Elimination]:
     for k in range(6):
         pose = pose @ _rz(q[:, k]) @ links[k]
     loop = [np.broadcast_to(link, (POSES, 4, 4)) for link in links]
-    loop[5] = loop[5] @ np.linalg.inv(pose)
+    loop[5] = loop[5] @ _inverse(pose)
     found = []
     for start in range(6):
         for direction in (1, -1):
             order = [(start + direction * k) % 6 for k in range(6)]
-            e = [loop[i] if direction > 0 else np.linalg.inv(loop[(i - 1) % 6]) for i in order]
+            e = [loop[i] if direction > 0 else _inverse(loop[(i - 1) % 6]) for i in order]
             pencil = _pencil(e)
             for kept in range(3):
                 shifted, other = (kept + 1) % 3, (kept + 2) % 3
@@ -72,7 +73,7 @@ def eliminations(rows: Array) -> list[Elimination]:
 
 
 def _judge(pencil: Array, angle: Array) -> tuple[float, float]:
-    """Digits that a root costs (0.9 quantile over the poses, to two decimals: free of rounding) and log10 of the depth."""
+    """Digits that a root costs (0.9 quantile over the poses) and log10 of the depth, both free of rounding errors."""
     powers = np.array([[1, 0, 1], [1, 0, -1], [0, 2, 0.0]])  # 1, cos, sin times 1 + x^2 -> powers of x = tan(angle/2)
     h = np.einsum("nkabc,bi,cj->nakij", pencil, powers, powers).reshape(len(pencil), 3, 6, 9)
     turns = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
@@ -93,23 +94,24 @@ def _judge(pencil: Array, angle: Array) -> tuple[float, float]:
     if not (np.median(spurious) < SPURIOUS and np.median(value) < SPURIOUS and depth > 0):
         return np.inf, -np.inf
     lost = float(np.quantile(-np.log10(slope + 1e-300), 0.9) + max(0.0, 0.75 * np.log10(SHALLOW / depth)))
-    return round(lost, 2), float(np.log10(depth))
+    return round(lost, 2), round(float(np.log10(depth)), 1)
 
 
 def _pencil(e: list[Array]) -> Array:
     """The six equations, shape (poses, 6, 3, 3, 3): row; then 1, cos, sin of joints 3, 4, 5."""
     line = np.zeros(15)
     line[[0, 7]] = 1.0  # the point 0 and the direction z
-    near = np.einsum("nij,j->ni", _features(e[4]), line)[..., None]
+    near = (_features(e[4]) @ line)[..., None]
     for transform in (e[3], e[2], e[1]):
         near = _features(transform) @ _spread(near, 1.0)
     near = near.reshape(*near.shape[:2], 3, 3, 3).transpose(0, 1, 4, 3, 2)
-    far = np.einsum("nij,j->ni", _features(np.linalg.inv(e[5])), line)[..., None]
-    far = _spread(_features(np.linalg.inv(e[0])) @ _spread(far, -1.0), -1.0)
+    far = (_features(_inverse(e[5])) @ line)[..., None]
+    far = _spread(_features(_inverse(e[0])) @ _spread(far, -1.0), -1.0)
     equations = near[:, 1:].copy()
     equations[..., 0, 0, 0] -= far[:, 1:, 0]
     rest = np.linalg.svd(far[:, 1:, 1:])[0][:, :, 8:]
-    return np.einsum("nik,nixyz->nkxyz", rest, equations)
+    reduced: Array = np.einsum("nik,nixyz->nkxyz", rest, equations)
+    return reduced
 
 
 def _spread(f: Array, sense: float) -> Array:
@@ -139,6 +141,15 @@ def _features(e: Array) -> Array:
     out[:, 8:11, 5:8], out[:, 11, 5:8] = SR, tR
     out[:, 12:15, 8:11], out[:, 12:15, 11] = -2 * SR, -2 * t
     out[:, 12:15, 5:8] = tt[:, None, None] * R - 2 * t[:, :, None] * tR[:, None, :]
+    return out
+
+
+def _inverse(pose: Array) -> Array:
+    """Inverses of rigid transforms (poses, 4, 4)."""
+    out = np.zeros_like(pose)
+    out[:, :3, :3] = np.swapaxes(pose[:, :3, :3], 1, 2)
+    out[:, :3, 3] = -(out[:, :3, :3] @ pose[:, :3, 3, None])[..., 0]
+    out[:, 3, 3] = 1.0
     return out
 
 

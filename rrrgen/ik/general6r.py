@@ -29,9 +29,9 @@ TOLERANCES = {
     "double": {"eps": 2.220446049250313e-16, "tiny": 1e-290, "done": 1.4e-14, "accept": 9e-13, "same": 3e-6},
     "float": {"eps": 1.1920929e-07, "tiny": 1e-30, "done": 4e-6, "accept": 3e-5, "same": 1e-2},
 }
-"""done: a row this good is left alone; accept: a worse one is dropped (entries of the pose, lengths in mean link lengths);
-same: two rows nearer than this (sum over sines and cosines) are one, since forward kinematics, quadratic in their
-distance where they merge, cannot tell them apart."""
+"""done: a row this good is left alone; accept: a worse one is dropped (entries of the pose, lengths in mean link
+lengths); same: two rows nearer than this (sum over sines and cosines) are one, since forward kinematics, quadratic in
+their distance where they merge, cannot tell them apart."""
 
 _NOISE = {"double": 1e-12, "float": 4e-6}
 _BOLDER = (1.0, 1e3, 1e6)  # a pass that seeks what the first one missed takes more for a double root
@@ -41,8 +41,11 @@ _MOST_NOISE = 1e-4
 
 @dataclass(frozen=True)
 class General6RTables:
-    """What the solver of one chain needs: ``rows`` of (cos alpha, sin alpha, a, d) with lengths in units of ``length`` (m),
-    and the eliminations to use, best first (one or two)."""
+    """What the solver of one chain needs.
+
+    ``rows`` of (cos alpha, sin alpha, a, d) with lengths in units of ``length`` (m), and the eliminations to use, best
+    first (one or two).
+    """
 
     rows: tuple[tuple[float, float, float, float], ...]
     length: float
@@ -70,11 +73,11 @@ def general6r_tables(alpha: Sequence[float], a: Sequence[float], d: Sequence[flo
 
 
 def render(tables: General6RTables, prefix: str, real: str = "double", *, shorthand: bool = False) -> str:
-    """C text with ``static int PREFIX_solve6r(const REAL T[16], REAL q[PREFIX_6R_MAX][6], int mult[PREFIX_6R_MAX])``.
+    """C text with ``static int PREFIX_solve6r(const REAL T[16], REAL q[][6], int mult[])``, PREFIX_6R_MAX rows.
 
-    ``T`` is the row-major pose of the product of :func:`general6r_tables`; rows of ``q`` are angles in (-pi, pi], ``mult``
-    is 1, or 2 for a double solution. C99 and C++, needs ``<math.h>`` only. ``real`` is ``"double"`` or ``"float"``; with
-    ``shorthand`` the words of :data:`rrrgen.ik.trig_roots.WORDS` are left for the caller to replace.
+    ``T`` is the row-major pose of the product of :func:`general6r_tables`; rows of ``q`` are angles in (-pi, pi],
+    ``mult`` is 1, or 2 for a double solution. C99 and C++, needs ``<math.h>`` only. ``real`` is ``"double"`` or
+    ``"float"``; with ``shorthand`` the words of :data:`rrrgen.ik.trig_roots.WORDS` are left for the caller to replace.
     """
     passes = _passes(tables)
     noise = [max(_NOISE[real], x) for _, x in passes]
@@ -98,7 +101,7 @@ def render(tables: General6RTables, prefix: str, real: str = "double", *, shorth
 def _passes(tables: General6RTables) -> list[tuple[tuple[int, ...], float]]:
     """Rows of the table of passes with their noise: the best choice, the best and the next one at poses nearby."""
     first, last = tables.eliminations[0], tables.eliminations[-1]
-    out = []
+    out: list[tuple[tuple[int, ...], float]] = []
     for nudge, (choice, bolder) in enumerate(zip((first, first, last), _BOLDER, strict=True)):
         shallow = max(1.0, SHALLOW / 10**choice.depth) ** 0.75
         roles = (choice.start, choice.direction, choice.kept, choice.shifted, choice.other, nudge)
@@ -107,7 +110,7 @@ def _passes(tables: General6RTables) -> list[tuple[tuple[int, ...], float]]:
 
 
 def _turn(angle: float) -> tuple[float, float]:
-    """Cosine and sine, correctly rounded (the same on every machine); what is zero but for rounding of the angle is 0."""
+    """Cosine and sine, correctly rounded: the same on every machine; 0 what is zero but for rounding of the angle."""
     import mpmath
 
     with mpmath.workdps(50):

@@ -16,7 +16,10 @@ WORDS = {"REAL": "double", "SQRT": "sqrt", "FABS": "fabs", "ATAN2": "atan2"}
 """Shorthands of the templates and what they mean in double precision; single precision appends an f."""
 
 _EPS = {"double": 2.220446049250313e-16, "float": 1.1920929e-07}
-_DONE = {"double": 1.5e-10, "float": 3e-6}  # roots are simple or flagged: the error after such a Newton step is its square
+_DONE = {
+    "double": 1.5e-10,
+    "float": 3e-6,
+}  # roots are simple or flagged: the error after such a Newton step is its square
 _NARROWEST = {8: 2.0**-14}  # of an arc: where the elimination for six joints magnifies, it need not be split further
 
 
@@ -55,7 +58,7 @@ def spelled(text: str, real: str) -> str:
 
 
 def bernstein_tables(degree: int) -> tuple[list[list[float]], list[list[float]]]:
-    """Bernstein coefficients 0 .. degree (of 2 degree; the rest by symmetry) of cos(k x) and sin(k x), times the weight.
+    """Bernstein coefficients 0 .. degree (of 2 degree; the rest by symmetry) of cos(k x) and sin(k x), weighted.
 
     cos(k x) + i sin(k x), times (1 + u^2)^N, is (1 + i u)^(N + k) (1 - i u)^(N - k): integer coefficients of u^m. On
     [-t, t] the Bernstein coefficient j of u^m is t^m e(m, j) / C(2 N, m) with e(m, j) the coefficient of z^m in
