@@ -48,6 +48,30 @@ def write(files: Mapping[str, Contents], directory: Path) -> None:
         shutil.rmtree(staging, ignore_errors=True)
 
 
+def write_file(file: Path, contents: Contents) -> None:
+    """Write one file, whole or not at all, with the permissions that the umask leaves.
+
+    Unlike :func:`write` it concerns nothing else in the directory. Raises InputError where the place cannot be written.
+    """
+    file = Path(os.path.abspath(file))
+    if file.is_dir():
+        raise InputError(f"cannot write {file}: it is a directory")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        handle, staged = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}-")
+    except OSError as error:
+        raise InputError(f"cannot write {file}: {error.strerror}") from error
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(as_bytes(contents))
+        os.chmod(staged, 0o666 & ~_umask())  # mkstemp made it private
+        os.replace(staged, file)
+    except OSError as error:
+        raise InputError(f"cannot write {file}: {error.strerror}") from error
+    finally:
+        Path(staged).unlink(missing_ok=True)
+
+
 def _move(staging: Path, directory: Path, names: list[str]) -> None:
     if not directory.exists():
         staging.chmod(0o777 & ~_umask())  # mkdtemp made it private

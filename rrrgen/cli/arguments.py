@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
 
 if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.verify.report import Report
+
+SHORT = 3
+"""Joints up to which closed forms are shown unasked."""
+
+USUAL = ("forward_kinematics", "mass_matrix", "coriolis", "gravity")
+"""Functions whose closed forms are shown unasked."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -41,6 +50,25 @@ def real_option(function: F) -> F:
     return click.option("--real", type=choice, default="double", show_default=True, help="Real type of the C code.")(
         function
     )
+
+
+def html_option(function: F) -> F:
+    """The option ``--html FILE``."""
+    kind = click.Path(dir_okay=False, path_type=Path)
+    return click.option("--html", type=kind, help="Also write a self-contained HTML report of the robot.")(function)
+
+
+def write_html(file: Path, model: DerivedModel, report: Report | None = None) -> None:
+    """The HTML report of ``model`` in ``file``, with closed forms up to :data:`SHORT` joints."""
+    from rrrgen.derive.closed_form import closed_form
+    from rrrgen.emit import write_file
+    from rrrgen.manifest import identify
+    from rrrgen.report import html_report
+
+    identity = identify(model.spec)
+    forms = {name: closed_form(model, name).matrix() for name in USUAL} if model.spec.n <= SHORT else {}
+    notice = f"Written by rrrgen {identity.tool_version} from model {identity.model_hash}."
+    write_file(file, html_report(model, forms, report, notice))
 
 
 def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.arguments import (
+    SHORT,
+    USUAL,
+    html_option,
+    json_option,
+    print_json,
+    read_with_warnings,
+    robot_argument,
+    write_html,
+)
 
 if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.derive.derived_model import DerivedModel
-
-SMALL = 3  # joints up to which closed forms are shown unasked
-USUAL = ("forward_kinematics", "mass_matrix", "coriolis", "gravity")
 
 
 @click.command()
@@ -23,6 +30,7 @@ USUAL = ("forward_kinematics", "mass_matrix", "coriolis", "gravity")
 @click.option("--entry", help="Only this entry of the function, e.g. 1,2 (from 1); for large robots.")
 @click.option("--closed-forms/--no-closed-forms", default=None, help="Closed forms; the default is yes up to 3 joints.")
 @click.option("--latex", "as_latex", is_flag=True, help="Print the closed forms as LaTeX.")
+@html_option
 @json_option
 def show(
     robot: str,
@@ -30,6 +38,7 @@ def show(
     entry: str | None,
     closed_forms: bool | None,
     as_latex: bool,
+    html: Path | None,
     as_json: bool,
 ) -> None:
     """Print a robot back as it was understood.
@@ -41,6 +50,7 @@ def show(
       rrrgen show rrr
       rrrgen show rrr -f mass_matrix --latex
       rrrgen show panda -f mass_matrix --entry 7,7
+      rrrgen show ur10e --html ur10e.html
     """
     from rrrgen import pipeline
 
@@ -49,7 +59,9 @@ def show(
     if entry is not None and len(functions) != 1:
         raise click.UsageError("--entry needs exactly one --function")
     model = pipeline.derive(read_with_warnings(robot))
-    wanted = functions or (USUAL if closed_forms or (closed_forms is None and model.spec.n <= SMALL) else ())
+    wanted = functions or (USUAL if closed_forms or (closed_forms is None and model.spec.n <= SHORT) else ())
+    if html is not None:
+        write_html(html, model)
     forms = {_label(name, entry): _closed_form(model, name, entry) for name in wanted}
     if as_json:
         from rrrgen.cli.description import as_data

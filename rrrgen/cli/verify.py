@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from rrrgen.cli.arguments import json_option, read_with_warnings, real_option, robot_argument
+from rrrgen.cli.arguments import html_option, json_option, read_with_warnings, real_option, robot_argument, write_html
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
@@ -26,8 +27,18 @@ if TYPE_CHECKING:
 )
 @real_option
 @click.option("--libraries/--no-libraries", default=True, help="Also ask Pinocchio, MuJoCo, Robotics Toolbox if there.")
+@html_option
 @json_option
-def verify(robot: str, samples: int, seed: int, backend: EngineName, real: Real, libraries: bool, as_json: bool) -> int:
+def verify(
+    robot: str,
+    samples: int,
+    seed: int,
+    backend: EngineName,
+    real: Real,
+    libraries: bool,
+    html: Path | None,
+    as_json: bool,
+) -> int:
     """Compare every function of a model with independent dynamics at random states.
 
     The built-in Newton-Euler shares no code with the compiler and is always asked; Pinocchio, MuJoCo and the Robotics
@@ -37,11 +48,14 @@ def verify(robot: str, samples: int, seed: int, backend: EngineName, real: Real,
     Examples:
       rrrgen verify rrr
       rrrgen verify my_robot.yaml --samples 1000 --real float --json
+      rrrgen verify scara --html scara.html
     """
     from rrrgen import pipeline
     from rrrgen.verify import verify as compare
 
-    model = pipeline.compile(read_with_warnings(robot), backend, real)
-    report = compare(model, samples, seed, libraries=libraries)
+    spec = read_with_warnings(robot)
+    report = compare(pipeline.compile(spec, backend, real), samples, seed, libraries=libraries)
+    if html is not None:
+        write_html(html, pipeline.derive(spec), report)
     click.echo(report.to_json() if as_json else report.to_text(), nl=False)
     return 0 if report.ok else 1

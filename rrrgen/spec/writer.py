@@ -62,7 +62,7 @@ def quoted(text: str) -> str:
 
 def number_text(value: sp.Expr) -> str:
     """An exact number or expression in the syntax of :mod:`rrrgen.spec.expressions`."""
-    value = sp.sympify(value)
+    value = sp.sympify(value, strict=True)
     value = value.xreplace({item: sp.Rational(repr(float(item))) for item in value.atoms(sp.Float)})
     if not value.is_Rational:
         return str(sp.sstr(value))
@@ -99,7 +99,7 @@ class _Printer:
         """One geometric value, bare in the units of the file where that is read back without doubt."""
         target = QUANTITIES[quantity]
         unit = self.units.of(target)
-        value = sp.sympify(value)
+        value = sp.sympify(value, strict=True)
         if value.free_symbols:
             return number_text(value / unit.si() if self._is_plain(value) else value)
         inside = value / unit.si()

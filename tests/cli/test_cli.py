@@ -175,6 +175,22 @@ def test_show_as_latex_and_single_entries(rrrgen):
     assert "no closed form of 'forward_dynamics'" in err
 
 
+def test_show_and_verify_write_the_html_report_and_touch_nothing_else(rrrgen):
+    assert rrrgen("generate", "pendulum", "-o", "out", "--no-casadi-files")[0] == 0
+    before = {path.name for path in Path("out").iterdir()}
+    assert rrrgen("show", "pendulum", "--html", "out/pendulum.html")[0] == 0
+    assert {path.name for path in Path("out").iterdir()} == before | {"pendulum.html"}
+    shown = Path("out/pendulum.html").read_text(encoding="utf-8")
+    assert "<math" in shown
+    assert "Newton-Euler" not in shown
+    code, out, _ = rrrgen("verify", "pendulum", "--backend", "numpy", "--samples", "5", "--html", "verified.html")
+    assert (code, out.splitlines()[-1]) == (0, "pendulum: all comparisons pass (5 states, seed 0)")
+    assert "Newton-Euler (built in)" in Path("verified.html").read_text(encoding="utf-8")
+    code, _, err = rrrgen("show", "pendulum", "--html", "out/pendulum.html/report.html")
+    assert code == 3
+    assert "cannot write" in err
+
+
 def test_show_as_json_holds_what_the_text_holds(rrrgen):
     code, out, _ = rrrgen("show", "planar2r", "--json")
     assert code == 0

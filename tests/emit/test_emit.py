@@ -8,7 +8,7 @@ import os
 import pytest
 
 from rrrgen import emit
-from rrrgen.emit import differences, listed_files, write
+from rrrgen.emit import differences, listed_files, write, write_file
 from rrrgen.errors import InputError, InternalError
 
 
@@ -129,3 +129,21 @@ def test_relative_directories_work(tmp_path, monkeypatch):
     write(files(), emit.Path("."))
     assert os.path.exists("out/a.h")
     assert os.path.exists("a.h")
+
+
+def test_one_file_appears_whole_with_usual_permissions_or_not_at_all(tmp_path, monkeypatch):
+    old = os.umask(0o027)
+    try:
+        write_file(tmp_path / "deep" / "report.html", "ü\n")
+    finally:
+        os.umask(old)
+    file = tmp_path / "deep" / "report.html"
+    assert file.read_bytes() == "ü\n".encode()
+    assert file.stat().st_mode & 0o777 == 0o640
+    monkeypatch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(InputError, match="No space left"):
+        write_file(file, "new")
+    assert [path.name for path in file.parent.iterdir()] == ["report.html"]
+    assert file.read_bytes() == "ü\n".encode()
+    with pytest.raises(InputError, match="is a directory"):
+        write_file(tmp_path / "deep", "")
