@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 _KEPT = frozenset(
     {
-        "spec",
         "programs",
         "base_parameters",
         "base_projection",
@@ -29,7 +28,7 @@ _KEPT = frozenset(
         "passes",
     }
 )
-"""What backends and the runtime read of a derived model."""
+"""What backends and the runtime read of a derived model, beside the description, which the caller has."""
 
 
 def recall(spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel]) -> DerivedModel:

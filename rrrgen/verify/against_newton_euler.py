@@ -108,6 +108,7 @@ def check_dynamics(
     check("mass_matrix", lambda: model.mass_matrix(s.q, beta=beta), M)
     check("coriolis", lambda: model.coriolis(s.q, s.dq, beta=beta), c, scale=torque)
     check("gravity", lambda: model.gravity(s.q, beta=beta), ne.gravity(s.q), scale=torque)
+    check("bias", lambda: model.bias(s.q, s.dq, beta=beta), c + ne.gravity(s.q), scale=torque)
     check(
         "coriolis_matrix dq",
         lambda: np.einsum("nij,nj->ni", model.coriolis_matrix(s.q, s.dq, beta=beta), s.dq),

@@ -271,13 +271,15 @@ def undisturbed():
 
 
 SLOW_SEARCH = """
-import sys
+import sys, time
 sys.path[:0] = {paths!r}
 from pathlib import Path
 from test_excitation import pendulum_problem
 from rrrgen.identify.excitation import run_starts
 if __name__ == "__main__":
-    say = lambda done, total, message: print(done, flush=True)
+    def say(done, total, message):
+        print(done, flush=True)
+        time.sleep(60)  # the interruption comes here, and not after the end of a fast search
     run_starts(pendulum_problem(), {starts!r}, jobs=2, checkpoints=Path(sys.argv[1]), progress=say)
 """
 

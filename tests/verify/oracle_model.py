@@ -177,6 +177,10 @@ class OracleModel:
         return self._gravity(q, phi)
 
     @batched
+    def bias(self, q, dq, phi):
+        return self._bias(q, dq, phi)
+
+    @batched
     def inverse_dynamics(self, q, dq, ddq, phi):
         return self._mass(q, phi) @ ddq + self._bias(q, dq, phi)
 

@@ -86,6 +86,7 @@ FUNCTIONS = [
     "mass_matrix",
     "coriolis_matrix",
     "coriolis",
+    "bias",
     "coriolis_transpose",
     "gravity",
     "inverse_dynamics",
