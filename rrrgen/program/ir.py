@@ -20,18 +20,20 @@ from typing import NamedTuple, cast
 
 from rrrgen.errors import InternalError
 
-NEGLIGIBLE = Fraction(1, 10**30)
-"""Constants smaller than this are what is left where irrational constants (given to 40 digits) cancel: zero."""
+SMALLEST = 10**30
+"""Constants below 1/SMALLEST are what is left where irrational constants (given to 40 digits) cancel: zero."""
 
 
 def settled(value: Fraction | int) -> Fraction:
     """A constant, with the remains of cancelled irrational ones taken as zero."""
-    value = Fraction(value)
-    return Fraction(0) if abs(value) < NEGLIGIBLE else value
+    if not isinstance(value, Fraction):
+        return Fraction(value)
+    return Fraction(0) if _negligible(value) else value
 
 
-def _negligible(value: Value) -> bool:
-    return not isinstance(value, Scalar) and settled(value) == 0
+def _negligible(value: Fraction | int) -> bool:
+    """In integers, since comparing fractions is what recording would spend most of its time on."""
+    return abs(value.numerator) * SMALLEST < value.denominator
 
 
 class Op(Enum):
@@ -248,7 +250,7 @@ class Builder:
             return Scalar(self, self._op(value).args[0])
         return None
 
-    def _scaled(self, value: Scalar) -> tuple[Fraction, Scalar]:
+    def _scaled(self, value: Scalar) -> tuple[Fraction | int, Scalar]:
         """``value`` as constant times node."""
         node = self._op(value)
         if node.op is Op.NEG:
@@ -256,7 +258,7 @@ class Builder:
             return -factor, rest
         if node.op is Op.MUL and self.nodes[node.args[0]].op is Op.CONST:
             return self.nodes[node.args[0]].number, Scalar(self, node.args[1])
-        return Fraction(1), value
+        return 1, value
 
     # -- arithmetic ----------------------------------------------------------------------------------------------
 
@@ -265,7 +267,7 @@ class Builder:
         if not isinstance(x, Scalar):
             x, y = y, x
         if not isinstance(x, Scalar):
-            return settled(Fraction(x) + Fraction(y))  # type: ignore[arg-type]
+            return settled(x + y)  # type: ignore[arg-type]
         if not isinstance(y, Scalar):
             if _negligible(y):
                 return x
@@ -286,7 +288,7 @@ class Builder:
     def sub(self, x: Value, y: Value) -> Value:
         """x - y."""
         if not isinstance(x, Scalar) and not isinstance(y, Scalar):
-            return settled(Fraction(x) - Fraction(y))
+            return settled(x - y)
         if not isinstance(y, Scalar):
             if _negligible(y):
                 return x
@@ -314,20 +316,21 @@ class Builder:
     def mul(self, x: Value, y: Value) -> Value:
         """x * y."""
         if not isinstance(x, Scalar) and not isinstance(y, Scalar):
-            return Fraction(x) * Fraction(y)
+            return x * y
         if isinstance(x, Scalar) and not isinstance(y, Scalar):
             x, y = y, x
         if not isinstance(x, Scalar):
-            return self._scale(Fraction(x), y)  # type: ignore[arg-type]
+            return self._scale(x, y)  # type: ignore[arg-type]
         # Signs move outwards, where sums absorb them; constant factors stay where they are shared.
         minus_x, minus_y = self._negated(x), self._negated(y)
         product = self._binary(Op.MUL, x if minus_x is None else minus_x, y if minus_y is None else minus_y)
         return product if (minus_x is None) == (minus_y is None) else self.neg(product)
 
-    def _scale(self, factor: Fraction, x: Scalar) -> Value:
+    def _scale(self, factor: Fraction | int, x: Scalar) -> Value:
         own, x = self._scaled(x)
-        factor *= own
-        if abs(factor) < NEGLIGIBLE:
+        if own != 1:
+            factor = factor * own
+        if _negligible(factor):
             return 0
         if factor == 1:
             return x
