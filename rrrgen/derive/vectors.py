@@ -30,7 +30,8 @@ def dot(u: Sequence[Any], v: Sequence[Any]) -> Any:
     """u . v."""
     total: Any = 0
     for x, y in zip(u, v, strict=True):
-        total = total + x * y
+        if x and y:  # only numbers can be false: most entries of constant rotations are zeros
+            total = total + x * y
     return total
 
 

@@ -17,7 +17,7 @@ from math import gcd
 from typing import Any
 
 Monomial = tuple[int, ...]
-Polynomial = dict[Monomial, Fraction]
+Polynomial = dict[Monomial, Fraction | int]
 Ratio = tuple[int, int]
 """A coefficient as numerator and denominator: hashed a million times, and much faster so than a Fraction."""
 
@@ -54,6 +54,8 @@ def divide(x: Ratio, y: Ratio) -> Ratio:
 
 def split_common(x: Monomial, y: Monomial) -> tuple[Monomial, Monomial, Monomial]:
     """Greatest common factor of two sorted monomials, and what is left of each."""
+    if set(x).isdisjoint(y):
+        return (), x, y
     common: list[int] = []
     left: list[int] = []
     right: list[int] = []
@@ -104,7 +106,7 @@ class Factoring:
     @property
     def polynomials(self) -> list[Polynomial]:
         """The given polynomials as they are now, then the definitions of extracted literals."""
-        return [{m: Fraction(*c) for m, c in terms.items()} for terms in self._terms]
+        return [{m: c[0] if c[1] == 1 else Fraction(*c) for m, c in terms.items()} for terms in self._terms]
 
     def run(self) -> None:
         """Extract until nothing saves any more."""

@@ -24,16 +24,14 @@ SMALLEST = 10**30
 """Constants below 1/SMALLEST are what is left where irrational constants (given to 40 digits) cancel: zero."""
 
 
-def settled(value: Fraction | int) -> Fraction:
+def settled(value: Fraction | int) -> Fraction | int:
     """A constant, with the remains of cancelled irrational ones taken as zero."""
-    if not isinstance(value, Fraction):
-        return Fraction(value)
-    return Fraction(0) if _negligible(value) else value
+    return 0 if _negligible(value) else value
 
 
 def _negligible(value: Fraction | int) -> bool:
     """In integers, since comparing fractions is what recording would spend most of its time on."""
-    return abs(value.numerator) * SMALLEST < value.denominator
+    return not value if type(value) is int else abs(value.numerator) * SMALLEST < value.denominator
 
 
 class Op(Enum):

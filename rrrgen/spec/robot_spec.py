@@ -161,7 +161,9 @@ class RobotSpec:
 
     def nominal(self, expression: sp.Expr) -> sp.Expr:
         """``expression`` with every named parameter at its nominal value (still exact)."""
-        return expression.subs({parameter_symbol(k): v for k, v in self.parameters.items()})
+        if not expression.free_symbols:
+            return expression
+        return expression.xreplace({parameter_symbol(k): v for k, v in self.parameters.items()})
 
     def dh_table(self) -> list[tuple[str, float, float, float, float]]:
         """Rows ``(type, alpha, a, d, theta)`` at the nominal values, SI and rad, as floats."""
