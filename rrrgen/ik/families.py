@@ -6,15 +6,16 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from rrrgen.errors import InternalError
+from rrrgen.errors import DerivationError, InternalError
 from rrrgen.ik.c_builder import CBuilder
 from rrrgen.ik.chain import Chain
 from rrrgen.ik.derive import ARM_ANGLE, derive, solving_loop
 from rrrgen.ik.elbow7 import is_elbow7
 from rrrgen.ik.float_builder import FloatBuilder, every_branch, wrapped
+from rrrgen.ik.general6r import MAX_SOLUTIONS, tables_of
 from rrrgen.ik.loop import Loop, commuted, straightened
 from rrrgen.ik.parallel import Frame, better
-from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.plan import Singularity, SolverPlan
 from rrrgen.ik.planar import triple_of
 from rrrgen.ik.position import Arm, simplest
 from rrrgen.ik.reduced import turning_axes
@@ -49,6 +50,13 @@ def pose_plans(chain: Chain, locked: int | None = None) -> Options:
     """Plans for the pose of the tip with the joints of ``chain`` (without the locked one), each with its cost."""
     loop = structure(chain, locked)
     yield from _structured_plans(chain, loop, locked, None)
+    if (
+        locked is None
+        and chain.types == "RRRRRR"
+        and not any(joint.name.startswith("virtual") for joint in chain.joints)
+    ):
+        title = "six revolute joints without special structure: the roots of a polynomial of degree 16"
+        yield 40, SolverPlan("general6r", title, "pose", chain, chain)
     for i, joint in enumerate(loop.joints):
         for direction in (1, -1) if not joint.revolute else ():
             moved = commuted(loop, i, direction)
@@ -119,6 +127,8 @@ def works(plan: SolverPlan, trials: int) -> bool:
     import numpy as np
 
     chain, rng = plan.solving, np.random.default_rng(11)
+    if plan.family == "general6r":
+        return _eliminates(chain)
     size = 1 + max(joint.index for joint in chain.joints)
     for _ in range(trials):
         q = rng.uniform(-1.4, 1.4, size)
@@ -138,6 +148,15 @@ def works(plan: SolverPlan, trials: int) -> bool:
             return False
         if not any(_same(chain, row, q) for row in rows):
             return False
+    return True
+
+
+def _eliminates(chain: Chain) -> bool:
+    """Whether some elimination for six joints is regular on this chain; its judges have tried it on sample poses."""
+    try:
+        tables_of(chain)
+    except DerivationError:
+        return False
     return True
 
 
@@ -163,6 +182,9 @@ def _same(chain: Chain, row: list[float], q: Any) -> bool:
 
 def counted(plan: SolverPlan) -> SolverPlan | None:
     """``plan`` with its number of rows and its singularities; nothing where the equations degenerate on this chain."""
+    if plan.family == "general6r":
+        words = "det J(q) = 0: two or more of the up to sixteen rows meet"
+        return replace(plan, max_solutions=MAX_SOLUTIONS, singularities=(Singularity(words),))
     builder = CBuilder("x", plan.chain.joints, plan.chain.reach, position=plan.task == "position")
     try:
         derive(builder, plan)

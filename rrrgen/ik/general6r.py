@@ -13,12 +13,16 @@ Up to 16 solutions, the real roots of a polynomial of degree 16 (Raghavan and Ro
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from rrrgen.errors import DerivationError
+from rrrgen.ik.c_builder import CBody, Stage
+from rrrgen.ik.chain import Chain, Matrix
 from rrrgen.ik.elimination import SHALLOW, Elimination, eliminations
 from rrrgen.ik.trig_roots import literals, spelled, trig_roots
 from rrrgen.resources import render as render_template
@@ -70,6 +74,36 @@ def general6r_tables(alpha: Sequence[float], a: Sequence[float], d: Sequence[flo
     second = [e for e in choices if e.kept_joint != choices[0].kept_joint]
     rows = tuple((*_turn(x), y / length, z / length) for x, y, z in zip(alpha, a, d, strict=True))
     return General6RTables(rows, length, (choices[0], *second[:1]))
+
+
+@cache
+def tables_of(chain: Chain) -> General6RTables:
+    """:func:`general6r_tables` of six joints in normal form; angles about the joint axes are left to the caller."""
+    alpha = [math.atan2(float(link.sa), float(link.ca)) for link in chain.links]
+    a, d = ([float(getattr(link, name)) for link in chain.links] for name in ("a", "d"))
+    return general6r_tables([*alpha, 0.0], [*a, 0.0], [*d, 0.0])
+
+
+def branches(chain: Chain, prefix: str) -> CBody:
+    """The body of the function that lists candidates: base, tool and offsets are taken off for ``PREFIX_solve6r``."""
+    turns = [math.atan2(float(link.st), float(link.ct)) for link in chain.links] + [0.0]
+    shifts = [-float(joint.offset) - turn for joint, turn in zip(chain.joints, turns, strict=True)]
+    text = render_template(
+        "c/ik/general6r_branches.c.j2",
+        P=prefix,
+        before=literals(_inverse(chain.base)),
+        after=literals(_inverse(chain.tip)),
+        shifts=literals(shifts) if any(shifts) else "",
+    )
+    kept = tables_of(chain).eliminations[0].kept_joint
+    return CBody(text, MAX_SOLUTIONS, (Stage(kept, "degree-16", MAX_SOLUTIONS),), frozenset({"near"}))
+
+
+def _inverse(matrix: Matrix) -> list[float]:
+    """The inverse of a rigid transform as 12 numbers, rows of 3x4."""
+    R = [[float(matrix[j][i]) for j in range(3)] for i in range(3)]
+    t = [float(matrix[i][3]) for i in range(3)]
+    return [x + 0.0 for row in R for x in (*row, -sum(r * y for r, y in zip(row, t, strict=True)))]
 
 
 def render(tables: General6RTables, prefix: str, real: str = "double", *, shorthand: bool = False) -> str:

@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from rrrgen.ik.chain import Chain
 
 Task = Literal["position", "pose"]
-Family = Literal["position", "point", "spherical", "parallel", "planar", "lift", "orientation", "elbow7", "none"]
+Family = Literal[
+    "position", "point", "spherical", "parallel", "planar", "lift", "orientation", "elbow7", "general6r", "none"
+]
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ from rrrgen.errors import DerivationError
 from rrrgen.ik.c_builder import CBody, CBuilder, Stage
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.derive import ARM_ANGLE, derive
+from rrrgen.ik.general6r import branches, tables_of
+from rrrgen.ik.general6r import render as render_general6r
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.tolerances import runtime
 from rrrgen.resources import render
@@ -84,6 +86,8 @@ def _parts(plan: SolverPlan) -> list[SolverPlan]:
 
 def _body(spec: RobotSpec, plan: SolverPlan, *, banded: bool) -> CBody:
     chain = plan.chain
+    if plan.family == "general6r":
+        return branches(plan.solving, f"{spec.name}_ik")
     builder = CBuilder(
         f"{spec.name}_ik",
         chain.joints,
@@ -127,7 +131,7 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
         "limited": any(limited), "limited_flags": ", ".join(str(int(x)) for x in limited),
         "limits": ", ".join(f"{{{_limit(low, -1)}, {_limit(high, 1)}}}" for low, high in limits),
         # the equations
-        "functions": functions, "needs": needs, "fragment": "", "banded": banded,
+        "functions": functions, "needs": needs, "fragment": _fragment(plan, prefix, real), "banded": banded,
         "rows": max(body.rows for body in bodies), "tries": max(body.rows for body in bodies),
         # numbers
         "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
@@ -137,6 +141,13 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
         "explanation": _explanation(plan), "opening": _opening(spec, plan, real), "version": rrrgen.__version__,
         "hash": model,
     }  # fmt: skip
+
+
+def _fragment(plan: SolverPlan, prefix: str, real: str) -> str:
+    """Functions that the candidates need beside the usual ones."""
+    if plan.family != "general6r":
+        return ""
+    return render_general6r(tables_of(plan.solving), prefix, real, shorthand=True)
 
 
 def _mask(mask: int, index: str) -> str:
@@ -208,7 +219,15 @@ def _opening(spec: RobotSpec, plan: SolverPlan, real: str) -> list[str]:
     return lines
 
 
-_FUNCTIONS = {"SQRT": "sqrt", "FABS": "fabs", "SIN": "sin", "COS": "cos", "FLOOR": "floor", "CEIL": "ceil"}
+_FUNCTIONS = {
+    "ATAN2": "atan2",
+    "SQRT": "sqrt",
+    "FABS": "fabs",
+    "SIN": "sin",
+    "COS": "cos",
+    "FLOOR": "floor",
+    "CEIL": "ceil",
+}
 
 
 def _spelled(text: str, name: str, real: str) -> str:
