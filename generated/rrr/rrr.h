@@ -363,6 +363,114 @@ rrr_status rrr_forward_dynamics_nominal(const rrr_real q[3],
                                         rrr_real ddq[RRR_RESTRICT 3]);
 
 /*
+ * Joint torques of the rigid body with drive inertia, and their derivatives.
+ *
+ *     tau = M(q) ddq + c(q, dq) + g(q), d tau = dtau_dq d q + dtau_dv d dq + M d ddq
+ *
+ *   in   q        3      rad      -  joint positions
+ *   in   dq       3      rad/s    -  joint velocities
+ *   in   ddq      3      rad/s^2  -  joint accelerations
+ *   in   beta     15     SI       -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14,
+ *                                    p15
+ *   out  tau      3      N m      -  joint torques, friction not included
+ *   out  dtau_dq  3 x 3  SI       -  d tau_i / d q_j for given dq and ddq
+ *   out  dtau_dv  3 x 3  SI       -  d tau_i / d dq_j
+ *   out  M        3 x 3  SI       -  d tau_i / d ddq_j: the mass matrix, drive inertia included
+ *
+ * Operations: 98 mul, 91 add, 2 sincos, 5 neg. Stack: about 400 bytes.
+ */
+void rrr_inverse_dynamics_derivatives(const rrr_real q[3],
+                                      const rrr_real dq[3],
+                                      const rrr_real ddq[3],
+                                      const rrr_real beta[15],
+                                      rrr_real tau[RRR_RESTRICT 3],
+                                      rrr_real dtau_dq[RRR_RESTRICT 9],
+                                      rrr_real dtau_dv[RRR_RESTRICT 9],
+                                      rrr_real M[RRR_RESTRICT 9]);
+
+/*
+ * Joint torques of the rigid body with drive inertia, and their derivatives, with the parameters of the robot
+ * file.
+ *
+ *     tau = M(q) ddq + c(q, dq) + g(q), d tau = dtau_dq d q + dtau_dv d dq + M d ddq
+ *
+ *   in   q        3      rad      -  joint positions
+ *   in   dq       3      rad/s    -  joint velocities
+ *   in   ddq      3      rad/s^2  -  joint accelerations
+ *   out  tau      3      N m      -  joint torques, friction not included
+ *   out  dtau_dq  3 x 3  SI       -  d tau_i / d q_j for given dq and ddq
+ *   out  dtau_dv  3 x 3  SI       -  d tau_i / d dq_j
+ *   out  M        3 x 3  SI       -  d tau_i / d ddq_j: the mass matrix, drive inertia included
+ *
+ * Operations: 92 mul, 86 add, 2 sincos, 7 neg. Stack: about 384 bytes.
+ */
+void rrr_inverse_dynamics_derivatives_nominal(const rrr_real q[3],
+                                              const rrr_real dq[3],
+                                              const rrr_real ddq[3],
+                                              rrr_real tau[RRR_RESTRICT 3],
+                                              rrr_real dtau_dq[RRR_RESTRICT 9],
+                                              rrr_real dtau_dv[RRR_RESTRICT 9],
+                                              rrr_real M[RRR_RESTRICT 9]);
+
+/*
+ * Joint accelerations of the rigid body with drive inertia, and their derivatives.
+ *
+ *     M ddq = tau - c - g, dddq_dtau = inv(M), dddq_dq = -inv(M) dtau_dq, dddq_dv = -inv(M) dtau_dv
+ *
+ *   in   q          3      rad      -  joint positions
+ *   in   dq         3      rad/s    -  joint velocities
+ *   in   tau        3      N m      -  joint torques
+ *   in   beta       15     SI       -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13,
+ *                                      p14, p15
+ *   out  ddq        3      rad/s^2  -  joint accelerations; zero when the status is not ok
+ *   out  dddq_dq    3 x 3  SI       -  d ddq_i / d q_j for given dq and tau
+ *   out  dddq_dv    3 x 3  SI       -  d ddq_i / d dq_j
+ *   out  dddq_dtau  3 x 3  SI       -  d ddq_i / d tau_j, the inverse of M
+ *
+ * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
+ * gives the text); the outputs are defined in either case.
+ *
+ * Operations: 157 mul, 128 add, 3 div, 2 sincos, 9 neg, 9 other. Stack: about 400 bytes.
+ * All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
+ */
+rrr_status rrr_forward_dynamics_derivatives(const rrr_real q[3],
+                                            const rrr_real dq[3],
+                                            const rrr_real tau[3],
+                                            const rrr_real beta[15],
+                                            rrr_real ddq[RRR_RESTRICT 3],
+                                            rrr_real dddq_dq[RRR_RESTRICT 9],
+                                            rrr_real dddq_dv[RRR_RESTRICT 9],
+                                            rrr_real dddq_dtau[RRR_RESTRICT 9]);
+
+/*
+ * Joint accelerations of the rigid body with drive inertia, and their derivatives, with the parameters of the
+ * robot file.
+ *
+ *     M ddq = tau - c - g, dddq_dtau = inv(M), dddq_dq = -inv(M) dtau_dq, dddq_dv = -inv(M) dtau_dv
+ *
+ *   in   q          3      rad      -  joint positions
+ *   in   dq         3      rad/s    -  joint velocities
+ *   in   tau        3      N m      -  joint torques
+ *   out  ddq        3      rad/s^2  -  joint accelerations; zero when the status is not ok
+ *   out  dddq_dq    3 x 3  SI       -  d ddq_i / d q_j for given dq and tau
+ *   out  dddq_dv    3 x 3  SI       -  d ddq_i / d dq_j
+ *   out  dddq_dtau  3 x 3  SI       -  d ddq_i / d tau_j, the inverse of M
+ *
+ * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
+ * gives the text); the outputs are defined in either case.
+ *
+ * Operations: 150 mul, 124 add, 3 div, 2 sincos, 9 neg, 9 other. Stack: about 400 bytes.
+ * All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
+ */
+rrr_status rrr_forward_dynamics_derivatives_nominal(const rrr_real q[3],
+                                                    const rrr_real dq[3],
+                                                    const rrr_real tau[3],
+                                                    rrr_real ddq[RRR_RESTRICT 3],
+                                                    rrr_real dddq_dq[RRR_RESTRICT 9],
+                                                    rrr_real dddq_dv[RRR_RESTRICT 9],
+                                                    rrr_real dddq_dtau[RRR_RESTRICT 9]);
+
+/*
  * Regressor in the base parameters.
  *
  *     tau = Y(q, dq, ddq) beta (14.10)

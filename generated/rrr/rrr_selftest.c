@@ -5,7 +5,8 @@
  *
  * Golden vectors: the values of an independent evaluation of the same model in double precision.
  * Identities: tau = M ddq + c + g = Y beta, c = C dq, dM/dt = C + C' (so that dM/dt - 2C is skew-symmetric),
- * M > 0, the power balance d(T + U)/dt = tau' dq, and the Jacobian against differences of the forward kinematics.
+ * M > 0, the power balance d(T + U)/dt = tau' dq, the Jacobian against differences of the forward kinematics, and
+ * the derivatives of the dynamics against differences.
  * Returns 0 if everything holds, else 1 with the failed checks on stdout. Only this file uses stdio.
  */
 #include "rrr.h"
@@ -770,6 +771,78 @@ static int inversion(void)
     return report(&positive) | report(&inverse) | report(&refused);
 }
 
+static int derivatives(void)
+{
+    check same = {"tau and M together with the derivatives", 0, R(0.0)};
+    check position = {"dtau/dq against differences", 0, R(0.0)};
+    check velocity = {"dtau/d(dq) against differences", 0, R(0.0)};
+    check doubled = {"dtau/d(dq) dq = 2 c", 0, R(0.0)};
+    check inverse = {"M d(ddq)/d(q, dq, tau) = -dtau/dq, -dtau/d(dq), 1", 0, R(0.0)};
+    check refused = {"derivatives of forward dynamics for M = 0 are reported and zero", 0, R(0.0)};
+    static const real zeros[N * N + B] = {R(0.0)};
+    int k, i;
+    for (k = 0; k < STATES; k++) {
+        real tau[N], other[N], M[N * N], Mq[N * N], by_q[N * N], by_dq[N * N], before[N], after[N], x[N], scale;
+        real found[N], a[N * N], b[N * N], c[N * N];
+        rrr_inverse_dynamics_derivatives(q[k], dq[k], ddq[k], beta, tau, by_q, by_dq, Mq);
+        inverse_dynamics(q[k], dq[k], ddq[k], other);
+        mass_matrix(q[k], M);
+        scale = R(1.0) + largest(tau, N) + largest(by_q, N * N) + largest(by_dq, N * N);
+        compare(&same, other, tau, N, scale, EXACT);
+        compare(&same, M, Mq, N * N, largest(M, N * N), EXACT);
+        moved(q[k], e[k], -H, before);
+        moved(q[k], e[k], H, after);
+        inverse_dynamics(before, dq[k], ddq[k], tau);
+        inverse_dynamics(after, dq[k], ddq[k], other);
+        times(by_q, N, N, 0, e[k], x);
+        for (i = 0; i < N; i++) {
+            other[i] = (other[i] - tau[i]) / (R(2.0) * H);
+        }
+        compare(&position, x, other, N, scale, DIFFERENCE);
+        moved(dq[k], e[k], -H, before);
+        moved(dq[k], e[k], H, after);
+        inverse_dynamics(q[k], before, ddq[k], tau);
+        inverse_dynamics(q[k], after, ddq[k], other);
+        times(by_dq, N, N, 0, e[k], x);
+        for (i = 0; i < N; i++) {
+            other[i] = (other[i] - tau[i]) / (R(2.0) * H);
+        }
+        compare(&velocity, x, other, N, scale, DIFFERENCE);
+        rrr_coriolis(q[k], dq[k], beta, other);
+        times(by_dq, N, N, 0, dq[k], x);
+        for (i = 0; i < N; i++) {
+            other[i] += other[i];
+        }
+        compare(&doubled, x, other, N, scale, EXACT);
+        inverse_dynamics(q[k], dq[k], ddq[k], tau);
+        if (rrr_forward_dynamics_derivatives(q[k], dq[k], tau, beta, found, a, b, c) != RRR_OK) {
+            inverse.failed = 1;
+        }
+        for (i = 0; i < N * N; i++) {
+            const int row = i / N, column = i % N;
+            real sum[3] = {R(0.0), R(0.0), R(0.0)}, wanted[3];
+            int j;
+            for (j = 0; j < N; j++) {
+                sum[0] += M[row * N + j] * a[j * N + column];
+                sum[1] += M[row * N + j] * b[j * N + column];
+                sum[2] += M[row * N + j] * c[j * N + column];
+            }
+            wanted[0] = -by_q[i];
+            wanted[1] = -by_dq[i];
+            wanted[2] = (row == column) ? R(1.0) : R(0.0);
+            compare(&inverse, sum, wanted, 3, (R(1.0) + scale) * (R(1.0) + largest(M, N * N) * largest(c, N * N)), EXACT);
+        }
+        if (rrr_forward_dynamics_derivatives(q[k], dq[k], zeros, zeros, found, a, b, c) != RRR_NOT_POSITIVE_DEFINITE) {
+            refused.failed = 1;
+        }
+        compare(&refused, found, zeros, N, R(1.0), EXACT);
+        compare(&refused, a, zeros, N * N, R(1.0), EXACT);
+        compare(&refused, b, zeros, N * N, R(1.0), EXACT);
+        compare(&refused, c, zeros, N * N, R(1.0), EXACT);
+    }
+    return report(&same) | report(&position) | report(&velocity) | report(&doubled) | report(&inverse) | report(&refused);
+}
+
 static int nominal_twins(void)
 {
     int failed = 0, k;
@@ -863,6 +936,7 @@ int main(void)
     failed |= equation_of_motion();
     failed |= structure();
     failed |= inversion();
+    failed |= derivatives();
     failed |= nominal_twins();
     puts(failed ? "rrr: FAILED" : "rrr: all checks passed");
     return failed ? 1 : 0;

@@ -68,26 +68,36 @@ class References:
     def __init__(self, model: NewtonEuler, case: Case) -> None:
         q, dq, ddq, e = case.parts()
         M, c, g = model.mass_matrix(q), model.coriolis(q, dq), model.gravity(q)
-        pose, jacobian = model.forward_kinematics(q), model.jacobian(q)
+        tau = model.inverse_dynamics(q, dq, ddq)
+        inverse = np.asarray(np.linalg.inv(M), dtype=float)
+        acceleration = np.einsum("kij,kj->ki", inverse, ddq - c - g)  # the third part of a state read as torque
+        slopes = _inverse_derivatives(model, q, dq, acceleration)
         self.e = e
         self.dq = dq
         self.values: dict[str, Array] = {
-            "inverse_dynamics": model.inverse_dynamics(q, dq, ddq),
+            "inverse_dynamics": tau,
             "mass_matrix": M,
             "bias": c + g,
             "coriolis": c,
             "gravity": g,
-            "forward_dynamics": np.asarray(np.linalg.solve(M, (ddq - c - g)[..., None])[..., 0], dtype=float),
-            "inverse_dynamics_derivatives": np.concatenate(
-                [
-                    _slope(lambda step: model.inverse_dynamics(q + step, dq, ddq), q).reshape(len(q), -1),
-                    _slope(lambda step: model.inverse_dynamics(q, dq + step, ddq), q).reshape(len(q), -1),
-                    M.reshape(len(q), -1),
-                ],
-                axis=1,
-            ),
-            "kinematics": np.concatenate([pose.reshape(len(q), -1), jacobian.reshape(len(q), -1)], axis=1),
+            "forward_dynamics": acceleration,
+            "inverse_dynamics_derivatives": _flat(tau, *_inverse_derivatives(model, q, dq, ddq), M),
+            "forward_dynamics_derivatives": _flat(acceleration, *(-inverse @ slope for slope in slopes), inverse),
+            "kinematics": _flat(model.forward_kinematics(q), model.jacobian(q)),
         }
+
+
+def _inverse_derivatives(model: NewtonEuler, q: Array, dq: Array, ddq: Array) -> list[Array]:
+    """Derivatives of inverse dynamics by q and by velocity, each (N, n, n)."""
+    return [
+        _slope(lambda step: model.inverse_dynamics(q + step, dq, ddq), q),
+        _slope(lambda step: model.inverse_dynamics(q, dq + step, ddq), q),
+    ]
+
+
+def _flat(*parts: Array) -> Array:
+    """Parts (N, ...) side by side, (N, sum of sizes)."""
+    return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
 
 
 def _slope(function: Callable[[Array], Array], like: Array) -> Array:

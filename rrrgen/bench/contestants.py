@@ -24,7 +24,8 @@ TITLES = {
     "standard_regressor": "standard regressor",
     "regressor_transpose": "Y' e",
     "coriolis_matrix": "Coriolis matrix",
-    "inverse_dynamics_derivatives": "derivatives of inverse dynamics",
+    "inverse_dynamics_derivatives": "inverse dynamics and its derivatives",
+    "forward_dynamics_derivatives": "forward dynamics and its derivatives",
 }
 """Compared functions, in the order of the report."""
 
@@ -84,5 +85,7 @@ def deviation(contestant: Contestant, values: Array, case: Case) -> float:
     else:
         wanted = known[name].reshape(N, -1)
         got = values
+    if got.shape != wanted.shape:
+        raise DisagreementError(f"{case.name}: {name} of {contestant.label} returns {got.shape}, not {wanted.shape}")
     scale = max(float(np.max(np.abs(wanted))), ZERO * float(np.max(np.abs(known["inverse_dynamics"]))))
     return float(np.max(np.abs(got - wanted))) / scale

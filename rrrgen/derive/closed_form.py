@@ -22,17 +22,20 @@ from rrrgen.errors import DerivationError
 from rrrgen.program import Op, Program, Value
 from rrrgen.program.ir import reachable
 
+CLOSED = tuple(name for name in FUNCTIONS if name != "forward_dynamics_derivatives")
+"""Functions that are polynomials in sines and cosines; what divides by the pivots of M is not."""
+
 
 class ClosedForm:
     """The closed form of one function: index it for single entries, or take the whole ``matrix()``."""
 
-    def __init__(self, program: Program, generators: Sequence[sp.Expr], roots: Sequence[sp.Expr], names: Sequence[str],
-                 pairs: Sequence[tuple[sp.Expr, sp.Expr]]) -> None:  # fmt: skip
+    def __init__(self, program: Program, output: int, generators: Sequence[sp.Expr], roots: Sequence[sp.Expr],
+                 names: Sequence[str], pairs: Sequence[tuple[sp.Expr, sp.Expr]]) -> None:  # fmt: skip
         self.program = program
         self._inputs = _input_symbols(program, generators, names)
         self._expander = _Expander(program, self._inputs, pairs, roots)
-        port = program.outputs[-1]
-        self.shape: tuple[int, ...] = port.shape
+        self._nodes = program.results[output]
+        self.shape: tuple[int, ...] = program.outputs[output].shape
 
     def __getitem__(self, index: int | tuple[int, ...]) -> sp.Expr:
         """The entry at ``index``, collected by parameters and rates."""
@@ -44,10 +47,10 @@ class ClosedForm:
             if not -size <= k < size:
                 raise IndexError(f"{self.program.name} has shape {self.shape}, got index {index}")
             flat = flat * size + k % size
-        return self._expander.expression(self.program.results[-1][flat])
+        return self._expander.expression(self._nodes[flat])
 
     def __iter__(self) -> Iterator[sp.Expr]:
-        return (self._expander.expression(node) for node in self.program.results[-1])
+        return (self._expander.expression(node) for node in self._nodes)
 
     def matrix(self) -> sp.Matrix:
         """All entries; a vector is a column, higher ranks are stacked by rows."""
@@ -60,21 +63,35 @@ class ClosedForm:
         flat = 0
         for k, size in zip(index, self.shape, strict=True):
             flat = flat * size + k
-        return self._expander.value(self.program.results[-1][flat])
+        return self._expander.value(self._nodes[flat])
 
 
 def closed_form(derived: DerivedModel, function: str) -> ClosedForm:
-    """The closed form of ``function`` with named parameters and base parameters as symbols."""
-    if function not in FUNCTIONS:
-        raise DerivationError(f"no closed form of {function!r}; there is one of: {', '.join(FUNCTIONS)}")
+    """The closed form of ``function`` with named parameters and base parameters as symbols.
+
+    Of a function with several results, one is named: ``"inverse_dynamics_derivatives.dtau_dq"``.
+    """
+    name, _, wanted = function.partition(".")
+    if name not in CLOSED:
+        raise DerivationError(f"no closed form of {function!r}; there is one of: {', '.join(CLOSED)}")
     model, parametrization = derived.model, derived.parametrization
     further = [v for row in parametrization.inverse or () for v in row]
     free, pairs, roots = exact_constants(model, further)
     generators = [*free, *(g for pair in pairs for g in pair), *roots]
     recording = Recording(model, parametrization, generators or [sp.Symbol("one")])
-    return ClosedForm(
-        FUNCTIONS[function][0](recording), generators or [sp.Symbol("one")], roots, parametrization.names, pairs
-    )
+    program = FUNCTIONS[name][0](recording)
+    output = _output(program, wanted)
+    return ClosedForm(program, output, generators or [sp.Symbol("one")], roots, parametrization.names, pairs)
+
+
+def _output(program: Program, wanted: str) -> int:
+    """The position of the result named ``wanted``, which may be empty where there is only one."""
+    names = [port.name for port in program.outputs]
+    if wanted in names:
+        return names.index(wanted)
+    if wanted or len(names) > 1:
+        raise DerivationError(f"name one result: {', '.join(f'{program.name}.{name}' for name in names)}")
+    return 0
 
 
 def _input_symbols(program: Program, generators: Sequence[sp.Expr], names: Sequence[str]) -> list[list[sp.Expr]]:

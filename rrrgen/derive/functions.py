@@ -12,17 +12,16 @@ import sympy as sp
 from rrrgen.derive import composite, kinematics, momentum
 from rrrgen.derive.chain import Chain, rational_float
 from rrrgen.derive.coriolis import compose
+from rrrgen.derive.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
 from rrrgen.derive.inertia import STANDARD, from_standard
 from rrrgen.derive.motion import LinkMotion, choose_frames, forward
 from rrrgen.derive.newton_euler import inverse_dynamics
+from rrrgen.derive.positive_definite import factorize
 from rrrgen.derive.recording import Recording
 from rrrgen.derive.regressor import all_parameters, columns_by_axes, columns_passed_down, virtual_power
 from rrrgen.derive.vectors import dot
 from rrrgen.program import Port, Program, Value
 from rrrgen.program.ir import replay
-
-PIVOT_TOLERANCE = Fraction(1, 2**40)
-"""A pivot of M below this part of its diagonal entry counts as zero."""
 
 BASE = "base frame"
 
@@ -192,7 +191,8 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program, nominal: boo
     flat = replay(mass, r.builder, [inputs[port.name] for port in mass.inputs])[0]
     M = [flat[k * r.n : (k + 1) * r.n] for k in range(r.n)]
     h = replay(torques, r.builder, [inputs[port.name] for port in torques.inputs])[0]
-    status, ddq = solve_positive_definite(r, M, [t - b for t, b in zip(inputs["tau"], h, strict=True)])
+    factors = factorize(r.builder, M)
+    status, ddq = factors.status, factors.solve([t - b for t, b in zip(inputs["tau"], h, strict=True)])
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
     ports = [
         (Port("status", ()), [status]),
@@ -205,40 +205,6 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program, nominal: boo
         "M(q) ddq = tau - c(q, dq) - g(q), solved by L D L'",
         ["The status tells when M is not positive definite (a singular or unphysical set of parameters)."],
     )
-
-
-def solve_positive_definite(r: Recording, M: list[list[Value]], rhs: list[Value]) -> tuple[Value, list[Value]]:
-    """Solve M x = rhs by L D L'; status 1 and x = 0 where a pivot is not positive. Straight-line, no division by 0."""
-    b, n = r.builder, len(rhs)
-    L: list[list[Value]] = [[0] * n for _ in range(n)]
-    margins: list[Value] = []
-    inverse: list[Value] = []
-    for j in range(n):
-        scaled = [L[j][k] for k in range(j)]  # still L_jk d_k
-        pivot = M[j][j]
-        for k in range(j):
-            L[j][k] = b.mul(scaled[k], inverse[k])
-            pivot = b.sub(pivot, b.mul(L[j][k], scaled[k]))
-        margin = pivot if j == 0 else b.sub(pivot, b.mul(PIVOT_TOLERANCE, M[j][j]))
-        margins.append(margin)
-        inverse.append(b.div(1, b.select(margin, pivot, 1)))
-        for i in range(j + 1, n):
-            entry = M[i][j]
-            for k in range(j):
-                entry = b.sub(entry, b.mul(L[i][k], L[j][k]))
-            L[i][j] = entry
-    status: Value = 0
-    for margin in reversed(margins):
-        status = b.select(margin, status, 1)
-    y = list(rhs)
-    for i in range(n):
-        for k in range(i):
-            y[i] = b.sub(y[i], b.mul(L[i][k], y[k]))
-    x = [b.mul(y[i], inverse[i]) for i in range(n)]
-    for i in reversed(range(n)):
-        for k in range(i + 1, n):
-            x[i] = b.sub(x[i], b.mul(L[k][i], x[k]))
-    return status, [b.select(status, 0, value) for value in x]
 
 
 def _regressor_rows(r: Recording, columns: list[list[Any]]) -> list[list[Any]]:
@@ -373,6 +339,8 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
     "gravity": (gravity,),
     "bias": (bias(_block_frames), bias(_own_frames)),
     "inverse_dynamics": (inverse_dynamics_function(_block_frames), inverse_dynamics_function(_own_frames)),
+    "inverse_dynamics_derivatives": (inverse_dynamics_derivatives,),
+    "forward_dynamics_derivatives": (forward_dynamics_derivatives,),
     "regressor": tuple(
         regressor(columns, frames)
         for columns in (columns_by_axes, columns_passed_down)

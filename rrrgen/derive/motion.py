@@ -28,7 +28,8 @@ class LinkMotion:
     """Motion of one link in its frame of expression.
 
     ``U`` as above; ``D = (U33 - U22, U11 - U33, U22 - U11)``; ``a`` is the acceleration of the origin minus gravity;
-    ``omega`` the angular velocity.
+    ``omega`` the angular velocity. In the block's frame stand ``a_block``, the same acceleration, and ``axis``, the
+    second time derivative of the joint's axis.
     """
 
     own: bool
@@ -37,6 +38,8 @@ class LinkMotion:
     a: Vector
     omega: Vector
     alpha: Vector
+    a_block: Vector
+    axis: Vector
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], own: Sequence[b
     """Motion of all links for joint rates ``dq`` and accelerations ``ddq``."""
     motions: list[LinkMotion] = []
     nothing = [[0] * 3 for _ in range(3)]
-    still = LinkMotion(True, nothing, [0] * 3, [-g for g in chain.gravity], [0] * 3, [0] * 3)
+    still = LinkMotion(True, nothing, [0] * 3, [-g for g in chain.gravity], *([0] * 3 for _ in range(4)))
     entry, W, A, a_block = _enter(chain.joints[0], still), 0, 0, [0, 0, 0]
     for i, joint in enumerate(chain.joints):
         before = motions[-1] if motions else still
@@ -118,7 +121,7 @@ def _block_frame(entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
     ]
     D = [Z2 - entry.y2, entry.x2 - Z2, entry.y2 - entry.x2]
     alpha = [entry.alpha[0] + y * W, entry.alpha[1] - x * W, Az]
-    return LinkMotion(False, U, D, a, [x, y, Z], alpha)
+    return LinkMotion(False, U, D, a, [x, y, Z], alpha, a, [entry.U13, entry.U23, U[2][2]])
 
 
 def _own_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
@@ -134,4 +137,5 @@ def _own_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vector)
         [XZ - alpha_y, YZ + alpha_x, -(X2 + Y2)],
     ]
     D = [Z2 - Y2, X2 - Z2, Y2 - X2]
-    return LinkMotion(True, U, D, turn_back(joint.c, joint.s, a), [X, Y, Z], [alpha_x, alpha_y, Az])
+    axis = [entry.U13, entry.U23, U[2][2]]
+    return LinkMotion(True, U, D, turn_back(joint.c, joint.s, a), [X, Y, Z], [alpha_x, alpha_y, Az], a, axis)

@@ -28,12 +28,15 @@ def inverse_dynamics(
     own: Sequence[bool],
 ) -> list[Any]:
     """Joint torques of the rigid body; ``inertias`` are in the links' own canonical frames."""
-    motions = forward(chain, dq, ddq, own)
-    wrenches = [
+    return pass_down(chain, own, link_wrenches(chain, forward(chain, dq, ddq, own), inertias))
+
+
+def link_wrenches(chain: Chain, motions: Sequence[LinkMotion], inertias: Sequence[PseudoInertia]) -> list[Wrench]:
+    """Inertial wrenches of all links, each in its frame of expression."""
+    return [
         link_wrench(motion, inertia if motion.own else inertia.turned(joint.c, joint.s))
         for joint, motion, inertia in zip(chain.joints, motions, inertias, strict=True)
     ]
-    return pass_down(chain, own, wrenches)
 
 
 def link_wrench(motion: LinkMotion, inertia: PseudoInertia) -> Wrench:
@@ -50,16 +53,21 @@ def link_wrench(motion: LinkMotion, inertia: PseudoInertia) -> Wrench:
 
 def pass_down(chain: Chain, own: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Any]:
     """Torques from the wrenches of all links, each in its frame of expression and about its origin."""
-    torques: list[Any] = [0] * chain.n
+    totals = composite_wrenches(chain, own, wrenches)
+    return [N[2] if joint.revolute else F[2] for joint, (F, N) in zip(chain.joints, totals, strict=True)]
+
+
+def composite_wrenches(chain: Chain, own: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Wrench]:
+    """The wrench on everything beyond each joint, in the link's frame of expression and about its origin."""
+    totals: list[Wrench] = []
     F: Vector = [0, 0, 0]
     N: Vector = [0, 0, 0]
     for i in reversed(range(chain.n)):
-        joint = chain.joints[i]
         F, N = add(F, wrenches[i][0]), add(N, wrenches[i][1])
-        torques[i] = N[2] if joint.revolute else F[2]
+        totals.append((F, N))
         if i:
             F, N = _to_previous(chain, i, own, F, N)
-    return torques
+    return totals[::-1]
 
 
 def _to_previous(chain: Chain, i: int, own: Sequence[bool], F: Vector, N: Vector) -> Wrench:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from rrrgen.derive.derivatives import differentiated, from_inverse_dynamics
 from rrrgen.derive.derived_model import DerivedModel, PassReport
 from rrrgen.derive.functions import forward_dynamics
 from rrrgen.derive.recording import Recording
@@ -35,11 +36,28 @@ def optimize_model(derived: DerivedModel) -> DerivedModel:
     log = _Log()
     programs: dict[str, Program] = {}
     for name, ways in derived.alternatives.items():
+        ways = (*ways, *_by_chain_rule(derived, ways[0], programs))
         programs[name], choice = cheapest(ways, choices(ways), name, log)
         _add_twin(derived, ways, choice, programs[name], programs, log)
         if name == "inverse_dynamics":
             _add_forward_dynamics(derived, programs)
     return replace(derived, programs=programs, passes=tuple(log.reports))
+
+
+def _by_chain_rule(derived: DerivedModel, like: Program, programs: dict[str, Program]) -> list[Program]:
+    """Derivatives from programs that are optimized already, where inverse dynamics is a short closed form."""
+    if like.name not in _SOURCES or count_operations(programs["inverse_dynamics"]).total > SMALL // 2:
+        return []
+    source = programs[_SOURCES[like.name]]
+    if like.name == "inverse_dynamics_derivatives":
+        return [differentiated(source, like)]
+    return [from_inverse_dynamics(Recording(derived.model, derived.parametrization), source)]
+
+
+_SOURCES = {
+    "inverse_dynamics_derivatives": "inverse_dynamics",
+    "forward_dynamics_derivatives": "inverse_dynamics_derivatives",
+}
 
 
 def cost(program: Program) -> tuple[int, int, int]:

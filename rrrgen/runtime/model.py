@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rrrgen.program import Port
 from rrrgen.runtime.arguments import prepare
 from rrrgen.runtime.bound import BoundFunction
+from rrrgen.runtime.derivatives import ForwardDynamicsDerivatives, InverseDynamicsDerivatives
 from rrrgen.runtime.engines import Engine
 from rrrgen.runtime.identification import IdentificationColumns
 
@@ -160,14 +161,37 @@ class Model:
         raised and ``(ddq, status)`` returned, status (...) being 0 where M is positive definite and 1 elsewhere.
         """
         status, ddq = self._evaluate("forward_dynamics", (q, dq, tau), beta, Ia)
-        status = np.asarray(status).astype(np.intc, copy=False)
-        if with_status:
-            return ddq, status
-        if np.any(status):
-            count, first = np.count_nonzero(status), int(np.argmax(status != 0))
-            place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""
-            raise np.linalg.LinAlgError(f"forward_dynamics: the mass matrix is not positive definite{place}")
-        return ddq
+        return _checked("forward_dynamics", ddq, status, with_status)
+
+    def inverse_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+    ) -> InverseDynamicsDerivatives:
+        """tau (..., n) with d tau/dq, d tau/d(dq) and d tau/d(ddq) = M, each (..., n, n), as a named tuple."""
+        return InverseDynamicsDerivatives(*self._evaluate("inverse_dynamics_derivatives", (q, dq, ddq), beta, Ia))
+
+    def forward_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        tau: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        with_status: bool = False,
+    ) -> Any:
+        """ddq (..., n) with its derivatives by q, dq and tau, each (..., n, n), as a named tuple.
+
+        Where M is indefinite or singular: as :meth:`forward_dynamics`; ``with_status=True`` gives
+        ``(derivatives, status)``.
+        """
+        status, *values = self._evaluate("forward_dynamics_derivatives", (q, dq, tau), beta, Ia)
+        return _checked("forward_dynamics_derivatives", ForwardDynamicsDerivatives(*values), status, with_status)
 
     def energy(
         self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None
@@ -275,6 +299,18 @@ class Model:
         elif Ia is not None:
             raise ValueError(f"{name}: the robot file gives no drive inertia, so Ia is not part of the model")
         return name, parameters
+
+
+def _checked(function: str, result: Any, status: Any, with_status: bool) -> Any:
+    """``result`` if M was positive definite everywhere; otherwise LinAlgError, or both for the caller to look at."""
+    status = np.asarray(status).astype(np.intc, copy=False)
+    if with_status:
+        return result, status
+    if np.any(status):
+        count, first = np.count_nonzero(status), int(np.argmax(status != 0))
+        place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""
+        raise np.linalg.LinAlgError(f"{function}: the mass matrix is not positive definite{place}")
+    return result
 
 
 def _given(what: str, value: Any, nominal: Array | None, function: str) -> Any:

@@ -7,6 +7,7 @@ import numpy as np
 from rrrgen.verify.against_newton_euler import check_dynamics, check_friction, check_kinematics, check_regressors
 from rrrgen.verify.chain import Chain, chain_of
 from rrrgen.verify.comparison import DOUBLE, SINGLE, Collector, Tolerances
+from rrrgen.verify.derivatives import check_derivatives
 from rrrgen.verify.identities import check_identities
 from rrrgen.verify.newton_euler import NewtonEuler
 from rrrgen.verify.reference import LIBRARIES, ReferenceUnavailableError
@@ -53,7 +54,9 @@ def verify(
     check_regressors(model, geometry, states, tolerances, rows)
     check_friction(model, states, tolerances, rows)
     for parameters in sets:
-        check_dynamics(model, NewtonEuler(chain, parameters.phi), parameters, states, tolerances, rows)
+        reference = NewtonEuler(chain, parameters.phi)
+        check_dynamics(model, reference, parameters, states, tolerances, rows)
+        check_derivatives(model, reference, parameters, states, tolerances, rows)
         check_identities(model, chain, parameters, states, tolerances, rows)
     if libraries:
         for name in LIBRARIES:

@@ -124,6 +124,39 @@ class Reference:
         size = np.einsum("bij,bj->bi", np.abs(self.M), np.abs(ddq)) + np.abs(bias)
         return np.max(np.abs(residual)) / max(float(np.max(size)), self.torque)
 
+    def _slopes(self, ddq: np.ndarray, by: str) -> np.ndarray:
+        """dtau_i/dq_j or dtau_i/d(dq_j) by the complex step through the oracle, (states, n, n)."""
+        slopes = []
+        for q, dq, a in zip(self.q, self.dq, ddq, strict=True):
+            columns = []
+            for e in 1j * lagrange.STEP * np.eye(self.robot.n):
+                state = (q + e, dq, a) if by == "q" else (q, dq + e, a)
+                columns.append(oracle.inverse_dynamics(self.robot, *state).imag / lagrange.STEP)
+            slopes.append(np.array(columns).T)
+        return np.array(slopes)
+
+    def _inverse_dynamics_derivatives(self, tau, dtau_dq, dtau_dv, M):
+        return max(
+            self._torques(tau, self.tau),
+            relative(dtau_dq, self._slopes(self.ddq, "q"), least=self.torque),
+            relative(dtau_dv, self._slopes(self.ddq, "dq"), least=self.torque),
+            self._mass_matrix(M),
+        )
+
+    def _forward_dynamics_derivatives(self, status, ddq, dddq_dq, dddq_dv, dddq_dtau):
+        """Residuals again: M X = -dtau/dx at the accelerations found, and M times its inverse."""
+        errors = [self._forward_dynamics(status, ddq)]
+        identity = -np.broadcast_to(np.eye(self.robot.n), self.M.shape)
+        for X, right in (
+            (dddq_dq, self._slopes(ddq, "q")),
+            (dddq_dv, self._slopes(ddq, "dq")),
+            (dddq_dtau, identity),
+        ):
+            size = np.max(np.abs(self.M) @ np.abs(X) + np.abs(right))
+            floor = self.torque if right is not identity else 0.0
+            errors.append(float(np.max(np.abs(self.M @ X + right)) / max(size, floor)))
+        return max(errors)
+
     def _regressor(self, Y):
         return relative(Y @ self.K, self.standard)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from pipeline.optimized import bundled
 from rrrgen import pipeline
-from rrrgen.derive.closed_form import closed_form
-from rrrgen.derive.functions import FUNCTIONS
+from rrrgen.derive.closed_form import CLOSED, closed_form
 from rrrgen.errors import DerivationError
 from rrrgen.program import evaluate
 from rrrgen.spec import load_spec
@@ -48,11 +48,16 @@ def value(expression: sp.Expr, numbers) -> float:
     return float(result)
 
 
-@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+SEVERAL = "inverse_dynamics_derivatives"
+SINGLE = [name for name in sorted(CLOSED) if name != SEVERAL]
+
+
+@pytest.mark.parametrize("name", [*SINGLE, *(f"{SEVERAL}.{result}" for result in ("tau", "dtau_dq", "dtau_dv", "M"))])
 def test_whole_functions_have_the_values_of_the_programs(small, name):
-    program = small.programs[name]
+    program = small.programs[name.partition(".")[0]]
     values = inputs(small, program)
-    expected = np.atleast_1d(evaluate(program, *values)[-1])
+    results = {f".{port.name}": v for port, v in zip(program.outputs, evaluate(program, *values), strict=True)}
+    expected = np.atleast_1d(results.get(name.removeprefix(SEVERAL), next(iter(results.values()))))
     matrix = closed_form(small, name).matrix()
     numbers = point(small, program, values)
     got = np.array([value(entry, numbers) for entry in matrix]).reshape(expected.shape)
@@ -71,7 +76,7 @@ def test_whole_functions_have_the_values_of_the_programs(small, name):
     ],
 )
 def test_one_entry_of_a_large_robot(name, function, entry):
-    model = pipeline.derive(load_spec(name))
+    model = bundled(name)
     program = model.programs[function]
     values = inputs(model, program)
     expected = evaluate(program, *values)[-1]
@@ -83,6 +88,11 @@ def test_what_has_no_closed_form_and_wrong_entries_are_refused():
     model = pipeline.derive(load_spec("pendulum"))
     with pytest.raises(DerivationError, match="no closed form of 'forward_dynamics'; there is one of: forward_kinem"):
         closed_form(model, "forward_dynamics")
+    with pytest.raises(DerivationError, match="no closed form of 'forward_dynamics_derivatives'"):
+        closed_form(model, "forward_dynamics_derivatives")
+    for unclear in (SEVERAL, f"{SEVERAL}.dtau", "mass_matrix.C"):
+        with pytest.raises(DerivationError, match=r"name one result: \w+\.(tau|M)"):
+            closed_form(model, unclear)
     form = closed_form(model, "mass_matrix")
     for wrong in ((0,), (0, 1), (1, 0), 0):
         with pytest.raises(IndexError, match="shape"):

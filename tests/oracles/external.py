@@ -71,6 +71,18 @@ class Pinocchio:
         M = np.triu(self.pin.crba(self.model, self.data, q))
         return M + np.triu(M, 1).T
 
+    def inverse_dynamics_derivatives(self, q, dq, ddq) -> tuple[np.ndarray, ...]:
+        """dtau/dq, dtau/d(dq), M."""
+        self.pin.computeRNEADerivatives(self.model, self.data, q, dq, ddq)
+        upper = np.triu(self.data.M)
+        return self.data.dtau_dq.copy(), self.data.dtau_dv.copy(), upper + np.triu(upper, 1).T
+
+    def forward_dynamics_derivatives(self, q, dq, tau) -> tuple[np.ndarray, ...]:
+        """d(ddq)/dq, d(ddq)/d(dq), inv(M)."""
+        self.pin.computeABADerivatives(self.model, self.data, q, dq, tau)
+        upper = np.triu(self.data.Minv)
+        return self.data.ddq_dq.copy(), self.data.ddq_dv.copy(), upper + np.triu(upper, 1).T
+
     def forward_kinematics(self, q) -> np.ndarray:
         self.pin.forwardKinematics(self.model, self.data, q)
         return (self.data.oMi[self.robot.n] * self.tip).homogeneous

@@ -11,6 +11,8 @@ FUNCTIONS = {
     "inverse_dynamics": 3,
     "mass_matrix": 1,
     "forward_dynamics": 3,
+    "inverse_dynamics_derivatives": 3,
+    "forward_dynamics_derivatives": 3,
     "regressor": 3,
     "forward_kinematics": 1,
     "coriolis_matrix": 2,
@@ -22,8 +24,10 @@ def states(n: int, count: int) -> np.ndarray:
     return np.random.default_rng(3).uniform(-3, 3, (3, count, n))
 
 
-def as_array(result) -> np.ndarray:
-    return np.stack(result, axis=-1) if isinstance(result, tuple) else result
+def rows(result, count: int) -> np.ndarray:
+    """All results of ``count`` states side by side."""
+    parts = result if isinstance(result, tuple) else (result,)
+    return np.concatenate([np.reshape(part, (count, -1)) for part in parts], axis=1)
 
 
 @pytest.mark.parametrize("real", ["double", "float"])
@@ -32,8 +36,8 @@ def test_packs_equal_single_states(function, real):
     model = rrrgen.compile("rrr", real=real)
     arguments = states(model.n, 37)[: FUNCTIONS[function]]  # not a multiple of any pack
     evaluate = getattr(model, function)
-    batch = as_array(evaluate(*arguments))
-    single = np.array([as_array(evaluate(*(a[k] for a in arguments))) for k in range(37)])
+    batch = rows(evaluate(*arguments), 37)
+    single = np.concatenate([rows(evaluate(*(a[k] for a in arguments)), 1) for k in range(37)])
     tolerance = ROUND_OFF if real == "double" else FLOAT_ROUND_OFF
     assert np.max(np.abs(batch - single)) <= tolerance * np.max(np.abs(single))
 

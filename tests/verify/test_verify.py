@@ -252,7 +252,7 @@ def test_report_is_reproducible_and_complete(complete):
     assert len(data["rows"]) == len(first.rows)
     text = str(first)
     assert text.endswith("rrr: all comparisons pass (2 states, seed 5)\n")
-    assert text.count("\n") == len(first.rows) + 3
+    assert text.count("\n") == len(first.rows) + len(first.skipped) + 3
     with pytest.raises(ValueError, match="samples"):
         verify(complete, samples=0)
 

@@ -788,28 +788,28 @@ def forward_dynamics():
     t18 = dq2*dq2*t17 + 9.81*t3
     t19 = 0.5*(dq1*dq1)
     t20 = 9.81*(beta14*c2 - beta15*s2) + t18 - t17*(t11*t11) - (t13 - t15)*t19
-    t21 = tau1 - t16
-    t22 = 1/ca.if_else(t5 > 0, t5, 1)
-    t23 = t7*t22
-    t24 = t10 - t7*t23
-    t25 = t24 - 9.094947017729282e-13*t10
-    t26 = 1/ca.if_else(t25 > 0, t24, 1)
-    t27 = beta13 + 0.2*t9 - t6*t23
-    t28 = t6*t22
-    t29 = t26*t27
-    t30 = beta13 - t6*t28 - t27*t29
-    t31 = t30 - 9.094947017729282e-13*beta13
-    t32 = ca.if_else(t5 > 0, ca.if_else(t25 > 0, ca.if_else(t31 > 0, 0, 1), 1), 1)
-    t33 = tau2 - t20 - t21*t23
-    t34 = 1/ca.if_else(t31 > 0, t30, 1)*(tau3 - (t18 - t13*t19) - t21*t28 - t29*t33)
-    t35 = t26*t33 - t29*t34
+    t21 = 1/ca.if_else(t5 > 0, t5, 1)
+    t22 = t7*t21
+    t23 = t10 - t7*t22
+    t24 = t23 - 9.094947017729282e-13*t10
+    t25 = 1/ca.if_else(t24 > 0, t23, 1)
+    t26 = beta13 + 0.2*t9 - t6*t22
+    t27 = t6*t21
+    t28 = t25*t26
+    t29 = beta13 - t6*t27 - t26*t28
+    t30 = t29 - 9.094947017729282e-13*beta13
+    t31 = ca.if_else(t5 > 0, ca.if_else(t24 > 0, ca.if_else(t30 > 0, 0, 1), 1), 1)
+    t32 = tau1 - t16
+    t33 = tau2 - t20 - t22*t32
+    t34 = 1/ca.if_else(t30 > 0, t29, 1)*(tau3 - (t18 - t13*t19) - t27*t32 - t28*t33)
+    t35 = t25*t33 - t28*t34
     status = _matrix(1, 1, [
-        t32,
+        t31,
     ])
     ddq = _matrix(3, 1, [
-        ca.if_else(t32 > 0, 0, t21*t22 - t23*t35 - t28*t34),
-        ca.if_else(t32 > 0, 0, t35),
-        ca.if_else(t32 > 0, 0, t34),
+        ca.if_else(t31 > 0, 0, t21*t32 - t22*t35 - t27*t34),
+        ca.if_else(t31 > 0, 0, t35),
+        ca.if_else(t31 > 0, 0, t34),
     ])
     return ca.Function("rrr_casadi_forward_dynamics", [q, dq, tau, beta], [status, ddq], ["q", "dq", "tau", "beta"],
         ["status", "ddq"])
@@ -856,32 +856,544 @@ def forward_dynamics_nominal():
     t15 = t10 - t12
     t16 = dq2*dq2*t15 + 1.64808*c23
     t17 = 0.5*(dq1*dq1)
-    t18 = tau1 - t14
-    t19 = tau2 - (15.06816*c2 + t16 - t15*(t9*t9) - (t11 - t13)*t17)
-    t20 = 1/ca.if_else(t3 > 0, t3, 1)
-    t21 = t5*t20
-    t22 = t8 - t5*t21
-    t23 = t22 - 9.094947017729282e-13*t8
-    t24 = 1/ca.if_else(t23 > 0, t22, 1)
-    t25 = 0.0336*t7 + 0.03637 - t6*t21
-    t26 = t6*t20
-    t27 = t24*t25
-    t28 = 0.03637 - t6*t26 - t25*t27
-    t29 = t28 - 3.30783223034814e-14
-    t30 = ca.if_else(t3 > 0, ca.if_else(t23 > 0, ca.if_else(t29 > 0, 0, 1), 1), 1)
-    t31 = t19 + t18*t21
-    t32 = 1/ca.if_else(t29 > 0, t28, 1)*(tau3 - (t16 - t11*t17) + t18*t26 - t27*t31)
-    t33 = t24*t31 - t27*t32
+    t18 = 1/ca.if_else(t3 > 0, t3, 1)
+    t19 = t5*t18
+    t20 = t8 - t5*t19
+    t21 = t20 - 9.094947017729282e-13*t8
+    t22 = 1/ca.if_else(t21 > 0, t20, 1)
+    t23 = 0.0336*t7 + 0.03637 - t6*t19
+    t24 = t6*t18
+    t25 = t22*t23
+    t26 = 0.03637 - t6*t24 - t23*t25
+    t27 = t26 - 3.30783223034814e-14
+    t28 = ca.if_else(t3 > 0, ca.if_else(t21 > 0, ca.if_else(t27 > 0, 0, 1), 1), 1)
+    t29 = tau1 - t14
+    t30 = tau2 - (15.06816*c2 + t16 - t15*(t9*t9) - (t11 - t13)*t17)
+    t31 = t30 + t19*t29
+    t32 = 1/ca.if_else(t27 > 0, t26, 1)*(tau3 - (t16 - t11*t17) + t24*t29 - t25*t31)
+    t33 = t22*t31 - t25*t32
     status = _matrix(1, 1, [
-        t30,
+        t28,
     ])
     ddq = _matrix(3, 1, [
-        ca.if_else(t30 > 0, 0, t18*t20 + t21*t33 + t26*t32),
-        ca.if_else(t30 > 0, 0, t33),
-        ca.if_else(t30 > 0, 0, t32),
+        ca.if_else(t28 > 0, 0, t18*t29 + t19*t33 + t24*t32),
+        ca.if_else(t28 > 0, 0, t33),
+        ca.if_else(t28 > 0, 0, t32),
     ])
     return ca.Function("rrr_casadi_forward_dynamics_nominal", [q, dq, tau], [status, ddq], ["q", "dq", "tau"],
         ["status", "ddq"])
+
+
+@lru_cache(maxsize=None)
+def inverse_dynamics_derivatives():
+    """Joint torques of the rigid body with drive inertia, and their derivatives.
+
+    tau = M(q) ddq + c(q, dq) + g(q),  d tau = dtau_dq d q + dtau_dv d dq + M d ddq
+
+    input  q (3, 1): joint positions; rad
+    input  dq (3, 1): joint velocities; rad/s
+    input  ddq (3, 1): joint accelerations; rad/s^2
+    input  beta (15, 1): base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15; SI
+    output tau (3, 1): joint torques, friction not included; N m
+    output dtau_dq (3, 3): d tau_i / d q_j for given dq and ddq; SI
+    output dtau_dv (3, 3): d tau_i / d dq_j; SI
+    output M (3, 3): d tau_i / d ddq_j: the mass matrix, drive inertia included; SI
+    """
+    q = ca.SX.sym("q", 3, 1)
+    dq = ca.SX.sym("dq", 3, 1)
+    ddq = ca.SX.sym("ddq", 3, 1)
+    beta = ca.SX.sym("beta", 15, 1)
+    [q1, q2, q3] = _rows(q)
+    [dq1, dq2, dq3] = _rows(dq)
+    [ddq1, ddq2, ddq3] = _rows(ddq)
+    [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
+        beta15] = _rows(beta)
+    s2 = ca.sin(q2)
+    t1 = 0.2*s2
+    t2 = q2 + q3
+    c23 = ca.cos(t2)
+    s23 = ca.sin(t2)
+    t3 = beta3*c23 - beta4*s23
+    t4 = t1*t3
+    c2 = ca.cos(q2)
+    t5 = beta1*c2 + beta2*s2
+    t6 = s2*t5
+    t7 = t4 + t6
+    t8 = beta2 - (t7 + t7)
+    t9 = dq1*t8
+    t10 = c2*t5
+    t11 = beta5*c23 - beta6*s23
+    t12 = c23*t11
+    t13 = 0.2*c2
+    t14 = 0.4*c2
+    t15 = t3*t14
+    t16 = beta7 + (t10 + t12 + t15)
+    t17 = beta10*c2 + beta11*s2
+    t18 = ddq2 + ddq3
+    t19 = beta8*c23 + beta9*s23
+    t20 = beta10*s2 - beta11*c2
+    t21 = dq2*dq2
+    t22 = dq2 + dq3
+    t23 = beta4*c23 + beta3*s23
+    t24 = t14*t23
+    t25 = s23*t11
+    t26 = beta6 + (t24 + (t25 + t25))
+    t27 = dq1*t26
+    t28 = dq2*t9 + ddq1*t16 + ddq2*t17 + t18*t19 - t20*t21 - t22*t27
+    t29 = beta8*s23 - beta9*c23
+    t30 = t22*t22
+    t31 = t1*t23
+    t32 = t3*t13
+    t33 = t31 + t32
+    t34 = ddq1*t17 + ddq2*(beta12 - beta13) + t18*t33 + 9.81*(beta14*c2 - beta15*s2)
+    t35 = t13*t23 - t4
+    t36 = dq1*dq1
+    t37 = 0.5*t36
+    t38 = t21*t35 + t26*t37 + (ddq1*t19 + ddq2*t33 + (beta13*t18 + 9.81*t3))
+    t39 = beta2*c2 - beta1*s2
+    t40 = beta6*c23 + beta5*s23
+    t41 = t24 + (t25 + c23*t40)
+    t42 = t32 - t31
+    t43 = t12 - s23*t40
+    t44 = t42 + t43
+    t45 = t44 + t44
+    t46 = t10 + (t42 + s2*t39)
+    t47 = dq2 + dq2
+    t48 = ddq1*(c2*t39 - (t4 + t4) - t6 - t41) - dq1*(t22*t45 + t46*t47)
+    t49 = t18*t29 + t19*t30
+    t50 = t15 + (t43 + t43)
+    t51 = ddq1*t29 + 9.81*t23
+    t52 = t37*t45 - t51
+    t53 = ddq2*t35 - t37*t50 - (t21*t33 - t51)
+    t54 = t22 + t22
+    t55 = t27 + t29*t54
+    t56 = t17 + t19
+    t57 = beta13 + t33
+    tau = _matrix(3, 1, [
+        t28 - t29*t30,
+        t34 + t38 - beta2*t37 - t30*t35 + t7*t36,
+        t38,
+    ])
+    dtau_dq = _matrix(3, 3, [
+        0, t48 - ddq2*t20 - t17*t21 - t49, -(t49 + (dq1*(t22*t50 - t31*t47) + ddq1*t41)),
+        0, t36*t46 + t52 - ddq1*t20 - 9.81*(beta15*c2 + beta14*s2), -(t18*t35 + t30*t33 + t31*t36 + t53),
+        0, t52, -t53,
+    ])
+    dtau_dv = _matrix(3, 3, [
+        dq2*t8 - t22*t26, t9 - t20*t47 - t55, -t55,
+        t27 - t9, t35*(t47 - t54), -t35*t54,
+        t27, t35*t47, 0,
+    ])
+    M = _matrix(3, 3, [
+        t16, t56, t19,
+        t56, beta12 + (t33 + t33), t57,
+        t19, t57, beta13,
+    ])
+    return ca.Function("rrr_casadi_inverse_dynamics_derivatives", [q, dq, ddq, beta], [tau, dtau_dq, dtau_dv, M],
+        ["q", "dq", "ddq", "beta"], ["tau", "dtau_dq", "dtau_dv", "M"])
+
+
+@lru_cache(maxsize=None)
+def inverse_dynamics_derivatives_nominal():
+    """Joint torques of the rigid body with drive inertia, and their derivatives, with the parameters of the robot file.
+
+    tau = M(q) ddq + c(q, dq) + g(q),  d tau = dtau_dq d q + dtau_dv d dq + M d ddq
+
+    input  q (3, 1): joint positions; rad
+    input  dq (3, 1): joint velocities; rad/s
+    input  ddq (3, 1): joint accelerations; rad/s^2
+    output tau (3, 1): joint torques, friction not included; N m
+    output dtau_dq (3, 3): d tau_i / d q_j for given dq and ddq; SI
+    output dtau_dv (3, 3): d tau_i / d dq_j; SI
+    output M (3, 3): d tau_i / d ddq_j: the mass matrix, drive inertia included; SI
+    """
+    q = ca.SX.sym("q", 3, 1)
+    dq = ca.SX.sym("dq", 3, 1)
+    ddq = ca.SX.sym("ddq", 3, 1)
+    [q1, q2, q3] = _rows(q)
+    [dq1, dq2, dq3] = _rows(dq)
+    [ddq1, ddq2, ddq3] = _rows(ddq)
+    s2 = ca.sin(q2)
+    t1 = 0.2*s2
+    t2 = q2 + q3
+    c23 = ca.cos(t2)
+    t3 = 0.168*c23
+    s23 = ca.sin(t2)
+    t4 = t1*t3
+    c2 = ca.cos(q2)
+    t5 = 0.2696*c2 + 0.008*s2
+    t6 = s2*t5
+    t7 = t4 + t6
+    t8 = 0.008 - (t7 + t7)
+    t9 = dq1*t8
+    t10 = c2*t5
+    t11 = 0.03185*c23 - 0.001*s23
+    t12 = c23*t11
+    t13 = 0.2*c2
+    t14 = 0.4*c2
+    t15 = t3*t14
+    t16 = t10 + t12 + t15 + 0.8531086
+    t17 = 0.004*c2 + 0.299444*s2
+    t18 = ddq2 + ddq3
+    t19 = 0.0013*c23 + 0.043584*s23
+    t20 = -t19
+    t21 = 0.299444*c2 - 0.004*s2
+    t22 = dq2*dq2
+    t23 = dq2 + dq3
+    t24 = 0.168*s23
+    t25 = t14*t24
+    t26 = s23*t11
+    t27 = 0.001 + (t25 + (t26 + t26))
+    t28 = dq1*t27
+    t29 = dq2*t9 + ddq1*t16 - ddq2*t17 - t18*t19 - t21*t22 - t23*t28
+    t30 = 0.043584*c23 - 0.0013*s23
+    t31 = t23*t23
+    t32 = t1*t24
+    t33 = t3*t13
+    t34 = t32 + t33
+    t35 = t13*t24 - t4
+    t36 = dq1*dq1
+    t37 = 0.5*t36
+    t38 = t22*t35 + t27*t37 + (ddq2*t34 - ddq1*t19 + (0.03637*t18 + 1.64808*c23))
+    t39 = 0.3526*ddq2 - ddq1*t17 + t18*t34 + 15.06816*c2 + t38 - 0.004*t36
+    t40 = 0.008*c2 - 0.2696*s2
+    t41 = 0.001*c23 + 0.03185*s23
+    t42 = t25 + (t26 + c23*t41)
+    t43 = t33 - t32
+    t44 = t12 - s23*t41
+    t45 = t43 + t44
+    t46 = t45 + t45
+    t47 = t10 + (t43 + s2*t40)
+    t48 = dq2 + dq2
+    t49 = ddq1*(c2*t40 - (t4 + t4) - t6 - t42) - dq1*(t23*t46 + t47*t48)
+    t50 = t18*t30 - t19*t31
+    t51 = t15 + (t44 + t44)
+    t52 = ddq1*t30 + 1.64808*s23
+    t53 = t37*t46 - t52
+    t54 = ddq2*t35 - t37*t51 - (t22*t34 - t52)
+    t55 = t23 + t23
+    t56 = t28 + t30*t55
+    t57 = -(t17 + t19)
+    t58 = t34 + 0.03637
+    tau = _matrix(3, 1, [
+        t29 - t30*t31,
+        t39 - t31*t35 + t7*t36,
+        t38,
+    ])
+    dtau_dq = _matrix(3, 3, [
+        0, t49 - ddq2*t21 + t17*t22 - t50, -(t50 + (dq1*(t23*t51 - t32*t48) + ddq1*t42)),
+        0, t36*t47 + t53 - ddq1*t21 - 15.06816*s2, -(t18*t35 + t31*t34 + t32*t36 + t54),
+        0, t53, -t54,
+    ])
+    dtau_dv = _matrix(3, 3, [
+        dq2*t8 - t23*t27, t9 - t21*t48 - t56, -t56,
+        t28 - t9, t35*(t48 - t55), -t35*t55,
+        t28, t35*t48, 0,
+    ])
+    M = _matrix(3, 3, [
+        t16, t57, t20,
+        t57, t34 + t34 + 0.38897, t58,
+        t20, t58, 0.03637,
+    ])
+    return ca.Function("rrr_casadi_inverse_dynamics_derivatives_nominal", [q, dq, ddq], [tau, dtau_dq, dtau_dv, M],
+        ["q", "dq", "ddq"], ["tau", "dtau_dq", "dtau_dv", "M"])
+
+
+@lru_cache(maxsize=None)
+def forward_dynamics_derivatives():
+    """Joint accelerations of the rigid body with drive inertia, and their derivatives.
+
+    M ddq = tau - c - g,  dddq_dtau = inv(M),  dddq_dq = -inv(M) dtau_dq,  dddq_dv = -inv(M) dtau_dv
+
+    input  q (3, 1): joint positions; rad
+    input  dq (3, 1): joint velocities; rad/s
+    input  tau (3, 1): joint torques; N m
+    input  beta (15, 1): base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15; SI
+    output status (1, 1)
+    output ddq (3, 1): joint accelerations; zero when the status is not ok; rad/s^2
+    output dddq_dq (3, 3): d ddq_i / d q_j for given dq and tau; SI
+    output dddq_dv (3, 3): d ddq_i / d dq_j; SI
+    output dddq_dtau (3, 3): d ddq_i / d tau_j, the inverse of M; SI
+
+    All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
+    """
+    q = ca.SX.sym("q", 3, 1)
+    dq = ca.SX.sym("dq", 3, 1)
+    tau = ca.SX.sym("tau", 3, 1)
+    beta = ca.SX.sym("beta", 15, 1)
+    [q1, q2, q3] = _rows(q)
+    [dq1, dq2, dq3] = _rows(dq)
+    [tau1, tau2, tau3] = _rows(tau)
+    [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
+        beta15] = _rows(beta)
+    s2 = ca.sin(q2)
+    t1 = 0.2*s2
+    t2 = q2 + q3
+    c23 = ca.cos(t2)
+    s23 = ca.sin(t2)
+    t3 = beta3*c23 - beta4*s23
+    t4 = t1*t3
+    c2 = ca.cos(q2)
+    t5 = beta1*c2 + beta2*s2
+    t6 = s2*t5
+    t7 = t4 + t6
+    t8 = beta2 - (t7 + t7)
+    t9 = dq1*t8
+    t10 = c2*t5
+    t11 = beta5*c23 - beta6*s23
+    t12 = c23*t11
+    t13 = 0.2*c2
+    t14 = 0.4*c2
+    t15 = t3*t14
+    t16 = beta7 + (t10 + t12 + t15)
+    t17 = beta10*c2 + beta11*s2
+    t18 = beta8*c23 + beta9*s23
+    t19 = beta10*s2 - beta11*c2
+    t20 = dq2*dq2
+    t21 = dq2 + dq3
+    t22 = beta4*c23 + beta3*s23
+    t23 = t14*t22
+    t24 = s23*t11
+    t25 = beta6 + (t23 + (t24 + t24))
+    t26 = dq1*t25
+    t27 = beta8*s23 - beta9*c23
+    t28 = t21*t21
+    t29 = t1*t22
+    t30 = t3*t13
+    t31 = t29 + t30
+    t32 = t13*t22 - t4
+    t33 = dq1*dq1
+    t34 = 0.5*t33
+    t35 = t20*t32 + t25*t34 + 9.81*t3
+    t36 = 9.81*(beta14*c2 - beta15*s2) + t35 - beta2*t34 - t28*t32 + t7*t33
+    t37 = beta2*c2 - beta1*s2
+    t38 = beta6*c23 + beta5*s23
+    t39 = t23 + (t24 + c23*t38)
+    t40 = t30 - t29
+    t41 = t12 - s23*t38
+    t42 = t40 + t41
+    t43 = t42 + t42
+    t44 = t10 + (t40 + s2*t37)
+    t45 = dq2 + dq2
+    t46 = t15 + (t41 + t41)
+    t47 = dq2*t8 - t21*t25
+    t48 = t21 + t21
+    t49 = t26 + t27*t48
+    t50 = t9 - t19*t45 - t49
+    t51 = t26 - t9
+    t52 = t32*(t45 - t48)
+    t53 = t32*t48
+    t54 = t32*t45
+    t55 = t17 + t18
+    t56 = beta12 + (t31 + t31)
+    t57 = 1/ca.if_else(t16 > 0, t16, 1)
+    t58 = t55*t57
+    t59 = t56 - t55*t58
+    t60 = t59 - 9.094947017729282e-13*t56
+    t61 = 1/ca.if_else(t60 > 0, t59, 1)
+    t62 = beta13 + t31 - t18*t58
+    t63 = t18*t57
+    t64 = t61*t62
+    t65 = beta13 - t18*t63 - t62*t64
+    t66 = t65 - 9.094947017729282e-13*beta13
+    t67 = ca.if_else(t16 > 0, ca.if_else(t60 > 0, ca.if_else(t66 > 0, 0, 1), 1), 1)
+    t68 = ca.if_else(t67 > 0, 0, -t61)
+    t69 = ca.if_else(t67 > 0, 0, -1/ca.if_else(t66 > 0, t65, 1))
+    t70 = t63 - t58*t64
+    t71 = t58*t68
+    t72 = t69*t70
+    t73 = t64*t69
+    t74 = ca.if_else(t67 > 0, 0, -t57) + t58*t71 + t70*t72
+    t75 = t70*t73 - t71
+    t76 = t68 + t64*t73
+    t77 = dq2*t9 - t19*t20 - t21*t26 - t27*t28 - tau1
+    t78 = t36 - tau2
+    t79 = t35 - tau3
+    t80 = t74*t77 + t75*t78 - t72*t79
+    t81 = t75*t77 + t76*t78 - t73*t79
+    t82 = t69*t79 - (t72*t77 + t73*t78)
+    t83 = t81 + t82
+    t84 = (c2*t37 - (t4 + t4) - t6 - t39)*t80 - dq1*(t21*t43 + t44*t45)
+    t85 = t18*t28 + t27*t83
+    t86 = t84 - t19*t81 - t17*t20 - t85
+    t87 = t85 + (dq1*(t21*t46 - t29*t45) + t39*t80)
+    t88 = 9.81*t22 + t27*t80
+    t89 = t34*t43 - t88
+    t90 = t33*t44 + t89 - t19*t80 - 9.81*(beta15*c2 + beta14*s2)
+    t91 = t32*t81 - t34*t46 - (t20*t31 - t88)
+    t92 = t29*t33 + (t28*t31 + t32*t83) + t91
+    t93 = -t75
+    status = _matrix(1, 1, [
+        t67,
+    ])
+    ddq = _matrix(3, 1, [
+        t80,
+        t81,
+        t82,
+    ])
+    dddq_dq = _matrix(3, 3, [
+        0, t74*t86 + t75*t90 - t72*t89, t72*t91 - (t74*t87 + t75*t92),
+        0, t75*t86 + t76*t90 - t73*t89, t73*t91 - (t75*t87 + t76*t92),
+        0, t69*t89 - (t72*t86 + t73*t90), t72*t87 + t73*t92 - t69*t91,
+    ])
+    dddq_dv = _matrix(3, 3, [
+        t47*t74 + t51*t75 - t26*t72, t50*t74 + t52*t75 - t54*t72, -(t49*t74 + t53*t75),
+        t47*t75 + t51*t76 - t26*t73, t50*t75 + t52*t76 - t54*t73, -(t49*t75 + t53*t76),
+        t26*t69 - (t47*t72 + t51*t73), t54*t69 - (t50*t72 + t52*t73), t49*t72 + t53*t73,
+    ])
+    dddq_dtau = _matrix(3, 3, [
+        -t74, t93, t72,
+        t93, -t76, t73,
+        t72, t73, -t69,
+    ])
+    return ca.Function("rrr_casadi_forward_dynamics_derivatives", [q, dq, tau, beta], [status, ddq, dddq_dq,
+        dddq_dv, dddq_dtau], ["q", "dq", "tau", "beta"], ["status", "ddq", "dddq_dq", "dddq_dv", "dddq_dtau"])
+
+
+@lru_cache(maxsize=None)
+def forward_dynamics_derivatives_nominal():
+    """Joint accelerations of the rigid body with drive inertia, and their derivatives, with the parameters of the robot file.
+
+    M ddq = tau - c - g,  dddq_dtau = inv(M),  dddq_dq = -inv(M) dtau_dq,  dddq_dv = -inv(M) dtau_dv
+
+    input  q (3, 1): joint positions; rad
+    input  dq (3, 1): joint velocities; rad/s
+    input  tau (3, 1): joint torques; N m
+    output status (1, 1)
+    output ddq (3, 1): joint accelerations; zero when the status is not ok; rad/s^2
+    output dddq_dq (3, 3): d ddq_i / d q_j for given dq and tau; SI
+    output dddq_dv (3, 3): d ddq_i / d dq_j; SI
+    output dddq_dtau (3, 3): d ddq_i / d tau_j, the inverse of M; SI
+
+    All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
+    """
+    q = ca.SX.sym("q", 3, 1)
+    dq = ca.SX.sym("dq", 3, 1)
+    tau = ca.SX.sym("tau", 3, 1)
+    [q1, q2, q3] = _rows(q)
+    [dq1, dq2, dq3] = _rows(dq)
+    [tau1, tau2, tau3] = _rows(tau)
+    s2 = ca.sin(q2)
+    t1 = 0.2*s2
+    t2 = q2 + q3
+    c23 = ca.cos(t2)
+    t3 = 0.168*c23
+    s23 = ca.sin(t2)
+    t4 = t1*t3
+    c2 = ca.cos(q2)
+    t5 = 0.2696*c2 + 0.008*s2
+    t6 = s2*t5
+    t7 = t4 + t6
+    t8 = 0.008 - (t7 + t7)
+    t9 = dq1*t8
+    t10 = c2*t5
+    t11 = 0.03185*c23 - 0.001*s23
+    t12 = c23*t11
+    t13 = 0.2*c2
+    t14 = 0.4*c2
+    t15 = t3*t14
+    t16 = t10 + t12 + t15 + 0.8531086
+    t17 = 0.004*c2 + 0.299444*s2
+    t18 = 0.0013*c23 + 0.043584*s23
+    t19 = 0.299444*c2 - 0.004*s2
+    t20 = dq2*dq2
+    t21 = dq2 + dq3
+    t22 = 0.168*s23
+    t23 = t14*t22
+    t24 = s23*t11
+    t25 = 0.001 + (t23 + (t24 + t24))
+    t26 = dq1*t25
+    t27 = 0.043584*c23 - 0.0013*s23
+    t28 = t21*t21
+    t29 = t1*t22
+    t30 = t3*t13
+    t31 = t29 + t30
+    t32 = t13*t22 - t4
+    t33 = dq1*dq1
+    t34 = 0.5*t33
+    t35 = t20*t32 + t25*t34 + 1.64808*c23
+    t36 = 0.008*c2 - 0.2696*s2
+    t37 = 0.001*c23 + 0.03185*s23
+    t38 = t23 + (t24 + c23*t37)
+    t39 = t30 - t29
+    t40 = t12 - s23*t37
+    t41 = t39 + t40
+    t42 = t41 + t41
+    t43 = t10 + (t39 + s2*t36)
+    t44 = dq2 + dq2
+    t45 = t15 + (t40 + t40)
+    t46 = dq2*t8 - t21*t25
+    t47 = t21 + t21
+    t48 = t26 + t27*t47
+    t49 = t9 - t19*t44 - t48
+    t50 = t26 - t9
+    t51 = t32*(t44 - t47)
+    t52 = t32*t47
+    t53 = t32*t44
+    t54 = t17 + t18
+    t55 = t31 + t31 + 0.38897
+    t56 = 1/ca.if_else(t16 > 0, t16, 1)
+    t57 = t54*t56
+    t58 = t55 - t54*t57
+    t59 = t58 - 9.094947017729282e-13*t55
+    t60 = 1/ca.if_else(t59 > 0, t58, 1)
+    t61 = t31 + 0.03637 - t18*t57
+    t62 = t18*t56
+    t63 = t60*t61
+    t64 = 0.03637 - t18*t62 - t61*t63
+    t65 = t64 - 3.30783223034814e-14
+    t66 = ca.if_else(t16 > 0, ca.if_else(t59 > 0, ca.if_else(t65 > 0, 0, 1), 1), 1)
+    t67 = ca.if_else(t66 > 0, 0, -t60)
+    t68 = ca.if_else(t66 > 0, 0, -1/ca.if_else(t65 > 0, t64, 1))
+    t69 = t57*t63 - t62
+    t70 = t57*t67
+    t71 = t68*t69
+    t72 = t63*t68
+    t73 = ca.if_else(t66 > 0, 0, -t56) + t57*t70 + t69*t71
+    t74 = t70 + t69*t72
+    t75 = t67 + t63*t72
+    t76 = dq2*t9 - t19*t20 - t21*t26 - t27*t28 - tau1
+    t77 = 15.06816*c2 + t35 - 0.004*t33 - t28*t32 + t7*t33 - tau2
+    t78 = t35 - tau3
+    t79 = t73*t76 + t74*t77 - t71*t78
+    t80 = t74*t76 + t75*t77 - t72*t78
+    t81 = t68*t78 - (t71*t76 + t72*t77)
+    t82 = t80 + t81
+    t83 = (c2*t36 - (t4 + t4) - t6 - t38)*t79 - dq1*(t21*t42 + t43*t44)
+    t84 = t27*t82 - t18*t28
+    t85 = t17*t20 + (t83 - t19*t80) - t84
+    t86 = t84 + (dq1*(t21*t45 - t29*t44) + t38*t79)
+    t87 = 1.64808*s23 + t27*t79
+    t88 = t34*t42 - t87
+    t89 = t33*t43 + t88 - t19*t79 - 15.06816*s2
+    t90 = t32*t80 - t34*t45 - (t20*t31 - t87)
+    t91 = t29*t33 + (t28*t31 + t32*t82) + t90
+    t92 = -t74
+    status = _matrix(1, 1, [
+        t66,
+    ])
+    ddq = _matrix(3, 1, [
+        t79,
+        t80,
+        t81,
+    ])
+    dddq_dq = _matrix(3, 3, [
+        0, t73*t85 + t74*t89 - t71*t88, t71*t90 - (t73*t86 + t74*t91),
+        0, t74*t85 + t75*t89 - t72*t88, t72*t90 - (t74*t86 + t75*t91),
+        0, t68*t88 - (t71*t85 + t72*t89), t71*t86 + t72*t91 - t68*t90,
+    ])
+    dddq_dv = _matrix(3, 3, [
+        t46*t73 + t50*t74 - t26*t71, t49*t73 + t51*t74 - t53*t71, -(t48*t73 + t52*t74),
+        t46*t74 + t50*t75 - t26*t72, t49*t74 + t51*t75 - t53*t72, -(t48*t74 + t52*t75),
+        t26*t68 - (t46*t71 + t50*t72), t53*t68 - (t49*t71 + t51*t72), t48*t71 + t52*t72,
+    ])
+    dddq_dtau = _matrix(3, 3, [
+        -t73, t92, t71,
+        t92, -t75, t72,
+        t71, t72, -t68,
+    ])
+    return ca.Function("rrr_casadi_forward_dynamics_derivatives_nominal", [q, dq, tau], [status, ddq, dddq_dq,
+        dddq_dv, dddq_dtau], ["q", "dq", "tau"], ["status", "ddq", "dddq_dq", "dddq_dv", "dddq_dtau"])
 
 
 @lru_cache(maxsize=None)
@@ -1190,6 +1702,10 @@ FUNCTIONS = {
     "inverse_dynamics_nominal": inverse_dynamics_nominal,
     "forward_dynamics": forward_dynamics,
     "forward_dynamics_nominal": forward_dynamics_nominal,
+    "inverse_dynamics_derivatives": inverse_dynamics_derivatives,
+    "inverse_dynamics_derivatives_nominal": inverse_dynamics_derivatives_nominal,
+    "forward_dynamics_derivatives": forward_dynamics_derivatives,
+    "forward_dynamics_derivatives_nominal": forward_dynamics_derivatives_nominal,
     "regressor": regressor,
     "regressor_transpose": regressor_transpose,
     "standard_regressor": standard_regressor,

@@ -170,7 +170,7 @@ def _twins(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
     twins = []
     for name, program in model.programs.items():
         twin = model.programs.get(f"{name}_nominal")
-        if twin is None or any(port.name in ("status", "tau") for port in (*program.inputs, *twin.outputs[:-1])):
+        if twin is None or len(twin.outputs) > 1:
             continue
         states = {"q": "q[k]", "dq": "dq[k]", "ddq": "ddq[k]"}
         arguments = [[states.get(port.name, port.name) for port in each.inputs] for each in (program, twin)]
@@ -179,7 +179,7 @@ def _twins(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
                 "name": name,
                 "general": f"{function_name(program, dialect)}({', '.join(arguments[0])}, expected)",
                 "nominal": f"{function_name(twin, dialect)}({', '.join(arguments[1])}, result)",
-                "size": program.outputs[-1].size,
+                "size": program.outputs[0].size,
             }
         )
     return twins

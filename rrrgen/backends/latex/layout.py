@@ -67,7 +67,7 @@ def _display(name: str, value: sp.Expr | sp.MatrixBase, cse_limit: int) -> Displ
 
 def _place(name: str) -> tuple[str, tuple[int, ...]]:
     """``mass_matrix[1,2]`` as function and indices."""
-    match = re.fullmatch(r"(\w+)\[(\d+(?:,\d+)*)\]", name)
+    match = re.fullmatch(r"([\w.]+)\[(\d+(?:,\d+)*)\]", name)
     return (match[1], tuple(int(index) for index in match[2].split(","))) if match else (name, ())
 
 

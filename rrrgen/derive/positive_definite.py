@@ -1,0 +1,92 @@
+"""Solving with the mass matrix: L D L', recorded without branches and without division by zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rrrgen.program import Builder, Value
+
+PIVOT_TOLERANCE = Fraction(1, 2**40)
+"""A pivot of M below this part of its diagonal entry counts as zero."""
+
+Rows = list[list[Value]]
+
+
+@dataclass(frozen=True)
+class Factors:
+    """``M = L D L'``: L (unit lower triangular), the reciprocals of D, and a status: 1 where a pivot is not positive.
+
+    Where the status is 1 the numbers are finite but mean nothing.
+    """
+
+    builder: Builder
+    L: Rows
+    reciprocals: list[Value]
+    status: Value
+
+    def solve(self, rhs: list[Value]) -> list[Value]:
+        """x with M x = rhs; x = 0 where the status is 1."""
+        b, L, n = self.builder, self.L, len(rhs)
+        y = list(rhs)
+        for i in range(n):
+            for k in range(i):
+                y[i] = b.sub(y[i], b.mul(L[i][k], y[k]))
+        x = [b.mul(y[i], self.reciprocals[i]) for i in range(n)]
+        for i in reversed(range(n)):
+            for k in range(i + 1, n):
+                x[i] = b.sub(x[i], b.mul(L[k][i], x[k]))
+        return [b.select(self.status, 0, value) for value in x]
+
+    def negative_inverse(self) -> Rows:
+        """``-inv(M)``, symmetric; 0 where the status is 1. The sign is what derivatives of the solution need."""
+        b, n = self.builder, len(self.L)
+        scales = [b.select(self.status, 0, b.neg(value)) for value in self.reciprocals]
+        X = self._inverse_of_L()
+        scaled = [[b.mul(scales[k], X[k][j]) for j in range(k + 1)] for k in range(n)]
+        result: Rows = [[0] * n for _ in range(n)]
+        for i in range(n):
+            for j in range(i, n):
+                total: Value = 0
+                for k in range(j, n):
+                    total = b.add(total, b.mul(X[k][i], scaled[k][j]))
+                result[i][j] = result[j][i] = total
+        return result
+
+    def _inverse_of_L(self) -> Rows:
+        b, L, n = self.builder, self.L, len(self.L)
+        X: Rows = [[int(i == j) for j in range(n)] for i in range(n)]
+        for j in range(n):
+            for i in range(j + 1, n):
+                total = L[i][j]
+                for k in range(j + 1, i):
+                    total = b.add(total, b.mul(L[i][k], X[k][j]))
+                X[i][j] = b.neg(total)
+        return X
+
+
+def factorize(builder: Builder, M: Rows) -> Factors:
+    """The factors of the symmetric matrix ``M``."""
+    b, n = builder, len(M)
+    L: Rows = [[0] * n for _ in range(n)]
+    margins: list[Value] = []
+    reciprocals: list[Value] = []
+    for j in range(n):
+        scaled = [L[j][k] for k in range(j)]  # still L_jk d_k
+        pivot = M[j][j]
+        for k in range(j):
+            L[j][k] = b.mul(scaled[k], reciprocals[k])
+            pivot = b.sub(pivot, b.mul(L[j][k], scaled[k]))
+        margin = pivot if j == 0 else b.sub(pivot, b.mul(PIVOT_TOLERANCE, M[j][j]))
+        margins.append(margin)
+        reciprocals.append(b.div(1, b.select(margin, pivot, 1)))
+        for i in range(j + 1, n):
+            entry = M[i][j]
+            for k in range(j):
+                entry = b.sub(entry, b.mul(L[i][k], L[j][k]))
+            L[i][j] = entry
+        L[j][j] = 1
+    status: Value = 0
+    for margin in reversed(margins):
+        status = b.select(margin, status, 1)
+    return Factors(b, L, reciprocals, status)

@@ -1,0 +1,25 @@
+"""What the derivative functions return: named, so that nobody counts positions."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+
+class InverseDynamicsDerivatives(NamedTuple):
+    """Torques (..., n) and their derivatives (..., n, n): d tau = dtau_dq dq + dtau_dv d(dq) + M d(ddq)."""
+
+    tau: NDArray[Any]
+    dtau_dq: NDArray[Any]
+    dtau_dv: NDArray[Any]
+    M: NDArray[Any]
+
+
+class ForwardDynamicsDerivatives(NamedTuple):
+    """Accelerations (..., n) and their derivatives (..., n, n) with respect to q, dq and tau; dddq_dtau is inv(M)."""
+
+    ddq: NDArray[Any]
+    dddq_dq: NDArray[Any]
+    dddq_dv: NDArray[Any]
+    dddq_dtau: NDArray[Any]
