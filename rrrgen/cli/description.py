@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.ik.report import ClosedForm as InverseForm
     from rrrgen.spec.robot_spec import JointSpec, RobotSpec
 
 _CONVENTION = {
@@ -39,7 +40,7 @@ def as_text(model: DerivedModel) -> str:
     return "\n".join(lines) + "\n\n"
 
 
-def as_data(model: DerivedModel, closed_forms: dict[str, Any]) -> dict[str, Any]:
+def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseForm | str | None) -> dict[str, Any]:
     """The same for machines."""
     spec = model.spec
     nominal = [None] * len(model.base_parameters) if model.beta_nominal is None else map(float, model.beta_nominal)
@@ -59,6 +60,21 @@ def as_data(model: DerivedModel, closed_forms: dict[str, Any]) -> dict[str, Any]
         "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
         "operations": {name: count_operations(program).as_dict() for name, program in model.programs.items()},
         "closed_forms": closed_forms,
+        "inverse_kinematics": _inverse_kinematics(inverse),
+    }
+
+
+def _inverse_kinematics(found: InverseForm | str | None) -> dict[str, Any] | None:
+    """Family, singularities and steps, or the reason why there is none."""
+    if found is None or isinstance(found, str):
+        return None if found is None else {"reason": found}
+    return {
+        "family": found.plan.family,
+        "title": found.plan.title,
+        "max_solutions": found.plan.max_solutions,
+        "redundancy": found.plan.redundancy or None,
+        "singular": [item.words if item.expression is None else str(item.expression) for item in found.singularities],
+        "steps": [step.text() for step in found.steps],
     }
 
 

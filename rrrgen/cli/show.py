@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.ik.report import ClosedForm as InverseForm
+
+INVERSE = "inverse_kinematics"
 
 
 @click.command()
@@ -50,33 +53,61 @@ def show(
       rrrgen show rrr
       rrrgen show rrr -f mass_matrix --latex
       rrrgen show panda -f mass_matrix --entry 7,7
+      rrrgen show ur10e -f inverse_kinematics
       rrrgen show ur10e --html ur10e.html
     """
     from rrrgen import pipeline
+    from rrrgen.ik.report import ClosedForm
 
     if as_latex and as_json:
         raise click.UsageError("give one of --latex and --json")
     if entry is not None and len(functions) != 1:
         raise click.UsageError("--entry needs exactly one --function")
     model = pipeline.derive(read_with_warnings(robot))
-    wanted = functions or (USUAL if closed_forms or (closed_forms is None and model.spec.n <= SHORT) else ())
+    short = closed_forms or (closed_forms is None and model.spec.n <= SHORT)
+    wanted = [name for name in functions if name != INVERSE] or (USUAL if short and not functions else ())
+    inverse = (
+        _inverse_kinematics(model, INVERSE in functions, bool(short)) if not functions or INVERSE in functions else None
+    )
     if html is not None:
         write_html(html, model)
     forms = {_label(name, entry): _closed_form(model, name, entry) for name in wanted}
     if as_json:
         from rrrgen.cli.description import as_data
 
-        print_json(as_data(model, {name: _plain(form) for name, form in forms.items()}))
+        print_json(as_data(model, {name: _plain(form) for name, form in forms.items()}, inverse))
     elif as_latex:
         from rrrgen.backends.latex import latex
 
-        click.echo(latex(forms), nl=False)
+        text = latex(forms) if forms else ""
+        click.echo(
+            text + (f"{inverse.latex()}\n" if isinstance(inverse, ClosedForm) and inverse.steps else ""), nl=False
+        )
     else:
         from rrrgen.backends.latex import plain
         from rrrgen.cli.description import as_text
 
         text = "" if functions else as_text(model)
-        click.echo(text + plain(forms) if forms else text, nl=False)
+        text += plain(forms) if forms else ""
+        said = inverse.text() if isinstance(inverse, ClosedForm) else inverse
+        click.echo("\n\n".join(part.rstrip("\n") for part in (text, said) if part))
+
+
+def _inverse_kinematics(model: DerivedModel, asked: bool, short: bool) -> InverseForm | str:
+    """The closed form of the inverse kinematics, for large robots only what it is like; or why there is none."""
+    from rrrgen.errors import DerivationError
+    from rrrgen.ik.classify import plan
+    from rrrgen.ik.report import closed_form, summary
+
+    if asked or short:
+        try:
+            return closed_form(model.spec)
+        except DerivationError as error:
+            if asked:
+                raise
+            return f"inverse kinematics: none; {error}"
+    found = plan(model.spec)
+    return summary(found) if found.solvable else f"inverse kinematics: none; {found.reason}"
 
 
 def _label(name: str, entry: str | None) -> str:

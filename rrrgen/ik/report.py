@@ -72,6 +72,8 @@ class ClosedForm:
     def latex(self) -> str:
         """The steps as one LaTeX ``align*`` environment."""
         lines = [step.latex().replace(" = ", " &= ", 1) for step in self.steps]
+        if not lines:
+            raise DerivationError(f"{self.plan.title}: there are no closed-form steps to print")
         return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
 
 
@@ -86,6 +88,8 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
     plan = make_plan(spec, redundancy)
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: {plan.reason}")
+    if plan.family == "general6r":
+        return summary(plan)
     chain, values = symbolic_chain(spec, plan)
     builder = TextBuilder(chain.n, position=plan.task == "position")
     try:
@@ -94,6 +98,11 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
         builder, values = TextBuilder(chain.n, position=plan.task == "position"), ()
         derive(builder, plan)
     return ClosedForm(plan, singular_sets(spec, plan), values, _needed(builder.steps))
+
+
+def summary(plan: SolverPlan) -> ClosedForm:
+    """What is known without deriving: family, number of solutions, redundancy, singularities in words; no steps."""
+    return ClosedForm(plan, plan.singularities, (), ())
 
 
 def _needed(steps: list[Step]) -> tuple[Step, ...]:

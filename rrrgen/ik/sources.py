@@ -220,7 +220,6 @@ def _opening(spec: RobotSpec, plan: SolverPlan, real: str) -> list[str]:
 
 
 _FUNCTIONS = {
-    "ATAN2": "atan2",
     "SQRT": "sqrt",
     "FABS": "fabs",
     "SIN": "sin",
@@ -237,6 +236,7 @@ def _spelled(text: str, name: str, real: str) -> str:
     words |= {
         "REAL": f"{name}_real",
         "WRAP": f"{name}_ik_wrap",
+        "ATAN2": f"{name}_ik_atan2",
         "ROOT0": f"{name}_ik_root0",
         **{flag: f"(unsigned){name.upper()}_IK_{flag}" for flag in ("FREE", "MULTIPLE", "NEAR")},
     }

@@ -35,6 +35,14 @@ VARIANTS = {
     "scara": ROWS["scara"],
     "iiwa14": ROWS["iiwa14"],
     "panda": ROWS["panda"],
+    "general": [
+        ("R", 1.3, 0.3, 0.4, 0.2),
+        ("R", -0.7, 0.5, 0.1, 0.0),
+        ("R", 0.9, 0.2, -0.2, 0.5),
+        ("R", 1.1, 0.1, 0.3, 0.0),
+        ("R", -1.4, 0.25, 0.15, 0.0),
+        ("R", 0.4, 0.1, 0.2, -1.0),
+    ],
     "gantry": [("P", 1.5707963267948966, 0.1, 0.0, 0.0), ("P", 1.2, 0.0, 0.0, 0.3), ("R", 0.4, 0.2, 0.1, 0.0)],
     "quadratic": [("P", 0.7, 0.1, 0.0, 0.0), ("R", 0.8, 0.2, 0.1, 0.3), ("P", 0.4, 0.2, 0.1, 0.2)],
     "nearly": [("R", 1.5707963267948966, 1e-5, 0.56, 0.0), ("R", 1e-5, 0.2, 0.169, 0.0), ("R", 0.0, 0.415, 0.09, 0.0)],
@@ -172,7 +180,7 @@ int main(int argc, char **argv)
 """
 
 
-@pytest.mark.parametrize("name", ["rrr", "ortho3r", "puma", "ur5", "stanford", "scara", "iiwa14", "nearly"])
+@pytest.mark.parametrize("name", ["rrr", "ortho3r", "puma", "ur5", "stanford", "scara", "iiwa14", "nearly", "general"])
 def test_sanitizers(name, tmp_path):
     """Address and undefined-behaviour sanitizers over ordinary, singular, unreachable and absurd targets."""
     if shutil.which("gcc") is None:

@@ -1,0 +1,151 @@
+"""Six revolute joints without special structure: every root, no wrong row, sixteen where there are sixteen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ik.checks import sample
+from ik.robots import ROWS, make, reference, table
+from oracles.inverse_kinematics import same_sets, solve_all
+from oracles.newton_euler import Robot
+from rrrgen.errors import DerivationError
+from rrrgen.ik.casadi_branches import branch_function
+from rrrgen.ik.classify import plan
+from rrrgen.ik.elimination import eliminations
+from rrrgen.ik.general6r import general6r_tables
+from rrrgen.ik.report import closed_form
+from rrrgen.ik.solver import INEXACT, load_solver
+
+POSES = 500  # per arm; ten thousand poses over these and random arms miss none
+
+MANSEUR_DOTY = table(
+    "RRRRRR",
+    [np.pi / 2, np.pi / 180, np.pi / 2, np.pi / 180, np.pi / 2, np.pi / 180],
+    [0.3, 1.0, 0.0, 1.5, 0.0, 0.0],
+    [0.0, 0.0, 0.2, 0.0, 0.0, 0.0],
+)
+SIXTEEN = np.array(
+    [
+        [-0.760117, -0.641689, 0.102262, -1.140175],
+        [0.133333, 0.0, 0.991071, 0.0],
+        [-0.635959, 0.766965, 0.085558, 0.0],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+)
+
+
+def random_arm(seed: int) -> list:
+    rng = np.random.default_rng(seed)
+    angles, lengths = rng.uniform(-3, 3, (2, 6)), rng.uniform(-0.6, 0.6, (2, 6))
+    return table("RRRRRR", angles[0], lengths[0], lengths[1], angles[1])
+
+
+def calibrated(name: str, error: float, seed: int = 3) -> list:
+    """The table of an industrial arm as a calibration finds it: every entry a little off."""
+    rng = np.random.default_rng(seed)
+    return [(kind, *(np.array(values) + error * rng.normal(size=4))) for kind, *values in ROWS[name]]
+
+
+ARMS = {
+    "random 1": random_arm(1),
+    "random 2": random_arm(2),
+    "random 3": random_arm(3),
+    "UR5 1e-3 off": calibrated("ur5", 1e-3),
+    "UR5 1e-5 off": calibrated("ur5", 1e-5),
+    "Puma 1e-3 off": calibrated("puma", 1e-3),
+    "Puma 5e-2 off": calibrated("puma", 5e-2),
+    "Manseur-Doty": MANSEUR_DOTY,
+}
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_every_row_is_right_and_no_seed_is_missed(name):
+    result = sample("arm", ARMS[name], N=POSES)
+    assert result.solver.plan.family == "general6r"
+    assert result.solver.plan.max_solutions == 16
+    result.assert_right()
+    assert np.all(result.batch.counts % 2 == 0)  # complex roots come in pairs
+
+
+def test_base_tool_offsets_and_a_reference_are_taken_into_account():
+    turned = np.array([[0.0, -1.0, 0.0, 0.3], [1.0, 0.0, 0.0, -0.1], [0.0, 0.0, 1.0, 0.2], [0.0, 0.0, 0.0, 1.0]])
+    result = sample("arm", ARMS["random 1"], N=100, base=turned, tool=turned @ turned)
+    result.assert_right()
+    q_ref = np.full(6, 20.0)
+    rows = result.solver.solve(result.T[0], q_ref=q_ref, limits=False).q
+    assert np.abs(rows - q_ref).max() <= np.pi + 1e-12
+    assert np.abs(reference(result.rows, rows, **result.frames) - result.T[0]).max() < 1e-12
+
+
+def test_an_arm_with_sixteen_real_solutions():
+    target = SIXTEEN.copy()
+    u, _, v = np.linalg.svd(target[:3, :3])
+    target[:3, :3] = u @ v
+    rows = load_solver(make("arm", MANSEUR_DOTY)).solve(target).q
+    assert len(rows) == 16
+    assert np.abs(reference(MANSEUR_DOTY, rows) - target).max() < 1e-12
+    apart = np.abs((rows[:, None] - rows[None] + np.pi) % (2 * np.pi) - np.pi).max(axis=2)
+    assert (apart + np.eye(16) * 9).min() > 1e-3
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_sets_are_those_of_a_search_from_many_starts(seed):
+    rows = random_arm(seed)
+    robot = Robot("standard", tuple(("revolute", *row[1:]) for row in rows))
+    q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (2, 6))
+    solver = load_solver(make("arm", rows))
+    for target in reference(rows, q):
+        assert same_sets(robot, solver.solve(target).q, solve_all(robot, target, seed=seed))
+
+
+@pytest.mark.parametrize("name", ["random 1", "UR5 1e-3 off", "Manseur-Doty"])
+@pytest.mark.parametrize("offset", [0.0, 1e-12, 1e-8, 1e-4])
+def test_round_angles_and_their_neighbours_give_no_wrong_row(name, offset):
+    rng = np.random.default_rng(8)
+    q = rng.integers(-2, 3, (40, 6)) * np.pi / 2 + offset
+    result = sample("arm", ARMS[name], q=q)
+    assert np.isfinite(result.found).all()
+    assert np.all(result.batch.counts > 0)
+    assert result.errors().max() < 1e-12
+    assert result.repeated() == 0
+
+
+def test_out_of_reach_is_said_and_the_nearest_configuration_is_given():
+    solver = load_solver(make("arm", ARMS["random 1"]))
+    target = np.eye(4)
+    target[:3, 3] = 20.0
+    result = solver.solve(target)
+    assert len(result) == 0
+    assert "degree-16 equation" in result.reason
+    nearest = solver.closest(target)
+    assert nearest.flags[0] & INEXACT
+    assert np.isfinite(nearest.q).all()
+
+
+def test_what_the_family_does_not_offer_is_refused_or_said():
+    spec = make("arm", ARMS["random 2"])
+    with pytest.raises(DerivationError, match="no closed form per branch"):
+        branch_function(spec)
+    form = closed_form(spec)
+    assert form.steps == ()
+    assert "polynomial of degree 16" in form.text()
+    with pytest.raises(DerivationError, match="no closed-form steps"):
+        form.latex()
+
+
+def test_exact_special_arms_are_not_handed_to_the_general_solver():
+    for name, family in (("ur5", "parallel"), ("puma", "spherical")):
+        assert plan(make("arm", ROWS[name])).family == family
+    near = plan(make("arm", calibrated("ur5", 1e-3)))
+    assert (near.family, near.companion.family) == ("general6r", "parallel")
+
+
+def test_eliminations_are_ranked_and_singular_ones_left_out():
+    rows = np.array([[row[1], row[2], row[3]] for row in random_arm(1)])
+    found = eliminations(rows)
+    assert [e.score for e in found] == sorted(e.score for e in found)
+    assert len(found) > len(eliminations(np.array([[row[1], row[2], row[3]] for row in ROWS["ur5"]])))
+    for pointless in (0.0 * rows, np.array([[1.0, 0.0, 0.0]] * 5 + [[1.0, 0.0, 1.0]])):  # nothing moves the tip
+        with pytest.raises(DerivationError):
+            general6r_tables(*pointless.T)
