@@ -9,7 +9,7 @@ import click
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
 
 if TYPE_CHECKING:
-    from rrrgen.ik.solver import IKResult, InverseKinematics
+    from rrrgen.runtime.inverse_kinematics import IKResult, InverseKinematics
 
 
 @click.command()
@@ -35,7 +35,7 @@ def ik(robot: str, pose: str, near: str | None, as_json: bool, **options: Any) -
       rrrgen ik rrr --pose '0.2 -0.4 0.6'
       rrrgen ik puma560 --pose '0.4 0.1 0.3 0 3.1416 0' --near '0 0 0 0 0 0' --json
     """
-    from rrrgen.ik.solver import load_solver
+    from rrrgen.runtime.inverse_kinematics import load_solver
 
     solver = load_solver(read_with_warnings(robot))
     target = _target(pose)
@@ -97,7 +97,7 @@ def _record(solver: InverseKinematics, found: IKResult) -> dict[str, Any]:
 
 
 def _print(solver: InverseKinematics, found: IKResult) -> None:
-    from rrrgen.ik.solver import FREE, INEXACT, MULTIPLE, OUTSIDE
+    from rrrgen.runtime.inverse_kinematics import FREE, INEXACT, MULTIPLE, OUTSIDE
 
     words = {MULTIPLE: "multiple", FREE: "free angle from the reference", OUTSIDE: "outside limits", INEXACT: "inexact"}
     click.echo(f"{solver.plan.family}: at most {solver.max_solutions} solutions")

@@ -222,7 +222,7 @@ class _Work:
 
     def writing(self) -> tuple[JointPath, InverseKinematics]:
         """The writing task with closed-form inverse kinematics, and the recursive one to compare with."""
-        from rrrgen.ik.solver import load_solver
+        from rrrgen.runtime.inverse_kinematics import load_solver
 
         settings = self.settings
         task = writing_task(settings.text, duration=settings.duration, pace=settings.pace)

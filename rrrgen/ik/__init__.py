@@ -2,11 +2,9 @@
 
 * :func:`plan`: what kind of solver a robot gets, how many solutions, which redundancy parameter, why none;
 * :func:`sources`, :func:`manifest`: the emitted C and its data, for ``generate``;
-* :func:`load_solver`: the solver as NumPy functions;
-* :func:`closed_form`: the equations as text and LaTeX; :func:`branch_function`: as CasADi Functions;
-* :func:`compare`: closed form against recursive inverse kinematics (chapter 14.6.3).
+* :func:`closed_form`: the equations as text and LaTeX; :func:`branch_function`: as CasADi Functions.
 
-Everything is imported on first use.
+The compiled solver as NumPy functions is :mod:`rrrgen.runtime.inverse_kinematics`. Everything is imported on first use.
 """
 
 from __future__ import annotations
@@ -16,30 +14,22 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rrrgen.ik.casadi_branches import branch_function, branch_labels
     from rrrgen.ik.classify import plan
-    from rrrgen.ik.comparison import compare
     from rrrgen.ik.report import closed_form
-    from rrrgen.ik.solver import InverseKinematics, load_solver
     from rrrgen.ik.sources import manifest, sources
 
 _HOMES = {
     "branch_function": "rrrgen.ik.casadi_branches",
     "branch_labels": "rrrgen.ik.casadi_branches",
     "plan": "rrrgen.ik.classify",
-    "compare": "rrrgen.ik.comparison",
     "closed_form": "rrrgen.ik.report",
-    "InverseKinematics": "rrrgen.ik.solver",
-    "load_solver": "rrrgen.ik.solver",
     "manifest": "rrrgen.ik.sources",
     "sources": "rrrgen.ik.sources",
 }
 
 __all__ = [
-    "InverseKinematics",
     "branch_function",
     "branch_labels",
     "closed_form",
-    "compare",
-    "load_solver",
     "manifest",
     "plan",
     "sources",

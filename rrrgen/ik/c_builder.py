@@ -3,50 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from math import atan2, hypot, pi
-from typing import ClassVar
 
 from rrrgen.errors import InternalError
 from rrrgen.ik.builder import Feasible, Label, Turn
+from rrrgen.ik.c_statements import CBody, Stage, Statement, printed
 from rrrgen.ik.chain import Joint
 from rrrgen.ik.rigid import Rigid, S, Vector, dot, minus, square, total
 from rrrgen.ik.scalar import Pool, Scalar
 
 VIRTUAL_END = 100
 """Joint indices from n to here are virtual joints, further ones are arguments (the arm angle)."""
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One choice of a root: what an empty answer of it means."""
-
-    joint: int
-    label: str
-    roots: int
-
-
-@dataclass
-class _Item:
-    """Text at a loop level; ``{0}``, ``{1}`` ... are replaced by the operands."""
-
-    level: int
-    lines: tuple[str, ...]
-    operands: tuple[Scalar, ...]
-    defines: Scalar | None = None
-    """The one variable of a plain definition, which can be left out where nothing uses it."""
-
-
-@dataclass
-class CBody:
-    """The finished body of the branch function."""
-
-    text: str
-    rows: int
-    stages: tuple[Stage, ...]
-    needs: frozenset[str]
-    labels: tuple[tuple[str, int, int], ...] = field(default=())
-    """Name, lowest bit and number of bits of each part of a branch label."""
 
 
 class CBuilder:
@@ -69,7 +36,7 @@ class CBuilder:
         self.length = length
         self._joints = {joint.index: joint for joint in joints}
         self._position = position
-        self._items: list[_Item] = []
+        self._items: list[Statement] = []
         self._loops: list[tuple[str, str, int]] = []  # loop variable, count, most roots
         self._stages: list[Stage] = []
         self._values: dict[int, Scalar] = {}
@@ -108,7 +75,7 @@ class CBuilder:
             return node
         text = self._fresh(hint)
         variable = self.pool.var(text, node.level)
-        self._items.append(_Item(node.level, (f"const REAL {text} = {{0}};",), (node,), variable))
+        self._items.append(Statement(node.level, (f"const REAL {text} = {{0}};",), (node,), variable))
         return variable
 
     def names(self, hint: str, v: Vector) -> Vector:
@@ -429,7 +396,7 @@ class CBuilder:
         for _, _, most in self._loops:
             rows *= most
         return CBody(
-            _Printer(_live(self._items), self._loops, self._taken).text(),
+            printed(self._items, self._loops, self._taken),
             rows,
             tuple(self._stages),
             frozenset(self._needs),
@@ -447,7 +414,7 @@ class CBuilder:
         return len(self._loops)
 
     def _add(self, level: int, lines: tuple[str, ...], operands: tuple[Scalar, ...]) -> None:
-        self._items.append(_Item(level, lines, operands))
+        self._items.append(Statement(level, lines, operands))
 
     def _user(self, joint: Joint, raw: Scalar) -> Scalar:
         """The user's joint value of a raw one, wrapped where an offset can push it out of (-pi, pi]."""
@@ -494,96 +461,3 @@ class CBuilder:
 def wrapped(x: float) -> float:
     """``x`` in (-pi, pi]."""
     return x - 2 * pi * round(x / (2 * pi))
-
-
-class _Printer:
-    """Places expressions: shared or hoisted ones get a name at their own level, the rest are written in place."""
-
-    ORDER: ClassVar[dict[str, int]] = {"add": 1, "sub": 1, "neg": 2, "mul": 3, "div": 3}
-
-    def __init__(self, items: list[_Item], loops: list[tuple[str, str, int]], taken: set[str]) -> None:
-        self.items, self.loops, self.taken = items, loops, taken
-        self.blocks: list[list[str]] = [[] for _ in range(len(loops) + 1)]
-        self.named: dict[int, str] = {}
-        self.uses: dict[int, int] = {}
-        self.serial = 0
-
-    def text(self) -> str:
-        """The nested loops."""
-        for item in self.items:
-            for operand in item.operands:
-                self._count(operand)
-        for item in self.items:
-            rendered = [self._render(operand, item.level, 0) for operand in item.operands]
-            self.blocks[item.level] += [_fill(line, rendered) for line in item.lines]
-        lines: list[str] = []
-        for depth, block in enumerate(self.blocks):
-            lines += ["    " * (depth + 1) + line for line in block]
-            if depth < len(self.loops):
-                variable, count, _ = self.loops[depth]
-                lines.append("    " * (depth + 1) + f"for (int {variable} = 0; {variable} < {count}; ++{variable}) {{")
-        for depth in reversed(range(len(self.loops))):
-            lines.append("    " * (depth + 1) + "}")
-        return "\n".join(lines)
-
-    def _count(self, node: Scalar) -> None:
-        self.uses[id(node)] = self.uses.get(id(node), 0) + 1
-        if self.uses[id(node)] == 1:
-            for arg in node.args:
-                self._count(arg)
-
-    def _render(self, node: Scalar, level: int, strength: int) -> str:
-        if node.op == "var":
-            return node.text
-        if node.op == "const":
-            text = repr(node.value)
-            return f"(REAL){text}" if node.value >= 0 else f"-(REAL){text[1:]}"
-        trivial = node.op == "neg" and node.args[0].op == "var"
-        if id(node) not in self.named and not trivial and (self.uses[id(node)] > 1 or node.level < level):
-            expression = self._expression(node, node.level, 0)
-            self.serial += 1
-            while f"t{self.serial}" in self.taken:
-                self.serial += 1
-            name = self.named[id(node)] = f"t{self.serial}"
-            self.blocks[node.level].append(f"const REAL {name} = {expression};")
-        if id(node) in self.named:
-            return self.named[id(node)]
-        return self._expression(node, level, strength)
-
-    def _expression(self, node: Scalar, level: int, strength: int) -> str:
-        if node.op in ("root0", "wrap"):
-            return f"{node.op.upper()}({self._render(node.args[0], level, 0)})"
-        own = self.ORDER[node.op]
-        if node.op == "neg":
-            text = f"-{self._render(node.args[0], level, 4)}"
-        else:
-            sign = {"add": "+", "sub": "-", "mul": "*", "div": "/"}[node.op]
-            left = self._render(node.args[0], level, own)
-            right = self._render(node.args[1], level, own + (node.op in ("sub", "div", "mul")))
-            text = f"{left} {sign} {right}"
-        return f"({text})" if own < strength else text
-
-
-def _live(items: list[_Item]) -> list[_Item]:
-    """Without the definitions that nothing uses."""
-    used: set[int] = set()
-
-    def use(node: Scalar) -> None:
-        if id(node) not in used:
-            used.add(id(node))
-            for arg in node.args:
-                use(arg)
-
-    kept = []
-    for item in reversed(items):
-        if item.defines is None or id(item.defines) in used:
-            kept.append(item)
-            for operand in item.operands:
-                use(operand)
-    return kept[::-1]
-
-
-def _fill(line: str, operands: list[str]) -> str:
-    for i, text in enumerate(operands):
-        line = line.replace(f"{{{i}}}", text)
-    return line

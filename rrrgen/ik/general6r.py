@@ -21,7 +21,7 @@ from functools import cache
 import numpy as np
 
 from rrrgen.errors import DerivationError
-from rrrgen.ik.c_builder import CBody, Stage
+from rrrgen.ik.c_statements import CBody, Stage
 from rrrgen.ik.chain import Chain, Matrix
 from rrrgen.ik.elimination import SHALLOW, Elimination, eliminations
 from rrrgen.ik.trig_roots import literals, spelled, trig_roots

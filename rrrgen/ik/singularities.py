@@ -18,7 +18,7 @@ from rrrgen.ik.symbols import symbolic_chain
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rrrgen.ik.c_builder import Stage
+    from rrrgen.ik.c_statements import Stage
     from rrrgen.spec.robot_spec import RobotSpec
 
 TERMS = 8

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import rrrgen
 from rrrgen.errors import DerivationError
-from rrrgen.ik.c_builder import CBody, CBuilder, Stage
+from rrrgen.ik.c_builder import CBuilder
+from rrrgen.ik.c_statements import CBody, Stage
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.derive import ARM_ANGLE, derive
 from rrrgen.ik.general6r import branches, tables_of

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from rrrgen.derive.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.ik.solver import IKResult, InverseKinematics
+    from rrrgen.runtime.inverse_kinematics import IKResult, InverseKinematics
     from rrrgen.spec.robot_spec import RobotSpec
 
 Array = NDArray[Any]
@@ -88,7 +88,7 @@ class Model:
     def ik(self) -> InverseKinematics:
         """The compiled inverse kinematics with all its options; DerivationError where the chain has none."""
         if self._ik is None:
-            from rrrgen.ik.solver import load_solver
+            from rrrgen.runtime.inverse_kinematics import load_solver
 
             self._ik = load_solver(self.spec)
         return self._ik

@@ -15,7 +15,7 @@ from rrrgen.ik.classify import plan
 from rrrgen.ik.elimination import eliminations
 from rrrgen.ik.general6r import general6r_tables
 from rrrgen.ik.report import closed_form
-from rrrgen.ik.solver import INEXACT, load_solver
+from rrrgen.runtime.inverse_kinematics import INEXACT, load_solver
 
 POSES = 500  # per arm; ten thousand poses over these and random arms miss none
 

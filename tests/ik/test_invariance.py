@@ -6,7 +6,7 @@ import pytest
 from ik.checks import FK_ERROR, sample
 from ik.robots import ROWS, make, reference
 from oracles.random_robots import QUATERNIONS, transform
-from rrrgen.ik.solver import OUTSIDE, load_solver
+from rrrgen.runtime.inverse_kinematics import OUTSIDE, load_solver
 
 BASE = transform(QUATERNIONS[1], (0.1, -0.2, 0.35))
 TOOL = transform(QUATERNIONS[3], (0.05, 0.02, 0.125))

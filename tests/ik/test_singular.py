@@ -6,7 +6,7 @@ from scipy.optimize import minimize_scalar
 
 from ik.checks import FK_ERROR, SEED_ERROR, Sample, sample
 from ik.robots import ROWS, h, reference, robot
-from rrrgen.ik.solver import FREE, MULTIPLE, load_solver
+from rrrgen.runtime.inverse_kinematics import FREE, MULTIPLE, load_solver
 
 OFFSETS = [0.0] + [s * 10.0**-k for k in range(3, 16) for s in (1, -1)]
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.errors import DerivationError
-from rrrgen.ik.solver import InverseKinematics
+from rrrgen.runtime.inverse_kinematics import InverseKinematics
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -1,0 +1,53 @@
+"""What no file of the project may contain: unfinished work, evaluation of text, and hidden silencing of checks."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCES = sorted(path for folder in ("rrrgen", "templates") for path in (ROOT / folder).rglob("*") if path.is_file())
+PYTHON = [path for path in SOURCES if path.suffix == ".py"]
+TEXT = [path for path in SOURCES if path.suffix in {".py", ".j2", ".yaml", ".html", ".css"}]
+MOST_LINES = 500
+
+UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK|raise NotImplementedError)\b")
+EVALUATION = {"eval", "exec", "sympify", "parse_expr", "literal_eval", "lambdify"}
+
+
+def identify(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def test_there_is_something_to_read():
+    assert len(PYTHON) > 100
+    assert len(TEXT) > len(PYTHON)
+
+
+@pytest.mark.parametrize("path", TEXT, ids=identify)
+def test_nothing_is_unfinished(path):
+    assert not UNFINISHED.search(path.read_text(encoding="utf-8"))
+
+
+def strict(call: ast.Call) -> bool:
+    """SymPy's ``sympify(..., strict=True)`` converts numbers and refuses text."""
+    return any(keyword.arg == "strict" and ast.unparse(keyword.value) == "True" for keyword in call.keywords)
+
+
+@pytest.mark.parametrize("path", PYTHON, ids=identify)
+def test_python_files(path):
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    called = {
+        node.func.id if isinstance(node.func, ast.Name) else node.func.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute) and not strict(node)
+    }
+    assert not called & EVALUATION, "text is never evaluated"
+    assert ast.get_docstring(tree) or not text.strip(), "a module says what it is about"
+    assert len(text.splitlines()) <= MOST_LINES
+    printing = "cli" in path.relative_to(ROOT).parts
+    assert printing or not called & {"print", "exit"}, "only the command line prints or exits"

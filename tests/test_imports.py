@@ -1,0 +1,105 @@
+"""Imports: they go down the rooms only, and nothing heavy is loaded before it is used."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "rrrgen"
+
+ROOMS = (
+    "errors",
+    "resources",
+    "program",
+    "spec",
+    "model",
+    "derive",
+    "optimize",
+    "backends",
+    "emit",
+    "manifest",
+    "ik",
+    "runtime",
+    "verify",
+    "simulate",
+    "identify",
+    "report",
+    "pipeline",
+    "bench",
+    "cli",
+)
+"""From the bottom to the top: a room imports from rooms before it."""
+
+HEAVY = ("sympy", "numpy", "scipy", "casadi", "cffi", "jinja2", "matplotlib", "cvxpy", "ruamel", "rich")
+
+
+def imported(file: Path) -> Iterator[str]:
+    """Every module that a file imports when it runs, inside functions too; what only type checkers read is left out."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    unread = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node not in unread:
+            assert node.level == 0, f"{file}: imports name their room"
+            inner = node.module == "rrrgen"
+            yield from (f"rrrgen.{alias.name}" for alias in node.names) if inner else [str(node.module)]
+        elif isinstance(node, ast.Import) and node not in unread:
+            yield from (alias.name for alias in node.names)
+
+
+def rooms_used(room: str) -> set[str]:
+    files = [PACKAGE / f"{room}.py"] if (PACKAGE / f"{room}.py").exists() else sorted((PACKAGE / room).rglob("*.py"))
+    assert files, room
+    modules = {module.split(".")[1] for file in files for module in imported(file) if module.startswith("rrrgen.")}
+    return modules & set(ROOMS) - {room}
+
+
+def test_every_room_is_listed():
+    found = {path.stem for path in PACKAGE.iterdir() if path.is_dir() or path.suffix == ".py"}
+    assert found - {"__init__", "__main__", "__pycache__", "templates", "py"} == set(ROOMS)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_imports_go_down(room):
+    allowed = set(ROOMS[: ROOMS.index(room)])
+    assert rooms_used(room) <= allowed, f"{room} imports from a room above it"
+
+
+def test_backends_do_not_import_each_other():
+    folders = [path.name for path in (PACKAGE / "backends").iterdir() if (path / "__init__.py").exists()]
+    for own in folders:
+        used = {module for file in (PACKAGE / "backends" / own).rglob("*.py") for module in imported(file)}
+        for other in set(folders) - {own}:
+            assert not any(f"{module}.".startswith(f"rrrgen.backends.{other}.") for module in used), (own, other)
+
+
+def modules_after(statement: str) -> set[str]:
+    code = f"import sys\n{statement}\nprint(*sorted(name.split('.')[0] for name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import rrrgen",
+        "from rrrgen.cli.main import run\nrun(['--help'])",
+        "from rrrgen.cli.main import run\nrun(['verify', '--help'])",
+    ],
+    ids=["package", "help", "command-help"],
+)
+def test_help_and_import_load_nothing_heavy(statement):
+    assert modules_after(statement) & set(HEAVY) == set()
+
+
+def test_heavy_modules_would_be_seen():
+    assert "numpy" in modules_after("import numpy")
