@@ -16,6 +16,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "identify": ("rrrgen.cli.identify:identify", "Estimate parameters from recordings."),
     "validate": ("rrrgen.cli.validate:validate", "Score a robot file against recordings."),
     "case-study": ("rrrgen.cli.case_study:case_study", "Run the whole case study on the virtual RRR."),
+    "controller": ("rrrgen.cli.controller:controller", "Write C of a motion, the Kalman step and friction."),
     "bench": ("rrrgen.cli.bench:bench", "Measure emitted C side by side with other packages."),
     "schema": ("rrrgen.cli.schema:schema", "Print the JSON Schema of robot files, for editors."),
 }

@@ -9,7 +9,7 @@ import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
 from rrrgen.cli.progress import progress_bar
-from rrrgen.cli.workflow import output_option, seed_option
+from rrrgen.cli.workflow import output_option, read_trajectory, seed_option
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -49,7 +49,6 @@ def simulate(robot: str, trajectory: Path, output: Path, as_json: bool, **option
       rrrgen simulate rrr --trajectory runs/excitation/results/excitation.json --torque-noise 0.05 -o runs/experiment
     """
     from rrrgen import pipeline
-    from rrrgen.identify.fourier import FourierTrajectory
     from rrrgen.identify.run_folder import RunFolder
     from rrrgen.simulate.recording import write_recording
 
@@ -57,7 +56,7 @@ def simulate(robot: str, trajectory: Path, output: Path, as_json: bool, **option
     model = pipeline.compile(spec)
     if model.beta is None:
         raise click.UsageError(f"{robot} has no links: there is nothing to simulate")
-    motion = FourierTrajectory.from_json(_coefficients(trajectory))
+    motion = read_trajectory(trajectory)
     names = ("duration", "rate", "bandwidth", "control", "torque_noise", "base_mode")
     inputs = {"trajectory": trajectory, **({"robot": Path(robot)} if Path(robot).is_file() else {})}
     settings = {name: options[name] for name in names}
@@ -85,19 +84,6 @@ def simulate(robot: str, trajectory: Path, output: Path, as_json: bool, **option
     else:
         click.echo(f"{len(recording.t)} samples, {clipped} clipped torques; recording in {results / 'log.yaml'}")
     return 0
-
-
-def _coefficients(path: Path) -> dict[str, object]:
-    """The trajectory of an excitation result, or a trajectory by itself."""
-    import json
-
-    from rrrgen.errors import InputError
-
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        return dict(data.get("trajectory", data))
-    except (ValueError, AttributeError, TypeError) as error:
-        raise InputError(f"{path} is no trajectory of `rrrgen excite`: {error}") from None
 
 
 def _virtual_robot(model: Model, options: dict[str, Any]) -> tuple[Any, Any]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
+    from rrrgen.identify.fourier import FourierTrajectory
     from rrrgen.identify.mapping import LogMapping
     from rrrgen.identify.processing import Processing
 
@@ -75,3 +76,18 @@ def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping]) 
         for source in mapping.files:
             files[f"log{k + 1}.{source.name}"] = Path(source.path)
     return files
+
+
+def read_trajectory(path: Path) -> FourierTrajectory:
+    """The trajectory of an excitation result, or a trajectory by itself."""
+    import json
+
+    from rrrgen.errors import InputError
+    from rrrgen.identify.fourier import FourierTrajectory
+
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        coefficients = dict(data.get("trajectory", data))
+    except (ValueError, AttributeError, TypeError) as error:
+        raise InputError(f"{path} is no trajectory of `rrrgen excite`: {error}") from None
+    return FourierTrajectory.from_json(coefficients)

@@ -1,6 +1,7 @@
 """Run folders: complete files or none, taken up again or refused, the same bytes every time."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -103,3 +104,14 @@ def test_plain_data(tmp_path):
     assert plain({1: (np.int64(2), np.bool_(True), None, {3})}) == {"1": [2, True, None, [3]]}
     with pytest.raises(InputError, match="cannot read"):
         RunFolder(tmp_path / "r", "x", {"log": tmp_path / "none"}, {})
+
+
+def test_files_have_the_permissions_that_the_umask_leaves(tmp_path):
+    before = os.umask(0o027)
+    try:
+        with opened(tmp_path) as folder:
+            folder.write_json("found.json", {"x": 1})
+    finally:
+        os.umask(before)
+    for file in (folder.path / "run.json", folder.path / "results" / "found.json"):
+        assert file.stat().st_mode & 0o777 == 0o640

@@ -1,0 +1,133 @@
+"""C for the controller itself: the motion, the Kalman step and friction, against their references in Python."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from rrrgen.cli.main import cli
+from rrrgen.identify.fourier import FourierTrajectory
+from rrrgen.identify.friction_models import FrictionModel
+from rrrgen.identify.kalman import kalman_matrices, kalman_step
+from rrrgen.model.friction_laws import LAWS
+
+FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow"]
+STRICT = ["-Wstrict-prototypes", "-Wmissing-prototypes", "-Werror", "-ffp-contract=off"]
+
+ROUND_OFF = {"double": 1e-13, "float": 1e-4}
+"""Of the largest value: sums of some ten products, along a record of a thousand steps of a stable filter."""
+
+VAR_ETA, VAR_XI = [1e-10 / 12, 4e-10 / 12], [400.0, 900.0]
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("inputs")
+    rng = np.random.default_rng(3)
+    motion = FourierTrajectory(rng.normal(size=2), rng.normal(size=(2, 5)), rng.normal(size=(2, 5)), 0.1)
+    (folder / "trajectory.json").write_text(json.dumps({"trajectory": motion.to_json()}))
+    (folder / "tuning.json").write_text(json.dumps({"var_eta": VAR_ETA, "var_xi": VAR_XI}))
+    return folder, motion
+
+
+def written(inputs, folder, real):
+    friction = [word for law in LAWS for word in ("--friction", law)]
+    result = run(
+        *("controller", "planar2r", "--trajectory", inputs / "trajectory.json", "--tuning", inputs / "tuning.json"),
+        *(*friction, "--rate", 1000, "--real", real, "-o", folder, "--json"),
+    )
+    assert result.return_value == 0, result.output
+    return json.loads(result.output)["files"]
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_the_step_and_the_motion_equal_python_to_round_off(inputs, tmp_path, compiler, real):
+    folder, motion = inputs
+    files = written(folder, tmp_path, real)
+    assert len(files) == 6
+    sources = [name for name in files if name.endswith(".c")]
+    for name in files:
+        text = (tmp_path / name).read_text()
+        assert "malloc" not in text
+        assert "static" not in text  # no state
+    library = tmp_path / "all.so"
+    command = [compiler, *FLAGS, *STRICT, "-shared", "-fPIC", *sources, "-o", str(library), "-lm"]
+    try:
+        built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        pytest.skip(f"{compiler} is not installed")
+    assert built.returncode == 0, built.stderr
+    lib, ffi, dtype = loaded(library, real)
+
+    rng = np.random.default_rng(8)
+    N = 1000
+    t = 1e-3 * np.arange(N)
+    q, dq, ddq = motion.evaluate(t)
+    y = q + 1e-3 * rng.normal(size=(N, 2))
+    matrices = [kalman_matrices(1e-3, eta, xi) for eta, xi in zip(VAR_ETA, VAR_XI, strict=True)]
+    expected, found = np.empty((N, 4, 2)), np.empty((N, 4, 2))
+    states = [np.zeros(3), np.zeros(3)]
+    x = np.zeros((2, 3), dtype)
+    for k in range(N):
+        for i in range(2):
+            expected[k, 3, i] = y[k, i] - q[k, i] - states[i][0]
+            states[i], expected[k, :3, i] = kalman_step(matrices[i], states[i], y[k, i], (q[k, i], dq[k, i], ddq[k, i]))
+        following, out = np.empty((2, 3), dtype), np.empty((4, 2), dtype)
+        rows = [np.ascontiguousarray(v[k], dtype) for v in (y, q, dq, ddq)]
+        lib.planar2r_kalman_step(*(pointer(ffi, v, real) for v in (x, *rows, following, *out)))
+        x, found[k] = following, out
+    scale = np.abs(expected).max(axis=(0, 2), keepdims=True)
+    # accelerations of the filter come from 1e-3 rad of noise over Ts^2: rounding of y is amplified alike
+    gain = np.array([m.k for m in matrices]).max(axis=0) * np.abs(y).max()
+    allowed = ROUND_OFF[real] * np.maximum(scale, np.array([*gain, np.abs(y).max()])[None, :, None])
+    assert np.all(np.abs(found - expected) <= allowed)
+
+    for k in (0, 17, 999):
+        out = np.empty((3, 2), dtype)
+        lib.planar2r_trajectory_evaluate(t[k], *(pointer(ffi, v, real) for v in out))
+        for got, wanted in zip(out, (q[k], dq[k], ddq[k]), strict=True):
+            assert np.abs(got - wanted).max() <= ROUND_OFF[real] * max(1.0, np.abs(wanted).max())
+
+    parameters = np.array([[3.0, 0.5, 0.2], [1.0, 0.1, -0.1]], dtype)
+    tau = np.empty(2, dtype)
+    speeds = np.array([0.3, -0.7], dtype)
+    lib.planar2r_friction_coulomb_viscous(*(pointer(ffi, v, real) for v in (speeds, parameters, tau)))
+    wanted = FrictionModel(LAWS["coulomb_viscous"], parameters.astype(float)).torque(speeds.astype(float))
+    assert np.abs(tau - wanted).max() <= ROUND_OFF[real] * np.abs(wanted).max()
+
+
+def loaded(library, real):
+    import cffi
+
+    ffi = cffi.FFI()
+    vector = f"{real} *"
+    ffi.cdef(
+        f"void planar2r_kalman_step({', '.join([vector] * 10)});"
+        f"void planar2r_trajectory_evaluate({real}, {vector}, {vector}, {vector});"
+        f"void planar2r_friction_coulomb_viscous({vector}, {vector}, {vector});"
+    )
+    return ffi.dlopen(str(library)), ffi, np.dtype(real if real == "double" else "float32")
+
+
+def pointer(ffi, values, real):
+    return ffi.from_buffer(f"{real}[]", values)
+
+
+def test_tunings_and_motions_that_do_not_fit_are_refused(inputs, tmp_path):
+    folder, _ = inputs
+    for option, name in (("--tuning", "tuning.json"), ("--trajectory", "trajectory.json")):
+        with pytest.raises(Exception, match="2 joints, the robot has 3"):
+            run("controller", "rrr", option, folder / name, "-o", tmp_path)
+    with pytest.raises(Exception, match="no tuning"):
+        run("controller", "planar2r", "--tuning", folder / "trajectory.json", "-o", tmp_path)
+    with pytest.raises(Exception, match="nothing to write"):
+        run("controller", "planar2r", "-o", tmp_path)
