@@ -40,13 +40,21 @@ def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> Compiled
     from rrrgen.backends.c.signature import function_name
     from rrrgen.backends.c.sources import header_and_source, programs_of
     from rrrgen.backends.c.trigonometry import InlineSinCos
-    from rrrgen.runtime.build import NATIVE, build_extension
+    from rrrgen.runtime.build import CONTRACT, NATIVE, build_extension
 
     dialect = Dialect(derived.spec.name, real)
     programs = {name: program for name, program in programs_of(derived).items() if program.inputs}
     code = header_and_source(derived, identity, dialect, InlineSinCos())
-    sources = {**code, **loop_files(programs.values(), dialect)}
-    ffi, lib = build_extension(sources, declarations(programs.values(), dialect), derived.spec.name, NATIVE)
+    loops = loop_files(programs.values(), dialect)
+    ffi, lib = build_extension(
+        {**code, **loops},
+        declarations(programs.values(), dialect),
+        derived.spec.name,
+        NATIVE,
+        {file: CONTRACT for file in loops if file.endswith(".c")},
+    )
     functions = {name: getattr(lib, function_name(program, dialect)) for name, program in programs.items()}
-    loops = {name: getattr(lib, loop_name(program, dialect)) for name, program in programs.items()}
-    return CompiledEngine(programs, ffi, functions, loops, np.dtype(np.float64 if real == "double" else np.float32))
+    over_states = {name: getattr(lib, loop_name(program, dialect)) for name, program in programs.items()}
+    return CompiledEngine(
+        programs, ffi, functions, over_states, np.dtype(np.float64 if real == "double" else np.float32)
+    )

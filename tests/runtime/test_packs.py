@@ -76,3 +76,13 @@ def test_threads_share_a_batch_without_changing_it():
     assert np.max(np.abs(shared - alone)) <= ROUND_OFF * np.max(np.abs(alone))
     with pytest.raises(ValueError, match="at least 1"):
         model.threads = 0
+
+
+def test_a_state_gives_the_same_numbers_anywhere_in_a_batch():
+    """The last states of a batch, too few for a pack of their own, are computed like the others."""
+    model = rrrgen.compile("rrr")
+    arguments = states(model.n, 37)
+    whole = model.inverse_dynamics(*arguments)
+    for start, stop in ((0, 16), (0, 17), (3, 23), (14, 37)):
+        part = model.inverse_dynamics(*(a[start:stop] for a in arguments))
+        assert np.array_equal(part, whole[start:stop])

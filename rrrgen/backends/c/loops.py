@@ -10,6 +10,9 @@ from rrrgen.backends.c.printer import STATUS
 from rrrgen.backends.c.signature import function_name, has_status, stored_outputs
 from rrrgen.program import Program
 
+FEW = 16
+"""Elements of a port up to which moving them between arrays and packs is written out."""
+
 
 def loop_name(program: Program, dialect: Dialect) -> str:
     """The loop over ``program``."""
@@ -69,8 +72,12 @@ def _loop_body(program: Program, dialect: Dialect) -> list[str]:
         call = f"status[k] = (int){call}"
     return [
         "long long k = 0;",
-        "for (; k + PACK_LANES <= count; k += PACK_LANES) {",
-        *(f"    {line}" for line in _pack_body(program, dialect)),
+        "if (count >= PACK_LANES) {",
+        "    for (; k < count; k += PACK_LANES) {",
+        "        if (k > count - PACK_LANES)",
+        "            k = count - PACK_LANES; /* once more over some states, so that all are computed alike */",
+        *(f"        {line}" for line in _pack_body(program, dialect)),
+        "    }",
         "}",
         "for (; k < count; k++) {",
         f"    {call}",
@@ -84,25 +91,29 @@ def _pack_body(program: Program, dialect: Dialect) -> list[str]:
     lines: list[str] = []
     arguments: list[str] = []
     for port in program.inputs:
-        lines += [
-            f"{pack} {port.name}_pack[{port.size}];",
-            f"for (int element = 0; element < {port.size}; element++)",
-            "    for (int lane = 0; lane < PACK_LANES; lane++)",
-            f"        {port.name}_pack[element][lane] = {port.name}[(k + lane)*{port.name}_step + element];",
-        ]
+        first, step = f"{port.name} + k*{port.name}_step", f"{port.name}_step"
+        lines.append(f"{pack} {port.name}_pack[{port.size}];")
+        lines += _each(port.size, f"{port.name}_pack[{{0}}] = ({pack})PACK_GATHER({first} + {{0}}, {step});")
         arguments.append(f"{port.name}_pack" if port.shape else f"{port.name}_pack[0]")
     stores: list[str] = []
     for port in program.outputs:
-        name = STATUS_LANES if port.name == STATUS else port.name
-        target = f"{name if name != STATUS_LANES else STATUS}[(k + lane)*{port.size} + element]"
-        value = f"{name}_pack[element][lane]"
-        if name == STATUS_LANES:  # a NaN must not read as ok
-            value = f"({value} < ({dialect.real_type})0.5) ? 0 : 1"
-        lines.append(f"{pack} {name}_pack[{port.size}];")
-        arguments.append(f"{name}_pack")
-        stores += [
-            f"for (int element = 0; element < {port.size}; element++)",
-            "    for (int lane = 0; lane < PACK_LANES; lane++)",
-            f"        {target} = {value};",
-        ]
+        if port.name == STATUS:
+            lines.append(f"{pack} {STATUS_LANES}_pack[1];")
+            arguments.append(f"{STATUS_LANES}_pack")
+            stores += [
+                "for (int lane = 0; lane < PACK_LANES; lane++)",  # a NaN must not read as ok
+                f"    {STATUS}[k + lane] = ({STATUS_LANES}_pack[0][lane] < ({dialect.real_type})0.5) ? 0 : 1;",
+            ]
+            continue
+        lines.append(f"{pack} {port.name}_pack[{port.size}];")
+        arguments.append(f"{port.name}_pack")
+        place = f"{port.name} + k*{port.size}"
+        stores += _each(port.size, f"PACK_SCATTER({place} + {{0}}, {port.size}, {port.name}_pack[{{0}}]);")
     return [*lines, f"{pack_name(program, dialect)}({', '.join(arguments)});", *stores]
+
+
+def _each(size: int, statement: str) -> list[str]:
+    """The statement for every element: written out where they are few, a loop otherwise."""
+    if size <= FEW:
+        return [statement.format(element) for element in range(size)]
+    return [f"for (int element = 0; element < {size}; element++)", f"    {statement.format('element')}"]

@@ -1,7 +1,7 @@
 """The same programs printed over packs: one state per lane of a vector register, for batches.
 
 A pack holds as many states as the processor's registers do (2, 4, 8 in double, twice as many in float). The arithmetic
-is the scalar code's, operation by operation, so results agree to round-off.
+is the scalar code's, operation by operation, so results agree to round-off (a compiler may fuse products into sums).
 """
 
 from __future__ import annotations
@@ -50,7 +50,10 @@ class PackSinCos:
 
     def preamble(self, dialect: Dialect) -> str:
         """The pack type and its functions, the kernel among them."""
-        return render("c/pack.h.j2", **kernel_values(Dialect(dialect.prefix, dialect.real))).rstrip("\n")
+        width = 8 if dialect.real == "double" else 4
+        registers = {size: range(size // width) for size in (16, 32, 64)}  # bytes -> lanes
+        values = kernel_values(Dialect(dialect.prefix, dialect.real))
+        return render("c/pack.h.j2", registers=registers, **values).rstrip("\n")
 
     def description(self, dialect: Dialect) -> str:
         """As the scalar kernel's."""
