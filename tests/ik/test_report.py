@@ -1,0 +1,70 @@
+"""The closed form for reading: its steps, evaluated in order, give the rows of the emitted code."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from ik.checks import sample
+from ik.robots import ROWS, make
+from rrrgen.errors import DerivationError
+from rrrgen.ik.report import closed_form
+from rrrgen.spec import load_spec
+
+SAME = 1e-9  # rad; the reading form evaluates in double as the emitted code does
+
+
+def evaluated(form, target: np.ndarray) -> list[np.ndarray]:
+    """Rows of all choices of signs; a choice that leaves the real numbers is left out."""
+    pairs = [step for step in form.steps if step.either is not None]
+    free = set().union(*(step.expression.free_symbols for step in form.steps))
+    entries = {symbol: float(target["xyz".index(symbol.name)]) for symbol in free if symbol.name in ("x", "y", "z")}
+    rows = []
+    for signs in itertools.product((1, -1), repeat=len(pairs)):
+        known, sign = {**entries, **dict(form.values)}, iter(signs)
+        for step in form.steps:
+            value = step.expression + (next(sign) * step.either if step.either is not None else 0)
+            known[step.symbol] = complex(value.subs(known)) if value.free_symbols else complex(value)
+        found = {str(symbol): value for symbol, value in known.items() if str(symbol).startswith("q_")}
+        values = np.array([found[f"q_{k + 1}"] for k in range(len(found))])
+        if np.abs(values.imag).max() < SAME:
+            rows.append(values.real)
+    return rows
+
+
+def test_the_steps_of_the_reference_robot_give_its_rows():
+    form, result = closed_form(make("rrr", ROWS["rrr"])), sample("rrr", N=6)
+    for goal in result.T[:, :3, 3]:
+        answer = result.solver.solve(goal, limits=False).q
+        rows = evaluated(form, goal)
+        assert len(rows) == len(answer) > 0
+        for row in rows:
+            apart = np.abs((answer - row + np.pi) % (2 * np.pi) - np.pi).max(axis=1)
+            assert apart.min() < SAME
+
+
+def test_the_singularities_of_the_reference_robot_are_those_of_its_determinant():
+    form = closed_form(load_spec("rrr"))
+    a2, a3 = (sp.Symbol(name, real=True) for name in ("a2", "a3"))
+    q2, q3 = (sp.Symbol(name, real=True) for name in ("q_2", "q_3"))
+    found = {str(item.expression) for item in form.singularities}
+    assert found == {str(sp.sin(q3)), str(a2 * sp.cos(q2) + a3 * sp.cos(q2 + q3))}
+
+
+@pytest.mark.parametrize("name", ["puma", "ur5", "stanford", "scara", "iiwa14"])
+def test_large_arms_are_written_too(name):
+    form = closed_form(make(name, ROWS[name]))
+    joints = {str(step.symbol) for step in form.steps}
+    moving = len(ROWS[name]) - (form.plan.locked is not None and form.plan.locked < len(ROWS[name]))
+    assert sum(symbol.startswith("q_") for symbol in joints) >= moving
+    assert form.latex().startswith("\\begin{align*}")
+    assert form.text().startswith(f"inverse kinematics: {form.plan.title}\nat most ")
+
+
+def test_a_chain_without_a_solver_says_why():
+    rows = [("R", 0.3, 0.1, 0.0, 0.0)] * 9
+    with pytest.raises(DerivationError, match="at most one joint can be prescribed"):
+        closed_form(make("arm", rows))
