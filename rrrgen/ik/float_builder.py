@@ -103,6 +103,8 @@ class FloatBuilder:
 
         roots = np.roots([float(x) for x in reversed(k)])
         real = sorted(float(z.real) for z in roots if abs(z.imag) < 1e-6 * unit)
+        if not real:
+            raise NoRoot
         x = real[self._choose(len(real))] if len(k) > 2 else real[0]
         self._set(joint, x)
         return x

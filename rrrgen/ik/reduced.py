@@ -120,8 +120,8 @@ def derive_orientation(b: Builder, loop: Loop, length: float) -> None:
     if axes is None:
         raise InternalError("the rotation is not decided by three joints")
     first, second, closing = axes.links
-    assert isinstance(first, Crossing)
-    assert isinstance(second, Crossing)
+    if not isinstance(first, Crossing) or not isinstance(second, Crossing):
+        raise InternalError("two of the axes that decide the rotation are parallel")
     back = closing.inverse()
     mx, mz = b.names("m", turned(back, (1, 0, 0))), b.names("n", turned(back, (0, 0, 1)))
     found = solve_wrist(b, (axes.joints[0], axes.joints[1], axes.joints[2]), first, second, mx, mz)

@@ -1,0 +1,57 @@
+"""Chains drawn without any thought: each gets a solver that finds its own configurations, or a reason."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ik.robots import make
+from rrrgen.errors import DerivationError
+from rrrgen.ik.classify import plan
+from rrrgen.ik.sources import emit, sources
+
+CHAINS = 60  # per seed; thousands were drawn while this was written
+
+RIGHT = np.pi / 2
+
+
+def drawn(rng: np.random.Generator) -> list:
+    """Round angles and many zeros: the geometry where equations degenerate."""
+    return [
+        (
+            "R" if rng.random() < 0.7 else "P",
+            float(rng.choice([0.0, RIGHT, -RIGHT, np.pi])),
+            float(rng.choice([0.0, 0.3, -0.2, 0.5])),
+            float(rng.choice([0.0, 0.1, 0.4])),
+            float(rng.choice([0.0, RIGHT, 0.3])),
+        )
+        for _ in range(int(rng.integers(1, 8)))
+    ]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_solver_or_a_reason(seed):
+    rng = np.random.default_rng(seed)
+    solved = 0
+    for _ in range(CHAINS):
+        spec = make("arm", drawn(rng))
+        found = plan(spec)
+        if found.solvable:
+            solved += 1
+            assert 0 < found.max_solutions <= 32
+            assert emit(spec, found).files
+        else:
+            assert len(found.reason) > 20
+            assert sources(spec) == {}
+            with pytest.raises(DerivationError, match="no inverse kinematics is emitted"):
+                emit(spec, found)
+    assert solved > CHAINS // 4
+
+
+def test_axes_that_degenerate_are_refused_without_a_fault():
+    """Equations whose rotation is decided by parallel axes, or whose linear equation has no unknown."""
+    for name, lengths in (("PPPRRRR", (0.0, 0.3, 0.5, 0.5, -0.2, 0.0, 0.0)), ("PRPR", (-0.2, 0.5, 0.3, 0.3))):
+        turns = {"PPPRRRR": (RIGHT, 0.0, np.pi, RIGHT, 0.0, -RIGHT, RIGHT), "PRPR": (RIGHT, -RIGHT, 0.0, 0.0)}[name]
+        rows = [(kind, alpha, a, 0.1, 0.3) for kind, alpha, a in zip(name, turns, lengths, strict=True)]
+        found = plan(make("arm", rows))
+        assert found.solvable or found.reason
