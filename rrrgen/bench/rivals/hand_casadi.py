@@ -47,6 +47,14 @@ def hand_functions(frames: JointFrames, names: Collection[str] | None = None) ->
             [q, dq, tau],
             lambda: _solve(arm.mass_matrix(q), arm.inverse_dynamics(q, dq, None), tau),
         ),
+        "inverse_dynamics_derivatives": (
+            [q, dq, ddq],
+            lambda: _with_derivatives(arm.inverse_dynamics(q, dq, ddq), (q, dq, ddq)),
+        ),
+        "forward_dynamics_derivatives": (
+            [q, dq, tau],
+            lambda: _with_derivatives(_solve(arm.mass_matrix(q), arm.inverse_dynamics(q, dq, None), tau), (q, dq, tau)),
+        ),
         "kinematics": ([q], lambda: arm.kinematics(q)),
         "regressor": ([q, dq, ddq], lambda: _flat(arm.regressor(q, dq, ddq, standard=False))),
         "standard_regressor": ([q, dq, ddq], lambda: _flat(arm.regressor(q, dq, ddq, standard=True))),
@@ -60,6 +68,14 @@ def hand_functions(frames: JointFrames, names: Collection[str] | None = None) ->
     base, standard = arm.base_parameters(), arm.standard_parameters()
     parameters = {"regressor": base, "regressor_transpose": base, "standard_regressor": standard}
     return HandFunctions(functions, parameters)
+
+
+def _with_derivatives(values: list[Any], inputs: tuple[Any, ...]) -> list[Any]:
+    """Values and CasADi's derivatives of them, each matrix by rows."""
+    import casadi as ca
+
+    column = ca.vertcat(*values)
+    return [column, *(ca.vec(ca.jacobian(column, x).T) for x in inputs)]
 
 
 class HandArm:

@@ -19,6 +19,8 @@ _INPUTS = {
     "bias": (0, 1),
     "gravity": (0,),
     "forward_dynamics": (0, 1, 2),
+    "inverse_dynamics_derivatives": (0, 1, 2),
+    "forward_dynamics_derivatives": (0, 1, 2),
     "kinematics": (0,),
     "regressor": (0, 1, 2),
     "standard_regressor": (0, 1, 2),
