@@ -101,12 +101,8 @@ def _virtual_robot(model: Model, options: dict[str, Any]) -> tuple[Any, Any]:
     if options["base_mode"] is not None:  # a base ten times as heavy as the arm in its zero pose
         inertia = 10.0 * float(model.mass_matrix(np.zeros(n))[0, 0])
         base = FlexibleBase(inertia=inertia, frequency=options["base_mode"])
-    plant = make_plant(
-        model,
-        friction=None if law is None else Friction(law),
-        drive_inertia=model.drive_inertia,
-        base=base,
-    )
+    # the model's own functions hold the drive inertia of the robot file
+    plant = make_plant(model, friction=None if law is None else Friction(law), base=base)
     resolutions = [joint.drive.encoder_resolution if joint.drive else None for joint in spec.joints]
     limits = [joint.limits.torque for joint in spec.joints]
     instruments = Instruments(
@@ -138,4 +134,4 @@ def _control(model: Model, options: dict[str, Any]) -> tuple[Any, Any]:
         return pd_gains(inertia, options["bandwidth"]), observer
     gains = pd_gains(np.ones(model.n), options["bandwidth"])
     law = robot_friction(model.spec)
-    return ComputedTorque(RigidBody(model, None, model.drive_inertia), gains.kp, gains.kd, law), observer
+    return ComputedTorque(RigidBody(model), gains.kp, gains.kd, law), observer

@@ -55,7 +55,10 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     model = pipeline.compile(spec)
     if model.beta is None:
         raise click.UsageError(f"{robot} has no links: there are no torques to score")
-    label = data_label([hash_of(p) for p in options["fitted_on"]], [hash_of(p) for p in logs])
+    # the data decide, not the mapping files: two recordings may have the same mapping
+    fitted = [open_log(path) for path in options["fitted_on"]]
+    hashes = [[hash_of(source.path) for mapping in each for source in mapping.files] for each in (fitted, mappings)]
+    label = data_label(hashes[0], hashes[1])
     thresholds = Thresholds(relative_error=options["relative_error"], require_held_out=options["require_held_out"])
     settings = {**processing.settings(), **{k: options[k] for k in ("relative_error", "require_held_out")}}
     with RunFolder(output, "validate", input_files(robot, logs, mappings), settings, 0, options["fresh"]) as folder:

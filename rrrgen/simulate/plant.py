@@ -228,7 +228,8 @@ def make_plant(
 ) -> Plant:
     """The mechanics of ``model`` under its nominal or the given base parameters.
 
-    ``drive_inertia`` (n,) adds to the diagonal of M; with flexible joints the rotors stand for it instead.
+    ``drive_inertia`` (n,) adds to the diagonal of M, which holds that of the robot file already; with flexible joints
+    the rotors stand for it instead.
     """
     if joints is not None and drive_inertia is not None:
         raise InputError("flexible joints have rotors: give the drive inertia as rotor_inertia")
