@@ -139,10 +139,13 @@ def works(plan: SolverPlan, trials: int) -> bool:
                 q[joint.index] = 0.0
         T = chain.forward(q)
         given = parameter(plan, q)
+        elsewhere = rng.uniform(-1.4, 1.4, size)  # a joint whose angle is taken from the reference would be found too
         try:
             rows = every_branch(
                 lambda b: derive(b, plan),
-                lambda script, T=T, q=q, given=given: FloatBuilder(T, q, script, redundancy=given),  # type: ignore[misc]
+                lambda script, T=T, away=elsewhere, given=given: FloatBuilder(  # type: ignore[misc]
+                    T, away, script, redundancy=given
+                ),
             )
         except InternalError:
             return False

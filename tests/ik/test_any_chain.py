@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ik.checks import sample
 from ik.robots import make
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan
@@ -55,3 +56,26 @@ def test_axes_that_degenerate_are_refused_without_a_fault():
         rows = [(kind, alpha, a, 0.1, 0.3) for kind, alpha, a in zip(name, turns, lengths, strict=True)]
         found = plan(make("arm", rows))
         assert found.solvable or found.reason
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_solvers_of_few_joints_find_their_own_configurations(seed):
+    """Through compiled code: chains of 4 and 5 joints, whose virtual joints must not hide a free angle."""
+    rng = np.random.default_rng(100 + seed)
+    compiled = 0
+    while compiled < 4:
+        rows = drawn(rng)
+        if len(rows) in (4, 5) and plan(make("arm", rows)).solvable:
+            sample("arm", rows, N=300).assert_right()
+            compiled += 1
+
+
+def test_a_plan_that_would_take_an_angle_from_the_reference_is_not_used():
+    rows = [
+        ("P", RIGHT, 0.3, 0.4, 0.0),
+        ("R", 0.0, 0.5, 0.0, RIGHT),
+        ("R", -RIGHT, 0.3, 0.4, 0.3),
+        ("R", -RIGHT, 0.5, 0.0, 0.0),
+    ]
+    if plan(make("arm", rows)).solvable:
+        sample("arm", rows, N=500).assert_right()
