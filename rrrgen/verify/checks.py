@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from rrrgen.verify.against_newton_euler import check_dynamics, check_friction, check_kinematics, check_regressors
@@ -12,7 +14,7 @@ from rrrgen.verify.identities import check_identities
 from rrrgen.verify.newton_euler import NewtonEuler
 from rrrgen.verify.reference import LIBRARIES, ReferenceUnavailableError
 from rrrgen.verify.report import Report
-from rrrgen.verify.subject import Model, Parameters, States, draw_states, parameter_sets
+from rrrgen.verify.subject import BothWays, Model, Parameters, States, draw_states, parameter_sets
 
 LIBRARY_SAMPLES = 20  # the other libraries are asked one state at a time; the Robotics Toolbox takes milliseconds each
 
@@ -41,6 +43,7 @@ def verify(
     if samples < 1:
         raise ValueError(f"samples must be at least 1, got {samples}")
     rng = np.random.default_rng(seed)
+    model = cast(Model, BothWays(model))
     chain = chain_of(model.spec)
     states = draw_states(chain, samples, rng)
     single = np.asarray(model.forward_kinematics(states.q)).dtype == np.float32

@@ -52,6 +52,38 @@ class Model(Protocol):
     def identification_regressor(self, q: Array, dq: Array, ddq: Array) -> Array: ...
 
 
+class BothWays:
+    """A model whose functions evaluate half of the states one by one and the rest as a batch.
+
+    Single states run the emitted functions themselves, batches the loops over vector registers: both are verified.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(self._model, name)
+        return self._split(value) if callable(value) else value
+
+    @staticmethod
+    def _split(function: Any) -> Any:
+        def evaluate(*states: Array, **given: Any) -> Any:
+            half = len(states[0]) // 2
+            batch = function(*(state[half:] for state in states), **given)
+            single = [function(*(state[k] for state in states), **given) for k in range(half)]
+            if not single:
+                return batch
+            if not isinstance(batch, tuple):
+                return np.concatenate([np.stack(single), batch])
+            parts = [
+                np.concatenate([np.stack(row), rest])
+                for row, rest in zip(zip(*single, strict=True), batch, strict=True)
+            ]
+            return type(batch)(*parts) if hasattr(batch, "_fields") else tuple(parts)
+
+        return evaluate
+
+
 @dataclass(frozen=True)
 class States:
     """Random states (N, n), and a vector e (N, n) for products with transposes."""

@@ -279,7 +279,8 @@ from rrrgen.identify.excitation import run_starts
 if __name__ == "__main__":
     def say(done, total, message):
         print(done, flush=True)
-        time.sleep(60)  # the interruption comes here, and not after the end of a fast search
+        if done == 1:
+            time.sleep(5)  # the interruption comes here, and not after the end of a fast search
     run_starts(pendulum_problem(), {starts!r}, jobs=2, checkpoints=Path(sys.argv[1]), progress=say)
 """
 
@@ -300,8 +301,13 @@ def test_ctrl_c_loses_nothing_that_was_finished(tmp_path, undisturbed) -> None:
     )
     assert process.stdout is not None
     assert process.stdout.readline().strip() == "1"
-    os.killpg(process.pid, signal.SIGINT)  # what a terminal sends
-    process.communicate(timeout=120)
+    for _ in range(20):  # what a terminal sends; again where a library was busy and did not hear it
+        os.killpg(process.pid, signal.SIGINT)
+        try:
+            process.communicate(timeout=6)
+            break
+        except subprocess.TimeoutExpired:
+            continue
     assert process.returncode != 0
     finished = list((tmp_path / "checkpoints").glob("start-*.json"))
     assert 1 <= len(finished) < len(SEARCHED)
