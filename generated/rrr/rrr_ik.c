@@ -26,19 +26,30 @@ typedef struct rrr_ik_row {
 /* x in (-pi, pi] */
 static rrr_real rrr_ik_wrap(rrr_real x)
 {
+    x -= (rrr_real)6.283185307179586 * (rrr_real)((x > (rrr_real)3.141592653589793) - (x <= (rrr_real)-3.141592653589793)); /* the usual case */
     if (x > (rrr_real)3.141592653589793 || x <= (rrr_real)-3.141592653589793) {
         x -= (rrr_real)6.283185307179586 * floor(x * (rrr_real)0.15915494309189535 + (rrr_real)0.5);
     }
     return x;
 }
 
-/* atan2 to about 1 ulp, the same bits on every machine; 0 at the origin. */
+/* atan2 to 2 ulp, the same bits on every machine; 0 at the origin. Without branches on the octant, which no
+ * processor can foresee: the angle is start + sense * arc, by octant. */
 static rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
 {
+    static const rrr_real start[16] = {
+        (rrr_real)0, (rrr_real)0.7853981633974483, (rrr_real)1.5707963267948966, (rrr_real)0.7853981633974483,
+        (rrr_real)3.141592653589793, (rrr_real)2.356194490192345, (rrr_real)1.5707963267948966, (rrr_real)2.356194490192345,
+        (rrr_real)0, (rrr_real)-0.7853981633974483, (rrr_real)-1.5707963267948966, (rrr_real)-0.7853981633974483,
+        (rrr_real)-3.141592653589793, (rrr_real)-2.356194490192345, (rrr_real)-1.5707963267948966, (rrr_real)-2.356194490192345};
+    static const rrr_real sense[16] = {
+        (rrr_real)1, (rrr_real)1, (rrr_real)-1, (rrr_real)-1, (rrr_real)-1, (rrr_real)-1, (rrr_real)1, (rrr_real)1,
+        (rrr_real)-1, (rrr_real)-1, (rrr_real)1, (rrr_real)1, (rrr_real)1, (rrr_real)1, (rrr_real)-1, (rrr_real)-1};
     const rrr_real ax = fabs(x), ay = fabs(y);
-    const rrr_real small = ay > ax ? ax : ay, large = ay > ax ? ay : ax;
+    const rrr_real small = ax < ay ? ax : ay, large = ax > ay ? ax : ay;
     const int beyond = small > (rrr_real)0.41421356237309503 * large; /* tan(pi/8) */
-    const rrr_real top = beyond ? small - large : small, below = beyond ? small + large : large;
+    const int octant = beyond + 2 * (ay > ax) + 4 * (x < (rrr_real)0) + 8 * (y < (rrr_real)0);
+    const rrr_real shift = (rrr_real)beyond, top = small - shift * large, below = large + shift * small;
     if (!(large > (rrr_real)0)) {
         return (rrr_real)0;
     }
@@ -50,10 +61,7 @@ static rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
         const rrr_real p3 = (rrr_real)-0.06663099148471298 + u * (rrr_real)0.05847858920620302;
         const rrr_real p4 = (rrr_real)-0.050391890304237796 + u * (rrr_real)0.038062108726007564 + v * (rrr_real)-0.017905009476816506;
         const rrr_real arc = t + t * u * ((p0 + v * p1) + w * ((p2 + v * p3) + w * p4));
-        const rrr_real half = beyond ? (rrr_real)0.7853981633974483 + arc : arc;
-        const rrr_real quarter = ay > ax ? (rrr_real)1.5707963267948966 - half : half;
-        const rrr_real whole = x < (rrr_real)0 ? (rrr_real)3.141592653589793 - quarter : quarter;
-        return y < (rrr_real)0 ? -whole : whole;
+        return start[octant] + sense[octant] * arc;
     }
 }
 
