@@ -10,8 +10,9 @@ from rrrgen.backends.c.printer import STATUS
 from rrrgen.backends.c.signature import function_name, has_status, stored_outputs
 from rrrgen.program import Program
 
-FEW = 16
-"""Elements of a port up to which moving them between arrays and packs is written out."""
+FEW = 4
+"""Elements of a port up to which moving them between arrays and packs is written out: more gains no time, and the C
+compiler takes twice as long."""
 
 
 def loop_name(program: Program, dialect: Dialect) -> str:
