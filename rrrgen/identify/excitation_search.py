@@ -178,7 +178,10 @@ def _solve(
     nlp = {"x": program.x, "f": objective, "g": casadi.vertcat(*constraints.values)}
     solver = casadi.nlpsol("excitation", "ipopt", nlp, options)
     solution = solver(x0=program.variables(trajectory), lbg=constraints.lower, ubg=constraints.upper)
-    path = tuple(float(v) for v in solver.stats().get("iterations", {}).get("obj", ()))
+    statistics = solver.stats()
+    if statistics["return_status"] == "User_Requested_Stop":
+        raise KeyboardInterrupt  # the solver heard it and gave what it had; half a search is no result
+    path = tuple(float(v) for v in statistics.get("iterations", {}).get("obj", ()))
     history.append((f"{stage}{p or ''}", path))
     x = np.asarray(solution["x"]).ravel()
     return program.trajectory(x) if np.all(np.isfinite(x)) else trajectory

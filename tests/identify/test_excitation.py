@@ -271,7 +271,8 @@ def undisturbed():
 
 
 SLOW_SEARCH = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that runs tests in the background ignores it
 sys.path[:0] = {paths!r}
 from pathlib import Path
 from test_excitation import pendulum_problem
