@@ -35,11 +35,10 @@ def build_extension(
     cdef: str,
     module_key: str,
     flags: Sequence[str] = (),
-    options: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[Any, Any]:
     """Compile C ``sources`` (file name -> text) and load them; returns cffi's ``(ffi, lib)``.
 
-    ``options`` are further flags for single files. ``cdef`` declares what ``lib`` offers; every header among the
+    ``cdef`` declares what ``lib`` offers; every header among the
     sources is included. ``module_key`` only makes names in the cache readable. The result is cached by the content of
     everything that enters, in this process and on disk.
     Raises BuildError where there is no compiler, or where it refuses the code.
@@ -48,8 +47,7 @@ def build_extension(
     identity = [sys.implementation.cache_tag, platform.machine(), _cffi_version(), *compiler, _stamp(compiler[0])]
     if "-march=native" in flags:
         identity.append(_processor())
-    options = options or {}
-    contents = [text for name in sorted(sources) for text in (name, sources[name], *options.get(name, ()))]
+    contents = [text for name in sorted(sources) for text in (name, sources[name])]
     key = digest(*identity, *FLAGS, *flags, cdef, *contents)
     if key not in _loaded:
         module = f"_rrrgen_{key[:24]}"
@@ -57,7 +55,7 @@ def build_extension(
         if path.exists():
             touch(path)
         else:
-            _build(path, module, sources, cdef, [*compiler, *FLAGS, *flags], options)
+            _build(path, module, sources, cdef, [*compiler, *FLAGS, *flags])
             prune()
         _loaded[key] = _load(path, module)
     return _loaded[key]
@@ -87,14 +85,7 @@ def _include_directory() -> str:
     return include
 
 
-def _build(
-    path: Path,
-    module: str,
-    sources: Mapping[str, str],
-    cdef: str,
-    compile_command: list[str],
-    options: Mapping[str, Sequence[str]],
-) -> None:
+def _build(path: Path, module: str, sources: Mapping[str, str], cdef: str, compile_command: list[str]) -> None:
     """Compile in a directory of its own and move the finished library into place."""
     include = _include_directory()
     with tempfile.TemporaryDirectory(dir=cache_directory(), prefix=".build-") as name:
@@ -102,16 +93,12 @@ def _build(
         for file, text in sources.items():
             (directory / file).write_text(text, encoding="utf-8", newline="\n")
         _write_wrapper(directory / f"{module}.c", module, sources, cdef)
-        wrapper = f"{module}.c"
-        units = [wrapper, *(file for file in sources if file.endswith(".c"))]
-        special = {
-            **options,
-            wrapper: ["-O0"],
-        }  # it only passes pointers on: optimisation took a third of the build and gained 1 %
+        # the wrapper only passes pointers on: optimising it took a third of the build and gained 1 %
+        units = {f"{module}.c": ["-O0"], **{file: [] for file in sources if file.endswith(".c")}}
         _run(
             [
-                [*compile_command, *special.get(unit, ()), f"-I{include}", "-c", unit, "-o", f"{unit}.o"]
-                for unit in units
+                [*compile_command, *special, f"-I{include}", "-c", unit, "-o", f"{unit}.o"]
+                for unit, special in units.items()
             ],
             directory,
         )

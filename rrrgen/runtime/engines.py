@@ -69,7 +69,7 @@ class NumpyEngine:
 
 
 class CompiledEngine:
-    """Emitted C through cffi: ``functions`` and ``loops`` over states, by program name.
+    """Emitted C through cffi: ``functions`` by program name, and ``loops`` over states, built when first asked for.
 
     cffi releases Python's global lock during every call, so threads run side by side.
     """
@@ -79,7 +79,7 @@ class CompiledEngine:
         programs: Mapping[str, Program],
         ffi: Any,
         functions: Mapping[str, Any],
-        loops: Mapping[str, Any],
+        loops: Callable[[], Mapping[str, Any]],
         dtype: np.dtype[Any],
     ) -> None:
         self.dtype = dtype
@@ -87,7 +87,7 @@ class CompiledEngine:
         self._pointer = "double[]" if dtype == np.float64 else "float[]"
         self._ffi, self._functions = ffi, functions
         self._calls = {
-            name: CompiledCall(program, ffi.from_buffer, functions[name], loops[name], dtype, self._pointer)
+            name: CompiledCall(program, ffi.from_buffer, functions[name], loops, dtype, self._pointer)
             for name, program in programs.items()
         }
 
@@ -105,30 +105,38 @@ class CompiledCall:
     """One function and its loop over states with everything precomputed that does not depend on the arguments."""
 
     def __init__(
-        self, program: Program, address: Any, function: Any, loop: Any, dtype: np.dtype[Any], pointer: str
+        self,
+        program: Program,
+        address: Any,
+        function: Any,
+        loops: Callable[[], Mapping[str, Any]],
+        dtype: np.dtype[Any],
+        pointer: str,
     ) -> None:
-        self._ports, self._dtype, self._loop = program.inputs, dtype, loop
-        plain = not has_status(program) and all(port.shape for port in program.inputs)
-        self._single = function if plain else None
+        self._ports, self._dtype, self._single, self._loops = program.inputs, dtype, function, loops
         self._shapes = [port.shape for port in program.inputs]
-        self._function = program.name.removesuffix("_nominal")
+        self._name, self._function = program.name, program.name.removesuffix("_nominal")
         self._inputs = [(len(port.shape), port.size) for port in program.inputs]
         self._outputs = [(port.shape, np.dtype(np.intc) if port.name == STATUS else dtype) for port in program.outputs]
         pointers = ["int[]" if port.name == STATUS else pointer for port in program.outputs]
         status_first = sorted(range(len(pointers)), key=lambda k: pointers[k] != "int[]")
         self._written = [(k, pointers[k]) for k in status_first]
+        self._status = next((k for k, kind in enumerate(pointers) if kind == "int[]"), None)
+        self._plain = self._status is None and all(self._shapes)
         self._address, self._pointer = address, pointer
 
     def __call__(self, values: Sequence[Any], threads: int = 1) -> tuple[Array, ...]:
         """Check ``values`` and evaluate: one array (..., *port.shape) per output."""
-        if self._single is not None and self._is_one_dense_state(values):
+        if self._plain and self._is_one_dense_state(values):
             results = tuple([np.empty(shape, dtype) for shape, dtype in self._outputs])
             self._single(*[self._address(self._pointer, array) for array in (*values, *results)])
             return results
         batch, arrays = prepare(self._function, self._ports, values, self._dtype)
         outputs = tuple([np.empty(batch + shape, dtype) for shape, dtype in self._outputs])
         count = math.prod(batch)
-        if threads > 1 and count >= 2 * SMALLEST_SHARE:
+        if not batch:
+            self._one_state(arrays, outputs)
+        elif threads > 1 and count >= 2 * SMALLEST_SHARE:
             self._share(count, threads, arrays, outputs)
         elif count:
             address, pointer = self._address, self._pointer
@@ -140,6 +148,19 @@ class CompiledCall:
                 arguments.append(address(kind, outputs[k]))
             self._loop(*arguments)
         return outputs
+
+    @functools.cached_property
+    def _loop(self) -> Any:
+        return self._loops()[self._name]
+
+    def _one_state(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> None:
+        """The function itself; scalars go by value, and the status comes back."""
+        address, pointer = self._address, self._pointer
+        arguments = [address(pointer, a) if a.ndim else a.item() for a in arrays]
+        arguments += [address(pointer, out) for k, out in enumerate(outputs) if k != self._status]
+        status = self._single(*arguments)
+        if self._status is not None:
+            outputs[self._status][...] = status
 
     def _is_one_dense_state(self, values: Sequence[Any]) -> bool:
         """Whether nothing has to be converted, copied or repeated: the usual call of a control loop."""

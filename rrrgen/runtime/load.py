@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -12,8 +13,10 @@ from rrrgen.runtime.engines import CompiledEngine, Engine, NumpyEngine
 from rrrgen.runtime.model import Model
 
 if TYPE_CHECKING:
+    from rrrgen.backends.c.dialect import Dialect
     from rrrgen.derive.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.program import Program
 
 EngineName = Literal["c", "numpy"]
 
@@ -36,25 +39,28 @@ def load_model(
 
 def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:
     from rrrgen.backends.c.dialect import Dialect
-    from rrrgen.backends.c.loops import declarations, loop_files, loop_name
+    from rrrgen.backends.c.loops import declarations
     from rrrgen.backends.c.signature import function_name
     from rrrgen.backends.c.sources import header_and_source, programs_of
     from rrrgen.backends.c.trigonometry import InlineSinCos
-    from rrrgen.runtime.build import CONTRACT, NATIVE, build_extension
+    from rrrgen.runtime.build import NATIVE, build_extension
 
     dialect = Dialect(derived.spec.name, real)
     programs = {name: program for name, program in programs_of(derived).items() if program.inputs}
     code = header_and_source(derived, identity, dialect, InlineSinCos())
-    loops = loop_files(programs.values(), dialect)
-    ffi, lib = build_extension(
-        {**code, **loops},
-        declarations(programs.values(), dialect),
-        derived.spec.name,
-        NATIVE,
-        {file: CONTRACT for file in loops if file.endswith(".c")},
-    )
+    ffi, lib = build_extension(code, declarations(programs.values(), dialect), derived.spec.name, NATIVE)
     functions = {name: getattr(lib, function_name(program, dialect)) for name, program in programs.items()}
-    over_states = {name: getattr(lib, loop_name(program, dialect)) for name, program in programs.items()}
-    return CompiledEngine(
-        programs, ffi, functions, over_states, np.dtype(np.float64 if real == "double" else np.float32)
-    )
+    loops = cache(lambda: _loops(programs, code, dialect))
+    return CompiledEngine(programs, ffi, functions, loops, np.dtype(np.float64 if real == "double" else np.float32))
+
+
+def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:
+    """The loops over states: an extension of its own, because it takes the C compiler longer than all the rest."""
+    from rrrgen.backends.c.loops import loop_declarations, loop_files, loop_name
+    from rrrgen.runtime.build import CONTRACT, NATIVE, build_extension
+
+    sources = {name: text for name, text in code.items() if name.endswith(".h")}
+    sources |= loop_files(programs.values(), dialect)
+    declared = loop_declarations(programs.values(), dialect)
+    _, lib = build_extension(sources, declared, f"{dialect.prefix}-batches", (*NATIVE, *CONTRACT))
+    return {name: getattr(lib, loop_name(program, dialect)) for name, program in programs.items()}

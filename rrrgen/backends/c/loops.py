@@ -41,15 +41,20 @@ def loop_files(programs: Iterable[Program], dialect: Dialect) -> dict[str, str]:
     }
 
 
+def loop_declarations(programs: Iterable[Program], dialect: Dialect) -> str:
+    """What cffi must know of the loops."""
+    loops = [_loop_signature(program, dialect).replace(dialect.real_type, dialect.real) for program in programs]
+    return "\n".join(f"{loop};" for loop in loops)
+
+
 def declarations(programs: Iterable[Program], dialect: Dialect) -> str:
-    """What cffi must know: every function and its loop, with plain pointers and without enums."""
+    """What cffi must know of the functions for one state, with plain pointers and without enums."""
     lines = []
     for program in programs:
         inputs = [f"const {dialect.real} *" if port.shape else dialect.real for port in program.inputs]
         outputs = [f"{dialect.real} *" for _ in stored_outputs(program)]
         returns = "int" if has_status(program) else "void"
         lines.append(f"{returns} {function_name(program, dialect)}({', '.join([*inputs, *outputs]) or 'void'});")
-        lines.append(f"{_loop_signature(program, dialect).replace(dialect.real_type, dialect.real)};")
     return "\n".join(lines)
 
 
@@ -63,27 +68,37 @@ def _loop_signature(program: Program, dialect: Dialect) -> str:
 
 
 def _loop_body(program: Program, dialect: Dialect) -> list[str]:
-    arguments = [
-        f"{port.name} + k*{port.name}_step" if port.shape else f"{port.name}[k*{port.name}_step]"
-        for port in program.inputs
-    ]
-    arguments += [f"{port.name} + k*{port.size}" for port in stored_outputs(program)]
-    call = f"{function_name(program, dialect)}({', '.join(arguments)});"
-    if has_status(program):
-        call = f"status[k] = (int){call}"
     return [
-        "long long k = 0;",
-        "if (count >= PACK_LANES) {",
-        "    for (; k < count; k += PACK_LANES) {",
-        "        if (k > count - PACK_LANES)",
-        "            k = count - PACK_LANES; /* once more over some states, so that all are computed alike */",
-        *(f"        {line}" for line in _pack_body(program, dialect)),
-        "    }",
+        "if (count < PACK_LANES) {",
+        *(f"    {line}" for line in _few_states(program, dialect)),
+        "    return;",
         "}",
-        "for (; k < count; k++) {",
-        f"    {call}",
+        "for (long long k = 0; k < count; k += PACK_LANES) {",
+        "    if (k > count - PACK_LANES)",
+        "        k = count - PACK_LANES; /* once more over some states, so that all are computed alike */",
+        *(f"    {line}" for line in _pack_body(program, dialect)),
         "}",
     ]
+
+
+def _few_states(program: Program, dialect: Dialect) -> list[str]:
+    """A batch that fills no pack: its last state is repeated until it does."""
+    real = dialect.real_type
+    few: list[str] = []
+    arguments = ["PACK_LANES"]
+    for port in program.inputs:
+        few += [
+            f"{real} {port.name}_few[PACK_LANES*{port.size}];",
+            f"{dialect.prefix}_pack_fill({port.name}, {port.name}_step, count, {port.size}, {port.name}_few);",
+        ]
+        arguments += [f"{port.name}_few", f"{port.size}"]
+    outputs = [("int", STATUS, 1)] if has_status(program) else []
+    outputs += [(real, port.name, port.size) for port in stored_outputs(program)]
+    few += [f"{kind} {name}_few[PACK_LANES*{size}];" for kind, name, size in outputs]
+    arguments += [f"{name}_few" for _, name, _ in outputs]
+    few.append(f"{loop_name(program, dialect)}({', '.join(arguments)});")
+    few += [f"memcpy({name}, {name}_few, (size_t)count*{size}*sizeof *{name});" for _, name, size in outputs]
+    return ["if (count <= 0)", "    return;", *few]
 
 
 def _pack_body(program: Program, dialect: Dialect) -> list[str]:
