@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from enum import Enum
 from fractions import Fraction
 from itertools import pairwise
+from typing import TypeAlias
 
 from rrrgen.optimize.factoring import Factoring, Monomial, Polynomial
 from rrrgen.program import Builder, Op, Program, Value
@@ -217,8 +218,15 @@ def _accumulate(total: Polynomial, monomial: Monomial, coefficient: Fraction | i
         del total[monomial]
 
 
-def factored(program: Program, cutting: Cutting) -> Program | None:
-    """``program`` expanded and factored, or None where the expansion is too large."""
+Expanded: TypeAlias = tuple[list[int], list[Polynomial], list[tuple[int, Polynomial]]]
+"""Literals, results, parts that are cut off."""
+
+
+def factored(program: Program, cutting: Cutting, known: list[Expanded] | None = None) -> Program | None:
+    """``program`` expanded and factored, or None where the expansion is too large.
+
+    ``known`` are expansions of this program that need not be factored again: None for them too. This one joins them.
+    """
     expansion = Expansion(program, cutting)
     try:
         polynomials = expansion.results()
@@ -228,6 +236,11 @@ def factored(program: Program, cutting: Cutting) -> Program | None:
     pairs = sum(len(p) * (len(p) - 1) // 2 for p in [*polynomials, *expansion.cuts.values()])
     if cutting is not Cutting.LOCAL and pairs > MAX_PAIRS:
         return None
+    if known is not None:
+        expanded = (expansion.literals, polynomials, list(expansion.cuts.items()))
+        if expanded in known:
+            return None
+        known.append(expanded)
     search = Factoring(polynomials + list(expansion.cuts.values()), len(expansion.literals))
     search.run()
     return _record(program, expansion, search, results)

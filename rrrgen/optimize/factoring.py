@@ -92,7 +92,7 @@ class Factoring:
         self.first = literals
         self.next = literals
         self._terms: list[Terms] = []
-        self._doubles: dict[Double, dict[Pair, tuple[Monomial, Ratio]]] = {}
+        self._doubles: dict[Double, dict[Pair, tuple[Monomial, Ratio, float]]] = {}
         self._singles: dict[Single, dict[Place, None]] = {}
         self._doubles_of: dict[Place, dict[tuple[Double, Pair], None]] = {}
         self._double_gains: dict[Double, float] = {}
@@ -139,8 +139,11 @@ class Factoring:
             common, left, right = split_common(first, second)
             ratio = divide(c2, c1)
             if common or ratio in ((1, 1), (-1, 1)) or (left and right):
+                saved = term_cost(first, c1) + term_cost(second, c2) + ADDITION - term_cost((*common, 0), c1)
+                if saved <= 0:
+                    continue
                 key, pair = (left, right, ratio), (k, first, second)
-                self._doubles.setdefault(key, {})[pair] = (common, c1)
+                self._doubles.setdefault(key, {})[pair] = (common, c1, saved)
                 self._touched_doubles[key] = None
                 found[key, pair] = None
                 self._doubles_of[k, y][key, pair] = None
@@ -192,14 +195,12 @@ class Factoring:
         used: set[Place] = set()
         chosen: list[tuple[Pair, Monomial, Ratio]] = []
         gain = -(term_cost(left, ONE) + term_cost(right, ratio) + ADDITION)
-        for pair, (common, cx) in self._doubles[key].items():
+        for pair, (common, cx, saved) in self._doubles[key].items():
             k, x, y = pair
-            if (k, x) in used or (k, y) in used:
-                continue
-            own = term_cost(x, cx) + term_cost(y, self._terms[k][y]) + ADDITION
-            saved = own - term_cost((*common, 0), cx)
-            if saved > 0:
-                used.update(((k, x), (k, y)))
+            first, second = (k, x), (k, y)
+            if first not in used and second not in used:
+                used.add(first)
+                used.add(second)
                 chosen.append((pair, common, cx))
                 gain += saved
         return chosen, gain

@@ -10,7 +10,7 @@ from rrrgen.derive.derived_model import DerivedModel, PassReport
 from rrrgen.derive.functions import forward_dynamics
 from rrrgen.derive.recording import Recording
 from rrrgen.optimize.doubling import double_by_addition
-from rrrgen.optimize.expansion import Cutting, factored
+from rrrgen.optimize.expansion import Cutting, Expanded, factored
 from rrrgen.optimize.folding import fold
 from rrrgen.program import Program, count_operations
 
@@ -92,9 +92,10 @@ def choices(ways: Sequence[Program]) -> list[Choice]:
 def cheapest(ways: Sequence[Program], trials: Sequence[Choice], name: str, log: _Log) -> tuple[Program, Choice]:
     """The cheapest program found by ``trials``, after every pass, and the choice that gave it."""
     best, taken = ways[0], trials[0]
+    known: dict[int, list[Expanded]] = {}
     for trial in trials:
         way = ways[trial.way]
-        program = way if trial.cutting is None else factored(way, trial.cutting)
+        program = way if trial.cutting is None else factored(way, trial.cutting, known.setdefault(trial.way, []))
         if program is not None and cost(program) < cost(best):
             best, taken = program, trial
     log.note("choose recursion", name, ways[0], ways[taken.way])
