@@ -10,22 +10,30 @@ import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
 from rrrgen.cli.progress import progress_bar
-from rrrgen.cli.workflow import jobs_options, output_option, seed_option
+from rrrgen.cli.workflow import (
+    chosen_experiment,
+    described_files,
+    experiment_option,
+    jobs_options,
+    output_option,
+    seed_option,
+)
 
 
 @click.command()
 @robot_argument
 @output_option
-@click.option("--harmonics", type=click.IntRange(min=1), default=15, show_default=True, help="Of the Fourier series.")
-@click.option("--duration", type=float, default=10.0, show_default=True, help="Period of the motion, s.")
-@click.option("--rate", type=float, default=1000.0, show_default=True, help="Of the controller, Hz.")
-@click.option("--starts", type=click.IntRange(min=1), default=4, show_default=True, help="Starts of the search.")
+@experiment_option
+@click.option("--harmonics", type=click.IntRange(min=1), help="Of the Fourier series; 15 by default.")
+@click.option("--duration", "cycle", type=float, help="Period of the motion, s; 10 by default.")
+@click.option("--rate", type=float, help="Of the controller, Hz; 1000 by default.")
+@click.option("--starts", type=click.IntRange(min=1), help="Starts of the search; 4 by default.")
 @jobs_options
-@seed_option
+@seed_option(default=None)
 @click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
 @json_option
 def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
-    """Design an exciting trajectory within the joint limits of a robot file.
+    """Design an exciting trajectory within the limits of a robot file, or of an experiment file.
 
     The condition number of the regressor is minimised from several starts; every limit is checked at the controller's
     rate. DIR gets the coefficients (JSON), samples for the controller (CSV) and figures.
@@ -33,33 +41,29 @@ def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     \b
     Example:
       rrrgen excite rrr -o runs/excitation --jobs 2
+      rrrgen excite rrr --experiment experiment.yaml -o runs/excitation
     """
     from rrrgen import pipeline
     from rrrgen.identify.excitation import design_excitation
-    from rrrgen.identify.excitation_model import limits_of, robot_problem
+    from rrrgen.identify.excitation_model import limits_of
     from rrrgen.identify.excitation_plots import plot_convergence, plot_motion, plot_singular_values
+    from rrrgen.identify.experiment_setup import problem_of
     from rrrgen.identify.run_folder import RunFolder
 
     spec = read_with_warnings(robot)
-    limits = limits_of(spec)
-    names = ("harmonics", "duration", "rate", "starts")
-    settings = {**{name: options[name] for name in names}, "limits": asdict(limits)}
-    inputs = {"robot": Path(robot)} if Path(robot).is_file() else {}
+    experiment = chosen_experiment(options["experiment"], spec.n, options)
+    settings = {name: options[name] for name in ("harmonics", "cycle", "rate", "starts")}
+    settings["limits"] = asdict(limits_of(spec))
+    inputs = described_files(robot=Path(robot), experiment=options["experiment"])
     with (
-        RunFolder(output, "excite", inputs, settings, options["seed"], options["fresh"]) as folder,
+        RunFolder(output, "excite", inputs, settings, experiment.seed, options["fresh"]) as folder,
         progress_bar() as tell,
     ):
-        problem = robot_problem(
-            pipeline.compile(spec),
-            limits,
-            harmonics=options["harmonics"],
-            base_frequency=1.0 / options["duration"],
-            sample_period=1.0 / options["rate"],
-        )
+        problem = problem_of(experiment, pipeline.compile(spec))
         design = design_excitation(
             problem,
-            options["starts"],
-            seed=options["seed"],
+            experiment.starts,
+            seed=experiment.seed,
             jobs=options["jobs"],
             cluster=options["cluster"],
             checkpoints=folder.checkpoint("starts"),

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 @click.option("--consistent/--no-consistent", default=True, help="Also the physically consistent estimate.")
 @click.option("--essential", is_flag=True, help="Also the reduction to essential parameters.")
 @jobs_options
-@seed_option
+@seed_option(default=0)
 @click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
 @json_option
 def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **options: Any) -> int:

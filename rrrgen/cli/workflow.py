@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
+    from rrrgen.identify.experiment_file import Experiment
     from rrrgen.identify.fourier import FourierTrajectory
     from rrrgen.identify.mapping import LogMapping
     from rrrgen.identify.processing import Processing
@@ -41,9 +42,45 @@ def jobs_options(function: F) -> F:
     return click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes.")(function)
 
 
-def seed_option(function: F) -> F:
-    """``--seed``."""
-    return click.option("--seed", type=int, default=0, show_default=True, help="Of everything random.")(function)
+def experiment_option(function: F) -> F:
+    """``--experiment``."""
+    return click.option(
+        "--experiment",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Experiment file: limits, objective, writing task, virtual robot, control. Options win over it.",
+    )(function)
+
+
+def chosen_experiment(path: Path | None, joints: int, options: dict[str, Any]) -> Experiment:
+    """The experiment file, or one that says nothing, with the command line's own words on top."""
+    from dataclasses import replace
+
+    from rrrgen.identify.experiment_file import Experiment, load_experiment
+
+    found = Experiment() if path is None else load_experiment(path, joints)
+    excitation, virtual_robot, control = dict(found.excitation), dict(found.virtual_robot), found.control
+    if options.get("harmonics") is not None:
+        excitation["harmonics"] = options["harmonics"]
+    if options.get("cycle") is not None:
+        excitation["base_frequency"] = 1.0 / options["cycle"]
+    if options.get("torque_noise") is not None:
+        virtual_robot["torque_noise"] = (options["torque_noise"],) * joints
+    if options.get("base_mode") is not None:
+        virtual_robot["flexible_base"] = {**virtual_robot.get("flexible_base", {}), "frequency": options["base_mode"]}
+    if options.get("bandwidth") is not None:
+        control = replace(control, bandwidth=options["bandwidth"], kp=None, kd=None)
+    if options.get("control") is not None:
+        control = replace(control, kind=options["control"].replace("-", "_"))
+    changes = {name: options[name] for name in ("starts", "seed") if options.get(name) is not None}
+    if options.get("rate") is not None:
+        changes["period"] = 1.0 / options["rate"]
+    return replace(found, excitation=excitation, virtual_robot=virtual_robot, control=control, **changes)
+
+
+def seed_option(default: int | None) -> Callable[[F], F]:
+    """``--seed``; without a default the experiment file has its say."""
+    return click.option("--seed", type=int, default=default, help="Of everything random; 0 by default.")
 
 
 def processing_options(function: F) -> F:
@@ -76,6 +113,11 @@ def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping]) 
         for source in mapping.files:
             files[f"log{k + 1}.{source.name}"] = Path(source.path)
     return files
+
+
+def described_files(**paths: Path | None) -> dict[str, Path]:
+    """The files among the inputs of a run, by role; a bundled robot is none."""
+    return {role: path for role, path in paths.items() if path is not None and path.is_file()}
 
 
 def read_trajectory(path: Path) -> FourierTrajectory:

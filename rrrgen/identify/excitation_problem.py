@@ -57,7 +57,7 @@ class ExcitationProblem:
     columns: int
     regressor: str
     limits: ExcitationLimits
-    harmonics: int = 20
+    harmonics: int = 15
     base_frequency: float = 0.1
     objective: Objective = "cond"
     at_rest: bool = False

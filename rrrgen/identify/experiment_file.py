@@ -197,7 +197,6 @@ class _Reader:
             what,
             {
                 "friction": self.friction,
-                "drive_inertia": self.per_joint(PLAIN, "one"),
                 "encoder_resolution": self.per_joint(units.POSITION, "rad"),
                 "torque_limit": torque,
                 "torque_resolution": torque,

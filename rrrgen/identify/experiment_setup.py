@@ -13,11 +13,25 @@ from rrrgen.identify.columns import Array
 from rrrgen.identify.excitation_model import limits_of, robot_problem
 from rrrgen.identify.excitation_problem import ExcitationProblem
 from rrrgen.identify.experiment_file import Experiment
+from rrrgen.identify.friction_models import robot_friction
 from rrrgen.identify.kalman import kalman_matrices
-from rrrgen.identify.writing import JointPath, solver_inverse_kinematics, writing_task
+from rrrgen.identify.smoother import quantisation_variance
+from rrrgen.identify.writing import (
+    JointPath,
+    newton_inverse_kinematics,
+    solver_inverse_kinematics,
+    writing_task,
+)
+from rrrgen.simulate.plant import without_drives
 
 DEFAULT_RESOLUTION = 1e-5
 """rad (m), where neither the experiment nor the robot file states one: the chapter's encoders."""
+
+BASE_TO_ARM = 10.0
+"""Inertia of a flexible base whose file states none, over that of the arm about joint 1 in its zero pose."""
+
+LARGEST_POSITION_TASK = 3
+"""Joints up to which the inverse kinematics takes tip positions, see :mod:`rrrgen.ik`."""
 
 Motion = Callable[[Array], tuple[Array, Array, Array]]
 
@@ -28,12 +42,16 @@ def problem_of(experiment: Experiment, model: Any) -> ExcitationProblem:
     return robot_problem(model, limits, sample_period=experiment.period, **experiment.excitation)
 
 
-def writing_path(experiment: Experiment, model: Any, solver: Any) -> JointPath:
-    """The joint motion of the writing task by a closed-form position ``solver`` of the robot."""
+def writing_path(experiment: Experiment, model: Any) -> JointPath:
+    """The joint motion of the writing task, by the closed form of the arm's position where it has one."""
+    from rrrgen.runtime.inverse_kinematics import load_solver
+
     start = experiment.branch if experiment.branch is not None else (0.0,) * model.n
-    revolute = [joint.is_revolute for joint in model.spec.joints]
     task = writing_task(**experiment.writing)
-    return JointPath(task, model, solver_inverse_kinematics(solver, start, revolute))
+    if model.n > LARGEST_POSITION_TASK:  # the closed form asks for whole poses
+        return JointPath(task, model, newton_inverse_kinematics(model, start))
+    revolute = [joint.is_revolute for joint in model.spec.joints]
+    return JointPath(task, model, solver_inverse_kinematics(load_solver(model.spec), start, revolute))
 
 
 def simulate_motion(
@@ -44,35 +62,54 @@ def simulate_motion(
     *,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> tuple[Any, Any]:
-    """Run the virtual robot along ``reference(t) -> (q, dq, ddq)``; returns its recording and its instruments."""
-    from rrrgen.simulate.experiment import Instruments, VirtualRobot
-    from rrrgen.simulate.friction import Friction
-    from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints, make_plant
+    """Run the virtual robot along ``reference(t) -> (q, dq, ddq)``; returns its recording and its instruments.
+
+    Links, drive inertia, friction, encoders and torque limits are those of the robot file where the experiment states
+    no others. Rotors of flexible joints take the place of the robot file's drive inertia.
+    """
+    from rrrgen.simulate.experiment import VirtualRobot
 
     if model.beta is None:
         raise InputError("the virtual robot needs masses and inertias: the robot file has no links")
-    parts = dict(experiment.virtual_robot)
-    friction = parts.get("friction")
-    joints, base = parts.get("flexible_joints"), parts.get("flexible_base")
-    plant = make_plant(
-        model,
-        friction=None if friction is None else Friction(friction),
-        drive_inertia=parts.get("drive_inertia"),
-        joints=None if joints is None else FlexibleJoints(**joints),
-        base=None if base is None else FlexibleBase(**base),
-    )
-    names = {entry.name for entry in fields(Instruments)}
-    instruments = Instruments(**{"torque_limit": _drives(model), **{k: v for k, v in parts.items() if k in names}})
-    robot = VirtualRobot(plant, instruments, experiment.period)
+    instruments = _instruments(experiment, model)
+    robot = VirtualRobot(_plant(experiment, model), instruments, experiment.period)
     recording = robot.run(
         reference,
         duration,
         _controller(experiment, model),
-        _observer(experiment, model, reference, duration),
+        _observer(experiment, model, instruments, reference, duration),
         seed=experiment.seed,
         progress=progress,
     )
     return recording, instruments
+
+
+def _plant(experiment: Experiment, model: Any) -> Any:
+    from rrrgen.simulate.friction import Friction
+    from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints, make_plant
+
+    parts = experiment.virtual_robot
+    friction = parts.get("friction") or robot_friction(model.spec)
+    joints, base = parts.get("flexible_joints"), parts.get("flexible_base")
+    if base is not None and "inertia" not in base:
+        base = {**base, "inertia": BASE_TO_ARM * float(model.mass_matrix(np.zeros(model.n))[0, 0])}
+    return make_plant(
+        model,
+        friction=None if friction is None else Friction(friction),
+        joints=None if joints is None else FlexibleJoints(**joints),
+        base=None if base is None else FlexibleBase(**base),
+    )
+
+
+def _instruments(experiment: Experiment, model: Any) -> Any:
+    from rrrgen.simulate.experiment import Instruments
+
+    names = {entry.name for entry in fields(Instruments)}
+    steps = [joint.drive and joint.drive.encoder_resolution for joint in model.spec.joints]
+    stated: dict[str, Any] = {"torque_limit": _drives(model)}
+    if any(steps):
+        stated["encoder_resolution"] = tuple(float(step or 0.0) for step in steps)
+    return Instruments(**{**stated, **{k: v for k, v in experiment.virtual_robot.items() if k in names}})
 
 
 def _drives(model: Any) -> tuple[float, ...] | None:
@@ -90,17 +127,20 @@ def _controller(experiment: Experiment, model: Any) -> Any:
         omega = 2.0 * np.pi * control.bandwidth
         kp = control.kp if control.kp is not None else (omega**2,) * n
         kd = control.kd if control.kd is not None else (2.0 * control.damping * omega,) * n
-        body = RigidBody(model, drive_inertia=experiment.virtual_robot.get("drive_inertia"))
-        return ComputedTorque(body, kp, kd, friction=experiment.virtual_robot.get("friction"))
+        friction = experiment.virtual_robot.get("friction") or robot_friction(model.spec)
+        return ComputedTorque(RigidBody(model), kp, kd, friction=friction)
     if control.kp is not None and control.kd is not None:
         return PD(control.kp, control.kd)
     poses = np.random.default_rng(experiment.seed).uniform(-np.pi, np.pi, (1000, n))
     inertia = np.mean(np.diagonal(model.mass_matrix(poses), axis1=1, axis2=2), axis=0)
-    added = experiment.virtual_robot.get("drive_inertia")
-    return pd_gains(inertia + (0.0 if added is None else np.asarray(added)), control.bandwidth, control.damping)
+    rotors = experiment.virtual_robot.get("flexible_joints")
+    if rotors is not None:
+        drives = without_drives(model)
+        inertia = inertia + np.asarray(rotors["rotor_inertia"]) + (0.0 if drives is None else drives)
+    return pd_gains(inertia, control.bandwidth, control.damping)
 
 
-def _observer(experiment: Experiment, model: Any, reference: Motion, duration: float) -> Any:
+def _observer(experiment: Experiment, model: Any, instruments: Any, reference: Motion, duration: float) -> Any:
     """A Kalman filter by the chapter's rules: quantisation of the encoder, and the largest jerk squared."""
     from rrrgen.simulate.control import BackwardDifference, DeviationFilter
 
@@ -111,14 +151,9 @@ def _observer(experiment: Experiment, model: Any, reference: Motion, duration: f
     if jerk is None:
         t = np.arange(round(duration / period)) * period
         jerk = tuple(np.abs(np.diff(reference(t)[2], axis=0)).max(axis=0) / period)
-    stated = experiment.virtual_robot.get("encoder_resolution")
-    given = (
-        stated
-        if stated is not None
-        else [joint.drive and joint.drive.encoder_resolution for joint in model.spec.joints]
-    )
+    steps = instruments.encoder_resolution or (0.0,) * model.n
     matrices = [
-        kalman_matrices(period, (float(step or DEFAULT_RESOLUTION)) ** 2 / 12.0, max(float(top), 1e-3) ** 2)
-        for step, top in zip(given, jerk, strict=True)
+        kalman_matrices(period, quantisation_variance(step or DEFAULT_RESOLUTION), max(float(top), 1e-3) ** 2)
+        for step, top in zip(steps, jerk, strict=True)
     ]
     return DeviationFilter([m.E for m in matrices], [m.k for m in matrices])

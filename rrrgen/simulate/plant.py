@@ -228,12 +228,20 @@ def make_plant(
 ) -> Plant:
     """The mechanics of ``model`` under its nominal or the given base parameters.
 
-    ``drive_inertia`` (n,) adds to the diagonal of M, which holds that of the robot file already; with flexible joints
-    the rotors stand for it instead.
+    ``drive_inertia`` (n,) adds to the diagonal of M, which holds that of the robot file already. Rotors of flexible
+    joints take the place of both.
     """
-    if joints is not None and drive_inertia is not None:
-        raise InputError("flexible joints have rotors: give the drive inertia as rotor_inertia")
-    if joints is not None and len(joints.rotor_inertia) != model.n:
-        raise InputError(f"flexible joints: {len(joints.rotor_inertia)} rotors for {model.n} joints")
+    if joints is not None:
+        if drive_inertia is not None:
+            raise InputError("flexible joints have rotors: give the drive inertia as rotor_inertia")
+        if len(joints.rotor_inertia) != model.n:
+            raise InputError(f"flexible joints: {len(joints.rotor_inertia)} rotors for {model.n} joints")
+        drive_inertia = without_drives(model)
     chosen = friction if friction is not None else NoFriction(model.n)
     return Plant(RigidBody(model, beta, drive_inertia), chosen, joints, base)
+
+
+def without_drives(model: Any) -> Array | None:
+    """What takes the robot file's drive inertia out of the diagonal of M, (n,); None where there is none in it."""
+    stated = getattr(model, "drive_inertia", None)
+    return None if stated is None else -np.asarray(stated)

@@ -148,9 +148,7 @@ control: {bandwidth: 4 Hz, jerk: 50}
 
 
 def test_writing_path_follows_the_file(model) -> None:
-    from rrrgen.runtime.inverse_kinematics import load_solver
-
-    path = writing_path(loads_experiment(FULL, 3), model, load_solver(model.spec))
+    path = writing_path(loads_experiment(FULL, 3), model)
     t = np.linspace(0.0, 8.0, 200)
     q, _, _ = path.evaluate(t)
     tips = model.forward_kinematics(q)[:, :3, 3]
