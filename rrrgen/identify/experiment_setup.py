@@ -22,7 +22,6 @@ from rrrgen.identify.writing import (
     solver_inverse_kinematics,
     writing_task,
 )
-from rrrgen.simulate.plant import without_drives
 
 DEFAULT_RESOLUTION = 1e-5
 """rad (m), where neither the experiment nor the robot file states one: the chapter's encoders."""
@@ -32,6 +31,12 @@ BASE_TO_ARM = 10.0
 
 LARGEST_POSITION_TASK = 3
 """Joints up to which the inverse kinematics takes tip positions, see :mod:`rrrgen.ik`."""
+
+POSES = 200
+"""Poses of the motion for which gains are chosen and tested."""
+
+LARGEST_DAMPING = 1.0
+"""Of ``M^-1 Kd`` times the sample period: above 1 a held torque overshoots the speed it brakes, above 2 it diverges."""
 
 Motion = Callable[[Array], tuple[Array, Array, Array]]
 
@@ -76,7 +81,7 @@ def simulate_motion(
     recording = robot.run(
         reference,
         duration,
-        _controller(experiment, model),
+        _controller(experiment, model, reference, duration),
         _observer(experiment, model, instruments, reference, duration),
         seed=experiment.seed,
         progress=progress,
@@ -118,7 +123,7 @@ def _drives(model: Any) -> tuple[float, ...] | None:
     return None if any(limit is None for limit in limits) else tuple(float(limit) for limit in limits)
 
 
-def _controller(experiment: Experiment, model: Any) -> Any:
+def _controller(experiment: Experiment, model: Any, reference: Motion, duration: float) -> Any:
     from rrrgen.simulate.control import PD, ComputedTorque, pd_gains
     from rrrgen.simulate.plant import RigidBody
 
@@ -129,15 +134,33 @@ def _controller(experiment: Experiment, model: Any) -> Any:
         kd = control.kd if control.kd is not None else (2.0 * control.damping * omega,) * n
         friction = experiment.virtual_robot.get("friction") or robot_friction(model.spec)
         return ComputedTorque(RigidBody(model), kp, kd, friction=friction)
+    poses = reference(np.linspace(0.0, duration, POSES))[0]
+    whole, felt = _moved(experiment, model, np.asarray(model.mass_matrix(poses)))
     if control.kp is not None and control.kd is not None:
-        return PD(control.kp, control.kd)
-    poses = np.random.default_rng(experiment.seed).uniform(-np.pi, np.pi, (1000, n))
-    inertia = np.mean(np.diagonal(model.mass_matrix(poses), axis1=1, axis2=2), axis=0)
-    rotors = experiment.virtual_robot.get("flexible_joints")
-    if rotors is not None:
-        drives = without_drives(model)
-        inertia = inertia + np.asarray(rotors["rotor_inertia"]) + (0.0 if drives is None else drives)
-    return pd_gains(inertia, control.bandwidth, control.damping)
+        gains = PD(control.kp, control.kd)
+    else:
+        inertia = np.mean(np.diagonal(whole, axis1=1, axis2=2), axis=0)
+        gains = pd_gains(inertia, control.bandwidth, control.damping)
+    fastest = np.linalg.eigvals(np.linalg.solve(felt, np.diag(gains.kd)[None])).real.max()
+    if fastest * experiment.period > LARGEST_DAMPING:
+        raise InputError(
+            f"PD control at {1.0 / experiment.period:g} Hz is not stable along this motion: in its lightest direction "
+            f"the arm is damped {fastest:.3g} times a second, at most {LARGEST_DAMPING / experiment.period:g} will do. "
+            "Use computed torque, a lower bandwidth or a higher rate"
+        )
+    return gains
+
+
+def _moved(experiment: Experiment, model: Any, M: Array) -> tuple[Array, Array]:
+    """The mass matrices (m, n, n) that a controller moves in the long run, and within a sample: then rotors alone."""
+    from rrrgen.simulate.plant import without_drives
+
+    flexible = experiment.virtual_robot.get("flexible_joints")
+    if flexible is None:
+        return M, M
+    rotors = np.asarray(flexible["rotor_inertia"], dtype=float)
+    drives = without_drives(model)
+    return M + np.diag(rotors + (0.0 if drives is None else drives)), np.broadcast_to(np.diag(rotors), M.shape)
 
 
 def _observer(experiment: Experiment, model: Any, instruments: Any, reference: Motion, duration: float) -> Any:

@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 from click.testing import CliRunner
+from scipy.io import savemat
 
 import rrrgen
 from rrrgen.cli.main import cli
@@ -60,6 +61,33 @@ SIX = (
     + LINK.format(0.5, [0.01, 0, 0.03], 0.001, 0.001, 0.0008)
 )
 
+SEVEN = (
+    "schema: rrrgen/1\nname: seven\nconvention: standard\nunits: {angle: deg, length: mm}\n"
+    "gravity: [0, 0, -9.81]\njoints:\n"
+    + "".join(
+        JOINT.format(f"j{i + 1}", alpha, 0, d, f"friction: {{viscous: {fv}, coulomb: {fc}}}", "drive: {}")
+        for i, (alpha, d, fv, fc) in enumerate(
+            [
+                (-90, 340, 3, 2),
+                (90, 0, 3, 2),
+                (90, 400, 2, 1.5),
+                (-90, 0, 2, 1),
+                (-90, 380, 1, 0.6),
+                (90, 0, 0.6, 0.4),
+                (0, 120, 0.4, 0.3),
+            ]
+        )
+    )
+    + "links:\n"
+    + LINK.format(4, [0, -30, 70], 0.02, 0.02, 0.01).replace("[0, -30, 70]", "[0, -0.03, 0.07]")
+    + LINK.format(4, [0, 0.06, 0.04], 0.03, 0.02, 0.02)
+    + LINK.format(3, [0, 0.03, -0.07], 0.02, 0.02, 0.01)
+    + LINK.format(2.7, [0.01, 0.06, 0.03], 0.02, 0.01, 0.02)
+    + LINK.format(1.7, [0, 0.02, -0.1], 0.01, 0.01, 0.004)
+    + LINK.format(1.6, [0, 0.01, 0.01], 0.004, 0.003, 0.004)
+    + LINK.format(0.5, [0.01, 0, 0.02], 0.001, 0.001, 0.001)
+)
+
 WITHIN = 3.0
 """Standard deviations; seeds are fixed, so that the outcome is."""
 
@@ -68,14 +96,14 @@ def run(*arguments):
     return CliRunner().invoke(cli, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
 
 
-def recorded(folder, robot, joints, amplitude, noise, rate, seed):
+def recorded(folder, robot, joints, amplitude, noise, rate, seed, control="pd"):
     """The mapping file of a simulated recording."""
     rng = np.random.default_rng(seed)
     motion = FourierTrajectory.from_coefficients(rng.uniform(-amplitude, amplitude, (11, joints)), 0.2)
     path = folder / f"motion{seed}.json"
     path.write_text(json.dumps(motion.to_json()))
     out = folder / f"recording{seed}"
-    settings = ["--torque-noise", noise, "--rate", rate, "--bandwidth", 3, "--seed", seed]
+    settings = ["--torque-noise", noise, "--rate", rate, "--bandwidth", 3, "--seed", seed, "--control", control]
     result = run("simulate", robot, "--trajectory", path, *settings, "-o", out)
     assert result.return_value == 0, result.output
     return out / "results" / "log.yaml"
@@ -127,3 +155,44 @@ def test_a_wrist_arm_in_modified_parameters_with_drives(tmp_path):
     notes = " ".join(estimate["not_identifiable"])
     assert "Ia1 is not identifiable alone" in notes
     assert "Ia2 is not identifiable alone" in notes
+
+
+MATLAB_LOG = """
+schema: rrrgen-log/1
+files: cell.mat
+time: {column: time, unit: ms}
+units: {position: deg, torque: N*m}
+joints:
+"""
+
+
+def as_matlab(log, folder):
+    """The recording as a MATLAB file in degrees and milliseconds, with its mapping file."""
+    rows = np.genfromtxt(log.with_name("log.csv"), delimiter=",", names=True)
+    folder.mkdir()
+    content = {"time": 1e3 * rows["t"]}
+    content["enc"] = np.degrees(np.column_stack([rows[f"q_j{i}"] for i in range(1, 8)]))
+    content["trq"] = np.column_stack([rows[f"tau_j{i}"] for i in range(1, 8)])
+    savemat(folder / "cell.mat", content)
+    lines = [
+        f"  - {{name: j{i}, position: {{column: 'enc[{i - 1}]'}}, torque: {{column: 'trq[{i - 1}]'}}}}\n"
+        for i in range(1, 8)
+    ]
+    (folder / "cell.yaml").write_text(MATLAB_LOG + "".join(lines))
+    return folder / "cell.yaml"
+
+
+def test_a_seven_joint_arm_in_standard_parameters_from_matlab(tmp_path):
+    robot = tmp_path / "seven.yaml"
+    robot.write_text(SEVEN)
+    first, second = (
+        as_matlab(recorded(tmp_path, robot, 7, 0.3, 0.05, 250, seed, "computed-torque"), tmp_path / f"cell{seed}")
+        for seed in (4, 5)
+    )
+    assert run("identify", robot, "--log", first, "-o", tmp_path / "found").return_value == 0
+    result = run(
+        *("validate", tmp_path / "found" / "results" / "robot.yaml", "--log", second, "--fitted-on", first),
+        *("--relative-error", 0.03, "--require-held-out", "-o", tmp_path / "validated"),
+    )
+    assert result.return_value == 0, result.output
+    assert "scored on held-out data; passed" in result.output

@@ -3,10 +3,12 @@
 import csv
 import json
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import rrrgen
 from rrrgen.cli.main import cli
 from rrrgen.identify.fourier import FourierTrajectory
 
@@ -48,6 +50,38 @@ def test_validate_passes_the_true_robot_and_fails_a_wrong_one(experiment, tmp_pa
     strict = run("validate", "planar2r", "--log", log, "--relative-error", 1e-6, "-o", tmp_path / "strict")
     assert strict.return_value == 1
     assert "FAILED" in strict.output
+
+
+WRITING = """
+schema: rrrgen-experiment/1
+period: 2 ms
+writing: {text: R, duration: 2 s, start: [-1, -1.5, 2]}
+virtual_robot:
+  friction: {law: lugre, joints: [&j {coulomb: 1, stiction_excess: 0.3, viscous: 0.5, stribeck_speed: 0.1,
+    sigma0: 300, sigma1: 3}, *j, *j]}
+  flexible_base: {frequency: 28 Hz}
+  torque_noise: 0.02
+"""
+
+
+def test_simulate_writes_letters_with_the_virtual_robot_of_an_experiment_file(tmp_path):
+    file = tmp_path / "experiment.yaml"
+    file.write_text(WRITING)
+    result = run("simulate", "rrr", "--writing", "--experiment", file, "--seed", 3, "-o", tmp_path / "run", "--json")
+    assert result.return_value == 0, result.output
+    assert json.loads(result.output)["samples"] == 1000
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert record["seed"] == 3
+    assert set(record["inputs"]) == {"experiment"}
+    rows = np.genfromtxt(tmp_path / "run" / "results" / "log.csv", delimiter=",", names=True)
+    tips = rrrgen.compile("rrr").forward_kinematics(np.column_stack([rows[f"q_q{i}"] for i in (1, 2, 3)]))[:, :3, 3]
+    assert np.abs(tips[:, 1] + 0.4).max() < 0.02  # in the window's plane
+    assert np.ptp(tips[:, 2]) > 0.2
+
+
+def test_simulate_must_know_what_to_follow():
+    with pytest.raises(click.UsageError, match="--trajectory FILE or --writing"):
+        run("simulate", "rrr", "-o", "nowhere")
 
 
 def test_reconstruct_writes_the_motion(experiment, tmp_path):

@@ -155,3 +155,30 @@ def test_writing_path_follows_the_file(model) -> None:
     assert np.abs(tips - path.task.evaluate(t)[0]).max() < 1e-12
     assert path.task.duration == pytest.approx(8.0)
     assert np.all(q[:, 2] > 0.0)  # elbow down, as the start asks
+
+
+def test_gains_too_fast_for_the_sampling_are_refused(model) -> None:
+    still = FourierTrajectory(np.array([0.1, 0.2, 0.3]), np.zeros((3, 1)), np.zeros((3, 1)), 1.0)
+    text = "schema: rrrgen-experiment/1\nperiod: 5 ms\ncontrol: {bandwidth: 40 Hz}\n"
+    with pytest.raises(InputError, match="PD control at 200 Hz is not stable along this motion"):
+        simulate_motion(loads_experiment(text, 3), model, still.evaluate, 0.1)
+
+
+def test_rotors_take_the_place_of_the_drive_inertia(tmp_path) -> None:
+    """Behind stiff springs, rotors as heavy as the stated drive inertia move as the rigid arm does."""
+    path = tmp_path / "driven.yaml"
+    path.write_text(
+        "schema: rrrgen/1\nname: driven\nconvention: standard\nunits: {angle: rad, length: m}\n"
+        "gravity: [0, -9.81, 0]\njoints:\n"
+        "  - {type: revolute, alpha: 0, a: 0.5, d: 0, theta: 0, drive: {inertia: 0.3}}\n"
+        "links:\n  - {mass: 1, com: [-0.2, 0, 0], inertia: {about: com, xx: 0.01, yy: 0.02, zz: 0.02}}\n"
+    )
+    driven = rrrgen.compile(path)
+    motion = FourierTrajectory(np.array([0.1]), np.array([[0.2]]), np.array([[0.3]]), 1.0)
+    control = "control: {bandwidth: 4 Hz, jerk: 100}\n"
+    rotors = "virtual_robot: {flexible_joints: {rotor_inertia: 0.3, stiffness: 1e6, damping: 100}}\n"
+    runs = [
+        simulate_motion(loads_experiment("schema: rrrgen-experiment/1\n" + text, 1), driven, motion.evaluate, 0.3)[0]
+        for text in (control, rotors + control)
+    ]
+    assert np.abs(runs[0].true_q - runs[1].true_q).max() < 1e-4
