@@ -54,8 +54,8 @@ def test_validate_passes_the_true_robot_and_fails_a_wrong_one(experiment, tmp_pa
 
 WRITING = """
 schema: rrrgen-experiment/1
-period: 2 ms
-writing: {text: R, duration: 2 s, start: [-1, -1.5, 2]}
+period: 4 ms
+writing: {text: R, duration: 5.5 s, start: [-1, -1.5, 2]}
 virtual_robot:
   friction: {law: lugre, joints: [&j {coulomb: 1, stiction_excess: 0.3, viscous: 0.5, stribeck_speed: 0.1,
     sigma0: 300, sigma1: 3}, *j, *j]}
@@ -69,13 +69,13 @@ def test_simulate_writes_letters_with_the_virtual_robot_of_an_experiment_file(tm
     file.write_text(WRITING)
     result = run("simulate", "rrr", "--writing", "--experiment", file, "--seed", 3, "-o", tmp_path / "run", "--json")
     assert result.return_value == 0, result.output
-    assert json.loads(result.output)["samples"] == 1000
+    assert json.loads(result.output)["samples"] == 1375
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert record["seed"] == 3
     assert set(record["inputs"]) == {"experiment"}
     rows = np.genfromtxt(tmp_path / "run" / "results" / "log.csv", delimiter=",", names=True)
     tips = rrrgen.compile("rrr").forward_kinematics(np.column_stack([rows[f"q_q{i}"] for i in (1, 2, 3)]))[:, :3, 3]
-    assert np.abs(tips[:, 1] + 0.4).max() < 0.02  # in the window's plane
+    assert np.abs(tips[:, 1] + 0.4).max() < 0.05  # in the window's plane
     assert np.ptp(tips[:, 2]) > 0.2
 
 
