@@ -14,6 +14,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "rrrgen"
 
 ROOMS = (
     "errors",
+    "cache",
     "resources",
     "program",
     "spec",

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from rrrgen.cache import cache_directory, digest
 from rrrgen.errors import BuildError
 from rrrgen.runtime.build import find_compiler
-from rrrgen.runtime.cache import cache_directory, digest
 
 FLAGS = ("-O3", "-march=native")
 """For every contestant. Contraction to fused multiply-adds stays as the compiler has it by default: on, for all."""

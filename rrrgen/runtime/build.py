@@ -15,8 +15,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rrrgen.cache import cache_directory, digest, prune, touch
 from rrrgen.errors import BuildError
-from rrrgen.runtime.cache import cache_directory, digest, prune, touch
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC")
 """No contraction to fused multiply-adds: results then do not depend on the processor."""

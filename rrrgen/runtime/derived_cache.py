@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rrrgen.backends import Identity
-from rrrgen.runtime.cache import cache_directory, digest, store, touch
+from rrrgen.cache import cache_directory, digest, store, touch
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel

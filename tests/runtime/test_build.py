@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from rrrgen.cache import cache_directory, digest, prune, store, touch
 from rrrgen.errors import BuildError
 from rrrgen.runtime import build as build_module
 from rrrgen.runtime.build import build_extension
-from rrrgen.runtime.cache import cache_directory, digest, prune, store, touch
 
 SOURCES = {
     "twice.h": "double twice(double x);\n",

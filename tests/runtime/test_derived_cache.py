@@ -8,8 +8,8 @@ import pytest
 
 from backends.c_tools import IDENTITY
 from backends.planar import planar_model
+from rrrgen.cache import cache_directory
 from rrrgen.runtime import derived_cache
-from rrrgen.runtime.cache import cache_directory
 
 
 @pytest.fixture

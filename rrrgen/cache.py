@@ -13,7 +13,7 @@ from pathlib import Path
 
 @cache
 def cache_directory() -> Path:
-    """The directory for built extensions and derived models, created private to the user.
+    """The directory for built extensions, derived models and translated templates, created private to the user.
 
     ``$RRRGEN_CACHE`` if set, else ``rrrgen`` below the user's cache directory; a temporary directory of this process
     where that cannot be written.
