@@ -136,12 +136,12 @@ def _report(found: Identification, output: Path) -> None:
     click.echo(f"{'parameter':>14} {'estimate':>14} {'std':>10}")
     for name, value, std in zip(estimate.names, estimate.x, estimate.std, strict=True):
         click.echo(f"{name:>14} {value:14.6g} {std:10.2e}")
-    click.echo(f"fitted: relative error {100 * found.fit['relative_error']:.2f} % (its own data)")
+    click.echo(f"fitted: relative error {100 * found.fit['relative_error']:.3g} % (its own data)")
     if found.split.kind != "none":
-        click.echo(f"held out: relative error {100 * found.held_out['relative_error']:.2f} %")
+        click.echo(f"held out: relative error {100 * found.held_out['relative_error']:.3g} %")
         if found.consistent_held_out is not None:
             error = 100 * found.consistent_held_out["relative_error"]
-            click.echo(f"held out, physically consistent: relative error {error:.2f} %")
+            click.echo(f"held out, physically consistent: relative error {error:.3g} %")
     for name, share in found.indefinite.items():
         click.echo(f"random poses with an indefinite mass matrix, {name}: {100 * share:.2f} %")
     for note in (*found.structural_notes, *found.motion_notes):

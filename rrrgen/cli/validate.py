@@ -31,7 +31,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
 
     \b
     Example:
-      rrrgen validate runs/identified/results/robot.yaml --log runs/writing.yaml -o runs/validated
+      rrrgen validate runs/identified/results/robot.yaml --log runs/writing/results/log.yaml -o runs/validated
     """
     from rrrgen import pipeline
     from rrrgen.identify.definiteness import indefinite_share, pose_limits
