@@ -8,6 +8,7 @@ from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.packs import STATUS_LANES, pack_functions, pack_name
 from rrrgen.backends.c.printer import STATUS
 from rrrgen.backends.c.signature import function_name, has_status, stored_outputs
+from rrrgen.backends.c.transposition import SIZES, transfers
 from rrrgen.program import Program
 
 FEW = 4
@@ -29,6 +30,8 @@ def loop_files(programs: Iterable[Program], dialect: Dialect) -> dict[str, str]:
     programs = list(programs)
     header, source = [], [f'#include "{dialect.prefix}_loops.h"', ""]
     source += [pack_functions({program.name: program for program in programs}, dialect)]
+    moved = {port.size for program in programs for port in (*program.inputs, *stored_outputs(program))}
+    source += [transfers(moved.intersection(SIZES), dialect.prefix, dialect.real_type, dialect.real)]
     for program in programs:
         signature = _loop_signature(program, dialect)
         header.append(f"{signature};")
@@ -109,7 +112,10 @@ def _pack_body(program: Program, dialect: Dialect) -> list[str]:
     for port in program.inputs:
         first, step = f"{port.name} + k*{port.name}_step", f"{port.name}_step"
         lines.append(f"{pack} {port.name}_pack[{port.size}];")
-        lines += _each(port.size, f"{port.name}_pack[{{0}}] = ({pack})PACK_GATHER({first} + {{0}}, {step});")
+        if port.size in SIZES:
+            lines.append(f"{pack}_in{port.size}({first}, {step}, {port.name}_pack);")
+        else:
+            lines += _each(port.size, f"{port.name}_pack[{{0}}] = ({pack})PACK_GATHER({first} + {{0}}, {step});")
         arguments.append(f"{port.name}_pack" if port.shape else f"{port.name}_pack[0]")
     stores: list[str] = []
     for port in program.outputs:
@@ -124,6 +130,9 @@ def _pack_body(program: Program, dialect: Dialect) -> list[str]:
         lines.append(f"{pack} {port.name}_pack[{port.size}];")
         arguments.append(f"{port.name}_pack")
         place = f"{port.name} + k*{port.size}"
+        if port.size in SIZES:
+            stores.append(f"{pack}_out{port.size}({port.name}_pack, {place});")
+            continue
         stores += _each(port.size, f"PACK_SCATTER({place} + {{0}}, {port.size}, {port.name}_pack[{{0}}]);")
     return [*lines, f"{pack_name(program, dialect)}({', '.join(arguments)});", *stores]
 

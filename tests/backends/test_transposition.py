@@ -1,0 +1,64 @@
+"""States between arrays and packs: every size, every width of register, dense and strided, there and back."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.packs import PackSinCos
+from rrrgen.backends.c.transposition import SIZES, transfers
+from tests.backends import c_tools
+
+WIDTHS = {"sse2": "-msse2", "avx": "-mavx", "avx512f": "-mavx512f"}
+
+CHECK = """
+static int check{size}(void)
+{{
+    robot_real x[PACK_LANES*{size}], y[PACK_LANES*{size}], wide[PACK_LANES*({size} + 5)];
+    robot_pack packs[{size}], strided[{size}], same[{size}];
+    int wrong = 0;
+    for (int k = 0; k < PACK_LANES*{size}; k++)
+        x[k] = (robot_real)(k + 1);
+    for (int k = 0; k < PACK_LANES*({size} + 5); k++)
+        wide[k] = (robot_real)(k + 1);
+    robot_pack_in{size}(x, {size}, packs);
+    robot_pack_in{size}(wide, {size} + 5, strided);
+    robot_pack_in{size}(x, 0, same);
+    robot_pack_out{size}(packs, y);
+    for (int lane = 0; lane < PACK_LANES; lane++)
+        for (int e = 0; e < {size}; e++) {{
+            wrong += packs[e][lane] != x[lane*{size} + e];
+            wrong += strided[e][lane] != wide[lane*({size} + 5) + e];
+            wrong += same[e][lane] != x[e];
+            wrong += y[lane*{size} + e] != x[lane*{size} + e];
+        }}
+    return wrong;
+}}
+"""
+
+
+def runs(feature: str) -> bool:
+    try:
+        return feature in Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return feature == "sse2"
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("feature", WIDTHS)
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_numbers_arrive_in_their_places(tmp_path, real, feature, compiler):
+    program = c_tools.compiler(compiler)
+    if not runs(feature):
+        pytest.skip(f"this processor has no {feature}")
+    source = [f"typedef {real} robot_real;", PackSinCos().preamble(Dialect("robot", real))]
+    source += [transfers(SIZES, "robot", "robot_real", real), *(CHECK.format(size=size) for size in SIZES)]
+    calls = " + ".join(f"check{size}()" for size in SIZES)
+    source += [f"int main(void) {{ (void)robot_pack_fill; (void)robot_pack_sincos; return ({calls}) != 0; }}"]
+    (tmp_path / "check.c").write_text("\n".join(source))
+    command = [program, "-std=c99", "-O2", WIDTHS[feature], "-Wno-psabi", "check.c", "-lm", "-o", "check"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "check"]).returncode == 0
