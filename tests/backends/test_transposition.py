@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from backends.c_tools import compiler
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.packs import PackSinCos
 from rrrgen.backends.c.transposition import SIZES, transfers
-from tests.backends import c_tools
 
 WIDTHS = {"sse2": "-msse2", "avx": "-mavx", "avx512f": "-mavx512f"}
 
@@ -47,11 +47,11 @@ def runs(feature: str) -> bool:
         return feature == "sse2"
 
 
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("command_name", ["gcc", "clang"])
 @pytest.mark.parametrize("feature", WIDTHS)
 @pytest.mark.parametrize("real", ["double", "float"])
-def test_numbers_arrive_in_their_places(tmp_path, real, feature, compiler):
-    program = c_tools.compiler(compiler)
+def test_numbers_arrive_in_their_places(tmp_path, real, feature, command_name):
+    program = compiler(command_name)
     if not runs(feature):
         pytest.skip(f"this processor has no {feature}")
     source = [f"typedef {real} robot_real;", PackSinCos().preamble(Dialect("robot", real))]
