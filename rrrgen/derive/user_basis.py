@@ -166,6 +166,11 @@ def _rank_faults(spec: RobotSpec, basis: BasisSpec, own: BaseSet, S: list[list[A
 
 
 def _inverse(ring: PolynomialRing, S: list[list[Any]]) -> tuple[tuple[sp.Expr, ...], ...]:
+    """Over the rational numbers where there are only such: rational functions take a tenth of the derivation."""
+    if not any(isinstance(v, Polynomial) for row in S for v in row):
+        numbers = [[sp.QQ.from_sympy(to_expression(v)) for v in row] for row in S]
+        rational = DomainMatrix(numbers, (len(S), len(S)), sp.QQ).inv().to_Matrix()
+        return tuple(tuple(rational.row(r)) for r in range(len(S)))
     field = ring.ring.to_field()
     matrix = [[field(v.poly) if isinstance(v, Polynomial) else field(sp.QQ.from_sympy(to_expression(v))) for v in row]
               for row in S]  # fmt: skip
