@@ -43,6 +43,11 @@ def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: 
     for name, value, std, truth, deviation in rows:
         click.echo(f"{name:>10} {value:12.5f} {std:10.2e} {truth:12.5f} {deviation:7.2f}")
     click.echo(f"writing task: torque error {100 * study.validation.relative_error:.2f} % of the RMS torque")
+    for score in study.validation.joints:
+        click.echo(
+            f"  {score.joint}: {100 * score.relative_error:.2f} % where it moves, "
+            f"{100 * score.share:.0f} % of the samples; {100 * score.relative_error_all:.1f} % with rest, where friction has no one value"
+        )
     for failure in study.failures:
         click.echo(f"not reached: {failure}")
     click.echo(f"results and figures in {output}")

@@ -77,7 +77,8 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     else:
         rows = summary(result)
         for row in rows:
-            click.echo("  ".join(f"{key}: {value}" for key, value in row.items()))
+            shown = {key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()}
+            click.echo("  ".join(f"{key}: {value}" for key, value in shown.items() if value is not None))
         click.echo(
             f"scored on {result.label}; {'passed' if result.passed else 'FAILED: ' + '; '.join(result.failures)}"
         )

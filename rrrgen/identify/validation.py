@@ -52,7 +52,8 @@ class JointScore:
     """Agreement at one joint, N m (N): RMS and largest error, RMS torque, and their ratio.
 
     ``beyond_noise`` is ``sqrt(max(error^2 - noise^2, 0))`` over the RMS torque, None where the noise is not known;
-    ``samples`` is how many instants count.
+    ``samples`` is how many instants count, ``share`` which part of the recording that is, and ``relative_error_all``
+    the relative error over all of it: at rest friction takes any value up to its limit, which no model tells.
     """
 
     joint: str
@@ -62,6 +63,8 @@ class JointScore:
     relative_error: float
     beyond_noise: float | None
     samples: int
+    share: float
+    relative_error_all: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +135,7 @@ def score_torques(
     if idle:
         raise InputError(f"validation: no sample is left to score joint {', '.join(idle)}")
     scores = tuple(
-        _joint_score(name, tau[use[:, i], i], model[use[:, i], i], None if noise is None else noise[i])
+        _joint_score(name, tau[:, i], model[:, i], use[:, i], None if noise is None else noise[i])
         for i, name in enumerate(joints)
     )
     total = relative_error(tau[use], model[use])
@@ -198,17 +201,23 @@ def noise_gain(decimate: int) -> float:
     return float(np.linalg.norm(taps))
 
 
-def _joint_score(joint: str, measured: Array, predicted: Array, noise: float | None) -> JointScore:
-    size, error = float(rms(measured)), float(rms(measured - predicted))
+def _joint_score(
+    joint: str, measured: Array, predicted: Array, use: NDArray[np.bool_], noise: float | None
+) -> JointScore:
+    known = np.isfinite(measured) & np.isfinite(predicted)
+    tau, difference = measured[use], measured[use] - predicted[use]
+    size, error = float(rms(tau)), float(rms(difference))
     beyond = None if noise is None else float(np.sqrt(max(error**2 - noise**2, 0.0))) / max(size, 1e-300)
     return JointScore(
         joint=joint,
         rms_torque=size,
         rms_error=error,
-        max_error=float(np.abs(measured - predicted).max()),
+        max_error=float(np.abs(difference).max()),
         relative_error=error / max(size, 1e-300),
         beyond_noise=beyond,
-        samples=int(measured.size),
+        samples=int(tau.size),
+        share=tau.size / measured.size,
+        relative_error_all=relative_error(measured[known], predicted[known]) if known.any() else float("nan"),
     )
 
 
@@ -264,6 +273,8 @@ def summary(result: Validation) -> list[Mapping[str, Any]]:
             "relative_error_percent": 100.0 * score.relative_error,
             "beyond_noise_percent": None if score.beyond_noise is None else 100.0 * score.beyond_noise,
             "samples": score.samples,
+            "scored_percent": 100.0 * score.share,
+            "relative_error_of_all_percent": 100.0 * score.relative_error_all,
         }
         for score in result.joints
     ]
@@ -281,7 +292,10 @@ def plot_torques(result: Validation, units: Sequence[str] | None = None) -> Any:
         difference = np.where(result.used[:, i], result.measured[:, i] - result.predicted[:, i], np.nan)
         axis.plot(result.t, difference, color="C3", linewidth=0.5, label="difference")
         axis.set_title(
-            f"{score.joint}: {score.rms_error:.3g} RMS, {100 * score.relative_error:.2f} %", fontsize=9, loc="left"
+            f"{score.joint}: {score.rms_error:.3g} RMS, {100 * score.relative_error:.2f} % "
+            f"on {100 * score.share:.0f} % of the samples",
+            fontsize=9,
+            loc="left",
         )
         style_axes(axis, "", f"τ{i + 1} [{'N m' if units is None else units[i]}]")
     axes[0].legend(loc="upper right", ncols=3, fontsize=8)

@@ -80,6 +80,18 @@ def test_samples_can_be_left_out_joint_by_joint() -> None:
         validate(model, motion, measured, joints=NAMES, used=np.column_stack([used[:, 0], np.zeros(4000, bool)]))
 
 
+def test_what_is_left_out_is_told() -> None:
+    model, motion, measured = case()
+    measured[:1000, 0] += 5.0
+    used = np.ones(measured.shape, bool)
+    used[:1000, 0] = False
+    first, second = validate(model, motion, measured, joints=NAMES, used=used).joints
+    assert (first.share, second.share) == (0.75, 1.0)
+    assert first.relative_error < 1e-15
+    assert first.relative_error_all == pytest.approx(5 * np.sqrt(1000) / np.linalg.norm(measured[:, 0]))
+    assert second.relative_error_all < 1e-15
+
+
 def test_every_threshold_can_fail_and_says_so() -> None:
     model, motion, measured = case(error=0.02)
     strict = Thresholds(
