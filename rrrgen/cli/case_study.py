@@ -44,9 +44,10 @@ def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: 
         click.echo(f"{name:>10} {value:12.5f} {std:10.2e} {truth:12.5f} {deviation:7.2f}")
     click.echo(f"writing task: torque error {100 * study.validation.relative_error:.2f} % of the RMS torque")
     for score in study.validation.joints:
+        moving, whole = 100 * score.relative_error, 100 * score.relative_error_all
         click.echo(
-            f"  {score.joint}: {100 * score.relative_error:.2f} % where it moves, "
-            f"{100 * score.share:.0f} % of the samples; {100 * score.relative_error_all:.1f} % with rest, where friction has no one value"
+            f"  {score.joint}: {moving:.2f} % where it moves, {100 * score.share:.0f} % of the samples; "
+            f"{whole:.1f} % with rest, where friction has no one value"
         )
     for failure in study.failures:
         click.echo(f"not reached: {failure}")
