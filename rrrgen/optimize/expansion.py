@@ -90,6 +90,11 @@ class Expansion:
             return all(self._is_sum_of_inputs(arg) for arg in node.args)
         return node.op is Op.INPUT
 
+    @property
+    def whole(self) -> bool:
+        """Whether nothing but operands of functions is cut off."""
+        return all(self.literals[literal] in self._roots for literal in self.cuts)
+
     def results(self) -> list[Polynomial]:
         """One polynomial per result of the program."""
         for k, node in enumerate(self.program.nodes):
@@ -222,11 +227,26 @@ Expanded: TypeAlias = tuple[list[int], list[Polynomial], list[tuple[int, Polynom
 """Literals, results, parts that are cut off."""
 
 
-def factored(program: Program, cutting: Cutting, known: list[Expanded] | None = None) -> Program | None:
-    """``program`` expanded and factored, or None where the expansion is too large.
+class Tried:
+    """Expansions of equivalent programs, so that none is factored twice."""
 
-    ``known`` are expansions of this program that need not be factored again: None for them too. This one joins them.
-    """
+    def __init__(self) -> None:
+        self._whole = False
+        self._expanded: dict[int, list[Expanded]] = {}
+
+    def again(self, program: Program, expansion: Expansion, polynomials: list[Polynomial]) -> bool:
+        """Whether this expansion was tried before; it is now. Expanded as a whole, equivalent programs are equal."""
+        expanded = (expansion.literals, polynomials, list(expansion.cuts.items()))
+        others = self._expanded.setdefault(id(program), [])
+        if expanded in others or (expansion.whole and self._whole):
+            return True
+        others.append(expanded)
+        self._whole = self._whole or expansion.whole
+        return False
+
+
+def factored(program: Program, cutting: Cutting, tried: Tried | None = None) -> Program | None:
+    """``program`` expanded and factored, or None where the expansion is too large or ``tried`` before."""
     expansion = Expansion(program, cutting)
     try:
         polynomials = expansion.results()
@@ -236,11 +256,8 @@ def factored(program: Program, cutting: Cutting, known: list[Expanded] | None = 
     pairs = sum(len(p) * (len(p) - 1) // 2 for p in [*polynomials, *expansion.cuts.values()])
     if cutting is not Cutting.LOCAL and pairs > MAX_PAIRS:
         return None
-    if known is not None:
-        expanded = (expansion.literals, polynomials, list(expansion.cuts.items()))
-        if expanded in known:
-            return None
-        known.append(expanded)
+    if tried is not None and tried.again(program, expansion, polynomials):
+        return None
     search = Factoring(polynomials + list(expansion.cuts.values()), len(expansion.literals))
     search.run()
     return _record(program, expansion, search, results)

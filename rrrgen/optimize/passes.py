@@ -10,12 +10,15 @@ from rrrgen.derive.derived_model import DerivedModel, PassReport
 from rrrgen.derive.functions import forward_dynamics
 from rrrgen.derive.recording import Recording
 from rrrgen.optimize.doubling import double_by_addition
-from rrrgen.optimize.expansion import Cutting, Expanded, factored
+from rrrgen.optimize.expansion import Cutting, Tried, factored
 from rrrgen.optimize.folding import fold
 from rrrgen.program import Program, count_operations
 
 SMALL = 230
 """Programs up to this many operations are also expanded as a whole; larger ones are factored locally."""
+
+HOPELESS = 1.2
+"""Local factoring saves a tenth; a recursion this many times as dear as the best program found is not tried."""
 
 
 class _Log:
@@ -92,10 +95,12 @@ def choices(ways: Sequence[Program]) -> list[Choice]:
 def cheapest(ways: Sequence[Program], trials: Sequence[Choice], name: str, log: _Log) -> tuple[Program, Choice]:
     """The cheapest program found by ``trials``, after every pass, and the choice that gave it."""
     best, taken = ways[0], trials[0]
-    known: dict[int, list[Expanded]] = {}
+    tried = Tried()
     for trial in trials:
         way = ways[trial.way]
-        program = way if trial.cutting is None else factored(way, trial.cutting, known.setdefault(trial.way, []))
+        if trial.cutting is Cutting.LOCAL and cost(way)[0] > HOPELESS * cost(best)[0]:
+            continue
+        program = way if trial.cutting is None else factored(way, trial.cutting, tried)
         if program is not None and cost(program) < cost(best):
             best, taken = program, trial
     log.note("choose recursion", name, ways[0], ways[taken.way])
