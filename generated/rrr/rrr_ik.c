@@ -18,11 +18,6 @@
 #define RRR_IK_TOL_LIMIT (rrr_real)1e-10
 #define RRR_IK_NEAR 16u /* inner flag: a root of this row may be double */
 
-typedef struct rrr_ik_row {
-    unsigned flags, branch;
-    rrr_real error; /* squared; negative: not known yet */
-} rrr_ik_row;
-
 /* x in (-pi, pi] */
 static rrr_real rrr_ik_wrap(rrr_real x)
 {
@@ -33,35 +28,31 @@ static rrr_real rrr_ik_wrap(rrr_real x)
     return x;
 }
 
-/* atan2 to 2 ulp, the same bits on every machine; 0 at the origin. Without branches on the octant, which no
- * processor can foresee: the angle is start + sense * arc, by octant. */
-static rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
+/* atan2 to 2 ulp, the same bits on every machine; 0 at the origin. Without branches and tables, which lets compilers
+ * make vectors of it: eighths, quarters and halves of a turn and the sign are numbers to add and to multiply by. */
+static inline rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
 {
-    static const rrr_real start[16] = {
-        (rrr_real)0, (rrr_real)0.7853981633974483, (rrr_real)1.5707963267948966, (rrr_real)0.7853981633974483,
-        (rrr_real)3.141592653589793, (rrr_real)2.356194490192345, (rrr_real)1.5707963267948966, (rrr_real)2.356194490192345,
-        (rrr_real)0, (rrr_real)-0.7853981633974483, (rrr_real)-1.5707963267948966, (rrr_real)-0.7853981633974483,
-        (rrr_real)-3.141592653589793, (rrr_real)-2.356194490192345, (rrr_real)-1.5707963267948966, (rrr_real)-2.356194490192345};
-    static const rrr_real sense[16] = {
-        (rrr_real)1, (rrr_real)1, (rrr_real)-1, (rrr_real)-1, (rrr_real)-1, (rrr_real)-1, (rrr_real)1, (rrr_real)1,
-        (rrr_real)-1, (rrr_real)-1, (rrr_real)1, (rrr_real)1, (rrr_real)1, (rrr_real)1, (rrr_real)-1, (rrr_real)-1};
     const rrr_real ax = fabs(x), ay = fabs(y);
-    const rrr_real small = ax < ay ? ax : ay, large = ax > ay ? ax : ay;
-    const int beyond = small > (rrr_real)0.41421356237309503 * large; /* tan(pi/8) */
-    const int octant = beyond + 2 * (ay > ax) + 4 * (x < (rrr_real)0) + 8 * (y < (rrr_real)0);
-    const rrr_real shift = (rrr_real)beyond, top = small - shift * large, below = large + shift * small;
-    if (!(large > (rrr_real)0)) {
-        return (rrr_real)0;
-    }
-    {
-        const rrr_real t = top / below, u = t * t, v = u * u, w = v * v;
-        const rrr_real p0 = (rrr_real)-0.333333333333332 + u * (rrr_real)0.19999999999953244;
-        const rrr_real p1 = (rrr_real)-0.14285714280166237 + u * (rrr_real)0.11111110782140723;
-        const rrr_real p2 = (rrr_real)-0.09090897724893458 + u * (rrr_real)0.07692059711868017;
-        const rrr_real p3 = (rrr_real)-0.06663099148471298 + u * (rrr_real)0.05847858920620302;
-        const rrr_real p4 = (rrr_real)-0.050391890304237796 + u * (rrr_real)0.038062108726007564 + v * (rrr_real)-0.017905009476816506;
-        const rrr_real arc = t + t * u * ((p0 + v * p1) + w * ((p2 + v * p3) + w * p4));
-        return start[octant] + sense[octant] * arc;
+    const rrr_real small = ax < ay ? ax : ay, large = (ax > ay ? ax : ay) + (rrr_real)1e-300; /* no 0 / 0 */
+    const rrr_real beyond = (rrr_real)0.5 + copysign((rrr_real)0.5, small - (rrr_real)0.41421356237309503 * large); /* tan(pi/8) */
+    const rrr_real upright = (rrr_real)0.7853981633974483 + copysign((rrr_real)0.7853981633974483, ay - ax);
+    const rrr_real back = x < (rrr_real)0 ? (rrr_real)3.141592653589793 : (rrr_real)0;
+    const rrr_real sense = copysign((rrr_real)1, (rrr_real)0 + y); /* plus for -0 */
+    const rrr_real t = (small - beyond * large) / (large + beyond * small), u = t * t, v = u * u, w = v * v;
+    const rrr_real p0 = (rrr_real)-0.333333333333332 + u * (rrr_real)0.19999999999953244;
+    const rrr_real p1 = (rrr_real)-0.14285714280166237 + u * (rrr_real)0.11111110782140723;
+    const rrr_real p2 = (rrr_real)-0.09090897724893458 + u * (rrr_real)0.07692059711868017;
+    const rrr_real p3 = (rrr_real)-0.06663099148471298 + u * (rrr_real)0.05847858920620302;
+    const rrr_real p4 = (rrr_real)-0.050391890304237796 + u * (rrr_real)0.038062108726007564 + v * (rrr_real)-0.017905009476816506;
+    const rrr_real arc = t + t * u * ((p0 + v * p1) + w * ((p2 + v * p3) + w * p4));
+    return sense * fabs(back - fabs(upright - (beyond * (rrr_real)0.7853981633974483 + arc)));
+}
+
+static void rrr_ik_arcs(int count, const rrr_real *RRR_RESTRICT sine, const rrr_real *RRR_RESTRICT cosine, rrr_real *RRR_RESTRICT angle)
+{
+    int i;
+    for (i = 0; i < count; ++i) {
+        angle[i] = rrr_ik_atan2(sine[i], cosine[i]);
     }
 }
 
@@ -278,17 +269,19 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
 }
 
 
-/* The candidates of every branch. A larger slack clamps discriminants that are below zero. */
+/* The candidates of every branch. A larger slack clamps discriminants that are below zero. Residuals
+ * are still squared, and negative where they are not known yet. */
 static int rrr_ik_branches(
-    const rrr_real *T, const rrr_real *ref, rrr_real slack, rrr_real q[4][3], rrr_ik_row info[4], int *stage)
+    const rrr_real *T, const rrr_real *ref, rrr_real slack, rrr_ik_solutions *found, int *stage)
 {
     int rows = 0;
+    rrr_real sine[8] = {(rrr_real)0}, cosine[8] = {(rrr_real)0}, angle[8];
+    const rrr_real *at[4][3]; /* where the angles of a row stand */
+    int i;
     const rrr_real pz = T[2] - (rrr_real)0.56;
     rrr_real a1 = -T[1], b1 = T[0], k1 = (rrr_real)0.259, w1;
     unsigned f1 = 0u;
     const int n1 = rrr_ik_linear(&a1, &b1, &k1, (rrr_real)-1, (rrr_real)1.3536469121517312, ref[0], slack, &w1, &f1);
-    const rrr_real m1 = rrr_ik_atan2(b1, a1);
-    const rrr_real e1 = rrr_ik_atan2(w1, k1);
     if (n1 == 0) { *stage = *stage < 1 ? 1 : *stage; return 0; }
     const rrr_real t1 = a1 * k1;
     const rrr_real t2 = b1 * k1;
@@ -296,41 +289,47 @@ static int rrr_ik_branches(
     rrr_real k3 = (rrr_real)6.024096385542168 * (r - (rrr_real)0.279306), w3;
     unsigned f3 = 0u;
     const int n3 = rrr_ik_cosine(&k3, ((rrr_real)1.0 - k3) * (k3 + (rrr_real)1.0), slack, &w3, &f3);
-    const rrr_real e3 = rrr_ik_atan2(w3, k3);
     if (n3 == 0) { *stage = *stage < 2 ? 2 : *stage; return 0; }
     const rrr_real vx = (rrr_real)0.415 * k3 + (rrr_real)0.2;
     const rrr_real t3 = pz * vx;
     for (int i1 = 0; i1 < n1; ++i1) {
         const rrr_real v1 = i1 == 0 ? -w1 : w1;
-        const rrr_real d1 = i1 == 0 ? -e1 : e1;
         const rrr_real c1 = t1 - b1 * v1;
         const rrr_real s1 = t2 + a1 * v1;
+        cosine[i1] = c1;
+        sine[i1] = s1;
         const rrr_real ux = T[0] * c1 + T[1] * s1;
         const rrr_real uz = T[0] * s1 - T[1] * c1;
         const rrr_real t4 = ux * vx;
         const rrr_real t7 = (rrr_real)0.259 - uz;
         const rrr_real t8 = t7 * t7;
-        const rrr_real t9 = rrr_ik_wrap(m1 + d1);
         for (int i3 = 0; i3 < n3; ++i3) {
             const rrr_real v3 = i3 == 0 ? w3 : -w3;
-            const rrr_real d3 = i3 == 0 ? e3 : -e3;
+            cosine[2 + i3] = k3;
+            sine[2 + i3] = v3;
             const rrr_real vy = (rrr_real)0.415 * v3;
             rrr_real c2 = t4 + pz * vy, s2 = t3 - ux * vy;
+            cosine[4 + 2 * i1 + i3] = c2; sine[4 + 2 * i1 + i3] = s2;
             const unsigned f2 = rrr_ik_unit(&c2, &s2, (RRR_IK_TOL_FREE * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_FREE * (rrr_real)1.3536469121517312)) ? 0u : (unsigned)RRR_IK_FREE;
-            const rrr_real x2 = f2 == 0u ? rrr_ik_atan2(s2, c2) : ref[1];
-            if (f2 != 0u) { c2 = cos(x2); s2 = sin(x2); }
+            if (f2 != 0u) {
+                const rrr_real x2 = ref[1];
+                c2 = cos(x2); s2 = sin(x2);
+                cosine[4 + 2 * i1 + i3] = c2; sine[4 + 2 * i1 + i3] = s2;
+            }
             const rrr_real t5 = c2 * vx - s2 * vy - ux;
             const rrr_real t6 = s2 * vx + c2 * vy - pz;
             const rrr_real error = (rrr_real)0.5457442971434324 * (t5 * t5 + t6 * t6 + t8);
-            q[rows][0] = t9;
-            q[rows][1] = x2;
-            q[rows][2] = d3;
-            info[rows].flags = f1 | f3 | f2;
-            info[rows].branch = (unsigned)i1 | ((unsigned)i3 << 1);
-            info[rows].error = error;
+            at[rows][0] = &angle[i1];
+            at[rows][1] = &angle[4 + 2 * i1 + i3];
+            at[rows][2] = &angle[2 + i3];
+            found->flags[rows] = f1 | f3 | f2;
+            found->branch[rows] = (unsigned)i1 | ((unsigned)i3 << 1);
+            found->residual[rows] = error;
             ++rows;
         }
     }
+    rrr_ik_arcs(8, sine, cosine, angle);
+    for (i = 0; i < rows; ++i) { found->q[i][0] = *at[i][0]; found->q[i][1] = *at[i][1]; found->q[i][2] = *at[i][2]; }
     (void)T;
     (void)ref;
     (void)slack;
@@ -343,10 +342,8 @@ static int rrr_ik_branches(
 static int rrr_ik_place(rrr_real q[3], const rrr_real *ref)
 {
     int inside = 1, i;
-    for (i = 0; i < 3; ++i) {
-        if (ref) {
-            q[i] = ref[i] + rrr_ik_wrap(q[i] - ref[i]);
-        }
+    for (i = 0; ref && i < 3; ++i) {
+        q[i] = ref[i] + rrr_ik_wrap(q[i] - ref[i]);
     }
     return inside;
 }
@@ -444,17 +441,17 @@ static int rrr_ik_far(const rrr_real *T)
  * 0 is returned. */
 static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutions *out)
 {
-    rrr_real q[4][3], best = (rrr_real)-1;
-    rrr_ik_row info[4];
+    rrr_ik_solutions found;
+    rrr_real best = (rrr_real)-1;
     int stage = 0, start, i, kept = 0;
-    const int rows = rrr_ik_branches(T, ref, (rrr_real)1e30, q, info, &stage);
+    const int rows = rrr_ik_branches(T, ref, (rrr_real)1e30, &found, &stage);
     for (start = 0; start < rows + 6 && kept < 4; ++start) {
         rrr_real x[3], cost;
         if (start == rows && kept > 0) {
             break;
         }
         for (i = 0; i < 3; ++i) {
-            x[i] = start < rows ? q[start][i] : ref[i] + (start > rows ? (rrr_real)2.0 * sin((rrr_real)(start * (i + 1))) : (rrr_real)0);
+            x[i] = start < rows ? found.q[start][i] : ref[i] + (start > rows ? (rrr_real)2.0 * sin((rrr_real)(start * (i + 1))) : (rrr_real)0);
         }
         cost = rrr_ik_refine(T, x, 200, (rrr_real)0.1);
         if (!(best >= (rrr_real)0) || cost < best || (cost <= RRR_IK_TOL_ACCEPT && kept > 0)) {
@@ -462,7 +459,7 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
             for (i = 0; i < 3; ++i) {
                 out->q[kept][i] = x[i];
             }
-            out->branch[kept] = start < rows ? info[start].branch : 0u;
+            out->branch[kept] = start < rows ? found.branch[start] : 0u;
             out->flags[kept] = cost > RRR_IK_TOL_ACCEPT ? (unsigned)RRR_IK_INEXACT : (unsigned)RRR_IK_MULTIPLE;
             out->residual[kept] = sqrt(cost);
             if (cost <= RRR_IK_TOL_ACCEPT && !rrr_ik_repeated(out, kept)) {
@@ -474,35 +471,47 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
     return kept;
 }
 
-/* Checks a candidate against the whole task, refines it where that is needed, and appends it to the answer. */
-static void rrr_ik_keep(
-    const rrr_real *T, const rrr_real *q_ref, unsigned options, rrr_real q[3], rrr_ik_row row, int *near, int *outside, rrr_ik_solutions *out)
+/* Refines row i of the answer where it needs that; 0 if it does not meet the task or says the same as an earlier one.
+ * `near` is set from the first row on that may have a double. */
+static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *out, int i, int *near)
 {
-    const int to = out->count;
-    int i;
-    if (to >= 4) {
-        return;
-    }
-    if (!(row.error <= RRR_IK_TOL_TIGHT && row.error >= (rrr_real)0)) {
-        row.error = rrr_ik_refine(T, q, 12, (rrr_real)0.01);
-        if (!(row.error <= RRR_IK_TOL_ACCEPT)) {
-            if (!(options & RRR_IK_RESIDUAL) || !(row.error <= (rrr_real)1e6)) {
-                return;
+    const rrr_real error = out->residual[i];
+    if (!(error <= RRR_IK_TOL_TIGHT && error >= (rrr_real)0)) {
+        out->residual[i] = rrr_ik_refine(T, out->q[i], 12, (rrr_real)0.01);
+        if (!(out->residual[i] <= RRR_IK_TOL_ACCEPT)) {
+            if (!(options & RRR_IK_RESIDUAL) || !(out->residual[i] <= (rrr_real)1e6)) {
+                return 0;
             }
-            row.flags |= (unsigned)RRR_IK_INEXACT;
+            out->flags[i] |= (unsigned)RRR_IK_INEXACT;
         }
         *near |= 1;
     }
-    *near |= (row.flags & (RRR_IK_NEAR | (unsigned)RRR_IK_MULTIPLE)) != 0u;
-    for (i = 0; i < 3; ++i) {
-        out->q[to][i] = q[i];
+    *near |= (out->flags[i] & (RRR_IK_NEAR | (unsigned)RRR_IK_MULTIPLE)) != 0u;
+    out->flags[i] &= ~RRR_IK_NEAR;
+    return *near == 0 || !rrr_ik_repeated(out, i);
+}
+
+/* Appends candidate i to the answer if it meets the whole task. */
+static void rrr_ik_keep(
+    const rrr_real *T, const rrr_real *q_ref, unsigned options, const rrr_ik_solutions *found, int i, int *near, int *outside, rrr_ik_solutions *out)
+{
+    const int to = out->count;
+    const rrr_real error = found->residual[i];
+    const unsigned flags = found->flags[i];
+    int k;
+    if (found != out || to != i) {
+        for (k = 0; k < 3; ++k) {
+            out->q[to][k] = found->q[i][k];
+        }
+        out->flags[to] = flags;
+        out->branch[to] = found->branch[i];
+        out->residual[to] = error;
     }
-    out->flags[to] = row.flags & ~RRR_IK_NEAR;
-    out->branch[to] = row.branch;
-    out->residual[to] = sqrt(row.error);
-    if (*near != 0 && rrr_ik_repeated(out, to)) {
+    if ((*near != 0 || (flags & (RRR_IK_NEAR | (unsigned)RRR_IK_MULTIPLE)) != 0u || !(error <= RRR_IK_TOL_TIGHT && error >= (rrr_real)0))
+        && !rrr_ik_settle(T, options, out, to, near)) {
         return;
     }
+    out->residual[to] = sqrt(out->residual[to]);
     (void)outside;
     if (q_ref) {
         (void)rrr_ik_place(out->q[to], q_ref);
@@ -516,8 +525,8 @@ rrr_ik_status rrr_inverse_kinematics(
 {
     static const rrr_real zero[3] = {(rrr_real)0};
     const rrr_real *const ref = q_ref ? q_ref : zero;
-    rrr_real T[3], q[4][3];
-    rrr_ik_row info[4];
+    rrr_real T[3];
+    rrr_ik_solutions *const found = out;
     const rrr_ik_status status = rrr_ik_check(target, q_ref, T);
     int rows, i, near = 0, outside = 0;
     out->count = 0;
@@ -531,14 +540,14 @@ rrr_ik_status rrr_inverse_kinematics(
         out->distance = (rrr_real)-1;
         return RRR_IK_UNREACHABLE;
     }
-    rows = rrr_ik_branches(T, ref, RRR_IK_TOL_SLACK, q, info, &out->stage);
+    rows = rrr_ik_branches(T, ref, RRR_IK_TOL_SLACK, found, &out->stage);
     for (i = 0; i < rows; ++i) {
-        rrr_ik_keep(T, q_ref, options, q[i], info[i], &near, &outside, out);
+        rrr_ik_keep(T, q_ref, options, found, i, &near, &outside, out);
     }
     if (out->count == 0 && !outside) {
         if (rows > 0) { /* candidates from discriminants a little below zero, perhaps: which one is it? */
             out->stage = 0;
-            rows = rrr_ik_branches(T, ref, (rrr_real)0, q, info, &out->stage);
+            rows = rrr_ik_branches(T, ref, (rrr_real)0, found, &out->stage);
             out->stage = rows > 0 ? 3 : out->stage;
         }
         rows = rrr_ik_descend(T, ref, out);

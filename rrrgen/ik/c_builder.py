@@ -2,91 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import atan2, hypot, pi
+from math import hypot
 
 from rrrgen.errors import InternalError
 from rrrgen.ik.builder import Feasible, Label, Turn
-from rrrgen.ik.c_statements import CBody, Stage, Statement, printed
+from rrrgen.ik.c_arcs import users_turn
+from rrrgen.ik.c_scaffold import Scaffold
 from rrrgen.ik.chain import Joint
-from rrrgen.ik.rigid import Rigid, S, Vector, dot, minus, square, total
-from rrrgen.ik.scalar import Pool, Scalar
-
-VIRTUAL_END = 100
-"""Joint indices from n to here are virtual joints, further ones are arguments (the arm angle)."""
+from rrrgen.ik.rigid import S, Vector, dot, minus, total
+from rrrgen.ik.scalar import Scalar
 
 
-class CBuilder:
-    """Collects statements; :meth:`body` prints them."""
-
-    def __init__(
-        self,
-        prefix: str,
-        joints: Sequence[Joint],
-        length: float,
-        *,
-        position: bool = False,
-        trusted: bool = True,
-        banded: bool = False,
-    ) -> None:
-        self.pool = Pool()
-        self._trusted = trusted
-        self._slack = "slack, band" if banded else "slack"
-        self.prefix = prefix
-        self.length = length
-        self._joints = {joint.index: joint for joint in joints}
-        self._position = position
-        self._items: list[Statement] = []
-        self._loops: list[tuple[str, str, int]] = []  # loop variable, count, most roots
-        self._stages: list[Stage] = []
-        self._values: dict[int, Scalar] = {}
-        self._flags: list[tuple[int, str]] = []
-        self._branch: list[tuple[str, str, int]] = []  # label, expression, bits
-        self._residual: list[Scalar] = []
-        self._taken: set[str] = set()
-        self._needs: set[str] = set()
-
-    # -- inputs -------------------------------------------------------------------------------------------------------
-
-    def pose(self) -> Rigid:
-        """The target: ``T`` is a row-major 4x4 matrix."""
-        rows = [[self.pool.var(f"T[{4 * i + j}]") for j in range(4)] for i in range(3)]
-        x, y, z = ((row[0], row[1], row[2]) for row in rows)
-        return Rigid((x, y, z), (rows[0][3], rows[1][3], rows[2][3]))
-
-    def point(self) -> Vector:
-        """The target position: a position solver receives three numbers, a pose solver the last column."""
-        if not self._position:
-            return self.pose().t
-        return (self.pool.var("T[0]"), self.pool.var("T[1]"), self.pool.var("T[2]"))
-
-    def reference(self, joint: Joint) -> Scalar:
-        """The raw reference value of a joint: zero for a virtual one."""
-        if joint.index not in self._joints:
-            return self.pool.of(float(joint.offset))
-        return joint.sign * self.pool.var(f"ref[{joint.index}]") + float(joint.offset)
-
-    # -- values -------------------------------------------------------------------------------------------------------
-
-    def name(self, hint: str, x: S) -> Scalar:
-        """``const REAL hint = x;``."""
-        node = self.pool.of(x)
-        if node.op in ("const", "var") or (node.op == "neg" and node.args[0].op == "var"):
-            return node
-        text = self._fresh(hint)
-        variable = self.pool.var(text, node.level)
-        self._items.append(Statement(node.level, (f"const REAL {text} = {{0}};",), (node,), variable))
-        return variable
-
-    def names(self, hint: str, v: Vector) -> Vector:
-        """Three named coordinates."""
-        return (self.name(f"{hint}x", v[0]), self.name(f"{hint}y", v[1]), self.name(f"{hint}z", v[2]))
-
-    def sqrt(self, x: S) -> Scalar:
-        """The square root; round-off below zero counts as zero."""
-        self._needs.add("sqrt")
-        node = self.pool.of(x)
-        return node if node.is_const and node.value == 0 else self.pool.call("root0", node)
+class CBuilder(Scaffold):
+    """The interpreter of derivations that writes C."""
 
     # -- choices ------------------------------------------------------------------------------------------------------
 
@@ -107,18 +35,14 @@ class CBuilder:
                 f"unsigned f{tag} = 0u;",
                 f"const int n{tag} = {self.prefix}_linear(&a{tag}, &b{tag}, &k{tag}, {w2}, {self._real(unit)}, {{3}}, "
                 f"{self._slack}, &w{tag}, &f{tag});",
-                f"const REAL m{tag} = {self.prefix}_atan2(b{tag}, a{tag});",
-                f"const REAL e{tag} = {self.prefix}_atan2(w{tag}, k{tag});",
             ),
             (a, b, k, self.reference(joint), *extra),
         )
         self._needs.add("linear")
         a, b, k = (self.pool.var(f"{letter}{tag}", level) for letter in "abk")
         self._flags.append((level, f"f{tag}"))
-        w, x = self._loop(joint, tag, level, label)
-        turn = self._turned(tag, a * k - b * w, b * k + a * w)
-        self._values[joint.index] = self._user(joint, self.pool.var(f"m{tag}", level) + x)
-        return turn
+        w = self._loop(joint, tag, level, label)
+        return self._angle(joint, self._turned(tag, a * k - b * w, b * k + a * w), level)
 
     def _fixed_pair(
         self, joint: Joint, a: float, b: float, k: Scalar, label: Label, tag: str, radicand: S | None
@@ -127,7 +51,7 @@ class CBuilder:
         h = hypot(a, b)
         if h == 0.0:
             raise InternalError(f"the equation of joint {joint.index + 1} does not contain it")
-        ca, sa, middle = a / h, b / h, atan2(b, a)
+        ca, sa = a / h, b / h
         k = k / h
         better = None if radicand is None else self.pool.of(radicand) / (h * h)
         level = k.level if better is None else max(k.level, better.level)
@@ -139,36 +63,21 @@ class CBuilder:
             (
                 f"unsigned f{tag} = 0u;",
                 f"const int n{tag} = {self.prefix}_cosine(&k{tag}, {{0}}, {self._slack}, &w{tag}, &f{tag});",
-                f"const REAL e{tag} = {self.prefix}_atan2(w{tag}, k{tag});",
             ),
             (w2,),
         )
         self._needs.add("cosine")
         self._flags.append((level, f"f{tag}"))
-        w, x = self._loop(joint, tag, level, label)
-        self._values[joint.index] = self._user(joint, x + middle)
-        k = cosine
-        return self._turned(tag, ca * k - sa * w, sa * k + ca * w)
+        w = self._loop(joint, tag, level, label)
+        return self._angle(joint, self._turned(tag, ca * cosine - sa * w, sa * cosine + ca * w), level)
 
-    def _turned(self, tag: str, c: Scalar, s: Scalar) -> Turn:
-        """The cosine and sine of a joint under its own names."""
-        self._taken -= {f"c{tag}", f"s{tag}"}
-        return Turn(self.name(f"c{tag}", c), self.name(f"s{tag}", s))
-
-    def _loop(self, joint: Joint, tag: str, level: int, label: Label) -> tuple[Scalar, Scalar]:
-        """Open the loop over the signs of ``w``; returns the signed w and the signed angle e."""
+    def _loop(self, joint: Joint, tag: str, level: int, label: Label) -> Scalar:
+        """Open the loop over the signs of ``w``; returns the signed w."""
         inner = self._open(joint, tag, f"n{tag}", 2, label, level)
         first, second = ("", "-") if label.positive > 0 else ("-", "")
-        self._add(
-            inner,
-            (
-                f"const REAL v{tag} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",
-                f"const REAL d{tag} = i{tag} == 0 ? {first}e{tag} : {second}e{tag};",
-            ),
-            (),
-        )
+        self._add(inner, (f"const REAL v{tag} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",), ())
         self._branch.append((label.name, f"(unsigned)i{tag}", 1))
-        return self.pool.var(f"v{tag}", inner), self.pool.var(f"d{tag}", inner)
+        return self.pool.var(f"v{tag}", inner)
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
         """See :class:`rrrgen.ik.builder.Builder`."""
@@ -263,20 +172,33 @@ class CBuilder:
             level = max([level, *(node.level for node in bounds)])
             reference = f"{self.prefix}_feasible({{2}}, {{3}}, {{4}}, {{5}}, {{6}}, {{7}})"
             self._needs.add("feasible")
-        self._add(
-            level,
-            (
-                f"REAL c{tag} = {{1}}, s{tag} = {{0}};",
-                self._directed(tag, self._least(unit, degree)),
-                f"const REAL x{tag} = f{tag} == 0u ? {self.prefix}_atan2(s{tag}, c{tag}) : {reference};",
-                f"if (f{tag} != 0u) {{ c{tag} = COS(x{tag}); s{tag} = SIN(x{tag}); }}",
-            ),
-            (sn, cn, self.reference(joint), *bounds),
-        )
+        lines = self._directed(joint, tag, level, self._least(unit, degree), reference)
+        operands = (sn, cn, self.reference(joint), *bounds)
+        self._add(level, (f"REAL c{tag} = {{1}}, s{tag} = {{0}};", *lines), operands)
+        turn = Turn(self.pool.var(f"c{tag}", level), self.pool.var(f"s{tag}", level))
+        return turn if joint.index in self._arcs.joints else self._angle(joint, turn)
+
+    def _directed(self, joint: Joint, tag: str, level: int, least: str, reference: str) -> tuple[str, ...]:
+        """Lines that scale (c, s) to a unit vector, that of the reference where it is shorter than ``least``.
+
+        The arc of a joint without offset starts from the vector as it is: the root and the quotient are slow.
+        """
+        keep = ""
+        if joint.index in self._joints and not joint.offset:
+            slot = self._arcs.joints[joint.index] = self._arcs.slot(self._loops[:level])
+            sign = "-" if joint.sign < 0 else ""
+            keep = f"cosine[{slot.text()}] = c{tag}; sine[{slot.text()}] = {sign}s{tag};"
         self._needs.add("unit")
         self._flags.append((level, f"f{tag}"))
-        self._values[joint.index] = self._user(joint, self.pool.var(f"x{tag}", level))
-        return Turn(self.pool.var(f"c{tag}", level), self.pool.var(f"s{tag}", level))
+        return (
+            *([keep] if keep else []),
+            f"const unsigned f{tag} = {self.prefix}_unit(&c{tag}, &s{tag}, {least}) ? 0u : FREE;",
+            f"if (f{tag} != 0u) {{",
+            f"    const REAL x{tag} = {reference};",
+            f"    c{tag} = COS(x{tag}); s{tag} = SIN(x{tag});",
+            *([f"    {keep}"] if keep else []),
+            "}",
+        )
 
     def slide(self, joint: Joint, x: S) -> Scalar:
         """See :class:`rrrgen.ik.builder.Builder`."""
@@ -309,155 +231,49 @@ class CBuilder:
             (
                 f"REAL c{first} = {{0}}, s{first} = {{1}};",
                 f"const REAL s{middle} = SQRT(c{first} * c{first} + s{first} * s{first}), c{middle} = {{2}};",
-                self._directed(first, self._least(1.0, 1)),
-                f"const REAL x{first} = f{first} == 0u ? {self.prefix}_atan2(s{first}, c{first}) : {{3}};",
-                f"if (f{first} != 0u) {{ c{first} = COS(x{first}); s{first} = SIN(x{first}); }}",
+                *self._directed(joints[0], first, level, self._least(1.0, 1), "{3}"),
             ),
             (*nodes, reference),
         )
-        self._needs.update(("unit", "wrist"))
+        self._needs.add("wrist")
         c4, s4, c5, s5 = (self.pool.var(text, level) for text in (f"c{first}", f"s{first}", f"c{middle}", f"s{middle}"))
         column0 = (self.name("ux", c4 * c5), self.name("uy", s4 * c5), e4 * s5)
         column1 = (e4 * e5 * s4, -(e4 * e5) * c4, 0)
         c6, s6 = self._turned(last, self.pool.of(dot(column0, mx)), self.pool.of(dot(column1, mx)))
-        self._add(
-            level,
-            (
-                f"const REAL x{middle} = {self.prefix}_atan2(s{middle}, c{middle});",
-                f"const REAL x{last} = {self.prefix}_atan2({{0}}, {{1}});",
-            ),
-            (self.pool.of(s6), self.pool.of(c6)),
-        )
         built = tuple(total(c6 * u, s6 * v) for u, v in zip(column0, column1, strict=True))
         self.residual((), minus(built, mx))
-        self._flags.append((level, f"f{first}"))
-        tag = f"{first}f"
-        self._add(level, (f"const int n{tag} = f{first} == 0u ? 2 : 1;",), ())
-        inner = self._open(joints[1], tag, f"n{tag}", 2, Label("wrist"), level)
-        self._branch.append(("wrist", f"(unsigned)i{tag}", 1))
-        for joint, name, flipped in (
-            (joints[0], first, f"{self.prefix}_opposite(x{first})"),
-            (joints[1], middle, f"-x{middle}"),
-            (joints[2], last, f"{self.prefix}_opposite(x{last})"),
-        ):
-            text = f"y{name}"
-            self._add(inner, (f"const REAL {text} = i{tag} == 0 ? x{name} : {flipped};",), ())
-            self._values[joint.index] = self._user(joint, self.pool.var(text, inner))
-        if all(index in self._values for index in self._joints):
-            return Turn(c4, s4), Turn(c5, s5), Turn(c6, s6)
-        self._add(inner, (f"const REAL g{tag} = i{tag} == 0 ? (REAL)1 : (REAL)-1;",), ())
-        g = self.pool.var(f"g{tag}", inner)
-        return Turn(g * c4, g * s4), Turn(c5, g * s5), Turn(g * c6, g * s6)
+        self._add(level, (f"const int n{first}f = f{first} == 0u ? 2 : 1;",), ())
+        return self._flipped(joints, (Turn(c4, s4), Turn(c5, s5), Turn(self.pool.of(c6), self.pool.of(s6))), first)
 
-    def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """See :class:`rrrgen.ik.builder.Builder`."""
-        parts = []
-        if lengths:
-            parts.append(square(lengths) / (self.length * self.length))
-        if cosines:
-            parts.append(square(cosines))
-        self._residual += [self.pool.of(part) for part in parts]
-
-    # -- printing -----------------------------------------------------------------------------------------------------
-
-    def body(self) -> CBody:
-        """The branch function's body; every joint must have been given a value."""
-        missing = [j + 1 for j in self._joints if j not in self._values]
-        if missing:
-            raise InternalError(f"no value for joints {missing}")
-        deepest = len(self._loops)
-        for index, value in self._values.items():
-            if index not in self._joints and index < VIRTUAL_END:
-                self._residual.append(value * value)  # a virtual joint must stand at zero
-        known = self._trusted and self._residual
-        error = self.pool.of(total(*self._residual)) if known else self.pool.of(-1.0)
-        error = self.name("error", error)
-        leaf: list[str] = []
-        operands: list[Scalar] = []
-        for j in sorted(self._values):
-            where = f"q[rows][{j}]" if j in self._joints else ""
-            if where:
-                leaf.append(f"{where} = {{{len(operands)}}};")
-                operands.append(self._values[j])
-        flags = " | ".join(text for _, text in self._flags) or "0u"
-        leaf.append(f"info[rows].flags = {flags};")
-        branch, bit = [], 0
-        labels = []
-        for name, text, bits in self._branch:
-            branch.append(f"({text} << {bit})" if bit else text)
-            labels.append((name, bit, bits))
-            bit += bits
-        leaf.append(f"info[rows].branch = {' | '.join(branch) or '0u'};")
-        leaf.append(f"info[rows].error = {{{len(operands)}}};")
-        operands.append(error)
-        leaf.append("++rows;")
-        self._add(deepest, tuple(leaf), tuple(operands))
-        rows = 1
-        for _, _, most in self._loops:
-            rows *= most
-        return CBody(
-            printed(self._items, self._loops, self._taken),
-            rows,
-            tuple(self._stages),
-            frozenset(self._needs),
-            tuple(labels),
-        )
-
-    # -- small change -------------------------------------------------------------------------------------------------
-
-    def _open(self, joint: Joint, tag: str, count: str, most: int, label: Label, level: int) -> int:
-        self._stages.append(Stage(joint.index, label.name, most))
-        k = len(self._stages)
-        failed = "return 0; " if level == 0 else ""
-        self._add(level, (f"if ({count} == 0) {{ *stage = *stage < {k} ? {k} : *stage; {failed}}}",), ())
-        self._loops.append((f"i{tag}", count, most))
-        return len(self._loops)
-
-    def _add(self, level: int, lines: tuple[str, ...], operands: tuple[Scalar, ...]) -> None:
-        self._items.append(Statement(level, lines, operands))
-
-    def _user(self, joint: Joint, raw: Scalar) -> Scalar:
-        """The user's joint value of a raw one, wrapped where an offset can push it out of (-pi, pi]."""
-        q = joint.sign * (raw - float(joint.offset))
-        bare = raw if joint.sign > 0 else -raw
-        if not joint.revolute or (q is bare and raw.op == "var" and raw.text[0] in "xy"):
-            return q
-        if q.op == "var" and q.text[0] == "d":
-            return q
-        self._needs.add("wrap")
-        return self.pool.call("wrap", q)
-
-    def _directed(self, tag: str, least: str) -> str:
-        return f"const unsigned f{tag} = {self.prefix}_unit(&c{tag}, &s{tag}, {least}) ? 0u : FREE;"
-
-    def _least(self, unit: float, degree: int) -> str:
-        """The size below which a product of ``degree`` directions of size ``unit`` has none."""
-        one = f"{self.prefix.upper()}_TOL_FREE * {self._real(unit)}"
-        return one if degree == 1 else " * ".join([f"({one})"] * degree)
-
-    def _real(self, x: float) -> str:
-        return f"(REAL){x!r}"
-
-    def _tag(self, joint: Joint) -> str:
-        tag = str(joint.index + 1)
-        if f"c{tag}" in self._taken:
-            raise InternalError(f"joint {tag} is solved twice")
-        self._taken.update(f"{letter}{tag}" for letter in "abcdefgikmnsvwxy")
-        return tag
-
-    def _fresh_tag(self, hint: str) -> str:
-        self._taken.add(hint)
-        return f"_{hint}"
-
-    def _fresh(self, hint: str) -> str:
-        text, serial = hint, 1
-        while text in self._taken:
-            serial += 1
-            text = f"{hint}_{serial}"
-        self._taken.add(text)
-        return text
-
-
-def wrapped(x: float) -> float:
-    """``x`` in (-pi, pi]."""
-    return x - 2 * pi * round(x / (2 * pi))
+    def _flipped(
+        self, joints: tuple[Joint, Joint, Joint], turns: tuple[Turn, Turn, Turn], first: str
+    ) -> tuple[Turn, Turn, Turn]:
+        """A wrist and its other solution: both outer joints half a turn on, the middle one reversed."""
+        level, middle = max(self._level(turn) for turn in turns), joints[1]
+        for joint, turn in zip(joints, turns, strict=True):
+            if joint.index in self._joints and joint.index not in self._arcs.joints:
+                self._arcs.joints[joint.index] = self._written(level, self._loops[:level], users_turn(joint, turn))
+        x4, x5, x6 = turns
+        reversed5 = Turn(x5.c, -x5.s)
+        other = self._written(level, self._loops[:level], users_turn(middle, reversed5)) if middle.offset else None
+        inner = self._open(middle, f"{first}f", f"n{first}f", 2, Label("wrist"), level)
+        choice = f"i{first}f"
+        self._branch.append(("wrist", f"(unsigned){choice}", 1))
+        for joint in joints:
+            slot = self._arcs.joints.get(joint.index)
+            if slot is None:
+                continue
+            if joint is middle and other is not None:
+                slot.choice, slot.step = choice, other.first - slot.first
+            else:
+                self._arcs.copy(slot, choice, "-{}" if joint is middle else f"{self.prefix}_opposite({{}})")
+        virtual = [joint for joint in joints if joint.index not in self._joints]
+        if not virtual and all(index in self._values or index in self._arcs.joints for index in self._joints):
+            return turns
+        self._add(inner, (f"const REAL g{first}f = {choice} == 0 ? (REAL)1 : (REAL)-1;",), ())
+        g = self.pool.var(f"g{first}f", inner)
+        flipped = (Turn(g * x4.c, g * x4.s), Turn(x5.c, g * x5.s), Turn(g * x6.c, g * x6.s))
+        for joint, turn in zip(joints, flipped, strict=True):
+            if joint in virtual:
+                self._angle(joint, turn)
+        return flipped

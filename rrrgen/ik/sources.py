@@ -129,11 +129,12 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
         "types": chain.types, "prismatic": _mask(mask, "k"), "prismatic_i": _mask(mask, "i"),
         "prismatic_k": _mask(mask, "k"), "fixed": _tables(plan),
         "offsets": ", ".join(_number(x) for x in offsets) if any(offsets) else "",
-        "limited": any(limited), "limited_flags": ", ".join(str(int(x)) for x in limited),
-        "limits": ", ".join(f"{{{_limit(low, -1)}, {_limit(high, 1)}}}" for low, high in limits),
+        "limited": any(limited),
+        "lower": ", ".join(_limit(low, -1) for low, _ in limits),
+        "upper": ", ".join(_limit(high, 1) for _, high in limits),
         # the equations
         "functions": functions, "needs": needs, "fragment": _fragment(plan, prefix, real), "banded": banded,
-        "rows": max(body.rows for body in bodies), "tries": max(body.rows for body in bodies),
+        "rows": max(body.rows for body in bodies), "single": len(bodies) == 1 and not banded,
         # numbers
         "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
         "steps": 200 if banded else 12, "starts": 6, "spread": "2.0",
@@ -160,7 +161,7 @@ def _number(x: float) -> str:
 
 
 def _limit(x: float | None, side: int) -> str:
-    return _number(side * 1e9 if x is None else float(x))
+    return _number(side * 1e30 if x is None else float(x))
 
 
 def _tables(plan: SolverPlan) -> list[str]:
@@ -214,7 +215,7 @@ def _opening(spec: RobotSpec, plan: SolverPlan, real: str) -> list[str]:
     ]
     lines += textwrap.wrap(
         "No function has state, allocates, or loops without bound; all may be called from several threads at once. "
-        "Rows beyond count are not written.",
+        "What stands in rows beyond count has no meaning.",
         116,
     )
     return lines
@@ -223,6 +224,7 @@ def _opening(spec: RobotSpec, plan: SolverPlan, real: str) -> list[str]:
 _FUNCTIONS = {
     "SQRT": "sqrt",
     "FABS": "fabs",
+    "COPYSIGN": "copysign",
     "SIN": "sin",
     "COS": "cos",
     "FLOOR": "floor",
@@ -238,6 +240,7 @@ def _spelled(text: str, name: str, real: str) -> str:
         "REAL": f"{name}_real",
         "WRAP": f"{name}_ik_wrap",
         "ATAN2": f"{name}_ik_atan2",
+        "ARCS": f"{name}_ik_arcs",
         "ROOT0": f"{name}_ik_root0",
         **{flag: f"(unsigned){name.upper()}_IK_{flag}" for flag in ("FREE", "MULTIPLE", "NEAR")},
     }

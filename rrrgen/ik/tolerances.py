@@ -27,7 +27,7 @@ def runtime(real: str) -> dict[str, str]:
     above it (a target out of reach by less counts as reachable); same: two rows nearer than this are one, since angles
     at a double root are only good to the root of the precision; merge = (same / 2)^2; slack: how far below zero a
     discriminant may fall and still give a candidate; orthonormal: largest defect of R' R - 1 and of the handedness that
-    is repaired.
+    is repaired; tiny: below every length that matters, keeps quotients finite.
     """
     if real == "float":
         return {
@@ -44,6 +44,7 @@ def runtime(real: str) -> dict[str, str]:
             "done": "1e-13",
             "orthonormal": "1e-4",
             "limit": "1e-5",
+            "tiny": "1e-30",
         }
     return {
         "eps": "2.220446049250313e-16",
@@ -59,4 +60,5 @@ def runtime(real: str) -> dict[str, str]:
         "done": "1e-31",
         "orthonormal": "1e-7",
         "limit": "1e-10",
+        "tiny": "1e-300",
     }
