@@ -276,7 +276,6 @@ static int rrr_ik_branches(
 {
     int rows = 0;
     rrr_real sine[8] = {(rrr_real)0}, cosine[8] = {(rrr_real)0}, angle[8];
-    const rrr_real *at[4][3]; /* where the angles of a row stand */
     int i;
     const rrr_real pz = T[2] - (rrr_real)0.56;
     rrr_real a1 = -T[1], b1 = T[0], k1 = (rrr_real)0.259, w1;
@@ -319,9 +318,6 @@ static int rrr_ik_branches(
             const rrr_real t5 = c2 * vx - s2 * vy - ux;
             const rrr_real t6 = s2 * vx + c2 * vy - pz;
             const rrr_real error = (rrr_real)0.5457442971434324 * (t5 * t5 + t6 * t6 + t8);
-            at[rows][0] = &angle[i1];
-            at[rows][1] = &angle[4 + 2 * i1 + i3];
-            at[rows][2] = &angle[2 + i3];
             found->flags[rows] = f1 | f3 | f2;
             found->branch[rows] = (unsigned)i1 | ((unsigned)i3 << 1);
             found->residual[rows] = error;
@@ -329,7 +325,15 @@ static int rrr_ik_branches(
         }
     }
     rrr_ik_arcs(8, sine, cosine, angle);
-    for (i = 0; i < rows; ++i) { found->q[i][0] = *at[i][0]; found->q[i][1] = *at[i][1]; found->q[i][2] = *at[i][2]; }
+    i = 0;
+    for (int i1 = 0; i1 < n1; ++i1) {
+        for (int i3 = 0; i3 < n3; ++i3) {
+            found->q[i][0] = angle[i1];
+            found->q[i][1] = angle[4 + 2 * i1 + i3];
+            found->q[i][2] = angle[2 + i3];
+            ++i;
+        }
+    }
     (void)T;
     (void)ref;
     (void)slack;

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import cos, sin
 
 from rrrgen.ik.builder import Turn
+from rrrgen.ik.c_statements import Loop, opening, position
 from rrrgen.ik.chain import Joint
 from rrrgen.ik.rigid import product, total
 
@@ -21,10 +22,7 @@ QUARTER = 2e-16
 LANES = 4
 """The number of arcs is a multiple of this: whole vectors on most processors."""
 
-Loop = tuple[str, str, int]
-"""Variable, count and most turns."""
-
-RESERVED = frozenset({"sine", "cosine", "angle", "at", "i"})
+RESERVED = frozenset({"sine", "cosine", "angle", "i"})
 """Names that the emitted lines use."""
 
 
@@ -56,13 +54,9 @@ class Arcs:
 
     def slot(self, loops: Sequence[Loop]) -> Slot:
         """Slots for an angle that differs between the turns of ``loops``."""
-        index: list[str] = []
-        stride = 1
-        for variable, _, most in reversed(loops):
-            index.insert(0, variable if stride == 1 else f"{stride} * {variable}")
-            stride *= most
-        slot = Slot(self._taken, stride, tuple(index))
-        self._taken += stride
+        terms, count = position(loops)
+        slot = Slot(self._taken, count, tuple(terms))
+        self._taken += count
         return slot
 
     def copy(self, slot: Slot, choice: str, formula: str) -> None:
@@ -70,10 +64,13 @@ class Arcs:
         slot.choice = choice
         self._copies.append((slot, formula))
 
-    def finished(self, rows: int) -> tuple[list[str], list[str], list[str]]:
-        """Lines before the loops, for each row, and behind the loops; none without angles."""
+    def finished(self, loops: Sequence[Loop]) -> tuple[list[str], list[str]]:
+        """Lines before and behind the loops; none without angles.
+
+        Rows are walked once more in their order. Counts that change inside outer loops were kept for that.
+        """
         if not self.joints:
-            return [], [], []
+            return [], []
         taken = arcs = -(-self._taken // LANES) * LANES
         behind = [f"ARCS({arcs}, sine, cosine, angle);"]
         for slot, formula in self._copies:
@@ -81,19 +78,24 @@ class Arcs:
             taken += slot.count
             copied = formula.format(f"angle[{slot.first} + i]")
             behind.append(f"for (i = 0; i < {slot.count}; ++i) {{ angle[{slot.first + slot.step} + i] = {copied}; }}")
-        order = sorted(self.joints)
-        picked = " ".join(f"found->q[i][{joint}] = *at[i][{k}];" for k, joint in enumerate(order))
-        behind.append(f"for (i = 0; i < rows; ++i) {{ {picked} }}")
         before = [
             f"REAL sine[{arcs}] = {{(REAL)0}}, cosine[{arcs}] = {{(REAL)0}}, angle[{taken}];",
-            f"const REAL *at[{rows}][{len(order)}]; /* where the angles of a row stand */",
+            *(f"int {kept_count(loop)}[{position(loops[: loop.level])[1]}] = {{0}};" for loop in loops if loop.level),
             "int i;",
         ]
-        return (
-            before,
-            [f"at[rows][{k}] = &angle[{self.joints[joint].text()}];" for k, joint in enumerate(order)],
-            behind,
-        )
+        behind.append("i = 0;")
+        for depth, loop in enumerate(loops):
+            kept = f"{kept_count(loop)}[{' + '.join(position(loops[: loop.level])[0])}]" if loop.level else ""
+            behind.append("    " * depth + opening(loop, kept))
+        row = [f"found->q[i][{joint}] = angle[{slot.text()}];" for joint, slot in sorted(self.joints.items())]
+        behind += ["    " * len(loops) + line for line in [*row, "++i;"]]
+        behind += ["    " * depth + "}" for depth in reversed(range(len(loops)))]
+        return before, behind
+
+
+def kept_count(loop: Loop) -> str:
+    """Name of the array that keeps the counts of an inner loop."""
+    return f"m{loop.variable[1:]}"
 
 
 def users_turn(joint: Joint, raw: Turn) -> Turn:

@@ -7,8 +7,8 @@ from math import prod
 
 from rrrgen.errors import InternalError
 from rrrgen.ik.builder import Label, Turn
-from rrrgen.ik.c_arcs import RESERVED, Arcs, Slot, users_turn
-from rrrgen.ik.c_statements import CBody, Stage, Statement, printed
+from rrrgen.ik.c_arcs import RESERVED, Arcs, Slot, kept_count, users_turn
+from rrrgen.ik.c_statements import CBody, Loop, Stage, Statement, position, printed
 from rrrgen.ik.chain import Joint
 from rrrgen.ik.rigid import Rigid, S, Vector, square, total
 from rrrgen.ik.scalar import Pool, Scalar
@@ -38,7 +38,7 @@ class Scaffold:
         self._joints = {joint.index: joint for joint in joints}
         self._position = position
         self._items: list[Statement] = []
-        self._loops: list[tuple[str, str, int]] = []  # loop variable, count, most roots
+        self._loops: list[Loop] = []
         self._stages: list[Stage] = []
         self._values: dict[int, Scalar] = {}
         self._arcs = Arcs()
@@ -111,7 +111,7 @@ class Scaffold:
             self._residual.append(self.pool.of(total(square((1 - users.c, users.s, 0)))))
         return turn
 
-    def _written(self, level: int, loops: Sequence[tuple[str, str, int]], users: Turn) -> Slot:
+    def _written(self, level: int, loops: Sequence[Loop], users: Turn) -> Slot:
         """A slot with the cosine and sine of an angle."""
         slot = self._arcs.slot(loops)
         at = slot.text()
@@ -144,9 +144,9 @@ class Scaffold:
         known = self._trusted and self._residual
         error = self.pool.of(total(*self._residual)) if known else self.pool.of(-1.0)
         error = self.name("error", error)
-        rows = prod(most for _, _, most in self._loops)
-        before, leaf, behind = self._arcs.finished(rows)
+        before, behind = self._arcs.finished(self._loops)
         self._needs |= {"arcs"} if behind else set()
+        leaf: list[str] = []
         operands: list[Scalar] = []
         for j in sorted(self._values):
             where = f"found->q[rows][{j}]" if j in self._joints else ""
@@ -169,7 +169,7 @@ class Scaffold:
         loops = printed(self._items, self._loops, self._taken)
         return CBody(
             "\n".join([*(f"    {line}" for line in before), loops, *(f"    {line}" for line in behind)]),
-            rows,
+            prod(loop.most for loop in self._loops),
             tuple(self._stages),
             frozenset(self._needs),
             tuple(labels),
@@ -182,7 +182,10 @@ class Scaffold:
         k = len(self._stages)
         failed = "return 0; " if level == 0 else ""
         self._add(level, (f"if ({count} == 0) {{ *stage = *stage < {k} ? {k} : *stage; {failed}}}",), ())
-        self._loops.append((f"i{tag}", count, most))
+        loop = Loop(f"i{tag}", count, most, level)
+        if level > 0:
+            self._add(level, (f"{kept_count(loop)}[{' + '.join(position(self._loops[:level])[0])}] = {count};",), ())
+        self._loops.append(loop)
         return len(self._loops)
 
     def _add(self, level: int, lines: tuple[str, ...], operands: tuple[Scalar, ...]) -> None:

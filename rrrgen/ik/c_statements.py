@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import prod
 from typing import ClassVar
 
 from rrrgen.ik.scalar import Scalar
@@ -15,6 +17,25 @@ class Stage:
     joint: int
     label: str
     roots: int
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One loop over the roots of a choice; ``level`` is the number of loops that its count depends on."""
+
+    variable: str
+    count: str
+    most: int
+    level: int
+
+
+def position(loops: Sequence[Loop]) -> tuple[list[str], int]:
+    """Terms of the index of a turn of ``loops``, and the number of turns."""
+    terms = []
+    for k, loop in enumerate(loops):
+        stride = prod(inner.most for inner in loops[k + 1 :])
+        terms.append(loop.variable if stride == 1 else f"{stride} * {loop.variable}")
+    return terms, prod(loop.most for loop in loops)
 
 
 @dataclass
@@ -40,12 +61,17 @@ class CBody:
     """Name, lowest bit and number of bits of each part of a branch label."""
 
 
+def opening(loop: Loop, count: str = "") -> str:
+    """The line that opens a loop."""
+    return f"for (int {loop.variable} = 0; {loop.variable} < {count or loop.count}; ++{loop.variable}) {{"
+
+
 class _Printer:
     """Places expressions: shared or hoisted ones get a name at their own level, the rest are written in place."""
 
     ORDER: ClassVar[dict[str, int]] = {"add": 1, "sub": 1, "neg": 2, "mul": 3, "div": 3}
 
-    def __init__(self, items: list[Statement], loops: list[tuple[str, str, int]], taken: set[str]) -> None:
+    def __init__(self, items: list[Statement], loops: list[Loop], taken: set[str]) -> None:
         self.items, self.loops, self.taken = items, loops, taken
         self.blocks: list[list[str]] = [[] for _ in range(len(loops) + 1)]
         self.named: dict[int, str] = {}
@@ -64,8 +90,7 @@ class _Printer:
         for depth, block in enumerate(self.blocks):
             lines += ["    " * (depth + 1) + line for line in block]
             if depth < len(self.loops):
-                variable, count, _ = self.loops[depth]
-                lines.append("    " * (depth + 1) + f"for (int {variable} = 0; {variable} < {count}; ++{variable}) {{")
+                lines.append("    " * (depth + 1) + opening(self.loops[depth]))
         for depth in reversed(range(len(self.loops))):
             lines.append("    " * (depth + 1) + "}")
         return "\n".join(lines)
@@ -108,8 +133,8 @@ class _Printer:
         return f"({text})" if own < strength else text
 
 
-def printed(items: list[Statement], loops: list[tuple[str, str, int]], taken: set[str]) -> str:
-    """The statements between their loops (variable, count, most), without definitions that nothing uses.
+def printed(items: list[Statement], loops: list[Loop], taken: set[str]) -> str:
+    """The statements between their loops, without definitions that nothing uses.
 
     ``taken`` are the names in use already.
     """
