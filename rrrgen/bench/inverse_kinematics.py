@@ -1,4 +1,4 @@
-"""Inverse kinematics: rrrgen's emitted C against EAIK, every row checked by forward kinematics."""
+"""Inverse kinematics: rrrgen's emitted C against EAIK and code written by hand, every row checked."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.bench.contestants import Contestant, DisagreementError
+from rrrgen.bench.contestants import OWN, Contestant, DisagreementError
 from rrrgen.bench.python_calls import turns
 from rrrgen.bench.race import Driver, Effort
 from rrrgen.bench.toolchain import Toolchain
+from rrrgen.resources import render
 from rrrgen.verify.chain import Array, chain_of
 from rrrgen.verify.newton_euler import NewtonEuler
 
@@ -54,12 +55,12 @@ class IKScore:
 
 
 def ik_scores(spec: RobotSpec, toolchain: Toolchain, effort: Effort) -> list[IKScore]:
-    """rrrgen and EAIK, where it is installed and knows the geometry, on the same reachable poses."""
+    """rrrgen, hand-written C for elbow arms, and EAIK where it knows the geometry, on the same reachable poses."""
     chain = chain_of(spec)
     oracle = NewtonEuler(chain, np.zeros((chain.n, 10)))
     rng = np.random.default_rng([2, chain.n])
     poses = oracle.forward_kinematics(rng.uniform(-np.pi, np.pi, (POSES, chain.n)))
-    scores = [_own(spec, poses, oracle, toolchain, effort)]
+    scores = _compiled(spec, poses, oracle, toolchain, effort)
     solve = _eaik(spec, poses) if util.find_spec("eaik") is not None else None
     if solve is not None:
         rows = _rows_checked("EAIK", spec.name, [_exact_rows(result) for result in solve()], poses, oracle)
@@ -68,26 +69,48 @@ def ik_scores(spec: RobotSpec, toolchain: Toolchain, effort: Effort) -> list[IKS
     return scores
 
 
-def _own(spec: RobotSpec, poses: Array, oracle: NewtonEuler, toolchain: Toolchain, effort: Effort) -> IKScore:
+def _compiled(
+    spec: RobotSpec, poses: Array, oracle: NewtonEuler, toolchain: Toolchain, effort: Effort
+) -> list[IKScore]:
+    """C against C, in turns."""
     from rrrgen.ik.classify import plan
     from rrrgen.ik.sources import emit
 
     emitted = emit(spec, plan(spec))
-    name, n, rows = spec.name, spec.n, emitted.rows
+    name, n, position = spec.name, spec.n, emitted.plan.task == "position"
+    outputs = 1 + emitted.rows * n
     sources = {file: text for file, text in emitted.files.items() if file.endswith((".c", ".h"))}
     statements = (
         f"static {name}_ik_solutions s; (void){name}_inverse_kinematics(in, 0, 0u, &s); out[0] = s.count; "
         f"for (int i = 0; i < s.count * {n}; i++) out[1 + i] = ((const double *)s.q)[i];"
     )
-    contestant = Contestant("rrrgen", "inverse_kinematics", 1 + rows * n, statements)
-    targets = poses[:, :3, 3] if emitted.plan.task == "position" else poses.reshape(len(poses), -1)
+    contestants = [Contestant(OWN, "inverse_kinematics", outputs, statements)]
+    by_hand = _elbow(spec) if position else None
+    if by_hand is not None:
+        sources["elbow.c"] = by_hand
+        contestants.append(Contestant("C by hand", "inverse_kinematics", outputs, "elbow(in, out);"))
+    targets = poses[:, :3, 3] if position else poses.reshape(len(poses), -1)
+    scores = []
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
-        driver = Driver.build(Path(place), [contestant], sources, f'#include "{name}_ik.h"\n', targets, toolchain)
-        values = driver.values()[0]
-        solutions = [row[1 : 1 + int(row[0]) * n].reshape(-1, n) for row in values]
-        found = _rows_checked("rrrgen", name, solutions, poses, oracle, emitted.plan.task == "position")
-        instructions = driver.instructions(effort.counted).get(0)
-        return IKScore(name, "rrrgen", driver.times(effort)[0], found, instructions)
+        declarations = f'#include "{name}_ik.h"\nvoid elbow(const double *, double *);\n'
+        driver = Driver.build(Path(place), contestants, sources, declarations, targets, toolchain)
+        everything, counts, times = driver.values(), driver.instructions(effort.counted), driver.times(effort)
+        for k, (contestant, values) in enumerate(zip(contestants, everything, strict=True)):
+            solutions = [row[1 : 1 + int(row[0]) * n].reshape(-1, n) for row in values]
+            found = _rows_checked(contestant.label, name, solutions, poses, oracle, position)
+            scores.append(IKScore(name, contestant.label, times[k], found, counts.get(k)))
+    return scores
+
+
+def _elbow(spec: RobotSpec) -> str | None:
+    """Hand-written C for a vertical shoulder before two parallel axes; None for other arms."""
+    chain = chain_of(spec)
+    plain = not np.any(chain.theta) and np.array_equal(chain.base, np.eye(4)) and np.array_equal(chain.tool, np.eye(4))
+    axes = chain.n == 3 and all(chain.revolute) and np.allclose(chain.alpha, [np.pi / 2, 0, 0], atol=1e-15, rtol=0)
+    if chain.convention != "standard" or not plain or not axes or chain.a[0]:
+        return None
+    numbers = {"height": chain.d[0], "upper": chain.a[1], "fore": chain.a[2], "offset": chain.d[1] + chain.d[2]}
+    return render("bench/elbow.c.j2", **{key: repr(float(value)) for key, value in numbers.items()})
 
 
 def _rows_checked(

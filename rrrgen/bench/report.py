@@ -118,7 +118,8 @@ def _ik(results: Results) -> str:
     for score in results.ik:
         count = "" if score.instructions is None else f"{score.instructions:.0f}"
         rows.append([score.robot, score.solver, f"{score.nanoseconds:.0f}", count, f"{score.rows:.1f}"])
-    text = "All solutions of reachable poses, every row checked. EAIK: its Python batch interface, one thread.\n\n"
+    text = "All solutions of reachable poses, every row checked. EAIK: its Python batch interface, one thread. "
+    text += "C by hand: the textbook's closed form with the C library's arc tangent, without any check.\n\n"
     return "## Inverse kinematics\n\n" + text + _table(["robot", "solver", "ns", "instructions", "rows per pose"], rows)
 
 

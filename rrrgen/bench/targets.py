@@ -34,6 +34,9 @@ RATIOS = {"rrr": (0.45, 0.10), "puma560": (0.85, 0.25), "ur10e": (0.85, 0.25), "
 NOT_SLOWER = ("mass_matrix", "bias", "gravity", "forward_dynamics", "kinematics", "regressor")
 BATCH = {"rrr": 1 / 40, "panda": 1 / 25}
 INVERSE_KINEMATICS = {"rrr": 100.0, "puma560": 400.0, "ur10e": 1000.0, "general6r": 50000.0}
+IK_RATIOS = {"rrr": ("C by hand", 1.0), "puma560": ("EAIK", 0.15), "ur10e": ("EAIK", 0.20)}
+"""Times against a rival of the same run, which noise leaves alone."""
+
 SECONDS = {"rrr": 3.0, "panda": 20.0}
 MEGABYTES = 500.0
 
@@ -120,9 +123,15 @@ def _batches(results: Results) -> Iterator[Verdict]:
 def _inverse_kinematics(results: Results) -> Iterator[Verdict]:
     for score in results.ik:
         limit = INVERSE_KINEMATICS.get(score.robot)
-        if score.solver == "rrrgen" and limit is not None:
+        if score.solver == OWN and limit is not None:
             found = f"{score.nanoseconds:.0f} ns, {score.rows:.1f} rows"
             yield Verdict("inverse kinematics", score.robot, f"<= {limit:.0f} ns", found, score.nanoseconds <= limit)
+    times = {(score.robot, score.solver): score.nanoseconds for score in results.ik}
+    for robot, (rival, limit) in IK_RATIOS.items():
+        if (robot, OWN) in times and (robot, rival) in times:
+            ratio = times[robot, OWN] / times[robot, rival]
+            what = f"inverse kinematics against {rival}"
+            yield Verdict(what, robot, f"<= {limit:.2f} x", f"{ratio:.2f} x", ratio <= limit)
 
 
 def _calls(results: Results) -> Iterator[Verdict]:

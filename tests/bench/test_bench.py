@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from rrrgen.bench.cases import Case, dense_bodies, make_case
 from rrrgen.bench.contestants import HAND, OWN, PINOCCHIO, Contestant, DisagreementError, Party, deviation
 from rrrgen.bench.growth import chain_text
-from rrrgen.bench.inverse_kinematics import IKScore
+from rrrgen.bench.inverse_kinematics import IKScore, ik_scores
 from rrrgen.bench.python_calls import BOUND_RUN, PIN, CallTime, turns
 from rrrgen.bench.race import Effort, Score, race
 from rrrgen.bench.report import page
@@ -143,8 +143,15 @@ def results_with(own: float, hand: float, pinocchio: float) -> Results:
         results.scores.append(Score("rrr", contestant, 1e-16, count / 10, count))
     results.calls = [CallTime("rrr", BOUND_RUN, 100.0), CallTime("rrr", PIN, 500.0)]
     results.batches = {"rrr": 5.0}
-    results.ik = [IKScore("rrr", "rrrgen", 150.0, 4.0, 700.0)]
+    results.ik = [IKScore("rrr", "rrrgen", 150.0, 4.0, 700.0), IKScore("rrr", "C by hand", 300.0, 4.0, 1000.0)]
     return results
+
+
+@needs_gcc
+def test_inverse_kinematics_by_hand_finds_the_same_four_rows() -> None:
+    scores = {score.solver: score for score in ik_scores(load_spec("rrr"), find_toolchain(), SHORT)}
+    assert set(scores) == {OWN, "C by hand"}
+    assert scores[OWN].rows == scores["C by hand"].rows == 4.0  # every row was checked by forward kinematics
 
 
 def test_verdicts_compare_with_the_limits() -> None:
@@ -152,6 +159,7 @@ def test_verdicts_compare_with_the_limits() -> None:
     assert ("inverse dynamics against hand CasADi", True) in met
     assert ("inverse dynamics against Pinocchio", True) in met
     assert ("inverse kinematics", False) in met
+    assert ("inverse kinematics against C by hand", True) in met
     assert ("Python call, bound buffers, against pin.rnea", True) in met
     missed = {(v.work, v.met) for v in verdicts(results_with(240, 500, 2300))}
     assert ("inverse dynamics against hand CasADi", False) in missed
