@@ -29,6 +29,10 @@ from rrrgen.resources import render as render_template
 
 MAX_SOLUTIONS = 16
 
+ASPECT = ("aspect", 0, 1)
+"""The branch label of a general arm, which has no shoulder, elbow or wrist: the sign of the Jacobian's determinant. It
+stays the same along a path that meets no singular configuration."""
+
 TOLERANCES = {
     "double": {"eps": 2.220446049250313e-16, "tiny": 1e-290, "done": 1.4e-14, "accept": 9e-13, "same": 3e-6},
     "float": {"eps": 1.1920929e-07, "tiny": 1e-30, "done": 4e-6, "accept": 3e-5, "same": 1e-2},
@@ -96,7 +100,7 @@ def branches(chain: Chain, prefix: str) -> CBody:
         shifts=literals(shifts) if any(shifts) else "",
     )
     kept = tables_of(chain).eliminations[0].kept_joint
-    return CBody(text, MAX_SOLUTIONS, (Stage(kept, "degree-16", MAX_SOLUTIONS),), frozenset({"near"}))
+    return CBody(text, MAX_SOLUTIONS, (Stage(kept, "degree-16", MAX_SOLUTIONS),), frozenset({"near"}), (ASPECT,))
 
 
 def _inverse(matrix: Matrix) -> list[float]:

@@ -135,6 +135,7 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
         # the equations
         "functions": functions, "needs": needs, "fragment": _fragment(plan, prefix, real), "banded": banded,
         "rows": max(body.rows for body in bodies), "single": len(bodies) == 1 and not banded,
+        "aspects": plan.family == "general6r",
         # numbers
         "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
         "steps": 200 if banded else 12, "starts": 6, "spread": "2.0",

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import platform
+import re
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 
 from ik.checks import sample
 from ik.robots import ROWS, make, reference, table
 from oracles.inverse_kinematics import same_sets, solve_all
-from oracles.newton_euler import Robot
+from oracles.newton_euler import Robot, jacobian
 from rrrgen.errors import DerivationError
 from rrrgen.ik.casadi_branches import branch_function
 from rrrgen.ik.classify import plan
 from rrrgen.ik.elimination import eliminations
 from rrrgen.ik.general6r import general6r_tables
 from rrrgen.ik.report import closed_form
+from rrrgen.ik.sources import emit
 from rrrgen.runtime.inverse_kinematics import INEXACT, load_solver
 
 POSES = 500  # per arm; ten thousand poses over these and random arms miss none
@@ -33,6 +39,10 @@ SIXTEEN = np.array(
         [0.0, 0.0, 0.0, 1.0],
     ]
 )
+
+
+def oracle(rows) -> Robot:
+    return Robot("standard", tuple(("revolute", *row[1:]) for row in rows))
 
 
 def random_arm(seed: int) -> list:
@@ -92,7 +102,7 @@ def test_an_arm_with_sixteen_real_solutions():
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_sets_are_those_of_a_search_from_many_starts(seed):
     rows = random_arm(seed)
-    robot = Robot("standard", tuple(("revolute", *row[1:]) for row in rows))
+    robot = oracle(rows)
     q = np.random.default_rng(seed).uniform(-np.pi, np.pi, (2, 6))
     solver = load_solver(make("arm", rows))
     for target in reference(rows, q):
@@ -149,3 +159,63 @@ def test_eliminations_are_ranked_and_singular_ones_left_out():
     for pointless in (0.0 * rows, np.array([[1.0, 0.0, 0.0]] * 5 + [[1.0, 0.0, 1.0]])):  # nothing moves the tip
         with pytest.raises(DerivationError):
             general6r_tables(*pointless.T)
+
+
+@pytest.mark.parametrize("name", ["random 1", "UR5 1e-5 off"])
+def test_the_branch_label_is_the_sign_of_the_jacobians_determinant(name):
+    result = sample("arm", ARMS[name], N=40)
+    robot = oracle(result.rows)
+    both = set()
+    for T in result.T:
+        answer = result.solver.solve(T)
+        for q, branch in zip(answer.q, answer.branches, strict=True):
+            determinant = np.linalg.det(jacobian(robot, q))
+            if abs(determinant) > 1e-9:
+                both.add(int(branch))
+                assert result.solver.branch_names(branch) == {"aspect": int(determinant < 0)}
+    assert both == {0, 1}
+
+
+def test_the_label_stays_the_same_along_a_path_without_singular_configurations():
+    rows = ARMS["random 2"]
+    solver, robot = load_solver(make("arm", rows)), oracle(rows)
+    q = np.random.default_rng(5).uniform(-np.pi, np.pi, 6)
+    path = q + np.linspace(0.0, 0.05, 12)[:, None] * np.array([1.0, -1.0, 0.5, 1.0, -0.5, 1.0])
+    labels = []
+    for step, target in zip(path, reference(rows, path), strict=True):
+        answer = solver.solve(target, q_ref=step)
+        nearest = np.abs(answer.q - step).max(axis=1).argmin()
+        assert np.abs(answer.q[nearest] - step).max() < 1e-9
+        labels.append(int(answer.branches[nearest]))
+    signs = np.sign([np.linalg.det(jacobian(robot, step)) for step in path])
+    assert np.all(signs == signs[0])
+    assert set(labels) == {int(signs[0] < 0)}
+
+
+@pytest.mark.parametrize("name", ["puma", "ur5", "jaco2"])
+def test_the_sets_are_those_of_another_solver(name):
+    ssik = pytest.importorskip("ssik")
+    rows = ROWS[name]
+    if any(row[4] for row in rows):
+        rows = [(*row[:4], 0.0) for row in rows]
+    other = ssik.Manipulator.from_dh(*([row[k] for row in rows] for k in (1, 2, 3)))
+    robot, solver = oracle(rows), load_solver(make("arm", rows))
+    q = np.random.default_rng(11).uniform(-np.pi, np.pi, (5, 6))
+    for target in reference(rows, q):
+        theirs = np.array([solution.q for solution in other.solve(target, respect_limits=False)])
+        assert same_sets(robot, solver.solve(target, limits=False).q, theirs)
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None or shutil.which("nm") is None, reason="gcc and nm are not installed")
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the limit is for x86-64")
+def test_the_code_of_the_general_solver_stays_below_16_kilobytes(tmp_path):
+    spec = make("arm", ARMS["random 1"])
+    files = emit(spec, plan(spec)).files
+    for file, text in files.items():
+        (tmp_path / file).write_text(text)
+    subprocess.run(["gcc", "-std=c99", "-Os", "-c", "arm_ik.c"], cwd=tmp_path, check=True)
+    table = subprocess.run(["nm", "-S", "arm_ik.o"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    sizes = {fields[3]: int(fields[1], 16) for line in table.splitlines() if len(fields := line.split()) == 4}
+    own = {name: size for name, size in sizes.items() if re.search(r"_(6r|trig8|solve6r|branches)", name)}
+    code = {line.split()[-1] for line in table.splitlines() if line.split()[-2] in "tT"}
+    assert 5000 < sum(size for name, size in own.items() if name in code) <= 16 * 1024
