@@ -54,8 +54,6 @@ def divide(x: Ratio, y: Ratio) -> Ratio:
 
 def split_common(x: Monomial, y: Monomial) -> tuple[Monomial, Monomial, Monomial]:
     """Greatest common factor of two sorted monomials, and what is left of each."""
-    if set(x).isdisjoint(y):
-        return (), x, y
     common: list[int] = []
     left: list[int] = []
     right: list[int] = []
@@ -134,12 +132,13 @@ class Factoring:
         """Add a term to polynomial k, and the divisors it makes with the terms there."""
         place = (k, x)
         found: dict[tuple[Double, Pair], None] = {}
+        literals, cost = set(x), term_cost(x, cx) + ADDITION
         for y, cy in self._terms[k].items():
             first, second, c1, c2 = (x, y, cx, cy) if x < y else (y, x, cy, cx)
-            common, left, right = split_common(first, second)
+            common, left, right = ((), first, second) if literals.isdisjoint(y) else split_common(first, second)
             ratio = divide(c2, c1)
             if common or ratio in ((1, 1), (-1, 1)) or (left and right):
-                saved = term_cost(first, c1) + term_cost(second, c2) + ADDITION - term_cost((*common, 0), c1)
+                saved = cost + term_cost(y, cy) - term_cost((*common, 0), c1)
                 if saved <= 0:
                     continue
                 key, pair = (left, right, ratio), (k, first, second)
@@ -179,7 +178,7 @@ class Factoring:
 
     def _update_gains(self) -> None:
         for double in self._touched_doubles:
-            _keep(self._double_gains, double, self._choose(double)[1])
+            _keep(self._double_gains, double, self._gain(double))
             if not self._doubles[double]:
                 del self._doubles[double]
         for single in self._touched_singles:
@@ -189,12 +188,18 @@ class Factoring:
         self._touched_doubles.clear()
         self._touched_singles.clear()
 
+    def _gain(self, key: Double) -> float:
+        """What the extraction of a divisor saves."""
+        occurrences = self._doubles[key]
+        if len(occurrences) == 1:
+            return next(iter(occurrences.values()))[2] - _definition_cost(key)
+        return self._choose(key)[1]
+
     def _choose(self, key: Double) -> tuple[list[tuple[Pair, Monomial, Ratio]], float]:
         """The disjoint occurrences of a divisor that pay, and what its extraction saves."""
-        left, right, ratio = key
         used: set[Place] = set()
         chosen: list[tuple[Pair, Monomial, Ratio]] = []
-        gain = -(term_cost(left, ONE) + term_cost(right, ratio) + ADDITION)
+        gain = -_definition_cost(key)
         for pair, (common, cx, saved) in self._doubles[key].items():
             k, x, y = pair
             first, second = (k, x), (k, y)
@@ -230,6 +235,11 @@ class Factoring:
         for k, monomial in places:
             coefficient = divide(self._remove(k, monomial), number)
             self._accumulate(k, tuple(sorted((*without(monomial, *product), literal))), coefficient)
+
+
+def _definition_cost(key: Double) -> float:
+    left, right, ratio = key
+    return term_cost(left, ONE) + term_cost(right, ratio) + ADDITION
 
 
 def _keep(gains: dict[Any, float], key: Any, gain: float) -> None:
