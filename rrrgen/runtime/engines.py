@@ -127,9 +127,18 @@ class CompiledCall:
 
     def __call__(self, values: Sequence[Any], threads: int = 1) -> tuple[Array, ...]:
         """Check ``values`` and evaluate: one array (..., *port.shape) per output."""
-        if self._plain and self._is_one_dense_state(values):
+        dense = self._dense(values) if self._plain else None
+        address, pointer = self._address, self._pointer
+        if dense == 0:
             results = tuple([np.empty(shape, dtype) for shape, dtype in self._outputs])
-            self._single(*[self._address(self._pointer, array) for array in (*values, *results)])
+            self._single(*[address(pointer, array) for array in (*values, *results)])
+            return results
+        if dense and threads == 1:
+            results = tuple([np.empty((dense, *shape), dtype) for shape, dtype in self._outputs])
+            arguments: list[Any] = [dense]
+            for (_, size), array in zip(self._inputs, values, strict=True):
+                arguments += address(pointer, array), size
+            self._loop(*arguments, *[address(pointer, array) for array in results])
             return results
         batch, arrays = prepare(self._function, self._ports, values, self._dtype)
         outputs = tuple([np.empty(batch + shape, dtype) for shape, dtype in self._outputs])
@@ -139,11 +148,9 @@ class CompiledCall:
         elif threads > 1 and count >= 2 * SMALLEST_SHARE:
             self._share(count, threads, arrays, outputs)
         elif count:
-            address, pointer = self._address, self._pointer
-            arguments: list[Any] = [count]
+            arguments = [count]
             for (rank, size), array in zip(self._inputs, arrays, strict=True):
-                arguments.append(address(pointer, array))
-                arguments.append(size if array.ndim > rank else 0)
+                arguments += address(pointer, array), size if array.ndim > rank else 0
             for k, kind in self._written:
                 arguments.append(address(kind, outputs[k]))
             self._loop(*arguments)
@@ -162,14 +169,21 @@ class CompiledCall:
         if self._status is not None:
             outputs[self._status][...] = status
 
-    def _is_one_dense_state(self, values: Sequence[Any]) -> bool:
-        """Whether nothing has to be converted, copied or repeated: the usual call of a control loop."""
+    def _dense(self, values: Sequence[Any]) -> int | None:
+        """The usual calls, in which nothing has to be converted, copied or repeated.
+
+        0 for one state, the number of states for a batch of one dimension, None for everything else.
+        """
+        count = None
         for value, shape in zip(values, self._shapes, strict=True):
-            if type(value) is not np.ndarray or value.dtype is not self._dtype or value.shape != shape:
-                return False
-            if not value.flags.carray:
-                return False
-        return True
+            if type(value) is not np.ndarray or value.dtype is not self._dtype or not value.flags.carray:
+                return None
+            given = value.shape
+            here = 0 if given == shape else given[0] if given[1:] == shape else None
+            if (not here and given != shape) or count not in (here, None):
+                return None
+            count = here
+        return count
 
     def _share(self, count: int, threads: int, arrays: Sequence[Array], outputs: Sequence[Array]) -> None:
         """Split a batch between threads; each writes its own rows of the outputs."""
