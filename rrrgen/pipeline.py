@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def _without_collection() -> Iterator[None]:
+def without_collection() -> Iterator[None]:
     """Pause the search for cycles: programs have none, and looking for them takes a tenth of the time."""
     was = gc.isenabled()
     gc.disable()
@@ -33,7 +33,7 @@ def _without_collection() -> Iterator[None]:
             gc.enable()
 
 
-@_without_collection()
+@without_collection()
 def derive(spec: RobotSpec) -> DerivedModel:
     """All programs of ``spec``, optimized, with their nominal twins."""
     from rrrgen.derive import derive_model
@@ -42,7 +42,7 @@ def derive(spec: RobotSpec) -> DerivedModel:
     return optimize(derive_model(spec))
 
 
-@_without_collection()
+@without_collection()
 def emit(
     model: DerivedModel, real: Real = "double", casadi_files: bool = False, trig: Trig = "inline"
 ) -> dict[str, Contents]:
@@ -67,7 +67,7 @@ def emit(
     return files
 
 
-@_without_collection()
+@without_collection()
 def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> Model:
     """Derive, emit, build and load a robot: a path to a robot file, a bundled name such as "rrr", or a RobotSpec.
 
@@ -91,7 +91,7 @@ def closed_form(spec: RobotSpec, function: str) -> ClosedForm:
     return closed_form_of(derive_model(spec), function)
 
 
-@_without_collection()
+@without_collection()
 def read(robot: Robot) -> RobotSpec:
     """The description behind a path, a bundled name, or itself."""
     from rrrgen.spec import load_spec

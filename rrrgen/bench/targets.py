@@ -147,7 +147,7 @@ def _generation(results: Results) -> Iterator[Verdict]:
         limit = SECONDS.get(each.robot)
         if limit is not None:
             total = each.generate + each.compile
-            found = f"{total:.1f} s of processor time"
+            found = f"{total:.1f} s ({each.generate:.1f} + {each.compile:.1f})"
             yield Verdict("robot file to compiled C", each.robot, f"<= {limit:.0f} s", found, total <= limit)
         if each.megabytes is not None:
             met = each.megabytes <= MEGABYTES

@@ -63,7 +63,8 @@ def generate(
     from rrrgen import emit, pipeline
 
     start = time.perf_counter()
-    model = pipeline.derive(read_with_warnings(robot))
+    with pipeline.without_collection():  # loading SymPy is part of it
+        model = pipeline.derive(read_with_warnings(robot))
     if verbose:
         _report_passes(model)
     files = pipeline.emit(model, real, casadi_files and not only_check and _has_casadi(), trig)

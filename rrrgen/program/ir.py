@@ -242,13 +242,16 @@ class Builder:
         return value
 
     def _op(self, value: Scalar) -> Node:
-        return self.nodes[self.index_of(value)]
+        if value.builder is not self:
+            raise InternalError("a value of one builder was used in another")
+        return self.nodes[value.index]
 
     def _negated(self, value: Value) -> Value | None:
         """``x`` where ``value`` is recorded as ``-x``, else None."""
-        if isinstance(value, Scalar) and self._op(value).op is Op.NEG:
-            return Scalar(self, self._op(value).args[0])
-        return None
+        if not isinstance(value, Scalar):
+            return None
+        node = self._op(value)
+        return Scalar(self, node.args[0]) if node.op is Op.NEG else None
 
     def _scaled(self, value: Scalar) -> tuple[Fraction | int, Scalar]:
         """``value`` as constant times node."""
