@@ -99,13 +99,15 @@ class Model:
         q_ref: ArrayLike | None = None,
         limits: bool = True,
         sort: Literal["branch", "nearest"] = "branch",
+        redundancy: float | None = None,
     ) -> IKResult:
         """Every configuration that brings the tip to ``target``: a pose (4, 4), or a position (3,) for up to 3 joints.
 
         The result has ``q`` (k, n), ``flags`` (k,), ``branches`` (k,), and without a row the ``reason``. ``q_ref`` (n,)
-        gives free angles, the turn of angles, and the order with ``sort="nearest"``. Source: (14.45), all branches.
+        gives free angles, the turn of angles, and the order with ``sort="nearest"``. ``redundancy`` is the prescribed
+        joint or arm angle of a redundant arm, by default its value in ``q_ref``. Source: (14.45), all branches.
         """
-        return self.ik.solve(target, q_ref, limits=limits, sort=sort)
+        return self.ik.solve(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
 
     # -- dynamics ------------------------------------------------------------------------------------------------
 
