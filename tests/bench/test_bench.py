@@ -158,7 +158,9 @@ def test_verdicts_compare_with_the_limits() -> None:
     met = {(v.work, v.met) for v in verdicts(results_with(200, 500, 2600))}
     assert ("inverse dynamics against hand CasADi", True) in met
     assert ("inverse dynamics against Pinocchio", True) in met
-    assert ("inverse kinematics", False) in met
+    scaled = "inverse kinematics against Pinocchio's inverse dynamics of the RRR"
+    assert (scaled, False) in met  # 150 ns where the reference takes 260 ns: 0.58 x instead of 0.32 x
+    assert (scaled, True) in {(v.work, v.met) for v in verdicts(results_with(200, 500, 5000))}
     assert ("inverse kinematics against C by hand", True) in met
     assert ("Python call, bound buffers, against pin.rnea", True) in met
     missed = {(v.work, v.met) for v in verdicts(results_with(240, 500, 2300))}
