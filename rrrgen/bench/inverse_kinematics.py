@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib import util
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,10 @@ POSES = 32
 ROW_ERROR = 1e-6
 """Rows must meet the target this well (m, rad); peers polish their rows less than this."""
 
+REFERENCE = """
+static const double x[9] = {0.3, -0.8, 1.1, 0.5, -0.2, 0.9, 1.5, -2.0, 0.4};
+rrr_inverse_dynamics_nominal(x, x + 3, x + 6, out);"""
+
 GENERAL = """\
 schema: rrrgen/1
 name: general6r
@@ -45,13 +50,17 @@ joints:
 
 @dataclass(frozen=True)
 class IKScore:
-    """Nanoseconds per target of one solver on one robot, and rows found per target."""
+    """Nanoseconds per target of one solver on one robot, and rows found per target.
+
+    ``reference`` are nanoseconds of the RRR's inverse dynamics, numbers folded, taken in turns with the solver.
+    """
 
     robot: str
     solver: str
     nanoseconds: float
     rows: float
     instructions: float | None = None
+    reference: float | None = None
 
 
 def ik_scores(spec: RobotSpec, toolchain: Toolchain, effort: Effort) -> list[IKScore]:
@@ -89,17 +98,36 @@ def _compiled(
     if by_hand is not None:
         sources["elbow.c"] = by_hand
         contestants.append(Contestant("C by hand", "inverse_kinematics", outputs, "elbow(in, out);"))
+    sources |= _reference_sources()
+    contestants.append(Contestant("reference", "inverse_dynamics", 3, REFERENCE))
     targets = poses[:, :3, 3] if position else poses.reshape(len(poses), -1)
     scores = []
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
-        declarations = f'#include "{name}_ik.h"\nvoid elbow(const double *, double *);\n'
+        declarations = f'#include "{name}_ik.h"\n#include "rrr.h"\nvoid elbow(const double *, double *);\n'
         driver = Driver.build(Path(place), contestants, sources, declarations, targets, toolchain)
         everything, counts, times = driver.values(), driver.instructions(effort.counted), driver.times(effort)
-        for k, (contestant, values) in enumerate(zip(contestants, everything, strict=True)):
+        for k, (contestant, values) in enumerate(zip(contestants[:-1], everything[:-1], strict=True)):
             solutions = [row[1 : 1 + int(row[0]) * n].reshape(-1, n) for row in values]
             found = _rows_checked(contestant.label, name, solutions, poses, oracle, position)
-            scores.append(IKScore(name, contestant.label, times[k], found, counts.get(k)))
+            reference = times[len(contestants) - 1]
+            scores.append(IKScore(name, contestant.label, times[k], found, counts.get(k), reference))
     return scores
+
+
+@cache
+def _reference_sources() -> dict[str, str]:
+    """The RRR's model."""
+    from rrrgen import pipeline
+    from rrrgen.backends.c.dialect import Dialect
+    from rrrgen.backends.c.sources import header_and_source
+    from rrrgen.backends.c.trigonometry import sincos_strategy
+    from rrrgen.manifest import identify
+    from rrrgen.runtime.derived_cache import recall
+    from rrrgen.spec import load_spec
+
+    spec = load_spec("rrr")
+    derived = recall(spec, identify(spec), pipeline.derive)
+    return header_and_source(derived, identify(spec), Dialect("rrr", "double"), sincos_strategy("inline"))
 
 
 def _elbow(spec: RobotSpec) -> str | None:

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rrrgen.bench.cases import Case, dense_bodies, make_case
-from rrrgen.bench.contestants import HAND, OWN, PINOCCHIO, Contestant, DisagreementError, Party, deviation
+from rrrgen.bench.contestants import HAND, OWN, OWN_FILE, PINOCCHIO, Contestant, DisagreementError, Party, deviation
 from rrrgen.bench.growth import chain_text
 from rrrgen.bench.inverse_kinematics import IKScore, ik_scores
 from rrrgen.bench.python_calls import BOUND_RUN, PIN, CallTime, turns
@@ -137,13 +137,13 @@ def test_the_driver_times_and_counts_and_refuses_wrong_contestants() -> None:
 
 def results_with(own: float, hand: float, pinocchio: float) -> Results:
     results = Results("a machine", "cc -O3", {"pin": "4"}, "few rounds")
-    for label, count in ((OWN, own), (HAND, hand), (PINOCCHIO, pinocchio)):
+    for label, count in ((OWN, own), (OWN_FILE, 200), (HAND, hand), (PINOCCHIO, pinocchio)):
         operations = {"mul": 54, "add": 42, "div": 0, "sincos": 2}
         contestant = Contestant(label, "inverse_dynamics", 3, "", operations=operations)
         results.scores.append(Score("rrr", contestant, 1e-16, count / 10, count))
     results.calls = [CallTime("rrr", BOUND_RUN, 100.0), CallTime("rrr", PIN, 500.0)]
     results.batches = {"rrr": 5.0}
-    results.ik = [IKScore("rrr", "rrrgen", 150.0, 4.0, 700.0), IKScore("rrr", "C by hand", 300.0, 4.0, 1000.0)]
+    results.ik = [IKScore("rrr", "rrrgen", 150.0, 4.0, 700.0, 20.0), IKScore("rrr", "C by hand", 300.0, 4.0, 1000.0)]
     return results
 
 
