@@ -195,9 +195,7 @@ class Scaffold:
         """The user's joint value of a raw one, wrapped where an offset can push it out of (-pi, pi]."""
         q = joint.sign * (raw - float(joint.offset))
         bare = raw if joint.sign > 0 else -raw
-        if not joint.revolute or (q is bare and raw.op == "var" and raw.text[0] in "xy"):
-            return q
-        if q.op == "var" and q.text[0] == "d":
+        if not joint.revolute or (q is bare and raw.op == "var" and raw.text[0] == "x"):
             return q
         self._needs.add("wrap")
         return self.pool.call("wrap", q)
