@@ -160,6 +160,56 @@ void rrr_jacobian(const rrr_real q[3], rrr_real J[RRR_RESTRICT 18])
     J[17] = (rrr_real)0.0;
 }
 
+void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J[RRR_RESTRICT 18])
+{
+    rrr_real s1, c1;
+    rrr_sincos(q[0], &s1, &c1);
+    const rrr_real q23 = q[1] + q[2];
+    rrr_real s23, c23;
+    rrr_sincos(q23, &s23, &c23);
+    T[9] = c23;
+    T[0] = c1*c23;
+    T[8] = s23;
+    const rrr_real t1 = c1*s23;
+    T[1] = -t1;
+    T[2] = s1;
+    J[10] = T[2];
+    J[11] = T[2];
+    rrr_real s2, c2;
+    rrr_sincos(q[1], &s2, &c2);
+    const rrr_real t2 = (rrr_real)0.2*(c2 + (rrr_real)2.075*c23);
+    J[7] = t2;
+    T[3] = c1*t2 + (rrr_real)0.259*s1;
+    J[3] = T[3];
+    T[4] = c23*s1;
+    const rrr_real t3 = s23*s1;
+    T[5] = -t3;
+    T[6] = -c1;
+    J[13] = T[6];
+    J[14] = T[6];
+    const rrr_real t4 = s1*t2 - (rrr_real)0.259*c1;
+    T[7] = t4;
+    const rrr_real t5 = (rrr_real)0.2*(s2 + (rrr_real)2.075*s23);
+    T[11] = t5 + (rrr_real)0.56;
+    J[0] = -t4;
+    J[1] = -c1*t5;
+    J[2] = -(rrr_real)0.415*t1;
+    J[4] = -s1*t5;
+    J[5] = -(rrr_real)0.415*t3;
+    J[8] = (rrr_real)0.415*c23;
+    T[10] = (rrr_real)0.0;
+    T[12] = (rrr_real)0.0;
+    T[13] = (rrr_real)0.0;
+    T[14] = (rrr_real)0.0;
+    T[15] = (rrr_real)1.0;
+    J[6] = (rrr_real)0.0;
+    J[9] = (rrr_real)0.0;
+    J[12] = (rrr_real)0.0;
+    J[15] = (rrr_real)1.0;
+    J[16] = (rrr_real)0.0;
+    J[17] = (rrr_real)0.0;
+}
+
 void rrr_jacobian_dot_dq(const rrr_real q[3], const rrr_real dq[3], rrr_real a[RRR_RESTRICT 6])
 {
     rrr_real s1, c1;
@@ -446,6 +496,109 @@ void rrr_bias_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real h[RRR_
     const rrr_real t11 = (rrr_real)0.5*(dq[0]*dq[0]);
     h[1] = (rrr_real)15.06816*c2 + t10 - t1*t1*t9 - (t4 - t7)*t11;
     h[2] = t10 - t4*t11;
+}
+
+void rrr_dynamics_terms(const rrr_real q[3],
+                        const rrr_real dq[3],
+                        const rrr_real beta[15],
+                        rrr_real M[RRR_RESTRICT 9],
+                        rrr_real c[RRR_RESTRICT 3],
+                        rrr_real g[RRR_RESTRICT 3])
+{
+    rrr_real s2, c2;
+    rrr_sincos(q[1], &s2, &c2);
+    const rrr_real t1 = beta[0]*c2 + beta[1]*s2;
+    const rrr_real q23 = q[1] + q[2];
+    rrr_real s23, c23;
+    rrr_sincos(q23, &s23, &c23);
+    const rrr_real t2 = beta[4]*c23 - beta[5]*s23;
+    const rrr_real t3 = c2*t1 + c23*t2;
+    const rrr_real t4 = beta[2]*c23 - beta[3]*s23;
+    const rrr_real t5 = (rrr_real)0.2*c2;
+    const rrr_real t6 = t4*t5;
+    const rrr_real t7 = t6 + t6 + t3;
+    M[0] = beta[6] + t7;
+    const rrr_real t8 = beta[7]*c23 + beta[8]*s23;
+    M[2] = t8;
+    M[6] = M[2];
+    M[1] = beta[9]*c2 + beta[10]*s2 + t8;
+    M[3] = M[1];
+    const rrr_real t9 = beta[3]*c23 + beta[2]*s23;
+    const rrr_real t10 = (rrr_real)0.2*s2;
+    const rrr_real t11 = t9*t10;
+    M[4] = beta[11] + t7 + (t11 + t11) - t3;
+    M[5] = t6 + t11 + beta[12];
+    M[7] = M[5];
+    const rrr_real t12 = t4*t10;
+    const rrr_real t13 = s2*t1 + t12;
+    const rrr_real t14 = beta[1] - (t13 + t13);
+    const rrr_real t15 = dq[1] + dq[2];
+    const rrr_real t16 = t5*t9;
+    const rrr_real t17 = s23*t2 + t16;
+    const rrr_real t18 = t17 + t17 + beta[5];
+    const rrr_real t19 = dq[1]*(dq[0]*t14 - dq[1]*(beta[9]*s2 - beta[10]*c2));
+    c[0] = t19 - t15*(dq[0]*t18 + t15*(beta[7]*s23 - beta[8]*c23));
+    const rrr_real t20 = t12 - t16;
+    const rrr_real t21 = dq[0]*dq[0];
+    const rrr_real t22 = t18*t21 - dq[1]*(dq[1] + dq[1])*t20;
+    c[1] = t15*t15*t20 - (rrr_real)0.5*(t14*t21 - t22);
+    c[2] = (rrr_real)0.5*t22;
+    g[1] = (rrr_real)9.81*(beta[13]*c2 - beta[14]*s2 + t4);
+    g[2] = (rrr_real)9.81*t4;
+    M[8] = beta[12];
+    g[0] = (rrr_real)0.0;
+}
+
+void rrr_dynamics_terms_nominal(const rrr_real q[3],
+                                const rrr_real dq[3],
+                                rrr_real M[RRR_RESTRICT 9],
+                                rrr_real c[RRR_RESTRICT 3],
+                                rrr_real g[RRR_RESTRICT 3])
+{
+    rrr_real s2, c2;
+    rrr_sincos(q[1], &s2, &c2);
+    const rrr_real t1 = (rrr_real)0.2696*c2 + (rrr_real)0.008*s2;
+    const rrr_real q23 = q[1] + q[2];
+    rrr_real s23, c23;
+    rrr_sincos(q23, &s23, &c23);
+    const rrr_real t2 = (rrr_real)0.03185*c23 - (rrr_real)0.001*s23;
+    const rrr_real t3 = c2*t1 + c23*t2;
+    const rrr_real t4 = (rrr_real)0.168*c23;
+    const rrr_real t5 = (rrr_real)0.2*c2;
+    const rrr_real t6 = t4*t5;
+    const rrr_real t7 = t6 + t6 + t3;
+    M[0] = t7 + (rrr_real)0.8531086;
+    const rrr_real t8 = (rrr_real)0.0013*c23 + (rrr_real)0.043584*s23;
+    M[1] = -(t8 + (rrr_real)0.004*(c2 + (rrr_real)74.861*s2));
+    M[3] = M[1];
+    M[2] = -t8;
+    M[6] = M[2];
+    const rrr_real t9 = (rrr_real)0.168*s23;
+    const rrr_real t10 = (rrr_real)0.2*s2;
+    const rrr_real t11 = t9*t10;
+    M[4] = t7 + (rrr_real)0.38897 + (t11 + t11) - t3;
+    M[5] = t6 + t11 + (rrr_real)0.03637;
+    M[7] = M[5];
+    const rrr_real t12 = t4*t10;
+    const rrr_real t13 = s2*t1 + t12;
+    const rrr_real t14 = dq[1] + dq[2];
+    const rrr_real t15 = t5*t9;
+    const rrr_real t16 = s23*t2 + t15;
+    const rrr_real t17 = dq[1]*dq[1];
+    const rrr_real t18 = (dq[0] + dq[0])*(dq[1]*t13 + t14*t16 - (rrr_real)0.004*(dq[1] - (rrr_real)0.125*t14));
+    const rrr_real t19 = t14*t14;
+    const rrr_real t20 = t18 + ((rrr_real)0.299444*c2 - (rrr_real)0.004*s2)*t17;
+    c[0] = -(t20 + ((rrr_real)0.043584*c23 - (rrr_real)0.0013*s23)*t19);
+    const rrr_real t21 = t12 - t15;
+    const rrr_real t22 = dq[0]*dq[0];
+    const rrr_real t23 = t16*t22 - t17*t21;
+    c[1] = t19*t21 + t23 + t22*(t13 - (rrr_real)0.0035);
+    c[2] = t23 + (rrr_real)0.0005*t22;
+    const rrr_real t24 = (rrr_real)1.64808*c23;
+    g[2] = t24;
+    g[1] = (rrr_real)15.06816*c2 + t24;
+    M[8] = (rrr_real)0.03637;
+    g[0] = (rrr_real)0.0;
 }
 
 void rrr_inverse_dynamics(const rrr_real q[3],

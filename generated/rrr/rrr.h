@@ -106,6 +106,19 @@ void rrr_link_frames(const rrr_real q[3], rrr_real T[RRR_RESTRICT 48]);
 void rrr_jacobian(const rrr_real q[3], rrr_real J[RRR_RESTRICT 18]);
 
 /*
+ * Pose of the tip and geometric Jacobian; they share their evaluation.
+ *
+ *     T = T_base A_1(q_1) ... A_n(q_n) T_tool (14.5), [v; omega] = J(q) dq
+ *
+ *   in   q  3      rad   -           joint positions
+ *   out  T  4 x 4  -, m  base frame  homogeneous transform of the tip
+ *   out  J  6 x 3  m, -  base frame  rows 1-3 linear, rows 4-6 angular velocity of the tip
+ *
+ * Operations: 17 mul, 6 add, 3 sincos, 8 neg. Stack: about 176 bytes.
+ */
+void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J[RRR_RESTRICT 18]);
+
+/*
  * Time derivative of the Jacobian times dq.
  *
  *     a = (dJ/dt) dq
@@ -281,6 +294,46 @@ void rrr_bias(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[15]
  * Operations: 32 mul, 22 add, 2 sincos. Stack: about 192 bytes.
  */
 void rrr_bias_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real h[RRR_RESTRICT 3]);
+
+/*
+ * All terms of the equation of motion; they share their evaluation.
+ *
+ *     tau = M(q) ddq + c(q, dq) + g(q)
+ *
+ *   in   q     3      rad    -  joint positions
+ *   in   dq    3      rad/s  -  joint velocities
+ *   in   beta  15     SI     -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
+ *   out  M     3 x 3  SI     -  symmetric mass matrix, drive inertia included
+ *   out  c     3      N m    -  Coriolis and centrifugal torques
+ *   out  g     3      N m    -  torques that hold the arm against gravity
+ *
+ * Operations: 45 mul, 37 add, 2 sincos. Stack: about 224 bytes.
+ */
+void rrr_dynamics_terms(const rrr_real q[3],
+                        const rrr_real dq[3],
+                        const rrr_real beta[15],
+                        rrr_real M[RRR_RESTRICT 9],
+                        rrr_real c[RRR_RESTRICT 3],
+                        rrr_real g[RRR_RESTRICT 3]);
+
+/*
+ * All terms of the equation of motion; they share their evaluation, with the parameters of the robot file.
+ *
+ *     tau = M(q) ddq + c(q, dq) + g(q)
+ *
+ *   in   q   3      rad    -  joint positions
+ *   in   dq  3      rad/s  -  joint velocities
+ *   out  M   3 x 3  SI     -  symmetric mass matrix, drive inertia included
+ *   out  c   3      N m    -  Coriolis and centrifugal torques
+ *   out  g   3      N m    -  torques that hold the arm against gravity
+ *
+ * Operations: 41 mul, 34 add, 2 sincos, 3 neg. Stack: about 224 bytes.
+ */
+void rrr_dynamics_terms_nominal(const rrr_real q[3],
+                                const rrr_real dq[3],
+                                rrr_real M[RRR_RESTRICT 9],
+                                rrr_real c[RRR_RESTRICT 3],
+                                rrr_real g[RRR_RESTRICT 3]);
 
 /*
  * Joint torques of the rigid body with drive inertia.

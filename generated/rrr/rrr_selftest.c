@@ -730,6 +730,30 @@ static int structure(void)
     return report(&vector) | report(&transpose) | report(&symmetric) | report(&rate) | report(&power);
 }
 
+static int together(void)
+{
+    check poses = {"pose and Jacobian from one evaluation", 0, R(0.0)};
+    check terms = {"M, c and g from one evaluation", 0, R(0.0)};
+    int k;
+    for (k = 0; k < STATES; k++) {
+        real T[16], T1[16], J[6 * N], J1[6 * N], M[N * N], M1[N * N], c[N], c1[N], g[N], g1[N], scale;
+        rrr_forward_kinematics(q[k], T);
+        rrr_jacobian(q[k], J);
+        rrr_kinematics(q[k], T1, J1);
+        compare(&poses, T1, T, 16, largest(T, 16), EXACT);
+        compare(&poses, J1, J, 6 * N, largest(J, 6 * N), EXACT);
+        mass_matrix(q[k], M);
+        rrr_coriolis(q[k], dq[k], beta, c);
+        rrr_gravity(q[k], beta, g);
+        rrr_dynamics_terms(q[k], dq[k], beta, M1, c1, g1);
+        scale = largest(M, N * N) + largest(c, N) + largest(g, N);
+        compare(&terms, M1, M, N * N, scale, EXACT);
+        compare(&terms, c1, c, N, scale, EXACT);
+        compare(&terms, g1, g, N, scale, EXACT);
+    }
+    return report(&poses) | report(&terms);
+}
+
 static int inversion(void)
 {
     check positive = {"M > 0 (Cholesky factorisation exists)", 0, R(0.0)};
@@ -936,6 +960,7 @@ int main(void)
     failed |= equation_of_motion();
     failed |= structure();
     failed |= inversion();
+    failed |= together();
     failed |= derivatives();
     failed |= nominal_twins();
     puts(failed ? "rrr: FAILED" : "rrr: all checks passed");

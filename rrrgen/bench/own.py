@@ -46,10 +46,9 @@ def _add(party: Party, case: Case, derived: DerivedModel, label: str, trig: Trig
     party.declarations += f'#include "{prefix}.h"\n' + _constants(case, derived, prefix)
     for function in names:
         for suffix, numbers in _variants(label, function, derived):
-            programs = _programs(derived, function, suffix)
-            if programs:
-                shown = OWN_FILE if suffix else label
-                party.contestants.append(_contestant(case, derived, prefix, shown, function, programs, numbers))
+            shown = OWN_FILE if suffix else label
+            program = derived.programs[function + suffix]
+            party.contestants.append(_contestant(case, derived, prefix, shown, function, program, numbers))
 
 
 def _variants(label: str, function: str, derived: DerivedModel) -> list[tuple[str, Numbers]]:
@@ -57,36 +56,22 @@ def _variants(label: str, function: str, derived: DerivedModel) -> list[tuple[st
     return [("", "dense"), ("_nominal", "file")] if with_twin else [("", "dense")]
 
 
-def _programs(derived: DerivedModel, function: str, suffix: str) -> list[Program]:
-    """What is called for one function: one program, or two where no program gives both results."""
-    if function != "kinematics":
-        return [derived.programs[function + suffix]] if function + suffix in derived.programs else []
-    joint = [
-        p for p in derived.programs.values() if [port.shape for port in p.outputs] == [(4, 4), (6, derived.spec.n)]
-    ]
-    both = [derived.programs[name] for name in ("forward_kinematics", "jacobian") if name in derived.programs]
-    return joint[:1] or both
-
-
 def _contestant(
-    case: Case, derived: DerivedModel, prefix: str, label: str, function: str, programs: list[Program], numbers: Numbers
+    case: Case, derived: DerivedModel, prefix: str, label: str, function: str, program: Program, numbers: Numbers
 ) -> Contestant:
-    statements, filled = [], 0
-    for program in programs:
-        arguments = [
-            f"in + {PLACES[port.name] * case.n}" if port.name in PLACES else f"{prefix}_{port.name}_values"
-            for port in program.inputs
-        ]
-        for port in stored_outputs(program):
-            arguments.append(f"out + {filled}")
-            filled += port.size
-        call = f"{prefix}_{program.name}({', '.join(arguments)});"
-        statements.append(f"(void){call}" if has_status(program) else call)
-    counts = [count_operations(program) for program in programs]
-    operations = {key: sum(getattr(count, key) for count in counts) for key in ("mul", "add", "div", "sincos")}
-    return Contestant(
-        label, function, filled, " ".join(statements), numbers, _multiplied(case, derived, function), operations
-    )
+    arguments = [
+        f"in + {PLACES[port.name] * case.n}" if port.name in PLACES else f"{prefix}_{port.name}_values"
+        for port in program.inputs
+    ]
+    filled = 0
+    for port in stored_outputs(program):
+        arguments.append(f"out + {filled}")
+        filled += port.size
+    call = f"{prefix}_{program.name}({', '.join(arguments)});"
+    count = count_operations(program)
+    operations = {key: getattr(count, key) for key in ("mul", "add", "div", "sincos")}
+    statement = f"(void){call}" if has_status(program) else call
+    return Contestant(label, function, filled, statement, numbers, _multiplied(case, derived, function), operations)
 
 
 def _multiplied(case: Case, derived: DerivedModel, function: str) -> Array | None:

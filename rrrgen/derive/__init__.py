@@ -22,7 +22,8 @@ def derive_model(spec: RobotSpec) -> DerivedModel:
     from rrrgen.derive.base_parameters import BaseParameter, base_set, linear_expression, standard_symbols
     from rrrgen.derive.chain import rational
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.derive.functions import FUNCTIONS, friction
+    from rrrgen.derive.dynamic_functions import friction
+    from rrrgen.derive.functions import FUNCTIONS
     from rrrgen.derive.recording import Recording, parametrize
     from rrrgen.derive.regrouping import regroupings
     from rrrgen.derive.user_basis import change_basis

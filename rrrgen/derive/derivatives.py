@@ -35,7 +35,7 @@ from rrrgen.derive.motion import LinkMotion, choose_frames, forward
 from rrrgen.derive.newton_euler import Wrench, composite_wrenches, link_wrenches
 from rrrgen.derive.positive_definite import factorize
 from rrrgen.derive.recording import Recording
-from rrrgen.derive.vectors import Matrix, Vector, add, cross, dot, scale, turn
+from rrrgen.derive.vectors import Matrix, Vector, add, cross, dot, flat, scale, turn
 from rrrgen.program import Port, Program
 from rrrgen.program.differentiate import jacobian
 from rrrgen.program.ir import replay
@@ -54,11 +54,11 @@ def inverse_dynamics_derivatives(r: Recording) -> Program:
     tau = [t + Ia * a for t, Ia, a in zip(tau, drives, ddq, strict=True)]
     ports = [
         (Port("tau", (r.n,), r.torque_unit, "", "joint torques, friction not included"), tau),
-        (_matrix(r, "dtau_dq", "d tau_i / d q_j for given dq and ddq"), _flat(dtau_dq)),
-        (_matrix(r, "dtau_dv", "d tau_i / d dq_j"), _flat(composition.coriolis_matrix())),
+        (_matrix(r, "dtau_dq", "d tau_i / d q_j for given dq and ddq"), flat(dtau_dq)),
+        (_matrix(r, "dtau_dv", "d tau_i / d dq_j"), flat(composition.coriolis_matrix())),
         (
             _matrix(r, "M", "d tau_i / d ddq_j: the mass matrix, drive inertia included"),
-            _flat(_mass(composition, drives)),
+            flat(_mass(composition, drives)),
         ),
     ]
     return r.builder.program(
@@ -96,9 +96,9 @@ def forward_program(
     ports = [
         (Port("status", ()), [status]),
         (Port("ddq", (r.n,), unit, "", "joint accelerations; zero when the status is not ok"), ddq),
-        (_matrix(r, "dddq_dq", "d ddq_i / d q_j for given dq and tau"), _flat(products[0])),
-        (_matrix(r, "dddq_dv", "d ddq_i / d dq_j"), _flat(products[1])),
-        (_matrix(r, "dddq_dtau", "d ddq_i / d tau_j, the inverse of M"), [-value for value in _flat(inverse)]),
+        (_matrix(r, "dddq_dq", "d ddq_i / d q_j for given dq and tau"), flat(products[0])),
+        (_matrix(r, "dddq_dv", "d ddq_i / d dq_j"), flat(products[1])),
+        (_matrix(r, "dddq_dtau", "d ddq_i / d tau_j, the inverse of M"), [-value for value in flat(inverse)]),
     ]
     return r.builder.program(
         "forward_dynamics_derivatives",
@@ -201,7 +201,3 @@ def _matrix(r: Recording, name: str, meaning: str) -> Port:
 
 def _rows(r: Recording, flat: Sequence[Any]) -> Matrix:
     return [list(flat[k * r.n : (k + 1) * r.n]) for k in range(r.n)]
-
-
-def _flat(M: Matrix) -> list[Any]:
-    return [value for row in M for value in row]

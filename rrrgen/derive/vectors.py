@@ -69,3 +69,8 @@ def turn(c: Any, s: Any, v: Sequence[Any]) -> Vector:
 def turn_back(c: Any, s: Any, v: Sequence[Any]) -> Vector:
     """Rz' v."""
     return [c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]]
+
+
+def flat(M: list[list[Any]]) -> list[Any]:
+    """Entries of a matrix, row by row."""
+    return [value for row in M for value in row]

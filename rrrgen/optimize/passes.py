@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from rrrgen.derive.derivatives import differentiated, from_inverse_dynamics
 from rrrgen.derive.derived_model import DerivedModel, PassReport
-from rrrgen.derive.functions import forward_dynamics
+from rrrgen.derive.dynamic_functions import forward_dynamics
 from rrrgen.derive.recording import Recording
 from rrrgen.optimize.doubling import double_by_addition
 from rrrgen.optimize.expansion import Cutting, Tried, factored

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from rrrgen.program import Port
 from rrrgen.runtime.arguments import prepare
 from rrrgen.runtime.bound import BoundFunction
-from rrrgen.runtime.derivatives import ForwardDynamicsDerivatives, InverseDynamicsDerivatives
 from rrrgen.runtime.engines import Engine
 from rrrgen.runtime.identification import IdentificationColumns
+from rrrgen.runtime.results import DynamicsTerms, ForwardDynamicsDerivatives, InverseDynamicsDerivatives, Kinematics
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -80,6 +80,10 @@ class Model:
         """Geometric Jacobian at the tip, base frame, linear rows first: [v; w] = J dq, (..., 6, n)."""
         return self._call("jacobian", q)
 
+    def kinematics(self, q: ArrayLike) -> Kinematics:
+        """Pose of the tip T (..., 4, 4) and Jacobian J (..., 6, n), from one evaluation, as a named tuple."""
+        return Kinematics(*self.engine.call("kinematics", (q,)))
+
     def jacobian_dot_dq(self, q: ArrayLike, dq: ArrayLike) -> Array:
         """dJ/dt dq: the tip's acceleration where ddq = 0, (..., 6)."""
         return self._call("jacobian_dot_dq", q, dq)
@@ -134,6 +138,12 @@ class Model:
     def bias(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
         """Bias torques c(q, dq) + g(q), what forward dynamics subtracts from tau, (..., n)."""
         return self._call_with("bias", (q, dq), beta)
+
+    def dynamics_terms(
+        self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None
+    ) -> DynamicsTerms:
+        """M (..., n, n), c and g (..., n) of tau = M ddq + c + g, from one evaluation, as a named tuple."""
+        return DynamicsTerms(*self._evaluate("dynamics_terms", (q, dq), beta, Ia))
 
     def inverse_dynamics(
         self,

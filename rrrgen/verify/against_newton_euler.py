@@ -18,9 +18,12 @@ def check_kinematics(model: Model, ne: NewtonEuler, s: States, tolerances: Toler
     """Frames and Jacobians."""
     check = rows.against(ne.name, NO_PARAMETERS, tolerances.exact, s.count)
     J, acceleration = ne.jacobian(s.q), ne.jacobian_dot_dq(s.q, s.dq)
-    check("forward_kinematics", lambda: model.forward_kinematics(s.q), ne.forward_kinematics(s.q))
+    T = ne.forward_kinematics(s.q)
+    check("forward_kinematics", lambda: model.forward_kinematics(s.q), T)
     check("link_frames", lambda: model.link_frames(s.q), ne.link_frames(s.q))
     check("jacobian", lambda: model.jacobian(s.q), J)
+    check("kinematics: T", lambda: model.kinematics(s.q)[0], T)
+    check("kinematics: J", lambda: model.kinematics(s.q)[1], J)
     scale = max(size(acceleration), size(J) * size(s.dq) ** 2)
     check("jacobian_dot_dq", lambda: model.jacobian_dot_dq(s.q, s.dq), acceleration, scale=scale)
 
@@ -109,6 +112,9 @@ def check_dynamics(
     check("coriolis", lambda: model.coriolis(s.q, s.dq, beta=beta), c, scale=torque)
     check("gravity", lambda: model.gravity(s.q, beta=beta), ne.gravity(s.q), scale=torque)
     check("bias", lambda: model.bias(s.q, s.dq, beta=beta), c + ne.gravity(s.q), scale=torque)
+    check("dynamics_terms: M", lambda: model.dynamics_terms(s.q, s.dq, beta=beta)[0], M)
+    check("dynamics_terms: c", lambda: model.dynamics_terms(s.q, s.dq, beta=beta)[1], c, scale=torque)
+    check("dynamics_terms: g", lambda: model.dynamics_terms(s.q, s.dq, beta=beta)[2], ne.gravity(s.q), scale=torque)
     check(
         "coriolis_matrix dq",
         lambda: np.einsum("nij,nj->ni", model.coriolis_matrix(s.q, s.dq, beta=beta), s.dq),

@@ -77,6 +77,9 @@ class Reference:
     def _jacobian(self, J):
         return relative(J, self.each(oracle.jacobian, self.q))
 
+    def _kinematics(self, T, J):
+        return max(self._forward_kinematics(T), self._jacobian(J))
+
     def _jacobian_dot_dq(self, a):
         return relative(a, self.each(oracle.jacobian_dot_dq, self.q, self.dq), least=1.0)
 
@@ -111,6 +114,9 @@ class Reference:
 
     def _bias(self, h):
         return self._torques(h, self.each(oracle.bias, self.q, self.dq))
+
+    def _dynamics_terms(self, M, c, g):
+        return max(self._mass_matrix(M), self._coriolis(c), self._gravity(g))
 
     def _inverse_dynamics(self, tau):
         return self._torques(tau, self.tau)

@@ -13,7 +13,8 @@ from derive.comparison import Reference, failures
 from oracles.random_robots import arbitrary_link, robots, to_yaml
 from rrrgen.derive.base_parameters import base_set
 from rrrgen.derive.chain import rational
-from rrrgen.derive.functions import FUNCTIONS, forward_dynamics
+from rrrgen.derive.dynamic_functions import forward_dynamics
+from rrrgen.derive.functions import FUNCTIONS
 from rrrgen.derive.recording import Recording, parametrize
 from rrrgen.model import build_model
 from rrrgen.program import Program, evaluate

@@ -61,6 +61,12 @@ CEILINGS = {
     },
 }
 
+TOGETHER = {
+    "kinematics": ("forward_kinematics", "jacobian"),
+    "dynamics_terms": ("mass_matrix", "coriolis", "gravity"),
+}
+SHARED = 0.96  # of the operations of the functions one by one, angles not counted
+
 
 def counts(name):
     return {function: count_operations(program) for function, program in bundled(name).programs.items()}
@@ -80,6 +86,10 @@ def test_operation_counts(name):
         exceeded["regressor_transpose"] = str(own["regressor_transpose"])
     if own["regressor_transpose"].total > own["regressor"].total + 2 * 3 * len(bundled(name).base_parameters):
         exceeded["regressor_transpose, against forming Y"] = str(own["regressor_transpose"])
+    for shared, parts in TOGETHER.items():
+        alone = sum(own[part].total for part in parts)
+        if own[shared].total > SHARED * alone:
+            exceeded[shared] = f"{own[shared]}, apart {alone}"
     assert exceeded == {}
     assert own["inverse_dynamics"].sincos == ANGLES[name]
     twins = {f: str(c) for f, c in own.items() if f"{f}_nominal" in own and own[f"{f}_nominal"].total > c.total}

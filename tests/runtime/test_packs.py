@@ -15,6 +15,8 @@ FUNCTIONS = {
     "forward_dynamics_derivatives": 3,
     "regressor": 3,
     "forward_kinematics": 1,
+    "kinematics": 1,
+    "dynamics_terms": 2,
     "coriolis_matrix": 2,
     "energy": 2,
 }

@@ -74,7 +74,7 @@ def batched(function):
         flat = [np.broadcast_to(s, (*lead, s.shape[-1])).reshape(-1, s.shape[-1]) for s in states]
         rows = [function(self, *row, self._phi(beta)) for row in zip(*flat, strict=True)]
         if isinstance(rows[0], tuple):
-            return tuple(np.reshape(part, lead) for part in zip(*rows, strict=True))
+            return tuple(np.reshape(part, (*lead, *np.shape(part[0]))) for part in zip(*rows, strict=True))
         return np.reshape(rows, (*lead, *np.shape(rows[0])))
 
     return over_batch
@@ -132,6 +132,10 @@ class OracleModel:
         return ne.jacobian(self.robot, q)
 
     @batched
+    def kinematics(self, q, _phi):
+        return ne.forward_kinematics(self.robot, q), ne.jacobian(self.robot, q)
+
+    @batched
     def jacobian_dot_dq(self, q, dq, _phi):
         return ne.jacobian_dot_dq(self.robot, q, dq)
 
@@ -179,6 +183,10 @@ class OracleModel:
     @batched
     def bias(self, q, dq, phi):
         return self._bias(q, dq, phi)
+
+    @batched
+    def dynamics_terms(self, q, dq, phi):
+        return self._mass(q, phi), self._christoffel(q, dq, phi) @ dq, self._gravity(q, phi)
 
     @batched
     def inverse_dynamics(self, q, dq, ddq, phi):

@@ -106,6 +106,18 @@ def test_one_wrong_sign_fails_and_is_named(complete, name):
     assert any(name in row.function for row in report.failures), report.to_text()
 
 
+@pytest.mark.parametrize(
+    ("name", "part", "row"),
+    [("kinematics", 0, "T"), ("kinematics", 1, "J"), *(("dynamics_terms", k, "Mcg"[k]) for k in range(3))],
+)
+def test_one_wrong_sign_in_one_of_several_results_fails(complete, name, part, row):
+    def distort(values):
+        return tuple(flip_largest(value) if k == part else value for k, value in enumerate(values))
+
+    report = verify(Broken(complete, name, distort), samples=SAMPLES, libraries=False)
+    assert {r.function for r in report.failures} == {f"{name}: {row}"}
+
+
 @pytest.mark.parametrize("part", [0, 1])
 def test_wrong_energy_fails(complete, part):
     def distort(energies):

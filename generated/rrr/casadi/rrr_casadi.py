@@ -169,6 +169,49 @@ def jacobian():
 
 
 @lru_cache(maxsize=None)
+def kinematics():
+    """Pose of the tip and geometric Jacobian; they share their evaluation.
+
+    T = T_base A_1(q_1) ... A_n(q_n) T_tool   (14.5),  [v; omega] = J(q) dq
+
+    input  q (3, 1): joint positions; rad
+    output T (4, 4): homogeneous transform of the tip; -, m; base frame
+    output J (6, 3): rows 1-3 linear, rows 4-6 angular velocity of the tip; m, -; base frame
+    """
+    q = ca.SX.sym("q", 3, 1)
+    [q1, q2, q3] = _rows(q)
+    c1 = ca.cos(q1)
+    t1 = q2 + q3
+    c23 = ca.cos(t1)
+    s23 = ca.sin(t1)
+    t2 = c1*s23
+    s1 = ca.sin(q1)
+    c2 = ca.cos(q2)
+    t3 = 0.2*(c2 + 2.075*c23)
+    t4 = c1*t3 + 0.259*s1
+    t5 = s23*s1
+    t6 = -c1
+    t7 = s1*t3 - 0.259*c1
+    s2 = ca.sin(q2)
+    t8 = 0.2*(s2 + 2.075*s23)
+    T = _matrix(4, 4, [
+        c1*c23, -t2, s1, t4,
+        c23*s1, -t5, t6, t7,
+        s23, c23, 0, t8 + 0.56,
+        0, 0, 0, 1,
+    ])
+    J = _matrix(6, 3, [
+        -t7, -c1*t8, -0.415*t2,
+        t4, -s1*t8, -0.415*t5,
+        0, t3, 0.415*c23,
+        0, s1, s1,
+        0, t6, t6,
+        1, 0, 0,
+    ])
+    return ca.Function("rrr_casadi_kinematics", [q], [T, J], ["q"], ["T", "J"])
+
+
+@lru_cache(maxsize=None)
 def jacobian_dot_dq():
     """Time derivative of the Jacobian times dq.
 
@@ -626,6 +669,139 @@ def bias_nominal():
         t11 - t5*t12,
     ])
     return ca.Function("rrr_casadi_bias_nominal", [q, dq], [h], ["q", "dq"], ["h"])
+
+
+@lru_cache(maxsize=None)
+def dynamics_terms():
+    """All terms of the equation of motion; they share their evaluation.
+
+    tau = M(q) ddq + c(q, dq) + g(q)
+
+    input  q (3, 1): joint positions; rad
+    input  dq (3, 1): joint velocities; rad/s
+    input  beta (15, 1): base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15; SI
+    output M (3, 3): symmetric mass matrix, drive inertia included; SI
+    output c (3, 1): Coriolis and centrifugal torques; N m
+    output g (3, 1): torques that hold the arm against gravity; N m
+    """
+    q = ca.SX.sym("q", 3, 1)
+    dq = ca.SX.sym("dq", 3, 1)
+    beta = ca.SX.sym("beta", 15, 1)
+    [q1, q2, q3] = _rows(q)
+    [dq1, dq2, dq3] = _rows(dq)
+    [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
+        beta15] = _rows(beta)
+    c2 = ca.cos(q2)
+    s2 = ca.sin(q2)
+    t1 = beta1*c2 + beta2*s2
+    t2 = q2 + q3
+    c23 = ca.cos(t2)
+    s23 = ca.sin(t2)
+    t3 = beta5*c23 - beta6*s23
+    t4 = c2*t1 + c23*t3
+    t5 = beta3*c23 - beta4*s23
+    t6 = 0.2*c2
+    t7 = t5*t6
+    t8 = t4 + (t7 + t7)
+    t9 = beta8*c23 + beta9*s23
+    t10 = t9 + (beta10*c2 + beta11*s2)
+    t11 = beta4*c23 + beta3*s23
+    t12 = 0.2*s2
+    t13 = t11*t12
+    t14 = beta13 + (t7 + t13)
+    t15 = t5*t12
+    t16 = s2*t1 + t15
+    t17 = beta2 - (t16 + t16)
+    t18 = dq2 + dq3
+    t19 = t6*t11
+    t20 = s23*t3 + t19
+    t21 = beta6 + (t20 + t20)
+    t22 = dq2*(dq1*t17 - dq2*(beta10*s2 - beta11*c2)) - t18*(dq1*t21 + t18*(beta8*s23 - beta9*c23))
+    t23 = t15 - t19
+    t24 = dq1*dq1
+    t25 = t21*t24 - t23*(dq2*(dq2 + dq2))
+    M = _matrix(3, 3, [
+        beta7 + t8, t10, t9,
+        t10, beta12 + t8 + (t13 + t13) - t4, t14,
+        t9, t14, beta13,
+    ])
+    c = _matrix(3, 1, [
+        t22,
+        t18*t18*t23 - 0.5*(t17*t24 - t25),
+        0.5*t25,
+    ])
+    g = _matrix(3, 1, [
+        0,
+        9.81*(t5 + (beta14*c2 - beta15*s2)),
+        9.81*t5,
+    ])
+    return ca.Function("rrr_casadi_dynamics_terms", [q, dq, beta], [M, c, g], ["q", "dq", "beta"], ["M", "c", "g"])
+
+
+@lru_cache(maxsize=None)
+def dynamics_terms_nominal():
+    """All terms of the equation of motion; they share their evaluation, with the parameters of the robot file.
+
+    tau = M(q) ddq + c(q, dq) + g(q)
+
+    input  q (3, 1): joint positions; rad
+    input  dq (3, 1): joint velocities; rad/s
+    output M (3, 3): symmetric mass matrix, drive inertia included; SI
+    output c (3, 1): Coriolis and centrifugal torques; N m
+    output g (3, 1): torques that hold the arm against gravity; N m
+    """
+    q = ca.SX.sym("q", 3, 1)
+    dq = ca.SX.sym("dq", 3, 1)
+    [q1, q2, q3] = _rows(q)
+    [dq1, dq2, dq3] = _rows(dq)
+    c2 = ca.cos(q2)
+    s2 = ca.sin(q2)
+    t1 = 0.2696*c2 + 0.008*s2
+    t2 = q2 + q3
+    c23 = ca.cos(t2)
+    s23 = ca.sin(t2)
+    t3 = 0.03185*c23 - 0.001*s23
+    t4 = c2*t1 + c23*t3
+    t5 = 0.168*c23
+    t6 = 0.2*c2
+    t7 = t5*t6
+    t8 = t4 + (t7 + t7)
+    t9 = 0.0013*c23 + 0.043584*s23
+    t10 = -(t9 + 0.004*(c2 + 74.861*s2))
+    t11 = -t9
+    t12 = 0.168*s23
+    t13 = 0.2*s2
+    t14 = t12*t13
+    t15 = t7 + t14 + 0.03637
+    t16 = t5*t13
+    t17 = s2*t1 + t16
+    t18 = dq2 + dq3
+    t19 = t6*t12
+    t20 = s23*t3 + t19
+    t21 = (dq1 + dq1)*(dq2*t17 + t18*t20 - 0.004*(dq2 - 0.125*t18))
+    t22 = dq2*dq2
+    t23 = t18*t18
+    t24 = t21 + (0.299444*c2 - 0.004*s2)*t22 + (0.043584*c23 - 0.0013*s23)*t23
+    t25 = t16 - t19
+    t26 = dq1*dq1
+    t27 = t20*t26 - t22*t25
+    t28 = 1.64808*c23
+    M = _matrix(3, 3, [
+        t8 + 0.8531086, t10, t11,
+        t10, t8 + 0.38897 + (t14 + t14) - t4, t15,
+        t11, t15, 0.03637,
+    ])
+    c = _matrix(3, 1, [
+        -t24,
+        t23*t25 + t27 + t26*(t17 - 0.0035),
+        t27 + 0.0005*t26,
+    ])
+    g = _matrix(3, 1, [
+        0,
+        15.06816*c2 + t28,
+        t28,
+    ])
+    return ca.Function("rrr_casadi_dynamics_terms_nominal", [q, dq], [M, c, g], ["q", "dq"], ["M", "c", "g"])
 
 
 @lru_cache(maxsize=None)
@@ -1685,6 +1861,7 @@ FUNCTIONS = {
     "forward_kinematics": forward_kinematics,
     "link_frames": link_frames,
     "jacobian": jacobian,
+    "kinematics": kinematics,
     "jacobian_dot_dq": jacobian_dot_dq,
     "mass_matrix": mass_matrix,
     "mass_matrix_nominal": mass_matrix_nominal,
@@ -1698,6 +1875,8 @@ FUNCTIONS = {
     "gravity_nominal": gravity_nominal,
     "bias": bias,
     "bias_nominal": bias_nominal,
+    "dynamics_terms": dynamics_terms,
+    "dynamics_terms_nominal": dynamics_terms_nominal,
     "inverse_dynamics": inverse_dynamics,
     "inverse_dynamics_nominal": inverse_dynamics_nominal,
     "forward_dynamics": forward_dynamics,

@@ -1,10 +1,25 @@
-"""What the derivative functions return: named, so that nobody counts positions."""
+"""What functions with several results return: named, so that nobody counts positions."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
+
+
+class Kinematics(NamedTuple):
+    """Pose of the tip (..., 4, 4) and geometric Jacobian (..., 6, n)."""
+
+    T: NDArray[Any]
+    J: NDArray[Any]
+
+
+class DynamicsTerms(NamedTuple):
+    """Mass matrix (..., n, n), Coriolis torques (..., n), gravity torques (..., n): tau = M ddq + c + g."""
+
+    M: NDArray[Any]
+    c: NDArray[Any]
+    g: NDArray[Any]
 
 
 class InverseDynamicsDerivatives(NamedTuple):
