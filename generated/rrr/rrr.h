@@ -166,7 +166,7 @@ void rrr_mass_matrix_nominal(const rrr_real q[3], rrr_real M[RRR_RESTRICT 9]);
  *   in   beta  15     SI     -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
  *   out  C     3 x 3  SI     -  Coriolis matrix of the Christoffel symbols
  *
- * Operations: 31 mul, 19 add, 2 sincos, 1 neg. Stack: about 192 bytes.
+ * Operations: 30 mul, 19 add, 2 sincos, 1 neg. Stack: about 192 bytes.
  */
 void rrr_coriolis_matrix(const rrr_real q[3],
                          const rrr_real dq[3],
@@ -455,7 +455,7 @@ void rrr_inverse_dynamics_derivatives(const rrr_real q[3],
  *   out  dtau_dv  3 x 3  SI       -  d tau_i / d dq_j
  *   out  M        3 x 3  SI       -  d tau_i / d ddq_j: the mass matrix, drive inertia included
  *
- * Operations: 92 mul, 86 add, 2 sincos, 7 neg. Stack: about 384 bytes.
+ * Operations: 91 mul, 86 add, 2 sincos, 7 neg. Stack: about 368 bytes.
  */
 void rrr_inverse_dynamics_derivatives_nominal(const rrr_real q[3],
                                               const rrr_real dq[3],
@@ -512,7 +512,7 @@ rrr_status rrr_forward_dynamics_derivatives(const rrr_real q[3],
  * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
  * gives the text); the outputs are defined in either case.
  *
- * Operations: 150 mul, 124 add, 3 div, 2 sincos, 9 neg, 9 other. Stack: about 400 bytes.
+ * Operations: 149 mul, 124 add, 3 div, 2 sincos, 9 neg, 9 other. Stack: about 448 bytes.
  * All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
  */
 rrr_status rrr_forward_dynamics_derivatives_nominal(const rrr_real q[3],

@@ -20,7 +20,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from rrrgen.derive.chain import Chain, ChainJoint
-from rrrgen.derive.vectors import Matrix, Vector, add, times, transposed_times, turn, turn_back
+from rrrgen.derive.vectors import (
+    Matrix,
+    Vector,
+    add,
+    is_number,
+    product,
+    times,
+    transpose,
+    transposed_times,
+    turn,
+    turn_back,
+)
 
 
 @dataclass(frozen=True)
@@ -44,15 +55,13 @@ class LinkMotion:
 
 @dataclass(frozen=True)
 class _BlockEntry:
-    """Motion of a block's frame B and what its links share."""
+    """Motion of a block's frame B, which its links share; ``x2``, ``y2`` are squares of its angular velocity."""
 
     omega: Vector
     alpha: Vector
     x2: Any
     y2: Any
-    xy: Any
-    U13: Any
-    U23: Any
+    U: Matrix
 
 
 def choose_frames(chain: Chain, keep_in_block: Container[int] = ()) -> list[bool]:
@@ -86,9 +95,23 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], own: Sequence[b
 
 
 def _enter(joint: ChainJoint, before: LinkMotion) -> _BlockEntry:
-    omega, alpha = transposed_times(joint.R, before.omega), transposed_times(joint.R, before.alpha)
+    """Motion of the frame that ``joint`` turns in; quarter turns only rearrange the U of the link before."""
+    R = joint.R
+    omega, alpha = transposed_times(R, before.omega), transposed_times(R, before.alpha)
+    x, y, _ = omega
+    if all(is_number(entry, -1, 0, 1) for row in R for entry in row):
+        U = product(product(transpose(R), before.U), R)
+    else:
+        U = _spin(omega, alpha)
+    return _BlockEntry(omega, alpha, x * x, y * y, U)
+
+
+def _spin(omega: Vector, alpha: Vector) -> Matrix:
+    """[alpha]x + [omega]x [omega]x."""
     x, y, z = omega
-    return _BlockEntry(omega, alpha, x * x, y * y, x * y, x * z + alpha[1], y * z - alpha[0])
+    a, b, c = alpha
+    x2, y2, z2, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    return [[-(y2 + z2), xy - c, xz + b], [xy + c, -(x2 + z2), yz - a], [xz - b, yz + a, -(x2 + y2)]]
 
 
 def _offset_acceleration(joint: ChainJoint, motion: LinkMotion, p: Vector) -> Vector:
@@ -103,30 +126,31 @@ def _sliding(entry: _BlockEntry, W: Any, A: Any, slide: Any, rate: Any, accelera
     x, y, _ = entry.omega
     twice = 2 * rate
     return [
-        entry.U13 * slide + y * twice,
-        entry.U23 * slide - x * twice,
-        acceleration - (entry.x2 + entry.y2) * slide,
+        entry.U[0][2] * slide + y * twice,
+        entry.U[1][2] * slide - x * twice,
+        acceleration + entry.U[2][2] * slide,
     ]
 
 
 def _block_frame(entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
     x, y, z = entry.omega
-    Z, Az = z + W, entry.alpha[2] + A
+    B = entry.U
+    Z = z + W
     Z2 = Z * Z
-    U31, U32 = x * z - entry.alpha[1] + 2 * x * W, y * z + entry.alpha[0] + 2 * y * W
     U = [
-        [-(entry.y2 + Z2), entry.xy - Az, entry.U13],
-        [entry.xy + Az, -(entry.x2 + Z2), entry.U23],
-        [U31, U32, -(entry.x2 + entry.y2)],
+        [-(entry.y2 + Z2), B[0][1] - A, B[0][2]],
+        [B[1][0] + A, -(entry.x2 + Z2), B[1][2]],
+        [B[2][0] + 2 * x * W, B[2][1] + 2 * y * W, B[2][2]],
     ]
     D = [Z2 - entry.y2, entry.x2 - Z2, entry.y2 - entry.x2]
-    alpha = [entry.alpha[0] + y * W, entry.alpha[1] - x * W, Az]
-    return LinkMotion(False, U, D, a, [x, y, Z], alpha, a, [entry.U13, entry.U23, U[2][2]])
+    alpha = [entry.alpha[0] + y * W, entry.alpha[1] - x * W, entry.alpha[2] + A]
+    return LinkMotion(False, U, D, a, [x, y, Z], alpha, a, [B[0][2], B[1][2], B[2][2]])
 
 
 def _own_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
+    B = entry.U
     X, Y, z = turn_back(joint.c, joint.s, entry.omega)
-    U13, U23, _ = turn_back(joint.c, joint.s, [entry.U13, entry.U23, 0])
+    U13, U23, _ = turn_back(joint.c, joint.s, [B[0][2], B[1][2], 0])
     Z, Az = z + W, entry.alpha[2] + A
     XZ, YZ, XY = X * Z, Y * Z, X * Y
     X2, Y2, Z2 = X * X, Y * Y, Z * Z
@@ -134,8 +158,8 @@ def _own_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vector)
     U = [
         [-(Y2 + Z2), XY - Az, U13],
         [XY + Az, -(X2 + Z2), U23],
-        [XZ - alpha_y, YZ + alpha_x, -(X2 + Y2)],
+        [XZ - alpha_y, YZ + alpha_x, B[2][2]],
     ]
     D = [Z2 - Y2, X2 - Z2, Y2 - X2]
-    axis = [entry.U13, entry.U23, U[2][2]]
+    axis = [B[0][2], B[1][2], B[2][2]]
     return LinkMotion(True, U, D, turn_back(joint.c, joint.s, a), [X, Y, Z], [alpha_x, alpha_y, Az], a, axis)

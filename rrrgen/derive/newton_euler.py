@@ -15,7 +15,7 @@ from typing import Any
 from rrrgen.derive.chain import Chain, ChainJoint
 from rrrgen.derive.inertia import PseudoInertia
 from rrrgen.derive.motion import LinkMotion, forward
-from rrrgen.derive.vectors import Vector, add, cross, scale, times, turn
+from rrrgen.derive.vectors import Vector, add, cross, is_number, scale, times, turn
 
 Wrench = tuple[Vector, Vector]
 
@@ -34,19 +34,25 @@ def inverse_dynamics(
 def link_wrenches(chain: Chain, motions: Sequence[LinkMotion], inertias: Sequence[PseudoInertia]) -> list[Wrench]:
     """Inertial wrenches of all links, each in its frame of expression."""
     return [
-        link_wrench(motion, inertia if motion.own else inertia.turned(joint.c, joint.s))
+        link_wrench(motion, inertia if motion.own else inertia.turned(joint.c, joint.s), inertia.Jxx + inertia.Jyy)
         for joint, motion, inertia in zip(chain.joints, motions, inertias, strict=True)
     ]
 
 
-def link_wrench(motion: LinkMotion, inertia: PseudoInertia) -> Wrench:
-    """Inertial force and moment about the origin, in the link's frame of expression."""
+def link_wrench(motion: LinkMotion, inertia: PseudoInertia, polar: Any) -> Wrench:
+    """Inertial force and moment about the origin, in the link's frame of expression; ``polar`` is Jxx + Jyy.
+
+    Turning about z leaves ``polar`` as it is, and where omega has no part along x or y it is all that spins:
+    ``U21 Jxx - U12 Jyy = alpha_z (Jxx + Jyy) + omega_x omega_y (Jxx - Jyy)``.
+    """
     U, D, J = motion.U, motion.D, inertia
     h = [J.hx, J.hy, J.hz]
+    planar = is_number(motion.omega[0] * motion.omega[1], 0)
+    spin = motion.alpha[2] * polar if planar else U[1][0] * J.Jxx - U[0][1] * J.Jyy
     moment = [
         U[2][0] * J.Jxy + U[2][1] * J.Jyy + D[0] * J.Jyz - U[1][0] * J.Jxz - U[1][2] * J.Jzz,
         D[1] * J.Jxz + U[0][1] * J.Jyz + U[0][2] * J.Jzz - U[2][0] * J.Jxx - U[2][1] * J.Jxy,
-        U[1][0] * J.Jxx + D[2] * J.Jxy + U[1][2] * J.Jxz - U[0][1] * J.Jyy - U[0][2] * J.Jyz,
+        spin + D[2] * J.Jxy + U[1][2] * J.Jxz - U[0][2] * J.Jyz,
     ]
     return add(scale(J.m, motion.a), times(U, h)), add(moment, cross(h, motion.a))
 

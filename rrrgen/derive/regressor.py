@@ -64,7 +64,8 @@ def unit_wrench(chain: Chain, motions: Sequence[LinkMotion], own: Sequence[bool]
     """Wrench on a link whose only parameter different from zero is ``parameter``, which is one."""
     i, entry = parameter
     J = PseudoInertia(**{entry: 1})
-    return link_wrench(motions[i], J if own[i] else J.turned(chain.joints[i].c, chain.joints[i].s))
+    turned = J if own[i] else J.turned(chain.joints[i].c, chain.joints[i].s)
+    return link_wrench(motions[i], turned, J.Jxx + J.Jyy)
 
 
 def virtual_power(

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 Vector = list[Any]
 Matrix = list[list[Any]]
 
 ZERO3: Vector = [0, 0, 0]
+
+
+def is_number(value: Any, *numbers: int) -> bool:
+    """Whether ``value`` is a plain number, known while deriving, and one of ``numbers``."""
+    return isinstance(value, (int, Fraction)) and value in numbers
 
 
 def add(u: Sequence[Any], v: Sequence[Any]) -> Vector:

@@ -10,8 +10,9 @@ with ``J_i = Rz(q_i + theta_i)`` for a revolute joint and ``J_i = Tz(q_i)`` for 
 transform ``link_frames[i]``.
 
 An origin may slide along its own joint axis without changing the form. It does where that removes offsets from the
-dynamics: joints with parallel axes in a row (a *block*) are brought into one plane, and the last block of the chain is
-brought to the plane of the joint before it. ``D`` of the reference robot (d_2 + d_3) arises here.
+dynamics: joints with parallel axes in a row (a *block*) are brought into one plane, but for the last one, which slides
+to where the next joint's offset has no part along the axis; the last block of the chain is brought to the plane of the
+joint before it. ``D`` of the reference robot (d_2 + d_3) arises here.
 """
 
 from __future__ import annotations
@@ -178,7 +179,9 @@ def _slides(constants: list[RigidTransform], parallel: list[bool]) -> list[sp.Ex
     last_block = max((i for i, flag in enumerate(parallel) if not flag), default=0)
     for i, X in enumerate(constants):
         along = normal_form((X.R.T * X.p)[2])  # component of the offset along the joint's own axis
-        if parallel[i]:
+        if parallel[i] and i + 1 < len(parallel) and not parallel[i + 1]:
+            slides.append(normal_form(-constants[i + 1].p[2]))
+        elif parallel[i]:
             slides.append(normal_form(slides[i - 1] + along))
         elif i == last_block and i > 0:
             slides.append(along)

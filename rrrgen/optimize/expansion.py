@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from rrrgen.optimize.factoring import Factoring, Monomial, Polynomial
 from rrrgen.program import Builder, Op, Program, Value
-from rrrgen.program.ir import Node, settled
+from rrrgen.program.ir import Node, settled, uses
 
 MAX_TERMS = 100
 """Longest polynomial that is worth a search: its pairs of terms are what the search looks at."""
@@ -45,7 +45,7 @@ class Expansion:
         self.program = program
         self.cutting = cutting
         self.stages = _stages(program)
-        self.uses = _uses(program)
+        self.uses = uses(program)
         self.cuts: dict[int, Polynomial] = {}
         self.literals: list[int] = []
         self._position: dict[int, int] = {}
@@ -192,14 +192,6 @@ def _sum(x: Polynomial, y: Polynomial, sign: int) -> Polynomial:
     for m, c in y.items():
         _accumulate(total, m, c if sign > 0 else -c)
     return total
-
-
-def _uses(program: Program) -> list[int]:
-    uses = [0] * len(program.nodes)
-    for node in program.nodes:
-        for arg in node.args:
-            uses[arg] += 1
-    return uses
 
 
 def _stages(program: Program) -> list[int]:

@@ -9,6 +9,7 @@ from rrrgen.derive.derivatives import differentiated, from_inverse_dynamics
 from rrrgen.derive.derived_model import DerivedModel, PassReport
 from rrrgen.derive.dynamic_functions import forward_dynamics
 from rrrgen.derive.recording import Recording
+from rrrgen.optimize.collecting import collect
 from rrrgen.optimize.doubling import double_by_addition
 from rrrgen.optimize.expansion import Cutting, Tried, factored
 from rrrgen.optimize.folding import fold
@@ -94,17 +95,20 @@ def choices(ways: Sequence[Program]) -> list[Choice]:
 
 def cheapest(ways: Sequence[Program], trials: Sequence[Choice], name: str, log: _Log) -> tuple[Program, Choice]:
     """The cheapest program found by ``trials``, after every pass, and the choice that gave it."""
-    best, taken = ways[0], trials[0]
+    collected = [collect(way) for way in ways]
+    best, factors, taken = collected[0], collected[0], trials[0]
     tried = Tried()
     for trial in trials:
-        way = ways[trial.way]
+        way = collected[trial.way]
         if trial.cutting is Cutting.LOCAL and cost(way)[0] > HOPELESS * cost(best)[0]:
             continue
-        program = way if trial.cutting is None else factored(way, trial.cutting, tried)
-        if program is not None and cost(program) < cost(best):
-            best, taken = program, trial
+        found = way if trial.cutting is None else factored(way, trial.cutting, tried)
+        if found is not None and cost(program := collect(found)) < cost(best):
+            best, factors, taken = program, found, trial
     log.note("choose recursion", name, ways[0], ways[taken.way])
-    log.note("expand and factor", name, ways[taken.way], best)
+    log.note("collect factors", name, ways[taken.way], collected[taken.way])
+    log.note("expand and factor", name, collected[taken.way], factors)
+    log.note("collect factors", name, factors, best)
     return log.note("double by addition", name, best, double_by_addition(best)), taken
 
 

@@ -484,3 +484,15 @@ def replay(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]
             builder.label(value, program.labels[index])
         values.append(value)
     return [[values[index] for index in row] for row in program.results]
+
+
+def uses(program: Program) -> list[int]:
+    """How often each node is an operand or a result."""
+    count = [0] * len(program.nodes)
+    for node in program.nodes:
+        for arg in node.args:
+            count[arg] += 1
+    for row in program.results:
+        for index in row:
+            count[index] += 1
+    return count

@@ -50,12 +50,18 @@ def test_the_canonical_chain_moves_as_the_rows_do(drawn):
 
 
 @pytest.mark.parametrize("name", bundled_names())
-def test_in_a_block_of_parallel_axes_no_origin_is_offset_along_its_axis(name):
+def test_joints_of_a_block_lie_in_one_plane_and_the_last_leads_on_from_the_plane_of_the_next_offset(name):
     model = build_model(load_spec(name))
-    for i, joint in enumerate(model.joints):
-        if joint.parallel:
+    for block in model.blocks:
+        leads_on = block[-1] + 1 < model.n
+        for i in block[1:]:
+            joint = model.joints[i]
+            assert joint.parallel
             assert joint.before.R == IDENTITY
-            assert joint.before.p[2] == 0, (name, i)
+            if leads_on and i == block[-1]:
+                assert model.joints[i + 1].before.p[2] == 0, (name, i)
+            else:
+                assert joint.before.p[2] == 0, (name, i)
     assert [i for block in model.blocks for i in block] == list(range(model.n))
 
 

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 
 from optimize.programs import ARITHMETIC, PORTS, STATE, precise, programs, same_values
+from rrrgen.optimize.collecting import collect
 from rrrgen.optimize.doubling import double_by_addition
 from rrrgen.optimize.expansion import MAX_TERMS, Cutting, factored
 from rrrgen.optimize.folding import fold
@@ -67,6 +68,13 @@ def test_doubling_by_addition_is_exact(program):
 
 
 @given(programs())
+def test_collecting_keeps_the_values_and_saves_or_changes_nothing(program):
+    result = collect(program)
+    assert same_values(program, result)
+    assert result is program or count_operations(result).total < count_operations(program).total
+
+
+@given(programs())
 def test_folding_keeps_the_values(program):
     folded = fold(program, {"beta": STATE[2]})
     assert folded.inputs == PORTS[:2]
@@ -99,6 +107,30 @@ def test_squares_of_one_angle_add_up_to_one():
     result = factored(program, Cutting.NOTHING)
     assert count_operations(result) == OperationCount()
     assert [node.op for node in result.nodes] == [Op.INPUT]
+
+
+def test_a_factor_is_taken_out_of_a_sum_of_sums():
+    """x a + y - (z - x b) is x (a + b) + y - z, also where the parts were recorded in any order."""
+
+    def function(b, q, dq, beta):
+        x, (y, z), (a, c, d) = b.sin(q[0]), dq, beta
+        return [x * a + y - (z - x * c) - y * d, (z + x * d) * 3]
+
+    program = recorded(function)
+    result = collect(program)
+    assert same_values(program, result)
+    before, after = count_operations(program), count_operations(result)
+    assert (before.mul, before.add) == (5, 5)
+    assert (after.mul, after.add) == (4, 5)
+
+
+def test_shared_products_are_not_taken_apart():
+    def function(b, q, dq, beta):
+        one, other = b.sin(q[0]) * beta[0], b.sin(q[0]) * beta[1]
+        return [one + other, one, other]
+
+    program = recorded(function)
+    assert collect(program) is program
 
 
 def test_absolute_rates_stay_sums():

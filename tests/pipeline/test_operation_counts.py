@@ -22,6 +22,7 @@ BOUNDS = {
         "regressor": (383, 277),
         "gravity": (50, 28),
     },
+    "ur10e": {},
     "panda": {
         "inverse_dynamics": (312, 288),
         "mass_matrix": (213, 191),
@@ -30,7 +31,7 @@ BOUNDS = {
     },
 }
 
-ANGLES = {"rrr": 2, "puma560": 5, "panda": 6}  # joint 1 turns about gravity, and parallel axes share one angle
+ANGLES = {"rrr": 2, "puma560": 5, "ur10e": 5, "panda": 6}  # joint 1 turns about gravity, and parallel axes share one angle
 
 # Measured when this test was written, rounded up: a guard against losing ground where no rival's count is known.
 CEILINGS = {
@@ -44,12 +45,22 @@ CEILINGS = {
         "forward_dynamics_derivatives": 291,
     },
     "puma560": {
+        "inverse_dynamics": 436,
         "forward_kinematics": 66,
         "jacobian": 48,
-        "coriolis": 400,
+        "coriolis": 390,
         "forward_dynamics": 820,
-        "inverse_dynamics_derivatives": 1765,
+        "inverse_dynamics_derivatives": 1750,
         "forward_dynamics_derivatives": 2805,
+    },
+    "ur10e": {
+        "inverse_dynamics": 410,
+        "forward_kinematics": 60,
+        "jacobian": 57,
+        "coriolis": 336,
+        "forward_dynamics": 680,
+        "inverse_dynamics_derivatives": 1490,
+        "forward_dynamics_derivatives": 2520,
     },
     "panda": {
         "forward_kinematics": 112,

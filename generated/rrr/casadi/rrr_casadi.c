@@ -4652,7 +4652,7 @@ int rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int* iw
   const casadi_real c23 = rrr_casadi_cos(t2);
   const casadi_real s23 = rrr_casadi_sin(t2);
   const casadi_real t3 = dq1*(dq2*(beta10*c2 + beta11*s2) + t1*(beta8*c23 + beta9*s23));
-  const casadi_real t4 = c23*(beta5*c23 - beta6*s23) + (beta7 + c2*(beta1*c2 + beta2*s2));
+  const casadi_real t4 = beta7 + (c2*(beta1*c2 + beta2*s2) + c23*(beta5*c23 - beta6*s23));
   const casadi_real t5 = dq1*dq1;
   const casadi_real t6 = t3 + (casadi_real)0.5*(dq2*dq2*(beta12 - beta13) + t4*t5);
   const casadi_real t7 = beta4*c23 + beta3*s23;
@@ -4705,8 +4705,8 @@ int jac_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int
   const casadi_real c23 = rrr_casadi_cos(t3);
   const casadi_real s23 = rrr_casadi_sin(t3);
   const casadi_real t4 = beta8*c23 + beta9*s23;
-  const casadi_real t5 = beta5*c23 - beta6*s23;
-  const casadi_real t6 = beta1*c2 + beta2*s2;
+  const casadi_real t5 = beta1*c2 + beta2*s2;
+  const casadi_real t6 = beta5*c23 - beta6*s23;
   const casadi_real t7 = dq1*dq1;
   const casadi_real t8 = beta3*c23 - beta4*s23;
   const casadi_real t9 = dq2*s2;
@@ -4720,17 +4720,17 @@ int jac_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int
   const casadi_real t17 = (casadi_real)0.20000000000000001*(c2*t8);
   const casadi_real t18 = c2*t16;
   const casadi_real t19 = (casadi_real)0.5*t7;
-  const casadi_real t20 = (casadi_real)2*(dq1*(t17 + (casadi_real)0.5*(c23*t5 + (beta7 + c2*t6))));
-  const casadi_real t21 = c2*t19;
-  const casadi_real t22 = c23*t19;
+  const casadi_real t20 = (casadi_real)2*(dq1*(t17 + (casadi_real)0.5*(beta7 + (c2*t5 + c23*t6))));
+  const casadi_real t21 = c23*t19;
+  const casadi_real t22 = c2*t19;
   const casadi_real t23 = (casadi_real)0.5*(dq2*dq2);
   const casadi_real t24 = dq2*((casadi_real)0.5*(beta12 - beta13));
   const casadi_real t25 = t13 + dq2*t17 + dq1*t4;
   const casadi_real t26 = dq1*t2;
-  const casadi_real t27 = s23*(beta4*t15 + beta3*t18 + t5*t19 + beta5*t22 + beta8*t26);
-  const casadi_real t28 = c23*(beta3*t15 - beta4*t18 - beta6*t22 + beta9*t26) - t27;
+  const casadi_real t27 = s23*(beta4*t15 + beta3*t18 + t6*t19 + beta5*t21 + beta8*t26);
+  const casadi_real t28 = c23*(beta3*t15 - beta4*t18 - beta6*t21 + beta9*t26) - t27;
   const casadi_real t29 = dq1*dq2;
-  const casadi_real t30 = t28 + c2*(dq2*t14 + beta2*t21 + beta11*t29) - s2*(t8*t16 + t6*t19 + beta1*t21 + beta10*t29);
+  const casadi_real t30 = t28 + c2*(dq2*t14 + beta2*t22 + beta11*t29) - s2*(t8*t16 + t5*t19 + beta1*t22 + beta10*t29);
   const casadi_real t31 = c23*((casadi_real)9.8100000000000005*beta3) - s23*((casadi_real)9.8100000000000005*beta4);
   const casadi_real t32 = t31 + c2*((casadi_real)9.8100000000000005*beta14) - s2*((casadi_real)9.8100000000000005*beta15);
   if (res[0]) {
@@ -4745,14 +4745,14 @@ int jac_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int
     res[1][2] = t25;
   }
   if (res[2]) {
-    res[2][0] = c2*t21;
-    res[2][1] = s2*t21;
+    res[2][0] = c2*t22;
+    res[2][1] = s2*t22;
     res[2][2] = s23*t15 + c23*t18;
     res[2][3] = (casadi_real)9.8100000000000005*s23;
     res[2][4] = c23*t15 - s23*t18;
     res[2][5] = (casadi_real)9.8100000000000005*c23;
-    res[2][6] = c23*t22;
-    res[2][7] = -s23*t22;
+    res[2][6] = c23*t21;
+    res[2][7] = -s23*t21;
     res[2][8] = t19;
     res[2][9] = c23*t26;
     res[2][10] = s23*t26;
@@ -4826,8 +4826,8 @@ int fwd1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
   const casadi_real c23 = rrr_casadi_cos(t3);
   const casadi_real s23 = rrr_casadi_sin(t3);
   const casadi_real t4 = beta8*c23 + beta9*s23;
-  const casadi_real t5 = beta5*c23 - beta6*s23;
-  const casadi_real t6 = beta1*c2 + beta2*s2;
+  const casadi_real t5 = beta1*c2 + beta2*s2;
+  const casadi_real t6 = beta5*c23 - beta6*s23;
   const casadi_real t7 = dq1*dq1;
   const casadi_real t8 = beta3*c23 - beta4*s23;
   const casadi_real t9 = dq2*s2;
@@ -4843,10 +4843,10 @@ int fwd1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
   const casadi_real t19 = t2*(fwd_beta8*c23 - beta8*t17 + (fwd_beta9*s23 + beta9*t18));
   const casadi_real t20 = fwd_dq1*(dq2*t1 + t2*t4) + dq1*(fwd_dq2*t1 + dq2*t14 + (t4*t15 + t19));
   const casadi_real t21 = (beta12 - beta13)*((casadi_real)2*(dq2*fwd_dq2)) + dq2*dq2*(fwd_beta12 - fwd_beta13);
-  const casadi_real t22 = c23*(fwd_beta5*c23 - beta5*t17 - (fwd_beta6*s23 + beta6*t18));
-  const casadi_real t23 = c2*(fwd_beta1*c2 - beta1*t12 + (fwd_beta2*s2 + beta2*t13));
+  const casadi_real t22 = c2*(fwd_beta1*c2 - beta1*t12 + (fwd_beta2*s2 + beta2*t13));
+  const casadi_real t23 = c23*(fwd_beta5*c23 - beta5*t17 - (fwd_beta6*s23 + beta6*t18));
   const casadi_real t24 = (casadi_real)2*(dq1*fwd_dq1);
-  const casadi_real t25 = t7*(t22 - t5*t17 + (fwd_beta7 + (t23 - t6*t12))) + (c23*t5 + (beta7 + c2*t6))*t24;
+  const casadi_real t25 = t7*(fwd_beta7 + (t22 - t5*t12 + (t23 - t6*t17))) + (beta7 + (c2*t5 + c23*t6))*t24;
   const casadi_real t26 = c2*(fwd_beta3*c23 - beta3*t17 - (fwd_beta4*s23 + beta4*t18));
   const casadi_real t27 = (t7 + dq2*t2)*(t26 - t8*t12) + c2*t8*(t24 + (fwd_dq2*t2 + dq2*t15));
   const casadi_real t28 = fwd_beta4*c23 - beta4*t17 + (fwd_beta3*s23 + beta3*t18);
@@ -4902,8 +4902,8 @@ int adj1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
   const casadi_real c23 = rrr_casadi_cos(t3);
   const casadi_real s23 = rrr_casadi_sin(t3);
   const casadi_real t4 = beta8*c23 + beta9*s23;
-  const casadi_real t5 = beta5*c23 - beta6*s23;
-  const casadi_real t6 = beta1*c2 + beta2*s2;
+  const casadi_real t5 = beta1*c2 + beta2*s2;
+  const casadi_real t6 = beta5*c23 - beta6*s23;
   const casadi_real t7 = dq1*dq1;
   const casadi_real t8 = beta3*c23 - beta4*s23;
   const casadi_real t9 = dq2*s2;
@@ -4919,19 +4919,19 @@ int adj1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
   const casadi_real t19 = c2*t17;
   const casadi_real t20 = (casadi_real)0.5*adj_E1;
   const casadi_real t21 = t7*t20;
-  const casadi_real t22 = (casadi_real)2*(dq1*(t18 + (c23*t5 + (beta7 + c2*t6))*t20));
-  const casadi_real t23 = c2*t21;
-  const casadi_real t24 = c23*t21;
+  const casadi_real t22 = (casadi_real)2*(dq1*(t18 + (beta7 + (c2*t5 + c23*t6))*t20));
+  const casadi_real t23 = c23*t21;
+  const casadi_real t24 = c2*t21;
   const casadi_real t25 = dq2*dq2*t20;
   const casadi_real t26 = dq2*((beta12 - beta13)*t20);
   const casadi_real t27 = dq1*adj_E1;
   const casadi_real t28 = (t9*t10 + t2*t11)*t13 + t11*t14 + dq2*t18 + t4*t27;
   const casadi_real t29 = t2*t27;
-  const casadi_real t30 = s23*(beta4*t16 + beta3*t19 + t5*t21 + beta5*t24 + beta8*t29);
-  const casadi_real t31 = c23*(beta3*t16 - beta4*t19 - beta6*t24 + beta9*t29) - t30;
+  const casadi_real t30 = s23*(beta4*t16 + beta3*t19 + t6*t21 + beta5*t23 + beta8*t29);
+  const casadi_real t31 = c23*(beta3*t16 - beta4*t19 - beta6*t23 + beta9*t29) - t30;
   const casadi_real t32 = dq2*t27;
-  const casadi_real t33 = s2*(beta15*t12 + t8*t17 + t6*t21 + beta1*t23 + beta10*t32);
-  const casadi_real t34 = t31 + c2*(beta14*t12 + dq2*t15 + beta2*t23 + beta11*t32) - t33;
+  const casadi_real t33 = s2*(beta15*t12 + t8*t17 + t5*t21 + beta1*t24 + beta10*t32);
+  const casadi_real t34 = t31 + c2*(beta14*t12 + dq2*t15 + beta2*t24 + beta11*t32) - t33;
   if (res[0]) {
     res[0][0] = (casadi_real)0;
     res[0][1] = t34;
@@ -4943,12 +4943,12 @@ int adj1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
     res[1][2] = t28;
   }
   if (res[2]) {
-    res[2][0] = c2*t23;
-    res[2][1] = s2*t23;
+    res[2][0] = c2*t24;
+    res[2][1] = s2*t24;
     res[2][2] = s23*t16 + c23*t19;
     res[2][3] = c23*t16 - s23*t19;
-    res[2][4] = c23*t24;
-    res[2][5] = -s23*t24;
+    res[2][4] = c23*t23;
+    res[2][5] = -s23*t23;
     res[2][6] = t21;
     res[2][7] = c23*t29;
     res[2][8] = s23*t29;

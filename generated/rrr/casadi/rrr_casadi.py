@@ -339,7 +339,7 @@ def coriolis_matrix():
     c23 = ca.cos(t1)
     s23 = ca.sin(t1)
     t2 = s2*(beta3*c23 - beta4*s23)
-    t3 = beta2*(c2*c2) - 0.2*t2 - (beta1*(c2*s2) + 0.5*beta2)
+    t3 = beta2*(c2*c2 - 0.5) - (0.2*t2 + beta1*(c2*s2))
     t4 = dq2 + dq3
     t5 = c2*(beta4*c23 + beta3*s23)
     t6 = c23*(beta6*c23 + beta5*s23) + 0.2*(t5 - 2.5*beta6)
@@ -348,7 +348,7 @@ def coriolis_matrix():
     t9 = dq1*t3
     t10 = 0.2*(t5 - t2)
     C = _matrix(3, 3, [
-        dq2*t3 - t4*t6, dq2*(beta11*c2 - beta10*s2) + t8 + t9, t8,
+        dq2*t3 - t4*t6, t9 + (t8 + dq2*(beta11*c2 - beta10*s2)), t8,
         t7 - t9, t10*(dq2 - t4), -t4*t10,
         t7, dq2*t10, 0,
     ])
@@ -375,7 +375,7 @@ def coriolis_matrix_nominal():
     c23 = ca.cos(t1)
     s23 = ca.sin(t1)
     t2 = s2*(0.168*c23)
-    t3 = 0.008*(c2*c2) - 0.2*t2 - (0.2696*(c2*s2) + 0.004)
+    t3 = 0.008*(c2*c2 - 0.5) - (0.2*t2 + 0.2696*(c2*s2))
     t4 = dq2 + dq3
     t5 = c2*(0.168*s23)
     t6 = c23*(0.001*c23 + 0.03185*s23) + 0.2*(t5 - 0.0025)
@@ -384,7 +384,7 @@ def coriolis_matrix_nominal():
     t9 = dq1*t3
     t10 = 0.2*(t5 - t2)
     C = _matrix(3, 3, [
-        dq2*t3 - t4*t6, dq2*(0.004*s2 - 0.299444*c2) + t8 + t9, t8,
+        dq2*t3 - t4*t6, t9 + (t8 + dq2*(0.004*s2 - 0.299444*c2)), t8,
         t7 - t9, t10*(dq2 - t4), -t4*t10,
         t7, dq2*t10, 0,
     ])
@@ -1208,7 +1208,7 @@ def inverse_dynamics_derivatives_nominal():
     t13 = 0.2*c2
     t14 = 0.4*c2
     t15 = t3*t14
-    t16 = t10 + t12 + t15 + 0.8531086
+    t16 = t15 + (t10 + t12) + 0.8531086
     t17 = 0.004*c2 + 0.299444*s2
     t18 = ddq2 + ddq3
     t19 = 0.0013*c23 + 0.043584*s23
@@ -1219,46 +1219,46 @@ def inverse_dynamics_derivatives_nominal():
     t24 = 0.168*s23
     t25 = t14*t24
     t26 = s23*t11
-    t27 = 0.001 + (t25 + (t26 + t26))
+    t27 = 0.001 + t25 + (t26 + t26)
     t28 = dq1*t27
-    t29 = dq2*t9 + ddq1*t16 - ddq2*t17 - t18*t19 - t21*t22 - t23*t28
-    t30 = 0.043584*c23 - 0.0013*s23
-    t31 = t23*t23
+    t29 = 0.043584*c23 - 0.0013*s23
+    t30 = t23*t23
+    t31 = dq2*t9 + ddq1*t16 - ddq2*t17 - t18*t19 - t21*t22 - t23*t28
     t32 = t1*t24
     t33 = t3*t13
     t34 = t32 + t33
     t35 = t13*t24 - t4
     t36 = dq1*dq1
     t37 = 0.5*t36
-    t38 = t22*t35 + t27*t37 + (ddq2*t34 - ddq1*t19 + (0.03637*t18 + 1.64808*c23))
-    t39 = 0.3526*ddq2 - ddq1*t17 + t18*t34 + 15.06816*c2 + t38 - 0.004*t36
+    t38 = t22*t35 + t27*t37 + ddq2*t34 + 0.03637*t18 + 1.64808*c23 - ddq1*t19
+    t39 = t38 + (0.3526*ddq2 + t18*t34 + 15.06816*c2) - ddq1*t17 - t30*t35
     t40 = 0.008*c2 - 0.2696*s2
     t41 = 0.001*c23 + 0.03185*s23
-    t42 = t25 + (t26 + c23*t41)
+    t42 = t25 + t26 + c23*t41
     t43 = t33 - t32
     t44 = t12 - s23*t41
     t45 = t43 + t44
     t46 = t45 + t45
-    t47 = t10 + (t43 + s2*t40)
+    t47 = t10 + t43 + s2*t40
     t48 = dq2 + dq2
-    t49 = ddq1*(c2*t40 - (t4 + t4) - t6 - t42) - dq1*(t23*t46 + t47*t48)
-    t50 = t18*t30 - t19*t31
+    t49 = t18*t29 - t19*t30
+    t50 = ddq1*(c2*t40 - (t4 + t4) - t6 - t42) + t17*t22 - dq1*(t23*t46 + t47*t48)
     t51 = t15 + (t44 + t44)
-    t52 = ddq1*t30 + 1.64808*s23
+    t52 = ddq1*t29 + 1.64808*s23
     t53 = t37*t46 - t52
-    t54 = ddq2*t35 - t37*t51 - (t22*t34 - t52)
+    t54 = t52 + ddq2*t35 - t37*t51 - t22*t34
     t55 = t23 + t23
-    t56 = t28 + t30*t55
+    t56 = t28 + t29*t55
     t57 = -(t17 + t19)
     t58 = t34 + 0.03637
     tau = _matrix(3, 1, [
-        t29 - t30*t31,
-        t39 - t31*t35 + t7*t36,
+        t31 - t29*t30,
+        t36*(t7 - 0.004) + t39,
         t38,
     ])
     dtau_dq = _matrix(3, 3, [
-        0, t49 - ddq2*t21 + t17*t22 - t50, -(t50 + (dq1*(t23*t51 - t32*t48) + ddq1*t42)),
-        0, t36*t47 + t53 - ddq1*t21 - 15.06816*s2, -(t18*t35 + t31*t34 + t32*t36 + t54),
+        0, t50 - ddq2*t21 - t49, -(t49 + dq1*(t23*t51 - t32*t48) + ddq1*t42),
+        0, t53 + t36*t47 - ddq1*t21 - 15.06816*s2, -(t54 + (t18*t35 + t30*t34 + t32*t36)),
         0, t53, -t54,
     ])
     dtau_dv = _matrix(3, 3, [
@@ -1468,7 +1468,7 @@ def forward_dynamics_derivatives_nominal():
     t13 = 0.2*c2
     t14 = 0.4*c2
     t15 = t3*t14
-    t16 = t10 + t12 + t15 + 0.8531086
+    t16 = t15 + (t10 + t12) + 0.8531086
     t17 = 0.004*c2 + 0.299444*s2
     t18 = 0.0013*c23 + 0.043584*s23
     t19 = 0.299444*c2 - 0.004*s2
@@ -1477,7 +1477,7 @@ def forward_dynamics_derivatives_nominal():
     t22 = 0.168*s23
     t23 = t14*t22
     t24 = s23*t11
-    t25 = 0.001 + (t23 + (t24 + t24))
+    t25 = 0.001 + t23 + (t24 + t24)
     t26 = dq1*t25
     t27 = 0.043584*c23 - 0.0013*s23
     t28 = t21*t21
@@ -1490,12 +1490,12 @@ def forward_dynamics_derivatives_nominal():
     t35 = t20*t32 + t25*t34 + 1.64808*c23
     t36 = 0.008*c2 - 0.2696*s2
     t37 = 0.001*c23 + 0.03185*s23
-    t38 = t23 + (t24 + c23*t37)
+    t38 = t23 + t24 + c23*t37
     t39 = t30 - t29
     t40 = t12 - s23*t37
     t41 = t39 + t40
     t42 = t41 + t41
-    t43 = t10 + (t39 + s2*t36)
+    t43 = t10 + t39 + s2*t36
     t44 = dq2 + dq2
     t45 = t15 + (t40 + t40)
     t46 = dq2*t8 - t21*t25
@@ -1529,21 +1529,21 @@ def forward_dynamics_derivatives_nominal():
     t74 = t70 + t69*t72
     t75 = t67 + t63*t72
     t76 = dq2*t9 - t19*t20 - t21*t26 - t27*t28 - tau1
-    t77 = 15.06816*c2 + t35 - 0.004*t33 - t28*t32 + t7*t33 - tau2
+    t77 = t33*(t7 - 0.004) + (t35 + 15.06816*c2 - t28*t32 - tau2)
     t78 = t35 - tau3
     t79 = t73*t76 + t74*t77 - t71*t78
     t80 = t74*t76 + t75*t77 - t72*t78
-    t81 = t68*t78 - (t71*t76 + t72*t77)
+    t81 = t68*t78 - t71*t76 - t72*t77
     t82 = t80 + t81
-    t83 = (c2*t36 - (t4 + t4) - t6 - t38)*t79 - dq1*(t21*t42 + t43*t44)
-    t84 = t27*t82 - t18*t28
-    t85 = t17*t20 + (t83 - t19*t80) - t84
-    t86 = t84 + (dq1*(t21*t45 - t29*t44) + t38*t79)
+    t83 = t27*t82 - t18*t28
+    t84 = t17*t20 + (c2*t36 - (t4 + t4) - t6 - t38)*t79 - dq1*(t21*t42 + t43*t44)
+    t85 = t84 - t19*t80 - t83
+    t86 = t83 + dq1*(t21*t45 - t29*t44) + t38*t79
     t87 = 1.64808*s23 + t27*t79
     t88 = t34*t42 - t87
-    t89 = t33*t43 + t88 - t19*t79 - 15.06816*s2
-    t90 = t32*t80 - t34*t45 - (t20*t31 - t87)
-    t91 = t29*t33 + (t28*t31 + t32*t82) + t90
+    t89 = t88 + t33*t43 - t19*t79 - 15.06816*s2
+    t90 = t87 + t32*t80 - t34*t45 - t20*t31
+    t91 = t90 + (t29*t33 + t28*t31 + t32*t82)
     t92 = -t74
     status = _matrix(1, 1, [
         t66,
@@ -1554,14 +1554,14 @@ def forward_dynamics_derivatives_nominal():
         t81,
     ])
     dddq_dq = _matrix(3, 3, [
-        0, t73*t85 + t74*t89 - t71*t88, t71*t90 - (t73*t86 + t74*t91),
-        0, t74*t85 + t75*t89 - t72*t88, t72*t90 - (t74*t86 + t75*t91),
-        0, t68*t88 - (t71*t85 + t72*t89), t71*t86 + t72*t91 - t68*t90,
+        0, t73*t85 + t74*t89 - t71*t88, t71*t90 - t73*t86 - t74*t91,
+        0, t74*t85 + t75*t89 - t72*t88, t72*t90 - t74*t86 - t75*t91,
+        0, t68*t88 - t71*t85 - t72*t89, t71*t86 + t72*t91 - t68*t90,
     ])
     dddq_dv = _matrix(3, 3, [
         t46*t73 + t50*t74 - t26*t71, t49*t73 + t51*t74 - t53*t71, -(t48*t73 + t52*t74),
         t46*t74 + t50*t75 - t26*t72, t49*t74 + t51*t75 - t53*t72, -(t48*t74 + t52*t75),
-        t26*t68 - (t46*t71 + t50*t72), t53*t68 - (t49*t71 + t51*t72), t48*t71 + t52*t72,
+        t26*t68 - t46*t71 - t50*t72, t53*t68 - t49*t71 - t51*t72, t48*t71 + t52*t72,
     ])
     dddq_dtau = _matrix(3, 3, [
         -t73, t92, t71,
@@ -1814,7 +1814,7 @@ def energy():
     c23 = ca.cos(t2)
     s23 = ca.sin(t2)
     t3 = dq1*(dq2*(beta10*c2 + beta11*s2) + t1*(beta8*c23 + beta9*s23))
-    t4 = c23*(beta5*c23 - beta6*s23) + (beta7 + c2*(beta1*c2 + beta2*s2))
+    t4 = beta7 + (c2*(beta1*c2 + beta2*s2) + c23*(beta5*c23 - beta6*s23))
     t5 = dq1*dq1
     t6 = beta4*c23 + beta3*s23
     t7 = c2*(beta3*c23 - beta4*s23)*(t5 + dq2*t1) + t1*(dq2*s2*t6 + t1*(2.5*beta13))

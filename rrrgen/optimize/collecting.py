@@ -1,0 +1,128 @@
+"""Collecting: ``x a + ... + x b`` within one sum becomes ``x (a + b) + ...`` where nothing else uses the products."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+from rrrgen.program import Builder, Op, Program, Value
+from rrrgen.program.counts import count_operations
+from rrrgen.program.ir import uses
+
+SUMS = (Op.ADD, Op.SUB, Op.NEG)
+
+Factors: TypeAlias = tuple[int, ...]
+"""Nodes whose product is a term: two of a product that may be taken apart, otherwise the one node itself."""
+
+Term: TypeAlias = tuple[int, Factors]
+"""Sign and factors."""
+
+
+def collect(program: Program) -> Program:
+    """``program`` with common factors taken out of its sums, as long as that saves operations."""
+    while (collection := _Collection(program)).finds_any():
+        collected = collection.run()
+        if count_operations(collected).total >= count_operations(program).total:
+            break
+        program = collected
+    return program
+
+
+class _Collection:
+    """One round. Sums that only another sum uses are part of that one."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.uses = uses(program)
+        self.taken = self._taken_apart()
+        self.builder = Builder()
+        self.inputs = [self.builder.input(port) for port in program.inputs]
+        self.values: dict[int, Value] = {}
+
+    def finds_any(self) -> bool:
+        """Whether any sum has a factor to take out."""
+        sums = (k for k, node in enumerate(self.program.nodes) if node.op in SUMS and k not in self.taken)
+        return any(_most_shared(self._terms(k, 1)) is not None for k in sums)
+
+    def run(self) -> Program:
+        """Record every node anew that is not part of a sum's terms."""
+        program = self.program
+        for k in range(len(program.nodes)):
+            if k not in self.taken:
+                self._recorded(k)
+        rows = [[self.values[k] for k in row] for row in program.results]
+        outputs = list(zip(program.outputs, rows, strict=True))
+        return self.builder.program(program.name, outputs, program.summary, program.formula, program.notes)
+
+    def _taken_apart(self) -> set[int]:
+        nodes = self.program.nodes
+        return {
+            arg
+            for node in nodes
+            if node.op in SUMS
+            for arg in node.args
+            if self.uses[arg] == 1 and nodes[arg].op in (*SUMS, Op.MUL)
+        }
+
+    def _recorded(self, k: int) -> Value:
+        if k not in self.values:
+            self.values[k] = self._record(k)
+            if k in self.program.labels:
+                self.builder.label(self.values[k], self.program.labels[k])
+        return self.values[k]
+
+    def _record(self, k: int) -> Value:
+        node = self.program.nodes[k]
+        if node.op is Op.INPUT:
+            port, element = node.place
+            return self.inputs[port][element]
+        if node.op is Op.CONST:
+            return node.number
+        if node.op in SUMS:
+            return self._sum(self._terms(k, 1))
+        value: Value = getattr(self.builder, node.op.value)(*(self._recorded(arg) for arg in node.args))
+        return value
+
+    def _terms(self, k: int, sign: int) -> list[Term]:
+        """The terms of sum ``k``, those of sums that only it uses among them."""
+        node, terms = self.program.nodes[k], []
+        signs = (-sign,) if node.op is Op.NEG else (sign, sign if node.op is Op.ADD else -sign)
+        for arg, own in zip(node.args, signs, strict=True):
+            terms += self._part(arg, own)
+        return terms
+
+    def _part(self, k: int, sign: int) -> list[Term]:
+        node = self.program.nodes[k]
+        if self.uses[k] == 1 and node.op in SUMS:
+            return self._terms(k, sign)
+        return [(sign, node.args if self.uses[k] == 1 and node.op is Op.MUL else (k,))]
+
+    def _sum(self, terms: list[Term]) -> Value:
+        """The sum, the factor that most terms share taken out first."""
+        collected: list[Value] = []
+        while (factor := _most_shared(terms)) is not None:
+            inside: list[Term] = []
+            for sign, factors in terms:
+                if factor in factors and len(factors) == 2:
+                    inside += self._part(factors[factors[0] == factor], sign)
+            terms = [(s, factors) for s, factors in terms if factor not in factors or len(factors) == 1]
+            collected.append(self._sum(inside) * self._recorded(factor))
+        total: Value = 0
+        for sign, factors in sorted(terms, key=lambda term: -term[0]):
+            value = self._recorded(factors[0])
+            for other in factors[1:]:
+                value = value * self._recorded(other)
+            total = total + value if sign > 0 else total - value
+        for value in collected:
+            total = total + value
+        return total
+
+
+def _most_shared(terms: list[Term]) -> int | None:
+    """The factor that occurs in most products, if in two at least."""
+    count: dict[int, int] = {}
+    for _, factors in terms:
+        if len(factors) == 2:
+            for factor in dict.fromkeys(factors):
+                count[factor] = count.get(factor, 0) + 1
+    best = max(count, key=lambda factor: count[factor], default=None)
+    return best if best is not None and count[best] > 1 else None
