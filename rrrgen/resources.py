@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from rrrgen.cache import cache_directory
+from rrrgen.cache import cache_directory, digest
 from rrrgen.errors import InternalError
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
+    from jinja2 import BytecodeCache, Environment
 
 
 def template_text(name: str) -> str:
@@ -26,23 +27,35 @@ def template_text(name: str) -> str:
 
 @cache
 def environment() -> Environment:
-    """The Jinja environment of every backend: an undefined name is an error, line ends stay as written.
+    """The Jinja environment of every backend: an undefined name is an error, line ends stay as written."""
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
 
-    Templates that were translated once are kept: translating them takes a tenth of the time of a small robot.
-    """
-    from jinja2 import Environment, FileSystemBytecodeCache, FunctionLoader, StrictUndefined
-
-    translated = cache_directory() / "templates"
-    translated.mkdir(mode=0o700, exist_ok=True)
     return Environment(
         loader=FunctionLoader(template_text),
-        bytecode_cache=FileSystemBytecodeCache(str(translated)),
+        bytecode_cache=_translated(),
         undefined=StrictUndefined,
+        autoescape=False,  # the output is source code, not HTML
         keep_trailing_newline=True,
         trim_blocks=True,
         lstrip_blocks=True,
-        autoescape=False,  # the output is source code, not HTML
     )
+
+
+def _translated() -> BytecodeCache:
+    """Templates that were translated once: translating them takes a tenth of the time of a small robot."""
+    import jinja2
+
+    import rrrgen
+
+    class Translated(jinja2.FileSystemBytecodeCache):
+        def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
+            with contextlib.suppress(OSError):  # the cache may have been deleted, or be read-only by now
+                super().dump_bytecode(bucket)
+
+    place = cache_directory() / f"templates-{digest(jinja2.__version__, rrrgen.__version__)[:16]}"
+    with contextlib.suppress(OSError):
+        place.mkdir(mode=0o700, exist_ok=True)
+    return Translated(str(place))
 
 
 def render(template: str, /, **values: object) -> str:

@@ -6,11 +6,19 @@
 /*
  * Sine and cosine of one angle without branches on the way: reduction by quarter turns in three exact steps
  * (Cody and Waite), then minimax polynomials on |r| <= pi/4. Absolute error below 2.3e-16 for
- * |x| <= 1.0e6 rad; larger angles, infinities and NaN are left to the C library.
+ * |x| <= 1.0e6 rad; larger angles, infinities and NaN are left to the C library. So is everything where the
+ * compiler may rearrange arithmetic (-ffast-math) or keeps more digits than asked: the reduction needs it as written.
  */
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)
+#define RRR_SINCOS_KERNEL 0
+#elif defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 16
+#define RRR_SINCOS_KERNEL 0
+#else
+#define RRR_SINCOS_KERNEL 1
+#endif
 static inline void rrr_sincos(rrr_real x, rrr_real *sine, rrr_real *cosine)
 {
-    if (!(x <= (rrr_real)1.0e6 && x >= -(rrr_real)1.0e6)) {
+    if (!(RRR_SINCOS_KERNEL && x <= (rrr_real)1.0e6 && x >= -(rrr_real)1.0e6)) {
         *sine = sin(x);
         *cosine = cos(x);
         return;

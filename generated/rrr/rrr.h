@@ -11,7 +11,8 @@
  * Gravity       acceleration (0.0, 0.0, -9.81) m/s^2 in the base frame
  * Frames        base = before the first joint and the fixed base transform, link i = frame i, tip = after the tool
  * Precision     double; the typedef rrr_real is the only switch
- * Sine, cosine  inline kernel, absolute error below 2.3e-16 for |angle| <= 1.0e6 rad; the C library beyond
+ * Sine, cosine  inline kernel, absolute error below 2.3e-16 for |angle| <= 1.0e6 rad; the C library beyond, and
+ *               with -ffast-math
  *
  * Matrices are row-major. Outputs are fully written and must not overlap each other or the inputs; inputs may
  * overlap each other. No function has state, allocates, or fails silently; all may be called from several threads

@@ -28,7 +28,7 @@ static rrr_real rrr_ik_wrap(rrr_real x)
     return x;
 }
 
-/* atan2 to 2 ulp, the same bits on every machine; 0 at the origin. Without branches and tables, which lets compilers
+/* atan2 to 2 ulp, the same bits on every machine; a quarter turn at the origin. Without branches and tables, which lets compilers
  * make vectors of it: eighths, quarters and halves of a turn and the sign are numbers to add and to multiply by. */
 static inline rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
 {

@@ -42,11 +42,11 @@ class Generation:
 
 
 def generation(robot: str, toolchain: Toolchain) -> Generation:
-    """Measure one robot; nothing but Python's bytecode, which an installed package has, is taken from a cache.
+    """Measure one robot with what any earlier run leaves behind: Python's bytecode and the translated templates.
 
-    The peak is None where the system does not tell it.
+    Nothing of a robot is taken from a cache. The peak is None where the system does not tell it.
     """
-    _with_bytecode()
+    _run_before()
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
         start = time.perf_counter()
         done = _generate(robot, f"{place}/out")
@@ -62,8 +62,8 @@ def generation(robot: str, toolchain: Toolchain) -> Generation:
 
 
 @cache
-def _with_bytecode() -> None:
-    """Generate something once, which leaves the bytecode of every module behind."""
+def _run_before() -> None:
+    """Generate something once."""
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
         _generate("pendulum", place)
 

@@ -17,7 +17,7 @@ from rrrgen.bench.python_calls import turns
 from rrrgen.bench.race import Driver, Effort
 from rrrgen.bench.toolchain import Toolchain
 from rrrgen.resources import render
-from rrrgen.verify.chain import Array, chain_of
+from rrrgen.verify.chain import Array, Chain, chain_of
 from rrrgen.verify.newton_euler import NewtonEuler
 
 if TYPE_CHECKING:
@@ -130,12 +130,17 @@ def _reference_sources() -> dict[str, str]:
     return header_and_source(derived, identify(spec), Dialect("rrr", "double"), sincos_strategy("inline"))
 
 
+def _plain(chain: Chain) -> bool:
+    """Standard rows without offsets of angles, base and tool: all that other solvers take."""
+    fixed = np.array_equal(chain.base, np.eye(4)) and np.array_equal(chain.tool, np.eye(4))
+    return chain.convention == "standard" and not np.any(chain.theta) and fixed
+
+
 def _elbow(spec: RobotSpec) -> str | None:
     """Hand-written C for a vertical shoulder before two parallel axes; None for other arms."""
     chain = chain_of(spec)
-    plain = not np.any(chain.theta) and np.array_equal(chain.base, np.eye(4)) and np.array_equal(chain.tool, np.eye(4))
     axes = chain.n == 3 and all(chain.revolute) and np.allclose(chain.alpha, [np.pi / 2, 0, 0], atol=1e-15, rtol=0)
-    if chain.convention != "standard" or not plain or not axes or chain.a[0]:
+    if not _plain(chain) or not axes or chain.a[0]:
         return None
     numbers = {"height": chain.d[0], "upper": chain.a[1], "fore": chain.a[2], "offset": chain.d[1] + chain.d[2]}
     return render("bench/elbow.c.j2", **{key: repr(float(value)) for key, value in numbers.items()})
@@ -160,8 +165,7 @@ def _eaik(spec: RobotSpec, poses: Array) -> Callable[[], list[Any]] | None:
     from eaik.IK_DH import DhRobot
 
     chain = chain_of(spec)
-    plain = not np.any(chain.theta) and np.array_equal(chain.base, np.eye(4)) and np.array_equal(chain.tool, np.eye(4))
-    if chain.convention != "standard" or chain.n != 6 or not all(chain.revolute) or not plain:
+    if not _plain(chain) or chain.n != 6 or not all(chain.revolute):
         return None
     robot = DhRobot(chain.alpha, chain.a, chain.d)
     if not robot.hasKnownDecomposition():

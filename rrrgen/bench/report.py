@@ -57,7 +57,10 @@ def _targets(results: Results) -> str:
     found = verdicts(results)
     rows = [(v.work, v.robot, v.target, v.found, "yes" if v.met else "**no**") for v in found]
     met = sum(v.met for v in found)
-    text = f"{met} of {len(found)} met. Ratios are instructions, with the ratio of times in brackets.\n\n"
+    text = (
+        f"{met} of {len(found)} met. Ratios of functions are instructions, with that of times in brackets; those of "
+        "batches, Python calls and inverse kinematics are times.\n\n"
+    )
     return "## Targets\n\n" + text + _table(("work", "robot", "target", "found", "met"), rows)
 
 

@@ -35,7 +35,7 @@ from rrrgen.derive.motion import LinkMotion, choose_frames, forward
 from rrrgen.derive.newton_euler import Wrench, composite_wrenches, link_wrenches
 from rrrgen.derive.positive_definite import factorize
 from rrrgen.derive.recording import Recording
-from rrrgen.derive.vectors import Matrix, Vector, add, cross, dot, flat, scale, turn
+from rrrgen.derive.vectors import Matrix, Vector, add, cross, dot, flat, rows, scale, turn
 from rrrgen.program import Port, Program
 from rrrgen.program.differentiate import jacobian
 from rrrgen.program.ir import replay
@@ -127,12 +127,12 @@ def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
         return replay(derivatives, r.builder, [known[port.name] for port in derivatives.inputs])
 
     bias, _, _, M = at([0] * r.n)
-    factors = factorize(r.builder, _rows(r, M))
+    factors = factorize(r.builder, rows(r.n, M))
     inverse = factors.negative_inverse()
     missing = [b - t for b, t in zip(bias, inputs["tau"], strict=True)]
     ddq = [dot(row, missing) for row in inverse]
     _, dtau_dq, dtau_dv, _ = at(ddq)
-    return forward_program(r, factors.status, ddq, inverse, _rows(r, dtau_dq), _rows(r, dtau_dv))
+    return forward_program(r, factors.status, ddq, inverse, rows(r.n, dtau_dq), rows(r.n, dtau_dv))
 
 
 def torques_and_slopes(
@@ -197,7 +197,3 @@ def _mass(composition: Composition, drives: Sequence[Any]) -> Matrix:
 
 def _matrix(r: Recording, name: str, meaning: str) -> Port:
     return Port(name, (r.n, r.n), "SI", "", meaning)
-
-
-def _rows(r: Recording, flat: Sequence[Any]) -> Matrix:
-    return [list(flat[k * r.n : (k + 1) * r.n]) for k in range(r.n)]

@@ -13,7 +13,7 @@ from rrrgen.derive.coriolis import compose
 from rrrgen.derive.motion import choose_frames
 from rrrgen.derive.positive_definite import factorize
 from rrrgen.derive.recording import Recording
-from rrrgen.derive.vectors import Matrix, flat
+from rrrgen.derive.vectors import Matrix, flat, rows
 from rrrgen.program import Port, Program, Value
 from rrrgen.program.ir import replay
 
@@ -167,8 +167,7 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program, nominal: boo
     inputs = {name: r.joints(name) for name in ("q", "dq", "tau")}
     if not nominal:
         inputs |= {"beta": r.beta(), "Ia": r.drive_inertia()}
-    flat = replay(mass, r.builder, [inputs[port.name] for port in mass.inputs])[0]
-    M = [flat[k * r.n : (k + 1) * r.n] for k in range(r.n)]
+    M = rows(r.n, replay(mass, r.builder, [inputs[port.name] for port in mass.inputs])[0])
     h = replay(torques, r.builder, [inputs[port.name] for port in torques.inputs])[0]
     factors = factorize(r.builder, M)
     status, ddq = factors.status, factors.solve([t - b for t, b in zip(inputs["tau"], h, strict=True)])

@@ -49,9 +49,7 @@ def link_frames(r: Recording) -> Program:
 def jacobian(r: Recording) -> Program:
     """Geometric Jacobian at the tip."""
     J = poses.jacobian(r.chain())
-    return r.builder.program(
-        "jacobian", [(_jacobian_port(r), flat(J))], "Geometric Jacobian at the tip.", "[v; omega] = J(q) dq"
-    )
+    return r.builder.program("jacobian", [(_jacobian_port(r), flat(J))], "Geometric Jacobian at the tip.", VELOCITY)
 
 
 def kinematics(r: Recording) -> Program:

@@ -47,7 +47,7 @@ def link_wrench(motion: LinkMotion, inertia: PseudoInertia, polar: Any) -> Wrenc
     """
     U, D, J = motion.U, motion.D, inertia
     h = [J.hx, J.hy, J.hz]
-    planar = is_number(motion.omega[0] * motion.omega[1], 0)
+    planar = any(is_number(rate, 0) for rate in motion.omega[:2])
     spin = motion.alpha[2] * polar if planar else U[1][0] * J.Jxx - U[0][1] * J.Jyy
     moment = [
         U[2][0] * J.Jxy + U[2][1] * J.Jyy + D[0] * J.Jyz - U[1][0] * J.Jxz - U[1][2] * J.Jzz,

@@ -80,3 +80,8 @@ def turn_back(c: Any, s: Any, v: Sequence[Any]) -> Vector:
 def flat(M: list[list[Any]]) -> list[Any]:
     """Entries of a matrix, row by row."""
     return [value for row in M for value in row]
+
+
+def rows(n: int, entries: Sequence[Any]) -> Matrix:
+    """The n x n matrix of ``entries``, given row by row."""
+    return [list(entries[k * n : (k + 1) * n]) for k in range(n)]

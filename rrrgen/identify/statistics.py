@@ -20,7 +20,7 @@ def rms(x: Array, axis: int | None = None) -> Array:
 
 def relative_error(measured: Array, predicted: Array) -> float:
     """``||tau - tau_hat|| / ||tau||`` over all entries."""
-    return float(np.linalg.norm(measured - predicted) / np.linalg.norm(measured))
+    return float(np.linalg.norm(measured - predicted) / max(float(np.linalg.norm(measured)), 1e-300))
 
 
 def confidence_factor(level: float, freedom: float) -> float:

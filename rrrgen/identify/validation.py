@@ -213,7 +213,7 @@ def _joint_score(
         rms_torque=size,
         rms_error=error,
         max_error=float(np.abs(difference).max()),
-        relative_error=error / max(size, 1e-300),
+        relative_error=relative_error(measured[use], predicted[use]),
         beyond_noise=beyond,
         samples=int(tau.size),
         share=tau.size / measured.size,

@@ -40,8 +40,8 @@ class CBuilder(Scaffold):
         )
         self._needs.add("linear")
         a, b, k = (self.pool.var(f"{letter}{tag}", level) for letter in "abk")
-        self._flags.append((level, f"f{tag}"))
-        w = self._loop(joint, tag, level, label)
+        self._flags.append(f"f{tag}")
+        w = self._loop(joint, tag, level, label, f"v{tag}")
         return self._angle(joint, self._turned(tag, a * k - b * w, b * k + a * w), level)
 
     def _fixed_pair(
@@ -67,17 +67,17 @@ class CBuilder(Scaffold):
             (w2,),
         )
         self._needs.add("cosine")
-        self._flags.append((level, f"f{tag}"))
-        w = self._loop(joint, tag, level, label)
+        self._flags.append(f"f{tag}")
+        w = self._loop(joint, tag, level, label, f"v{tag}")
         return self._angle(joint, self._turned(tag, ca * cosine - sa * w, sa * cosine + ca * w), level)
 
-    def _loop(self, joint: Joint, tag: str, level: int, label: Label) -> Scalar:
-        """Open the loop over the signs of ``w``; returns the signed w."""
+    def _loop(self, joint: Joint, tag: str, level: int, label: Label, name: str) -> Scalar:
+        """Open the loop over the signs of ``w``; returns the signed w under ``name``."""
         inner = self._open(joint, tag, f"n{tag}", 2, label, level)
         first, second = ("", "-") if label.positive > 0 else ("-", "")
-        self._add(inner, (f"const REAL v{tag} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",), ())
+        self._add(inner, (f"const REAL {name} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",), ())
         self._branch.append((label.name, f"(unsigned)i{tag}", 1))
-        return self.pool.var(f"v{tag}", inner)
+        return self.pool.var(name, inner)
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
         """See :class:`rrrgen.ik.builder.Builder`."""
@@ -94,12 +94,8 @@ class CBuilder(Scaffold):
             (node, big),
         )
         self._needs.add("root")
-        self._flags.append((level, f"f{tag}"))
-        inner = self._open(joint, tag, f"n{tag}", 2, label, level)
-        first, second = ("", "-") if label.positive > 0 else ("-", "")
-        self._add(inner, (f"const REAL {hint} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",), ())
-        self._branch.append((label.name, f"(unsigned)i{tag}", 1))
-        return self.pool.var(hint, inner)
+        self._flags.append(f"f{tag}")
+        return self._loop(joint, tag, level, label, hint)
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
         """See :class:`rrrgen.ik.builder.Builder`."""
@@ -149,7 +145,7 @@ class CBuilder(Scaffold):
             nodes,
         )
         self._needs.update((kind, "near"))
-        self._flags.append((level, f"f{tag}"))
+        self._flags.append(f"f{tag}")
         inner = self._open(joint, tag, f"n{tag}", most, label, level)
         self._add(inner, (f"const REAL x{tag} = x{tag}_[i{tag}];",), ())
         self._branch.append((label.name, f"g{tag}[i{tag}]", 1 if most == 2 else 2))
@@ -189,7 +185,7 @@ class CBuilder(Scaffold):
             sign = "-" if joint.sign < 0 else ""
             keep = f"cosine[{slot.text()}] = c{tag}; sine[{slot.text()}] = {sign}s{tag};"
         self._needs.add("unit")
-        self._flags.append((level, f"f{tag}"))
+        self._flags.append(f"f{tag}")
         return (
             *([keep] if keep else []),
             f"const unsigned f{tag} = {self.prefix}_unit(&c{tag}, &s{tag}, {least}) ? 0u : FREE;",
@@ -256,7 +252,7 @@ class CBuilder(Scaffold):
         x4, x5, x6 = turns
         reversed5 = Turn(x5.c, -x5.s)
         other = self._written(level, self._loops[:level], users_turn(middle, reversed5)) if middle.offset else None
-        inner = self._open(middle, f"{first}f", f"n{first}f", 2, Label("wrist"), level)
+        inner = self._open(middle, f"{first}f", f"n{first}f", 2, Label("wrist"), level, sure=True)
         choice = f"i{first}f"
         self._branch.append(("wrist", f"(unsigned){choice}", 1))
         for joint in joints:

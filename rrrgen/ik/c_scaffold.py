@@ -26,7 +26,7 @@ class Scaffold:
         joints: Sequence[Joint],
         length: float,
         *,
-        position: bool = False,
+        position_only: bool = False,
         trusted: bool = True,
         banded: bool = False,
     ) -> None:
@@ -36,13 +36,13 @@ class Scaffold:
         self.prefix = prefix
         self.length = length
         self._joints = {joint.index: joint for joint in joints}
-        self._position = position
+        self._position_only = position_only
         self._items: list[Statement] = []
         self._loops: list[Loop] = []
         self._stages: list[Stage] = []
         self._values: dict[int, Scalar] = {}
         self._arcs = Arcs()
-        self._flags: list[tuple[int, str]] = []
+        self._flags: list[str] = []
         self._branch: list[tuple[str, str, int]] = []  # label, expression, bits
         self._residual: list[Scalar] = []
         self._taken: set[str] = set(RESERVED)
@@ -58,7 +58,7 @@ class Scaffold:
 
     def point(self) -> Vector:
         """The target position: a position solver receives three numbers, a pose solver the last column."""
-        if not self._position:
+        if not self._position_only:
             return self.pose().t
         return (self.pool.var("T[0]"), self.pool.var("T[1]"), self.pool.var("T[2]"))
 
@@ -153,7 +153,7 @@ class Scaffold:
             if where:
                 leaf.append(f"{where} = {{{len(operands)}}};")
                 operands.append(self._values[j])
-        flags = " | ".join(text for _, text in self._flags) or "0u"
+        flags = " | ".join(self._flags) or "0u"
         leaf.append(f"found->flags[rows] = {flags};")
         branch, bit = [], 0
         labels = []
@@ -177,11 +177,15 @@ class Scaffold:
 
     # -- small change -------------------------------------------------------------------------------------------------
 
-    def _open(self, joint: Joint, tag: str, count: str, most: int, label: Label, level: int) -> int:
-        self._stages.append(Stage(joint.index, label.name, most))
-        k = len(self._stages)
-        failed = "return 0; " if level == 0 else ""
-        self._add(level, (f"if ({count} == 0) {{ *stage = *stage < {k} ? {k} : *stage; {failed}}}",), ())
+    def _open(
+        self, joint: Joint, tag: str, count: str, most: int, label: Label, level: int, *, sure: bool = False
+    ) -> int:
+        """Open a loop over the roots of a choice; unless there is ``sure`` to be one, none fails this stage."""
+        self._stages.append(Stage(joint.index, label.name))
+        if not sure:
+            k = len(self._stages)
+            failed = "return 0; " if level == 0 else ""
+            self._add(level, (f"if ({count} == 0) {{ *stage = *stage < {k} ? {k} : *stage; {failed}}}",), ())
         loop = Loop(f"i{tag}", count, most, level)
         if level > 0:
             self._add(level, (f"{kept_count(loop)}[{' + '.join(position(self._loops[:level])[0])}] = {count};",), ())

@@ -16,7 +16,6 @@ class Stage:
 
     joint: int
     label: str
-    roots: int
 
 
 @dataclass(frozen=True)

@@ -188,7 +188,7 @@ def counted(plan: SolverPlan) -> SolverPlan | None:
     if plan.family == "general6r":
         words = "det J(q) = 0: two or more of the up to sixteen rows meet"
         return replace(plan, max_solutions=MAX_SOLUTIONS, singularities=(Singularity(words),))
-    builder = CBuilder("x", plan.chain.joints, plan.chain.reach, position=plan.task == "position")
+    builder = CBuilder("x", plan.chain.joints, plan.chain.reach, position_only=plan.task == "position")
     try:
         derive(builder, plan)
     except (InternalError, ZeroDivisionError):

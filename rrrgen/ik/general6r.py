@@ -100,7 +100,7 @@ def branches(chain: Chain, prefix: str) -> CBody:
         shifts=literals(shifts) if any(shifts) else "",
     )
     kept = tables_of(chain).eliminations[0].kept_joint
-    return CBody(text, MAX_SOLUTIONS, (Stage(kept, "degree-16", MAX_SOLUTIONS),), frozenset({"near"}), (ASPECT,))
+    return CBody(text, MAX_SOLUTIONS, (Stage(kept, "degree-16"),), frozenset({"near"}), (ASPECT,))
 
 
 def _inverse(matrix: Matrix) -> list[float]:

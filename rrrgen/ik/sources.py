@@ -93,7 +93,7 @@ def _body(spec: RobotSpec, plan: SolverPlan, *, banded: bool) -> CBody:
         f"{spec.name}_ik",
         chain.joints,
         chain.reach,
-        position=plan.task == "position",
+        position_only=plan.task == "position",
         trusted=not plan.snapped,
         banded=banded,
     )
@@ -109,7 +109,7 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
     needs = frozenset().union(*(body.needs for body in bodies))
     comments = ("The candidates of every branch.", "The candidates of a simpler arm that is nearly this one.")
     functions = [
-        {"name": name, "comment": comment, "rows": body.rows, "body": body.text}
+        {"name": name, "comment": comment, "body": body.text}
         for name, comment, body in zip(("branches", "nearby"), comments, bodies, strict=False)
     ]
     mask = sum(1 << k for k, joint in enumerate(chain.joints) if not joint.revolute)
@@ -229,7 +229,6 @@ _FUNCTIONS = {
     "SIN": "sin",
     "COS": "cos",
     "FLOOR": "floor",
-    "CEIL": "ceil",
 }
 
 

@@ -41,7 +41,7 @@ def optimize_model(derived: DerivedModel) -> DerivedModel:
     programs: dict[str, Program] = {}
     for name, ways in derived.alternatives.items():
         ways = (*ways, *_by_chain_rule(derived, ways[0], programs))
-        programs[name], choice = cheapest(ways, choices(ways), name, log)
+        programs[name], choice = cheapest(ways, name, log)
         _add_twin(derived, ways, choice, programs[name], programs, log)
         if name == "inverse_dynamics":
             _add_forward_dynamics(derived, programs)
@@ -79,31 +79,31 @@ class Choice:
 
 
 def choices(ways: Sequence[Program]) -> list[Choice]:
-    """All ways worth trying: the two cheapest recursions, and their expansions.
-
-    Expanding everything gives the same from any recursion, so once is enough.
-    """
+    """All ways worth trying: every recursion, and the expansions of the two cheapest."""
     result = [Choice(index, None) for index in range(len(ways))]
     for index in sorted(range(len(ways)), key=lambda k: cost(ways[k]))[:2]:
         program = ways[index]
         small = count_operations(program).total <= SMALL
-        for cutting in Cutting if small else (Cutting.LOCAL,):
-            if index == 0 or cutting is not Cutting.NOTHING:
-                result.append(Choice(index, cutting))
+        result += [Choice(index, cutting) for cutting in (Cutting if small else (Cutting.LOCAL,))]
     return result
 
 
-def cheapest(ways: Sequence[Program], trials: Sequence[Choice], name: str, log: _Log) -> tuple[Program, Choice]:
-    """The cheapest program found by ``trials``, after every pass, and the choice that gave it."""
+def cheapest(
+    ways: Sequence[Program], name: str, log: _Log, trials: Sequence[Choice] | None = None
+) -> tuple[Program, Choice]:
+    """The cheapest program found by ``trials`` (all choices by default), and the choice that gave it."""
     collected = [collect(way) for way in ways]
-    best, factors, taken = collected[0], collected[0], trials[0]
+    best, factors, taken = collected[0], collected[0], Choice(0, None)
     tried = Tried()
-    for trial in trials:
+    for trial in choices(collected) if trials is None else trials:
         way = collected[trial.way]
         if trial.cutting is Cutting.LOCAL and cost(way)[0] > HOPELESS * cost(best)[0]:
             continue
         found = way if trial.cutting is None else factored(way, trial.cutting, tried)
-        if found is not None and cost(program := collect(found)) < cost(best):
+        if found is None:
+            continue
+        program = way if trial.cutting is None else collect(found)
+        if cost(program) < cost(best):
             best, factors, taken = program, found, trial
     log.note("choose recursion", name, ways[0], ways[taken.way])
     log.note("collect factors", name, ways[taken.way], collected[taken.way])
@@ -129,7 +129,7 @@ def _add_twin(
     name = f"{best.name}_nominal"
     folded = [fold(program, known) for program in (best, ways[choice.way])]
     log.note("fold parameters", name, best, folded[0])
-    twin, _ = cheapest(folded, [Choice(0, None), Choice(1, None), Choice(1, choice.cutting)], name, log)
+    twin, _ = cheapest(folded, name, log, [Choice(0, None), Choice(1, None), Choice(1, choice.cutting)])
     programs[name] = twin.described(
         name=name, summary=best.summary.rstrip(".") + ", with the parameters of the robot file."
     )

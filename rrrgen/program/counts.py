@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import asdict, dataclass
 
 from rrrgen.program.ir import Op, Program
@@ -40,12 +41,8 @@ class OperationCount:
 
 def count_operations(program: Program) -> OperationCount:
     """Operations of one evaluation of ``program``."""
-    tally = dict.fromkeys(Op, 0)
-    angles: set[int] = set()
-    for node in program.nodes:
-        tally[node.op] += 1
-        if node.op in (Op.SIN, Op.COS):
-            angles.add(node.args[0])
+    tally = Counter(node.op for node in program.nodes)
+    angles = {node.args[0] for node in program.nodes if node.op is Op.SIN or node.op is Op.COS}
     return OperationCount(
         mul=tally[Op.MUL],
         add=tally[Op.ADD] + tally[Op.SUB],

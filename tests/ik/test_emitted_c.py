@@ -215,6 +215,71 @@ def test_sanitizers(name, tmp_path):
     assert bad == 0
 
 
+ROWS_DRIVER = """
+#include <stdio.h>
+#include "{name}_ik.h"
+int main(int argc, char **argv)
+{{
+    double line[{size} + {n}];
+    FILE *file = fopen(argv[argc - 1], "rb");
+    {name}_ik_solutions out;
+    int i, j, k;
+    for (k = 0; file && fread(line, sizeof line, 1, file) == 1; ++k) {{
+        {name}_inverse_kinematics(line, line + {size}, (unsigned){macro}_IK_LIMITS, &out);
+        for (i = 0; i < out.count; ++i) {{
+            printf("%d", k);
+            for (j = 0; j < {n}; ++j) printf(" %.17g", out.q[i][j]);
+            printf("\\n");
+        }}
+    }}
+    return 0;
+}}
+"""
+
+ARITHMETIC = [["-O2"], ["-Ofast"], ["-O2", "-ffast-math", "-march=native"], ["-O2", "-std=gnu99", "-mfpmath=387"]]
+
+
+@pytest.mark.parametrize("flags", ARITHMETIC, ids=lambda flags: " ".join(flags))
+@pytest.mark.parametrize("command", ["gcc", "clang"])
+@pytest.mark.parametrize("name", ["rrr", "puma", "ur5", "general"])
+def test_rows_are_right_however_the_compiler_treats_arithmetic(name, command, flags, tmp_path):
+    if shutil.which(command) is None:
+        pytest.skip(f"{command} is not installed")
+    rows, limits = VARIANTS[name], LIMITS[: len(VARIANTS[name])]
+    n, position = len(rows), plan(make(name, rows)).task == "position"
+    source = written(tmp_path, name, limits=limits)
+    q = configurations(rows, 60, 3)
+    q = np.vstack([q, np.random.default_rng(4).uniform(-1.0, 1.0, (60, n))])  # inside all limits
+    T = reference(rows, q)
+    goals = T[:, :3, 3] if position else T.reshape(len(T), 16)
+    near = np.random.default_rng(5).uniform(-9.0, 9.0, q.shape)  # references some turns away
+    (tmp_path / "targets.bin").write_bytes(np.hstack([goals, near]).tobytes())
+    text = ROWS_DRIVER.format(name=name, macro=name.upper(), size=goals.shape[1], n=n)
+    (tmp_path / "driver.c").write_text(text)
+    built = [
+        command,
+        "-std=c99",
+        *flags,
+        "-o",
+        str(tmp_path / "driver"),
+        str(tmp_path / "driver.c"),
+        str(source),
+        "-lm",
+    ]
+    if "-mfpmath=387" in flags and subprocess.run(built, capture_output=True, check=False).returncode:
+        pytest.skip(f"{command} has no arithmetic of 80 bits for this machine")
+    run(built)
+    found = np.loadtxt(run([str(tmp_path / "driver"), str(tmp_path / "targets.bin")]).splitlines())
+    goal, row = found[:, 0].astype(int), found[:, 1:]
+    reached = reference(rows, row)
+    error = (reached - T[goal])[:, :3, 3:] if position else reached - T[goal]
+    assert np.abs(error).max() < 1e-9
+    assert set(range(60, 120)) <= set(goal)
+    low, high = (np.array([side[k] or (-1) ** (k + 1) * np.inf for side in limits]) for k in (0, 1))
+    assert np.all(row >= low - 1e-9)
+    assert np.all(row <= high + 1e-9)
+
+
 def test_manifest_names_what_is_emitted():
     data = manifest(robot("puma"))
     assert data["solver"]

@@ -16,7 +16,7 @@ from rrrgen.optimize.collecting import collect
 from rrrgen.optimize.doubling import double_by_addition
 from rrrgen.optimize.expansion import MAX_TERMS, Cutting, factored
 from rrrgen.optimize.folding import fold
-from rrrgen.optimize.passes import Choice, _Log, cheapest, choices, cost
+from rrrgen.optimize.passes import Choice, _Log, cheapest, cost
 from rrrgen.program import Builder, Op, OperationCount, Port, Program, count_operations, evaluate
 
 
@@ -37,7 +37,7 @@ def test_expanding_and_factoring_keeps_the_values(cutting):
 @given(programs())
 def test_the_choice_never_costs_more(program):
     log = _Log()
-    best, choice = cheapest([program], choices([program]), "random", log)
+    best, choice = cheapest([program], "random", log)
     assert cost(best)[0] <= cost(program)[0]
     assert choice.way == 0
     assert same_values(program, best)
@@ -49,7 +49,7 @@ def test_the_choice_never_costs_more(program):
 @given(programs(ARITHMETIC), programs(ARITHMETIC))
 def test_the_choice_takes_the_cheapest_way(one, two):
     trials = [Choice(0, None), Choice(1, None)]
-    best, choice = cheapest([one, two], trials, "random", _Log())
+    best, choice = cheapest([one, two], "random", _Log(), trials)
     assert choice == trials[int(cost(two) < cost(one))]
     assert cost(best)[0] <= min(cost(one)[0], cost(two)[0])
 

@@ -31,7 +31,7 @@ BOUNDS = {
     },
 }
 
-ANGLES = {"rrr": 2, "puma560": 5, "ur10e": 5, "panda": 6}  # joint 1 turns about gravity, and parallel axes share one angle
+ANGLES = {"rrr": 2, "puma560": 5, "ur10e": 5, "panda": 6}  # joint 1 turns about gravity, parallel axes share one
 
 # Measured when this test was written, rounded up: a guard against losing ground where no rival's count is known.
 CEILINGS = {

@@ -11,10 +11,6 @@ from rrrgen.backends.c.signature import function_name, has_status, stored_output
 from rrrgen.backends.c.transposition import SIZES, transfers
 from rrrgen.program import Program
 
-FEW = 4
-"""Elements of a port up to which moving them between arrays and packs is written out: more gains no time, and the C
-compiler takes twice as long."""
-
 
 def loop_name(program: Program, dialect: Dialect) -> str:
     """The loop over ``program``."""
@@ -30,8 +26,9 @@ def loop_files(programs: Iterable[Program], dialect: Dialect) -> dict[str, str]:
     programs = list(programs)
     header, source = [], [f'#include "{dialect.prefix}_loops.h"', ""]
     source += [pack_functions({program.name: program for program in programs}, dialect)]
-    moved = {port.size for program in programs for port in (*program.inputs, *stored_outputs(program))}
-    source += [transfers(moved.intersection(SIZES), dialect.prefix, dialect.real_type, dialect.real)]
+    taken = {port.size for program in programs for port in program.inputs}.intersection(SIZES)
+    given = {port.size for program in programs for port in stored_outputs(program)}.intersection(SIZES)
+    source += [transfers(taken, given, dialect.prefix, dialect.real_type, dialect.real)]
     for program in programs:
         signature = _loop_signature(program, dialect)
         header.append(f"{signature};")
@@ -138,7 +135,7 @@ def _pack_body(program: Program, dialect: Dialect) -> list[str]:
 
 
 def _each(size: int, statement: str) -> list[str]:
-    """The statement for every element: written out where they are few, a loop otherwise."""
-    if size <= FEW:
-        return [statement.format(element) for element in range(size)]
+    """The statement for every element, in a loop: written out, many elements take the C compiler twice as long."""
+    if size == 1:
+        return [statement.format(0)]
     return [f"for (int element = 0; element < {size}; element++)", f"    {statement.format('element')}"]

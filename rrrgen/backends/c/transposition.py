@@ -17,11 +17,11 @@ WIDTHS = (16, 32, 64)
 """Bytes of a register."""
 
 
-def transfers(sizes: Iterable[int], prefix: str, real_type: str, real: Real) -> str:
-    """``<prefix>_pack_in<size>`` and ``<prefix>_pack_out<size>`` for every size."""
+def transfers(taken: Iterable[int], given: Iterable[int], prefix: str, real_type: str, real: Real) -> str:
+    """``<prefix>_pack_in<size>`` for sizes of inputs, ``<prefix>_pack_out<size>`` for those of outputs."""
     bytes_per_number = 8 if real == "double" else 4
-    each = [_gather(size, prefix, real_type, bytes_per_number) for size in sorted(set(sizes))]
-    each += [_scatter(size, prefix, real_type, bytes_per_number) for size in sorted(set(sizes))]
+    each = [_gather(size, prefix, real_type, bytes_per_number) for size in sorted(taken)]
+    each += [_scatter(size, prefix, real_type, bytes_per_number) for size in sorted(given)]
     return "\n".join(each)
 
 

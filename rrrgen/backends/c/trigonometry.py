@@ -90,7 +90,7 @@ class InlineSinCos:
     """A kernel in the emitted file: Cody-Waite reduction by quarter turns and minimax polynomials, without branches.
 
     Both results have an absolute error below :data:`ERROR_BOUND` for ``|angle| <= RANGE``; beyond, and for NaN and
-    infinities, the C library answers.
+    infinities, the C library answers. It answers everything where the compiler may rearrange arithmetic.
     """
 
     def preamble(self, dialect: Dialect) -> str:
@@ -100,7 +100,8 @@ class InlineSinCos:
     def description(self, dialect: Dialect) -> str:
         """Range and error bound."""
         bound, limit = ERROR_BOUND[dialect.real], RANGE[dialect.real]
-        return f"inline kernel, absolute error below {bound} for |angle| <= {limit} rad; the C library beyond"
+        kernel = f"inline kernel, absolute error below {bound} for |angle| <= {limit} rad"
+        return f"{kernel}; the C library beyond, and with -ffast-math"
 
     def statements(self, dialect: Dialect, angle: str, sine: str | None, cosine: str | None) -> list[str]:
         """One call for both; one that is not wanted is discarded, and its computation with it."""
@@ -118,6 +119,7 @@ def kernel_values(dialect: Dialect) -> dict[str, object]:
     real = dialect.real
     return {
         "prefix": dialect.prefix,
+        "macro": dialect.macro,
         "real": dialect.real_type,
         "sine": SINE[real],
         "cosine": COSINE[real],
