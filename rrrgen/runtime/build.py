@@ -18,7 +18,7 @@ from typing import Any
 from rrrgen.cache import cache_directory, digest, prune, touch
 from rrrgen.errors import BuildError
 
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC")
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-fast-math", "-fPIC")
 """No contraction to fused multiply-adds: results then do not depend on the processor."""
 
 CONTRACT = ("-ffp-contract=fast",)
