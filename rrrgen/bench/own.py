@@ -47,8 +47,9 @@ def _add(party: Party, case: Case, derived: DerivedModel, label: str, trig: Trig
     for function in names:
         for suffix, numbers in _variants(label, function, derived):
             shown = OWN_FILE if suffix else label
-            program = derived.programs[function + suffix]
-            party.contestants.append(_contestant(case, derived, prefix, shown, function, program, numbers))
+            program = derived.programs.get(function + suffix)  # of long chains only some functions are derived
+            if program is not None:
+                party.contestants.append(_contestant(case, derived, prefix, shown, function, program, numbers))
 
 
 def _variants(label: str, function: str, derived: DerivedModel) -> list[tuple[str, Numbers]]:

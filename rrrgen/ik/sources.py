@@ -229,6 +229,7 @@ _FUNCTIONS = {
     "SIN": "sin",
     "COS": "cos",
     "FLOOR": "floor",
+    "CEIL": "ceil",
 }
 
 

@@ -27,7 +27,8 @@ def runtime(real: str) -> dict[str, str]:
     above it (a target out of reach by less counts as reachable); same: two rows nearer than this are one, since angles
     at a double root are only good to the root of the precision; merge = (same / 2)^2; slack: how far below zero a
     discriminant may fall and still give a candidate; orthonormal: largest defect of R' R - 1 and of the handedness that
-    is repaired; tiny: below every length that matters, keeps quotients finite.
+    is repaired; tiny: below every length that matters, keeps quotients finite; rounding:
+    1.5 * 2^52 (2^23), which leaves a whole number when it is added and taken away.
     """
     if real == "float":
         return {
@@ -45,6 +46,7 @@ def runtime(real: str) -> dict[str, str]:
             "orthonormal": "1e-4",
             "limit": "1e-5",
             "tiny": "1e-30",
+            "rounding": "12582912.0",
         }
     return {
         "eps": "2.220446049250313e-16",
@@ -61,4 +63,5 @@ def runtime(real: str) -> dict[str, str]:
         "orthonormal": "1e-7",
         "limit": "1e-10",
         "tiny": "1e-300",
+        "rounding": "6755399441055744.0",
     }

@@ -16,8 +16,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rrrgen.bench.cases import Case, dense_bodies, make_case
-from rrrgen.bench.contestants import HAND, OWN, OWN_FILE, PINOCCHIO, Contestant, DisagreementError, Party, deviation
-from rrrgen.bench.growth import chain_text
+from rrrgen.bench.contestants import (
+    HAND,
+    OWN,
+    OWN_FILE,
+    PINOCCHIO,
+    TITLES,
+    Contestant,
+    DisagreementError,
+    Party,
+    deviation,
+)
+from rrrgen.bench.growth import COMPARED, chain_text, growth
 from rrrgen.bench.inverse_kinematics import IKScore, ik_scores
 from rrrgen.bench.python_calls import BOUND_RUN, PIN, CallTime, turns
 from rrrgen.bench.race import Effort, Score, race
@@ -121,6 +131,16 @@ def copying_case() -> Case:
     case = make_case(loads_spec(chain_text(2), "chain.yaml"))
     case.references["dense"].values = dict.fromkeys(("gravity", "inverse_dynamics"), case.parts()[0])
     return case
+
+
+@needs_gcc
+def test_growth_measures_the_compared_functions_of_every_size() -> None:
+    scores, seconds = growth([1, 2], find_toolchain(("-O1",)), SHORT, 60.0, lambda case: [], lambda words: None)
+    assert [(s.robot, s.contestant.function) for s in scores] == [
+        (f"chain{n}", function) for n in (1, 2) for function in sorted(COMPARED, key=list(TITLES).index)
+    ]
+    assert len(seconds) == 2
+    assert all(score.deviation < 1e-9 for score in scores)
 
 
 @needs_gcc
