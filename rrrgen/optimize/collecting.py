@@ -39,9 +39,19 @@ class _Collection:
         self.values: dict[int, Value] = {}
 
     def finds_any(self) -> bool:
-        """Whether any sum has a factor to take out."""
-        sums = (k for k, node in enumerate(self.program.nodes) if node.op in SUMS and k not in self.taken)
-        return any(_most_shared(self._terms(k, 1)) is not None for k in sums)
+        """Whether any sum has a factor to take out: two of the products that are part of it share one."""
+        whole: dict[int, int] = {}
+        seen: set[tuple[int, int]] = set()
+        for k in sorted(self.taken, reverse=True):
+            user = self.taken[k]
+            whole[k] = whole.get(user, user)
+            node = self.program.nodes[k]
+            if node.op is Op.MUL:
+                factors = {(whole[k], factor) for factor in node.args}
+                if not factors.isdisjoint(seen):
+                    return True
+                seen |= factors
+        return False
 
     def run(self) -> Program:
         """Record every node anew that is not part of a sum's terms."""
@@ -53,11 +63,12 @@ class _Collection:
         outputs = list(zip(program.outputs, rows, strict=True))
         return self.builder.program(program.name, outputs, program.summary, program.formula, program.notes)
 
-    def _taken_apart(self) -> set[int]:
+    def _taken_apart(self) -> dict[int, int]:
+        """Sums and products that only one sum uses, and that sum."""
         nodes = self.program.nodes
         return {
-            arg
-            for node in nodes
+            arg: k
+            for k, node in enumerate(nodes)
             if node.op in SUMS
             for arg in node.args
             if self.uses[arg] == 1 and nodes[arg].op in (*SUMS, Op.MUL)
