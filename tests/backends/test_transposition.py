@@ -55,7 +55,7 @@ def test_numbers_arrive_in_their_places(tmp_path, real, feature, command_name):
     if not runs(feature):
         pytest.skip(f"this processor has no {feature}")
     source = [f"typedef {real} robot_real;", PackSinCos().preamble(Dialect("robot", real))]
-    source += [transfers(SIZES, "robot", "robot_real", real), *(CHECK.format(size=size) for size in SIZES)]
+    source += [transfers(SIZES, SIZES, "robot", "robot_real", real), *(CHECK.format(size=size) for size in SIZES)]
     calls = " + ".join(f"check{size}()" for size in SIZES)
     source += [f"int main(void) {{ (void)robot_pack_fill; (void)robot_pack_sincos; return ({calls}) != 0; }}"]
     (tmp_path / "check.c").write_text("\n".join(source))
