@@ -79,12 +79,17 @@ class Choice:
 
 
 def choices(ways: Sequence[Program]) -> list[Choice]:
-    """All ways worth trying: every recursion, and the expansions of the two cheapest."""
+    """All ways worth trying: every recursion, and the expansions of the two cheapest.
+
+    Expanding everything gives the same from any recursion, so that is done from one.
+    """
     result = [Choice(index, None) for index in range(len(ways))]
+    whole = False
     for index in sorted(range(len(ways)), key=lambda k: cost(ways[k]))[:2]:
-        program = ways[index]
-        small = count_operations(program).total <= SMALL
-        result += [Choice(index, cutting) for cutting in (Cutting if small else (Cutting.LOCAL,))]
+        small = count_operations(ways[index]).total <= SMALL
+        cuttings = [cutting for cutting in Cutting if small or cutting is Cutting.LOCAL]
+        result += [Choice(index, cutting) for cutting in cuttings if cutting is not Cutting.NOTHING or not whole]
+        whole = whole or small
     return result
 
 
