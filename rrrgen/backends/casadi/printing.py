@@ -13,6 +13,7 @@ from fractions import Fraction
 
 from rrrgen.backends.casadi.derivatives import input_place
 from rrrgen.program import Op, Program
+from rrrgen.program.ir import uses
 from rrrgen.spec.names import KEYWORDS, ROBOT_RESERVED
 
 _SUM, _PRODUCT, _ATOM = 1, 2, 3
@@ -75,13 +76,7 @@ def element_names(names: Names, port: str, count: int) -> list[str]:
 
 def listing(program: Program, elements: Sequence[Sequence[str]], names: Names, dialect: Dialect) -> Listing:
     """Write ``program`` in ``dialect``; ``elements[port][element]`` are the names of its inputs."""
-    uses = [0] * len(program.nodes)
-    for node in program.nodes:
-        for argument in node.args:
-            uses[argument] += 1
-    for row in program.results:
-        for index in row:
-            uses[index] += 1
+    readers = uses(program)
     assignments: list[tuple[str, str]] = []
     texts: list[tuple[str, int]] = []
     used: set[tuple[int, int]] = set()
@@ -96,7 +91,7 @@ def listing(program: Program, elements: Sequence[Sequence[str]], names: Names, d
             texts.append((text, _SUM if text.startswith("-") else _ATOM))
             continue
         text, strength = _operation(node.op, [texts[a] for a in node.args], dialect)
-        if uses[index] != 1 or index in program.labels or len(text) > dialect.width:
+        if readers[index] != 1 or index in program.labels or len(text) > dialect.width:
             name = names.claim(program.labels[index]) if index in program.labels else names.fresh()
             assignments.append((name, text))
             text, strength = name, _ATOM
