@@ -439,8 +439,8 @@ void rrr_gravity(const rrr_real q[3], const rrr_real beta[15], rrr_real g[RRR_RE
     const rrr_real q23 = q[1] + q[2];
     rrr_real s23, c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t1 = beta[2]*c23 - beta[3]*s23;
-    g[1] = (rrr_real)9.81*(beta[13]*c2 - beta[14]*s2 + t1);
+    const rrr_real t1 = c23*beta[2] - s23*beta[3];
+    g[1] = (rrr_real)9.81*(c2*beta[13] - s2*beta[14] + t1);
     g[2] = (rrr_real)9.81*t1;
     g[0] = (rrr_real)0.0;
 }

@@ -37,8 +37,8 @@ from rrrgen.derive.positive_definite import factorize
 from rrrgen.derive.recording import Recording
 from rrrgen.derive.vectors import Matrix, Vector, add, cross, dot, flat, rows, scale, turn
 from rrrgen.program import Port, Program
+from rrrgen.program.builder import replay
 from rrrgen.program.differentiate import jacobian
-from rrrgen.program.ir import replay
 
 TWICE = 2
 """Velocities of the composite bodies enter doubled: ``2 C`` and ``2 z' x rho'`` are what is asked for."""

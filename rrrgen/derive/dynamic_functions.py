@@ -15,7 +15,7 @@ from rrrgen.derive.positive_definite import factorize
 from rrrgen.derive.recording import Recording
 from rrrgen.derive.vectors import Matrix, flat, rows
 from rrrgen.program import Port, Program, Value
-from rrrgen.program.ir import replay
+from rrrgen.program.builder import replay
 
 
 def _weightless(chain: Chain) -> Chain:

@@ -7,6 +7,8 @@ from rrrgen.program import Builder, Op, Program, Value
 
 def double_by_addition(program: Program) -> Program:
     """``program`` with products by two recorded as additions."""
+    if not any(node.op is Op.MUL and _is_two(program, node.args[0]) for node in program.nodes):
+        return program
     builder = Builder()
     inputs = [builder.input(port) for port in program.inputs]
     values: list[Value] = []

@@ -10,7 +10,8 @@ from typing import TypeAlias
 
 from rrrgen.optimize.factoring import Factoring, Monomial, Polynomial
 from rrrgen.program import Builder, Op, Program, Value
-from rrrgen.program.ir import Node, settled, uses
+from rrrgen.program.builder import settled
+from rrrgen.program.ir import Node, uses
 
 MAX_TERMS = 100
 """Longest polynomial that is worth a search: its pairs of terms are what the search looks at."""

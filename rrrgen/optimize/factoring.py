@@ -12,6 +12,7 @@ goes on with everything there is now (the method of fast extraction from logic s
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 from math import gcd
 from typing import Any
@@ -22,12 +23,12 @@ Ratio = tuple[int, int]
 """A coefficient as numerator and denominator: hashed a million times, and much faster so than a Fraction."""
 
 Terms = dict[Monomial, Ratio]
-Double = tuple[Monomial, Monomial, Ratio]
 Single = tuple[int, int, Ratio]
-Place = tuple[int, Monomial]
-Pair = tuple[int, Monomial, Monomial]
+"""Two literals, or NUMBER and a literal, and the coefficient that belongs to the latter."""
 
 ONE: Ratio = (1, 1)
+MINUS_ONE: Ratio = (-1, 1)
+NOTHING: Monomial = ()
 NUMBER = -1
 """First member of a single divisor that is a number times a literal."""
 
@@ -45,6 +46,8 @@ def term_cost(monomial: Monomial, coefficient: Ratio) -> int:
 
 def divide(x: Ratio, y: Ratio) -> Ratio:
     """x / y in lowest terms."""
+    if y == ONE:
+        return x
     numerator, denominator = x[0] * y[1], x[1] * y[0]
     if denominator < 0:
         numerator, denominator = -numerator, -denominator
@@ -79,23 +82,58 @@ def without(monomial: Monomial, *literals: int) -> Monomial:
     return tuple(rest)
 
 
+@dataclass(eq=False, slots=True)
+class _Term:
+    """One term of polynomial ``k``, and the divisors that it has a part in."""
+
+    k: int
+    monomial: Monomial
+    coefficient: Ratio
+    cost: int
+    singles: list[Single]
+    pairs: dict[_Pair, None]
+
+
+@dataclass(eq=False, slots=True)
+class _Pair:
+    """Two terms of one polynomial that are ``coefficient * common`` times a double divisor."""
+
+    divisor: _Double
+    first: _Term
+    second: _Term
+    common: Monomial
+    coefficient: Ratio
+    saved: float
+
+
+@dataclass(eq=False, slots=True)
+class _Double:
+    """The divisor ``left + ratio * right``, and where it occurs."""
+
+    left: Monomial
+    right: Monomial
+    ratio: Ratio
+    cost: float
+    pairs: dict[_Pair, None]
+
+
 class Factoring:
     """The search. ``polynomials`` holds the given ones first, then the definitions of extracted literals.
 
     Every pair of terms is looked at once, when the later of the two appears; what divisors gain is kept up to date.
+    Dictionaries stand for sets that keep their order, so that the result is the same every time.
     """
 
     def __init__(self, polynomials: list[Polynomial], literals: int) -> None:
         self.count = len(polynomials)
         self.first = literals
         self.next = literals
-        self._terms: list[Terms] = []
-        self._doubles: dict[Double, dict[Pair, tuple[Monomial, Ratio, float]]] = {}
-        self._singles: dict[Single, dict[Place, None]] = {}
-        self._doubles_of: dict[Place, dict[tuple[Double, Pair], None]] = {}
-        self._double_gains: dict[Double, float] = {}
+        self._terms: list[dict[Monomial, _Term]] = []
+        self._doubles: dict[tuple[Monomial, Monomial, Ratio], _Double] = {}
+        self._singles: dict[Single, dict[_Term, None]] = {}
+        self._double_gains: dict[_Double, float] = {}
         self._single_gains: dict[Single, float] = {}
-        self._touched_doubles: dict[Double, None] = {}
+        self._touched_doubles: dict[_Double, None] = {}
         self._touched_singles: dict[Single, None] = {}
         for polynomial in polynomials:
             self._append({m: (c.numerator, c.denominator) for m, c in sorted(polynomial.items())})
@@ -104,7 +142,7 @@ class Factoring:
     @property
     def polynomials(self) -> list[Polynomial]:
         """The given polynomials as they are now, then the definitions of extracted literals."""
-        return [{m: c[0] if c[1] == 1 else Fraction(*c) for m, c in terms.items()} for terms in self._terms]
+        return [{m: _number(term.coefficient) for m, term in terms.items()} for terms in self._terms]
 
     def run(self) -> None:
         """Extract until nothing saves any more."""
@@ -128,48 +166,53 @@ class Factoring:
         for monomial, coefficient in terms.items():
             self._insert(len(self._terms) - 1, monomial, coefficient)
 
-    def _insert(self, k: int, x: Monomial, cx: Ratio) -> None:
+    def _insert(self, k: int, monomial: Monomial, coefficient: Ratio) -> None:
         """Add a term to polynomial k, and the divisors it makes with the terms there."""
-        place = (k, x)
-        found: dict[tuple[Double, Pair], None] = {}
-        literals, cost = set(x), term_cost(x, cx) + ADDITION
-        for y, cy in self._terms[k].items():
-            first, second, c1, c2 = (x, y, cx, cy) if x < y else (y, x, cy, cx)
-            common, left, right = ((), first, second) if literals.isdisjoint(y) else split_common(first, second)
-            ratio = divide(c2, c1)
-            if common or ratio in ((1, 1), (-1, 1)) or (left and right):
-                saved = cost + term_cost(y, cy) - term_cost((*common, 0), c1)
-                if saved <= 0:
-                    continue
-                key, pair = (left, right, ratio), (k, first, second)
-                self._doubles.setdefault(key, {})[pair] = (common, c1, saved)
-                self._touched_doubles[key] = None
-                found[key, pair] = None
-                self._doubles_of[k, y][key, pair] = None
-        self._doubles_of[place] = found
-        self._terms[k][x] = cx
-        for single in _pairs(x, cx):
-            self._singles.setdefault(single, {})[place] = None
+        cost = term_cost(monomial, coefficient)
+        term = _Term(k, monomial, coefficient, cost, list(_products(monomial, coefficient)), {})
+        literals = set(monomial)
+        for other in self._terms[k].values():
+            first, second = (term, other) if monomial < other.monomial else (other, term)
+            common, left, right = NOTHING, first.monomial, second.monomial
+            if not literals.isdisjoint(other.monomial):
+                common, left, right = split_common(left, right)
+            ratio = divide(second.coefficient, first.coefficient)
+            if common or ratio in (ONE, MINUS_ONE) or (left and right):
+                rest = len(common) + (first.coefficient not in (ONE, MINUS_ONE))
+                if (saved := cost + ADDITION + other.cost - rest) > 0:
+                    pair = _Pair(self._double(left, right, ratio), first, second, common, first.coefficient, saved)
+                    pair.divisor.pairs[pair] = term.pairs[pair] = other.pairs[pair] = None
+                    self._touched_doubles[pair.divisor] = None
+        self._terms[k][monomial] = term
+        for single in term.singles:
+            self._singles.setdefault(single, {})[term] = None
             self._touched_singles[single] = None
 
-    def _remove(self, k: int, x: Monomial) -> Ratio:
-        """Take a term out of polynomial k, with its divisors; returns its coefficient."""
-        place = (k, x)
-        for key, pair in self._doubles_of.pop(place):
-            del self._doubles[key][pair]
-            self._touched_doubles[key] = None
-            other = pair[2] if pair[1] == x else pair[1]
-            del self._doubles_of[k, other][key, pair]
-        coefficient = self._terms[k].pop(x)
-        for single in _pairs(x, coefficient):
-            del self._singles[single][place]
+    def _double(self, left: Monomial, right: Monomial, ratio: Ratio) -> _Double:
+        key = (left, right, ratio)
+        if key not in self._doubles:
+            cost = term_cost(left, ONE) + term_cost(right, ratio) + ADDITION
+            self._doubles[key] = _Double(left, right, ratio, cost, {})
+        return self._doubles[key]
+
+    def _remove(self, term: _Term) -> None:
+        """Take a term out of its polynomial, with its divisors."""
+        for pair in term.pairs:
+            del pair.divisor.pairs[pair]
+            self._touched_doubles[pair.divisor] = None
+            other = pair.second if pair.first is term else pair.first
+            del other.pairs[pair]
+        del self._terms[term.k][term.monomial]
+        for single in term.singles:
+            del self._singles[single][term]
             self._touched_singles[single] = None
-        return coefficient
 
     def _accumulate(self, k: int, monomial: Monomial, coefficient: Ratio) -> None:
         """Add to the coefficient of a term that may be there already."""
-        if monomial in self._terms[k]:
-            total = Fraction(*self._remove(k, monomial)) + Fraction(*coefficient)
+        term = self._terms[k].get(monomial)
+        if term is not None:
+            self._remove(term)
+            total = Fraction(*term.coefficient) + Fraction(*coefficient)
             coefficient = (total.numerator, total.denominator)
         if coefficient[0]:
             self._insert(k, monomial, coefficient)
@@ -179,8 +222,8 @@ class Factoring:
     def _update_gains(self) -> None:
         for double in self._touched_doubles:
             _keep(self._double_gains, double, self._gain(double))
-            if not self._doubles[double]:
-                del self._doubles[double]
+            if not double.pairs:
+                del self._doubles[double.left, double.right, double.ratio]
         for single in self._touched_singles:
             _keep(self._single_gains, single, len(self._singles[single]) - 1.0)
             if not self._singles[single]:
@@ -188,27 +231,11 @@ class Factoring:
         self._touched_doubles.clear()
         self._touched_singles.clear()
 
-    def _gain(self, key: Double) -> float:
+    def _gain(self, double: _Double) -> float:
         """What the extraction of a divisor saves."""
-        occurrences = self._doubles[key]
-        if len(occurrences) == 1:
-            return next(iter(occurrences.values()))[2] - _definition_cost(key)
-        return self._choose(key)[1]
-
-    def _choose(self, key: Double) -> tuple[list[tuple[Pair, Monomial, Ratio]], float]:
-        """The disjoint occurrences of a divisor that pay, and what its extraction saves."""
-        used: set[Place] = set()
-        chosen: list[tuple[Pair, Monomial, Ratio]] = []
-        gain = -_definition_cost(key)
-        for pair, (common, cx, saved) in self._doubles[key].items():
-            k, x, y = pair
-            first, second = (k, x), (k, y)
-            if first not in used and second not in used:
-                used.add(first)
-                used.add(second)
-                chosen.append((pair, common, cx))
-                gain += saved
-        return chosen, gain
+        if len(double.pairs) == 1:
+            return next(iter(double.pairs)).saved - double.cost
+        return sum((pair.saved for pair in _disjoint(double)), -double.cost)
 
     # -- extraction ----------------------------------------------------------------------------------------------
 
@@ -218,28 +245,39 @@ class Factoring:
         self._append(terms)
         return literal
 
-    def _extract_double(self, key: Double) -> None:
-        left, right, ratio = key
-        places, _ = self._choose(key)
-        literal = self._define({left: ONE, right: ratio})
-        for (k, x, y), common, cx in places:
-            self._remove(k, x)
-            self._remove(k, y)
-            self._accumulate(k, tuple(sorted((*common, literal))), cx)
+    def _extract_double(self, double: _Double) -> None:
+        pairs = _disjoint(double)
+        literal = self._define({double.left: ONE, double.right: double.ratio})
+        for pair in pairs:
+            self._remove(pair.first)
+            self._remove(pair.second)
+            self._accumulate(pair.first.k, tuple(sorted((*pair.common, literal))), pair.coefficient)
 
     def _extract_single(self, key: Single) -> None:
         first, second, number = key
         product = (second,) if first == NUMBER else (first, second)
-        places = list(self._singles[key])
+        terms = list(self._singles[key])
         literal = self._define({product: number})
-        for k, monomial in places:
-            coefficient = divide(self._remove(k, monomial), number)
-            self._accumulate(k, tuple(sorted((*without(monomial, *product), literal))), coefficient)
+        for term in terms:
+            self._remove(term)
+            rest = tuple(sorted((*without(term.monomial, *product), literal)))
+            self._accumulate(term.k, rest, divide(term.coefficient, number))
 
 
-def _definition_cost(key: Double) -> float:
-    left, right, ratio = key
-    return term_cost(left, ONE) + term_cost(right, ratio) + ADDITION
+def _disjoint(double: _Double) -> list[_Pair]:
+    """The occurrences of a divisor that share no term, first come, first served."""
+    used: set[_Term] = set()
+    chosen: list[_Pair] = []
+    for pair in double.pairs:
+        if pair.first not in used and pair.second not in used:
+            used.add(pair.first)
+            used.add(pair.second)
+            chosen.append(pair)
+    return chosen
+
+
+def _number(ratio: Ratio) -> Fraction | int:
+    return ratio[0] if ratio[1] == 1 else Fraction(*ratio)
 
 
 def _keep(gains: dict[Any, float], key: Any, gain: float) -> None:
@@ -250,7 +288,7 @@ def _keep(gains: dict[Any, float], key: Any, gain: float) -> None:
         gains.pop(key, None)
 
 
-def _pairs(x: Monomial, coefficient: Ratio) -> Iterator[Single]:
+def _products(x: Monomial, coefficient: Ratio) -> Iterator[Single]:
     """Products of two literals, or of the coefficient and a literal, that are part of a term."""
     seen: set[tuple[int, int]] = set()
     for i, u in enumerate(x):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rrrgen.program import Builder, Program, Value
-from rrrgen.program.ir import replay
+from rrrgen.program.builder import replay
 
 
 def fold(program: Program, known: Mapping[str, Sequence[Value]]) -> Program:

@@ -18,8 +18,8 @@ from rrrgen.program import Program, count_operations
 SMALL = 230
 """Programs up to this many operations are also expanded as a whole; larger ones are factored locally."""
 
-HOPELESS = 1.2
-"""Local factoring saves a tenth; a recursion this many times as dear as the best program found is not tried."""
+HOPELESS = {Cutting.LOCAL: 1.2, Cutting.SUMS: 1.3, Cutting.SCALED: 1.3, Cutting.NOTHING: 1.3}
+"""A recursion this many times as dear as the best program found is not expanded: that saves less, locally a tenth."""
 
 
 class _Log:
@@ -102,7 +102,7 @@ def cheapest(
     tried = Tried()
     for trial in choices(collected) if trials is None else trials:
         way = collected[trial.way]
-        if trial.cutting is Cutting.LOCAL and cost(way)[0] > HOPELESS * cost(best)[0]:
+        if trials is None and trial.cutting and cost(way)[0] > HOPELESS[trial.cutting] * cost(best)[0]:
             continue
         found = way if trial.cutting is None else factored(way, trial.cutting, tried)
         if found is None:

@@ -1,8 +1,9 @@
 """The one intermediate representation: straight-line, single-assignment programs over scalars."""
 
+from rrrgen.program.builder import Builder, Scalar, Value
 from rrrgen.program.counts import OperationCount, count_operations
 from rrrgen.program.evaluate import evaluate
-from rrrgen.program.ir import Builder, Node, Op, Port, Program, Scalar, Value
+from rrrgen.program.ir import Node, Op, Port, Program
 
 __all__ = [
     "Builder",

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from rrrgen.errors import InternalError
-from rrrgen.program.ir import Builder, Op, Port, Program, Scalar, Value, replay
+from rrrgen.program.builder import Builder, Scalar, Value, replay
+from rrrgen.program.ir import Op, Port, Program
 
 Tangent = dict[int, Value]
 """Derivatives of one value, by direction; directions that are missing are zero."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from fractions import Fraction
 
 import numpy as np
@@ -12,7 +14,8 @@ from hypothesis import strategies as st
 
 from rrrgen.errors import InternalError
 from rrrgen.program import Builder, Op, Port, Program, Scalar, evaluate
-from rrrgen.program.ir import replay
+from rrrgen.program.builder import replay
+from rrrgen.program.ir import ARITY
 
 HALF = Fraction(1, 2)
 
@@ -138,7 +141,7 @@ def test_a_program_keeps_only_what_its_outputs_need(recording):
 
 def test_representation_in_words(recording):
     _, (x, *_) = recording
-    assert repr(x).startswith("Scalar(0: Node(op=<Op.INPUT")
+    assert repr(x).startswith("Scalar(0: Node(op=Op.INPUT")
 
 
 @given(st.integers(-20, 20), st.integers(1, 9), st.floats(-3, 3))
@@ -225,3 +228,8 @@ def test_replay_with_numbers_folds_exactly():
     folded = program_of(b, *values)
     direct = evaluate(program, [0.7, 1 / 3, 0.0])[0]
     assert np.allclose(evaluate(folded, [0.7])[0], direct, rtol=1e-15, atol=0)
+
+
+@pytest.mark.parametrize("copied", [lambda op: pickle.loads(pickle.dumps(op)), copy.deepcopy])
+def test_operations_stay_the_same_objects(copied):
+    assert all(copied(op) is op for op in ARITY)

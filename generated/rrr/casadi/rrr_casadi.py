@@ -559,10 +559,10 @@ def gravity():
     t1 = q2 + q3
     c23 = ca.cos(t1)
     s23 = ca.sin(t1)
-    t2 = beta3*c23 - beta4*s23
+    t2 = c23*beta3 - s23*beta4
     g = _matrix(3, 1, [
         0,
-        9.81*(t2 + (beta14*c2 - beta15*s2)),
+        9.81*(t2 + (c2*beta14 - s2*beta15)),
         9.81*t2,
     ])
     return ca.Function("rrr_casadi_gravity", [q, beta], [g], ["q", "beta"], ["g"])

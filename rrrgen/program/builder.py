@@ -1,0 +1,359 @@
+"""Recording programs: arithmetic on the nodes of a :class:`Builder` under the Python operators.
+
+Nodes are hash-consed while they are recorded, so a common subexpression exists once, and the identities of arithmetic
+that never change a value in exact arithmetic (x + 0, 1*x, -(-x), constants folded exactly as fractions) are applied at
+once. Structural zeros never enter a program: an operation whose result is known while recording returns a plain number.
+
+:class:`Scalar` wraps a node with the Python operators. Code that derives models is written with those operators only,
+so the same derivation also runs over floats, exact rationals, finite fields and trigonometric polynomials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
+
+from rrrgen.errors import InternalError
+from rrrgen.program.ir import Node, Op, Port, Program, reachable
+
+SMALLEST = 10**30
+"""Constants below 1/SMALLEST are what is left where irrational constants (given to 40 digits) cancel: zero."""
+
+
+def settled(value: Fraction | int) -> Fraction | int:
+    """A constant, with the remains of cancelled irrational ones taken as zero."""
+    return 0 if _negligible(value) else value
+
+
+def _negligible(value: Fraction | int) -> bool:
+    """In integers, since comparing fractions is what recording would spend most of its time on."""
+    return not value if type(value) is int else abs(value.numerator) * SMALLEST < value.denominator
+
+
+class Scalar:
+    """A node of a builder under the Python operators; results known while recording are plain numbers."""
+
+    __slots__ = ("builder", "index")
+
+    def __init__(self, builder: Builder, index: int) -> None:
+        self.builder = builder
+        self.index = index
+
+    def __add__(self, other: Value) -> Value:
+        return self.builder.add(self, other)
+
+    def __radd__(self, other: Value) -> Value:
+        return self.builder.add(other, self)
+
+    def __sub__(self, other: Value) -> Value:
+        return self.builder.sub(self, other)
+
+    def __rsub__(self, other: Value) -> Value:
+        return self.builder.sub(other, self)
+
+    def __mul__(self, other: Value) -> Value:
+        return self.builder.mul(self, other)
+
+    def __rmul__(self, other: Value) -> Value:
+        return self.builder.mul(other, self)
+
+    def __truediv__(self, other: Value) -> Value:
+        return self.builder.div(self, other)
+
+    def __rtruediv__(self, other: Value) -> Value:
+        return self.builder.div(other, self)
+
+    def __neg__(self) -> Value:
+        return self.builder.neg(self)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scalar) and other.builder is self.builder and other.index == self.index
+
+    def __hash__(self) -> int:
+        return hash((id(self.builder), self.index))
+
+    def __repr__(self) -> str:
+        return f"Scalar({self.index}: {self.builder.nodes[self.index]})"
+
+
+Value = Scalar | int | Fraction
+"""What recorded arithmetic works on: a node, or a number known while recording."""
+
+
+class Builder:
+    """Records arithmetic into the nodes of a program."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self.ports: list[Port] = []
+        self.labels: dict[int, str] = {}
+        self._index: dict[tuple[Op, tuple[int, ...], object], int] = {}
+
+    # -- recording -----------------------------------------------------------------------------------------------
+
+    def _node(self, op: Op, args: tuple[int, ...] = (), value: object = None) -> int:
+        key = (op, args, value)
+        index = self._index.get(key)
+        if index is None:
+            index = self._index[key] = len(self.nodes)
+            self.nodes.append(Node(op, args, value))
+        return index
+
+    def _known(self, op: Op, args: tuple[int, ...]) -> int | None:
+        return self._index.get((op, args, None))
+
+    def input(self, port: Port) -> list[Scalar]:
+        """Declare an input and return its elements, row-major."""
+        self.ports.append(port)
+        position = len(self.ports) - 1
+        return [Scalar(self, self._node(Op.INPUT, (), (position, k))) for k in range(port.size)]
+
+    def index_of(self, value: Value) -> int:
+        """The node that holds ``value``; numbers become constants."""
+        if isinstance(value, Scalar):
+            if value.builder is not self:
+                raise InternalError("a value of one builder was used in another")
+            return value.index
+        return self._node(Op.CONST, (), Fraction(value))
+
+    def label(self, value: Value, name: str) -> Value:
+        """Suggest a readable name for a value; the first suggestion stays."""
+        if isinstance(value, Scalar) and self.nodes[value.index].op is not Op.INPUT:
+            self.labels.setdefault(value.index, name)
+        return value
+
+    def _op(self, value: Scalar) -> Node:
+        if value.builder is not self:
+            raise InternalError("a value of one builder was used in another")
+        return self.nodes[value.index]
+
+    def _negated(self, value: Value) -> Value | None:
+        """``x`` where ``value`` is recorded as ``-x``, else None."""
+        if not isinstance(value, Scalar):
+            return None
+        node = self.nodes[value.index]
+        return Scalar(self, node.args[0]) if node.op is Op.NEG else None
+
+    def _unsigned(self, value: Value) -> tuple[int, bool]:
+        """The node that holds ``value``, or ``-value`` where that is what is recorded; and whether it is so."""
+        index = self.index_of(value)
+        node = self.nodes[index]
+        return (node.args[0], True) if node.op is Op.NEG else (index, False)
+
+    def _scaled(self, value: Scalar) -> tuple[Fraction | int, Scalar]:
+        """``value`` as constant times node."""
+        node = self._op(value)
+        if node.op is Op.NEG:
+            factor, rest = self._scaled(Scalar(self, node.args[0]))
+            return -factor, rest
+        if node.op is Op.MUL and self.nodes[node.args[0]].op is Op.CONST:
+            return self.nodes[node.args[0]].number, Scalar(self, node.args[1])
+        return 1, value
+
+    # -- arithmetic ----------------------------------------------------------------------------------------------
+
+    def add(self, x: Value, y: Value) -> Value:
+        """x + y."""
+        if not isinstance(x, Scalar):
+            x, y = y, x
+        if not isinstance(x, Scalar):
+            return settled(x + y)  # type: ignore[arg-type]
+        if not isinstance(y, Scalar):
+            if _negligible(y):
+                return x
+            minus = self._negated(x)
+            return self.sub(y, minus) if minus is not None else self._binary(Op.ADD, x, y)
+        if x.index == y.index:
+            return self.mul(2, x)
+        if (minus := self._negated(y)) is not None:
+            return self.sub(x, minus)
+        if (minus := self._negated(x)) is not None:
+            return self.sub(y, minus)
+        for one, other in ((x, y), (y, x)):  # (a - b) + b = a
+            node = self._op(one)
+            if node.op is Op.SUB and node.args[1] == other.index:
+                return Scalar(self, node.args[0])
+        return self._binary(Op.ADD, x, y)
+
+    def sub(self, x: Value, y: Value) -> Value:
+        """x - y."""
+        if not isinstance(x, Scalar) and not isinstance(y, Scalar):
+            return settled(x - y)
+        if not isinstance(y, Scalar):
+            if _negligible(y):
+                return x
+            return self.add(x, -Fraction(y)) if y < 0 else self._subtract(x, y)
+        if (minus := self._negated(y)) is not None:
+            return self.add(x, minus)
+        if not isinstance(x, Scalar):
+            return self.neg(y) if _negligible(x) else self._subtract(x, y)
+        if x.index == y.index:
+            return 0
+        node = self._op(x)
+        if node.op is Op.ADD and y.index in node.args:  # (a + b) - b = a
+            return Scalar(self, node.args[0] if node.args[1] == y.index else node.args[1])
+        if (minus := self._negated(x)) is not None:
+            return self.neg(self.add(minus, y))
+        return self._subtract(x, y)
+
+    def _subtract(self, x: Value, y: Value) -> Value:
+        i, j = self.index_of(x), self.index_of(y)
+        reverse = self._known(Op.SUB, (j, i))
+        if reverse is not None:
+            return self.neg(Scalar(self, reverse))
+        return Scalar(self, self._node(Op.SUB, (i, j)))
+
+    def mul(self, x: Value, y: Value) -> Value:
+        """x * y."""
+        if not isinstance(x, Scalar) and not isinstance(y, Scalar):
+            return x * y
+        if isinstance(x, Scalar) and not isinstance(y, Scalar):
+            x, y = y, x
+        if not isinstance(x, Scalar):
+            return self._scale(x, y)  # type: ignore[arg-type]
+        # Signs move outwards, where sums absorb them; constant factors stay where they are shared.
+        (i, minus_x), (j, minus_y) = self._unsigned(x), self._unsigned(y)
+        product = Scalar(self, self._node(Op.MUL, (i, j) if i < j else (j, i)))
+        return product if minus_x == minus_y else self.neg(product)
+
+    def _scale(self, factor: Fraction | int, x: Scalar) -> Value:
+        own, x = self._scaled(x)
+        if own != 1:
+            factor = factor * own
+        if _negligible(factor):
+            return 0
+        if factor == 1:
+            return x
+        if factor == -1:
+            return self.neg(x)
+        if factor < 0:  # the sign is kept outside, where sums absorb it
+            return self.neg(self._scale(-factor, x))
+        return Scalar(self, self._node(Op.MUL, (self.index_of(factor), x.index)))
+
+    def double(self, x: Value) -> Value:
+        """x + x, kept as an addition."""
+        return self._binary(Op.ADD, x, x) if isinstance(x, Scalar) else 2 * Fraction(x)
+
+    def _binary(self, op: Op, x: Value, y: Value) -> Scalar:
+        i, j = self.index_of(x), self.index_of(y)
+        return Scalar(self, self._node(op, (i, j) if i < j else (j, i)))
+
+    def neg(self, x: Value) -> Value:
+        """-x."""
+        if not isinstance(x, Scalar):
+            return -Fraction(x)
+        node = self._op(x)
+        if node.op is Op.NEG:
+            return Scalar(self, node.args[0])
+        if node.op is Op.SUB and (reverse := self._known(Op.SUB, node.args[::-1])) is not None:
+            return Scalar(self, reverse)
+        return Scalar(self, self._node(Op.NEG, (x.index,)))
+
+    def div(self, x: Value, y: Value) -> Value:
+        """x / y."""
+        if not isinstance(y, Scalar):
+            return self.mul(x, 1 / Fraction(y))
+        if not isinstance(x, Scalar) and x == 0:
+            return 0
+        return Scalar(self, self._node(Op.DIV, (self.index_of(x), y.index)))
+
+    def _function(self, op: Op, x: Value, exact: Callable[[Fraction], Value | None]) -> Value:
+        if not isinstance(x, Scalar):
+            value = exact(Fraction(x))
+            if value is not None:
+                return value
+        return Scalar(self, self._node(op, (self.index_of(x),)))
+
+    def sin(self, x: Value) -> Value:
+        """sin(x), odd."""
+        if (minus := self._negated(x)) is not None:
+            return self.neg(self.sin(minus))
+        return self._function(Op.SIN, x, lambda v: 0 if v == 0 else None)
+
+    def cos(self, x: Value) -> Value:
+        """cos(x), even."""
+        if (minus := self._negated(x)) is not None:
+            return self.cos(minus)
+        return self._function(Op.COS, x, lambda v: 1 if v == 0 else None)
+
+    def sqrt(self, x: Value) -> Value:
+        """Square root."""
+        return self._function(Op.SQRT, x, lambda v: v if v in (0, 1) else None)
+
+    def abs(self, x: Value) -> Value:
+        """Absolute value."""
+        return self._function(Op.ABS, x, lambda v: abs(v))
+
+    def sign(self, x: Value) -> Value:
+        """-1, 0 or +1."""
+        return self._function(Op.SIGN, x, lambda v: Fraction((v > 0) - (v < 0)))
+
+    def exp(self, x: Value) -> Value:
+        """Exponential."""
+        return self._function(Op.EXP, x, lambda v: 1 if v == 0 else None)
+
+    def tanh(self, x: Value) -> Value:
+        """Hyperbolic tangent."""
+        return self._function(Op.TANH, x, lambda v: 0 if v == 0 else None)
+
+    def select(self, condition: Value, positive: Value, otherwise: Value) -> Value:
+        """``positive`` where ``condition > 0``, else ``otherwise``."""
+        if not isinstance(condition, Scalar):
+            return positive if condition > 0 else otherwise
+        return Scalar(
+            self,
+            self._node(Op.SELECT, (condition.index, self.index_of(positive), self.index_of(otherwise))),
+        )
+
+    # -- finishing -----------------------------------------------------------------------------------------------
+
+    def program(
+        self,
+        name: str,
+        outputs: Iterable[tuple[Port, Sequence[Value]]],
+        summary: str = "",
+        formula: str = "",
+        notes: Sequence[str] = (),
+    ) -> Program:
+        """Close the recording: keep what the outputs need, in order of definition."""
+        ports, values = [], []
+        for port, elements in outputs:
+            ports.append(port)
+            values.append([self.index_of(element) for element in elements])
+        keep = reachable(self.nodes, (index for row in values for index in row))
+        place = {old: new for new, old in enumerate(keep)}
+        kept = (self.nodes[old] for old in keep)
+        nodes = tuple(Node(op, tuple([place[arg] for arg in args]), value) for op, args, value in kept)
+        program = Program(
+            name=name,
+            inputs=tuple(self.ports),
+            outputs=tuple(ports),
+            nodes=nodes,
+            results=tuple(tuple(place[index] for index in row) for row in values),
+            summary=summary,
+            formula=formula,
+            notes=tuple(notes),
+            labels={place[k]: v for k, v in self.labels.items() if k in place},
+        )
+        program.validate()
+        return program
+
+
+def replay(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[list[Value]]:
+    """Record ``program`` once more into ``builder`` with ``inputs`` in place of its input ports.
+
+    The way programs are composed, specialised (numbers in place of an input) and re-simplified.
+    """
+    values: list[Value] = []
+    for index, node in enumerate(program.nodes):
+        if node.op is Op.INPUT:
+            port, element = node.place
+            value: Value = inputs[port][element]
+        elif node.op is Op.CONST:
+            value = node.number
+        else:
+            value = getattr(builder, node.op.value)(*(values[arg] for arg in node.args))
+        if index in program.labels:
+            builder.label(value, program.labels[index])
+        values.append(value)
+    return [[values[index] for index in row] for row in program.results]
