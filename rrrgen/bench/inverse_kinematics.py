@@ -119,7 +119,7 @@ def _reference_sources() -> dict[str, str]:
     """The RRR's model."""
     from rrrgen import pipeline
     from rrrgen.backends.c.dialect import Dialect
-    from rrrgen.backends.c.sources import header_and_source
+    from rrrgen.backends.c.sources import header_and_sources
     from rrrgen.backends.c.trigonometry import sincos_strategy
     from rrrgen.manifest import identify
     from rrrgen.runtime.derived_cache import recall
@@ -127,7 +127,7 @@ def _reference_sources() -> dict[str, str]:
 
     spec = load_spec("rrr")
     derived = recall(spec, identify(spec), pipeline.derive)
-    return header_and_source(derived, identify(spec), Dialect("rrr", "double"), sincos_strategy("inline"))
+    return header_and_sources(derived, identify(spec), Dialect("rrr", "double"), sincos_strategy("inline"))
 
 
 def _plain(chain: Chain) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import has_status, stored_outputs
-from rrrgen.backends.c.sources import header_and_source
+from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.trigonometry import sincos_strategy
 from rrrgen.bench.cases import Case, Numbers
 from rrrgen.bench.contestants import OWN, OWN_FILE, OWN_LIBM, TITLES, Contestant, Party
@@ -39,7 +39,7 @@ def own_party(case: Case, derived: DerivedModel, libm: bool = True) -> Party:
 def _add(party: Party, case: Case, derived: DerivedModel, label: str, trig: Trig, tag: str, names: list[str]) -> None:
     name = derived.name
     prefix = f"{name}{tag}"
-    files = header_and_source(derived, identify(derived.spec), Dialect(name, "double"), sincos_strategy(trig))
+    files = header_and_sources(derived, identify(derived.spec), Dialect(name, "double"), sincos_strategy(trig))
     for file, text in files.items():
         renamed = text.replace(f"{name}_", f"{prefix}_").replace(f"{name}.h", f"{prefix}.h") if tag else text
         party.sources[file.replace(name, prefix, 1)] = renamed

@@ -41,13 +41,13 @@ def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> Compiled
     from rrrgen.backends.c.dialect import Dialect
     from rrrgen.backends.c.loops import declarations
     from rrrgen.backends.c.signature import function_name
-    from rrrgen.backends.c.sources import header_and_source, programs_of
+    from rrrgen.backends.c.sources import header_and_sources, programs_of
     from rrrgen.backends.c.trigonometry import InlineSinCos
     from rrrgen.runtime.build import NATIVE, build_extension
 
     dialect = Dialect(derived.spec.name, real)
     programs = {name: program for name, program in programs_of(derived).items() if program.inputs}
-    code = header_and_source(derived, identity, dialect, InlineSinCos())
+    code = header_and_sources(derived, identity, dialect, InlineSinCos())
     ffi, lib = build_extension(code, declarations(programs.values(), dialect), derived.spec.name, NATIVE)
     functions = {name: getattr(lib, function_name(program, dialect)) for name, program in programs.items()}
     loops = cache(lambda: _loops(programs, code, dialect))

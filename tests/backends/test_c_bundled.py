@@ -11,7 +11,7 @@ from rrrgen.spec import load_spec
 
 @pytest.fixture(scope="module")
 def derived():
-    return {name: pipeline.derive(load_spec(name)) for name in ("rrr", "stanford", "panda")}
+    return {name: pipeline.derive(load_spec(name)) for name in ("rrr", "stanford", "panda", "gantry")}
 
 
 def sources(model, real):
@@ -31,6 +31,7 @@ def sources(model, real):
         ("rrr", "float", "gcc", CXX),
         ("stanford", "float", "gcc", C99),
         ("panda", "double", "clang", C99),
+        ("gantry", "double", "clang", C99),  # no angle: no kernel that nothing uses
         ("rrr", "double", "gcc", [*C99, "-Ofast"]),  # the sines must not come from a kernel that is rearranged
         ("panda", "double", "clang", [*C99, "-ffast-math"]),
         ("rrr", "float", "gcc", [*C99, "-ffast-math"]),
@@ -41,3 +42,30 @@ def test_bundled_robots_compile_cleanly_and_pass_their_self_test(robot, real, co
     done = run(compile_all(folder, [compiler(command), "-O1", *flags]))
     assert done.returncode == 0, done.stdout
     assert "FAILED" not in done.stdout
+
+
+UNITY = """#include "rrr.inc"
+#include "rrr_derivatives.inc"
+#include "rrr_ik.inc"
+int main(void)
+{
+    rrr_real beta[RRR_B];
+    rrr_nominal_parameters(beta);
+    return !(beta[0] > 0.0);
+}
+"""
+
+
+def test_all_sources_fit_into_one_translation_unit(derived, tmp_path):
+    files = sources(derived["rrr"], "double")
+    folder = write({name.replace(".c", ".inc"): text for name, text in files.items()}, tmp_path)
+    write({"unity.c": UNITY}, folder)
+    assert run(compile_all(folder, [compiler("gcc"), *C99])).returncode == 0
+
+
+def test_who_needs_no_derivatives_leaves_their_file_out(derived, tmp_path):
+    folder = write(sources(derived["rrr"], "double"), tmp_path)
+    for unused in ("rrr_derivatives.c", "rrr_ik.c", "rrr_selftest.c"):
+        (folder / unused).unlink()
+    main = UNITY.replace("rrr.inc", "rrr.h").replace('#include "rrr_derivatives.inc"\n#include "rrr_ik.inc"\n', "")
+    assert run(compile_all(write({"main.c": main}, folder), [compiler("gcc"), *C99])).returncode == 0

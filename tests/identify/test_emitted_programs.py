@@ -37,14 +37,14 @@ class Emitted:
     def __init__(self, programs: list[Program]) -> None:
         from rrrgen.backends.c.dialect import Dialect
         from rrrgen.backends.c.signature import function_name
-        from rrrgen.backends.c.sources import header_and_source
+        from rrrgen.backends.c.sources import header_and_sources
         from rrrgen.manifest import identify
         from rrrgen.runtime.build import build_extension
 
         model = rrrgen.compile("planar2r")
         self.programs = {program.name: program for program in programs}
         dialect = Dialect(model.spec.name, "double")
-        sources = header_and_source(
+        sources = header_and_sources(
             replace(model.derived, programs=self.programs, beta_nominal=None), identify(model.spec), dialect
         )
         self.symbols = {name: function_name(program, dialect) for name, program in self.programs.items()}

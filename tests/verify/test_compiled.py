@@ -54,18 +54,20 @@ def one_wrong_sign_per_function(source: str) -> tuple[str, list[str]]:
 def test_one_wrong_sign_in_emitted_c_is_found_in_every_function(monkeypatch, tmp_path):
     compiled("rrr")  # skips without a toolchain
     hit: list[str] = []
-    original = sources.header_and_source
+    original = sources.header_and_sources
 
     def spoiled(*arguments):
         files = dict(original(*arguments))
-        files["rrr.c"], found = one_wrong_sign_per_function(files["rrr.c"])
-        hit.extend(found)
+        for file in ("rrr.c", "rrr_derivatives.c"):
+            files[file], found = one_wrong_sign_per_function(files[file])
+            hit.extend(found)
         return files
 
-    monkeypatch.setattr(sources, "header_and_source", spoiled)
+    monkeypatch.setattr(sources, "header_and_sources", spoiled)
     monkeypatch.setenv("RRRGEN_CACHE", str(tmp_path))
     report = verify(rrrgen.compile("rrr", "c"), samples=20, libraries=False)
     assert len(hit) > 20
+    assert "forward_dynamics_derivatives_nominal" in hit
     for name in hit:
         base, parameters = name.removesuffix("_nominal"), "nominal" if name.endswith("_nominal") else "random"
         rows = [row for row in report.failures if re.match(rf"{base}\b", row.function)]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.selftest import selftest
-from rrrgen.backends.c.sources import header_and_source
+from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.trigonometry import Trig, sincos_strategy
 
 if TYPE_CHECKING:
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CBackend:
-    """Prints header, source and self-test; ``trig`` says where sines and cosines come from."""
+    """Prints header, sources and self-test; ``trig`` says where sines and cosines come from."""
 
     trig: Trig = "inline"
     name: ClassVar[str] = "c"
 
     def files(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
-        """``<name>.h``, ``<name>.c`` and ``<name>_selftest.c``."""
+        """``<name>.h``, ``<name>.c``, ``<name>_derivatives.c`` and ``<name>_selftest.c``."""
         dialect = Dialect(model.spec.name, real)
         return {
-            **header_and_source(model, identity, dialect, sincos_strategy(self.trig)),
+            **header_and_sources(model, identity, dialect, sincos_strategy(self.trig)),
             **selftest(model, identity, dialect),
         }

@@ -9,7 +9,7 @@ import rrrgen
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.comments import columns, wrapped
 from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.sources import print_functions
+from rrrgen.backends.c.sources import naming, preamble, print_functions
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
 from rrrgen.program import Program
 from rrrgen.resources import render
@@ -24,7 +24,7 @@ def function_files(
     """
     sincos = sincos or LibmSinCos()
     dialect = Dialect(prefix, real)
-    functions = print_functions({program.name: program for program in programs}, dialect, sincos)
+    functions = print_functions({program.name: program for program in programs}, dialect, sincos).values()
     printed = "\n".join(line for f in functions for line in (f.prototype, *f.explanation, *f.body))
     identity = Identity(hashlib.sha256(printed.encode()).hexdigest(), rrrgen.__version__)
     opening = [
@@ -45,15 +45,8 @@ def function_files(
             "function has state, allocates, or fails; all may be called from several threads at once."
         ),
     ]
-    values = {
-        "prefix": prefix,
-        "macro": dialect.macro,
-        "real": real,
-        "identity": identity,
-        "status": False,
-        "functions": functions,
-    }
+    values = {**naming(dialect, identity), "stem": prefix, "status": False, "functions": functions}
     return {
         f"{prefix}.h": render("c/functions.h.j2", **values, opening=opening),
-        f"{prefix}.c": render("c/source.c.j2", **values, preamble=sincos.preamble(dialect)),
+        f"{prefix}.c": render("c/source.c.j2", **values, preamble=preamble(programs, dialect, sincos)),
     }

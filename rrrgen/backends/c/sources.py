@@ -1,8 +1,8 @@
-"""The header and the source file of a robot."""
+"""The header and the source files of a robot."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from rrrgen.backends.c.dialect import Dialect, decimal
 from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, has_status, prototype
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
-from rrrgen.program import Builder, Port, Program
+from rrrgen.program import Builder, Port, Program, count_operations
 from rrrgen.resources import render
 
 if TYPE_CHECKING:
@@ -50,36 +50,67 @@ def _nominal_parameters(model: DerivedModel) -> Program:
     return Builder().program("nominal_parameters", outputs, summary)
 
 
-def header_and_source(
+def header_and_sources(
     model: DerivedModel, identity: Identity, dialect: Dialect, sincos: SinCos | None = None
 ) -> dict[str, str]:
-    """``<name>.h`` and ``<name>.c``."""
+    """``<name>.h``, ``<name>.c`` and ``<name>_derivatives.c``.
+
+    Derivatives take the C compiler more time than all the rest, and not every controller wants them.
+    """
     sincos = sincos or LibmSinCos()
     programs = programs_of(model)
-    values = {
-        "prefix": dialect.prefix,
-        "macro": dialect.macro,
-        "real": dialect.real,
-        "identity": identity,
-        "status": any(has_status(program) for program in programs.values()),
-        "functions": print_functions(programs, dialect, sincos),
-    }
-    opening = _opening(model, identity, dialect, sincos)
-    header = render("c/header.h.j2", **values, opening=opening, n=model.spec.n, b=len(model.base_parameters))
-    source = render("c/source.c.j2", **values, preamble=sincos.preamble(dialect))
-    return {f"{dialect.prefix}.h": header, f"{dialect.prefix}.c": source}
+    functions = print_functions(programs, dialect, sincos)
+    status = any(has_status(program) for program in programs.values())
+    header = render(
+        "c/header.h.j2",
+        **naming(dialect, identity),
+        status=status,
+        functions=functions.values(),
+        opening=_opening(model, identity, dialect, sincos),
+        n=model.spec.n,
+        b=len(model.base_parameters),
+    )
+    files = {f"{dialect.prefix}.h": header}
+    own = {name: program for name, program in programs.items() if not is_derivative(name)}
+    derivatives = {name: program for name, program in programs.items() if is_derivative(name)}
+    for stem, part in ((dialect.prefix, own), (f"{dialect.prefix}_derivatives", derivatives)):
+        if part:
+            files[f"{stem}.c"] = render(
+                "c/source.c.j2",
+                **naming(dialect, identity),
+                stem=stem,
+                status=status and part is own,
+                functions=[functions[name] for name in part],
+                preamble=preamble(part.values(), dialect, sincos),
+            )
+    return files
 
 
-def print_functions(programs: Mapping[str, Program], dialect: Dialect, sincos: SinCos) -> list[Function]:
+def is_derivative(name: str) -> bool:
+    """Whether a function belongs into the file of derivatives."""
+    return name.removesuffix("_nominal").endswith("_derivatives")
+
+
+def naming(dialect: Dialect, identity: Identity) -> dict[str, object]:
+    """What all templates of C know."""
+    return {"prefix": dialect.prefix, "macro": dialect.macro, "real": dialect.real, "identity": identity}
+
+
+def preamble(programs: Iterable[Program], dialect: Dialect, sincos: SinCos) -> str:
+    """What stands before the functions; nothing where they have no angles, as compilers warn of what is not used."""
+    return sincos.preamble(dialect) if any(count_operations(program).sincos for program in programs) else ""
+
+
+def print_functions(programs: Mapping[str, Program], dialect: Dialect, sincos: SinCos) -> dict[str, Function]:
     """Every program as prototype, explanation and body."""
-    return [
-        Function(
+    return {
+        name: Function(
             prototype=prototype(program, dialect),
             explanation=tuple(explanation(program, dialect)),
             body=tuple(print_body(program, dialect, sincos)),
         )
-        for program in programs.values()
-    ]
+        for name, program in programs.items()
+    }
 
 
 _CONVENTIONS = {
@@ -100,6 +131,11 @@ def _number(value: sp.Expr) -> str:
     return decimal(Fraction(int(value.p), int(value.q))) if value.is_Rational else plain(str(value))
 
 
+def _sources(prefix: str, model: DerivedModel) -> str:
+    derivatives = any(is_derivative(name) for name in model.programs)
+    return f"{prefix}.c; derivatives in {prefix}_derivatives.c" if derivatives else f"{prefix}.c"
+
+
 def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: SinCos) -> list[str]:
     """The first comment of the header: what this is, the conventions, the rules, the base parameters."""
     spec, macro = model.spec, dialect.macro
@@ -112,6 +148,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
             "Generated by",
             f"rrrgen {identity.tool_version}. The generated code belongs to you: use, change and pass it on.",
         ),
+        ("Sources", _sources(dialect.prefix, model)),
         ("Model", f"SHA-256 {identity.model_hash} of the normalised robot description"),
         ("Convention", _CONVENTIONS[spec.convention]),
         ("Units", "SI and rad: q rad or m, dq per s, ddq per s^2, tau N m or N, masses kg, inertias kg m^2"),
