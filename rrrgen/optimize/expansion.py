@@ -44,7 +44,9 @@ class Expansion:
 
     def __init__(self, program: Program, cutting: Cutting) -> None:
         self.program = program
-        self.cutting = cutting
+        self._whole, self._scaled, self._local = (
+            cutting is kind for kind in (Cutting.NOTHING, Cutting.SCALED, Cutting.LOCAL)
+        )
         self.stages = _stages(program)
         self.uses = uses(program)
         self.cuts: dict[int, Polynomial] = {}
@@ -138,15 +140,15 @@ class Expansion:
 
     def _cuts_off(self, index: int, stage: int) -> bool:
         """Whether this use takes node ``index`` as a literal."""
-        if self.cutting is Cutting.LOCAL:
+        if self._local:
             return self.uses[index] > 1 and len(self._values[index]) > 1
-        if self.cutting is Cutting.NOTHING or self.stages[index] != 1:
+        if self._whole or self.stages[index] != 1:
             return False
         value = self._values[index]
         if len(value) > 1:
             return stage == 2 or self.uses[index] > 1
         scaled = any(abs(c) != 1 for c in value.values())
-        return self.cutting is Cutting.SCALED and scaled and self.uses[index] > 1
+        return self._scaled and scaled and self.uses[index] > 1
 
     def _of_parameters(self, literal: int) -> bool:
         return self.stages[self.literals[literal]] == 0
@@ -157,7 +159,7 @@ class Expansion:
         total: Polynomial = {}
         for m, c in x.items():
             for n, d in y.items():
-                _accumulate(total, tuple(sorted(m + n)), c * d)
+                _accumulate(total, tuple(sorted(m + n)) if m and n else m or n, c * d)
         return self._reduce(total)
 
     def _reduce(self, value: Polynomial) -> Polynomial:

@@ -152,12 +152,21 @@ class Factoring:
             gain = self._double_gains[double] if double is not None else 0.0
             saved = self._single_gains[single] if single is not None else 0.0
             if max(gain, saved) <= 1e-9:
-                return
+                break
             if double is not None and gain >= saved:
                 self._extract_double(double)
             elif single is not None:
                 self._extract_single(single)
             self._update_gains()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Cut the circles of references: they would stay in memory while the collector pauses."""
+        for terms in self._terms:
+            for term in terms.values():
+                term.pairs.clear()
+        for double in self._doubles.values():
+            double.pairs.clear()
 
     # -- terms and their divisors --------------------------------------------------------------------------------
 
@@ -202,6 +211,7 @@ class Factoring:
             self._touched_doubles[pair.divisor] = None
             other = pair.second if pair.first is term else pair.first
             del other.pairs[pair]
+        term.pairs.clear()
         del self._terms[term.k][term.monomial]
         for single in term.singles:
             del self._singles[single][term]
