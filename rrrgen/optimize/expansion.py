@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import Enum
 from fractions import Fraction
 from itertools import pairwise
-from typing import TypeAlias
 
-from rrrgen.optimize.factoring import Factoring, Monomial, Polynomial
-from rrrgen.program import Builder, Op, Program, Value
+from rrrgen.optimize.factoring import Monomial, Polynomial
+from rrrgen.program import Op, Program
 from rrrgen.program.builder import settled
 from rrrgen.program.ir import Node, uses
 
 MAX_TERMS = 100
 """Longest polynomial that is worth a search: its pairs of terms are what the search looks at."""
-
-
-MAX_PAIRS = 1500
-"""Pairs of terms in all polynomials together that are worth a search of a whole expansion."""
 
 
 class TooLargeError(Exception):
@@ -216,97 +210,3 @@ def _accumulate(total: Polynomial, monomial: Monomial, coefficient: Fraction | i
         total[monomial] = value
     else:
         del total[monomial]
-
-
-Expanded: TypeAlias = tuple[list[int], list[Polynomial], list[tuple[int, Polynomial]]]
-"""Literals, results, parts that are cut off."""
-
-
-class Tried:
-    """Expansions of equivalent programs, so that none is factored twice."""
-
-    def __init__(self) -> None:
-        self._whole = False
-        self._expanded: dict[int, list[Expanded]] = {}
-
-    def again(self, program: Program, expansion: Expansion, polynomials: list[Polynomial]) -> bool:
-        """Whether this expansion was tried before; it is now. Expanded as a whole, equivalent programs are equal."""
-        expanded = (expansion.literals, polynomials, list(expansion.cuts.items()))
-        others = self._expanded.setdefault(id(program), [])
-        if expanded in others or (expansion.whole and self._whole):
-            return True
-        others.append(expanded)
-        self._whole = self._whole or expansion.whole
-        return False
-
-
-def factored(program: Program, cutting: Cutting, tried: Tried | None = None) -> Program | None:
-    """``program`` expanded and factored, or None where the expansion is too large or ``tried`` before."""
-    expansion = Expansion(program, cutting)
-    try:
-        polynomials = expansion.results()
-    except TooLargeError:
-        return None
-    results = len(polynomials)
-    pairs = sum(len(p) * (len(p) - 1) // 2 for p in [*polynomials, *expansion.cuts.values()])
-    if cutting is not Cutting.LOCAL and pairs > MAX_PAIRS:
-        return None
-    if tried is not None and tried.again(program, expansion, polynomials):
-        return None
-    search = Factoring(polynomials + list(expansion.cuts.values()), len(expansion.literals))
-    search.run()
-    return _record(program, expansion, search, results)
-
-
-def _record(program: Program, expansion: Expansion, search: Factoring, results: int) -> Program:
-    builder = Builder()
-    inputs = [builder.input(port) for port in program.inputs]
-    values: dict[int, Value] = {}
-    originals: dict[int, Value] = {}
-
-    def original(index: int) -> Value:
-        """A literal's own node, recorded as in the program."""
-        if index not in originals:
-            node = program.nodes[index]
-            if node.op is Op.INPUT:
-                port, element = node.place
-                originals[index] = inputs[port][element]
-            elif node.op is Op.CONST:
-                originals[index] = node.number
-            else:
-                originals[index] = getattr(builder, node.op.value)(*(operand(arg) for arg in node.args))
-            if index in program.labels:
-                builder.label(originals[index], program.labels[index])
-        return originals[index]
-
-    def operand(index: int) -> Value:
-        """An operand of a literal: itself a literal, or a polynomial of its own."""
-        position = expansion.position(index)
-        return literal(position) if position is not None else original(index)
-
-    final = search.polynomials
-    definitions = {search.first + k: p for k, p in enumerate(final[search.count :])}
-    for at, cut in enumerate(expansion.cuts):
-        definitions[cut] = final[results + at]
-
-    def literal(k: int) -> Value:
-        if k not in values:
-            values[k] = polynomial(definitions[k]) if k in definitions else original(expansion.literals[k])
-        return values[k]
-
-    def polynomial(p: Polynomial) -> Value:
-        total: Value = 0
-        ordered = sorted(p.items(), key=lambda item: (item[1] < 0, item[0]))
-        for monomial, coefficient in ordered:
-            term: Value = coefficient if coefficient > 0 else -coefficient
-            for k in monomial:
-                term = term * literal(k)
-            total = total + term if coefficient > 0 else total - term
-        return total
-
-    flat: Sequence[Value] = [polynomial(p) for p in final[:results]]
-    outputs, at = [], 0
-    for port in program.outputs:
-        outputs.append((port, flat[at : at + port.size]))
-        at += port.size
-    return builder.program(program.name, outputs, program.summary, program.formula, program.notes)

@@ -11,8 +11,9 @@ from rrrgen.derive.dynamic_functions import forward_dynamics
 from rrrgen.derive.recording import Recording
 from rrrgen.optimize.collecting import collect
 from rrrgen.optimize.doubling import double_by_addition
-from rrrgen.optimize.expansion import Cutting, Tried, factored
+from rrrgen.optimize.expansion import Cutting
 from rrrgen.optimize.folding import fold
+from rrrgen.optimize.rewriting import Tried, factored
 from rrrgen.program import Program, count_operations
 
 SMALL = 230

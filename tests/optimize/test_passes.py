@@ -14,9 +14,10 @@ from hypothesis import given, settings
 from optimize.programs import ARITHMETIC, PORTS, STATE, precise, programs, same_values
 from rrrgen.optimize.collecting import collect
 from rrrgen.optimize.doubling import double_by_addition
-from rrrgen.optimize.expansion import MAX_TERMS, Cutting, factored
+from rrrgen.optimize.expansion import MAX_TERMS, Cutting
 from rrrgen.optimize.folding import fold
 from rrrgen.optimize.passes import Choice, _Log, cheapest, cost
+from rrrgen.optimize.rewriting import factored
 from rrrgen.program import Builder, Op, OperationCount, Port, Program, count_operations, evaluate
 
 
