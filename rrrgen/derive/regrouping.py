@@ -22,7 +22,7 @@ def regroupings(
         if not factors:
             entries.append(Regrouping(str(symbol), "no effect", _why_without_effect(model, link, kind)))
         elif len(factors) == 1 and _alone(factors[0][0], names, projection, j):
-            entries.append(Regrouping(str(symbol), f"{factors[0][0]} = {sp.factor(factors[0][1]) * symbol}", "alone"))
+            entries.append(Regrouping(str(symbol), f"{factors[0][0]} = {_times(factors[0][1], symbol)}", "alone"))
         else:
             formula = ", ".join(f"{name} += {_times(factor, symbol)}" for name, factor in factors)
             entries.append(Regrouping(str(symbol), formula, _why_regrouped(model, own, link, kind)))
@@ -35,7 +35,7 @@ def _alone(name: str, names: Sequence[str], projection: Sequence[Sequence[sp.Exp
 
 
 def _times(factor: sp.Expr, symbol: sp.Symbol) -> str:
-    return str(sp.factor(factor) * symbol)
+    return str((sp.factor(factor) if factor.is_Add else factor) * symbol)
 
 
 def _leading_parallel(model: RobotModel, link: int) -> bool:

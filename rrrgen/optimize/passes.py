@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -16,8 +17,11 @@ from rrrgen.optimize.folding import fold
 from rrrgen.optimize.rewriting import Tried, factored
 from rrrgen.program import Program, count_operations
 
-SMALL = 230
-"""Programs up to this many operations are also expanded as a whole; larger ones are factored locally."""
+LARGEST = {Cutting.NOTHING: 200, Cutting.SUMS: 230, Cutting.SCALED: 200, Cutting.LOCAL: sys.maxsize}
+"""Up to how many operations a program is worth an expansion; the largest ones are factored locally only."""
+
+SHORT = 115
+"""A program of inverse dynamics up to this long is worth deriving its derivatives from."""
 
 HOPELESS = {Cutting.LOCAL: 1.2, Cutting.SUMS: 1.3, Cutting.SCALED: 1.3, Cutting.NOTHING: 1.3}
 """A recursion this many times as dear as the best program found is not expanded: that saves less, locally a tenth."""
@@ -51,7 +55,7 @@ def optimize_model(derived: DerivedModel) -> DerivedModel:
 
 def _by_chain_rule(derived: DerivedModel, like: Program, programs: dict[str, Program]) -> list[Program]:
     """Derivatives from programs that are optimized already, where inverse dynamics is a short closed form."""
-    if like.name not in _SOURCES or count_operations(programs["inverse_dynamics"]).total > SMALL // 2:
+    if like.name not in _SOURCES or count_operations(programs["inverse_dynamics"]).total > SHORT:
         return []
     source = programs[_SOURCES[like.name]]
     if like.name == "inverse_dynamics_derivatives":
@@ -85,12 +89,11 @@ def choices(ways: Sequence[Program]) -> list[Choice]:
     Expanding everything gives the same from any recursion, so that is done from one.
     """
     result = [Choice(index, None) for index in range(len(ways))]
-    whole = False
     for index in sorted(range(len(ways)), key=lambda k: cost(ways[k]))[:2]:
-        small = count_operations(ways[index]).total <= SMALL
-        cuttings = [cutting for cutting in Cutting if small or cutting is Cutting.LOCAL]
+        total = count_operations(ways[index]).total
+        whole = any(choice.cutting is Cutting.NOTHING for choice in result)
+        cuttings = [cutting for cutting in Cutting if total <= LARGEST[cutting]]
         result += [Choice(index, cutting) for cutting in cuttings if cutting is not Cutting.NOTHING or not whole]
-        whole = whole or small
     return result
 
 

@@ -88,6 +88,7 @@ class Builder:
         self.ports: list[Port] = []
         self.labels: dict[int, str] = {}
         self._index: dict[tuple[Op, tuple[int, ...], object], int] = {}
+        self._constants: dict[tuple[int, int], int] = {}  # fractions are hashed slowly
 
     # -- recording -----------------------------------------------------------------------------------------------
 
@@ -114,7 +115,11 @@ class Builder:
             if value.builder is not self:
                 raise InternalError("a value of one builder was used in another")
             return value.index
-        return self._node(Op.CONST, (), Fraction(value))
+        key = (value.numerator, value.denominator)
+        index = self._constants.get(key)
+        if index is None:
+            index = self._constants[key] = self._node(Op.CONST, (), Fraction(value))
+        return index
 
     def label(self, value: Value, name: str) -> Value:
         """Suggest a readable name for a value; the first suggestion stays."""

@@ -29,11 +29,17 @@ _MATHS = {
 }
 
 
-def derivative(base: Routine, kind: str) -> Routine:
-    """The derivative ``kind`` of ``base``: "jac", "fwd1", "adj1", or several joined by "_", outermost first."""
-    for step in reversed(kind.split("_")):
-        base = _TRANSFORMS[step](base)
-    return base
+def derivatives(base: Routine, kinds: Sequence[str]) -> list[Routine]:
+    """Derivatives of ``base``: "jac", "fwd1", "adj1", or several joined by "_", outermost first."""
+    found = {"": base}
+
+    def derivative(kind: str) -> Routine:
+        if kind not in found:
+            outermost, _, rest = kind.partition("_")
+            found[kind] = _TRANSFORMS[outermost](derivative(rest))
+        return found[kind]
+
+    return [derivative(kind) for kind in kinds]
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,7 @@ def external_sources(
     definitions, maths = [], set()
     for public, program, kinds in programs:
         base = routine(program, f"{robot}_casadi_{public}")
-        for item in (base, *(derivative(base, kind) for kind in kinds)):
+        for item in (base, *derivatives(base, kinds)):
             definitions.append(_definition(robot, item, program if item is base else None, patterns))
             maths |= {node.op for node in item.program.nodes} & set(_MATHS)
     context = {
