@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from rrrgen import pipeline
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument
 
 if TYPE_CHECKING:
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
 )
 @json_option
 @click.option("-v", "--verbose", is_flag=True, help="Say what each step did, on stderr.")
+@pipeline.without_collection()
 def generate(
     robot: str,
     output: Path,
@@ -60,11 +63,10 @@ def generate(
       rrrgen generate my_robot.yaml -o firmware/model --real float
       rrrgen generate rrr -o generated/rrr --check      (in continuous integration)
     """
-    from rrrgen import emit, pipeline
+    from rrrgen import emit
 
     start = time.perf_counter()
-    with pipeline.without_collection():  # loading SymPy is part of it
-        model = pipeline.derive(read_with_warnings(robot))
+    model = pipeline.derive(read_with_warnings(robot))
     if verbose:
         _report_passes(model)
     files = pipeline.emit(model, real, casadi_files and not only_check and _has_casadi(), trig)
@@ -81,7 +83,7 @@ def generate(
     if as_json:
         print_json(_summary(model, output, files))
     else:
-        _print_summary(model, output)
+        _print_summary(model, output, files)
     return 0
 
 
@@ -111,7 +113,7 @@ def _summary(model: DerivedModel, output: Path, files: dict[str, Any]) -> dict[s
     }
 
 
-def _print_summary(model: DerivedModel, output: Path) -> None:
+def _print_summary(model: DerivedModel, output: Path, files: Iterable[str]) -> None:
     from rrrgen.program import count_operations
 
     name = model.spec.name
@@ -119,4 +121,5 @@ def _print_summary(model: DerivedModel, output: Path) -> None:
     for function in ("forward_kinematics", "mass_matrix", "inverse_dynamics", "forward_dynamics", "regressor"):
         if function in model.programs:
             click.echo(f"  {function:20} {count_operations(model.programs[function])}")
-    click.echo(f"written to {output}: {name}.h, {name}.c, {name}_selftest.c, casadi/, manifest.json")
+    written = dict.fromkeys(file.partition("/")[0] + "/" * ("/" in file) for file in files)
+    click.echo(f"written to {output}: {', '.join(written)}")

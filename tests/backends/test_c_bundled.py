@@ -45,6 +45,7 @@ def test_bundled_robots_compile_cleanly_and_pass_their_self_test(robot, real, co
 
 
 UNITY = """#include "rrr.inc"
+#include "rrr_nominal.inc"
 #include "rrr_derivatives.inc"
 #include "rrr_ik.inc"
 int main(void)
@@ -63,9 +64,11 @@ def test_all_sources_fit_into_one_translation_unit(derived, tmp_path):
     assert run(compile_all(folder, [compiler("gcc"), *C99])).returncode == 0
 
 
-def test_who_needs_no_derivatives_leaves_their_file_out(derived, tmp_path):
+def test_sources_that_are_not_needed_are_left_out(derived, tmp_path):
     folder = write(sources(derived["rrr"], "double"), tmp_path)
-    for unused in ("rrr_derivatives.c", "rrr_ik.c", "rrr_selftest.c"):
+    for unused in ("rrr_nominal.c", "rrr_derivatives.c", "rrr_ik.c", "rrr_selftest.c"):
         (folder / unused).unlink()
-    main = UNITY.replace("rrr.inc", "rrr.h").replace('#include "rrr_derivatives.inc"\n#include "rrr_ik.inc"\n', "")
+    main = UNITY.replace("rrr.inc", "rrr.h").replace(
+        '#include "rrr_nominal.inc"\n#include "rrr_derivatives.inc"\n#include "rrr_ik.inc"\n', ""
+    )
     assert run(compile_all(write({"main.c": main}, folder), [compiler("gcc"), *C99])).returncode == 0

@@ -60,9 +60,10 @@ def flipped(source: str, function: str) -> str:
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_one_wrong_sign_anywhere_fails_the_self_test(function, tmp_path):
     files = CBackend().files(planar_model(), IDENTITY, "double")
-    broken = flipped(files["planar.c"], function)
-    assert broken != files["planar.c"]
-    folder = write({**files, "planar.c": broken}, tmp_path)
+    file = "planar_nominal.c" if function.endswith("_nominal") else "planar.c"
+    broken = flipped(files[file], function)
+    assert broken != files[file]
+    folder = write({**files, file: broken}, tmp_path)
     done = run(compile_all(folder, [compiler("gcc"), "-std=c99", "-O0"]))
     assert done.returncode == 1, done.stdout
     assert "FAILED" in done.stdout
@@ -110,9 +111,17 @@ def test_the_header_says_what_a_reader_needs():
 
 def test_every_symbol_has_the_robot_s_prefix_and_none_is_data(tmp_path):
     folder = emitted(planar_model(), tmp_path)
-    subprocess.run([compiler("gcc"), "-std=c99", "-c", "planar.c"], cwd=folder, check=True)
-    listing = subprocess.run([compiler("nm"), "-g", "planar.o"], cwd=folder, check=True, capture_output=True, text=True)
-    symbols = [line.split()[-2:] for line in listing.stdout.splitlines()]
+    (folder / "planar_selftest.c").unlink()
+    sources = sorted(path.stem for path in folder.glob("*.c"))
+    subprocess.run([compiler("gcc"), "-std=c99", "-c", *(f"{name}.c" for name in sources)], cwd=folder, check=True)
+    listing = subprocess.run(
+        [compiler("nm"), "-g", *(f"{name}.o" for name in sources)],
+        cwd=folder,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    symbols = [line.split()[-2:] for line in listing.stdout.splitlines() if len(line.split()) > 1]
     defined = [name for kind, name in symbols if kind != "U"]
     assert defined
     assert all(name.lstrip("_").startswith("planar_") for name in defined)

@@ -23,7 +23,7 @@ class CBackend:
     name: ClassVar[str] = "c"
 
     def files(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
-        """``<name>.h``, ``<name>.c``, ``<name>_derivatives.c`` and ``<name>_selftest.c``."""
+        """``<name>.h``, ``<name>.c`` with the sources beside it, and ``<name>_selftest.c``."""
         dialect = Dialect(model.spec.name, real)
         return {
             **header_and_sources(model, identity, dialect, sincos_strategy(self.trig)),

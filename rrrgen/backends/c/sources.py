@@ -53,10 +53,7 @@ def _nominal_parameters(model: DerivedModel) -> Program:
 def header_and_sources(
     model: DerivedModel, identity: Identity, dialect: Dialect, sincos: SinCos | None = None
 ) -> dict[str, str]:
-    """``<name>.h``, ``<name>.c`` and ``<name>_derivatives.c``.
-
-    Derivatives take the C compiler more time than all the rest, and not every controller wants them.
-    """
+    """``<name>.h``, ``<name>.c`` and the sources beside it (:data:`BESIDE`), as far as there are functions for them."""
     sincos = sincos or LibmSinCos()
     programs = programs_of(model)
     functions = print_functions(programs, dialect, sincos)
@@ -71,24 +68,30 @@ def header_and_sources(
         b=len(model.base_parameters),
     )
     files = {f"{dialect.prefix}.h": header}
-    own = {name: program for name, program in programs.items() if not is_derivative(name)}
-    derivatives = {name: program for name, program in programs.items() if is_derivative(name)}
-    for stem, part in ((dialect.prefix, own), (f"{dialect.prefix}_derivatives", derivatives)):
-        if part:
-            files[f"{stem}.c"] = render(
-                "c/source.c.j2",
-                **naming(dialect, identity),
-                stem=stem,
-                status=status and part is own,
-                functions=[functions[name] for name in part],
-                preamble=preamble(part.values(), dialect, sincos),
-            )
+    for part, names in _parts(programs).items():
+        files[f"{dialect.prefix}{part}.c"] = render(
+            "c/source.c.j2",
+            **naming(dialect, identity),
+            stem=f"{dialect.prefix}{part}",
+            status=status and not part,
+            functions=[functions[name] for name in names],
+            preamble=preamble([programs[name] for name in names], dialect, sincos),
+        )
     return files
 
 
-def is_derivative(name: str) -> bool:
-    """Whether a function belongs into the file of derivatives."""
-    return name.removesuffix("_nominal").endswith("_derivatives")
+BESIDE = {"_nominal": "functions with the numbers of the robot file", "_derivatives": "derivatives"}
+"""Sources of their own, for who leaves such functions out, and for compilers that run side by side."""
+
+
+def _parts(programs: Iterable[str]) -> dict[str, list[str]]:
+    """What is added to the robot's name for a source file, and the functions in it."""
+    parts: dict[str, list[str]] = {"": []}
+    for name in programs:
+        stem = name.removesuffix("_nominal")
+        part = "_derivatives" if stem.endswith("_derivatives") else "" if stem == name else "_nominal"
+        parts.setdefault(part, []).append(name)
+    return parts
 
 
 def naming(dialect: Dialect, identity: Identity) -> dict[str, object]:
@@ -132,8 +135,9 @@ def _number(value: sp.Expr) -> str:
 
 
 def _sources(prefix: str, model: DerivedModel) -> str:
-    derivatives = any(is_derivative(name) for name in model.programs)
-    return f"{prefix}.c; derivatives in {prefix}_derivatives.c" if derivatives else f"{prefix}.c"
+    return "; ".join(
+        f"{BESIDE[part]} in {prefix}{part}.c" if part else f"{prefix}.c" for part in _parts(model.programs)
+    )
 
 
 def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: SinCos) -> list[str]:
