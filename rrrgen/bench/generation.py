@@ -18,6 +18,9 @@ from rrrgen.errors import BuildError
 FLAGS = ("-std=c99", "-O2")
 """As a user compiles a model."""
 
+ATTEMPTS, SECONDS = 5, 15.0
+"""As with all timings here, what disturbs a run makes it longer only; no run starts after so many seconds."""
+
 GENERATE = """
 import sys
 from rrrgen.cli.main import run
@@ -42,11 +45,19 @@ class Generation:
 
 
 def generation(robot: str, toolchain: Toolchain) -> Generation:
-    """Measure one robot with what any earlier run leaves behind: Python's bytecode and the translated templates.
+    """The fastest of up to :data:`ATTEMPTS` runs, with what any earlier run leaves behind: bytecode and templates.
 
     Nothing of a robot is taken from a cache. The peak is None where the system does not tell it.
     """
     _run_before()
+    end = time.perf_counter() + SECONDS
+    runs = [_attempt(robot, toolchain)]
+    while len(runs) < ATTEMPTS and time.perf_counter() < end:
+        runs.append(_attempt(robot, toolchain))
+    return min(runs, key=lambda run: run.generate + run.compile)
+
+
+def _attempt(robot: str, toolchain: Toolchain) -> Generation:
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
         start = time.perf_counter()
         done = _generate(robot, f"{place}/out")

@@ -157,6 +157,6 @@ def _generation(results: Results) -> str:
     ]
     if not rows:
         return ""
-    text = "Elapsed seconds; the C compiler takes `-O2` and both sources side by side.\n\n"
+    text = "Elapsed seconds of the fastest run; the C compiler takes `-O2` and all sources side by side.\n\n"
     head = ["robot", "generate", "compile", "peak MB"]
     return "## From robot file to compiled C\n\n" + text + _table(head, rows)
