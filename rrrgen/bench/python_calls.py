@@ -1,4 +1,4 @@
-"""Calls from Python: what one evaluation costs through each interface, and batches of states from NumPy arrays."""
+"""Calls from Python: what one evaluation costs through each interface."""
 
 from __future__ import annotations
 
@@ -20,9 +20,6 @@ from rrrgen.verify.chain import Array, Chain
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
-
-BATCH = 4096
-"""States per batch: their arrays fit the second-level cache of most processors."""
 
 PIN = "pin.rnea"
 BOUND_RUN, BOUND = "rrrgen bound, run()", "rrrgen bound, call"
@@ -141,17 +138,3 @@ def _casadi_calls(
         return result
 
     return {"CasADi buffer": buffered, "CasADi plain call": lambda: function(*state).full()}
-
-
-def batch_time(case: Case, model: Model, rounds: int) -> float:
-    """Nanoseconds per state of inverse dynamics on :data:`BATCH` states in ordinary NumPy arrays, on one core."""
-    rng = np.random.default_rng(1)
-    state = [rng.uniform(-scale, scale, (BATCH, case.n)) for scale in (np.pi, 3.0, 10.0)]
-    pairs = zip(state, case.parts(), strict=False)
-    small = [np.concatenate([part, values[: BATCH - len(part)]]) for values, part in pairs]
-    wanted = case.references["file"].values["inverse_dynamics"]
-    error = np.max(np.abs(model.inverse_dynamics(*small)[: len(wanted)] - wanted)) / np.max(np.abs(wanted))
-    if not error < TOLERANCE:
-        raise DisagreementError(f"{case.name}: the batch differs from the reference by {error:.1e}")
-    seconds = turns({"batch": lambda: model.inverse_dynamics(*state)}, rounds, 1e-3)["batch"]
-    return 1e9 * seconds / BATCH

@@ -103,11 +103,9 @@ def _calls(results: Results) -> str:
 
 def _batches(results: Results) -> str:
     rows = []
-    for robot, state in results.batches.items():
-        own, rival = (results.score(robot, "inverse_dynamics", label) for label in (OWN_FILE, PINOCCHIO))
-        single = "" if own is None else f"{own.nanoseconds:.1f}"
-        ratio = "" if rival is None else f"1/{rival.nanoseconds / state:.0f}"
-        rows.append([robot, f"{state:.1f}", single, ratio])
+    for robot, times in results.batches.items():
+        ratio = results.batch_ratio(robot)
+        rows.append([robot, f"{times.batch:.1f}", f"{times.single:.1f}", "" if ratio is None else f"1/{1 / ratio:.0f}"])
     if not rows:
         return ""
     head = ["robot", "ns per state, from NumPy", "ns of one C call", "against Pinocchio's call"]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from rrrgen.bench.batches import BatchTime
+from rrrgen.bench.contestants import OWN_FILE, PINOCCHIO
 from rrrgen.bench.generation import Generation
 from rrrgen.bench.inverse_kinematics import IKScore
 from rrrgen.bench.python_calls import CallTime
@@ -21,7 +23,7 @@ class Results:
     effort: str
     scores: list[Score] = field(default_factory=list)
     calls: list[CallTime] = field(default_factory=list)
-    batches: dict[str, float] = field(default_factory=dict)
+    batches: dict[str, BatchTime] = field(default_factory=dict)
     ik: list[IKScore] = field(default_factory=list)
     growth: list[Score] = field(default_factory=list)
     derivations: list[float] = field(default_factory=list)
@@ -34,6 +36,15 @@ class Results:
             if (score.robot, score.contestant.function, score.contestant.label) == (robot, function, label):
                 return score
         return None
+
+    def batch_ratio(self, robot: str) -> float | None:
+        """A state in a batch against Pinocchio's call."""
+        own, rival = (self.score(robot, "inverse_dynamics", label) for label in (OWN_FILE, PINOCCHIO))
+        if own is None or rival is None or robot not in self.batches:
+            return None
+        # noise changes between races, so both ratios are of times taken in turns
+        times = self.batches[robot]
+        return times.batch / times.single * own.nanoseconds / rival.nanoseconds
 
     def robots(self) -> list[str]:
         """Robots that were measured, in order."""
@@ -52,7 +63,7 @@ class Results:
             "effort": self.effort,
             "functions": [_plain(score) for score in self.scores],
             "python_calls": [asdict(call) for call in self.calls],
-            "batch_nanoseconds_per_state": self.batches,
+            "batch_nanoseconds_per_state": {robot: asdict(times) for robot, times in self.batches.items()},
             "inverse_kinematics": [asdict(score) for score in self.ik],
             "growth": [_plain(score) for score in self.growth],
             "growth_derivation_seconds": self.derivations,

@@ -98,12 +98,13 @@ def _rivals(
 
 def _python(case: Case, plan: Plan, toolchain: Toolchain, results: Results) -> None:
     from rrrgen import pipeline
-    from rrrgen.bench.python_calls import batch_time, python_calls
+    from rrrgen.bench.batches import batch_time
+    from rrrgen.bench.python_calls import python_calls
 
     model = pipeline.compile(case.spec)
     rounds = max(10, plan.effort.rounds // 2)
     results.calls += python_calls(case, model, toolchain, rounds)
-    results.batches[case.name] = batch_time(case, model, rounds)
+    results.batches[case.name] = batch_time(case, model, toolchain, rounds)
 
 
 def _inverse_kinematics(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:

@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rrrgen.bench.batches import BatchTime
 from rrrgen.bench.cases import Case, dense_bodies, make_case
 from rrrgen.bench.contestants import (
     HAND,
@@ -162,7 +163,7 @@ def results_with(own: float, hand: float, pinocchio: float) -> Results:
         contestant = Contestant(label, "inverse_dynamics", 3, "", operations=operations)
         results.scores.append(Score("rrr", contestant, 1e-16, count / 10, count))
     results.calls = [CallTime("rrr", BOUND_RUN, 100.0), CallTime("rrr", PIN, 500.0)]
-    results.batches = {"rrr": 5.0}
+    results.batches = {"rrr": BatchTime(5.0, 20.0)}
     results.ik = [IKScore("rrr", "rrrgen", 150.0, 4.0, 700.0, 20.0), IKScore("rrr", "C by hand", 300.0, 4.0, 1000.0)]
     return results
 
