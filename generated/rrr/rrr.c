@@ -19,7 +19,7 @@
 #endif
 static inline void rrr_sincos(rrr_real x, rrr_real *sine, rrr_real *cosine)
 {
-    if (!(RRR_SINCOS_KERNEL && x <= (rrr_real)1.0e6 && x >= -(rrr_real)1.0e6)) {
+    if (!(RRR_SINCOS_KERNEL && fabs(x) <= (rrr_real)1.0e6)) {
         *sine = sin(x);
         *cosine = cos(x);
         return;
@@ -32,10 +32,10 @@ static inline void rrr_sincos(rrr_real x, rrr_real *sine, rrr_real *cosine)
     const rrr_real z = r*r;
     const rrr_real s = r + r*z*((rrr_real)-1.6666666666666632068e-1 + z*((rrr_real)8.3333333333224244268e-3 + z*((rrr_real)-1.9841269829816864792e-4 + z*((rrr_real)2.7557313695195213322e-6 + z*((rrr_real)-2.5050758648160703537e-8 + z*((rrr_real)1.5896827621544006984e-10))))));
     const rrr_real c = ((rrr_real)1.0 - (rrr_real)0.5*z) + z*z*((rrr_real)4.1666666666666599555e-2 + z*((rrr_real)-1.3888888888874138509e-3 + z*((rrr_real)2.4801587289491743877e-5 + z*((rrr_real)-2.7557314355216540659e-7 + z*((rrr_real)2.0875723680844991363e-9 + z*((rrr_real)-1.1359669674695725385e-11))))));
-    const rrr_real a = (quarter & 1) ? c : s;
-    const rrr_real b = (quarter & 1) ? s : c;
-    *sine = (quarter & 2) ? -a : a;
-    *cosine = ((quarter + 1) & 2) ? -b : b;
+    static const rrr_real sines[5] = {(rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0, -(rrr_real)1.0, (rrr_real)0.0};
+    const rrr_real *const turn = sines + (quarter & 3); /* sine and cosine of the quarter turns; a choice would be a branch */
+    *sine = s*turn[1] + c*turn[0];
+    *cosine = c*turn[1] - s*turn[0];
 }
 #endif
 

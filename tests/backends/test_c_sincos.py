@@ -1,6 +1,9 @@
 """The inline sine and cosine: within its bound over its range against 40-digit arithmetic, the C library beyond."""
 
 import ctypes
+import platform
+import re
+import shutil
 import subprocess
 
 import mpmath
@@ -81,3 +84,21 @@ def test_beyond_the_range_the_c_library_answers(tmp_path):
     np.testing.assert_allclose(s, np.sin(far), rtol=0, atol=2.3e-16)
     np.testing.assert_allclose(c, np.cos(far), rtol=0, atol=2.3e-16)
     assert np.isnan(evaluate(np.array([np.nan, np.inf, -np.inf]))).all()
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="reads the assembler of x86-64")
+@pytest.mark.parametrize("command", [["gcc", "-O2"], ["gcc", "-O3", "-mavx2"], ["clang", "-O2"]])
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_compiled_it_branches_for_the_range_only(real, command, tmp_path):
+    if shutil.which(command[0]) is None:
+        pytest.skip(f"{command[0]} is not installed")
+    source = f"""typedef {real} k_real;
+#include <math.h>
+{InlineSinCos().preamble(Dialect("k", real))}
+void one(k_real x, k_real *s, k_real *c);
+void one(k_real x, k_real *s, k_real *c) {{ k_sincos(x, s, c); }}
+"""
+    (tmp_path / "one.c").write_text(source)
+    subprocess.run([*command, "-std=c99", "-S", "one.c"], cwd=tmp_path, check=True)
+    jumps = re.findall(r"^\s+(j(?!mp)\w+)\s", (tmp_path / "one.s").read_text(), re.MULTILINE)
+    assert len(jumps) == 1, jumps
