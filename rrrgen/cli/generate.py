@@ -54,8 +54,9 @@ def generate(
 ) -> int:
     """Derive a robot's kinematics and dynamics and write them as C and CasADi.
 
-    DIR gets <name>.h, <name>.c, a self-test that runs on the target, CMakeLists.txt, a pkg-config file, the CasADi
-    side and manifest.json. The same robot gives the same bytes everywhere.
+    DIR gets <name>.h with its sources (<name>.c; <name>_nominal.c with the file's numbers folded in;
+    <name>_derivatives.c), inverse kinematics, a self-test that runs on the target, CMakeLists.txt, a pkg-config file,
+    the CasADi side and manifest.json. The same robot gives the same bytes everywhere.
 
     \b
     Examples:
