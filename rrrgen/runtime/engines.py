@@ -29,7 +29,7 @@ class Engine(Protocol):
     dtype: np.dtype[Any]
     threads: int
 
-    def call(self, name: str, values: Sequence[Any]) -> tuple[Array, ...]:
+    def call(self, name: str, values: Sequence[Any]) -> Sequence[Array]:
         """Check ``values`` and evaluate program ``name``: one array (..., *port.shape) per output."""
         ...
 
@@ -47,7 +47,7 @@ class NumpyEngine:
         self.threads = 1
         self._programs = programs
 
-    def call(self, name: str, values: Sequence[Any]) -> tuple[Array, ...]:
+    def call(self, name: str, values: Sequence[Any]) -> Sequence[Array]:
         """See :class:`Engine`."""
         program = self._programs[name]
         _, arrays = prepare(name.removesuffix("_nominal"), program.inputs, values, self.dtype)
@@ -91,7 +91,7 @@ class CompiledEngine:
             for name, program in programs.items()
         }
 
-    def call(self, name: str, values: Sequence[Any]) -> tuple[Array, ...]:
+    def call(self, name: str, values: Sequence[Any]) -> Sequence[Array]:
         """See :class:`Engine`."""
         return self._calls[name](values, self.threads)
 
@@ -122,26 +122,30 @@ class CompiledCall:
         status_first = sorted(range(len(pointers)), key=lambda k: pointers[k] != "int[]")
         self._written = [(k, pointers[k]) for k in status_first]
         self._status = next((k for k, kind in enumerate(pointers) if kind == "int[]"), None)
-        self._plain = self._status is None and all(self._shapes)
+        self._plain = self._status is None and bool(self._shapes) and all(self._shapes)
+        self._alike = len(set(self._shapes)) == 1
         self._address, self._pointer = address, pointer
 
-    def __call__(self, values: Sequence[Any], threads: int = 1) -> tuple[Array, ...]:
+    def __call__(self, values: Sequence[Any], threads: int = 1) -> Sequence[Array]:
         """Check ``values`` and evaluate: one array (..., *port.shape) per output."""
         dense = self._dense(values) if self._plain else None
         address, pointer = self._address, self._pointer
         if dense == 0:
-            results = tuple([np.empty(shape, dtype) for shape, dtype in self._outputs])
+            results = [np.empty(shape, dtype) for shape, dtype in self._outputs]
             self._single(*[address(pointer, array) for array in (*values, *results)])
             return results
         if dense and threads == 1:
-            results = tuple([np.empty((dense, *shape), dtype) for shape, dtype in self._outputs])
+            results = [np.empty((dense, *shape), dtype) for shape, dtype in self._outputs]
             arguments: list[Any] = [dense]
             for (_, size), array in zip(self._inputs, values, strict=True):
-                arguments += address(pointer, array), size
-            self._loop(*arguments, *[address(pointer, array) for array in results])
+                arguments.append(address(pointer, array))
+                arguments.append(size)
+            for array in results:
+                arguments.append(address(pointer, array))
+            self._loop(*arguments)
             return results
         batch, arrays = prepare(self._function, self._ports, values, self._dtype)
-        outputs = tuple([np.empty(batch + shape, dtype) for shape, dtype in self._outputs])
+        outputs = [np.empty(batch + shape, dtype) for shape, dtype in self._outputs]
         count = math.prod(batch)
         if not batch:
             self._one_state(arrays, outputs)
@@ -174,16 +178,25 @@ class CompiledCall:
 
         0 for one state, the number of states for a batch of one dimension, None for everything else.
         """
-        count = None
-        for value, shape in zip(values, self._shapes, strict=True):
-            if type(value) is not np.ndarray or value.dtype is not self._dtype or not value.flags.carray:
+        first = values[0]
+        if type(first) is not np.ndarray:
+            return None
+        given, dtype, alike = first.shape, self._dtype, True
+        for value in values:
+            if type(value) is not np.ndarray or value.dtype is not dtype or not value.flags.carray:
                 return None
-            given = value.shape
-            here = 0 if given == shape else given[0] if given[1:] == shape else None
-            if (not here and given != shape) or count not in (here, None):
+            if value.shape != given:
+                alike = False
+        batch = given[: len(given) - len(self._shapes[0])]
+        if not (alike and self._alike):
+            expected = [batch + shape for shape in self._shapes]
+            if [value.shape for value in values] != expected:
                 return None
-            count = here
-        return count
+        elif batch + self._shapes[0] != given:
+            return None
+        if not batch:
+            return 0
+        return batch[0] or None if len(batch) == 1 else None
 
     def _share(self, count: int, threads: int, arrays: Sequence[Array], outputs: Sequence[Array]) -> None:
         """Split a batch between threads; each writes its own rows of the outputs."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -293,7 +293,7 @@ class Model:
     def _call_with(self, name: str, values: tuple[Any, ...], beta: Any, Ia: Any = None) -> Array:
         return self._evaluate(name, values, beta, Ia)[0]
 
-    def _evaluate(self, name: str, values: tuple[Any, ...], beta: Any, Ia: Any) -> tuple[Array, ...]:
+    def _evaluate(self, name: str, values: tuple[Any, ...], beta: Any, Ia: Any) -> Sequence[Array]:
         chosen, parameters = self._chosen(name, beta, Ia)
         return self.engine.call(chosen, (*values, *parameters.values()))
 
