@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -39,8 +40,8 @@ ROOMS = (
 HEAVY = ("sympy", "numpy", "scipy", "casadi", "cffi", "jinja2", "matplotlib", "cvxpy", "ruamel", "rich")
 
 
-def imported(file: Path) -> Iterator[str]:
-    """Every module that a file imports when it runs, inside functions too; what only type checkers read is left out."""
+def imports(file: Path) -> Iterator[tuple[str, str]]:
+    """What a file imports when it runs, inside functions too, as (module, name in it or ""); not for type checkers."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     unread = {
         inner
@@ -51,10 +52,15 @@ def imported(file: Path) -> Iterator[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node not in unread:
             assert node.level == 0, f"{file}: imports name their room"
-            inner = node.module == "rrrgen"
-            yield from (f"rrrgen.{alias.name}" for alias in node.names) if inner else [str(node.module)]
+            yield from ((str(node.module), alias.name) for alias in node.names)
         elif isinstance(node, ast.Import) and node not in unread:
-            yield from (alias.name for alias in node.names)
+            yield from ((alias.name, "") for alias in node.names)
+
+
+def imported(file: Path) -> Iterator[str]:
+    """The modules among them, those of the package by their room."""
+    for module, name in imports(file):
+        yield f"rrrgen.{name}" if module == "rrrgen" and name else module
 
 
 def rooms_used(room: str) -> set[str]:
@@ -73,6 +79,21 @@ def test_every_room_is_listed():
 def test_imports_go_down(room):
     allowed = set(ROOMS[: ROOMS.index(room)])
     assert rooms_used(room) <= allowed, f"{room} imports from a room above it"
+
+
+def test_no_circles_of_modules():
+    files = {module_name(file): file for file in PACKAGE.rglob("*.py") if "templates" not in file.parts}
+    used = {
+        module: {f"{source}.{name}" if f"{source}.{name}" in files else source for source, name in imports(file)}
+        for module, file in files.items()
+    }
+    order = TopologicalSorter({module: (each & files.keys()) - {module} for module, each in used.items()})
+    assert len(list(order.static_order())) == len(files)  # CycleError tells the circle
+
+
+def module_name(file: Path) -> str:
+    parts = file.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 def test_backends_do_not_import_each_other():

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from rrrgen.errors import InputError
 from rrrgen.identify.columns import Array
 from rrrgen.identify.mapping import SIGNALS, LogMapping, Signal
-from rrrgen.identify.tables import open_table, table_fault
+from rrrgen.identify.table_formats import open_table
+from rrrgen.identify.tables import table_fault
 
 LOOK_AHEAD = 256  # rows among which disorder is put right
 DISORDER = 10.0  # periods: a row later than this came from another clock, not from a late message

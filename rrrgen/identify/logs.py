@@ -93,7 +93,8 @@ def open_log(path: str | os.PathLike[str], mapping: LogMapping | str | os.PathLi
 
 def _own_mapping(path: Path) -> LogMapping:
     from rrrgen.identify.mapping import FileSource
-    from rrrgen.identify.tables import open_table, table_fault
+    from rrrgen.identify.table_formats import open_table
+    from rrrgen.identify.tables import table_fault
 
     columns = open_table(FileSource("log", path)).columns
     joints = tuple(name[2:] for name in columns if name.startswith("q_"))

@@ -1,4 +1,4 @@
-"""Recorded tables: one interface over the file formats, read in chunks."""
+"""Recorded tables: what readers of all file formats share. They are read in chunks."""
 
 from __future__ import annotations
 
@@ -11,14 +11,7 @@ import numpy as np
 
 from rrrgen.errors import Fault, InputError
 from rrrgen.identify.columns import Array
-from rrrgen.identify.mapping import FileSource
 from rrrgen.spec.suggest import did_you_mean
-
-SUFFIXES = {
-    ".csv": "csv", ".tsv": "csv", ".txt": "csv", ".dat": "csv", ".log": "csv", ".asc": "csv",
-    ".npy": "npy", ".npz": "npz", ".mat": "mat", ".h5": "hdf5", ".hdf5": "hdf5", ".parquet": "parquet",
-    ".pq": "parquet", ".mcap": "rosbag", ".db3": "rosbag", ".bag": "rosbag",
-}  # fmt: skip
 
 
 class Table(Protocol):
@@ -32,33 +25,6 @@ class Table(Protocol):
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
         """Blocks (up to ``size`` rows, len(wanted)) in order."""
         ...
-
-
-def open_table(source: FileSource) -> Table:
-    """The table of one file; raises :class:`InputError` where it cannot be read."""
-    path = source.path
-    if not path.exists():
-        raise table_fault(path, "there is no such file")
-    kind = source.format or ("rosbag" if path.is_dir() else SUFFIXES.get(path.suffix.lower()))
-    if kind == "csv":
-        from rrrgen.identify.csv_table import CsvTable
-
-        return CsvTable(source)
-    if kind in ("npy", "npz", "mat", "hdf5"):
-        from rrrgen.identify import array_tables
-
-        return array_tables.open_arrays(path, kind)
-    if kind == "parquet":
-        from rrrgen.identify.array_tables import ParquetTable
-
-        return ParquetTable(path)
-    if kind == "rosbag":
-        from rrrgen.identify.bag_table import BagTable
-
-        return BagTable(source)
-    raise table_fault(
-        path, f"the format of '{path.name}' is not known", f"name it with format: {' | '.join(set(SUFFIXES.values()))}"
-    )
 
 
 def table_fault(path: Path, message: str, hint: str = "", line: int = 0, column: int = 0, text: str = "") -> InputError:

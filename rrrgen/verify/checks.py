@@ -11,8 +11,9 @@ from rrrgen.verify.chain import Chain, chain_of
 from rrrgen.verify.comparison import DOUBLE, SINGLE, Collector, Tolerances
 from rrrgen.verify.derivatives import check_derivatives
 from rrrgen.verify.identities import check_identities
+from rrrgen.verify.libraries import LIBRARIES
 from rrrgen.verify.newton_euler import NewtonEuler
-from rrrgen.verify.reference import LIBRARIES, ReferenceUnavailableError
+from rrrgen.verify.reference import ReferenceUnavailableError
 from rrrgen.verify.report import Report
 from rrrgen.verify.subject import BothWays, Model, Parameters, States, draw_states, parameter_sets
 

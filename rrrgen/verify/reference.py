@@ -1,11 +1,10 @@
-"""What a reference library must answer, and which ones are installed."""
+"""What a reference library must answer."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
-from rrrgen.verify.chain import Array, Chain
+from rrrgen.verify.chain import Array
 
 
 class Reference(Protocol):
@@ -28,29 +27,3 @@ class Reference(Protocol):
 
 class ReferenceUnavailableError(Exception):
     """The library is missing, or cannot represent this robot; the text says which."""
-
-
-def _pinocchio(chain: Chain, phi: Array) -> Reference:
-    from rrrgen.verify.pinocchio_reference import PinocchioReference
-
-    return PinocchioReference(chain, phi)
-
-
-def _mujoco(chain: Chain, phi: Array) -> Reference:
-    from rrrgen.verify.mujoco_reference import MujocoReference
-
-    return MujocoReference(chain, phi)
-
-
-def _toolbox(chain: Chain, phi: Array) -> Reference:
-    from rrrgen.verify.toolbox_reference import ToolboxReference
-
-    return ToolboxReference(chain, phi)
-
-
-LIBRARIES: dict[str, Callable[[Chain, Array], Reference]] = {
-    "Pinocchio": _pinocchio,
-    "MuJoCo": _mujoco,
-    "Robotics Toolbox": _toolbox,
-}
-"""Name -> constructor; a constructor raises :class:`ReferenceUnavailableError` when it cannot serve."""
