@@ -7,9 +7,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from rrrgen.bench.toolchain import Toolchain, run
@@ -18,8 +18,8 @@ from rrrgen.errors import BuildError
 FLAGS = ("-std=c99", "-O2")
 """As a user compiles a model."""
 
-ATTEMPTS, SECONDS = 5, 15.0
-"""As with all timings here, what disturbs a run makes it longer only; no run starts after so many seconds."""
+ROUNDS = 3
+"""What disturbs a run makes it longer only, as with all timings here. Every round takes all robots."""
 
 GENERATE = """
 import atexit, sys
@@ -47,17 +47,15 @@ class Generation:
     megabytes: float | None
 
 
-def generation(robot: str, toolchain: Toolchain) -> Generation:
-    """The fastest of up to :data:`ATTEMPTS` runs, with what any earlier run leaves behind: bytecode and templates.
+def generations(robots: Sequence[str], toolchain: Toolchain, rounds: int = ROUNDS) -> list[Generation]:
+    """The fastest of ``rounds`` runs of each robot, with what any earlier run leaves behind: bytecode and templates.
 
     Nothing of a robot is taken from a cache. The peak is None where the system does not tell it.
     """
-    _run_before()
-    end = time.perf_counter() + SECONDS
-    runs = [_attempt(robot, toolchain)]
-    while len(runs) < ATTEMPTS and time.perf_counter() < end:
-        runs.append(_attempt(robot, toolchain))
-    return min(runs, key=lambda run: run.generate + run.compile)
+    with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
+        _generate("pendulum", place)
+    runs = [[_attempt(robot, toolchain) for robot in robots] for _ in range(rounds)]
+    return [min(same, key=lambda run: run.generate + run.compile) for same in zip(*runs, strict=True)]
 
 
 def _attempt(robot: str, toolchain: Toolchain) -> Generation:
@@ -73,13 +71,6 @@ def _attempt(robot: str, toolchain: Toolchain) -> Generation:
         end = time.perf_counter()
     peak = done.stdout.splitlines()[-1]
     return Generation(robot, between - start, end - between, int(peak) / 1024 if peak.isdigit() else None)
-
-
-@cache
-def _run_before() -> None:
-    """Generate something once."""
-    with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
-        _generate("pendulum", place)
 
 
 def _generate(robot: str, place: str) -> subprocess.CompletedProcess[str]:

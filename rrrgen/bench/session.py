@@ -139,11 +139,13 @@ def _growth(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> Non
 
 
 def _generation(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
-    from rrrgen.bench.generation import generation
+    from rrrgen.bench.generation import ROUNDS, generations
 
-    for robot in plan.robots[:1] if plan.quick else plan.robots:
-        say(f"{robot}: generation in a fresh process")
-        results.generations.append(generation(robot, toolchain))
+    say("generation in fresh processes")
+    if plan.quick:
+        results.generations += generations(plan.robots[:1], toolchain, 1)
+    else:
+        results.generations += generations(plan.robots, toolchain, ROUNDS)
 
 
 def _leave_out(results: Results, text: str) -> None:
