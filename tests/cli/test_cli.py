@@ -84,6 +84,15 @@ def test_it_runs_as_a_module(command):
     assert done.returncode == 0
 
 
+@pytest.mark.parametrize("command", ["generate pendulum -o model", "verify pendulum"])
+def test_processes_end_without_a_word(command, tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "rrrgen", *command.split()], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 0
+    assert done.stderr == ""  # for example of extensions that find leaks at the end
+
+
 def test_the_table_of_commands_points_at_commands():
     assert isinstance(cli, LazyGroup)
     for name in COMMANDS:
