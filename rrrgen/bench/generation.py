@@ -18,7 +18,7 @@ from rrrgen.errors import BuildError
 FLAGS = ("-std=c99", "-O2")
 """As a user compiles a model."""
 
-ROUNDS = 3
+ROUNDS = 5
 """What disturbs a run makes it longer only, as with all timings here. Every round takes all robots."""
 
 GENERATE = """
