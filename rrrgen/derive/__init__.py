@@ -104,5 +104,5 @@ def _nominal_drive_inertia(spec: RobotSpec) -> tuple[Fraction, ...] | None:
     return tuple(rational_float(v) for v in values) if any(v is not None for v in values) else None
 
 
-def _dot(row: list[Fraction], phi: list[Fraction]) -> Fraction:
+def _dot(row: list[Fraction | int], phi: list[Fraction]) -> Fraction:
     return sum((x * y for x, y in zip(row, phi, strict=True)), Fraction(0))

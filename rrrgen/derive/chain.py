@@ -20,6 +20,7 @@ from rrrgen.derive.vectors import Matrix, Vector
 from rrrgen.errors import DerivationError
 from rrrgen.model import RobotModel, cosine_sine
 from rrrgen.program import Builder, Port, Value
+from rrrgen.program.builder import Number, plain
 
 HALF_PI = sp.pi / 2
 
@@ -121,10 +122,10 @@ def rotate_quarters(quarters: int, c: Any, s: Any) -> tuple[Any, Any]:
 # -- program scalars -------------------------------------------------------------------------------------------------
 
 
-def rational(expression: sp.Expr, digits: int = 40) -> Fraction:
-    """An exact number as a fraction; irrational ones to ``digits`` decimal digits."""
+def rational(expression: sp.Expr, digits: int = 40) -> Number:
+    """An exact number as an integer or a fraction; irrational ones to ``digits`` decimal digits."""
     if expression.is_Rational:
-        return Fraction(int(expression.p), int(expression.q))
+        return plain(Fraction(int(expression.p), int(expression.q)))
     value = expression.doit().evalf(digits + 10)
     if not value.is_Float:
         raise DerivationError(f"{expression} has no numerical value: give every named parameter a nominal value")
@@ -136,12 +137,12 @@ def rational_float(value: float | None) -> Fraction:
     return Fraction(0) if value is None else Fraction(str(value))
 
 
-def nominal_constant(model: RobotModel) -> Callable[[sp.Expr], Fraction]:
-    """Constants of the geometry as fractions, named parameters at their nominal values."""
+def nominal_constant(model: RobotModel) -> Callable[[sp.Expr], Number]:
+    """Constants of the geometry as exact numbers, named parameters at their nominal values."""
 
-    known: dict[sp.Expr, Fraction] = {}
+    known: dict[sp.Expr, Number] = {}
 
-    def constant(expression: sp.Expr) -> Fraction:
+    def constant(expression: sp.Expr) -> Number:
         if expression not in known:
             known[expression] = rational(model.nominal(expression))
         return known[expression]
@@ -156,7 +157,7 @@ def symbolic_constant(builder: Builder, generators: Sequence[sp.Expr]) -> Callab
 
     def constant(expression: sp.Expr) -> Value:
         if expression.is_Rational:
-            return Fraction(int(expression.p), int(expression.q))
+            return plain(Fraction(int(expression.p), int(expression.q)))
         if expression in inputs:
             return inputs[expression]
         if expression.is_Pow and expression.exp.is_Integer and expression.exp > 0:
@@ -211,11 +212,11 @@ class ResidueConstants:
         one, square = Residue(1), Residue.of(t * t)
         return (one - square) / (one + square), (t + t) / (one + square)
 
-    def __call__(self, expression: sp.Expr) -> Residue | Fraction | int:
+    def __call__(self, expression: sp.Expr) -> Residue | int:
         """The image of ``expression``."""
         if expression.is_Rational:
-            value = Fraction(int(expression.p), int(expression.q))
-            return value if value.denominator == 1 else Residue.of(value)
+            value = plain(Fraction(int(expression.p), int(expression.q)))
+            return value if type(value) is int else Residue.of(value)
         if expression in self._known:
             return self._known[expression]
         if expression.is_Add or expression.is_Mul:

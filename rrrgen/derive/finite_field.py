@@ -25,7 +25,8 @@ class Residue:
         """The image of an integer or a fraction."""
         if isinstance(number, Residue):
             return number
-        number = Fraction(number)
+        if type(number) is int:
+            return Residue(number)
         return Residue(number.numerator * pow(number.denominator, -1, PRIME))
 
     def __add__(self, other: Operand) -> Residue:

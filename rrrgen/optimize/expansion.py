@@ -104,7 +104,7 @@ class Expansion:
 
     def _value(self, k: int, node: Node) -> Polynomial:
         if node.op is Op.CONST:
-            return {(): plain(node.number)} if node.number else {}
+            return {(): node.number} if node.number else {}
         if self._is_literal(node):
             return {(self._literal(k),): 1}
         args = [self._operand(arg, self.stages[k]) for arg in node.args]
@@ -177,11 +177,6 @@ class Expansion:
             if a == b and a in self._sine_of:
                 return a
         return None
-
-
-def plain(number: Fraction) -> Fraction | int:
-    """A whole number as an int, with which Python computes ten times as fast."""
-    return number.numerator if number.denominator == 1 else number
 
 
 def _sum(x: Polynomial, y: Polynomial, sign: int) -> Polynomial:

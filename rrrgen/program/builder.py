@@ -16,16 +16,24 @@ from fractions import Fraction
 from rrrgen.errors import InternalError
 from rrrgen.program.ir import Node, Op, Port, Program, reachable
 
+Number = int | Fraction
+"""A number known while recording; whole ones are ints."""
+
 SMALLEST = 10**30
 """Constants below 1/SMALLEST are what is left where irrational constants (given to 40 digits) cancel: zero."""
 
 
-def settled(value: Fraction | int) -> Fraction | int:
+def plain(number: Number) -> Number:
+    """A whole number as an int, with which Python computes ten times as fast."""
+    return number if type(number) is int or number.denominator != 1 else number.numerator
+
+
+def settled(value: Number) -> Number:
     """A constant, with the remains of cancelled irrational ones taken as zero."""
     return 0 if _negligible(value) else value
 
 
-def _negligible(value: Fraction | int) -> bool:
+def _negligible(value: Number) -> bool:
     """In integers, since comparing fractions is what recording would spend most of its time on."""
     return not value if type(value) is int else abs(value.numerator) * SMALLEST < value.denominator
 
@@ -76,7 +84,7 @@ class Scalar:
         return f"Scalar({self.index}: {self.builder.nodes[self.index]})"
 
 
-Value = Scalar | int | Fraction
+Value = Scalar | Number
 """What recorded arithmetic works on: a node, or a number known while recording."""
 
 
@@ -97,7 +105,7 @@ class Builder:
         index = self._index.get(key)
         if index is None:
             index = self._index[key] = len(self.nodes)
-            self.nodes.append(Node(op, args, value))
+            self.nodes.append(tuple.__new__(Node, key))  # half the time of Node(...)
         return index
 
     def _known(self, op: Op, args: tuple[int, ...]) -> int | None:
@@ -115,10 +123,13 @@ class Builder:
             if value.builder is not self:
                 raise InternalError("a value of one builder was used in another")
             return value.index
+        value = plain(value)
+        if type(value) is int:
+            return self._node(Op.CONST, (), value)
         key = (value.numerator, value.denominator)
         index = self._constants.get(key)
         if index is None:
-            index = self._constants[key] = self._node(Op.CONST, (), Fraction(value))
+            index = self._constants[key] = self._node(Op.CONST, (), value)
         return index
 
     def label(self, value: Value, name: str) -> Value:
@@ -139,13 +150,12 @@ class Builder:
         node = self.nodes[value.index]
         return Scalar(self, node.args[0]) if node.op is Op.NEG else None
 
-    def _unsigned(self, value: Value) -> tuple[int, bool]:
+    def _unsigned(self, value: Scalar) -> tuple[int, bool]:
         """The node that holds ``value``, or ``-value`` where that is what is recorded; and whether it is so."""
-        index = self.index_of(value)
-        node = self.nodes[index]
-        return (node.args[0], True) if node.op is Op.NEG else (index, False)
+        node = self._op(value)
+        return (node.args[0], True) if node.op is Op.NEG else (value.index, False)
 
-    def _scaled(self, value: Scalar) -> tuple[Fraction | int, Scalar]:
+    def _scaled(self, value: Scalar) -> tuple[Number, Scalar]:
         """``value`` as constant times node."""
         node = self._op(value)
         if node.op is Op.NEG:
@@ -170,14 +180,15 @@ class Builder:
             return self.sub(y, minus) if minus is not None else self._binary(Op.ADD, x, y)
         if x.index == y.index:
             return self.mul(2, x)
-        if (minus := self._negated(y)) is not None:
-            return self.sub(x, minus)
-        if (minus := self._negated(x)) is not None:
-            return self.sub(y, minus)
-        for one, other in ((x, y), (y, x)):  # (a - b) + b = a
-            node = self._op(one)
-            if node.op is Op.SUB and node.args[1] == other.index:
-                return Scalar(self, node.args[0])
+        first, second = self._op(x), self._op(y)
+        if second.op is Op.NEG:
+            return self.sub(x, Scalar(self, second.args[0]))
+        if first.op is Op.NEG:
+            return self.sub(y, Scalar(self, first.args[0]))
+        if first.op is Op.SUB and first.args[1] == y.index:  # (a - b) + b = a
+            return Scalar(self, first.args[0])
+        if second.op is Op.SUB and second.args[1] == x.index:
+            return Scalar(self, second.args[0])
         return self._binary(Op.ADD, x, y)
 
     def sub(self, x: Value, y: Value) -> Value:
@@ -210,29 +221,27 @@ class Builder:
 
     def mul(self, x: Value, y: Value) -> Value:
         """x * y."""
-        if not isinstance(x, Scalar) and not isinstance(y, Scalar):
-            return x * y
-        if isinstance(x, Scalar) and not isinstance(y, Scalar):
-            x, y = y, x
         if not isinstance(x, Scalar):
-            return self._scale(x, y)  # type: ignore[arg-type]
+            return self._scale(x, y) if isinstance(y, Scalar) else x * y
+        if not isinstance(y, Scalar):
+            return self._scale(y, x)
         # Signs move outwards, where sums absorb them; constant factors stay where they are shared.
         (i, minus_x), (j, minus_y) = self._unsigned(x), self._unsigned(y)
         product = Scalar(self, self._node(Op.MUL, (i, j) if i < j else (j, i)))
         return product if minus_x == minus_y else self.neg(product)
 
-    def _scale(self, factor: Fraction | int, x: Scalar) -> Value:
+    def _scale(self, factor: Number, x: Scalar) -> Value:
         own, x = self._scaled(x)
-        if own != 1:
-            factor = factor * own
+        factor = plain(factor if own == 1 else factor * own)
         if _negligible(factor):
             return 0
-        if factor == 1:
+        if factor.numerator < 0:  # the sign is kept outside, where sums absorb it
+            return self.neg(self._magnified(-factor, x))
+        return self._magnified(factor, x)
+
+    def _magnified(self, factor: Number, x: Scalar) -> Scalar:
+        if type(factor) is int and factor == 1:
             return x
-        if factor == -1:
-            return self.neg(x)
-        if factor < 0:  # the sign is kept outside, where sums absorb it
-            return self.neg(self._scale(-factor, x))
         return Scalar(self, self._node(Op.MUL, (self.index_of(factor), x.index)))
 
     def double(self, x: Value) -> Value:
@@ -327,8 +336,9 @@ class Builder:
             values.append([self.index_of(element) for element in elements])
         keep = reachable(self.nodes, (index for row in values for index in row))
         place = {old: new for new, old in enumerate(keep)}
-        kept = (self.nodes[old] for old in keep)
-        nodes = tuple(Node(op, tuple([place[arg] for arg in args]), value) for op, args, value in kept)
+        moved = place.__getitem__
+        kept = [self.nodes[old] for old in keep]
+        nodes = tuple([tuple.__new__(Node, (op, tuple(map(moved, args)), value)) for op, args, value in kept])
         program = Program(
             name=name,
             inputs=tuple(self.ports),

@@ -24,7 +24,7 @@ class Op:
     __slots__ = ("value",)
 
     INPUT: ClassVar[Op]  # value = (port index, element index)
-    CONST: ClassVar[Op]  # value = Fraction
+    CONST: ClassVar[Op]  # value = int, or Fraction where it is not whole
     ADD: ClassVar[Op]
     SUB: ClassVar[Op]
     MUL: ClassVar[Op]
@@ -83,9 +83,9 @@ class Node(NamedTuple):
         return cast("tuple[int, int]", self.value)
 
     @property
-    def number(self) -> Fraction:
+    def number(self) -> Fraction | int:
         """The value of a constant."""
-        return cast(Fraction, self.value)
+        return cast("Fraction | int", self.value)
 
 
 @dataclass(frozen=True)
@@ -146,14 +146,14 @@ class Program:
 
 def reachable(nodes: Sequence[Node], roots: Iterable[int]) -> list[int]:
     """The nodes that ``roots`` depend on, roots included, in order of definition."""
-    needed: set[int] = set()
-    stack = list(roots)
-    while stack:
-        index = stack.pop()
-        if index not in needed:
-            needed.add(index)
-            stack.extend(nodes[index].args)
-    return sorted(needed)
+    needed = bytearray(len(nodes))
+    for index in roots:
+        needed[index] = 1
+    for index in range(needed.rfind(1), -1, -1):  # users stand behind their operands
+        if needed[index]:
+            for arg in nodes[index].args:
+                needed[arg] = 1
+    return [index for index, is_needed in enumerate(needed) if is_needed]
 
 
 def uses(program: Program) -> list[int]:
