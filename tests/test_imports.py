@@ -15,6 +15,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "rrrgen"
 
 ROOMS = (
     "errors",
+    "side_by_side",
     "cache",
     "resources",
     "program",

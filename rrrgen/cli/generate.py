@@ -11,6 +11,7 @@ import click
 
 from rrrgen import pipeline
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument
+from rrrgen.side_by_side import usable_cores
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
@@ -39,6 +40,13 @@ if TYPE_CHECKING:
     default=True,
     help="Also write CasADi's own .casadi files (if CasADi is installed; their bytes depend on its version).",
 )
+@click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(min=1),
+    default=usable_cores,
+    help="Processes at work; the files do not depend on it.  [default: as many as cores]",
+)
 @json_option
 @click.option("-v", "--verbose", is_flag=True, help="Say what each step did, on stderr.")
 @pipeline.without_collection()
@@ -49,6 +57,7 @@ def generate(
     trig: Trig,
     only_check: bool,
     casadi_files: bool,
+    jobs: int,
     as_json: bool,
     verbose: bool,
 ) -> int:
@@ -67,10 +76,10 @@ def generate(
     from rrrgen import emit
 
     start = time.perf_counter()
-    model = pipeline.derive(read_with_warnings(robot))
+    model = pipeline.derive(read_with_warnings(robot), jobs)
     if verbose:
         _report_passes(model)
-    files = pipeline.emit(model, real, casadi_files and not only_check and _has_casadi(), trig)
+    files = pipeline.emit(model, real, casadi_files and not only_check and _has_casadi(), trig, jobs)
     if only_check:
         diff = emit.differences(files, output)
         if as_json:

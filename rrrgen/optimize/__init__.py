@@ -8,8 +8,11 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
 
 
-def optimize(derived: DerivedModel) -> DerivedModel:
-    """``derived`` with every program at its cheapest, nominal twins added, and a report of each pass."""
+def optimize(derived: DerivedModel, jobs: int = 1) -> DerivedModel:
+    """``derived`` with every program at its cheapest, nominal twins added, and a report of each pass.
+
+    The result does not depend on ``jobs``, the processes at work.
+    """
     from rrrgen.optimize.passes import optimize_model
 
-    return optimize_model(derived)
+    return optimize_model(derived, jobs)

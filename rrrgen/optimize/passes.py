@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rrrgen.derive.derivatives import differentiated, from_inverse_dynamics
@@ -16,6 +16,7 @@ from rrrgen.optimize.expansion import Cutting
 from rrrgen.optimize.folding import fold
 from rrrgen.optimize.rewriting import Tried, factored
 from rrrgen.program import Program, count_operations
+from rrrgen.side_by_side import side_by_side
 
 LARGEST = {Cutting.NOTHING: 200, Cutting.SUMS: 230, Cutting.SCALED: 200, Cutting.LOCAL: sys.maxsize}
 """Up to how many operations a program is worth an expansion; the largest ones are factored locally only."""
@@ -40,33 +41,65 @@ class _Log:
         return after
 
 
-def optimize_model(derived: DerivedModel) -> DerivedModel:
-    """The cheapest program of every function, then the nominal twins."""
-    log = _Log()
+@dataclass(frozen=True)
+class _Cheapest:
+    """One function at its cheapest, its nominal twin where it has one, and what the passes did."""
+
+    program: Program
+    twin: Program | None
+    reports: list[PassReport]
+
+
+def optimize_model(derived: DerivedModel, jobs: int = 1) -> DerivedModel:
+    """The cheapest program of every function, then the nominal twins, by up to ``jobs`` processes."""
+    found = _function_by_function(derived, jobs)
     programs: dict[str, Program] = {}
-    for name, ways in derived.alternatives.items():
-        ways = (*ways, *_by_chain_rule(derived, ways[0], programs))
-        programs[name], choice = cheapest(ways, name, log)
-        _add_twin(derived, ways, choice, programs[name], programs, log)
+    for name in derived.alternatives:
+        programs[name] = found[name].program
+        if (twin := found[name].twin) is not None:
+            programs[twin.name] = twin
         if name == "inverse_dynamics":
             _add_forward_dynamics(derived, programs)
-    return replace(derived, programs=programs, passes=tuple(log.reports))
+    reports = tuple(report for name in derived.alternatives for report in found[name].reports)
+    return replace(derived, programs=programs, passes=reports)
 
 
-def _by_chain_rule(derived: DerivedModel, like: Program, programs: dict[str, Program]) -> list[Program]:
-    """Derivatives from programs that are optimized already, where inverse dynamics is a short closed form."""
-    if like.name not in _SOURCES or count_operations(programs["inverse_dynamics"]).total > SHORT:
-        return []
-    source = programs[_SOURCES[like.name]]
-    if like.name == "inverse_dynamics_derivatives":
-        return [differentiated(source, like)]
-    return [from_inverse_dynamics(Recording(derived.model, derived.parametrization), source)]
+def _function_by_function(derived: DerivedModel, jobs: int) -> dict[str, _Cheapest]:
+    """Every function on its own, and those in one turn that may be derived from each other; the longest first."""
+    chain = [name for name in ("inverse_dynamics", *_SOURCES) if name in derived.alternatives]
+    groups = [chain, *([name] for name in derived.alternatives if name not in chain)]
+    groups.sort(key=lambda names: -sum(count_operations(derived.alternatives[name][0]).total for name in names))
+    found = side_by_side(lambda names: _in_turn(derived, names), groups, jobs)
+    return {name: one for group in found for name, one in group.items()}
+
+
+def _in_turn(derived: DerivedModel, names: Sequence[str]) -> dict[str, _Cheapest]:
+    """The functions ``names``, one after the other: each may be derived from those before it."""
+    found: dict[str, _Cheapest] = {}
+    for name in names:
+        log = _Log()
+        ways = derived.alternatives[name]
+        ways = (*ways, *_by_chain_rule(derived, ways[0], found))
+        program, choice = cheapest(ways, name, log)
+        found[name] = _Cheapest(program, _twin(derived, ways, choice, program, log), log.reports)
+    return found
 
 
 _SOURCES = {
     "inverse_dynamics_derivatives": "inverse_dynamics",
     "forward_dynamics_derivatives": "inverse_dynamics_derivatives",
 }
+"""What a function may be derived from by the chain rule."""
+
+
+def _by_chain_rule(derived: DerivedModel, like: Program, known: Mapping[str, _Cheapest]) -> list[Program]:
+    """Derivatives from programs that are optimized already, where inverse dynamics is a short closed form."""
+    source, first = known.get(_SOURCES.get(like.name, "")), known.get("inverse_dynamics")
+    if source is None or first is None or count_operations(first.program).total > SHORT:
+        return []
+    if like.name == "inverse_dynamics_derivatives":
+        return [differentiated(source.program, like)]
+    return [from_inverse_dynamics(Recording(derived.model, derived.parametrization), source.program)]
 
 
 def cost(program: Program) -> tuple[int, int, int]:
@@ -121,17 +154,10 @@ def cheapest(
     return log.note("double by addition", name, best, double_by_addition(best)), taken
 
 
-def _add_twin(
-    derived: DerivedModel,
-    ways: Sequence[Program],
-    choice: Choice,
-    best: Program,
-    programs: dict[str, Program],
-    log: _Log,
-) -> None:
+def _twin(derived: DerivedModel, ways: Sequence[Program], choice: Choice, best: Program, log: _Log) -> Program | None:
     """``<function>_nominal`` with the file's base parameters and drive inertias folded in, where it takes any."""
     if derived.beta_nominal is None or "beta" not in {port.name for port in best.inputs}:
-        return
+        return None
     known = {"beta": derived.beta_nominal}
     if derived.drive_inertia_nominal is not None:
         known["Ia"] = derived.drive_inertia_nominal
@@ -139,9 +165,8 @@ def _add_twin(
     folded = [fold(program, known) for program in (best, ways[choice.way])]
     log.note("fold parameters", name, best, folded[0])
     twin, _ = cheapest(folded, name, log, [Choice(0, None), Choice(1, None), Choice(1, choice.cutting)])
-    programs[name] = twin.described(
-        name=name, summary=best.summary.rstrip(".") + ", with the parameters of the robot file."
-    )
+    summary = best.summary.rstrip(".") + ", with the parameters of the robot file."
+    return twin.described(name=name, summary=summary)
 
 
 def _add_forward_dynamics(derived: DerivedModel, programs: dict[str, Program]) -> None:

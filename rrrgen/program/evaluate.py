@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from rrrgen.program.ir import Op, Program
 
-_FUNCTIONS: dict[Op, Callable[..., Any]] = {
-    Op.ADD: np.add,
-    Op.SUB: np.subtract,
-    Op.MUL: np.multiply,
-    Op.DIV: np.divide,
-    Op.NEG: np.negative,
-    Op.SIN: np.sin,
-    Op.COS: np.cos,
-    Op.SQRT: np.sqrt,
-    Op.ABS: np.abs,
-    Op.SIGN: np.sign,
-    Op.EXP: np.exp,
-    Op.TANH: np.tanh,
-    Op.SELECT: lambda c, x, y: np.where(c > 0, x, y),
+if TYPE_CHECKING:
+    import numpy as np
+
+_FUNCTIONS = {
+    Op.ADD: "add",
+    Op.SUB: "subtract",
+    Op.MUL: "multiply",
+    Op.DIV: "divide",
+    Op.NEG: "negative",
+    Op.SIN: "sin",
+    Op.COS: "cos",
+    Op.SQRT: "sqrt",
+    Op.ABS: "abs",
+    Op.SIGN: "sign",
+    Op.EXP: "exp",
+    Op.TANH: "tanh",
 }
+"""NumPy's names of the operations."""
 
 
 def evaluate(program: Program, *inputs: Any) -> tuple[np.ndarray, ...]:
@@ -31,6 +31,8 @@ def evaluate(program: Program, *inputs: Any) -> tuple[np.ndarray, ...]:
 
     Returns one array (..., *port.shape) per output.
     """
+    import numpy as np
+
     arrays = [np.asarray(value, dtype=float) for value in inputs]
     flat, batches = [], []
     for port, array in zip(program.inputs, arrays, strict=True):
@@ -48,8 +50,11 @@ def evaluate(program: Program, *inputs: Any) -> tuple[np.ndarray, ...]:
             values.append(flat[position][..., element])
         elif node.op is Op.CONST:
             values.append(float(node.number))
+        elif node.op is Op.SELECT:
+            condition, positive, otherwise = (values[arg] for arg in node.args)
+            values.append(np.where(condition > 0, positive, otherwise))
         else:
-            values.append(_FUNCTIONS[node.op](*(values[arg] for arg in node.args)))
+            values.append(getattr(np, _FUNCTIONS[node.op])(*(values[arg] for arg in node.args)))
     return tuple(
         np.stack([np.broadcast_to(values[e], batch) for e in elements], axis=-1).reshape((*batch, *port.shape))
         if elements

@@ -6,20 +6,24 @@ Matrices are two-dimensional on this side, ``(rows, columns)`` as the mathematic
 """
 
 from rrrgen.backends.casadi.derivatives import Matrix, Routine, forward, jacobian, reverse, routine
-from rrrgen.backends.casadi.external import external_sources
+from rrrgen.backends.casadi.external import definitions, external_files, external_sources
 from rrrgen.backends.casadi.function import function
 from rrrgen.backends.casadi.module import rebuild_module
 from rrrgen.backends.casadi.smooth import smooth_sign
-from rrrgen.backends.casadi.sources import is_reproducible, serialized, sources
+from rrrgen.backends.casadi.sources import external_functions, is_reproducible, module_file, serialized, sources
 
 __all__ = [
     "Matrix",
     "Routine",
+    "definitions",
+    "external_files",
+    "external_functions",
     "external_sources",
     "forward",
     "function",
     "is_reproducible",
     "jacobian",
+    "module_file",
     "rebuild_module",
     "reverse",
     "routine",

@@ -1,0 +1,114 @@
+"""Tasks in forked processes. Every test is a process of its own: one that has further threads must not fork."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
+
+OPENING = """
+import os, signal, threading, time
+from pathlib import Path
+from rrrgen.side_by_side import side_by_side
+
+first = os.getpid()
+
+def alive():
+    return [p.name for p in Path("/proc").glob("[0-9]*") if f"PPid:\\t{first}\\n" in (p / "status").read_text()]
+"""
+
+
+def run(script: str) -> subprocess.CompletedProcess[str]:
+    text = OPENING + textwrap.dedent(script)
+    return subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False, timeout=60)
+
+
+def succeeds(script: str) -> None:
+    done = run(script)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_results_come_in_order_from_several_processes():
+    succeeds("""
+        def task(k):
+            time.sleep(0.05)
+            return k * k, os.getpid()
+
+        results = side_by_side(task, range(12), 3)
+        assert [square for square, _ in results] == [k * k for k in range(12)]
+        assert len({process for _, process in results}) == 3
+        assert not alive()
+        """)
+
+
+def test_tasks_are_functions_of_all_that_is_known():
+    """What cannot be pickled may go in; only results come out."""
+    succeeds("""
+        known = threading.Lock()
+        tasks = [lambda k=k: (k, known.locked(), "x" * 10**6) for k in range(8)]
+        assert [r[:2] for r in side_by_side(lambda task: task(), tasks, 2)] == [(k, False) for k in range(8)]
+        """)
+
+
+@pytest.mark.parametrize(("jobs", "tasks"), [(1, 5), (4, 1), (4, 0)])
+def test_one_job_or_task_needs_no_process(jobs, tasks):
+    succeeds(f"assert side_by_side(lambda k: os.getpid(), range({tasks}), {jobs}) == [first] * {tasks}")
+
+
+def test_a_process_with_threads_does_not_fork():
+    succeeds("""
+        done = threading.Event()
+        thread = threading.Thread(target=done.wait)
+        thread.start()
+        assert side_by_side(lambda k: os.getpid(), range(5), 4) == [first] * 5
+        done.set()
+        thread.join()
+        """)
+
+
+def test_an_error_is_raised_where_it_is_seen():
+    done = run("""
+        def task(k):
+            time.sleep(0.02)
+            if k == 5:
+                raise ValueError(f"task {k} in {'the first' if os.getpid() == first else 'another'} process")
+            return k
+
+        try:
+            side_by_side(task, range(8), 3)
+        finally:
+            assert not alive()
+        """)
+    assert done.returncode == 1
+    assert done.stderr.count("Traceback") == 1
+    assert done.stderr.endswith("ValueError: task 5 in the first process\n")
+
+
+def test_what_a_lost_process_had_taken_is_done_again():
+    succeeds("""
+        def task(k):
+            time.sleep(0.02)
+            if os.getpid() != first:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return k
+
+        assert side_by_side(task, range(6), 3) == list(range(6))
+        assert not alive()
+        """)
+
+
+def test_an_interrupt_ends_all_processes_without_a_word():
+    done = run("""
+        signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        try:
+            side_by_side(lambda k: time.sleep(30), range(3), 3)
+        except KeyboardInterrupt:
+            assert not alive()
+            print("interrupted")
+        """)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
