@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.selftest import selftest
 from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.trigonometry import Trig, sincos_strategy
 
@@ -24,8 +23,14 @@ class CBackend:
 
     def files(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
         """``<name>.h``, ``<name>.c`` with the sources beside it, and ``<name>_selftest.c``."""
-        dialect = Dialect(model.spec.name, real)
-        return {
-            **header_and_sources(model, identity, dialect, sincos_strategy(self.trig)),
-            **selftest(model, identity, dialect),
-        }
+        return self.sources(model, identity, real) | self.selftest(model, identity, real)
+
+    def sources(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
+        """``<name>.h`` and the sources."""
+        return header_and_sources(model, identity, Dialect(model.spec.name, real), sincos_strategy(self.trig))
+
+    def selftest(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
+        """``<name>_selftest.c``, whose golden vectors NumPy computes."""
+        from rrrgen.backends.c.selftest import selftest
+
+        return selftest(model, identity, Dialect(model.spec.name, real))
