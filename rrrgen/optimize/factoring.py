@@ -15,7 +15,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from math import gcd
-from typing import Any
 
 Monomial = tuple[int, ...]
 Polynomial = dict[Monomial, Fraction | int]
@@ -28,12 +27,13 @@ Single = tuple[int, int, Ratio]
 
 ONE: Ratio = (1, 1)
 MINUS_ONE: Ratio = (-1, 1)
+UNITS = (ONE, MINUS_ONE)
 NOTHING: Monomial = ()
 NUMBER = -1
 """First member of a single divisor that is a number times a literal."""
 
-ADDITION = 0.95
-"""Weight of an addition against a multiplication; a little less, so that ties go to fewer multiplications."""
+MULTIPLICATION, ADDITION = 20, 19
+"""Weights. An addition weighs a little less than a multiplication, so that ties go to fewer multiplications."""
 
 
 def term_cost(monomial: Monomial, coefficient: Ratio) -> int:
@@ -103,7 +103,7 @@ class _Pair:
     second: _Term
     common: Monomial
     coefficient: Ratio
-    saved: float
+    saved: int
 
 
 @dataclass(eq=False, slots=True)
@@ -113,7 +113,7 @@ class _Double:
     left: Monomial
     right: Monomial
     ratio: Ratio
-    cost: float
+    cost: int
     pairs: dict[_Pair, None]
 
 
@@ -131,8 +131,8 @@ class Factoring:
         self._terms: list[dict[Monomial, _Term]] = []
         self._doubles: dict[tuple[Monomial, Monomial, Ratio], _Double] = {}
         self._singles: dict[Single, dict[_Term, None]] = {}
-        self._double_gains: dict[_Double, float] = {}
-        self._single_gains: dict[Single, float] = {}
+        self._double_gains: dict[_Double, int] = {}
+        self._single_gains: dict[Single, int] = {}
         self._touched_doubles: dict[_Double, None] = {}
         self._touched_singles: dict[Single, None] = {}
         for polynomial in polynomials:
@@ -149,9 +149,9 @@ class Factoring:
         while True:
             double = max(self._double_gains, key=self._double_gains.__getitem__, default=None)
             single = max(self._single_gains, key=self._single_gains.__getitem__, default=None)
-            gain = self._double_gains[double] if double is not None else 0.0
-            saved = self._single_gains[single] if single is not None else 0.0
-            if max(gain, saved) <= 1e-9:
+            gain = self._double_gains[double] if double is not None else 0
+            saved = self._single_gains[single] if single is not None else 0
+            if not gain and not saved:
                 break
             if double is not None and gain >= saved:
                 self._extract_double(double)
@@ -186,23 +186,23 @@ class Factoring:
             if not literals.isdisjoint(other.monomial):
                 common, left, right = split_common(left, right)
             ratio = divide(second.coefficient, first.coefficient)
-            if common or ratio in (ONE, MINUS_ONE) or (left and right):
-                rest = len(common) + (first.coefficient not in (ONE, MINUS_ONE))
-                if (saved := cost + ADDITION + other.cost - rest) > 0:
-                    pair = _Pair(self._double(left, right, ratio), first, second, common, first.coefficient, saved)
-                    pair.divisor.pairs[pair] = term.pairs[pair] = other.pairs[pair] = None
-                    self._touched_doubles[pair.divisor] = None
+            if common or (left and right) or ratio in UNITS:
+                rest = len(common) + (first.coefficient not in UNITS)
+                saved = MULTIPLICATION * (cost + other.cost - rest) + ADDITION
+                if saved > 0:
+                    divisor = self._doubles.get((left, right, ratio)) or self._double(left, right, ratio)
+                    pair = _Pair(divisor, first, second, common, first.coefficient, saved)
+                    divisor.pairs[pair] = term.pairs[pair] = other.pairs[pair] = None
+                    self._touched_doubles[divisor] = None
         self._terms[k][monomial] = term
         for single in term.singles:
             self._singles.setdefault(single, {})[term] = None
             self._touched_singles[single] = None
 
     def _double(self, left: Monomial, right: Monomial, ratio: Ratio) -> _Double:
-        key = (left, right, ratio)
-        if key not in self._doubles:
-            cost = term_cost(left, ONE) + term_cost(right, ratio) + ADDITION
-            self._doubles[key] = _Double(left, right, ratio, cost, {})
-        return self._doubles[key]
+        cost = MULTIPLICATION * (term_cost(left, ONE) + term_cost(right, ratio)) + ADDITION
+        double = self._doubles[left, right, ratio] = _Double(left, right, ratio, cost, {})
+        return double
 
     def _remove(self, term: _Term) -> None:
         """Take a term out of its polynomial, with its divisors."""
@@ -231,21 +231,28 @@ class Factoring:
 
     def _update_gains(self) -> None:
         for double in self._touched_doubles:
-            _keep(self._double_gains, double, self._gain(double))
+            if (gain := self._gain(double)) > 0:
+                self._double_gains[double] = gain
+            else:
+                self._double_gains.pop(double, None)
             if not double.pairs:
                 del self._doubles[double.left, double.right, double.ratio]
         for single in self._touched_singles:
-            _keep(self._single_gains, single, len(self._singles[single]) - 1.0)
-            if not self._singles[single]:
+            terms = self._singles[single]
+            if len(terms) > 1:
+                self._single_gains[single] = MULTIPLICATION * (len(terms) - 1)
+            else:
+                self._single_gains.pop(single, None)
+            if not terms:
                 del self._singles[single]
         self._touched_doubles.clear()
         self._touched_singles.clear()
 
-    def _gain(self, double: _Double) -> float:
+    def _gain(self, double: _Double) -> int:
         """What the extraction of a divisor saves."""
         if len(double.pairs) == 1:
             return next(iter(double.pairs)).saved - double.cost
-        return sum((pair.saved for pair in _disjoint(double)), -double.cost)
+        return sum([pair.saved for pair in _disjoint(double)]) - double.cost
 
     # -- extraction ----------------------------------------------------------------------------------------------
 
@@ -288,14 +295,6 @@ def _disjoint(double: _Double) -> list[_Pair]:
 
 def _number(ratio: Ratio) -> Fraction | int:
     return ratio[0] if ratio[1] == 1 else Fraction(*ratio)
-
-
-def _keep(gains: dict[Any, float], key: Any, gain: float) -> None:
-    """Record a gain, or forget one that is none."""
-    if gain > 0:
-        gains[key] = round(gain, 6)
-    else:
-        gains.pop(key, None)
 
 
 def _products(x: Monomial, coefficient: Ratio) -> Iterator[Single]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import asdict, dataclass
+from operator import itemgetter
 
 from rrrgen.program.ir import Op, Program
 
@@ -41,8 +42,8 @@ class OperationCount:
 
 def count_operations(program: Program) -> OperationCount:
     """Operations of one evaluation of ``program``."""
-    tally = Counter(node.op for node in program.nodes)
-    angles = {node.args[0] for node in program.nodes if node.op is Op.SIN or node.op is Op.COS}
+    tally = Counter(map(itemgetter(0), program.nodes))  # by operation
+    angles = {args[0] for op, args, _ in program.nodes if op is Op.SIN or op is Op.COS}
     return OperationCount(
         mul=tally[Op.MUL],
         add=tally[Op.ADD] + tally[Op.SUB],
