@@ -24,7 +24,7 @@ ROUNDS = 5
 GENERATE = """
 import atexit, resource, sys
 from rrrgen.cli.main import main
-from rrrgen.side_by_side import usable_cores
+from rrrgen.side_by_side import usual_jobs
 
 @atexit.register
 def peak():
@@ -32,7 +32,7 @@ def peak():
         own = next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM"))
     except OSError:
         return
-    print(own + (usable_cores() - 1) * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+    print(own + (usual_jobs() - 1) * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 
 main(["generate", sys.argv[1], "-o", sys.argv[2], "--no-casadi-files"])
 """

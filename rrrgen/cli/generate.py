@@ -11,7 +11,7 @@ import click
 
 from rrrgen import pipeline
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument
-from rrrgen.side_by_side import usable_cores
+from rrrgen.side_by_side import usual_jobs
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     "-j",
     "--jobs",
     type=click.IntRange(min=1),
-    default=usable_cores,
-    help="Processes at work; the files do not depend on it.  [default: as many as cores]",
+    default=usual_jobs,
+    help="Processes at work; the files do not depend on it.  [default: as many as cores, up to 6]",
 )
 @json_option
 @click.option("-v", "--verbose", is_flag=True, help="Say what each step did, on stderr.")
