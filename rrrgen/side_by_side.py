@@ -22,7 +22,7 @@ INDEX_BYTES = 2
 
 
 MOST = 6
-"""More processes hardly shorten a robot's generation: its longest task takes a sixth of the time of all."""
+"""More processes do not shorten a robot's generation: its longest task takes a third of the time of all."""
 
 
 def usual_jobs() -> int:
