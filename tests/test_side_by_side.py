@@ -103,6 +103,7 @@ def test_what_a_lost_process_had_taken_is_done_again():
 
 def test_an_interrupt_ends_all_processes_without_a_word():
     done = run("""
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the tests run in the background
         signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
         signal.setitimer(signal.ITIMER_REAL, 0.3)
         try:
