@@ -22,7 +22,7 @@ ROUNDS = 5
 """What disturbs a run makes it longer only, as with all timings here. Every round takes all robots."""
 
 GENERATE = """
-import atexit, resource, sys
+import atexit, sys
 from rrrgen.cli.main import main
 from rrrgen.side_by_side import usual_jobs
 
@@ -32,6 +32,8 @@ def peak():
         own = next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM"))
     except OSError:
         return
+    import resource
+
     print(own + (usual_jobs() - 1) * resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 
 main(["generate", sys.argv[1], "-o", sys.argv[2], "--no-casadi-files"])
