@@ -3,6 +3,12 @@
 
 #include <math.h>
 
+#if defined(__AVX512F__) && !defined(__clang__) && defined(__GNUC__) && __GNUC__ >= 8
+/* Registers of 64 bytes, gathered for neighbouring results, would halve the rate of the scalar arithmetic beside them. */
+#pragma GCC push_options
+#pragma GCC target("prefer-vector-width=256")
+#endif
+
 #ifndef RRR_SINCOS_KERNEL
 /*
  * Sine and cosine of one angle without branches on the way: reduction by quarter turns in three exact steps
@@ -843,3 +849,7 @@ void rrr_nominal_parameters(rrr_real beta[RRR_RESTRICT 15])
     beta[13] = (rrr_real)1.536;
     beta[14] = (rrr_real)0.0;
 }
+
+#if defined(__AVX512F__) && !defined(__clang__) && defined(__GNUC__) && __GNUC__ >= 8
+#pragma GCC pop_options
+#endif

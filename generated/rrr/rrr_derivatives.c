@@ -3,6 +3,12 @@
 
 #include <math.h>
 
+#if defined(__AVX512F__) && !defined(__clang__) && defined(__GNUC__) && __GNUC__ >= 8
+/* Registers of 64 bytes, gathered for neighbouring results, would halve the rate of the scalar arithmetic beside them. */
+#pragma GCC push_options
+#pragma GCC target("prefer-vector-width=256")
+#endif
+
 #ifndef RRR_SINCOS_KERNEL
 /*
  * Sine and cosine of one angle without branches on the way: reduction by quarter turns in three exact steps
@@ -514,3 +520,7 @@ rrr_status rrr_forward_dynamics_derivatives_nominal(const rrr_real q[3],
     dddq_dq[6] = (rrr_real)0.0;
     return (t66 < (rrr_real)0.5) ? RRR_OK : RRR_NOT_POSITIVE_DEFINITE;
 }
+
+#if defined(__AVX512F__) && !defined(__clang__) && defined(__GNUC__) && __GNUC__ >= 8
+#pragma GCC pop_options
+#endif
