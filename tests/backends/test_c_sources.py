@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -14,6 +15,7 @@ import pytest
 
 from backends.c_tools import C99, CXX, IDENTITY, SANITIZERS, compile_all, compiler, emitted, run, write
 from backends.planar import planar_model
+from pipeline.optimized import bundled
 from rrrgen.backends.c.backend import CBackend
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.packaging import build_files
@@ -29,6 +31,18 @@ def test_no_compiler_has_anything_to_complain_about(name, language, real, tmp_pa
     for kind, options in MODELS.items():
         folder = emitted(planar_model(**options), tmp_path / kind, real)
         compile_all(folder, [compiler(name), *flags, "-O1"])
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="reads the assembler of x86-64")
+@pytest.mark.parametrize("flags", [C99, CXX])
+def test_no_registers_of_64_bytes_beside_scalars(flags, tmp_path):
+    """They halve the rate of scalar arithmetic; gcc would gather results in them (-march=native on new processors)."""
+    folder = write(CBackend().files(bundled("rrr"), IDENTITY, "double"), tmp_path)
+    wide = ["-O3", "-mavx512f", "-mavx512vl", "-mprefer-vector-width=512"]
+    for source in ("rrr.c", "rrr_nominal.c", "rrr_derivatives.c"):
+        subprocess.run([compiler("gcc"), *flags, *wide, "-S", source, "-o", "out.s"], cwd=folder, check=True)
+        assert "%xmm" in (folder / "out.s").read_text()
+        assert "%zmm" not in (folder / "out.s").read_text(), source
 
 
 @pytest.mark.parametrize("real", ["double", "float"])
