@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-from rrrgen.program import Builder, Op, Program, Value
+from rrrgen.program import Builder, Node, Op, Program, Scalar, Value
+from rrrgen.program.builder import replay
+
+
+class _Doubling(Builder):
+    """Records products by two as additions."""
+
+    def mul(self, x: Value, y: Value) -> Value:
+        """x * y, or y + y where x is two (the first factor of a product by a number is the number)."""
+        doubles = isinstance(y, Scalar) and not isinstance(x, Scalar) and x == 2
+        return self.double(y) if doubles else super().mul(x, y)
 
 
 def double_by_addition(program: Program) -> Program:
     """``program`` with products by two recorded as additions."""
-    if not any(node.op is Op.MUL and _is_two(program, node.args[0]) for node in program.nodes):
+    if not any(node.op is Op.MUL and _is_two(program.nodes[node.args[0]]) for node in program.nodes):
         return program
-    builder = Builder()
-    inputs = [builder.input(port) for port in program.inputs]
-    values: list[Value] = []
-    for index, node in enumerate(program.nodes):
-        if node.op is Op.INPUT:
-            port, element = node.place
-            value: Value = inputs[port][element]
-        elif node.op is Op.CONST:
-            value = node.number
-        elif node.op is Op.MUL and _is_two(program, node.args[0]):
-            value = builder.double(values[node.args[1]])
-        else:
-            value = getattr(builder, node.op.value)(*(values[arg] for arg in node.args))
-        if index in program.labels:
-            builder.label(value, program.labels[index])
-        values.append(value)
-    outputs = [(port, [values[k] for k in row]) for port, row in zip(program.outputs, program.results, strict=True)]
+    builder = _Doubling()
+    results = replay(program, builder, [builder.input(port) for port in program.inputs])
+    outputs = list(zip(program.outputs, results, strict=True))
     return builder.program(program.name, outputs, program.summary, program.formula, program.notes)
 
 
-def _is_two(program: Program, index: int) -> bool:
-    node = program.nodes[index]
+def _is_two(node: Node) -> bool:
     return node.op is Op.CONST and node.value == 2
