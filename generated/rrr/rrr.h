@@ -267,7 +267,7 @@ void rrr_gravity(const rrr_real q[3], const rrr_real beta[15], rrr_real g[RRR_RE
  *   in   q  3  rad  -  joint positions
  *   out  g  3  N m  -  torques that hold the arm against gravity
  *
- * Operations: 4 mul, 2 add, 2 sincos. Stack: about 128 bytes.
+ * Operations: 2 mul, 2 add, 2 sincos. Stack: about 128 bytes.
  */
 void rrr_gravity_nominal(const rrr_real q[3], rrr_real g[RRR_RESTRICT 3]);
 

@@ -145,8 +145,9 @@ void rrr_gravity_nominal(const rrr_real q[3], rrr_real g[RRR_RESTRICT 3])
     rrr_real c23_other, c23;
     rrr_sincos(q[1] + q[2], &c23_other, &c23);
     (void)c23_other;
-    g[1] = (rrr_real)9.81*((rrr_real)0.168*c23 + (rrr_real)1.536*c2);
-    g[2] = (rrr_real)1.64808*c23;
+    const rrr_real t1 = (rrr_real)1.64808*c23;
+    g[2] = t1;
+    g[1] = (rrr_real)15.06816*c2 + t1;
     g[0] = (rrr_real)0.0;
 }
 

@@ -27,6 +27,10 @@ SHORT = 115
 HOPELESS = {Cutting.LOCAL: 1.2, Cutting.SUMS: 1.3, Cutting.SCALED: 1.3, Cutting.NOTHING: 1.3}
 """A recursion this many times as dear as the best program found is not expanded: that saves less, locally a tenth."""
 
+STRIPPED = 0.8
+"""Where folding numbers in leaves no more than this share of the operations, zeros among the numbers made another
+program of it, and the cheapest way to that one is looked for anew."""
+
 
 class _Log:
     """Collects what each pass did."""
@@ -162,9 +166,12 @@ def _twin(derived: DerivedModel, ways: Sequence[Program], choice: Choice, best: 
     if derived.drive_inertia_nominal is not None:
         known["Ia"] = derived.drive_inertia_nominal
     name = f"{best.name}_nominal"
-    folded = [fold(program, known) for program in (best, ways[choice.way])]
-    log.note("fold parameters", name, best, folded[0])
-    twin, _ = cheapest(folded, name, log, [Choice(0, None), Choice(1, None), Choice(1, choice.cutting)])
+    first = log.note("fold parameters", name, best, fold(best, known))
+    if count_operations(first).total <= STRIPPED * count_operations(best).total:
+        twin, _ = cheapest([first, *(fold(way, known) for way in ways)], name, log)
+    else:
+        folded = [first, fold(ways[choice.way], known)]
+        twin, _ = cheapest(folded, name, log, [Choice(0, None), Choice(1, None), Choice(1, choice.cutting)])
     summary = best.summary.rstrip(".") + ", with the parameters of the robot file."
     return twin.described(name=name, summary=summary)
 

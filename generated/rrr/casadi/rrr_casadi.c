@@ -1905,11 +1905,11 @@ int rrr_casadi_gravity_nominal(const casadi_real** arg, casadi_real** res, casad
   const casadi_real q3 = arg[0] ? arg[0][2] : (casadi_real)0;
   const casadi_real c2 = rrr_casadi_cos(q2);
   const casadi_real c23 = rrr_casadi_cos(q2 + q3);
-  const casadi_real t1 = (casadi_real)0.16800000000000001*c23 + (casadi_real)1.536*c2;
+  const casadi_real t1 = (casadi_real)1.64808*c23;
   if (res[0]) {
     res[0][0] = (casadi_real)0;
-    res[0][1] = (casadi_real)9.8100000000000005*t1;
-    res[0][2] = (casadi_real)1.64808*c23;
+    res[0][1] = (casadi_real)15.068160000000001*c2 + t1;
+    res[0][2] = t1;
   }
   (void)res;
   (void)iw;
@@ -1928,14 +1928,14 @@ int jac_rrr_casadi_gravity_nominal(const casadi_real** arg, casadi_real** res, c
 {
   const casadi_real q2 = arg[0] ? arg[0][1] : (casadi_real)0;
   const casadi_real q3 = arg[0] ? arg[0][2] : (casadi_real)0;
-  const casadi_real t1 = rrr_casadi_sin(q2 + q3);
-  const casadi_real t2 = (casadi_real)0.16800000000000001*t1 + (casadi_real)1.536*rrr_casadi_sin(q2);
-  const casadi_real t3 = -(casadi_real)1.64808*t1;
+  const casadi_real t1 = (casadi_real)1.64808*rrr_casadi_sin(q2 + q3);
+  const casadi_real t2 = -t1;
+  const casadi_real t3 = -((casadi_real)15.068160000000001*rrr_casadi_sin(q2) + t1);
   if (res[0]) {
-    res[0][0] = -(casadi_real)9.8100000000000005*t2;
-    res[0][1] = t3;
-    res[0][2] = t3;
-    res[0][3] = t3;
+    res[0][0] = t3;
+    res[0][1] = t2;
+    res[0][2] = t2;
+    res[0][3] = t2;
   }
   (void)res;
   (void)iw;
@@ -1956,12 +1956,12 @@ int fwd1_rrr_casadi_gravity_nominal(const casadi_real** arg, casadi_real** res, 
   const casadi_real q3 = arg[0] ? arg[0][2] : (casadi_real)0;
   const casadi_real fwd_q2 = arg[2] ? arg[2][1] : (casadi_real)0;
   const casadi_real fwd_q3 = arg[2] ? arg[2][2] : (casadi_real)0;
-  const casadi_real t1 = (fwd_q2 + fwd_q3)*rrr_casadi_sin(q2 + q3);
-  const casadi_real t2 = (casadi_real)0.16800000000000001*t1 + (casadi_real)1.536*(fwd_q2*rrr_casadi_sin(q2));
+  const casadi_real t1 = (casadi_real)15.068160000000001*(fwd_q2*rrr_casadi_sin(q2));
+  const casadi_real t2 = (casadi_real)1.64808*((fwd_q2 + fwd_q3)*rrr_casadi_sin(q2 + q3));
   if (res[0]) {
     res[0][0] = (casadi_real)0;
-    res[0][1] = -(casadi_real)9.8100000000000005*t2;
-    res[0][2] = -(casadi_real)1.64808*t1;
+    res[0][1] = -(t1 + t2);
+    res[0][2] = -t2;
   }
   (void)res;
   (void)iw;
@@ -1982,13 +1982,12 @@ int adj1_rrr_casadi_gravity_nominal(const casadi_real** arg, casadi_real** res, 
   const casadi_real q3 = arg[0] ? arg[0][2] : (casadi_real)0;
   const casadi_real adj_g2 = arg[2] ? arg[2][1] : (casadi_real)0;
   const casadi_real adj_g3 = arg[2] ? arg[2][2] : (casadi_real)0;
-  const casadi_real t1 = (casadi_real)1.64808*adj_g3 + (casadi_real)1.64808*adj_g2;
-  const casadi_real t2 = t1*rrr_casadi_sin(q2 + q3);
-  const casadi_real t3 = (casadi_real)15.068160000000001*adj_g2*rrr_casadi_sin(q2);
+  const casadi_real t1 = (casadi_real)1.64808*(adj_g2 + adj_g3)*rrr_casadi_sin(q2 + q3);
+  const casadi_real t2 = (casadi_real)15.068160000000001*adj_g2*rrr_casadi_sin(q2);
   if (res[0]) {
     res[0][0] = (casadi_real)0;
-    res[0][1] = -(t2 + t3);
-    res[0][2] = -t2;
+    res[0][1] = -(t1 + t2);
+    res[0][2] = -t1;
   }
   (void)res;
   (void)iw;

@@ -581,10 +581,11 @@ def gravity_nominal():
     [q1, q2, q3] = _rows(q)
     c2 = ca.cos(q2)
     c23 = ca.cos(q2 + q3)
+    t1 = 1.64808*c23
     g = _matrix(3, 1, [
         0,
-        9.81*(0.168*c23 + 1.536*c2),
-        1.64808*c23,
+        15.06816*c2 + t1,
+        t1,
     ])
     return ca.Function("rrr_casadi_gravity_nominal", [q], [g], ["q"], ["g"])
 
