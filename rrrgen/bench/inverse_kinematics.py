@@ -99,7 +99,8 @@ def _compiled(
     targets = poses[:, :3, 3] if position else poses.reshape(len(poses), -1)
     scores = []
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
-        declarations = f'#include "{name}_ik.h"\n#include "rrr.h"\nvoid elbow(const double *, double *);\n'
+        fits = f"typedef char fits[sizeof({name}_ik_solutions) <= 8 * {contestants[0].outputs} ? 1 : -1];"
+        declarations = f'#include "{name}_ik.h"\n#include "rrr.h"\nvoid elbow(const double *, double *);\n{fits}\n'
         driver = Driver.build(Path(place), contestants, sources, declarations, targets, toolchain)
         everything, counts, times = driver.values(), driver.instructions(effort.counted), driver.times(effort)
         for k, (contestant, values) in enumerate(zip(contestants[:-1], everything[:-1], strict=True)):
@@ -113,7 +114,7 @@ def _compiled(
 
 def _doubles(rows: int, n: int) -> int:
     """Size of the emitted structure of solutions: two ints, distance, angles, flags and branches, residuals."""
-    return 2 + rows * n + rows + rows
+    return 2 + rows * n + 2 * rows
 
 
 def _of_structure(values: Array, n: int) -> Array:
