@@ -87,45 +87,31 @@ def _compiled(
 
     emitted = emit(spec, plan(spec))
     name, n, position = spec.name, spec.n, emitted.plan.task == "position"
+    outputs = 1 + emitted.rows * n
     sources = {file: text for file, text in emitted.files.items() if file.endswith((".c", ".h"))}
-    solve = f"(void){name}_inverse_kinematics(in, 0, 0u, ({name}_ik_solutions *)out);"
-    contestants = [Contestant(OWN, "inverse_kinematics", _doubles(emitted.rows, n), solve)]
+    statements = (
+        f"static {name}_ik_solutions s; (void){name}_inverse_kinematics(in, 0, 0u, &s); out[0] = s.count; "
+        f"for (int i = 0; i < s.count * {n}; i++) out[1 + i] = ((const double *)s.q)[i];"
+    )
+    contestants = [Contestant(OWN, "inverse_kinematics", outputs, statements)]
     by_hand = _elbow(spec) if position else None
     if by_hand is not None:
         sources["elbow.c"] = by_hand
-        contestants.append(Contestant("C by hand", "inverse_kinematics", 1 + emitted.rows * n, "elbow(in, out);"))
+        contestants.append(Contestant("C by hand", "inverse_kinematics", outputs, "elbow(in, out);"))
     sources |= _reference_sources()
     contestants.append(Contestant("reference", "inverse_dynamics", 3, REFERENCE))
     targets = poses[:, :3, 3] if position else poses.reshape(len(poses), -1)
     scores = []
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
-        fits = f"typedef char fits[sizeof({name}_ik_solutions) <= 8 * {contestants[0].outputs} ? 1 : -1];"
-        declarations = f'#include "{name}_ik.h"\n#include "rrr.h"\nvoid elbow(const double *, double *);\n{fits}\n'
+        declarations = f'#include "{name}_ik.h"\n#include "rrr.h"\nvoid elbow(const double *, double *);\n'
         driver = Driver.build(Path(place), contestants, sources, declarations, targets, toolchain)
         everything, counts, times = driver.values(), driver.instructions(effort.counted), driver.times(effort)
         for k, (contestant, values) in enumerate(zip(contestants[:-1], everything[:-1], strict=True)):
-            unpack = _of_structure if contestant.label == OWN else _of_numbers
-            solutions = [unpack(row, n) for row in values]
+            solutions = [row[1 : 1 + int(row[0]) * n].reshape(-1, n) for row in values]
             found = _rows_checked(contestant.label, name, solutions, poses, oracle, position)
             reference = times[len(contestants) - 1]
             scores.append(IKScore(name, contestant.label, times[k], found, counts.get(k), reference))
     return scores
-
-
-def _doubles(rows: int, n: int) -> int:
-    """Size of the emitted structure of solutions: two ints, distance, angles, flags and branches, residuals."""
-    return 2 + rows * n + 2 * rows
-
-
-def _of_structure(values: Array, n: int) -> Array:
-    """The rows in an emitted structure of solutions, whose first member is their number."""
-    count = int(values[:1].view(np.int32)[0])
-    return values[2 : 2 + count * n].reshape(-1, n)
-
-
-def _of_numbers(values: Array, n: int) -> Array:
-    """The rows behind their number."""
-    return values[1 : 1 + int(values[0]) * n].reshape(-1, n)
 
 
 @cache
