@@ -10,16 +10,22 @@ import pytest
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux only")
 
-OPENING = """
-import os, signal, threading, time
+OPENING = '''
+import contextlib, os, signal, threading, time
 from pathlib import Path
 from rrrgen.side_by_side import side_by_side
 
 first = os.getpid()
 
 def alive():
-    return [p.name for p in Path("/proc").glob("[0-9]*") if f"PPid:\\t{first}\\n" in (p / "status").read_text()]
-"""
+    """Processes that this one started."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # those of others may end while they are looked at
+            if f"PPid:\\t{first}\\n" in (place / "status").read_text():
+                found.append(place.name)
+    return found
+'''
 
 
 def run(script: str) -> subprocess.CompletedProcess[str]:
