@@ -73,9 +73,7 @@ static int rrr_ik_root(rrr_real w2, rrr_real size, rrr_real slack, rrr_real *w, 
 static int rrr_ik_cosine(rrr_real *k, rrr_real w2, rrr_real slack, rrr_real *w, unsigned *flags)
 {
     const int n = rrr_ik_root(w2, (rrr_real)1, slack, w, flags);
-    if (n == 1) {
-        *k = *k < (rrr_real)0 ? (rrr_real)-1 : (rrr_real)1;
-    }
+    *k = n == 1 ? copysign((rrr_real)1, *k) : *k;
     return n;
 }
 
@@ -95,26 +93,15 @@ static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr
         *k = (rrr_real)1;
         return 1;
     }
-    {
+    { /* the root does not wait for the quotient */
         const rrr_real i = (rrr_real)1 / sqrt(h2);
+        const int n = rrr_ik_root(w2 >= (rrr_real)0 ? w2 : h2 - *k * *k, h2, slack, w, flags);
         *a *= i;
         *b *= i;
-        *k *= i;
-        return rrr_ik_cosine(k, w2 >= (rrr_real)0 ? w2 * i * i : ((rrr_real)1 - *k) * ((rrr_real)1 + *k), slack, w, flags);
+        *w *= i;
+        *k = n == 1 ? copysign((rrr_real)1, *k) : *k * i;
+        return n;
     }
-}
-
-/* Scales (c, s) to length 1; 0 where the vector has no direction. */
-static int rrr_ik_unit(rrr_real *c, rrr_real *s, rrr_real least)
-{
-    const rrr_real h2 = *c * *c + *s * *s;
-    if (h2 > least * least) {
-        const rrr_real i = (rrr_real)1 / sqrt(h2);
-        *c *= i;
-        *s *= i;
-        return 1;
-    }
-    return 0;
 }
 
 /* Constant transforms of the chain (rows of 3x4) before joint 1, between the joints, and after the last one. */
@@ -284,13 +271,15 @@ static int rrr_ik_branches(
     if (n1 == 0) { *stage = *stage < 1 ? 1 : *stage; return 0; }
     const rrr_real t1 = a1 * k1;
     const rrr_real t2 = b1 * k1;
-    const rrr_real r = T[0] * T[0] + T[1] * T[1] + pz * pz;
+    const rrr_real t3 = pz * pz;
+    const rrr_real r = T[0] * T[0] + T[1] * T[1] + t3;
     rrr_real k3 = (rrr_real)6.024096385542168 * (r - (rrr_real)0.279306), w3;
     unsigned f3 = 0u;
     const int n3 = rrr_ik_cosine(&k3, ((rrr_real)1.0 - k3) * (k3 + (rrr_real)1.0), slack, &w3, &f3);
     if (n3 == 0) { *stage = *stage < 2 ? 2 : *stage; return 0; }
     const rrr_real vx = (rrr_real)0.415 * k3 + (rrr_real)0.2;
-    const rrr_real t3 = pz * vx;
+    const rrr_real t4 = vx * vx;
+    const rrr_real t6 = pz * vx;
     for (int i1 = 0; i1 < n1; ++i1) {
         const rrr_real v1 = i1 == 0 ? -w1 : w1;
         const rrr_real c1 = t1 - b1 * v1;
@@ -299,25 +288,27 @@ static int rrr_ik_branches(
         sine[i1] = s1;
         const rrr_real ux = T[0] * c1 + T[1] * s1;
         const rrr_real uz = T[0] * s1 - T[1] * c1;
-        const rrr_real t4 = ux * vx;
-        const rrr_real t7 = (rrr_real)0.259 - uz;
-        const rrr_real t8 = t7 * t7;
+        const rrr_real onto2 = sqrt(ux * ux + t3);
+        const rrr_real t5 = ux * vx;
+        const rrr_real t8 = (rrr_real)0.259 - uz;
+        const rrr_real t9 = t8 * t8;
         for (int i3 = 0; i3 < n3; ++i3) {
             const rrr_real v3 = i3 == 0 ? w3 : -w3;
             cosine[2 + i3] = k3;
             sine[2 + i3] = v3;
             const rrr_real vy = (rrr_real)0.415 * v3;
-            rrr_real c2 = t4 + pz * vy, s2 = t3 - ux * vy;
-            cosine[4 + 2 * i1 + i3] = c2; sine[4 + 2 * i1 + i3] = s2;
-            const unsigned f2 = rrr_ik_unit(&c2, &s2, (RRR_IK_TOL_FREE * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_FREE * (rrr_real)1.3536469121517312)) ? 0u : (unsigned)RRR_IK_FREE;
+            const rrr_real from2 = sqrt(t4 + vy * vy);
+            const rrr_real size2 = from2 * onto2;
+            rrr_real a2 = t5 + pz * vy, b2 = t6 - ux * vy;
+            const unsigned f2 = size2 > (RRR_IK_TOL_FREE * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_FREE * (rrr_real)1.3536469121517312) ? 0u : (unsigned)RRR_IK_FREE;
             if (f2 != 0u) {
                 const rrr_real x2 = ref[1];
-                c2 = cos(x2); s2 = sin(x2);
-                cosine[4 + 2 * i1 + i3] = c2; sine[4 + 2 * i1 + i3] = s2;
+                a2 = cos(x2); b2 = sin(x2);
             }
-            const rrr_real t5 = c2 * vx - s2 * vy - ux;
-            const rrr_real t6 = s2 * vx + c2 * vy - pz;
-            const rrr_real error = (rrr_real)0.5457442971434324 * (t5 * t5 + t6 * t6 + t8);
+            cosine[4 + 2 * i1 + i3] = a2;
+            sine[4 + 2 * i1 + i3] = b2;
+            const rrr_real t7 = from2 - onto2;
+            const rrr_real error = (rrr_real)0.5457442971434324 * (t7 * t7 + t9);
             found->flags[rows] = f1 | f3 | f2;
             found->branch[rows] = (unsigned)i1 | ((unsigned)i3 << 1);
             found->residual[rows] = error;

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from rrrgen.ik.chain import Joint
-from rrrgen.ik.rigid import Rigid, S, Vector
+from rrrgen.ik.rigid import Rigid, S, Vector, product, total
 
 
 class Turn(NamedTuple):
@@ -37,6 +37,14 @@ class Label:
 
     name: str
     positive: int = 1
+
+
+def between(v: Vector, u: Vector) -> Turn:
+    """Cosine and sine of the angle about z from ``v`` to ``u``, both times the lengths of the two across z."""
+    return Turn(
+        total(product(u[0], v[0]), product(u[1], v[1])),
+        total(product(u[1], v[0]), -product(u[0], v[1])),
+    )
 
 
 class Builder(Protocol):
@@ -73,8 +81,14 @@ class Builder(Protocol):
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
         """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0`` (degree 1, 2 or 4)."""
 
-    def turn(self, joint: Joint, s: S, c: S, *, unit: float, degree: int = 1, feasible: Feasible | None = None) -> Turn:
-        """The one angle ``atan2(s, c)``; the reference where both vanish (made feasible if so asked)."""
+    def turn(self, joint: Joint, s: S, c: S) -> Turn:
+        """The one angle ``atan2(s, c)``; the reference where both, which are of the size of 1, vanish."""
+
+    def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
+        """The one angle about z that turns ``v``, a vector of the size of ``unit``, onto ``u``; see :func:`between`.
+
+        The reference (made feasible if so asked) where one of them lies along z. A row is kept only if the two agree.
+        """
 
     def slide(self, joint: Joint, x: S) -> S:
         """The displacement of a prismatic joint, or an angle that follows from others."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 from math import hypot
 
 from rrrgen.errors import InternalError
-from rrrgen.ik.builder import Feasible, Label, Turn
+from rrrgen.ik.builder import Feasible, Label, Turn, between
 from rrrgen.ik.c_arcs import users_turn
 from rrrgen.ik.c_scaffold import Scaffold
+from rrrgen.ik.c_statements import Statement
 from rrrgen.ik.chain import Joint
-from rrrgen.ik.rigid import S, Vector, dot, minus, total
+from rrrgen.ik.rigid import S, Vector, dot, minus, square, total
 from rrrgen.ik.scalar import Scalar
 
 
@@ -155,27 +156,61 @@ class CBuilder(Scaffold):
 
     # -- single answers -----------------------------------------------------------------------------------------------
 
-    def turn(self, joint: Joint, s: S, c: S, *, unit: float, degree: int = 1, feasible: Feasible | None = None) -> Turn:
+    def turn(self, joint: Joint, s: S, c: S) -> Turn:
         """See :class:`rrrgen.ik.builder.Builder`."""
         tag = self._tag(joint)
         sn, cn = self.pool.of(s), self.pool.of(c)
         level = max(sn.level, cn.level)
-        bounds: tuple[Scalar, ...]
-        if feasible is None:
-            reference, bounds = "{2}", ()
-        else:
-            bounds = tuple(self.pool.of(x) for x in feasible)
-            level = max([level, *(node.level for node in bounds)])
-            reference = f"{self.prefix}_feasible({{2}}, {{3}}, {{4}}, {{5}}, {{6}}, {{7}})"
-            self._needs.add("feasible")
-        lines = self._directed(joint, tag, level, self._least(unit, degree), reference)
-        operands = (sn, cn, self.reference(joint), *bounds)
-        self._add(level, (f"REAL c{tag} = {{1}}, s{tag} = {{0}};", *lines), operands)
+        lines = self._directed(joint, tag, level, "{2}")
+        self._add(level, (f"REAL c{tag} = {{1}}, s{tag} = {{0}};", *lines), (sn, cn, self.reference(joint)))
         turn = Turn(self.pool.var(f"c{tag}", level), self.pool.var(f"s{tag}", level))
         return turn if joint.index in self._arcs.joints else self._angle(joint, turn)
 
-    def _directed(self, joint: Joint, tag: str, level: int, least: str, reference: str) -> tuple[str, ...]:
-        """Lines that scale (c, s) to a unit vector, that of the reference where it is shorter than ``least``.
+    def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
+        """See :class:`rrrgen.ik.builder.Builder`.
+
+        All that a turn cannot mend is a difference of lengths and of heights. The arc needs the direction alone: only
+        what else is made of the angle needs its cosine and sine, and the quotient is slow.
+        """
+        tag = self._tag(joint)
+        before, after = (self._length(f"{hint}{tag}", x) for hint, x in (("from", v), ("onto", u)))
+        size = self.name(f"size{tag}", before * after)
+        direction = [self.pool.of(x) for x in between(v, u)]
+        bounds = () if feasible is None else tuple(self.pool.of(x) for x in feasible)
+        level = max(node.level for node in (size, *direction, *bounds))
+        reference = "{3}"
+        if feasible is not None:
+            reference = f"{self.prefix}_feasible({{3}}, {{4}}, {{5}}, {{6}}, {{7}}, {{8}})"
+            self._needs.add("feasible")
+        free = f"{self.prefix.upper()}_TOL_FREE"
+        least = f"{free} * {free}" if unit == 1.0 else f"({free} * {self._real(unit)}) * ({free} * {self._real(unit)})"
+        self._flags.append(f"f{tag}")
+        self._add(
+            level,
+            (
+                f"REAL a{tag} = {{0}}, b{tag} = {{1}};",
+                f"const unsigned f{tag} = {{2}} > {least} ? 0u : FREE;",
+                f"if (f{tag} != 0u) {{",
+                f"    const REAL x{tag} = {reference};",
+                f"    a{tag} = COS(x{tag}); b{tag} = SIN(x{tag});",
+                "}",
+            ),
+            (*direction, size, self.reference(joint), *bounds),
+        )
+        a, b, g = (self.pool.var(f"{letter}{tag}", level) for letter in "abg")
+        whole = (f"const REAL g{tag} = f{tag} != 0u ? (REAL)1 : (REAL)1 / {{0}};",)
+        self._items.append(Statement(level, whole, (size,), g))
+        turn = self._turned(tag, a * g, b * g)
+        self._angle(joint, Turn(a, b) if joint.index in self._joints else turn)
+        self._residual.append(self.pool.of(square((before - after, total(v[2], -u[2]), 0)) / (unit * unit)))
+        return turn
+
+    def _length(self, hint: str, v: Vector) -> Scalar:
+        """Length across z."""
+        return self.name(hint, self.pool.call("sqrt", self.pool.of(square((v[0], v[1], 0)))))
+
+    def _directed(self, joint: Joint, tag: str, level: int, reference: str) -> tuple[str, ...]:
+        """Lines that scale (c, s) to a unit vector, that of the reference where they vanish.
 
         The arc of a joint without offset starts from the vector as it is: the root and the quotient are slow.
         """
@@ -188,7 +223,7 @@ class CBuilder(Scaffold):
         self._flags.append(f"f{tag}")
         return (
             *([keep] if keep else []),
-            f"const unsigned f{tag} = {self.prefix}_unit(&c{tag}, &s{tag}, {least}) ? 0u : FREE;",
+            f"const unsigned f{tag} = {self.prefix}_unit(&c{tag}, &s{tag}) ? 0u : FREE;",
             f"if (f{tag} != 0u) {{",
             f"    const REAL x{tag} = {reference};",
             f"    c{tag} = COS(x{tag}); s{tag} = SIN(x{tag});",
@@ -227,7 +262,7 @@ class CBuilder(Scaffold):
             (
                 f"REAL c{first} = {{0}}, s{first} = {{1}};",
                 f"const REAL s{middle} = SQRT(c{first} * c{first} + s{first} * s{first}), c{middle} = {{2}};",
-                *self._directed(joints[0], first, level, self._least(1.0, 1), "{3}"),
+                *self._directed(joints[0], first, level, "{3}"),
             ),
             (*nodes, reference),
         )

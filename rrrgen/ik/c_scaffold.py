@@ -87,8 +87,7 @@ class Scaffold:
     def sqrt(self, x: S) -> Scalar:
         """The square root; round-off below zero counts as zero."""
         self._needs.add("sqrt")
-        node = self.pool.of(x)
-        return node if node.is_const and node.value == 0 else self.pool.call("root0", node)
+        return self.pool.call("root0", self.pool.of(x))
 
     # -- angles -------------------------------------------------------------------------------------------------------
 
@@ -203,11 +202,6 @@ class Scaffold:
             return q
         self._needs.add("wrap")
         return self.pool.call("wrap", q)
-
-    def _least(self, unit: float, degree: int) -> str:
-        """The size below which a product of ``degree`` directions of size ``unit`` has none."""
-        one = f"{self.prefix.upper()}_TOL_FREE * {self._real(unit)}"
-        return one if degree == 1 else " * ".join([f"({one})"] * degree)
 
     def _real(self, x: float) -> str:
         return f"(REAL){x!r}"

@@ -119,7 +119,7 @@ class _Printer:
         return self._expression(node, level, strength)
 
     def _expression(self, node: Scalar, level: int, strength: int) -> str:
-        if node.op in ("root0", "wrap"):
+        if node.op in ("sqrt", "fabs", "root0", "wrap"):
             return f"{node.op.upper()}({self._render(node.args[0], level, 0)})"
         own = self.ORDER[node.op]
         if node.op == "neg":

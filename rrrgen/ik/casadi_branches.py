@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.errors import DerivationError
-from rrrgen.ik.builder import Feasible, Label, Turn
+from rrrgen.ik.builder import Feasible, Label, Turn, between
 from rrrgen.ik.chain import Joint
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.derive import derive
@@ -99,11 +99,16 @@ class CasadiBuilder:
         root = self._sign(Label(label.name)) * self.ca.sqrt(k[1] * k[1] - 4 * k[0] * k[2])
         return self.slide(joint, (-k[1] + root) / (2 * k[2]))
 
-    def turn(self, joint: Joint, s: S, c: S, *, unit: float, degree: int = 1, feasible: Feasible | None = None) -> Turn:
+    def turn(self, joint: Joint, s: S, c: S) -> Turn:
         """See :class:`rrrgen.ik.builder.Builder`."""
         h = self.ca.sqrt(s * s + c * c)
         self._set(joint, self.ca.atan2(s, c))
         return Turn(c / h, s / h)
+
+    def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
+        """See :class:`rrrgen.ik.builder.Builder`."""
+        c, s = between(v, u)
+        return self.turn(joint, s, c)
 
     def slide(self, joint: Joint, x: S) -> S:
         """See :class:`rrrgen.ik.builder.Builder`."""

@@ -78,27 +78,13 @@ def derive_elbow7(b: Builder, loop: Loop, psi: Turn, length: float) -> None:
     radicand = flat if is_zero(l1.ca) and is_zero(l2.ca) else None
     x2 = b.pair(j2, A2, 0, C2, label=Label("shoulder", 1 if A2 > 0 else -1), unit=1.0, radicand=radicand)
     axis = _rx(l1, rotate_z(x2.c, x2.s, _rx(l2, (0, 0, 1))))
-    x1 = b.turn(
-        j1,
-        total(product(z3[1], axis[0]), -product(z3[0], axis[1])),
-        total(product(z3[0], axis[0]), product(z3[1], axis[1])),
-        unit=1.0,
-        degree=2,
-    )
+    x1 = b.onto(j1, axis, z3, unit=1.0)
     # direction of the forearm seen from link 2, then x3
     path = unwind([(x1, l1.core().R), (x2, l2.core().R)], b.name)
     fore_dir = _times(1 / fore, minus(sw, _times(upper, z3)))
     seen = b.names("g", rotated_back(path, fore_dir))
     behind = _rx(l3, rotate_z(x4.c, x4.s, _rx(l4, (0, 0, 1))))
-    x3 = b.turn(
-        j3,
-        total(product(seen[1], behind[0]), -product(seen[0], behind[1])),
-        total(product(seen[0], behind[0]), product(seen[1], behind[1])),
-        unit=1.0,
-        degree=2,
-    )
-    reached = rotate_z(x3.c, x3.s, behind)
-    b.residual((), minus(reached, seen))
+    x3 = b.onto(j3, behind, seen, unit=1.0)
     path = unwind([(x1, l1.core().R), (x2, l2.core().R), (x3, l3.core().R), (x4, l4.core().R)], b.name)
     mx = b.names("m", rotated_back(path, turned(back, (1, 0, 0))))
     mz = b.names("n", rotated_back(path, turned(back, (0, 0, 1))))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from math import atan2, cos, hypot, pi, sin, sqrt
 from typing import Any
 
-from rrrgen.ik.builder import Feasible, Label, Turn
+from rrrgen.ik.builder import Feasible, Label, Turn, between
 from rrrgen.ik.chain import Joint
 from rrrgen.ik.rigid import Rigid, S, Vector, dot
 
@@ -109,10 +109,17 @@ class FloatBuilder:
         self._set(joint, x)
         return x
 
-    def turn(self, joint: Joint, s: S, c: S, *, unit: float, degree: int = 1, feasible: Feasible | None = None) -> Turn:
+    def turn(self, joint: Joint, s: S, c: S) -> Turn:
         """See :class:`rrrgen.ik.builder.Builder`."""
-        h = hypot(s, c)
-        x = atan2(s, c) if h > (FREE * unit) ** degree else self._reference(joint)
+        return self._directed(joint, Turn(c, s), FREE)
+
+    def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
+        """See :class:`rrrgen.ik.builder.Builder`."""
+        return self._directed(joint, between(v, u), (FREE * unit) ** 2)
+
+    def _directed(self, joint: Joint, direction: Turn, least: float) -> Turn:
+        c, s = direction
+        x = atan2(s, c) if hypot(c, s) > least else self._reference(joint)
         self._set(joint, x)
         return Turn(cos(x), sin(x))
 

@@ -186,29 +186,11 @@ class _Others:
             xc = q.root(b, joints[2], Label("posture"), L**2)
             at = b.names("m", m2.at(xc))
             mx, my = f.at(xc) / ab.a, -g.at(xc) / ab.sa
-            # (mx, my) = Rz(-a) (nx, ny)
-            xa = b.turn(
-                joints[0],
-                total(product(n_a[1], mx), -product(n_a[0], my)),
-                total(product(n_a[0], mx), product(n_a[1], my)),
-                unit=1.0,
-                degree=2,
-            )
+            xa = b.onto(joints[0], (mx, my, 0), (n_a[0], n_a[1], 0), unit=1.0)
         m1 = rotate_z(xa.c, -xa.s, n_a)
-        mb = (m1[0], total(product(ab.ca, m1[1]), product(ab.sa, m1[2])))
-        xb = b.turn(
-            joints[1],
-            total(product(mb[1], at[0]), -product(mb[0], at[1])),
-            total(product(mb[0], at[0]), product(mb[1], at[1])),
-            unit=1.0,
-            degree=2,
-            feasible=self._feasible(xa, xc),
-        )
-        spun = rotate_z(xb.c, xb.s, at)
-        b.residual(
-            (0, 0, total(product(ab.a, m1[0]), -f.at(xc))),
-            (total(spun[0], -mb[0]), total(spun[1], -mb[1]), total(product(ab.sa, m1[1]), g.at(xc))),
-        )
+        mb = (m1[0], total(product(ab.ca, m1[1]), product(ab.sa, m1[2])), at[2])
+        xb = b.onto(joints[1], at, mb, unit=1.0, feasible=self._feasible(xa, xc))
+        b.residual((0, 0, total(product(ab.a, m1[0]), -f.at(xc))), (0, 0, total(product(ab.sa, m1[1]), g.at(xc))))
         return [xa, xb, xc]
 
     def _from_height(self, n_a: Vector, m: Vector, ab: Crossing) -> Turn:
@@ -272,17 +254,9 @@ def _slide_first(b: Builder, frame: Frame, L: float) -> list[Motion]:
     across = total(product(mb[0], mb[0]), product(mb[1], mb[1]))
     xc = b.pair(joints[2], k[1], k[2], -k[0], label=Label("wrist"), unit=1.0, radicand=_sharp(n_c, bc, mb, across))
     at = b.names("m", m2.at(xc))
-    xb = b.turn(
-        joints[1],
-        total(product(mb[1], at[0]), -product(mb[0], at[1])),
-        total(product(mb[0], at[0]), product(mb[1], at[1])),
-        unit=1.0,
-        degree=2,
-    )
+    xb = b.onto(joints[1], at, mb, unit=1.0)
     fixed = total(frame.lead.rigid().t[2], dot(n_c, frame.trail.rigid().t), dot(n_a, ab.rigid().t), dot(at, bc.t))
     xa = b.slide(joints[0], -fixed / n_a[2])
-    spun = rotate_z(xb.c, xb.s, at)
-    b.residual((), (total(spun[0], -mb[0]), total(spun[1], -mb[1]), total(at[2], -mb[2])))
     return [xa, xb, xc]
 
 
@@ -307,17 +281,9 @@ def _slide_middle(b: Builder, frame: Frame, L: float) -> list[Motion]:
         radicand=_sharp(n_c, both, n_a, across),
     )  # fmt: skip
     at = b.names("k", k.at(xc))
-    xa = b.turn(
-        joints[0],
-        total(product(n_a[1], at[0]), -product(n_a[0], at[1])),
-        total(product(n_a[0], at[0]), product(n_a[1], at[1])),
-        unit=1.0,
-        degree=2,
-    )
+    xa = b.onto(joints[0], at, n_a, unit=1.0)
     m2 = rotate(bc.R, rotate_z(xc.c, xc.s, n_c))
     m1 = rotate_z(xa.c, -xa.s, n_a)
     fixed = total(frame.lead.rigid().t[2], dot(n_c, frame.trail.rigid().t), dot(m1, ab.t), dot(m2, bc.t))
     xb = b.slide(joints[1], -fixed / b.name("mz", m2[2]))
-    spun = rotate_z(xa.c, xa.s, at)
-    b.residual((), (total(spun[0], -n_a[0]), total(spun[1], -n_a[1]), total(at[2], -n_a[2])))
     return [xa, xb, xc]

@@ -169,7 +169,7 @@ def _last(b: Builder, joint: Joint, rotation: Turn, *before: Turn) -> Turn:
     c, s = rotation
     for x in before:
         c, s = total(product(c, x.c), product(s, x.s)), total(product(s, x.c), -product(c, x.s))
-    return b.turn(joint, s, c, unit=1.0)
+    return b.turn(joint, s, c)
 
 
 def _turn_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
@@ -186,9 +186,8 @@ def _turn_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: floa
     x2 = b.pair(two.joint, A, B, C, label=label, unit=L**2)
     moved = _spun(x2, fore)
     w = (b.name("w_x", total(upper[0], moved[0])), b.name("w_y", total(upper[1], moved[1])))
-    x1 = b.turn(one.joint, _area(w, aim), _inner(w, aim), unit=L, degree=2)
+    x1 = b.onto(one.joint, (*w, 0), (*aim, 0), unit=L)
     x3 = _last(b, three.joint, rotation, x1, x2)
-    b.residual((*_less(_spun(x1, w), aim), 0))
     return {one.joint.index: x1, two.joint.index: x2, three.joint.index: x3}
 
 
@@ -203,9 +202,8 @@ def _turn_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: flo
         unit=L,
     )
     w = (total(start[0], product(t, two.at[0])), total(start[1], product(t, two.at[1])))
-    x1 = b.turn(one.joint, _area(w, aim), _inner(w, aim), unit=L, degree=2)
+    x1 = b.onto(one.joint, (*w, 0), (*aim, 0), unit=L)
     x3 = _last(b, three.joint, rotation, x1)
-    b.residual((*_less(_spun(x1, w), aim), 0))
     return {one.joint.index: x1, two.joint.index: t, three.joint.index: x3}
 
 
@@ -220,9 +218,8 @@ def _slide_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: flo
         unit=L,
     )
     w = _less(aim, (product(t, one.at[0]), product(t, one.at[1])))
-    x2 = b.turn(two.joint, _area(arm, w), _inner(arm, w), unit=L, degree=2)
+    x2 = b.onto(two.joint, (*arm, 0), (*w, 0), unit=L)
     x3 = _last(b, three.joint, rotation, x2)
-    b.residual((*_less(_spun(x2, arm), w), 0))
     return {one.joint.index: t, two.joint.index: x2, three.joint.index: x3}
 
 
@@ -233,14 +230,14 @@ def _slide_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: fl
     whole = _area(one.at, two.at)
     t1 = b.slide(one.joint, _area(aim, two.at) / whole)
     t2 = b.slide(two.joint, _area(one.at, aim) / whole)
-    x3 = b.turn(three.joint, rotation.s, rotation.c, unit=1.0)
+    x3 = b.turn(three.joint, rotation.s, rotation.c)
     return {one.joint.index: t1, two.joint.index: t2, three.joint.index: x3}
 
 
 def _around(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
     """P R P: the rotation gives the angle, then two linear equations (``point`` is the image of the origin)."""
     one, two, three = triple.elements
-    x2 = b.turn(two.joint, rotation.s, rotation.c, unit=1.0)
+    x2 = b.turn(two.joint, rotation.s, rotation.c)
     away = _spun(x2, two.at)
     rest = (total(point[0], -two.at[0], away[0]), total(point[1], -two.at[1], away[1]))
     direction = _spun(x2, three.at)

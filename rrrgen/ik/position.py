@@ -185,8 +185,7 @@ class _Core:
         x3 = b.pair(joints[2], kc, ks, -k0, label=Label("elbow", sign), unit=self.length**2)
         at = b.names("u", u.at(Turn(x1.c, -x1.s)))
         v = b.names("v", self.v.at(x3))
-        x2 = self._between(joints[1], v, at)
-        b.residual(minus(rotate_z(x2.c, x2.s, v), at))
+        x2 = b.onto(joints[1], v, at, unit=self.length)
         return {joints[0].index: x1, joints[1].index: x2, joints[2].index: x3}
 
     def turn_turn(self) -> dict[int, Turn | S]:
@@ -215,7 +214,7 @@ class _Core:
             at = b.names("v", v.at(x3))
             ux = b.name("ux", A.at(x3) / (2 * self.a))
             uy = b.name("uy", B.at(x3) / self.sa)
-        x2 = self._between(joints[1], at, (ux, uy, at[2]))
+        x2 = b.onto(joints[1], at, (ux, uy, at[2]), unit=L)
         return self._first_turn(x2, x3, rotate_z(x2.c, x2.s, at))
 
     def turn_slide(self) -> dict[int, Turn | S]:
@@ -255,7 +254,7 @@ class _Core:
             x3 = q.root(b, joints[2], Label("posture"), L**2)
             at = b.names("v", v.at(x3))
             uy = b.name("uy", across.at(x3) / self.ca)
-        x2 = self._between(joints[1], at, (ux, uy, at[2]))
+        x2 = b.onto(joints[1], at, (ux, uy, at[2]), unit=L)
         return self._first_slide(x2, x3, rotate_z(x2.c, x2.s, at))
 
     def slide_slide(self) -> dict[int, Turn | S]:
@@ -266,16 +265,6 @@ class _Core:
         uz = b.name("uz", total(product(self.ca, at[1]), -p[1]) / self.sa)
         x2 = b.slide(joints[1], total(uz, -at[2]))
         return self._first_slide(x2, x3, (at[0], at[1], total(at[2], x2)))
-
-    def _between(self, joint: Joint, v: Vector, u: Vector) -> Turn:
-        """The angle about z from v to u."""
-        return self.b.turn(
-            joint,
-            total(product(u[1], v[0]), -product(u[0], v[1])),
-            total(product(u[0], v[0]), product(u[1], v[1])),
-            unit=self.length,
-            degree=2,
-        )
 
     def _after_first(self, u: Vector) -> Vector:
         """w = Tx(a) Rx(alpha) u."""
@@ -290,8 +279,7 @@ class _Core:
 
     def _first_turn(self, x2: Turn | S, x3: Turn | S, u: Vector) -> dict[int, Turn | S]:
         w = self._after_first(u)
-        x1 = self._between(self.joints[0], w, self.p)
-        self.b.residual(minus(rotate_z(x1.c, x1.s, w), self.p))
+        x1 = self.b.onto(self.joints[0], w, self.p, unit=self.length)
         return {joint.index: x for joint, x in zip(self.joints, (x1, x2, x3), strict=True)}
 
     def _first_slide(self, x2: Turn | S, x3: Turn | S, u: Vector) -> dict[int, Turn | S]:

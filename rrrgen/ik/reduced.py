@@ -27,7 +27,6 @@ from rrrgen.ik.rigid import (
     product,
     rigid,
     rotate,
-    rotate_z,
     screw,
     square,
     total,
@@ -165,8 +164,7 @@ def derive_point(b: Builder, chain: Chain, length: float) -> None:
     if chain.n == 1:
         joint, c = chain.joints[0], tip.t
         if joint.revolute:
-            x = _turn_to(b, joint, c, p, length)
-            b.residual(minus(rotate_z(x.c, x.s, c), p))
+            b.onto(joint, c, p, unit=length)
         else:
             b.slide(joint, total(p[2], -c[2]))
             b.residual((total(c[0], -p[0]), total(c[1], -p[1]), 0))
@@ -176,23 +174,12 @@ def derive_point(b: Builder, chain: Chain, length: float) -> None:
     if one.revolute:
         x2 = _best(b, two, [(w.z.plus(-p[2]), length), (w.length2.plus(-square(p)), length**2)])
         at = b.names("w", w.at(x2))
-        x1 = _turn_to(b, one, at, p, length)
-        b.residual(minus(rotate_z(x1.c, x1.s, at), p))
+        b.onto(one, at, p, unit=length)
     else:
         x2 = _best(b, two, [(w.x.plus(-p[0]), length), (w.y.plus(-p[1]), length)])
         at = b.names("w", w.at(x2))
         b.slide(one, total(p[2], -at[2]))
         b.residual((total(at[0], -p[0]), total(at[1], -p[1]), 0))
-
-
-def _turn_to(b: Builder, joint: Joint, v: Vector, p: Vector, length: float) -> Turn:
-    return b.turn(
-        joint,
-        total(product(p[1], v[0]), -product(p[0], v[1])),
-        total(product(p[0], v[0]), product(p[1], v[1])),
-        unit=length,
-        degree=2,
-    )
 
 
 def _best(b: Builder, joint: Joint, equations: list[tuple[Form, float]]) -> Motion:

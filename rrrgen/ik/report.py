@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 
 from rrrgen.errors import DerivationError, InternalError
-from rrrgen.ik.builder import Feasible, Label, Turn
+from rrrgen.ik.builder import Feasible, Label, Turn, between
 from rrrgen.ik.chain import Joint
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.derive import derive
@@ -203,9 +203,14 @@ class TextBuilder:
         self.steps.append(Step(q, middle, root, label.name))
         return raw
 
-    def turn(self, joint: Joint, s: S, c: S, *, unit: float, degree: int = 1, feasible: Feasible | None = None) -> Turn:
+    def turn(self, joint: Joint, s: S, c: S) -> Turn:
         """``atan2(s, c)``."""
         return self._angle(joint, sp.atan2(_tidied(s), _tidied(c)), None, "")
+
+    def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
+        """``atan2(v x u, v . u)``."""
+        c, s = between(v, u)
+        return self.turn(joint, s, c)
 
     def slide(self, joint: Joint, x: S) -> S:
         """The displacement."""

@@ -12,7 +12,10 @@ Operand = Union["Scalar", float, int]
 
 
 class Scalar:
-    """One node. ``op`` is const, var, add, sub, mul, div, neg, sqrt or abs; ``level`` the loop depth it needs."""
+    """One node; ``level`` is the loop depth it needs.
+
+    ``op`` is const, var, add, sub, mul, div, neg or a function: sqrt, fabs, root0, wrap.
+    """
 
     __slots__ = ("args", "level", "op", "pool", "text", "value")
 
@@ -139,9 +142,11 @@ class Pool:
         return self._node("neg", (x,))
 
     def call(self, function: str, x: Scalar) -> Scalar:
-        """``sqrt`` or ``abs`` of ``x``."""
-        if x.is_const:
-            return self.of(x.value**0.5 if function == "sqrt" else abs(x.value))
+        """``sqrt`` of what cannot be negative, ``root0`` (0 for negative x) or ``wrap`` (to (-pi, pi]) of ``x``."""
+        if x.is_const and function in ("sqrt", "root0"):
+            return self.of(max(x.value, 0.0) ** 0.5)
+        if function == "sqrt" and x.op == "mul" and x.args[0] is x.args[1]:
+            return self._node("fabs", (x.args[0],))
         return self._node(function, (x,))
 
     def _node(self, op: str, args: tuple[Scalar, ...], *, value: float = 0.0, text: str = "", level: int = 0) -> Scalar:

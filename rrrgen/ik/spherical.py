@@ -91,20 +91,13 @@ def solve_wrist(
     sign = -1 if not _positive(A) else 1
     x5 = b.pair(joints[1], A, 0, C, label=Label("wrist", sign), unit=1.0, radicand=radicand)
     axis = rotate_x(c4, s4, rotate_z(x5.c, x5.s, (0, -s5, c5)))
-    x4 = b.turn(
-        joints[0],
-        total(product(mz[1], axis[0]), -product(mz[0], axis[1])),
-        total(product(mz[0], axis[0]), product(mz[1], axis[1])),
-        unit=1.0,
-        degree=2,
-    )
+    x4 = b.onto(joints[0], axis, mz, unit=1.0)
     columns = [rotate_z(x4.c, x4.s, rotate_x(c4, s4, rotate_z(x5.c, x5.s, v))) for v in ((1, 0, 0), (0, c5, s5))]
-    x6 = b.turn(joints[2], dot(columns[1], mx), dot(columns[0], mx), unit=1.0)
+    x6 = b.turn(joints[2], dot(columns[1], mx), dot(columns[0], mx))
     built: Vector = tuple(
         total(product(x6.c, u), product(x6.s, v)) for u, v in zip(columns[0], columns[1], strict=True)
     )
     b.residual((), minus(built, mx))
-    b.residual((), minus(rotate_z(x4.c, x4.s, axis), mz))
     return {joint.index: turn for joint, turn in zip(joints, (x4, x5, x6), strict=True)}
 
 
