@@ -373,6 +373,19 @@ static void rrr_ik_exchange(rrr_ik_solutions *out, int i, int j)
     }
 }
 
+static void rrr_ik_move(const rrr_ik_solutions *from, int i, rrr_ik_solutions *out, int to)
+{
+    int k;
+    if (from != out || to != i) {
+        for (k = 0; k < 3; ++k) {
+            out->q[to][k] = from->q[i][k];
+        }
+        out->flags[to] = from->flags[i];
+        out->branch[to] = from->branch[i];
+        out->residual[to] = from->residual[i];
+    }
+}
+
 /* Nearest row first: squared distance from the reference, insertion sort. */
 static void rrr_ik_sort(const rrr_real *ref, rrr_ik_solutions *out)
 {
@@ -466,9 +479,20 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
     return kept;
 }
 
-/* Refines row i of the answer where it needs that; 0 if it does not meet the task or says the same as an earlier one.
- * `near` is set from the first row on that may have a double. */
-static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *out, int i, int *near)
+/* Whether all candidates can be taken as they are: none is inexact, none may be one of a double. */
+static int rrr_ik_sound(const rrr_ik_solutions *found, int rows)
+{
+    unsigned flags = 0u;
+    int tight = 1, i;
+    for (i = 0; i < rows; ++i) {
+        flags |= found->flags[i];
+        tight &= found->residual[i] <= RRR_IK_TOL_TIGHT;
+    }
+    return tight & ((flags & (RRR_IK_NEAR | (unsigned)RRR_IK_MULTIPLE)) == 0u);
+}
+
+/* Refines row i of the answer where it needs that; 0 if it does not meet the task or says the same as an earlier one. */
+static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *out, int i)
 {
     const rrr_real error = out->residual[i];
     if (!(error <= RRR_IK_TOL_TIGHT && error >= (rrr_real)0)) {
@@ -479,39 +503,30 @@ static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *
             }
             out->flags[i] |= (unsigned)RRR_IK_INEXACT;
         }
-        *near |= 1;
     }
-    *near |= (out->flags[i] & (RRR_IK_NEAR | (unsigned)RRR_IK_MULTIPLE)) != 0u;
     out->flags[i] &= ~RRR_IK_NEAR;
-    return *near == 0 || !rrr_ik_repeated(out, i);
+    return !rrr_ik_repeated(out, i);
 }
 
 /* Appends candidate i to the answer if it meets the whole task. */
-static void rrr_ik_keep(
-    const rrr_real *T, const rrr_real *q_ref, unsigned options, const rrr_ik_solutions *found, int i, int *near, int *outside, rrr_ik_solutions *out)
+static void rrr_ik_keep(const rrr_real *T, unsigned options, const rrr_ik_solutions *found, int i, rrr_ik_solutions *out)
 {
     const int to = out->count;
-    const rrr_real error = found->residual[i];
-    const unsigned flags = found->flags[i];
-    int k;
-    if (found != out || to != i) {
-        for (k = 0; k < 3; ++k) {
-            out->q[to][k] = found->q[i][k];
-        }
-        out->flags[to] = flags;
-        out->branch[to] = found->branch[i];
-        out->residual[to] = error;
+    rrr_ik_move(found, i, out, to);
+    out->count += rrr_ik_settle(T, options, out, to);
+}
+
+/* Rows as they are handed out: at the turns asked for, residuals no longer squared. 0 if the limits took some away. */
+static int rrr_ik_finish(const rrr_real *q_ref, rrr_ik_solutions *out)
+{
+    int i;
+    for (i = 0; q_ref && i < out->count; ++i) {
+        (void)rrr_ik_place(out->q[i], q_ref);
     }
-    if ((*near != 0 || (flags & (RRR_IK_NEAR | (unsigned)RRR_IK_MULTIPLE)) != 0u || !(error <= RRR_IK_TOL_TIGHT && error >= (rrr_real)0))
-        && !rrr_ik_settle(T, options, out, to, near)) {
-        return;
+    for (i = 0; i < out->count; ++i) {
+        out->residual[i] = sqrt(out->residual[i]);
     }
-    out->residual[to] = sqrt(out->residual[to]);
-    (void)outside;
-    if (q_ref) {
-        (void)rrr_ik_place(out->q[to], q_ref);
-    }
-    ++out->count;
+    return 1;
 }
 
 rrr_ik_status rrr_inverse_kinematics(
@@ -523,7 +538,7 @@ rrr_ik_status rrr_inverse_kinematics(
     rrr_real T[3];
     rrr_ik_solutions *const found = out;
     const rrr_ik_status status = rrr_ik_check(target, q_ref, T);
-    int rows, i, near = 0, outside = 0;
+    int rows, i, outside;
     out->count = 0;
     out->stage = 0;
     out->distance = (rrr_real)0;
@@ -536,9 +551,14 @@ rrr_ik_status rrr_inverse_kinematics(
         return RRR_IK_UNREACHABLE;
     }
     rows = rrr_ik_branches(T, ref, RRR_IK_TOL_SLACK, found, &out->stage);
-    for (i = 0; i < rows; ++i) {
-        rrr_ik_keep(T, q_ref, options, found, i, &near, &outside, out);
+    if (rrr_ik_sound(found, rows)) {
+        out->count = rows;
+    } else {
+        for (i = 0; i < rows; ++i) {
+            rrr_ik_keep(T, options, found, i, out);
+        }
     }
+    outside = !rrr_ik_finish(q_ref, out);
     if (out->count == 0 && !outside) {
         if (rows > 0) { /* candidates from discriminants a little below zero, perhaps: which one is it? */
             out->stage = 0;

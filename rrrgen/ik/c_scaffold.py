@@ -142,6 +142,7 @@ class Scaffold:
                 self._residual.append(value * value)  # a virtual joint must stand at zero
         known = self._trusted and self._residual
         error = self.pool.of(total(*self._residual)) if known else self.pool.of(-1.0)
+        self._needs |= set() if known else {"unknown"}
         error = self.name("error", error)
         before, behind = self._arcs.finished(self._loops)
         self._needs |= {"arcs"} if behind else set()

@@ -118,6 +118,7 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
     offsets = [float(joint.offset) for joint in chain.joints]
     model = hashlib.sha256(repr(chain).encode()).hexdigest()
     banded = plan.snapped or plan.companion is not None
+    single = len(bodies) == 1 and not banded
     return {
         # names
         "prefix": name, "p": prefix, "P": prefix, "M": f"{macro}_IK", "K": f"{macro}_IK_TOL", "macro": macro,
@@ -134,7 +135,8 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
         "upper": ", ".join(_limit(high, 1) for _, high in limits),
         # the equations
         "functions": functions, "needs": needs, "fragment": _fragment(plan, prefix, real), "banded": banded,
-        "rows": max(body.rows for body in bodies), "single": len(bodies) == 1 and not banded,
+        "rows": max(body.rows for body in bodies), "single": single,
+        "sound": single and not needs & {"near", "unknown"},
         "aspects": plan.family == "general6r",
         # numbers
         "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
