@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ TEXT = [path for path in SOURCES if path.suffix in {".py", ".j2", ".yaml", ".htm
 MOST_LINES = 500
 
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK|raise NotImplementedError)\b")
+CALLED_BY_LIBRARIES = {"list_commands", "format_commands"}  # click asks a group of commands for them
 EVALUATION = {"eval", "exec", "sympify", "parse_expr", "literal_eval", "lambdify"}
 
 
@@ -51,3 +53,29 @@ def test_python_files(path):
     assert len(text.splitlines()) <= MOST_LINES
     printing = "cli" in path.relative_to(ROOT).parts
     assert printing or not called & {"print", "exit"}, "only the command line prints or exits"
+
+
+def definitions(path: Path) -> set[str]:
+    """Names of the functions, methods, classes and constants of a module."""
+    kinds = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    constants = {
+        target.id
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    return constants | {node.name for node in ast.walk(tree) if isinstance(node, kinds)}
+
+
+def test_what_is_defined_is_used():
+    tests = sorted((ROOT / "tests").rglob("*.py"))
+    words = Counter(word for path in [*TEXT, *tests] for word in re.findall(r"\w+", path.read_text(encoding="utf-8")))
+    unused = {
+        f"{identify(path)}: {name}"
+        for path in PYTHON
+        for name in definitions(path) - CALLED_BY_LIBRARIES
+        if words[name] < 2 and not name.startswith("__")
+    }
+    assert not unused

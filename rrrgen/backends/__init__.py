@@ -1,12 +1,9 @@
-"""Backends print programs: twin rooms behind one protocol. Backends never import each other."""
+"""Backends print programs; here is what all of them need. Backends never import each other."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
-
-if TYPE_CHECKING:
-    from rrrgen.derive.derived_model import DerivedModel
+from typing import Literal
 
 Real = Literal["double", "float"]
 """The floating-point type of emitted code."""
@@ -18,13 +15,3 @@ class Identity:
 
     model_hash: str
     tool_version: str
-
-
-class Backend(Protocol):
-    """Turns a derived model into source files; pure, deterministic, and silent: writing is the business of emit."""
-
-    name: str
-
-    def files(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
-        """The emitted files, relative path -> text with LF line ends."""
-        ...

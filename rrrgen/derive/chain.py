@@ -64,16 +64,6 @@ class Chain:
         """Number of joints."""
         return len(self.joints)
 
-    def turn_of(self, i: int) -> tuple[Any, Any]:
-        """Cosine and sine of joint i's own turn relative to the link before it."""
-        joint = self.joints[i]
-        if not joint.parallel:
-            return joint.c, joint.s
-        before = self.joints[i - 1]
-        if not joint.revolute:
-            return 1, 0
-        return joint.c * before.c + joint.s * before.s, joint.s * before.c - joint.c * before.s
-
 
 Trig = Callable[[tuple[int, ...], sp.Expr], tuple[Any, Any]]
 """(joints whose angles add up, constant angle) -> (cosine, sine)."""

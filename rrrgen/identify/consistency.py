@@ -78,11 +78,6 @@ def pseudo_inertia(phi: Array) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def pseudo_inertia_basis() -> Array:
-    """``B`` (10, 4, 4) with ``J(phi) = sum_i phi_i B_i``."""
-    return pseudo_inertia(np.eye(10))
-
-
 def standard_parameters(J: Array) -> Array:
     """Standard parameters (..., 10) of pseudo-inertias (..., 4, 4), the inverse of :func:`pseudo_inertia`."""
     xx, yy, zz = J[..., 0, 0], J[..., 1, 1], J[..., 2, 2]

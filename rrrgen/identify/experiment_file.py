@@ -23,7 +23,6 @@ from rrrgen.spec.suggest import did_you_mean
 
 SCHEMA = "rrrgen-experiment/1"
 
-ANY = units.POSITION | units.VELOCITY | units.ACCELERATION
 EFFORT = units.TORQUE | units.FORCE
 PLAIN = {"one": 1.0}
 

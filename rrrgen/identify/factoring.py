@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -183,11 +181,6 @@ class _State:
                 samples=np.array(self.samples),
             )
         os.replace(part, path)
-
-
-def digest_of(*parts: Any) -> str:
-    """A hash of plain values, for :func:`factor_recordings`."""
-    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def score(factors: JointFactors, theta: Array) -> dict[str, Any]:

@@ -19,7 +19,6 @@ VELOCITY = {f"{name}/s": factor for name, factor in POSITION.items()} | {"rpm": 
 ACCELERATION = {f"{name}/s^2": factor for name, factor in POSITION.items()}
 TORQUE = {"N*m": 1.0, "mN*m": 1e-3, "kN*m": 1e3, "N*cm": 1e-2, "N*mm": 1e-3}
 FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
-CURRENT = {"A": 1.0, "mA": 1e-3}
 CONSTANT = {"N*m/A": 1.0, "mN*m/A": 1e-3, "N/A": 1.0, "N*m/V": 1.0, "N/V": 1.0}
 
 # what a torque column may hold; A and V need a constant, % needs the rated value

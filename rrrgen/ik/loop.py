@@ -185,11 +185,6 @@ def move(motion: Motion, v: Vector, *, direction: bool = False) -> Vector:
     return v if direction else plus(v, (0, 0, motion))
 
 
-def inverse_motion(motion: Motion) -> Motion:
-    """The motion undone."""
-    return Turn(motion.c, -motion.s) if isinstance(motion, Turn) else -motion
-
-
 def unwind(steps: list[tuple[Motion | None, Rotation | None]], name: Callable[[str, S], S]) -> list[Turn | Rotation]:
     """Rotations of a path ``J L J L ...`` with turns about the same axis merged into one."""
     merged: list[Turn | Rotation] = []

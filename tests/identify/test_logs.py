@@ -247,11 +247,6 @@ def test_wrapped_encoders_become_continuous(tmp_path):
 # -- faults of the recording ---------------------------------------------------------------------------------------
 
 
-def dirty(rows):
-    """Writes rows to a file by way of `write_csv`, NaN as an empty cell."""
-    return lambda path: write_csv(path, rows=rows)
-
-
 def kinds(log):
     return {finding.kind: finding.count for finding in log.findings}
 

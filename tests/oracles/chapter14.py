@@ -24,12 +24,6 @@ def rrr(links: tuple[Link, ...] = (), gravity=(0.0, 0.0, -G)) -> Robot:
     return Robot("standard", rows, np.array(gravity), links=tuple(links), name="rrr")
 
 
-def chapter_link(link: Link) -> dict[str, float]:
-    """A link in the chapter's convention: about the origin of the frame, positive products."""
-    m, mx, my, mz, xx, xy, yy, xz, yz, zz = link.parameters()
-    return dict(zip(LINK_KEYS, (m, mx / m, my / m, mz / m, xx, yy, zz, -xy, -xz, -yz), strict=True))
-
-
 def link_from_chapter(values: dict[str, float], about: str = "origin", products: str = "positive") -> Link:
     """The link whose ten numbers are read as inertia ``about`` origin or com, with ``products`` positive or tensor."""
     v = values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.dialect import Dialect
@@ -19,7 +19,6 @@ class CBackend:
     """Prints header, sources and self-test; ``trig`` says where sines and cosines come from."""
 
     trig: Trig = "inline"
-    name: ClassVar[str] = "c"
 
     def files(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
         """``<name>.h``, ``<name>.c`` with the sources beside it, and ``<name>_selftest.c``."""

@@ -69,11 +69,6 @@ class Names:
                 return name
 
 
-def element_names(names: Names, port: str, count: int) -> list[str]:
-    """Names of the elements of a port: q1, q2, ...; a scalar keeps the name of its port."""
-    return [names.claim(port)] if count == 1 else [names.claim(f"{port}{k + 1}") for k in range(count)]
-
-
 def listing(program: Program, elements: Sequence[Sequence[str]], names: Names, dialect: Dialect) -> Listing:
     """Write ``program`` in ``dialect``; ``elements[port][element]`` are the names of its inputs."""
     readers = uses(program)
