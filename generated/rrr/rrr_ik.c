@@ -28,24 +28,26 @@ static rrr_real rrr_ik_wrap(rrr_real x)
     return x;
 }
 
-/* atan2 to 2 ulp, the same bits on every machine; a quarter turn at the origin. Without branches and tables, which lets compilers
- * make vectors of it: eighths, quarters and halves of a turn and the sign are numbers to add and to multiply by. */
+/* atan2 to 2.7 ulp, the same bits wherever arithmetic is; a quarter turn at the origin. Without branches and tables, which
+ * lets compilers make vectors of it. The angle is an eighth, a quarter, ... of a turn (start) plus or minus (turn) an arc
+ * of at most pi/8; nothing but the last sum waits for both. */
 static inline rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
 {
     const rrr_real ax = fabs(x), ay = fabs(y);
-    const rrr_real small = ax < ay ? ax : ay, large = (ax > ay ? ax : ay) + (rrr_real)1e-300; /* no 0 / 0 */
-    const rrr_real beyond = (rrr_real)0.5 + copysign((rrr_real)0.5, small - (rrr_real)0.41421356237309503 * large); /* tan(pi/8) */
-    const rrr_real upright = (rrr_real)0.7853981633974483 + copysign((rrr_real)0.7853981633974483, ay - ax);
-    const rrr_real back = x < (rrr_real)0 ? (rrr_real)3.141592653589793 : (rrr_real)0;
-    const rrr_real sense = copysign((rrr_real)1, (rrr_real)0 + y); /* plus for -0 */
-    const rrr_real t = (small - beyond * large) / (large + beyond * small), u = t * t, v = u * u, w = v * v;
+    const rrr_real small = ax < ay ? ax : ay, large = ax > ay ? ax : ay;
+    const rrr_real sense = copysign((rrr_real)1, (rrr_real)0 + y), front = copysign((rrr_real)1, x), flat = -copysign((rrr_real)1, ay - ax); /* plus for y = -0 */
+    const rrr_real half = copysign((rrr_real)0.5, (rrr_real)0.41421356237309503 * large - small), beyond = (rrr_real)0.5 - half; /* tan(pi/8) */
+    const rrr_real axis = flat * ((rrr_real)0.5 + half); /* the arc counts from the x axis (1), from the diagonal or from the y axis (-1) */
+    const rrr_real start = sense * ((rrr_real)1.5707963267948966 - front * ((rrr_real)0.7853981633974483 + (rrr_real)0.7853981633974483 * axis));
+    const rrr_real turn = sense * front * flat;
+    const rrr_real t = (small - beyond * large) / (large + (rrr_real)1e-300 + beyond * small); /* no 0 / 0 */
+    const rrr_real s = turn * t, u = t * t, v = u * u, w = v * v;
     const rrr_real p0 = (rrr_real)-0.333333333333332 + u * (rrr_real)0.19999999999953244;
     const rrr_real p1 = (rrr_real)-0.14285714280166237 + u * (rrr_real)0.11111110782140723;
     const rrr_real p2 = (rrr_real)-0.09090897724893458 + u * (rrr_real)0.07692059711868017;
     const rrr_real p3 = (rrr_real)-0.06663099148471298 + u * (rrr_real)0.05847858920620302;
     const rrr_real p4 = (rrr_real)-0.050391890304237796 + u * (rrr_real)0.038062108726007564 + v * (rrr_real)-0.017905009476816506;
-    const rrr_real arc = t + t * u * ((p0 + v * p1) + w * ((p2 + v * p3) + w * p4));
-    return sense * fabs(back - fabs(upright - (beyond * (rrr_real)0.7853981633974483 + arc)));
+    return start + (s + s * u * ((p0 + v * p1) + w * ((p2 + v * p3) + w * p4)));
 }
 
 static void rrr_ik_arcs(int count, const rrr_real *RRR_RESTRICT sine, const rrr_real *RRR_RESTRICT cosine, rrr_real *RRR_RESTRICT angle)
@@ -77,8 +79,8 @@ static int rrr_ik_cosine(rrr_real *k, rrr_real w2, rrr_real slack, rrr_real *w, 
     return n;
 }
 
-/* a cos(x) + b sin(x) = k: on return (a, b) is a unit vector, k = cos(e) and w = sin(e) >= 0 with x = atan2(b, a) +- e.
- * w2 >= 0 is a better w^2 in the units given. Every x solves 0 = 0: then x is the reference. */
+/* a cos(x) + b sin(x) = k: on return cos(x) = a k -+ b w and sin(x) = b k +- a w, w >= 0. w2 >= 0 is a better expression of
+ * a^2 + b^2 - k^2. Every x solves 0 = 0: then x is the reference. */
 static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr_real unit, rrr_real ref, rrr_real slack, rrr_real *w, unsigned *flags)
 {
     const rrr_real h2 = *a * *a + *b * *b;
@@ -94,12 +96,10 @@ static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr
         return 1;
     }
     { /* the root does not wait for the quotient */
-        const rrr_real i = (rrr_real)1 / sqrt(h2);
+        const rrr_real i = (rrr_real)1 / h2;
         const int n = rrr_ik_root(w2 >= (rrr_real)0 ? w2 : h2 - *k * *k, h2, slack, w, flags);
-        *a *= i;
-        *b *= i;
         *w *= i;
-        *k = n == 1 ? copysign((rrr_real)1, *k) : *k * i;
+        *k = (n == 1 ? copysign(sqrt(h2), *k) : *k) * i;
         return n;
     }
 }
