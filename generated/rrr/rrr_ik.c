@@ -28,14 +28,15 @@ static rrr_real rrr_ik_wrap(rrr_real x)
     return x;
 }
 
-/* atan2 to 2.7 ulp, the same bits wherever arithmetic is; a quarter turn at the origin. Without branches and tables, which
- * lets compilers make vectors of it. The angle is an eighth, a quarter, ... of a turn (start) plus or minus (turn) an arc
- * of at most pi/8; nothing but the last sum waits for both. */
+/* atan2 to 2.7 ulp, the same bits wherever every step is rounded; a quarter turn at the origin. Without branches and
+ * tables, which lets compilers make vectors of it. The angle is none or some eighths of a turn (start) plus or minus (turn)
+ * an arc of at most pi/8; nothing but the last sum waits for both. */
 static inline rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
 {
     const rrr_real ax = fabs(x), ay = fabs(y);
     const rrr_real small = ax < ay ? ax : ay, large = ax > ay ? ax : ay;
-    const rrr_real sense = copysign((rrr_real)1, (rrr_real)0 + y), front = copysign((rrr_real)1, x), flat = -copysign((rrr_real)1, ay - ax); /* plus for y = -0 */
+    const rrr_real sense = copysign((rrr_real)1, (rrr_real)0 + y); /* plus for -0 */
+    const rrr_real front = copysign((rrr_real)1, x), flat = -copysign((rrr_real)1, ay - ax);
     const rrr_real half = copysign((rrr_real)0.5, (rrr_real)0.41421356237309503 * large - small), beyond = (rrr_real)0.5 - half; /* tan(pi/8) */
     const rrr_real axis = flat * ((rrr_real)0.5 + half); /* the arc counts from the x axis (1), from the diagonal or from the y axis (-1) */
     const rrr_real start = sense * ((rrr_real)1.5707963267948966 - front * ((rrr_real)0.7853981633974483 + (rrr_real)0.7853981633974483 * axis));
@@ -469,7 +470,7 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
             }
             out->branch[kept] = start < rows ? found.branch[start] : 0u;
             out->flags[kept] = cost > RRR_IK_TOL_ACCEPT ? (unsigned)RRR_IK_INEXACT : (unsigned)RRR_IK_MULTIPLE;
-            out->residual[kept] = sqrt(cost);
+            out->residual[kept] = cost;
             if (cost <= RRR_IK_TOL_ACCEPT && !rrr_ik_repeated(out, kept)) {
                 ++kept;
             }
@@ -516,12 +517,13 @@ static void rrr_ik_keep(const rrr_real *T, unsigned options, const rrr_ik_soluti
     out->count += rrr_ik_settle(T, options, out, to);
 }
 
-/* Rows as they are handed out: at the turns asked for, residuals no longer squared. 0 if the limits took some away. */
-static int rrr_ik_finish(const rrr_real *q_ref, rrr_ik_solutions *out)
+/* Rows as they are handed out: at the turns asked for, residuals no longer squared. 0 if one lies outside the limits. */
+static inline int rrr_ik_finish(const rrr_real *ref, unsigned options, rrr_ik_solutions *out)
 {
     int i;
-    for (i = 0; q_ref && i < out->count; ++i) {
-        (void)rrr_ik_place(out->q[i], q_ref);
+    (void)options;
+    for (i = 0; ref && i < out->count; ++i) {
+        (void)rrr_ik_place(out->q[i], ref);
     }
     for (i = 0; i < out->count; ++i) {
         out->residual[i] = sqrt(out->residual[i]);
@@ -558,21 +560,15 @@ rrr_ik_status rrr_inverse_kinematics(
             rrr_ik_keep(T, options, found, i, out);
         }
     }
-    outside = !rrr_ik_finish(q_ref, out);
+    outside = !rrr_ik_finish(q_ref, options, out);
     if (out->count == 0 && !outside) {
         if (rows > 0) { /* candidates from discriminants a little below zero, perhaps: which one is it? */
             out->stage = 0;
             rows = rrr_ik_branches(T, ref, (rrr_real)0, found, &out->stage);
             out->stage = rows > 0 ? 3 : out->stage;
         }
-        rows = rrr_ik_descend(T, ref, out);
-        for (i = 0; i < rows; ++i) {
-            const int inside = rrr_ik_place(out->q[i], ref);
-            out->flags[i] |= inside ? 0u : (unsigned)RRR_IK_OUTSIDE;
-            if (inside || !(options & RRR_IK_LIMITS)) {
-                rrr_ik_exchange(out, i, out->count++);
-            }
-        }
+        out->count = rows = rrr_ik_descend(T, ref, out);
+        (void)rrr_ik_finish(ref, options, out);
         outside = rows > 0;
     }
     if (out->count == 0) {
@@ -621,6 +617,7 @@ rrr_ik_status rrr_closest(
     rrr_ik_solutions *RRR_RESTRICT out)
 {
     static const rrr_real zero[3] = {(rrr_real)0};
+    const rrr_real *const ref = q_ref ? q_ref : zero;
     rrr_real T[3];
     rrr_ik_status status = rrr_ik_check(target, q_ref, T);
     out->count = 0;
@@ -634,15 +631,10 @@ rrr_ik_status rrr_closest(
         out->distance = (rrr_real)-1;
         return RRR_IK_UNREACHABLE;
     }
-    (void)rrr_ik_descend(T, q_ref ? q_ref : zero, out);
-    if (!rrr_ik_place(out->q[0], q_ref ? q_ref : zero)) {
-        out->flags[0] |= (unsigned)RRR_IK_OUTSIDE;
-        if (options & RRR_IK_LIMITS) {
-            return RRR_IK_OUTSIDE_LIMITS;
-        }
-    }
+    (void)rrr_ik_descend(T, ref, out);
     out->count = 1;
-    return RRR_IK_OK;
+    (void)rrr_ik_finish(ref, options, out);
+    return out->count == 1 ? RRR_IK_OK : RRR_IK_OUTSIDE_LIMITS;
 }
 
 const char *rrr_ik_status_string(rrr_ik_status status)
