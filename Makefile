@@ -42,7 +42,7 @@ update: setup  ## write the committed code of the reference robot anew
 
 bench: setup  ## measure emitted C side by side with other packages; the page and the plots go to docs/
 	$(BIN)/python -m pip install --quiet -e ".[bench]"
-	$(BIN)/rrrgen bench -o bench/results
+	$(BIN)/python -m bench -o bench/results
 	cp bench/results/benchmark.md bench/results/benchmark.svg bench/results/benchmark.png docs/
 
 clean:  ## remove what the targets above made

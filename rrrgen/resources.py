@@ -11,18 +11,27 @@ from rrrgen.cache import cache_directory, digest
 from rrrgen.errors import InternalError
 
 if TYPE_CHECKING:
+    from importlib.resources.abc import Traversable
+
     from jinja2 import BytecodeCache, Environment
 
 
 def template_text(name: str) -> str:
     """The raw text of the template ``name``, e.g. ``"c/header.h.j2"``."""
-    root = resources.files("rrrgen") / "templates"
-    if not root.is_dir():
-        raise InternalError(
-            "rrrgen/templates is not a directory; it is a symbolic link to ../templates, and this checkout or "
-            "archive lost it (on Windows: git config core.symlinks true, then check out again)"
-        )
-    return (root / name).read_text(encoding="utf-8")
+    return (_templates() / name).read_text(encoding="utf-8")
+
+
+def _templates() -> Traversable:
+    """The folder of the templates: inside the package where it is installed, beside it in a checkout."""
+    package = resources.files("rrrgen")
+    installed = package / "templates"
+    if installed.is_dir():
+        return installed
+    with resources.as_file(package) as place:
+        beside = place.parent / "templates"
+    if not beside.is_dir():
+        raise InternalError(f"the templates are neither in {place} nor beside it: this installation is incomplete")
+    return beside
 
 
 @cache

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = sorted(path for folder in ("rrrgen", "templates") for path in (ROOT / folder).rglob("*") if path.is_file())
+FOLDERS = ("rrrgen", "bench", "templates")
+SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.is_file())
 PYTHON = [path for path in SOURCES if path.suffix == ".py"]
 TEXT = [path for path in SOURCES if path.suffix in {".py", ".j2", ".yaml", ".html", ".css"}]
 MOST_LINES = 500
@@ -51,7 +52,7 @@ def test_python_files(path):
     assert not called & EVALUATION, "text is never evaluated"
     assert ast.get_docstring(tree) or not text.strip(), "a module says what it is about"
     assert len(text.splitlines()) <= MOST_LINES
-    printing = "cli" in path.relative_to(ROOT).parts
+    printing = "cli" in path.relative_to(ROOT).parts or path == ROOT / "bench" / "__main__.py"
     assert printing or not called & {"print", "exit"}, "only the command line prints or exits"
 
 

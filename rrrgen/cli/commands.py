@@ -17,7 +17,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "validate": ("rrrgen.cli.validate:validate", "Score a robot file against recordings."),
     "case-study": ("rrrgen.cli.case_study:case_study", "Run the whole case study on the virtual RRR."),
     "controller": ("rrrgen.cli.controller:controller", "Write C of a motion, the Kalman step and friction."),
-    "bench": ("rrrgen.cli.bench:bench", "Measure emitted C side by side with other packages."),
     "schema": ("rrrgen.cli.schema:schema", "Print the JSON Schema of robot files, for editors."),
 }
 """A new command or command group is one line here and one file beside this one."""

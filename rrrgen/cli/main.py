@@ -86,9 +86,9 @@ def cli() -> None:
     """
 
 
-def main(args: Sequence[str] | None = None, prog_name: str = "rrrgen") -> NoReturn:
-    """Run the command line and exit."""
-    code = run(args, prog_name)
+def main(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: click.Command = cli) -> NoReturn:
+    """Run the command line, or another command with the same messages and exit codes, and exit."""
+    code = run(args, prog_name, command)
     if "generate" in (sys.argv[1:] if args is None else args)[:1]:
         # its many programs make Python's last search for cycles take 0.2 s; other commands may load libraries that
         # count what was not collected as leaks, and say so
@@ -96,10 +96,10 @@ def main(args: Sequence[str] | None = None, prog_name: str = "rrrgen") -> NoRetu
     sys.exit(code)
 
 
-def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen") -> int:
-    """Run the command line; returns the exit code."""
+def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: click.Command = cli) -> int:
+    """Run the command line, or another command; returns the exit code."""
     try:
-        result = cli.main(args=args, prog_name=prog_name, standalone_mode=False)
+        result = command.main(args=args, prog_name=prog_name, standalone_mode=False)
         return result if isinstance(result, int) else 0
     except click.ClickException as error:
         error.show()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rrrgen.bench.contestants import HAND, OWN, PINOCCHIO, TITLES
-from rrrgen.bench.results import Results, work
+from bench.contestants.contestant import HAND, OWN, PINOCCHIO, TITLES
+from bench.results import Results, work
 
 COLOURS = {OWN: "#0b6e4f", HAND: "#e08e0b", PINOCCHIO: "#8a8fa3"}
 SHOWN = ("inverse_dynamics", "mass_matrix", "bias", "gravity", "forward_dynamics", "kinematics", "regressor")

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bench.contestants.cases import Case
+from bench.contestants.contestant import DisagreementError
+from bench.measurements.python_calls import turns
+from bench.measurements.race import TOLERANCE
+from bench.toolchain import Toolchain, run
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.trigonometry import sincos_strategy
-from rrrgen.bench.cases import Case
-from rrrgen.bench.contestants import DisagreementError
-from rrrgen.bench.python_calls import turns
-from rrrgen.bench.race import TOLERANCE
-from rrrgen.bench.toolchain import Toolchain, run
 from rrrgen.manifest import identify
 from rrrgen.verify.chain import Array
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rrrgen.bench.cases import Case, Numbers
-from rrrgen.bench.contestants import HAND, HAND_FILE, PINOCCHIO, Contestant, Party
-from rrrgen.resources import template_text
+from bench.contestants.cases import Case, Numbers
+from bench.contestants.contestant import HAND, HAND_FILE, PINOCCHIO, Contestant, Party
+from bench.templates import source
 from rrrgen.verify.chain import Array, centre_and_tensor
 
 _INPUTS = {
@@ -42,8 +42,8 @@ def hand_party(case: Case, names: Collection[str] | None = None) -> Party | None
 
 
 def _add_hand(party: Party, case: Case, label: str, numbers: Numbers, tag: str, names: Collection[str] | None) -> None:
-    from rrrgen.bench.rivals import hand_casadi
-    from rrrgen.bench.rivals.joint_frames import joint_frames
+    from bench.contestants import hand_casadi
+    from bench.contestants.joint_frames import joint_frames
 
     hand = hand_casadi.hand_functions(joint_frames(case.chain, case.phi(numbers)), names)
     # CasADi guards its helper macros itself; only the exported names have to differ between the two files
@@ -70,7 +70,7 @@ def pinocchio_party(case: Case) -> Party | None:
         "inverse_dynamics": n, "bias": n, "gravity": n, "forward_dynamics": n, "mass_matrix": n * n,
         "coriolis_matrix": n * n, "standard_regressor": 10 * n * n, "kinematics": 16 + 6 * n,
     }  # fmt: skip
-    party = Party([], cpp=("pinocchio.cpp", template_text("bench/pinocchio.cpp"), includes))
+    party = Party([], cpp=("pinocchio.cpp", source("pinocchio.cpp"), includes))
     joints, bodies, tool = _joint_frame_bodies(case)
     party.declarations = (
         _array("pinocchio_joints", joints) + _array("pinocchio_bodies", bodies) + _array("pinocchio_tool", tool)

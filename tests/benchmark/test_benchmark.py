@@ -15,9 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rrrgen.bench.batches import BatchTime
-from rrrgen.bench.cases import Case, dense_bodies, make_case
-from rrrgen.bench.contestants import (
+from bench.contestants.cases import Case, dense_bodies, make_case
+from bench.contestants.contestant import (
     HAND,
     OWN,
     OWN_FILE,
@@ -28,15 +27,16 @@ from rrrgen.bench.contestants import (
     Party,
     deviation,
 )
-from rrrgen.bench.growth import COMPARED, chain_text, growth
-from rrrgen.bench.inverse_kinematics import IKScore, ik_scores
-from rrrgen.bench.python_calls import BOUND_RUN, PIN, CallTime, turns
-from rrrgen.bench.race import Effort, Score, race
-from rrrgen.bench.report import page
-from rrrgen.bench.results import Results
-from rrrgen.bench.rivals.joint_frames import joint_frames, regrouped
-from rrrgen.bench.targets import verdicts
-from rrrgen.bench.toolchain import find_toolchain
+from bench.contestants.joint_frames import joint_frames, regrouped
+from bench.measurements.batches import BatchTime
+from bench.measurements.growth import COMPARED, chain_text, growth
+from bench.measurements.inverse_kinematics import IKScore, ik_scores
+from bench.measurements.python_calls import BOUND_RUN, PIN, CallTime, turns
+from bench.measurements.race import Effort, Score, race
+from bench.page import page
+from bench.results import Results
+from bench.targets import verdicts
+from bench.toolchain import find_toolchain
 from rrrgen.spec import load_spec, loads_spec
 from rrrgen.verify.chain import chain_of, is_physical
 
@@ -52,7 +52,7 @@ needs_gcc = pytest.mark.skipif(not any(shutil.which(cc) for cc in ("cc", "gcc", 
 @cache
 def hand_of(robot: str) -> tuple[Case, Any]:
     """A bundled robot with few states, and the rival's functions."""
-    from rrrgen.bench.rivals.hand_casadi import hand_functions
+    from bench.contestants.hand_casadi import hand_functions
 
     case = few_states(make_case(load_spec(robot)))
     return case, hand_functions(joint_frames(case.chain, case.dense))
@@ -81,7 +81,7 @@ def test_the_hand_made_rival_agrees_with_newton_euler_in_every_function(robot: s
 @settings(max_examples=5, deadline=None)
 @given(n=st.integers(1, 3), seed=st.integers(0, 1000))
 def test_the_hand_made_rival_agrees_on_random_chains(n: int, seed: int) -> None:
-    from rrrgen.bench.rivals.hand_casadi import hand_functions
+    from bench.contestants.hand_casadi import hand_functions
 
     case = few_states(make_case(loads_spec(chain_text(n, seed), "chain.yaml"), seed))
     functions = hand_functions(joint_frames(case.chain, case.dense), ("inverse_dynamics", "mass_matrix")).functions
@@ -103,7 +103,7 @@ def test_regrouping_leaves_no_mass_and_keeps_the_chain_solvable() -> None:
 @needs_casadi
 @pytest.mark.parametrize("robot", ["rrr", "puma560"])
 def test_operation_counts_of_the_rival_are_those_of_a_serious_one(robot: str) -> None:
-    from rrrgen.bench.rivals.hand_casadi import operations
+    from bench.contestants.hand_casadi import operations
 
     known = {  # multiplications and additions together of the best hand-written codes
         "rrr": {"inverse_dynamics": 196, "mass_matrix": 74, "regressor": 159},
@@ -202,7 +202,7 @@ def test_page_and_json_hold_what_was_found() -> None:
 
 def test_plot_is_written(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    from rrrgen.bench.plot import plot
+    from bench.plot import plot
 
     plot(results_with(200, 500, 2600), tmp_path)
     assert (tmp_path / "benchmark.svg").read_text(encoding="utf-8").startswith("<?xml")

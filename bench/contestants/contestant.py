@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rrrgen.bench.cases import Case, Numbers, References
+from bench.contestants.cases import Case, Numbers, References
 from rrrgen.errors import RrrgenError
 from rrrgen.verify.chain import Array
 

@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from rrrgen.bench.toolchain import Toolchain, run
+from bench.toolchain import Toolchain, run
 from rrrgen.errors import BuildError
 
 FLAGS = ("-std=c99", "-O2")

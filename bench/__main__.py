@@ -1,4 +1,4 @@
-"""``rrrgen bench``."""
+"""``python -m bench``: the command line of the benchmark."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.cli.arguments import complete_robot, json_option, print_json
+from rrrgen.cli.main import main
 
 if TYPE_CHECKING:
-    from rrrgen.bench.results import Results
+    from bench.results import Results
 
 PARTS = ("functions", "python", "ik", "growth", "generation")
 
@@ -51,14 +52,14 @@ def bench(
 
     \b
     Examples:
-      rrrgen bench --quick
-      rrrgen bench rrr --only functions
-      CC=clang rrrgen bench -o clang_results
+      python -m bench --quick
+      python -m bench rrr --only functions
+      CC=clang python -m bench -o clang_results
     """
-    from rrrgen.bench.cases import ROBOTS
-    from rrrgen.bench.report import page
-    from rrrgen.bench.session import Plan
-    from rrrgen.bench.session import bench as run_bench
+    from bench.contestants.cases import ROBOTS
+    from bench.page import page
+    from bench.session import Plan
+    from bench.session import bench as run_bench
 
     parts = frozenset(only or PARTS)
     plan = Plan(robots or ROBOTS, quick, tuple(flags.split()), pinocchio, parts)
@@ -82,13 +83,13 @@ def _draw(results: Results, output: Path) -> None:
     if find_spec("matplotlib") is None:
         click.echo("matplotlib is not installed: no plot", err=True)
         return
-    from rrrgen.bench.plot import plot
+    from bench.plot import plot
 
     plot(results, output)
 
 
 def _print(results: Results) -> None:
-    from rrrgen.bench.targets import verdicts
+    from bench.targets import verdicts
 
     for score in results.scores:
         contestant, count = score.contestant, score.instructions
@@ -105,3 +106,7 @@ def _print(results: Results) -> None:
     for verdict in verdicts(results):
         mark = "met   " if verdict.met else "MISSED"
         click.echo(f"{mark} {verdict.robot:9} {verdict.work:52} {verdict.target:>12}   {verdict.found}")
+
+
+if __name__ == "__main__":
+    main(prog_name="python -m bench", command=bench)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rrrgen.bench.contestants import HAND, OWN, OWN_FILE, PINOCCHIO, TITLES
-from rrrgen.bench.python_calls import BOUND_RUN, PIN
-from rrrgen.bench.results import Results, work
+from bench.contestants.contestant import HAND, OWN, OWN_FILE, PINOCCHIO, TITLES
+from bench.measurements.python_calls import BOUND_RUN, PIN
+from bench.results import Results, work
 
 OPERATIONS = {
     ("rrr", "inverse_dynamics"): (55, 45),

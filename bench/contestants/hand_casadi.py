@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rrrgen.bench.rivals.joint_frames import JointFrames, JointRow, regrouped
+from bench.contestants.joint_frames import JointFrames, JointRow, regrouped
 from rrrgen.verify.chain import Array
 
 Vector = tuple[Any, Any, Any]

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.bench.cases import Case
-from rrrgen.bench.contestants import DisagreementError
-from rrrgen.bench.race import TOLERANCE
-from rrrgen.bench.toolchain import Toolchain, run
+from bench.contestants.cases import Case
+from bench.contestants.contestant import DisagreementError
+from bench.measurements.race import TOLERANCE
+from bench.toolchain import Toolchain, run
 from rrrgen.verify.chain import Array, Chain
 
 if TYPE_CHECKING:
@@ -118,8 +118,8 @@ def _casadi_calls(
         return {}
     import casadi as ca
 
-    from rrrgen.bench.rivals import hand_casadi
-    from rrrgen.bench.rivals.joint_frames import joint_frames
+    from bench.contestants import hand_casadi
+    from bench.contestants.joint_frames import joint_frames
 
     hand = hand_casadi.hand_functions(joint_frames(case.chain, case.phi("file")), ["inverse_dynamics"])
     source, library = place / "hand.c", place / "hand.so"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rrrgen.bench.contestants import HAND, HAND_FILE, OWN, OWN_FILE, OWN_LIBM, PINOCCHIO, TITLES
-from rrrgen.bench.growth import COMPARED
-from rrrgen.bench.race import Score
-from rrrgen.bench.results import Results, work
-from rrrgen.bench.targets import verdicts
+from bench.contestants.contestant import HAND, HAND_FILE, OWN, OWN_FILE, OWN_LIBM, PINOCCHIO, TITLES
+from bench.measurements.growth import COMPARED
+from bench.measurements.race import Score
+from bench.results import Results, work
+from bench.targets import verdicts
 
 COLUMNS = (OWN, OWN_FILE, OWN_LIBM, HAND, HAND_FILE, PINOCCHIO)
 
@@ -26,7 +26,7 @@ def _opening(results: Results) -> str:
     lines = [
         "# Benchmark",
         "",
-        "Written by `rrrgen bench` (`make bench`); the figures below are one run on one machine.",
+        "Written by `make bench`; the figures below are one run on one machine.",
         "",
         f"- Machine: {results.machine}",
         f"- Compiler and flags, the same for every contestant: {results.compiler}",

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bench.contestants.cases import Case, Numbers
+from bench.contestants.contestant import OWN, OWN_FILE, OWN_LIBM, TITLES, Contestant, Party
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import has_status, stored_outputs
 from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.trigonometry import sincos_strategy
-from rrrgen.bench.cases import Case, Numbers
-from rrrgen.bench.contestants import OWN, OWN_FILE, OWN_LIBM, TITLES, Contestant, Party
 from rrrgen.manifest import identify
 from rrrgen.program import Program, count_operations
 from rrrgen.verify.chain import Array

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rrrgen.bench.cases import Case
-from rrrgen.bench.contestants import TITLES, Contestant, DisagreementError, Party, deviation
-from rrrgen.bench.toolchain import Toolchain
+from bench.contestants.cases import Case
+from bench.contestants.contestant import TITLES, Contestant, DisagreementError, Party, deviation
+from bench.templates import source
+from bench.toolchain import Toolchain
 from rrrgen.errors import BuildError
-from rrrgen.resources import template_text
 from rrrgen.verify.chain import Array
 
 TOLERANCE = 1e-9
@@ -72,7 +72,7 @@ class Driver:
         own = _header(contestants)
         table = _table(contestants, declarations, setup)
         objects.append(toolchain.object("contestants.c", table, {**headers, "contestants.h": own}))
-        objects.append(toolchain.object("driver.c", template_text("bench/driver.c"), {"contestants.h": own}))
+        objects.append(toolchain.object("driver.c", source("driver.c"), {"contestants.h": own}))
         toolchain.link(objects, place / "driver", bool(cpp))
         values = np.ascontiguousarray(states, dtype=float)
         (place / "states").write_bytes(np.array(values.shape, dtype=np.int64).tobytes() + values.tobytes())

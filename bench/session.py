@@ -6,15 +6,15 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rrrgen.bench.cases import ROBOTS, Case, make_case
-from rrrgen.bench.race import QUICK, Effort, race
-from rrrgen.bench.results import Results
-from rrrgen.bench.toolchain import FLAGS, find_toolchain, machine
+from bench.contestants.cases import ROBOTS, Case, make_case
+from bench.measurements.race import QUICK, Effort, race
+from bench.results import Results
+from bench.toolchain import FLAGS, find_toolchain, machine
 from rrrgen.errors import RrrgenError
 
 if TYPE_CHECKING:
-    from rrrgen.bench.contestants import Party
-    from rrrgen.bench.toolchain import Toolchain
+    from bench.contestants.contestant import Party
+    from bench.toolchain import Toolchain
     from rrrgen.spec.robot_spec import RobotSpec
 
 Say = Callable[[str], None]
@@ -40,7 +40,7 @@ class Plan:
 
 def bench(plan: Plan, say: Say) -> Results:
     """Run ``plan``; ``say`` gets one line per step. Raises BuildError without a C compiler."""
-    from rrrgen.bench.rivals.parties import installed_versions
+    from bench.contestants.rivals import installed_versions
 
     toolchain = find_toolchain(plan.flags)
     effort = plan.effort
@@ -58,8 +58,8 @@ def bench(plan: Plan, say: Say) -> Results:
 
 
 def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
+    from bench.contestants.own import own_party
     from rrrgen import pipeline
-    from rrrgen.bench.own import own_party
     from rrrgen.manifest import identify
     from rrrgen.runtime.derived_cache import recall
 
@@ -80,7 +80,7 @@ def _rivals(
     case: Case, plan: Plan, toolchain: Toolchain, results: Results, names: Collection[str] | None = None
 ) -> list[Party]:
     """The installed rivals that can take part; the report names the others."""
-    from rrrgen.bench.rivals.parties import hand_party, pinocchio_party
+    from bench.contestants.rivals import hand_party, pinocchio_party
 
     parties = []
     rivals = {"CasADi": hand_party(case, names), "Pinocchio C++": pinocchio_party(case) if plan.pinocchio else None}
@@ -97,9 +97,9 @@ def _rivals(
 
 
 def _python(case: Case, plan: Plan, toolchain: Toolchain, results: Results) -> None:
+    from bench.measurements.batches import batch_time
+    from bench.measurements.python_calls import python_calls
     from rrrgen import pipeline
-    from rrrgen.bench.batches import batch_time
-    from rrrgen.bench.python_calls import python_calls
 
     model = pipeline.compile(case.spec)
     rounds = max(10, plan.effort.rounds // 2)
@@ -108,7 +108,7 @@ def _python(case: Case, plan: Plan, toolchain: Toolchain, results: Results) -> N
 
 
 def _inverse_kinematics(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
-    from rrrgen.bench.inverse_kinematics import GENERAL, ik_scores
+    from bench.measurements.inverse_kinematics import GENERAL, ik_scores
     from rrrgen.spec import load_spec, loads_spec
 
     specs: Sequence[RobotSpec] = [load_spec(robot) for robot in plan.robots]
@@ -121,7 +121,7 @@ def _inverse_kinematics(plan: Plan, toolchain: Toolchain, results: Results, say:
 
 
 def _growth(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
-    from rrrgen.bench.growth import COMPARED, growth
+    from bench.measurements.growth import COMPARED, growth
 
     sizes = [1, 2, 4, 6, 8] if plan.quick else list(range(1, 13))
     say(f"random chains of {sizes[0]} to {sizes[-1]} joints")
@@ -139,7 +139,7 @@ def _growth(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> Non
 
 
 def _generation(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
-    from rrrgen.bench.generation import ROUNDS, generations
+    from bench.measurements.generation import ROUNDS, generations
 
     say("generation in fresh processes")
     if plan.quick:

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from rrrgen.bench.cases import Case, make_case
-from rrrgen.bench.contestants import Party
-from rrrgen.bench.own import own_party
-from rrrgen.bench.race import Effort, Score, race
-from rrrgen.bench.toolchain import Toolchain
+from bench.contestants.cases import Case, make_case
+from bench.contestants.contestant import Party
+from bench.contestants.own import own_party
+from bench.measurements.race import Effort, Score, race
+from bench.toolchain import Toolchain
 from rrrgen.spec.robot_spec import RobotSpec
 
 Rivals = Callable[[Case], list[Party]]

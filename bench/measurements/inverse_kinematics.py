@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.bench.contestants import OWN, Contestant, DisagreementError
-from rrrgen.bench.python_calls import turns
-from rrrgen.bench.race import Driver, Effort
-from rrrgen.bench.toolchain import Toolchain
-from rrrgen.resources import render
+from bench.contestants.contestant import OWN, Contestant, DisagreementError
+from bench.measurements.python_calls import turns
+from bench.measurements.race import Driver, Effort
+from bench.templates import render
+from bench.toolchain import Toolchain
 from rrrgen.verify.chain import Array, Chain, chain_of
 from rrrgen.verify.newton_euler import NewtonEuler
 
@@ -143,7 +143,7 @@ def _elbow(spec: RobotSpec) -> str | None:
     if not _plain(chain) or not axes or chain.a[0]:
         return None
     numbers = {"height": chain.d[0], "upper": chain.a[1], "fore": chain.a[2], "offset": chain.d[1] + chain.d[2]}
-    return render("bench/elbow.c.j2", **{key: repr(float(value)) for key, value in numbers.items()})
+    return render("elbow.c.j2", **{key: repr(float(value)) for key, value in numbers.items()})
 
 
 def _rows_checked(

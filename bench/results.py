@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from rrrgen.bench.batches import BatchTime
-from rrrgen.bench.contestants import OWN_FILE, PINOCCHIO
-from rrrgen.bench.generation import Generation
-from rrrgen.bench.inverse_kinematics import IKScore
-from rrrgen.bench.python_calls import CallTime
-from rrrgen.bench.race import Score
+from bench.contestants.contestant import OWN_FILE, PINOCCHIO
+from bench.measurements.batches import BatchTime
+from bench.measurements.generation import Generation
+from bench.measurements.inverse_kinematics import IKScore
+from bench.measurements.python_calls import CallTime
+from bench.measurements.race import Score
 
 
 @dataclass

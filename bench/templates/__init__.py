@@ -1,0 +1,17 @@
+"""C and C++ around the contestants: the driver that times them, the adapter of Pinocchio, an arm solved by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rrrgen.resources import environment
+
+
+def source(name: str) -> str:
+    """The text of the file ``name`` beside this one."""
+    return (Path(__file__).parent / name).read_text(encoding="utf-8")
+
+
+def render(name: str, **values: str) -> str:
+    """The template ``name`` beside this file, filled with ``values``."""
+    return environment().from_string(source(name)).render(**values)
