@@ -1,9 +1,7 @@
 """The regressor that is identified: rigid-body columns of the compiled model, and linear terms of the drives.
 
-Every drive term acts along a direction ``w`` of joint space: with ``s = w q`` it contributes the generalised force
-``w f``, where f is ``dds`` (drive inertia), ``ds`` (viscous), ``sgn ds`` (Coulomb) or 1 (offset). A drive on one joint
-has the unit vector as direction; a drive that turns with several joints, as the last motor of a coupled wrist, has
-the row of the coupling matrix.
+The terms and their columns are those of :mod:`rrrgen.model.drive_terms` and :mod:`rrrgen.model.drive_columns`; here is
+the choice of those that are estimated.
 """
 
 from __future__ import annotations
@@ -16,14 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.errors import InputError
+from rrrgen.model.drive_columns import drive_columns
+from rrrgen.model.drive_terms import KINDS, SYMBOLS, drive_terms, unit_direction
+from rrrgen.model.drive_terms import Kind as DriveKind
 
 Array = NDArray[np.floating[Any]]
-Kind = Literal["rigid", "inertia", "viscous", "coulomb", "offset"]
-
-DRIVE_KINDS: tuple[Kind, ...] = ("inertia", "viscous", "coulomb", "offset")
-SYMBOLS = {"inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "off"}
-STANDSTILL = 1e-7
-"""Speed (rad/s, m/s) below which a joint stands still: the round-off of a reconstruction has no sign."""
+Kind = Literal["rigid"] | DriveKind
 STANDARD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Standard parameters of one link, in their order: first moments and inertia tensor about the origin of the frame."""
 
@@ -59,7 +55,7 @@ class CoupledDrive:
 
     name: str
     direction: tuple[float, ...]
-    terms: tuple[Kind, ...] = ("inertia", "viscous", "coulomb")
+    terms: tuple[DriveKind, ...] = ("inertia", "viscous", "coulomb")
 
 
 @dataclass(frozen=True)
@@ -73,66 +69,35 @@ class DriveTerms:
     coupled: tuple[CoupledDrive, ...] = ()
 
     @classmethod
-    def everywhere(cls, n: int, *kinds: Kind, coupled: Sequence[CoupledDrive] = ()) -> DriveTerms:
+    def everywhere(cls, n: int, *kinds: DriveKind, coupled: Sequence[CoupledDrive] = ()) -> DriveTerms:
         """The terms ``kinds`` at all ``n`` joints."""
         return cls(**{kind: tuple(range(n)) for kind in kinds}, coupled=tuple(coupled))
 
     @classmethod
     def of_spec(cls, spec: Any, coupled: Sequence[CoupledDrive] = ()) -> DriveTerms:
         """The terms that the robot file names: ``drive.inertia`` and ``friction.viscous``, ``coulomb``, ``offset``."""
+        terms = drive_terms(spec)
+        parts = {kind: tuple(term.joint for term in terms if term.kind == kind) for kind in KINDS}
+        return cls(**parts, coupled=tuple(coupled))
 
-        def joints(part: str, key: str) -> tuple[int, ...]:
-            owners = enumerate(getattr(joint, part) for joint in spec.joints)
-            return tuple(i for i, owner in owners if owner is not None and getattr(owner, key) is not None)
-
-        return cls(
-            inertia=joints("drive", "inertia"),
-            viscous=joints("friction", "viscous"),
-            coulomb=joints("friction", "coulomb"),
-            offset=joints("friction", "offset"),
-            coupled=tuple(coupled),
-        )
-
-    def without(self, *kinds: Kind) -> DriveTerms:
+    def without(self, *kinds: DriveKind) -> DriveTerms:
         """The same without the per-joint terms of these kinds."""
-        parts = {kind: () if kind in kinds else getattr(self, kind) for kind in DRIVE_KINDS}
+        parts = {kind: () if kind in kinds else getattr(self, kind) for kind in KINDS}
         return DriveTerms(**parts, coupled=self.coupled)
 
     def columns(self, n: int) -> tuple[Column, ...]:
         """The columns, kind by kind, then the coupled drives."""
         found = []
-        for kind in DRIVE_KINDS:
+        for kind in KINDS:
             for joint in getattr(self, kind):
                 if not 0 <= joint < n:
                     raise InputError(f"a drive term at joint {joint + 1} of a robot with {n} joints")
-                unit = tuple(float(i == joint) for i in range(n))
-                found.append(Column(f"{SYMBOLS[kind]}{joint + 1}", kind, unit))
+                found.append(Column(f"{SYMBOLS[kind]}{joint + 1}", kind, unit_direction(joint, n)))
         for drive in self.coupled:
             if len(drive.direction) != n or not any(drive.direction):
                 raise InputError(f"the coupled drive '{drive.name}' needs a direction of {n} weights, not all zero")
             found += [Column(f"{SYMBOLS[kind]}_{drive.name}", kind, drive.direction) for kind in drive.terms]
         return tuple(found)
-
-
-def drive_columns(columns: Sequence[Column], dq: Array, ddq: Array) -> Array:
-    """The columns (N, n, len(columns)) of drive terms: ``w f(w dq, w ddq)``; ``sgn ds = 0`` at a standstill."""
-    W = np.zeros((*dq.shape, len(columns)))
-    for k, column in enumerate(columns):
-        w = np.asarray(column.direction)
-        force = _force(column.kind, dq @ w, ddq @ w)
-        for joint in np.flatnonzero(w):
-            W[..., joint, k] = w[joint] * force
-    return W
-
-
-def _force(kind: Kind, speed: Array, acceleration: Array) -> Array | float:
-    if kind == "inertia":
-        return acceleration
-    if kind == "viscous":
-        return speed
-    if kind == "coulomb":
-        return np.sign(speed) * (np.abs(speed) > STANDSTILL)
-    return 1.0
 
 
 @dataclass(frozen=True)

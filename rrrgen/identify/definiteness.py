@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.identify.columns import Array, Column, RigidModel, drive_columns
+from rrrgen.identify.columns import Array, Column, RigidModel
+from rrrgen.model.drive_columns import drive_columns
 
 POSES = 10_000
 

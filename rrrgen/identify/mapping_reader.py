@@ -10,9 +10,10 @@ import numpy as np
 
 from rrrgen.errors import Fault, InputError
 from rrrgen.identify import log_units
-from rrrgen.identify.columns import DRIVE_KINDS, Array, CoupledDrive, Kind
+from rrrgen.identify.columns import Array, CoupledDrive
 from rrrgen.identify.mapping import SIGNALS, Channel, FileSource, JointChannels, LogMapping, Side, Signal, TimeSource
 from rrrgen.identify.processing import read_processing
+from rrrgen.model.drive_terms import KINDS, Kind
 from rrrgen.spec.document import FaultList, Node, Scalar, Sequence, decode, parse_document
 from rrrgen.spec.sections import describe, read_entries
 from rrrgen.spec.suggest import did_you_mean
@@ -284,8 +285,8 @@ class _Reader:
             terms: list[Kind] = []
             listed = part.get("terms")
             for term in listed.items if isinstance(listed, Sequence) else ():
-                chosen = self.choice(term, f"{what}.terms", DRIVE_KINDS)
-                terms += [kind for kind in DRIVE_KINDS if kind == chosen]
+                chosen = self.choice(term, f"{what}.terms", KINDS)
+                terms += [kind for kind in KINDS if kind == chosen]
             if weights and "name" in part:
                 chosen_terms = tuple(terms) or ("inertia", "viscous", "coulomb")
                 drives.append(CoupledDrive(self.text(part["name"], what), tuple(weights), chosen_terms))

@@ -20,6 +20,8 @@ from rrrgen.identify.observations import Observations, Recording, RowMaker, tune
 from rrrgen.identify.processing import Processing
 from rrrgen.identify.statistics import relative_error, rms
 from rrrgen.identify.tsqr import Rows
+from rrrgen.model.drive_columns import drive_columns
+from rrrgen.model.drive_terms import drive_terms
 
 TorqueModel = Callable[[Array, Array, Array], Array]
 """Motion (q, dq, ddq), (N, n) each, to joint torques (N, n)."""
@@ -255,10 +257,16 @@ def column_model(regressor: Callable[[Array, Array, Array], Array], theta: Array
 
 
 def robot_model(model: Any) -> TorqueModel:
-    """The torque of a compiled robot as its file describes it, linear friction included."""
+    """The torque of a compiled robot as its file describes it: inverse dynamics, and the friction that was fitted.
+
+    Friction comes from the columns of identification, in which the round-off speeds of a drive at rest have no sign.
+    """
+    terms = [term for term in drive_terms(model.spec) if term.kind != "inertia"]
+    values = np.array([term.value for term in terms])
 
     def torque(q: Array, dq: Array, ddq: Array) -> Array:
-        return np.asarray(model.inverse_dynamics(q, dq, ddq) + model.friction(dq))
+        friction = drive_columns(terms, np.asarray(dq, dtype=float), np.asarray(ddq, dtype=float)) @ values
+        return np.asarray(model.inverse_dynamics(q, dq, ddq) + friction)
 
     return torque
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rrrgen.model.drive_columns import drive_columns
+from rrrgen.model.drive_terms import drive_terms
 from rrrgen.program import Port
 from rrrgen.runtime.arguments import prepare
 from rrrgen.runtime.bound import BoundFunction
 from rrrgen.runtime.engines import Engine
-from rrrgen.runtime.identification import IdentificationColumns
 from rrrgen.runtime.results import DynamicsTerms, ForwardDynamicsDerivatives, InverseDynamicsDerivatives, Kinematics
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Model:
         self.base_projection: Array = _fixed(np.array(derived.base_projection, dtype=float))
         self.beta: Array | None = _floats(derived.beta_nominal)
         self.drive_inertia: Array | None = _floats(derived.drive_inertia_nominal)
-        self._columns = IdentificationColumns.of(derived.spec)
+        self._terms = drive_terms(derived.spec)
         self._ik: InverseKinematics | None = None
 
     @property
@@ -241,19 +242,23 @@ class Model:
         """Base regressor with the columns of drive inertia, friction and offset that the file asks for.
 
         tau = Y beta + Ia ddq + fv dq + fc sgn(dq) + offset, (..., n, b + extra); columns as in
-        ``identification_parameter_names``.
+        ``identification_parameter_names``. These are the columns that `rrrgen identify` fits: sgn(dq) is 0 at speeds
+        up to :data:`rrrgen.model.drive_columns.STANDSTILL`, where reconstructed speeds have no sign.
         """
-        return self._columns.appended(self.regressor(q, dq, ddq), np.asarray(dq), np.asarray(ddq))
+        Y = self.regressor(q, dq, ddq)
+        drives = drive_columns(self._terms, np.asarray(dq, dtype=float), np.asarray(ddq, dtype=float))
+        wide = np.broadcast_to(drives, (*Y.shape[:-1], len(self._terms)))
+        return np.concatenate([Y, wide.astype(Y.dtype)], axis=-1)
 
     @property
     def identification_parameter_names(self) -> tuple[str, ...]:
         """Names of the columns of :meth:`identification_regressor`."""
-        return (*self.base_parameter_names, *self._columns.names)
+        return (*self.base_parameter_names, *(term.name for term in self._terms))
 
     @property
     def identification_parameters(self) -> Array | None:
         """Nominal values of :attr:`identification_parameter_names`; None without links."""
-        return None if self.beta is None else np.concatenate([self.beta, self._columns.nominal])
+        return None if self.beta is None else np.concatenate([self.beta, [term.value for term in self._terms]])
 
     # -- more ----------------------------------------------------------------------------------------------------
 

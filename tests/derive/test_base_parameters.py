@@ -23,8 +23,9 @@ from rrrgen.derive.base_parameters import base_set, standard_symbols
 from rrrgen.derive.functions import FUNCTIONS
 from rrrgen.derive.recording import Recording, parametrize
 from rrrgen.model import build_model
+from rrrgen.model.drive_columns import drive_columns
+from rrrgen.model.drive_terms import drive_terms
 from rrrgen.program import evaluate
-from rrrgen.runtime.identification import IdentificationColumns
 from rrrgen.spec import bundled_names, load_spec, loads_spec
 
 CLEAR_GAP = 1e5  # measured gaps of singular values are above 1e8; nothing between the two sides of the rank
@@ -65,9 +66,9 @@ def test_the_published_table(robot: Robot, counts: tuple[int, int, int, int]):
     for (drive, friction, offset), count in zip(
         ((True, False, False), (True, True, False), (True, True, True)), counts[1:], strict=True
     ):
-        asked = IdentificationColumns.of(loads_spec(with_columns(text, drive, friction, offset)))
-        assert len(asked.names) == robot.n * (drive + 2 * friction + offset)
-        assert rank(asked.appended(Y, dq, ddq)) == count, asked.names
+        asked = drive_terms(loads_spec(with_columns(text, drive, friction, offset)))
+        assert len(asked) == robot.n * (drive + 2 * friction + offset)
+        assert rank(np.concatenate([Y, drive_columns(asked, dq, ddq)], axis=-1)) == count, asked
     assert spec.n == robot.n
 
 

@@ -1,0 +1,54 @@
+"""The regressor columns of drive terms with numbers, for the runtime, identification and validation alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+STANDSTILL = 1e-7
+"""Speed (rad/s, m/s) up to which a drive stands still, so that its Coulomb column is zero.
+
+Reconstructed speeds of a drive at rest are round-off, whose sign means nothing. The emitted friction function, which
+is given true speeds, has ``sgn(0) = 0`` alone.
+"""
+
+
+class Term(Protocol):
+    """What a column is computed from, see :mod:`rrrgen.model.drive_terms`."""
+
+    @property
+    def kind(self) -> str: ...  # noqa: D102
+    @property
+    def direction(self) -> tuple[Any, ...]: ...  # noqa: D102
+
+
+def drive_columns(terms: Sequence[Term], dq: Array, ddq: Array) -> Array:
+    """The columns ``w f(w dq, w ddq)`` (..., n, len(terms)) of ``terms`` at ``dq`` and ``ddq``, (..., n) each.
+
+    ``f`` is the acceleration, the speed, its sign (zero up to :data:`STANDSTILL`) or 1, by the kind of the term.
+    """
+    shape = np.broadcast_shapes(dq.shape, ddq.shape)
+    W = np.zeros((*shape, len(terms)))
+    for k, term in enumerate(terms):
+        moved = [(i, float(w)) for i, w in enumerate(term.direction) if w]
+        force = _force(term.kind, sum(w * dq[..., i] for i, w in moved), sum(w * ddq[..., i] for i, w in moved))
+        for i, w in moved:
+            W[..., i, k] = w * force
+    return W
+
+
+def _force(kind: str, speed: Any, acceleration: Any) -> Any:
+    match kind:
+        case "inertia":
+            return acceleration
+        case "viscous":
+            return speed
+        case "coulomb":
+            return np.sign(speed) * (np.abs(speed) > STANDSTILL)
+        case _:
+            return 1.0
