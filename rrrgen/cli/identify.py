@@ -15,6 +15,7 @@ from rrrgen.cli.workflow import (
     jobs_options,
     log_option,
     output_option,
+    print_repairs,
     processing_options,
     seed_option,
 )
@@ -89,6 +90,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         progress_bar() as tell,
     ):
         recordings = [LogStream(mapping) for mapping in mappings]
+        print_repairs((recording.repairs for recording in recordings), as_json)
         found = estimate(
             pipeline.compile(spec),
             recordings,

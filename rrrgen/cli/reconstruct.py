@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json
-from rrrgen.cli.workflow import chosen_processing, output_option, processing_options
+from rrrgen.cli.workflow import chosen_processing, output_option, print_repairs, processing_options
 
 
 @click.command()
@@ -38,6 +38,7 @@ def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: 
     inputs = {"log": log, **{source.name: Path(source.path) for source in mapping.files}}
     with RunFolder(output, "reconstruct", inputs, processing.settings(), 0, fresh) as folder:
         recording = read_log(mapping.source or log)
+        print_repairs([recording.repairs], as_json)
         processing = tuned(processing, [recording])
         method = processing.reconstructor()
         rows: list[list[float]] = []
@@ -48,6 +49,7 @@ def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: 
         header = ["t", *(f"{kind}_{joint}" for kind in ("q", "dq", "ddq") for joint in recording.joints)]
         folder.write_csv("motion.csv", header, rows)
         folder.write_json("tuning.json", processing.settings())
+        folder.write_json("repairs.json", {"repairs": [recording.repairs.to_json()]})
         if isinstance(method, KalmanSmoother):
             matrices = method.matrices(recording.period, len(recording.joints))
             folder.figure("bode", plot_bode(matrices, recording.joints))

@@ -8,7 +8,14 @@ from typing import Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
-from rrrgen.cli.workflow import chosen_processing, input_files, log_option, output_option, processing_options
+from rrrgen.cli.workflow import (
+    chosen_processing,
+    input_files,
+    log_option,
+    output_option,
+    print_repairs,
+    processing_options,
+)
 
 
 @click.command()
@@ -62,18 +69,21 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     thresholds = Thresholds(relative_error=options["relative_error"], require_held_out=options["require_held_out"])
     settings = {**processing.settings(), **{k: options[k] for k in ("relative_error", "require_held_out")}}
     with RunFolder(output, "validate", input_files(robot, logs, mappings), settings, 0, options["fresh"]) as folder:
+        recordings = [LogStream(mapping) for mapping in mappings]
+        print_repairs((recording.repairs for recording in recordings), as_json)
         result = validate_recordings(
             robot_model(model),
-            [LogStream(mapping) for mapping in mappings],
+            recordings,
             processing,
             indefinite=indefinite_share(model.mass_matrix, *pose_limits(spec, model.n))[0],
             label=label,
             thresholds=thresholds,
         )
-        folder.write_json("validation.json", result.to_json())
+        record = result.to_json() | {"repairs": [recording.repairs.to_json() for recording in recordings]}
+        folder.write_json("validation.json", record)
         folder.figure("torques", plot_torques(result))
     if as_json:
-        print_json(plain(result.to_json()))
+        print_json(plain(record))
     else:
         rows = summary(result)
         for row in rows:

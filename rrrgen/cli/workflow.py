@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rrrgen.identify.fourier import FourierTrajectory
     from rrrgen.identify.mapping import LogMapping
     from rrrgen.identify.processing import Processing
+    from rrrgen.identify.repairs import Repairs
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -103,6 +104,15 @@ def chosen_processing(
     if not settings:
         settings = {"method": "kalman", "decimate": 10}
     return Processing(**settings)
+
+
+def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:
+    """What was put right in recordings; warnings go to stderr, and to JSON the rest goes with the record."""
+    for each in repairs:
+        for line in [] if as_json else each.lines():
+            click.echo(line)
+        for line in each.warnings():
+            click.echo(line, err=True)
 
 
 def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping]) -> dict[str, Path]:

@@ -42,6 +42,7 @@ from rrrgen.identify.regression import (
     robust_least_squares,
     weighted_least_squares,
 )
+from rrrgen.identify.repairs import Repairs
 from rrrgen.identify.statistics import Whiteness, residual_whiteness
 from rrrgen.identify.structure import Structure
 from rrrgen.identify.tsqr import JointFactors, Rows
@@ -85,7 +86,8 @@ class Identification:
 
     ``fit`` and ``held_out`` are the scores on the data that were fitted and on the others (0 rows without a split);
     ``consistent_*`` those of the physically consistent estimate. ``indefinite`` maps an estimate to the share of random
-    poses with an indefinite mass matrix. ``notes`` say in words what the robot's structure and the motion leave open.
+    poses with an indefinite mass matrix. ``repairs`` tell what was put right in the recordings. ``notes`` say in words
+    what the robot's structure and the motion leave open.
     """
 
     columns: tuple[Column, ...]
@@ -106,6 +108,7 @@ class Identification:
     structural_notes: tuple[str, ...]
     motion_notes: tuple[str, ...]
     weak: tuple[Direction, ...]
+    repairs: tuple[Repairs, ...] = ()
     blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
     held_out_blocks: Sequence[Rows] = field(repr=False, compare=False, default=())
     transform: Callable[[JointFactors], JointFactors] | None = field(repr=False, compare=False, default=None)
@@ -160,7 +163,8 @@ def identify(
         )
     if int(np.sum(factors.fit.counts)) == 0:
         raise InputError("no row is left to fit: check the split of the data and the lowest speed")
-    return _Run(model, regressor, chosen, processing, options, factors, blocks, held_out, tell).result()
+    found = _Run(model, regressor, chosen, processing, options, factors, blocks, held_out, tell).result()
+    return replace(found, repairs=tuple(recording.repairs for recording in recordings))
 
 
 class _Run:

@@ -1,13 +1,13 @@
 """Rows of a recording in order of time, without duplicates and holes in the positions, in SI at the joints.
 
-Everything done to the rows is counted in :class:`Findings`. Where nothing sound can be done (a clock that starts
-over, no usable row), an :class:`InputError` says so.
+Everything done to the rows is counted in :class:`~rrrgen.identify.repairs.Findings`. Where nothing sound can be done
+(a clock that starts over, no usable row), an :class:`InputError` says so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,34 +15,12 @@ from numpy.typing import NDArray
 from rrrgen.errors import InputError
 from rrrgen.identify.columns import Array
 from rrrgen.identify.mapping import SIGNALS, LogMapping, Signal
+from rrrgen.identify.repairs import Findings
 from rrrgen.identify.table_formats import open_table
 from rrrgen.identify.tables import table_fault
 
 LOOK_AHEAD = 256  # rows among which disorder is put right
 DISORDER = 10.0  # periods: a row later than this came from another clock, not from a late message
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Something that was found wrong in a recording: what, how often, what was done about it."""
-
-    kind: str
-    count: int
-    message: str
-
-
-@dataclass
-class Findings:
-    """Counts by kind, with the worst case of each."""
-
-    counts: dict[str, int] = field(default_factory=dict)
-    worst: dict[str, float] = field(default_factory=dict)
-
-    def add(self, kind: str, count: int, worst: float = 0.0) -> None:
-        """Count ``count`` more of a kind."""
-        if count:
-            self.counts[kind] = self.counts.get(kind, 0) + int(count)
-            self.worst[kind] = max(self.worst.get(kind, 0.0), float(worst))
 
 
 @dataclass(frozen=True)
@@ -116,6 +94,7 @@ def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator
     emitted = -np.inf
     unwrap = _Unwrap(mapping, findings)
     for raw in raw_rows(mapping, size):
+        findings.read += len(raw.t)
         rows = _complete(raw, findings)
         pending = rows if pending is None else _joined(pending, rows)
         _check_clock(mapping, pending)
@@ -136,9 +115,10 @@ def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator
 def _complete(raw: RawRows, findings: Findings) -> RawRows:
     """Rows whose time and positions are numbers."""
     timed = np.isfinite(raw.t)
-    located = np.all(np.isfinite(raw.signals["position"]), axis=1)
+    missing = ~np.isfinite(raw.signals["position"])
+    located = ~np.any(missing, axis=1)
     findings.add("rows without time", int(np.sum(~timed)))
-    findings.add("rows without all positions", int(np.sum(timed & ~located)))
+    findings.add("rows without all positions", int(np.sum(timed & ~located)), channels=np.sum(missing[timed], axis=0))
     keep = np.flatnonzero(timed & located)
     return raw if len(keep) == len(raw.t) else raw.part(keep)
 
@@ -174,8 +154,12 @@ def _sorted(rows: RawRows, findings: Findings) -> RawRows:
     rows = rows.part(np.argsort(rows.t, kind="stable"))
     again = np.flatnonzero(np.diff(rows.t) == 0) + 1
     if len(again):
+        equal = np.ones(len(again), bool)
+        for values in rows.signals.values():
+            equal &= np.all((values[again] == values[again - 1]) | np.isnan(values[again]), axis=1)
         moved = np.abs(rows.signals["position"][again] - rows.signals["position"][again - 1])
-        findings.add("duplicate instants", len(again), float(moved.max()))
+        findings.add("duplicate instants", int(np.sum(equal)))
+        findings.add("repeated stamps", int(np.sum(~equal)), float(moved.max()))
         rows = rows.part(np.delete(np.arange(len(rows.t)), again))
     return rows
 
@@ -211,9 +195,11 @@ class _Unwrap:
         before = q[:1, wrapped] if self.last is None else self.last
         steps = np.diff(np.concatenate([before, q[:, wrapped]]), axis=0)
         turns = np.round(steps / period)
-        self.findings.add("encoder wraps", int(np.sum(turns != 0)))
         doubtful = np.abs(steps - turns * period) > 0.4 * period
-        self.findings.add("doubtful encoder wraps", int(np.sum(doubtful)))
+        for kind, steps_of in (("encoder wraps", turns != 0), ("doubtful encoder wraps", doubtful)):
+            each = np.zeros(len(wrapped), np.int64)
+            each[wrapped] = np.sum(steps_of, axis=0)
+            self.findings.add(kind, int(np.sum(each)), channels=each)
         continuous = before + np.cumsum(steps - turns * period, axis=0)
         self.last = continuous[-1:]
         q[:, wrapped] = continuous

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from rrrgen.identify.columns import Array
-from rrrgen.identify.log_repair import Findings, RawRows
+from rrrgen.identify.log_repair import RawRows
 from rrrgen.identify.mapping import LogMapping
+from rrrgen.identify.repairs import Findings
 from rrrgen.identify.tables import table_fault
 
 JITTER = 0.01  # of a period: beyond it the samples are moved to uniform instants
@@ -33,7 +34,8 @@ class Clock:
         self.total, self.counted = 0.0, 0
         self.shortest, self.longest = math.inf, 0.0
         self.holes: list[float] = []
-        self.short, self.stretch = 0, 0  # stretches too short to be used, steps of the current one
+        self.irregular = 0  # steps that are off the typical one by more than JITTER
+        self.short, self.short_rows, self.stretch = 0, 0, 0  # stretches too short to be used, steps of the current one
 
     def see(self, t: Array, last: bool = False) -> None:
         """Take in the next instants; ``last`` when there are no more."""
@@ -61,6 +63,7 @@ class Clock:
         regular = steps[steps < HOLE * self.typical]
         self.shortest = min(self.shortest, float(np.min(regular, initial=math.inf)))
         self.longest = max(self.longest, float(np.max(regular, initial=0.0)))
+        self.irregular += int(np.sum(np.abs(regular - self.typical) > JITTER * self.typical))
         self.holes += [float(step) for step in steps[steps >= HOLE * self.typical]]
         for start in range(0, len(steps), self.RUN):
             part = steps[start : start + self.RUN]
@@ -69,7 +72,8 @@ class Clock:
                 self.total, self.counted = self.total + float(np.sum(part)), self.counted + len(part)
         cuts = np.flatnonzero(steps > longest_bridge(self.typical, self.mapping.max_gap))
         lengths = np.diff(np.concatenate([[-1 - self.stretch], cuts]))
-        self.short += int(np.sum(lengths < SHORTEST_STRETCH))
+        short = lengths[lengths < SHORTEST_STRETCH]
+        self.short, self.short_rows = self.short + len(short), self.short_rows + int(np.sum(short))
         self.stretch = len(steps) - 1 - int(cuts[-1]) if len(cuts) else self.stretch + len(steps)
 
     def period(self) -> float:
@@ -82,13 +86,16 @@ class Clock:
         """Count jitter and holes; True where samples must be moved to uniform instants."""
         jitter = max(self.longest - period, period - self.shortest) / period if self.longest else 0.0
         if jitter > JITTER:
-            findings.add("jitter", self.rows, jitter)
+            findings.add("jitter", max(1, self.irregular), jitter)
         bridge = longest_bridge(period, max_gap)
         bridged = [hole for hole in self.holes if hole <= bridge]
         split = [hole for hole in self.holes if hole > bridge]
-        findings.add("bridged holes", len(bridged), max(bridged, default=0.0))
-        findings.add("splitting holes", len(split), max(split, default=0.0))
-        findings.add("short stretches", self.short + int(self.stretch + 1 < SHORTEST_STRETCH))
+        for kind, holes in (("bridged holes", bridged), ("splitting holes", split)):
+            missing = sum(round(hole / period) - 1 for hole in holes)
+            findings.add(kind, len(holes), max(holes, default=0.0), rows=missing)
+        last = self.stretch + 1
+        ends_short = last < SHORTEST_STRETCH
+        findings.add("short stretches", self.short + int(ends_short), rows=self.short_rows + last * int(ends_short))
         return jitter > JITTER or bool(bridged)
 
 
@@ -110,24 +117,28 @@ class Clips:
         self.limits = limits
         self.high, self.low = np.full(n, -math.inf), np.full(n, math.inf)
         self.cut_high, self.cut_low = np.zeros(n, bool), np.zeros(n, bool)
-        self.clipped, self.missing, self.rows = np.zeros(n, int), np.zeros(n, int), 0
+        self.at_high, self.at_low = np.zeros(n, int), np.zeros(n, int)  # samples at the extremes
+        self.clipped, self.missing = np.zeros(n, int), np.zeros(n, int)
 
     def see(self, rows: RawRows) -> None:
         """Take in the next samples."""
         if not self.channels:
             return
         tau = rows.signals["torque"]
-        self.rows += len(tau)
         self.missing += np.sum(~np.isfinite(tau), axis=0)
         self.clipped += np.sum(np.abs(tau) >= self.limits, axis=0)
         for j, x in enumerate(tau.T):
-            for sign, best, cut in ((1.0, self.high, self.cut_high), (-1.0, self.low, self.cut_low)):
+            for sign, best, cut, at in (
+                (1.0, self.high, self.cut_high, self.at_high),
+                (-1.0, self.low, self.cut_low, self.at_low),
+            ):
                 finite = sign * x[np.isfinite(x)]
                 top = float(np.max(finite, initial=-math.inf))
                 if top == -math.inf or sign * best[j] > top:
                     continue
                 seen = _is_cut(finite, top, self.RUN, self.KINK)
                 cut[j] = seen or (bool(cut[j]) and sign * best[j] == top)
+                at[j] = int(np.sum(finite == top)) + (at[j] if sign * best[j] == top else 0)
                 best[j] = sign * top
 
     def levels(self, findings: Findings) -> tuple[Array, Array]:
@@ -137,8 +148,12 @@ class Clips:
         low = np.where(self.cut_low, np.maximum(self.low, -self.limits), -self.limits)
         high = np.where(self.cut_high, np.minimum(self.high, self.limits), self.limits)
         cut = self.cut_low | self.cut_high | (self.clipped > 0)
-        findings.add("clipped torque channels", int(np.sum(cut)), float(np.max(np.where(cut, high, 0.0), initial=0.0)))
-        findings.add("missing torques", int(np.sum(self.missing)))
+        # beyond a known limit all are counted; below it, those at the levels where the channel is cut off
+        below_high, below_low = self.cut_high & (self.high < self.limits), self.cut_low & (self.low > -self.limits)
+        clipped = self.clipped + self.at_high * below_high + self.at_low * below_low
+        worst = float(np.max(np.where(cut, high, 0.0), initial=0.0))
+        findings.add("clipped torque channels", int(np.sum(cut)), worst, channels=clipped)
+        findings.add("missing torques", int(np.sum(self.missing)), channels=self.missing)
         return low, high
 
 
@@ -158,21 +173,3 @@ def _is_cut(x: Array, top: float, run: int, kink: float) -> bool:
         if depths and max(depths) > kink * step:
             return True
     return False
-
-
-def told(kind: str, count: int, worst: float, period: float) -> str:
-    """A finding in words."""
-    return {
-        "rows without time": f"{count} rows without a time were left out",
-        "rows without all positions": f"{count} rows without all positions were left out",
-        "rows out of order": f"{count} rows were out of order (by up to {worst:.3g} s) and were sorted",
-        "duplicate instants": f"{count} rows repeat an instant (positions up to {worst:.3g} apart); the first stays",
-        "encoder wraps": f"{count} steps of wrapped encoders were made continuous",
-        "doubtful encoder wraps": f"{count} steps of wrapped encoders are near half a period: the sense is in doubt",
-        "jitter": f"steps are up to {100 * worst:.3g} % off {period:.6g} s; samples were moved to uniform instants",
-        "bridged holes": f"{count} holes of up to {worst:.3g} s were bridged; torques there are not used",
-        "splitting holes": f"{count} holes of up to {worst:.3g} s split the recording",
-        "short stretches": f"{count} stretches of fewer than {SHORTEST_STRETCH} samples were left out",
-        "clipped torque channels": f"{count} torque channels are clipped (at {worst:.6g}); these samples are not used",
-        "missing torques": f"{count} torques are missing; these samples are not used",
-    }[kind]

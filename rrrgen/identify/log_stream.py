@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from rrrgen.errors import InputError
 from rrrgen.identify.columns import Array
-from rrrgen.identify.log_repair import Finding, Findings, RawRows, ordered_rows
-from rrrgen.identify.log_scan import HOLE, SHORTEST_STRETCH, Clips, Clock, longest_bridge, told
+from rrrgen.identify.log_repair import RawRows, ordered_rows
+from rrrgen.identify.log_scan import HOLE, SHORTEST_STRETCH, Clips, Clock, longest_bridge
 from rrrgen.identify.mapping import LogMapping
+from rrrgen.identify.repairs import Findings, Repairs
 from rrrgen.identify.tables import table_fault
 
 CHUNK = 100_000  # rows read at a time
@@ -73,7 +74,7 @@ def joined(parts: list[Part]) -> Part:
 
 @dataclass(frozen=True)
 class LogFacts:
-    """What the first reading found: rows, ``period`` (s), whether samples must be moved, clip levels, findings."""
+    """What the first reading found: rows, ``period`` (s), whether samples must be moved, clip levels, repairs."""
 
     rows: int
     start: float
@@ -82,7 +83,7 @@ class LogFacts:
     resample: bool
     clipped_low: Array  # of the torque channels, SI on their own side; -inf where nothing is clipped
     clipped_high: Array
-    findings: tuple[Finding, ...]
+    repairs: Repairs
 
 
 class LogStream:
@@ -109,6 +110,11 @@ class LogStream:
     def span(self) -> tuple[float, float]:
         """First instant and duration, s."""
         return self.facts.start, self.facts.duration
+
+    @property
+    def repairs(self) -> Repairs:
+        """What was found wrong in the recording, and put right."""
+        return self.facts.repairs
 
     def __len__(self) -> int:
         return self.facts.rows
@@ -148,10 +154,8 @@ class LogStream:
         period = clock.period()
         low, high = clips.levels(findings)
         resample = clock.report(period, self.mapping.max_gap, findings)
-        sentences = tuple(
-            Finding(k, c, told(k, c, findings.worst.get(k, 0.0), period)) for k, c in findings.counts.items()
-        )
-        return LogFacts(clock.rows, clock.first, clock.last - clock.first, period, resample, low, high, sentences)
+        repairs = findings.told(self.mapping.files[0].path.name, self.joints, period)
+        return LogFacts(clock.rows, clock.first, clock.last - clock.first, period, resample, low, high, repairs)
 
 
 class _Uniform:

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from rrrgen.errors import Fault, InputError
 from rrrgen.identify.columns import Array
-from rrrgen.identify.log_repair import Finding
 from rrrgen.identify.log_stream import CHUNK, LogStream, Part, joined
 from rrrgen.identify.log_units import ANGLE, FORCE, LENGTH, TORQUE
 from rrrgen.identify.mapping import LogMapping, plain_mapping
 from rrrgen.identify.reconstruction import sampling_period
+from rrrgen.identify.repairs import Finding, Repairs
 
 MAPPING_SUFFIXES = (".yaml", ".yml")
 IN_MEMORY = 2_000_000  # rows
@@ -30,7 +30,7 @@ class Log:
     ``segment``.
 
     ``t`` (N,) s; ``q``, and ``dq``, ``ddq`` where recorded, (N, n) in rad (m) and per s, s^2; ``tau`` (N, n) N m (N)
-    at the joints; ``valid`` (N, n) False where the torque of a joint cannot be used. ``findings`` tells what was
+    at the joints; ``valid`` (N, n) False where the torque of a joint cannot be used. ``repairs`` tell what was
     found wrong.
     """
 
@@ -43,7 +43,7 @@ class Log:
     period: float = 0.0
     valid: NDArray[np.bool_] | None = None
     segment: NDArray[np.int64] | None = None
-    findings: tuple[Finding, ...] = ()
+    repairs: Repairs = field(default_factory=Repairs)
     mapping: LogMapping | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -54,6 +54,11 @@ class Log:
     def n(self) -> int:
         """Number of joints."""
         return len(self.joints)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found wrong, kind by kind."""
+        return self.repairs.findings
 
     @property
     def span(self) -> tuple[float, float]:
@@ -138,7 +143,7 @@ def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
         period=stream.period,
         valid=whole.valid,
         segment=np.concatenate([np.full(len(part), part.segment, np.int64) for part in parts]),
-        findings=stream.facts.findings,
+        repairs=stream.repairs,
         mapping=stream.mapping,
     )
 

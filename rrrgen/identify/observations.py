@@ -18,6 +18,7 @@ from rrrgen.identify.decimation import Decimator
 from rrrgen.identify.log_stream import Part, joined
 from rrrgen.identify.processing import Processing
 from rrrgen.identify.reconstruction import Reconstruction, Reconstructor
+from rrrgen.identify.repairs import Repairs
 from rrrgen.identify.tsqr import Rows
 
 BLOCK_BYTES = 4_000_000  # of the regressor that is held at a time
@@ -39,6 +40,8 @@ class Recording(Protocol):
     def joints(self) -> tuple[str, ...]: ...  # noqa: D102
     @property
     def span(self) -> tuple[float, float]: ...  # noqa: D102
+    @property
+    def repairs(self) -> Repairs: ...  # noqa: D102
     def parts(self) -> Iterator[Part]: ...  # noqa: D102
     def __len__(self) -> int: ...
 

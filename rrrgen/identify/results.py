@@ -28,6 +28,7 @@ def as_record(found: Identification) -> dict[str, Any]:
     return {
         "method": estimate.method,
         "data": str(found.split),
+        "repairs": [repairs.to_json() for repairs in found.repairs],
         "identifiable_parameters": found.structure.rank,
         "columns": len(found.columns),
         "relative_error_fit": found.fit["relative_error"],

@@ -1,0 +1,147 @@
+"""What was found wrong in a recording and put right: counted by kind and by channel, told in words, warned of.
+
+Every repair replaces measured data by something else, or leaves data out. A few are usual; where they touch more than
+:data:`WARN_SHARE` of the rows, the estimates rest on what the reader made of the recording, and the user is warned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+WARN_SHARE = 0.01
+"""Share of the rows above which a repair is warned of."""
+HARMLESS = ("encoder wraps",)
+"""Kinds that change no data: unwrapping is exact, however often it happens."""
+MESSAGES = {
+    "rows without time": "{count} rows without a time were left out",
+    "rows without all positions": "{count} rows without all positions were left out",
+    "rows out of order": "{count} rows were out of order (by up to {worst:.3g} s) and were sorted",
+    "duplicate instants": "{count} rows are there twice, value by value; the first stays",
+    "repeated stamps": "{count} rows repeat an instant with other values (positions up to {worst:.3g} apart); "
+    "the first stays",
+    "encoder wraps": "{count} steps of wrapped encoders were made continuous",
+    "doubtful encoder wraps": "{count} steps of wrapped encoders are near half a period: the sense is in doubt",
+    "jitter": "{count} steps are off the period of {period:.6g} s, by up to {percent:.3g} % of it; "
+    "all samples were moved to uniform instants",
+    "bridged holes": "{count} holes of up to {worst:.3g} s ({rows} rows) were bridged; torques there are not used",
+    "splitting holes": "{count} holes of up to {worst:.3g} s ({rows} rows) split the recording",
+    "short stretches": "{count} stretches between holes are too short ({rows} rows) and were left out",
+    "clipped torque channels": "{count} torque channels are clipped (at {worst:.6g}, {rows} samples at most); "
+    "these samples are not used",
+    "missing torques": "{count} torques are missing; these samples are not used",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that was found wrong in a recording: what, how often, what was done about it.
+
+    ``rows`` are affected at the channel that is hit worst, ``share`` of the rows that were read; ``channels`` has the
+    affected samples by joint, empty where whole rows are.
+    """
+
+    kind: str
+    count: int
+    message: str
+    rows: int = 0
+    share: float = 0.0
+    channels: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def warned(self) -> bool:
+        """Whether more than :data:`WARN_SHARE` of the rows are affected."""
+        return self.share > WARN_SHARE and self.kind not in HARMLESS
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, for records."""
+        return {
+            "kind": self.kind,
+            "count": self.count,
+            "rows": self.rows,
+            "share_of_rows": self.share,
+            "channels": dict(self.channels),
+            "message": self.message,
+            "warning": self.warned,
+        }
+
+
+@dataclass(frozen=True)
+class Repairs:
+    """All findings of one ``recording`` (its name, for messages) of ``rows`` rows."""
+
+    recording: str = "recording"
+    rows: int = 0
+    findings: tuple[Finding, ...] = ()
+
+    def lines(self) -> list[str]:
+        """What was put right, one line a kind, for people."""
+        if not self.findings:
+            return []
+        found = [f"repairs of {self.recording} ({self.rows} rows):"]
+        for finding in self.findings:
+            where = ", ".join(f"{name} {count}" for name, count in finding.channels if count)
+            where = f"; samples by joint: {where}" if where else ""
+            found.append(f"  {finding.message} ({100 * finding.share:.2g} % of the rows{where})")
+        return found
+
+    def warnings(self) -> list[str]:
+        """A sentence for every kind that affects more than :data:`WARN_SHARE` of the rows."""
+        return [
+            f"warning: {self.recording}: {100 * finding.share:.3g} % of the rows, more than "
+            f"{100 * WARN_SHARE:g} %: {finding.message}"
+            for finding in self.findings
+            if finding.warned
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, for records."""
+        return {
+            "recording": self.recording,
+            "rows": self.rows,
+            "findings": [finding.to_json() for finding in self.findings],
+        }
+
+
+@dataclass
+class Findings:
+    """Counts by kind while a recording is read, with the worst case of each; ``read`` counts the rows."""
+
+    counts: dict[str, int] = field(default_factory=dict)
+    worst: dict[str, float] = field(default_factory=dict)
+    rows: dict[str, int] = field(default_factory=dict)
+    channels: dict[str, NDArray[np.int64]] = field(default_factory=dict)
+    read: int = 0
+
+    def add(
+        self,
+        kind: str,
+        count: int,
+        worst: float = 0.0,
+        rows: int | None = None,
+        channels: NDArray[np.int64] | None = None,
+    ) -> None:
+        """Count ``count`` more of a kind, in ``rows`` rows (as many by default), ``channels`` (n,) of them by joint."""
+        if not count:
+            return
+        self.counts[kind] = self.counts.get(kind, 0) + int(count)
+        self.worst[kind] = max(self.worst.get(kind, 0.0), float(worst))
+        self.rows[kind] = self.rows.get(kind, 0) + int(count if rows is None else rows)
+        if channels is not None:
+            self.channels[kind] = self.channels.get(kind, np.zeros(len(channels), np.int64)) + channels
+
+    def told(self, recording: str, joints: Sequence[str], period: float) -> Repairs:
+        """Everything in words, for a recording with these ``joints`` sampled at ``period`` (s)."""
+        found = []
+        for kind, count in self.counts.items():
+            each = self.channels.get(kind)
+            channels = () if each is None else tuple(zip(joints, (int(c) for c in each), strict=True))
+            rows = self.rows[kind] if each is None else int(np.max(each))
+            worst = self.worst[kind]
+            message = MESSAGES[kind].format(count=count, worst=worst, percent=100 * worst, rows=rows, period=period)
+            found.append(Finding(kind, count, message, rows, min(1.0, rows / max(1, self.read)), channels))
+        return Repairs(recording, self.read, tuple(found))
