@@ -9,18 +9,17 @@ import numpy as np
 from bench.contestants.cases import Case, Numbers
 from bench.contestants.contestant import OWN, OWN_FILE, OWN_LIBM, TITLES, Contestant, Party
 from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.signature import has_status, stored_outputs
 from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.trigonometry import sincos_strategy
 from rrrgen.manifest import identify
-from rrrgen.program import Program, count_operations
+from rrrgen.program import Program, Role, count_operations
 from rrrgen.verify.chain import Array
 
 if TYPE_CHECKING:
     from rrrgen.backends.c.trigonometry import Trig
     from rrrgen.derive.derived_model import DerivedModel
 
-PLACES = {"q": 0, "dq": 1, "ddq": 2, "tau": 2, "e": 3}
+PLACES = {Role.POSITION: 0, Role.VELOCITY: 1, Role.ACCELERATION: 2, Role.TORQUE: 2, Role.COVECTOR: 3}
 """Where inputs stand in a state, in multiples of n."""
 
 
@@ -61,17 +60,17 @@ def _contestant(
     case: Case, derived: DerivedModel, prefix: str, label: str, function: str, program: Program, numbers: Numbers
 ) -> Contestant:
     arguments = [
-        f"in + {PLACES[port.name] * case.n}" if port.name in PLACES else f"{prefix}_{port.name}_values"
+        f"in + {PLACES[port.role] * case.n}" if port.role in PLACES else f"{prefix}_{port.name}_values"
         for port in program.inputs
     ]
     filled = 0
-    for port in stored_outputs(program):
+    for port in program.data_outputs:
         arguments.append(f"out + {filled}")
         filled += port.size
     call = f"{prefix}_{program.name}({', '.join(arguments)});"
     count = count_operations(program)
     operations = {key: getattr(count, key) for key in ("mul", "add", "div", "sincos")}
-    statement = f"(void){call}" if has_status(program) else call
+    statement = f"(void){call}" if program.status else call
     return Contestant(label, function, filled, statement, numbers, _multiplied(case, derived, function), operations)
 
 

@@ -19,7 +19,7 @@ from rrrgen.derive.polynomials import root_factors
 from rrrgen.derive.vectors import Matrix, Vector
 from rrrgen.errors import DerivationError
 from rrrgen.model import RobotModel, cosine_sine
-from rrrgen.program import Builder, Port, Value
+from rrrgen.program import Builder, Port, Role, Value
 from rrrgen.program.builder import Number, plain
 
 HALF_PI = sp.pi / 2
@@ -142,7 +142,7 @@ def nominal_constant(model: RobotModel) -> Callable[[sp.Expr], Number]:
 
 def symbolic_constant(builder: Builder, generators: Sequence[sp.Expr]) -> Callable[[sp.Expr], Value]:
     """Constants of the geometry as inputs of the program, one for each of ``generators``."""
-    port = Port("constants", (len(generators),), "", "", ", ".join(map(str, generators)))
+    port = Port("constants", (len(generators),), "", "", ", ".join(map(str, generators)), Role.GEOMETRY)
     inputs: dict[sp.Expr, Value] = dict(zip(generators, builder.input(port), strict=True))
 
     def constant(expression: sp.Expr) -> Value:

@@ -19,7 +19,7 @@ from rrrgen.derive.functions import FUNCTIONS
 from rrrgen.derive.polynomials import Polynomial, PolynomialRing, to_expression
 from rrrgen.derive.recording import Recording
 from rrrgen.errors import DerivationError
-from rrrgen.program import Op, Program, Value
+from rrrgen.program import Op, Program, Role, Value
 from rrrgen.program.ir import reachable
 
 CLOSED = tuple(name for name in FUNCTIONS if name != "forward_dynamics_derivatives")
@@ -97,9 +97,9 @@ def _output(program: Program, wanted: str) -> int:
 def _input_symbols(program: Program, generators: Sequence[sp.Expr], names: Sequence[str]) -> list[list[sp.Expr]]:
     symbols: list[list[sp.Expr]] = []
     for port in program.inputs:
-        if port.name == "constants":
+        if port.role is Role.GEOMETRY:
             symbols.append(list(generators))
-        elif port.name == "beta":
+        elif port.role is Role.BASE_PARAMETERS:
             symbols.append([sp.Symbol(name, real=True) for name in names])
         else:
             symbols.append(list(joint_symbols(port.size, port.name)))
@@ -127,9 +127,9 @@ class _Expander:
         self.pairs = [*pairs, *constant_pairs]
         self.ring = PolynomialRing(list(dict.fromkeys(free)), self.pairs, roots)
         self.rates = [s for port, row in zip(program.inputs, inputs, strict=True)
-                      if port.name in ("dq", "ddq", "e") for s in row]  # fmt: skip
+                      if port.role.is_rate for s in row]  # fmt: skip
         self.parameters = [s for port, row in zip(program.inputs, inputs, strict=True)
-                           if port.name in ("beta", "Ia") for s in row]  # fmt: skip
+                           if port.role in (Role.BASE_PARAMETERS, Role.DRIVE_INERTIA) for s in row]  # fmt: skip
 
     def _angle(self, index: int) -> sp.Expr:
         """A sum of joint angles and constants as an expression."""

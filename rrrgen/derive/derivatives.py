@@ -33,10 +33,10 @@ from rrrgen.derive.coriolis import Body, Composition, along_axis, compose, passe
 from rrrgen.derive.inertia import PseudoInertia
 from rrrgen.derive.motion import LinkMotion, choose_frames, forward
 from rrrgen.derive.newton_euler import Wrench, composite_wrenches, link_wrenches
-from rrrgen.derive.positive_definite import factorize
+from rrrgen.derive.positive_definite import STATUS, factorize
 from rrrgen.derive.recording import Recording
 from rrrgen.derive.vectors import Matrix, Vector, add, cross, dot, flat, rows, scale, turn
-from rrrgen.program import Port, Program
+from rrrgen.program import Port, Program, Role
 from rrrgen.program.builder import replay
 from rrrgen.program.differentiate import jacobian
 
@@ -106,6 +106,7 @@ def forward_program(
         "Joint accelerations of the rigid body with drive inertia, and their derivatives.",
         "M ddq = tau - c - g,  dddq_dtau = inv(M),  dddq_dq = -inv(M) dtau_dq,  dddq_dv = -inv(M) dtau_dv",
         ["All outputs are zero when M is not positive definite (a singular or unphysical set of parameters)."],
+        STATUS,
     )
 
 
@@ -119,17 +120,17 @@ def differentiated(inverse_dynamics: Program, like: Program) -> Program:
 
 def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
     """Forward dynamics from a program of the derivatives of inverse dynamics, at ``ddq = 0`` and at the solution."""
-    inputs = {name: r.joints(name) for name in ("q", "dq", "tau")}
-    inputs |= {"beta": r.beta(), "Ia": r.drive_inertia()}
+    _, _, tau = (r.joints(name) for name in ("q", "dq", "tau"))
+    r.beta()
+    r.drive_inertia()
 
     def at(ddq: list[Any]) -> list[list[Any]]:
-        known = {**inputs, "ddq": ddq}
-        return replay(derivatives, r.builder, [known[port.name] for port in derivatives.inputs])
+        return replay(derivatives, r.builder, r.inputs_of(derivatives, {Role.ACCELERATION: ddq}))
 
     bias, _, _, M = at([0] * r.n)
     factors = factorize(r.builder, rows(r.n, M))
     inverse = factors.negative_inverse()
-    missing = [b - t for b, t in zip(bias, inputs["tau"], strict=True)]
+    missing = [b - t for b, t in zip(bias, tau, strict=True)]
     ddq = [dot(row, missing) for row in inverse]
     _, dtau_dq, dtau_dv, _ = at(ddq)
     return forward_program(r, factors.status, ddq, inverse, rows(r.n, dtau_dq), rows(r.n, dtau_dv))

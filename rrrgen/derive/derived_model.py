@@ -9,7 +9,7 @@ from rrrgen.derive.base_parameters import BaseParameter, BaseSet, Regrouping
 from rrrgen.derive.recording import Parametrization
 from rrrgen.derive.user_basis import BasisChange
 from rrrgen.model import RobotModel
-from rrrgen.program import OperationCount, Program
+from rrrgen.program import OperationCount, Program, Role
 from rrrgen.spec.robot_spec import RobotSpec
 
 
@@ -51,6 +51,12 @@ class DerivedModel:
     def name(self) -> str:
         """The robot's name, prefix of every emitted symbol."""
         return self.spec.name
+
+    @property
+    def nominal(self) -> dict[Role, tuple[Fraction, ...]]:
+        """The parameters that the file gives numbers for, by the role of the port that takes them."""
+        values = {Role.BASE_PARAMETERS: self.beta_nominal, Role.DRIVE_INERTIA: self.drive_inertia_nominal}
+        return {role: numbers for role, numbers in values.items() if numbers is not None}
 
     @property
     def b(self) -> int:

@@ -11,10 +11,10 @@ from rrrgen.derive import composite, momentum, newton_euler
 from rrrgen.derive.chain import Chain, rational_float
 from rrrgen.derive.coriolis import compose
 from rrrgen.derive.motion import choose_frames
-from rrrgen.derive.positive_definite import factorize
+from rrrgen.derive.positive_definite import STATUS, factorize
 from rrrgen.derive.recording import Recording
 from rrrgen.derive.vectors import Matrix, flat, rows
-from rrrgen.program import Port, Program, Value
+from rrrgen.program import Port, Program, Role, Value
 from rrrgen.program.builder import replay
 
 
@@ -162,15 +162,16 @@ def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
     return record
 
 
-def forward_dynamics(r: Recording, mass: Program, torques: Program, nominal: bool = False) -> Program:
-    """Joint accelerations, from the programs of the mass matrix and of the bias torques (``nominal``: without beta)."""
-    inputs = {name: r.joints(name) for name in ("q", "dq", "tau")}
-    if not nominal:
-        inputs |= {"beta": r.beta(), "Ia": r.drive_inertia()}
-    M = rows(r.n, replay(mass, r.builder, [inputs[port.name] for port in mass.inputs])[0])
-    h = replay(torques, r.builder, [inputs[port.name] for port in torques.inputs])[0]
+def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
+    """Joint accelerations, from the programs of the mass matrix and of the bias torques; parameters are as there."""
+    _, _, tau = (r.joints(name) for name in ("q", "dq", "tau"))
+    if mass.takes(Role.BASE_PARAMETERS):
+        r.beta()
+        r.drive_inertia()
+    M = rows(r.n, replay(mass, r.builder, r.inputs_of(mass))[0])
+    h = replay(torques, r.builder, r.inputs_of(torques))[0]
     factors = factorize(r.builder, M)
-    status, ddq = factors.status, factors.solve([t - b for t, b in zip(inputs["tau"], h, strict=True)])
+    status, ddq = factors.status, factors.solve([t - b for t, b in zip(tau, h, strict=True)])
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
     ports = [
         (Port("status", ()), [status]),
@@ -182,6 +183,7 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program, nominal: boo
         "Joint accelerations of the rigid body with drive inertia.",
         "M(q) ddq = tau - c(q, dq) - g(q), solved by L D L'",
         ["The status tells when M is not positive definite (a singular or unphysical set of parameters)."],
+        STATUS,
     )
 
 

@@ -7,21 +7,22 @@ from typing import Any
 
 from rrrgen.errors import InputError
 from rrrgen.model.friction_laws import FrictionLaw
-from rrrgen.program import Builder, Port, Program, Value
+from rrrgen.program import Builder, Port, Program, Role, Value
 
 
 def _ports(builder: Builder, law: FrictionLaw, joints: int, names: Sequence[str]) -> tuple[list[list[Any]], list[Any]]:
     """The vector inputs ``names`` in order, then the parameters (joints, k) row by row."""
     described = {
-        "dq": ("rad/s | m/s", "joint velocities"),
-        "z": ("rad | m", "bristle deflections, one per joint"),
+        "dq": ("rad/s | m/s", "joint velocities", Role.VELOCITY),
+        "z": ("rad | m", "bristle deflections, one per joint", Role.OTHER),
     }
-    vectors = [
-        list(builder.input(Port(name, (joints,), described[name][0], "joint", described[name][1]))) for name in names
-    ]
+    vectors = []
+    for name in names:
+        unit, meaning, role = described[name]
+        vectors.append(list[Any](builder.input(Port(name, (joints,), unit, "joint", meaning, role))))
     size = len(law.parameters)
     meaning = "row per joint: " + ", ".join(p.name for p in law.parameters)
-    values = builder.input(Port("friction", (joints, size), "mixed", "joint", meaning))
+    values = builder.input(Port("friction", (joints, size), "mixed", "joint", meaning, Role.FRICTION))
     return vectors, [values[i * size : (i + 1) * size] for i in range(joints)]
 
 
@@ -54,7 +55,7 @@ def friction_columns_program(law: FrictionLaw, joints: int) -> Program:
     if law.columns is None:
         raise InputError(f"friction law '{law.name}' is not linear in its parameters and has no regressor columns")
     builder = Builder()
-    dq = builder.input(Port("dq", (joints,), "rad/s | m/s", "joint", "joint velocities"))
+    dq = builder.input(Port("dq", (joints,), "rad/s | m/s", "joint", "joint velocities", Role.VELOCITY))
     size = len(law.parameters)
     entries: list[Value] = [0] * (joints * joints * size)
     for i in range(joints):

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from rrrgen.errors import InputError
-from rrrgen.program import Builder, Port, Program
+from rrrgen.program import Builder, Port, Program, Role
 
 _MOTION = (
     ("q_r", "rad | m", "positions"),
@@ -52,9 +52,9 @@ def kalman_program(
         innovations.append(innovation)
     outputs = [
         (Port("x_next", (n, 3), "rad, rad/s, rad/s^2 | m..", "joint", "prediction for the next sample"), following),
-        (Port("q", (n,), "rad | m", "joint", "positions"), motion[0]),
-        (Port("dq", (n,), "rad/s | m/s", "joint", "velocities"), motion[1]),
-        (Port("ddq", (n,), "rad/s^2 | m/s^2", "joint", "accelerations"), motion[2]),
+        (Port("q", (n,), "rad | m", "joint", "positions", Role.POSITION), motion[0]),
+        (Port("dq", (n,), "rad/s | m/s", "joint", "velocities", Role.VELOCITY), motion[1]),
+        (Port("ddq", (n,), "rad/s^2 | m/s^2", "joint", "accelerations", Role.ACCELERATION), motion[2]),
         (Port("e", (n,), "rad | m", "joint", "innovations"), innovations),
     ]
     return builder.program(

@@ -5,10 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from rrrgen.program import Builder, Value
+from rrrgen.program import Builder, Status, Value
 
 PIVOT_TOLERANCE = Fraction(1, 2**40)
 """A pivot of M below this part of its diagonal entry counts as zero."""
+
+STATUS = Status(
+    output=0,
+    failure="not positive definite",
+    message="the mass matrix is not positive definite",
+    meaning="the mass matrix is indefinite or singular",
+)
+"""The first output of programs that solve with M: 1 where a pivot is not positive."""
 
 Rows = list[list[Value]]
 

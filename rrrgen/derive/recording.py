@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,17 +13,18 @@ from rrrgen.derive.chain import Chain, nominal_constant, program_chain, symbolic
 from rrrgen.derive.inertia import PseudoInertia
 from rrrgen.derive.user_basis import BasisChange
 from rrrgen.model import RobotModel
-from rrrgen.program import Builder, Port, Value
+from rrrgen.program import Builder, Port, Program, Role, Value
 
 Constant = Callable[[sp.Expr], Value]
 
 JOINT_PORTS = {
-    "q": ("joint positions", "", ""),
-    "dq": ("joint velocities", "/s", ""),
-    "ddq": ("joint accelerations", "/s^2", ""),
-    "tau": ("joint torques", "torque", ""),
-    "e": ("vector multiplied from the left", "any", ""),
+    "q": (Role.POSITION, "joint positions", ""),
+    "dq": (Role.VELOCITY, "joint velocities", "/s"),
+    "ddq": (Role.ACCELERATION, "joint accelerations", "/s^2"),
+    "tau": (Role.TORQUE, "joint torques", "torque"),
+    "e": (Role.COVECTOR, "vector multiplied from the left", "any"),
 }
+"""Joint vectors by name: role, meaning, and what is added to the position's unit ("torque", "any": not of its kind)."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ class Recording:
         self.model = model
         self.parametrization = parametrization
         self.builder = Builder()
+        self._declared: dict[Role, list[Value]] = {}
         self.constant: Constant = symbolic_constant(self.builder, symbols) if symbols else nominal_constant(model)
         revolute = all(joint.revolute for joint in model.joints)
         prismatic = not any(joint.revolute for joint in model.joints)
@@ -82,16 +84,25 @@ class Recording:
         """Number of joints."""
         return self.model.n
 
+    def _input(self, port: Port) -> list[Value]:
+        self._declared[port.role] = values = list[Value](self.builder.input(port))
+        return values
+
+    def inputs_of(self, program: Program, known: Mapping[Role, Sequence[Value]] | None = None) -> list[Sequence[Value]]:
+        """Values for the inputs of ``program``, by their roles: what was declared here, or is ``known``."""
+        values = {**self._declared, **(known or {})}
+        return [values[port.role] for port in program.inputs]
+
     def joints(self, name: str) -> list[Value]:
         """Declare a joint vector as input."""
-        meaning, suffix, _ = JOINT_PORTS[name]
+        role, meaning, suffix = JOINT_PORTS[name]
         if suffix == "any":
             unit = ""
         elif suffix == "torque":
             unit = self.torque_unit
         else:
             unit = " | ".join(part + suffix for part in self.position_unit.split(" | "))
-        return list(self.builder.input(Port(name, (self.n,), unit, "", meaning)))
+        return self._input(Port(name, (self.n,), unit, "", meaning, role))
 
     def chain(self) -> Chain:
         """Declare q and return the geometry."""
@@ -100,7 +111,8 @@ class Recording:
     def beta(self) -> list[Value]:
         """Declare the base parameters as input."""
         names = self.parametrization.names
-        return list(self.builder.input(Port("beta", (len(names),), "SI", "", "base parameters " + ", ".join(names))))
+        meaning = "base parameters " + ", ".join(names)
+        return self._input(Port("beta", (len(names),), "SI", "", meaning, Role.BASE_PARAMETERS))
 
     def inertias(self) -> list[PseudoInertia]:
         """Declare the base parameters and return the inertias they stand for."""
@@ -111,7 +123,7 @@ class Recording:
         if not has_drive_inertia(self.model):
             return [0] * self.n
         unit = "kg m^2" if self.position_unit == "rad" else "kg" if self.position_unit == "m" else "kg m^2 | kg"
-        return list(self.builder.input(Port("Ia", (self.n,), unit, "", "drive inertia seen at the joints")))
+        return self._input(Port("Ia", (self.n,), unit, "", "drive inertia seen at the joints", Role.DRIVE_INERTIA))
 
 
 def has_drive_inertia(model: RobotModel) -> bool:

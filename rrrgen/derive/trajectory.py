@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from rrrgen.errors import InputError
-from rrrgen.program import Builder, Port, Program, Value
+from rrrgen.program import Builder, Port, Program, Role, Value
 
 
 def fourier_program(joints: int, harmonics: int) -> Program:
@@ -64,9 +64,9 @@ def _recorded(
         ddq.append(acceleration * omega)
     n = len(rows)
     outputs = [
-        (Port("q", (n,), "rad | m", "joint", "positions"), q),
-        (Port("dq", (n,), "rad/s | m/s", "joint", "velocities"), dq),
-        (Port("ddq", (n,), "rad/s^2 | m/s^2", "joint", "accelerations"), ddq),
+        (Port("q", (n,), "rad | m", "joint", "positions", Role.POSITION), q),
+        (Port("dq", (n,), "rad/s | m/s", "joint", "velocities", Role.VELOCITY), dq),
+        (Port("ddq", (n,), "rad/s^2 | m/s^2", "joint", "accelerations", Role.ACCELERATION), ddq),
     ]
     formula = "q_i = q0_i + sum_j (a_ij sin w_j t - b_ij cos w_j t)/w_j, w_j = 2 pi j f0   (14.24)"
     return builder.program(name, outputs, summary="Exciting trajectory: a finite Fourier series.", formula=formula)

@@ -59,9 +59,7 @@ class _Collection:
         for k in range(len(program.nodes)):
             if k not in self.taken:
                 self._recorded(k)
-        rows = [[self.values[k] for k in row] for row in program.results]
-        outputs = list(zip(program.outputs, rows, strict=True))
-        return self.builder.program(program.name, outputs, program.summary, program.formula, program.notes)
+        return self.builder.rewritten(program, [[self.values[k] for k in row] for row in program.results])
 
     def _taken_apart(self) -> dict[int, int]:
         """Sums and products that only one sum uses, and that sum."""

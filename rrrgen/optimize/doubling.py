@@ -20,9 +20,7 @@ def double_by_addition(program: Program) -> Program:
     if not any(node.op is Op.MUL and _is_two(program.nodes[node.args[0]]) for node in program.nodes):
         return program
     builder = _Doubling()
-    results = replay(program, builder, [builder.input(port) for port in program.inputs])
-    outputs = list(zip(program.outputs, results, strict=True))
-    return builder.program(program.name, outputs, program.summary, program.formula, program.notes)
+    return builder.rewritten(program, replay(program, builder, [builder.input(port) for port in program.inputs]))
 
 
 def _is_two(node: Node) -> bool:

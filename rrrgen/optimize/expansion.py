@@ -7,7 +7,7 @@ from fractions import Fraction
 from itertools import pairwise
 
 from rrrgen.optimize.factoring import Monomial, Polynomial
-from rrrgen.program import Op, Program
+from rrrgen.program import Op, Program, Role
 from rrrgen.program.builder import settled
 from rrrgen.program.ir import Node, uses
 
@@ -191,8 +191,8 @@ def _stages(program: Program) -> list[int]:
     stages: list[int] = []
     for node in program.nodes:
         if node.op is Op.INPUT:
-            name = program.inputs[node.place[0]].name
-            stages.append({"q": 1, "beta": 0, "Ia": 0, "constants": 0}.get(name, 2))
+            role = program.inputs[node.place[0]].role
+            stages.append(0 if role.is_parameter else 1 if role is Role.POSITION else 2)
         else:
             stages.append(max((stages[arg] for arg in node.args), default=0))
     return stages

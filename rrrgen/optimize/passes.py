@@ -15,7 +15,7 @@ from rrrgen.optimize.doubling import double_by_addition
 from rrrgen.optimize.expansion import Cutting
 from rrrgen.optimize.folding import fold
 from rrrgen.optimize.rewriting import Tried, factored
-from rrrgen.program import Program, count_operations
+from rrrgen.program import Program, Role, count_operations
 from rrrgen.side_by_side import side_by_side
 
 LARGEST = {Cutting.NOTHING: 200, Cutting.SUMS: 230, Cutting.SCALED: 200, Cutting.LOCAL: sys.maxsize}
@@ -160,11 +160,9 @@ def cheapest(
 
 def _twin(derived: DerivedModel, ways: Sequence[Program], choice: Choice, best: Program, log: _Log) -> Program | None:
     """``<function>_nominal`` with the file's base parameters and drive inertias folded in, where it takes any."""
-    if derived.beta_nominal is None or "beta" not in {port.name for port in best.inputs}:
+    known = derived.nominal
+    if Role.BASE_PARAMETERS not in known or not best.takes(Role.BASE_PARAMETERS):
         return None
-    known = {"beta": derived.beta_nominal}
-    if derived.drive_inertia_nominal is not None:
-        known["Ia"] = derived.drive_inertia_nominal
     name = f"{best.name}_nominal"
     first = log.note("fold parameters", name, best, fold(best, known))
     if count_operations(first).total <= STRIPPED * count_operations(best).total:
@@ -183,7 +181,7 @@ def _add_forward_dynamics(derived: DerivedModel, programs: dict[str, Program]) -
     programs["forward_dynamics"] = program
     if "mass_matrix_nominal" in programs:
         recording = Recording(derived.model, derived.parametrization)
-        twin = forward_dynamics(recording, programs["mass_matrix_nominal"], programs["bias_nominal"], nominal=True)
+        twin = forward_dynamics(recording, programs["mass_matrix_nominal"], programs["bias_nominal"])
         programs["forward_dynamics_nominal"] = twin.described(
             name="forward_dynamics_nominal",
             summary=program.summary.rstrip(".") + ", with the parameters of the robot file.",

@@ -69,8 +69,7 @@ class _Recorder:
         """The rewritten program."""
         program = self._expansion.program
         values = iter([self._polynomial(p) for p in self._results])
-        outputs = [(port, [next(values) for _ in range(port.size)]) for port in program.outputs]
-        return self._builder.program(program.name, outputs, program.summary, program.formula, program.notes)
+        return self._builder.rewritten(program, [[next(values) for _ in range(port.size)] for port in program.outputs])
 
     def _polynomial(self, p: Polynomial) -> Value:
         total: Value = 0

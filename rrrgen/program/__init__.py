@@ -3,7 +3,8 @@
 from rrrgen.program.builder import Builder, Scalar, Value
 from rrrgen.program.counts import OperationCount, count_operations
 from rrrgen.program.evaluate import evaluate
-from rrrgen.program.ir import Node, Op, Port, Program
+from rrrgen.program.ir import Node, Op, Program
+from rrrgen.program.ports import Port, Role, Status
 
 __all__ = [
     "Builder",
@@ -12,7 +13,9 @@ __all__ = [
     "OperationCount",
     "Port",
     "Program",
+    "Role",
     "Scalar",
+    "Status",
     "Value",
     "count_operations",
     "evaluate",

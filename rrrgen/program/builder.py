@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
 from rrrgen.errors import InternalError
-from rrrgen.program.ir import Node, Op, Port, Program, reachable
+from rrrgen.program.ir import Node, Op, Program, reachable
+from rrrgen.program.ports import Port, Status
 
 Number = int | Fraction
 """A number known while recording; whole ones are ints."""
@@ -328,6 +329,7 @@ class Builder:
         summary: str = "",
         formula: str = "",
         notes: Sequence[str] = (),
+        status: Status | None = None,
     ) -> Program:
         """Close the recording: keep what the outputs need, in order of definition."""
         ports, values = [], []
@@ -349,9 +351,15 @@ class Builder:
             formula=formula,
             notes=tuple(notes),
             labels={place[k]: v for k, v in self.labels.items() if k in place},
+            status=status,
         )
         program.validate()
         return program
+
+    def rewritten(self, program: Program, results: Iterable[Sequence[Value]]) -> Program:
+        """Close the recording of ``program`` in another form: ``results`` per output, its description as it was."""
+        outputs = zip(program.outputs, results, strict=True)
+        return self.program(program.name, outputs, program.summary, program.formula, program.notes, program.status)
 
 
 def replay(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[list[Value]]:

@@ -13,7 +13,8 @@ from fractions import Fraction
 
 from rrrgen.errors import InternalError
 from rrrgen.program.builder import Builder, Scalar, Value, replay
-from rrrgen.program.ir import Op, Port, Program
+from rrrgen.program.ir import Op, Program
+from rrrgen.program.ports import Port
 
 Tangent = dict[int, Value]
 """Derivatives of one value, by direction; directions that are missing are zero."""
@@ -27,7 +28,7 @@ def jacobian(program: Program, output: str, inputs: Sequence[str], reverse: bool
     """
     position = [port.name for port in program.outputs].index(output)
     port = program.outputs[position]
-    only = program.described(outputs=(port,), results=(program.results[position],))
+    only = program.described(outputs=(port,), results=(program.results[position],), status=None)
     names = [each.name for each in program.inputs]
     wanted = [names.index(name) for name in inputs]
     builder = Builder()
@@ -80,7 +81,7 @@ def _by_sweeps(
 def record(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[Value]:
     """Record ``program`` with ``inputs`` in place of its ports, and return the value of every node."""
     every = tuple(range(len(program.nodes)))
-    flat = program.described(outputs=(Port("all", (len(every),)),), results=(every,))
+    flat = program.described(outputs=(Port("all", (len(every),)),), results=(every,), status=None)
     return replay(flat, builder, inputs)[0]
 
 

@@ -5,13 +5,13 @@ A node is an operation on earlier nodes. Programs are recorded by a :class:`rrrg
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import ClassVar, NamedTuple, cast
 
 from rrrgen.errors import InternalError
+from rrrgen.program.ports import Port, Role, Status
 
 
 class Op:
@@ -89,30 +89,12 @@ class Node(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Port:
-    """A named input or output of a program, with what a reader must know to use it.
-
-    ``shape`` is () for a scalar, (n,) for a vector, (m, n) for a row-major matrix, and so on.
-    """
-
-    name: str
-    shape: tuple[int, ...]
-    unit: str = ""
-    frame: str = ""
-    meaning: str = ""
-
-    @property
-    def size(self) -> int:
-        """Number of scalars."""
-        return math.prod(self.shape)
-
-
-@dataclass(frozen=True)
 class Program:
     """A straight-line function from ``inputs`` to ``outputs``.
 
     ``results[k]`` lists, row-major, the nodes that define output ``k``. Nodes stand in order of definition: operands
-    always come before their use. ``labels`` are hints for readable names in printed code.
+    always come before their use. ``labels`` are hints for readable names in printed code. ``status`` is None where an
+    evaluation cannot fail.
     """
 
     name: str
@@ -124,6 +106,20 @@ class Program:
     formula: str = ""
     notes: tuple[str, ...] = ()
     labels: dict[int, str] = field(default_factory=dict, compare=False)
+    status: Status | None = None
+
+    @property
+    def data_outputs(self) -> tuple[Port, ...]:
+        """The outputs other than the status, in order."""
+        return tuple(port for k, port in enumerate(self.outputs) if not self.is_status(k))
+
+    def is_status(self, output: int) -> bool:
+        """Whether output number ``output`` is the status."""
+        return self.status is not None and self.status.output == output
+
+    def takes(self, role: Role) -> bool:
+        """Whether an input has this role."""
+        return any(port.role is role for port in self.inputs)
 
     def described(self, **changes: object) -> Program:
         """The same definitions under another description."""
@@ -142,6 +138,10 @@ class Program:
         for port_, elements in zip(self.outputs, self.results, strict=True):
             if len(elements) != port_.size or any(not 0 <= e < len(self.nodes) for e in elements):
                 raise InternalError(f"program {self.name}: output {port_.name} is not fully defined")
+        if self.status is not None and not (
+            0 <= self.status.output < len(self.outputs) and self.outputs[self.status.output].shape == ()
+        ):
+            raise InternalError(f"program {self.name}: the status is no scalar output")
 
 
 def reachable(nodes: Sequence[Node], roots: Iterable[int]) -> list[int]:

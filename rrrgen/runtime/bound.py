@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.program import Program
-from rrrgen.runtime.engines import STATUS, Engine
+from rrrgen.runtime.engines import Engine
 
 Array = NDArray[Any]
 
@@ -23,7 +23,7 @@ class BoundFunction:
     else None.
     """
 
-    __slots__ = ("_result", "inputs", "name", "outputs", "run")
+    __slots__ = ("_failure", "_result", "inputs", "name", "outputs", "run")
 
     def __init__(self, program: Program, engine: Engine, parameters: Mapping[str, Array]) -> None:
         self.name = program.name
@@ -31,10 +31,9 @@ class BoundFunction:
             port.name: np.array(parameters.get(port.name, np.zeros(port.shape)), dtype=engine.dtype)
             for port in program.inputs
         }
-        outputs = {
-            port.name: np.zeros(port.shape, dtype=engine.dtype) for port in program.outputs if port.name != STATUS
-        }
+        outputs = {port.name: np.zeros(port.shape, dtype=engine.dtype) for port in program.data_outputs}
         self.run: Callable[[], Any] = engine.bind(program.name, list(inputs.values()), list(outputs.values()))
+        self._failure = program.status.message if program.status else ""
         self._result = next(iter(outputs.values()))
         self.inputs: Mapping[str, Array] = MappingProxyType(inputs)  # other arrays in their place would go unseen
         self.outputs: Mapping[str, Array] = MappingProxyType(outputs)
@@ -48,5 +47,5 @@ class BoundFunction:
             for array, value in zip(self.inputs.values(), values, strict=False):
                 array[...] = value
         if self.run():
-            raise np.linalg.LinAlgError(f"{self.name}: the mass matrix is not positive definite")
+            raise np.linalg.LinAlgError(f"{self.name}: {self._failure}")
         return self._result

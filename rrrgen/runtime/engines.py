@@ -16,8 +16,6 @@ from rrrgen.runtime.arguments import prepare
 
 Array = NDArray[Any]
 
-STATUS = "status"
-
 
 SMALLEST_SHARE = 2048
 """States below which another thread costs more than it brings."""
@@ -56,11 +54,11 @@ class NumpyEngine:
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
         """See :class:`Engine`."""
         program = self._programs[name]
-        status = [port.name for port in program.outputs].index(STATUS) if has_status(program) else None
+        status = program.status
 
         def call() -> int | None:
             results = list(evaluate(program, *inputs))
-            code = None if status is None else int(results.pop(status))
+            code = None if status is None else int(results.pop(status.output))
             for array, result in zip(outputs, results, strict=True):
                 array[...] = result
             return code
@@ -117,11 +115,14 @@ class CompiledCall:
         self._shapes = [port.shape for port in program.inputs]
         self._name, self._function = program.name, program.name.removesuffix("_nominal")
         self._inputs = [(len(port.shape), port.size) for port in program.inputs]
-        self._outputs = [(port.shape, np.dtype(np.intc) if port.name == STATUS else dtype) for port in program.outputs]
-        pointers = ["int[]" if port.name == STATUS else pointer for port in program.outputs]
-        status_first = sorted(range(len(pointers)), key=lambda k: pointers[k] != "int[]")
-        self._written = [(k, pointers[k]) for k in status_first]
-        self._status = next((k for k, kind in enumerate(pointers) if kind == "int[]"), None)
+        is_status = [program.is_status(k) for k in range(len(program.outputs))]
+        codes = np.dtype(np.intc)
+        self._outputs = [
+            (port.shape, codes if s else dtype) for port, s in zip(program.outputs, is_status, strict=True)
+        ]
+        status_first = sorted(range(len(is_status)), key=lambda k: not is_status[k])
+        self._written = [(k, "int[]" if is_status[k] else pointer) for k in status_first]
+        self._status = program.status.output if program.status else None
         self._plain = self._status is None and bool(self._shapes) and all(self._shapes)
         self._alike = len(set(self._shapes)) == 1
         self._address, self._pointer = address, pointer
@@ -217,8 +218,3 @@ class CompiledCall:
 
         with ThreadPoolExecutor(shares) as pool:
             list(pool.map(work, bounds[:-1], bounds[1:]))
-
-
-def has_status(program: Program) -> bool:
-    """Whether the program reports a status."""
-    return any(port.name == STATUS for port in program.outputs)

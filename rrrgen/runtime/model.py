@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import drive_terms
-from rrrgen.program import Port
+from rrrgen.program import Port, Role
 from rrrgen.runtime.arguments import prepare
 from rrrgen.runtime.bound import BoundFunction
 from rrrgen.runtime.engines import Engine
@@ -174,7 +174,7 @@ class Model:
         raised and ``(ddq, status)`` returned, status (...) being 0 where M is positive definite and 1 elsewhere.
         """
         status, ddq = self._evaluate("forward_dynamics", (q, dq, tau), beta, Ia)
-        return _checked("forward_dynamics", ddq, status, with_status)
+        return self._checked("forward_dynamics", ddq, status, with_status)
 
     def inverse_dynamics_derivatives(
         self,
@@ -204,7 +204,7 @@ class Model:
         ``(derivatives, status)``.
         """
         status, *values = self._evaluate("forward_dynamics_derivatives", (q, dq, tau), beta, Ia)
-        return _checked("forward_dynamics_derivatives", ForwardDynamicsDerivatives(*values), status, with_status)
+        return self._checked("forward_dynamics_derivatives", ForwardDynamicsDerivatives(*values), status, with_status)
 
     def energy(
         self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None
@@ -217,7 +217,7 @@ class Model:
         """Friction torques fv dq + fc sgn(dq) + offset, zero where the file is silent, (..., n). Source: (14.11)."""
         if "friction" in self.derived.programs:
             return self._call("friction", dq)
-        port = Port("dq", (self.n,), meaning="joint velocities")
+        port = Port("dq", (self.n,), meaning="joint velocities", role=Role.VELOCITY)
         return np.zeros_like(prepare("friction", [port], [dq], self.engine.dtype)[1][0])
 
     # -- regressors ----------------------------------------------------------------------------------------------
@@ -307,27 +307,26 @@ class Model:
         nominal = f"{name}_nominal"
         if beta is None and Ia is None and nominal in self.derived.programs:
             return nominal, {}
-        taken = [port.name for port in self.derived.programs[name].inputs]
-        parameters = {}
-        if "beta" in taken:
-            parameters["beta"] = _given("beta", beta, self.beta, name)
-        if "Ia" in taken:
-            parameters["Ia"] = _given("Ia", Ia, self.drive_inertia, name)
-        elif Ia is not None:
+        given = {Role.BASE_PARAMETERS: (beta, self.beta), Role.DRIVE_INERTIA: (Ia, self.drive_inertia)}
+        program = self.derived.programs[name]
+        parameters = {
+            port.name: _given(port.name, *given[port.role], name) for port in program.inputs if port.role in given
+        }
+        if Ia is not None and not program.takes(Role.DRIVE_INERTIA):
             raise ValueError(f"{name}: the robot file gives no drive inertia, so Ia is not part of the model")
         return name, parameters
 
-
-def _checked(function: str, result: Any, status: Any, with_status: bool) -> Any:
-    """``result`` if M was positive definite everywhere; otherwise LinAlgError, or both for the caller to look at."""
-    status = np.asarray(status).astype(np.intc, copy=False)
-    if with_status:
-        return result, status
-    if np.any(status):
-        count, first = np.count_nonzero(status), int(np.argmax(status != 0))
-        place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""
-        raise np.linalg.LinAlgError(f"{function}: the mass matrix is not positive definite{place}")
-    return result
+    def _checked(self, name: str, result: Any, status: Any, with_status: bool) -> Any:
+        """``result`` if no state failed; otherwise LinAlgError, or both for the caller to look at."""
+        status = np.asarray(status).astype(np.intc, copy=False)
+        if with_status:
+            return result, status
+        failed = self.derived.programs[name].status
+        if failed is not None and np.any(status):
+            count, first = np.count_nonzero(status), int(np.argmax(status != 0))
+            place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""
+            raise np.linalg.LinAlgError(f"{name}: {failed.message}{place}")
+        return result
 
 
 def _given(what: str, value: Any, nominal: Array | None, function: str) -> Any:

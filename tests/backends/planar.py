@@ -12,17 +12,18 @@ from fractions import Fraction
 import sympy as sp
 
 from rrrgen.derive.derived_model import BaseParameter, DerivedModel
-from rrrgen.program import Builder, Port, Program
+from rrrgen.derive.positive_definite import STATUS
+from rrrgen.program import Builder, Port, Program, Role
 from rrrgen.spec.robot_spec import DriveSpec, FrictionSpec, JointSpec, LinkSpec, RobotSpec
 
 F = Fraction
 A1, A2, G = F(1, 2), F(7, 20), F(981, 100)
-Q, DQ, DDQ = (Port(name, (2,), unit, "joint", what) for name, unit, what in [
-    ("q", "rad", "joint positions"), ("dq", "rad/s", "joint velocities"), ("ddq", "rad/s^2", "joint accelerations")
-])  # fmt: skip
-TAU = Port("tau", (2,), "N m", "joint", "joint torques")
-BETA = Port("beta", (6,), "mixed", "", "base parameters")
-IA = Port("Ia", (2,), "kg m^2", "joint", "drive inertia")
+Q = Port("q", (2,), "rad", "joint", "joint positions", Role.POSITION)
+DQ = Port("dq", (2,), "rad/s", "joint", "joint velocities", Role.VELOCITY)
+DDQ = Port("ddq", (2,), "rad/s^2", "joint", "joint accelerations", Role.ACCELERATION)
+TAU = Port("tau", (2,), "N m", "joint", "joint torques", Role.TORQUE)
+BETA = Port("beta", (6,), "mixed", "", "base parameters", Role.BASE_PARAMETERS)
+IA = Port("Ia", (2,), "kg m^2", "joint", "drive inertia", Role.DRIVE_INERTIA)
 IA_NOMINAL = (F(1, 50), F(1, 100))
 LINKS = (  # mass, com x, com y, Izz about the com
     (F(4), F(-1, 5), F(1, 40), F(3, 20)),
@@ -114,7 +115,7 @@ def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
     suffix = "_nominal" if nominal else ""
     programs = {}
 
-    def record(name, ports, outputs, inertia=False):
+    def record(name, ports, outputs, inertia=False, status=None):
         b = Builder()
         values = {port.name: b.input(port) for port in ports}
         beta = list(BETA_NOMINAL) if nominal else b.input(BETA)
@@ -124,7 +125,8 @@ def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
         q = values.get("q")
         dq = values.get("dq", [0, 0])
         parts = _model(b, q, dq, beta, Ia)
-        programs[name + suffix] = b.program(name + suffix, outputs(b, values, *parts), f"The {name} of the arm.")
+        summary = f"The {name} of the arm."
+        programs[name + suffix] = b.program(name + suffix, outputs(b, values, *parts), summary, status=status)
 
     vector = lambda name, unit="N m": Port(name, (2,), unit, "joint", name)  # noqa: E731
     matrix = lambda name, unit="kg m^2": Port(name, (2, 2), unit, "joint", name)  # noqa: E731
@@ -139,7 +141,7 @@ def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
         F(1, 2) * sum(x * y for x, y in zip(v["dq"], _times(M, v["dq"]), strict=True)), U])], True)  # fmt: skip
     record("inverse_dynamics", [Q, DQ, DDQ], lambda b, v, M, C, g, U: [(TAU, [
         x + y + z for x, y, z in zip(_times(M, v["ddq"]), _times(C, v["dq"]), g, strict=True)])], True)  # fmt: skip
-    record("forward_dynamics", [Q, DQ, TAU], _solve, True)
+    record("forward_dynamics", [Q, DQ, TAU], _solve, True, STATUS)
     return programs
 
 
@@ -175,7 +177,7 @@ def _regressors(K) -> dict[str, Program]:
     )
     b = Builder()
     q, dq, ddq = (b.input(port) for port in (Q, DQ, DDQ))
-    e = b.input(Port("e", (2,), "", "joint", "weights"))
+    e = b.input(Port("e", (2,), "", "joint", "weights", Role.COVECTOR))
     Y = columns(b, q, dq, ddq, 6, lambda k: [F(int(i == k)) for i in range(6)])
     r = [y1 * e[0] + y2 * e[1] for y1, y2 in zip(*Y, strict=True)]
     programs["regressor_transpose"] = b.program("regressor_transpose", [(Port("r", (6,), "mixed", "", "Y' e"), r)])

@@ -16,7 +16,7 @@ from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, prototype
 from rrrgen.backends.c.trigonometry import LibmSinCos
 from rrrgen.errors import BackendError
-from rrrgen.program import Builder, Port, Program, evaluate
+from rrrgen.program import Builder, Port, Program, Role, Status, evaluate
 from rrrgen.runtime.build import build_extension
 
 DIALECT = Dialect("t")
@@ -130,7 +130,7 @@ def test_constants_beyond_a_float_are_refused_in_single_precision(value):
 
 def planar() -> Program:
     b = Builder()
-    q = b.input(Port("q", (3,)))
+    q = b.input(Port("angles", (3,), role=Role.POSITION))
     q23 = q[1] + q[2]
     c23 = b.cos(q23)
     x = b.label(c23 * c23 + 1, "for")
@@ -139,7 +139,7 @@ def planar() -> Program:
 
 def test_each_angle_is_evaluated_once_under_a_readable_name():
     code = "\n".join(print_body(planar(), DIALECT))
-    assert "const t_real q23 = q[1] + q[2];" in code
+    assert "const t_real q23 = angles[1] + angles[2];" in code
     assert "const t_real s23 = sin(q23);" in code
     assert "const t_real c23 = cos(q23);" in code
     assert "y[1] = s2;" in code
@@ -203,11 +203,12 @@ def test_an_input_that_is_not_read_is_discarded():
 def test_the_status_becomes_the_return_value_and_nan_is_not_ok():
     b = Builder()
     x = b.input(Port("x", (1,)))[0]
-    program = b.program("f", [(Port("status", ()), [b.select(x, 0, 1)]), (Port("r", (1,)), [x])])
+    outputs = [(Port("r", (1,)), [x]), (Port("code", ()), [b.select(x, 0, 1)])]
+    program = b.program("f", outputs, status=Status(1, "too cold", "the oil is too cold", "x is not positive"))
     assert prototype(program, DIALECT) == "t_status f(const t_real x[1], t_real r[T_RESTRICT 1])".replace("f(", "t_f(")
     last = print_body(program, DIALECT)[-1]
     assert last.startswith("return (")
-    assert last.endswith("< (t_real)0.5) ? T_OK : T_NOT_POSITIVE_DEFINITE;")
+    assert last.endswith("< (t_real)0.5) ? T_OK : T_TOO_COLD;")
 
 
 def test_comments_cannot_be_broken_by_what_users_write():

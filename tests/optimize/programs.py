@@ -7,10 +7,14 @@ from fractions import Fraction
 import mpmath
 from hypothesis import strategies as st
 
-from rrrgen.program import Builder, Op, Port, Program, Value
+from rrrgen.program import Builder, Op, Port, Program, Role, Value
 
 DIGITS = 60
-PORTS = (Port("q", (3,)), Port("dq", (2,)), Port("beta", (3,)))
+PORTS = (
+    Port("q", (3,), role=Role.POSITION),
+    Port("dq", (2,), role=Role.VELOCITY),
+    Port("beta", (3,), role=Role.BASE_PARAMETERS),
+)
 """What decides where expansions are cut: positions, rates, parameters."""
 
 NUMBERS = [Fraction(1, 2), Fraction(-3), Fraction(2), Fraction(7, 5), Fraction(0), Fraction(1)]

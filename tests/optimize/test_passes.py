@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -18,7 +19,7 @@ from rrrgen.optimize.expansion import MAX_TERMS, Cutting
 from rrrgen.optimize.folding import fold
 from rrrgen.optimize.passes import Choice, _Log, cheapest, cost
 from rrrgen.optimize.rewriting import factored
-from rrrgen.program import Builder, Op, OperationCount, Port, Program, count_operations, evaluate
+from rrrgen.program import Builder, Op, OperationCount, Port, Program, Role, Status, count_operations, evaluate
 
 
 @pytest.mark.parametrize("cutting", Cutting)
@@ -77,7 +78,7 @@ def test_collecting_keeps_the_values_and_saves_or_changes_nothing(program):
 
 @given(programs())
 def test_folding_keeps_the_values(program):
-    folded = fold(program, {"beta": STATE[2]})
+    folded = fold(program, {Role.BASE_PARAMETERS: STATE[2]})
     assert folded.inputs == PORTS[:2]
     x, y = precise(program, STATE), precise(folded, STATE[:2])
     size = max([1, *map(abs, x)])
@@ -87,8 +88,8 @@ def test_folding_keeps_the_values(program):
 
 def test_folding_everything_leaves_numbers():
     b = Builder()
-    x, y = b.input(Port("x", (2,)))
-    folded = fold(b.program("f", [(Port("y", ()), [x * y + x])]), {"x": [Fraction(2, 3), Fraction(1, 5)]})
+    x, y = b.input(Port("x", (2,), role=Role.FRICTION))
+    folded = fold(b.program("f", [(Port("y", ()), [x * y + x])]), {Role.FRICTION: [Fraction(2, 3), Fraction(1, 5)]})
     assert [node.op for node in folded.nodes] == [Op.CONST]
     assert folded.nodes[0].value == Fraction(4, 5)
 
@@ -165,9 +166,46 @@ def test_what_is_too_large_is_left_alone():
     assert factored(program, Cutting.NOTHING) is None
 
 
+def test_passes_know_ports_by_their_roles():
+    """Other names for the ports change nothing: neither where an expansion is cut nor what is folded in."""
+
+    def function(b, q, dq, beta):
+        shared = beta[0] * b.sin(q[0]) + beta[1] * b.cos(q[0])
+        return [shared * dq[0] * dq[0], shared * dq[1] + beta[2]]
+
+    program = recorded(function)
+    renamed = program.described(inputs=tuple(replace(port, name=f"x{k}") for k, port in enumerate(program.inputs)))
+    passes = [lambda each, cutting=cutting: factored(each, cutting) for cutting in Cutting]
+    for run in (*passes, lambda each: fold(each, {Role.BASE_PARAMETERS: STATE[2]})):
+        one, other = run(program), run(renamed)
+        assert (one.nodes, one.results) == (other.nodes, other.results)
+
+
+def test_a_status_survives():
+    b = Builder()
+    (x, y), (k,) = b.input(PORTS[1]), b.input(Port("k", (), role=Role.BASE_PARAMETERS))
+    status = Status(1, "too slow", "the speed is too low", "the first speed is not positive")
+    outputs = [(Port("y", ()), [x * k + y * k + 2 * x]), (Port("status", ()), [b.select(x, 0, 1)])]
+    program = b.program("f", outputs, status=status)
+    for run in (
+        lambda p: factored(p, Cutting.NOTHING),
+        collect,
+        double_by_addition,
+        lambda p: fold(p, {PORTS[2].role: [3]}),
+    ):
+        changed = run(program)
+        assert changed is not program
+        assert changed.status == status
+        assert [port.name for port in changed.data_outputs] == ["y"]
+
+
 def test_labels_survive():
     program = recorded(lambda b, q, dq, beta: [b.label(b.sin(q[0] + q[1]), "s12") * dq[0] + dq[1]])
-    for result in (factored(program, Cutting.NOTHING), double_by_addition(program), fold(program, {"beta": STATE[2]})):
+    for result in (
+        factored(program, Cutting.NOTHING),
+        double_by_addition(program),
+        fold(program, {Role.BASE_PARAMETERS: STATE[2]}),
+    ):
         assert "s12" in result.labels.values()
 
 

@@ -7,6 +7,7 @@ from fractions import Fraction
 
 from rrrgen.backends import Real
 from rrrgen.errors import BackendError
+from rrrgen.program import Status
 from rrrgen.spec.names import KEYWORDS
 
 _LIBRARY = """sin cos tan asin acos atan atan2 sinh cosh tanh exp log log10 pow sqrt ceil floor fabs fmod frexp ldexp
@@ -36,9 +37,18 @@ class Dialect:
         """Prefix of macros and enumerators."""
         return self.prefix.upper()
 
-    def literal(self, value: Fraction) -> str:
+    @property
+    def success(self) -> str:
+        """The enumerator of success."""
+        return f"{self.macro}_OK"
+
+    def failure(self, status: Status) -> str:
+        """The enumerator of a failure."""
+        return f"{self.macro}_{status.failure.upper().replace(' ', '_')}"
+
+    def literal(self, value: Fraction | int) -> str:
         """A constant with a cast, so that no conversion is implicit in either precision."""
-        if self.real == "float" and value and not _SMALLEST_FLOAT <= abs(value) <= _LARGEST_FLOAT:
+        if self.real == "float" and value and not _SMALLEST_FLOAT <= abs(Fraction(value)) <= _LARGEST_FLOAT:
             raise BackendError(f"a constant of the model does not fit a float: {float(value):.3g}")
         return f"({self.real_type}){decimal(value)}"
 
@@ -56,7 +66,7 @@ class Dialect:
         return f"({x} > {zero}) ? {one} : (({x} < {zero}) ? -{one} : {x})"
 
 
-def decimal(value: Fraction) -> str:
+def decimal(value: Fraction | int) -> str:
     """A C floating literal that reads back to the nearest double: the exact decimal where 17 digits hold it."""
     try:
         number = float(value)

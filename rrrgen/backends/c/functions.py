@@ -45,7 +45,7 @@ def function_files(
             "function has state, allocates, or fails; all may be called from several threads at once."
         ),
     ]
-    values = {**naming(dialect, identity), "stem": prefix, "status": False, "functions": functions}
+    values = {**naming(dialect, identity), "stem": prefix, "failures": (), "functions": functions}
     return {
         f"{prefix}.h": render("c/functions.h.j2", **values, opening=opening),
         f"{prefix}.c": render("c/source.c.j2", **values, preamble=preamble(programs, dialect, sincos)),

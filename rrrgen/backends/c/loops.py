@@ -6,8 +6,7 @@ from collections.abc import Iterable
 
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.packs import STATUS_LANES, pack_functions, pack_name
-from rrrgen.backends.c.printer import STATUS
-from rrrgen.backends.c.signature import function_name, has_status, stored_outputs
+from rrrgen.backends.c.signature import function_name
 from rrrgen.backends.c.transposition import SIZES, transfers
 from rrrgen.program import Program
 
@@ -27,7 +26,7 @@ def loop_files(programs: Iterable[Program], dialect: Dialect) -> dict[str, str]:
     header, source = [], [f'#include "{dialect.prefix}_loops.h"', ""]
     source += [pack_functions({program.name: program for program in programs}, dialect)]
     taken = {port.size for program in programs for port in program.inputs}.intersection(SIZES)
-    given = {port.size for program in programs for port in stored_outputs(program)}.intersection(SIZES)
+    given = {port.size for program in programs for port in program.data_outputs}.intersection(SIZES)
     source += [transfers(taken, given, dialect.prefix, dialect.real_type, dialect.real)]
     for program in programs:
         signature = _loop_signature(program, dialect)
@@ -52,8 +51,8 @@ def declarations(programs: Iterable[Program], dialect: Dialect) -> str:
     lines = []
     for program in programs:
         inputs = [f"const {dialect.real} *" if port.shape else dialect.real for port in program.inputs]
-        outputs = [f"{dialect.real} *" for _ in stored_outputs(program)]
-        returns = "int" if has_status(program) else "void"
+        outputs = [f"{dialect.real} *" for _ in program.data_outputs]
+        returns = "int" if program.status else "void"
         lines.append(f"{returns} {function_name(program, dialect)}({', '.join([*inputs, *outputs]) or 'void'});")
     return "\n".join(lines)
 
@@ -62,8 +61,8 @@ def _loop_signature(program: Program, dialect: Dialect) -> str:
     real = dialect.real_type
     parameters = ["long long count"]
     parameters += [f"const {real} *{port.name}, long long {port.name}_step" for port in program.inputs]
-    parameters += ["int *status"] if has_status(program) else []
-    parameters += [f"{real} *{port.name}" for port in stored_outputs(program)]
+    parameters += ["int *status"] if program.status else []
+    parameters += [f"{real} *{port.name}" for port in program.data_outputs]
     return f"void {loop_name(program, dialect)}({', '.join(parameters)})"
 
 
@@ -92,8 +91,8 @@ def _few_states(program: Program, dialect: Dialect) -> list[str]:
             f"{dialect.prefix}_pack_fill({port.name}, {port.name}_step, count, {port.size}, {port.name}_few);",
         ]
         arguments += [f"{port.name}_few", f"{port.size}"]
-    outputs = [("int", STATUS, 1)] if has_status(program) else []
-    outputs += [(real, port.name, port.size) for port in stored_outputs(program)]
+    outputs = [("int", "status", 1)] if program.status else []
+    outputs += [(real, port.name, port.size) for port in program.data_outputs]
     few += [f"{kind} {name}_few[PACK_LANES*{size}];" for kind, name, size in outputs]
     arguments += [f"{name}_few" for _, name, _ in outputs]
     few.append(f"{loop_name(program, dialect)}({', '.join(arguments)});")
@@ -115,13 +114,13 @@ def _pack_body(program: Program, dialect: Dialect) -> list[str]:
             lines += _each(port.size, f"{port.name}_pack[{{0}}] = ({pack})PACK_GATHER({first} + {{0}}, {step});")
         arguments.append(f"{port.name}_pack" if port.shape else f"{port.name}_pack[0]")
     stores: list[str] = []
-    for port in program.outputs:
-        if port.name == STATUS:
+    for k, port in enumerate(program.outputs):
+        if program.is_status(k):
             lines.append(f"{pack} {STATUS_LANES}_pack[1];")
             arguments.append(f"{STATUS_LANES}_pack")
             stores += [
                 "for (int lane = 0; lane < PACK_LANES; lane++)",  # a NaN must not read as ok
-                f"    {STATUS}[k + lane] = ({STATUS_LANES}_pack[0][lane] < ({dialect.real_type})0.5) ? 0 : 1;",
+                f"    status[k + lane] = ({STATUS_LANES}_pack[0][lane] < ({dialect.real_type})0.5) ? 0 : 1;",
             ]
             continue
         lines.append(f"{pack} {port.name}_pack[{port.size}];")

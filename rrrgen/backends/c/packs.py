@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rrrgen.backends.c.dialect import Dialect, decimal
-from rrrgen.backends.c.printer import STATUS, print_body
+from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.trigonometry import kernel_values
 from rrrgen.program import Program
 from rrrgen.resources import render
@@ -28,7 +28,7 @@ class PackDialect(Dialect):
         """Name of the pack type."""
         return f"{self.prefix}_pack"
 
-    def literal(self, value: Fraction) -> str:
+    def literal(self, value: Fraction | int) -> str:
         """A constant in all lanes."""
         return f"{self.prefix}_pack_all(({self.prefix}_real){decimal(value)})"
 
@@ -96,5 +96,7 @@ def pack_signature(program: Program, dialect: Dialect) -> str:
 
 def _without_status(program: Program) -> Program:
     """The status as an ordinary output: one number per lane."""
-    outputs = tuple(replace(p, name=STATUS_LANES) if p.name == STATUS else p for p in program.outputs)
-    return program.described(outputs=outputs)
+    outputs = tuple(
+        replace(port, name=STATUS_LANES) if program.is_status(k) else port for k, port in enumerate(program.outputs)
+    )
+    return program.described(outputs=outputs, status=None)

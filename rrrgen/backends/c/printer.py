@@ -9,15 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import cast
 
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.names import Names
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
-from rrrgen.program import Node, Op, Port, Program
-
-STATUS = "status"
-"""The output port that becomes the return value."""
+from rrrgen.program import Node, Op, Port, Program, Role
 
 _LONGEST = 88  # characters of one expression; with the declaration in front a line stays below 120
 
@@ -65,7 +61,7 @@ class _Body:
     # -- statements ----------------------------------------------------------------------------------------------
 
     def _discard_unused_inputs(self) -> None:
-        read = {node.value[0] for node in self.program.nodes if node.op is Op.INPUT}  # type: ignore[index]
+        read = {node.place[0] for node in self.program.nodes if node.op is Op.INPUT}
         self.lines += [f"(void){port.name};" for k, port in enumerate(self.program.inputs) if k not in read]
 
     def _declare(self, index: int, text: Text) -> Text:
@@ -84,7 +80,7 @@ class _Body:
             self._texts[index] = Text(element_of(*self._read(node)))
             return  # outputs that copy an input or a constant are written at the end, in order
         elif node.op is Op.CONST:
-            self._texts[index] = Text(self.dialect.literal(node.value), _UNARY)  # type: ignore[arg-type]
+            self._texts[index] = Text(self.dialect.literal(node.number), _UNARY)
             return
         else:
             self._texts[index] = self._expression(index)
@@ -94,7 +90,7 @@ class _Body:
 
     def _read(self, node: Node) -> tuple[Port, int]:
         """The input port and the element that an input node reads."""
-        position, element = cast(tuple[int, int], node.value)
+        position, element = node.place
         return self.program.inputs[position], element
 
     def _deserves_name(self, index: int) -> bool:
@@ -110,16 +106,14 @@ class _Body:
             first = first or target
 
     def _finish(self) -> None:
-        outputs = list(zip(self.program.outputs, self.program.results, strict=True))
-        for port, elements in outputs:
+        for k, (port, elements) in enumerate(zip(self.program.outputs, self.program.results, strict=True)):
             for element, index in enumerate(elements):
-                if index in self._places and port.name != STATUS:
+                if index in self._places and not self.program.is_status(k):
                     self.lines.append(f"{element_of(port, element, output=True)} = {self._texts[index].code};")
-        for port, elements in outputs:
-            if port.name == STATUS:
-                macro, half = self.dialect.macro, self.dialect.literal(_HALF)
-                condition = f"{self._texts[elements[0]].within(_SUM)} < {half}"  # a NaN must not read as OK
-                self.lines.append(f"return ({condition}) ? {macro}_OK : {macro}_NOT_POSITIVE_DEFINITE;")
+        if (status := self.program.status) is not None:
+            (index,), half = self.program.results[status.output], self.dialect.literal(_HALF)
+            condition = f"{self._texts[index].within(_SUM)} < {half}"  # a NaN must not read as OK
+            self.lines.append(f"return ({condition}) ? {self.dialect.success} : {self.dialect.failure(status)};")
 
     def _declare_trigonometry(self, index: int) -> None:
         if index in self._texts:
@@ -215,9 +209,9 @@ def _count_readers(program: Program) -> list[int]:
 def _places_of_outputs(program: Program) -> dict[int, list[tuple[Port, int]]]:
     """Where each node is stored; the status is returned, not stored."""
     places: dict[int, list[tuple[Port, int]]] = {}
-    for port, elements in zip(program.outputs, program.results, strict=True):
+    for k, (port, elements) in enumerate(zip(program.outputs, program.results, strict=True)):
         for element, index in enumerate(elements):
-            if port.name != STATUS:
+            if not program.is_status(k):
                 places.setdefault(index, []).append((port, element))
     return places
 
@@ -232,11 +226,11 @@ def _trigonometry(program: Program) -> dict[int, dict[Op, int]]:
 
 
 def _joint_sums(program: Program, angles: set[int]) -> dict[int, tuple[int, ...]]:
-    """Joint numbers (from 1) of the angles that are a joint variable (of the first input) or a sum of some."""
+    """Joint numbers (from 1) of the angles that are a joint variable or a sum of some."""
     sums: dict[int, tuple[int, ...]] = {}
     for index, node in enumerate(program.nodes):
-        if node.op is Op.INPUT and node.value[0] == 0:  # type: ignore[index]
-            sums[index] = (node.value[1] + 1,)  # type: ignore[index]
+        if node.op is Op.INPUT and program.inputs[node.place[0]].role is Role.POSITION:
+            sums[index] = (node.place[1] + 1,)
         elif node.op is Op.ADD and node.args[0] in sums and node.args[1] in sums:
             sums[index] = tuple(sorted(sums[node.args[0]] + sums[node.args[1]]))
     return {index: joints for index, joints in sums.items() if index in angles}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rrrgen.backends import Identity
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import function_name
-from rrrgen.program import Program, evaluate
+from rrrgen.program import Program, Role, evaluate
 from rrrgen.resources import render
 
 if TYPE_CHECKING:
@@ -40,6 +40,17 @@ GOLDEN = (
 )
 """Functions with golden vectors. The others are checked through identities: forward dynamics undoes inverse dynamics
 (its own values are as uncertain as M is ill-conditioned), the standard regressor times phi is the torque."""
+
+
+TABLES = {
+    Role.POSITION: "q",
+    Role.VELOCITY: "dq",
+    Role.ACCELERATION: "ddq",
+    Role.COVECTOR: "e",
+    Role.BASE_PARAMETERS: "beta",
+    Role.DRIVE_INERTIA: "Ia",
+}
+"""Which of the self-test's tables feeds an input."""
 
 
 @dataclass(frozen=True)
@@ -145,14 +156,14 @@ def _golden(programs: Mapping[str, Program], states: dict[str, Array], parameter
             (values,) = _evaluated(program, states, parameters)
             rows = values.reshape(len(values), -1)
             scale = max(float(np.abs(rows).max()), 1e-6)
-            call = ", ".join(f"{port.name}[k]" if port.name in states else port.name for port in program.inputs)
+            call = ", ".join(_arguments(program))
             found.append(Golden(name, call, rows.shape[1], f"{scale:.3g}", _rows(rows)))
     return found
 
 
 def _evaluated(program: Program, states: dict[str, Array], parameters: dict[str, Array]) -> tuple[Any, ...]:
     known = {**states, **parameters}
-    values = evaluate(program, *(known[port.name] for port in program.inputs))
+    values = evaluate(program, *(known[TABLES[port.role]] for port in program.inputs))
     count = len(states["q"])
     return tuple(np.broadcast_to(v, (count, *port.shape)) for v, port in zip(values, program.outputs, strict=True))
 
@@ -172,8 +183,7 @@ def _twins(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
         twin = model.programs.get(f"{name}_nominal")
         if twin is None or len(twin.outputs) > 1:
             continue
-        states = {"q": "q[k]", "dq": "dq[k]", "ddq": "ddq[k]"}
-        arguments = [[states.get(port.name, port.name) for port in each.inputs] for each in (program, twin)]
+        arguments = [_arguments(each) for each in (program, twin)]
         twins.append(
             {
                 "name": name,
@@ -183,6 +193,11 @@ def _twins(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
             }
         )
     return twins
+
+
+def _arguments(program: Program) -> list[str]:
+    """The inputs of a function in C: row k of the tables of states, and the vectors of parameters."""
+    return [TABLES[p.role] if p.role.is_parameter else f"{TABLES[p.role]}[k]" for p in program.inputs]
 
 
 def _rows(table: Array) -> tuple[str, ...]:

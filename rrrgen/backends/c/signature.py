@@ -4,21 +4,10 @@ from __future__ import annotations
 
 from rrrgen.backends.c.comments import columns, plain, wrapped
 from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.printer import STATUS
-from rrrgen.program import Port, Program, count_operations
+from rrrgen.program import Port, Program, Status, count_operations
 
 _LONGEST_LINE = 118
 _FRAME = 96  # return address and callee-saved registers on 64-bit machines, and the call of a library function
-
-
-def has_status(program: Program) -> bool:
-    """Whether the function returns a status."""
-    return any(port.name == STATUS for port in program.outputs)
-
-
-def stored_outputs(program: Program) -> list[Port]:
-    """The outputs that are written through pointers, in order."""
-    return [port for port in program.outputs if port.name != STATUS]
 
 
 def function_name(program: Program, dialect: Dialect) -> str:
@@ -28,10 +17,10 @@ def function_name(program: Program, dialect: Dialect) -> str:
 
 def prototype(program: Program, dialect: Dialect) -> str:
     """The declaration without semicolon: inputs, then outputs; broken over lines where it is long."""
-    returns = f"{dialect.prefix}_status" if has_status(program) else "void"
+    returns = f"{dialect.prefix}_status" if program.status else "void"
     head = f"{returns} {function_name(program, dialect)}("
     parameters = [_input(port, dialect) for port in program.inputs]
-    parameters += [_output(port, dialect) for port in stored_outputs(program)]
+    parameters += [_output(port, dialect) for port in program.data_outputs]
     line = head + ", ".join(parameters or ["void"]) + ")"
     if len(line) <= _LONGEST_LINE:
         return line
@@ -58,20 +47,21 @@ def explanation(program: Program, dialect: Dialect) -> list[str]:
     lines = wrapped(program.summary or program.name.replace("_", " "))
     if program.formula:
         lines += ["", *(f"    {plain(line)}" for line in program.formula.splitlines())]
-    rows = [("in", port) for port in program.inputs] + [("out", port) for port in stored_outputs(program)]
+    rows = [("in", port) for port in program.inputs] + [("out", port) for port in program.data_outputs]
     lines += ["", *columns([_row(direction, port) for direction, port in rows])]
-    if has_status(program):
-        lines += ["", *wrapped(_STATUS_NOTE.format(prefix=dialect.prefix, macro=dialect.macro))]
+    if program.status:
+        lines += ["", *wrapped(_status_note(program.status, dialect))]
     lines += ["", f"Operations: {count_operations(program)}. Stack: about {stack_estimate(program, dialect)} bytes."]
     for note in program.notes:
         lines += wrapped(note)
     return lines
 
 
-_STATUS_NOTE = (
-    "Returns {macro}_OK, or {macro}_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular "
-    "({prefix}_status_string gives the text); the outputs are defined in either case."
-)
+def _status_note(status: Status, dialect: Dialect) -> str:
+    return (
+        f"Returns {dialect.success}, or {dialect.failure(status)} where {status.meaning} "
+        f"({dialect.prefix}_status_string gives the text); the outputs are defined in either case."
+    )
 
 
 def _row(direction: str, port: Port) -> tuple[str, ...]:

@@ -11,9 +11,9 @@ from rrrgen.backends import Identity
 from rrrgen.backends.c.comments import columns, plain, wrapped
 from rrrgen.backends.c.dialect import Dialect, decimal
 from rrrgen.backends.c.printer import print_body
-from rrrgen.backends.c.signature import explanation, has_status, prototype
+from rrrgen.backends.c.signature import explanation, prototype
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
-from rrrgen.program import Builder, Port, Program, count_operations
+from rrrgen.program import Builder, Port, Program, Role, Status, count_operations
 from rrrgen.resources import render
 
 if TYPE_CHECKING:
@@ -42,9 +42,11 @@ def programs_of(model: DerivedModel) -> dict[str, Program]:
 def _nominal_parameters(model: DerivedModel) -> Program:
     assert model.beta_nominal is not None
     meaning = "base parameters; the header lists them"
-    outputs = [(Port("beta", (len(model.beta_nominal),), "mixed", "", meaning), model.beta_nominal)]
+    port = Port("beta", (len(model.beta_nominal),), "mixed", "", meaning, Role.BASE_PARAMETERS)
+    outputs = [(port, model.beta_nominal)]
     if model.drive_inertia_nominal is not None:
-        port = Port("Ia", (model.spec.n,), "kg m^2 | kg", "joint", "drive inertia seen at the joints")
+        meaning = "drive inertia seen at the joints"
+        port = Port("Ia", (model.spec.n,), "kg m^2 | kg", "joint", meaning, Role.DRIVE_INERTIA)
         outputs.append((port, model.drive_inertia_nominal))
     summary = "The nominal values of the parameters that the other functions take at run time."
     return Builder().program("nominal_parameters", outputs, summary)
@@ -57,11 +59,11 @@ def header_and_sources(
     sincos = sincos or LibmSinCos()
     programs = programs_of(model)
     functions = print_functions(programs, dialect, sincos)
-    status = any(has_status(program) for program in programs.values())
+    failures = _failures(programs.values(), dialect)
     header = render(
         "c/header.h.j2",
         **naming(dialect, identity),
-        status=status,
+        failures=failures,
         functions=functions.values(),
         opening=_opening(model, identity, dialect, sincos),
         n=model.spec.n,
@@ -73,11 +75,16 @@ def header_and_sources(
             "c/source.c.j2",
             **naming(dialect, identity),
             stem=f"{dialect.prefix}{part}",
-            status=status and not part,
+            failures=() if part else failures,
             functions=[functions[name] for name in names],
             preamble=preamble([programs[name] for name in names], dialect, sincos),
         )
     return files
+
+
+def _failures(programs: Iterable[Program], dialect: Dialect) -> list[tuple[str, Status]]:
+    """What can go wrong in any of the functions, each once: its enumerator, numbered from 1, and what it means."""
+    return list({dialect.failure(p.status): p.status for p in programs if p.status is not None}.items())
 
 
 BESIDE = {"_nominal": "functions with the numbers of the robot file", "_derivatives": "derivatives"}

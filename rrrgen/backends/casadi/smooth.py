@@ -40,4 +40,4 @@ def smooth_sign(program: Program) -> Program:
         (port, [values[index] for index in row]) for port, row in zip(program.outputs, program.results, strict=True)
     ]
     notes = (*program.notes, "sgn(x) is replaced by tanh(x/eps).")
-    return builder.program(f"{program.name}_smooth", outputs, program.summary, program.formula, notes)
+    return builder.program(f"{program.name}_smooth", outputs, program.summary, program.formula, notes, program.status)
