@@ -217,14 +217,14 @@ static void rrr_ik_step(rrr_real J[3][3], const rrr_real e[3], rrr_real damping,
  * is followed by stepping off and back. Returns the least error found, squared, and its configuration. */
 static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_real damping)
 {
-    rrr_real x[3], e[3], J[3][3], best, cost;
+    rrr_real x[3], e[3], J[3][3], d[3] = {(rrr_real)0}, best, cost;
     int i, step, worse = 0;
     for (i = 0; i < 3; ++i) {
         x[i] = q[i];
     }
     best = cost = rrr_ik_error(T, x, e, J);
     for (step = 0; step < steps && best > RRR_IK_TOL_DONE && damping < (rrr_real)1e6; ++step) {
-        rrr_real d[3], most = (rrr_real)1;
+        rrr_real most = (rrr_real)1;
         rrr_ik_step(J, e, damping * sqrt(cost) + RRR_IK_TOL_EPS, d);
         for (i = 0; i < 3; ++i) {
             most = fabs(d[i]) > most ? fabs(d[i]) : most;
@@ -451,7 +451,7 @@ static int rrr_ik_far(const rrr_real *T)
 static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutions *out)
 {
     rrr_ik_solutions found;
-    rrr_real best = (rrr_real)-1;
+    rrr_real best = (rrr_real)1e30; /* no start has been tried */
     int stage = 0, start, i, kept = 0;
     const int rows = rrr_ik_branches(T, ref, (rrr_real)1e30, &found, &stage);
     for (start = 0; start < rows + 6 && kept < 4; ++start) {
@@ -463,8 +463,8 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
             x[i] = start < rows ? found.q[start][i] : ref[i] + (start > rows ? (rrr_real)2.0 * sin((rrr_real)(start * (i + 1))) : (rrr_real)0);
         }
         cost = rrr_ik_refine(T, x, 200, (rrr_real)0.1);
-        if (!(best >= (rrr_real)0) || cost < best || (cost <= RRR_IK_TOL_ACCEPT && kept > 0)) {
-            best = best >= (rrr_real)0 && best < cost ? best : cost;
+        if (cost < best || (cost <= RRR_IK_TOL_ACCEPT && kept > 0)) {
+            best = cost < best ? cost : best;
             for (i = 0; i < 3; ++i) {
                 out->q[kept][i] = x[i];
             }
@@ -642,7 +642,8 @@ const char *rrr_ik_status_string(rrr_ik_status status)
     static const char *const texts[] = {
         "ok", "the target is out of reach", "every solution is outside the joint limits", "a number of the target, of the reference or of the redundancy parameter is not finite",
         "the rotation of the target is not orthonormal and right-handed", "unknown status"};
-    return texts[(int)status >= 0 && (int)status <= 4 ? (int)status : 5];
+    const unsigned number = (unsigned)status; /* enumerations may be unsigned and short */
+    return texts[number <= 4u ? number : 5u];
 }
 
 const char *rrr_ik_reason(int stage)

@@ -13,6 +13,7 @@ from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.sources import Emitted, emit
+from rrrgen.runtime.ik_arguments import options, real_array, real_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -23,8 +24,6 @@ MULTIPLE, FREE, OUTSIDE, INEXACT = 1, 2, 4, 8
 """Bits of :attr:`IKResult.flags`; see the emitted header."""
 
 STATUS = ("ok", "unreachable", "outside limits", "not finite", "not a rotation")
-
-_LIMITS, _NEAREST, _RESIDUAL = 1, 2, 4
 
 
 @dataclass(frozen=True)
@@ -94,14 +93,13 @@ class InverseKinematics:
         joint (or arm angle) of a redundant arm, by default its value in ``q_ref``. ``residual`` keeps rows that meet a
         pose only as far as 4 or 5 joints can.
         """
-        options = _LIMITS * limits + _NEAREST * (sort == "nearest") + _RESIDUAL * residual
-        return self._call(self._solve, target, q_ref, options, redundancy)
+        return self._call(self._solve, target, q_ref, options(limits, sort, residual), redundancy)
 
     def closest(
         self, target: ArrayLike, q_ref: ArrayLike | None = None, *, limits: bool = True, redundancy: float | None = None
     ) -> IKResult:
         """The configuration nearest to ``target`` in the least-squares sense: one row, also out of reach."""
-        return self._call(self._closest, target, q_ref, _LIMITS * limits, redundancy)
+        return self._call(self._closest, target, q_ref, options(limits), redundancy)
 
     def solve_batch(
         self,
@@ -113,21 +111,24 @@ class InverseKinematics:
         redundancy: ArrayLike | None = None,
     ) -> IKBatch:
         """:meth:`solve` for targets (N, 4, 4) or (N, 3) in one call of C; ``redundancy`` is (N,) or one number."""
-        goals = self._targets(np.asarray(targets, dtype=float))
+        chosen = options(limits, sort)
+        goals = self._targets(real_array("targets", targets))
         N, rows = len(goals), self.max_solutions
         q = np.full((N, rows, self.n), np.nan)
         counts, statuses = np.zeros(N, np.int32), np.zeros(N, np.int32)
         flags, branches = np.zeros((N, rows), np.uint32), np.zeros((N, rows), np.uint32)
         distances = np.zeros(N)
-        options = _LIMITS * limits + _NEAREST * (sort == "nearest")
         reference = self._reference(q_ref)
         extra: tuple[Any, ...] = ()
+        given = self._given(redundancy, q_ref)
         if self._locked:
-            value = self._given(redundancy if redundancy is None or np.ndim(redundancy) else float(redundancy), q_ref)  # type: ignore[arg-type]
-            prescribed = np.ascontiguousarray(np.broadcast_to(value, (N,)), dtype=float)
+            value = real_array("redundancy", given)
+            if value.shape not in ((), (N,)):
+                raise InputError(f"redundancy must be one number or {N} numbers, not shape {value.shape}")
+            prescribed = np.ascontiguousarray(np.broadcast_to(value, (N,)))
             extra = (self._pointer("double *", prescribed),)
         self._batch(
-            N, self._pointer("double *", goals), self._pointer("double *", reference), *extra, options,
+            N, self._pointer("double *", goals), self._pointer("double *", reference), *extra, chosen,
             self._pointer("double *", q), self._pointer("int *", counts), self._pointer("unsigned *", flags),
             self._pointer("unsigned *", branches), self._pointer("int *", statuses),
             self._pointer("double *", distances),
@@ -140,8 +141,9 @@ class InverseKinematics:
         """The solutions of one target for many values of the redundancy parameter (N,)."""
         if not self._locked:
             raise DerivationError(f"{self._name} has no redundancy parameter")
-        parameters = np.atleast_1d(np.asarray(values, dtype=float))
-        goals = np.broadcast_to(np.asarray(target, dtype=float), (len(parameters), 4, 4))
+        parameters = np.atleast_1d(real_array("values", values))
+        goal = self._targets(real_array("target", target)[None])
+        goals = np.broadcast_to(goal, (len(parameters), *goal.shape[1:]))
         return self.solve_batch(goals, q_ref, limits=limits, redundancy=parameters)
 
     def branch_names(self, branch: int) -> dict[str, int]:
@@ -151,13 +153,14 @@ class InverseKinematics:
     # -- arguments ----------------------------------------------------------------------------------------------------
 
     def _call(
-        self, function: Any, target: ArrayLike, q_ref: ArrayLike | None, options: int, redundancy: float | None
+        self, function: Any, target: ArrayLike, q_ref: ArrayLike | None, bits: int, redundancy: float | None
     ) -> IKResult:
-        goal = self._targets(np.asarray(target, dtype=float)[None])
+        goal = self._targets(real_array("target", target)[None])
         out = self._ffi.new(f"{self._name}_ik_solutions *")
         reference = self._reference(q_ref)
-        extra = (float(np.asarray(self._given(redundancy, q_ref))),) if self._locked else ()
-        code = function(self._pointer("double *", goal), self._pointer("double *", reference), *extra, options, out)
+        given = self._given(redundancy, q_ref)
+        extra = (real_number("redundancy", given),) if self._locked else ()
+        code = function(self._pointer("double *", goal), self._pointer("double *", reference), *extra, bits, out)
         k, rows = out.count, self.max_solutions
         q = np.frombuffer(self._ffi.buffer(out.q), float, rows * self.n).reshape(rows, self.n)[:k].copy()
         flags = np.frombuffer(self._ffi.buffer(out.flags), np.uint32, rows)[:k].copy()
@@ -194,12 +197,16 @@ class InverseKinematics:
     def _reference(self, q_ref: ArrayLike | None) -> NDArray[np.float64] | None:
         if q_ref is None:
             return None
-        reference = np.ascontiguousarray(q_ref, dtype=float)
+        reference = np.ascontiguousarray(real_array("q_ref", q_ref))
         if reference.shape != (self.n,):
             raise InputError(f"q_ref must hold {self.n} numbers, not shape {reference.shape}")
         return reference
 
     def _given(self, redundancy: Any, q_ref: ArrayLike | None) -> Any:
+        if not self._locked:
+            if redundancy is not None:
+                raise DerivationError(f"{self._name} has no redundancy parameter")
+            return None
         if redundancy is not None:
             return redundancy
         if q_ref is None:
@@ -208,7 +215,7 @@ class InverseKinematics:
 
     def parameter(self, q: ArrayLike) -> float:
         """The redundancy parameter of a configuration (n,): the prescribed joint, or the arm angle."""
-        return parameter(self.plan, np.asarray(q, dtype=float))
+        return parameter(self.plan, real_array("q", q))
 
 
 def load_solver(spec: RobotSpec, redundancy: int | None = None) -> InverseKinematics:
