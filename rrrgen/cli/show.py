@@ -32,6 +32,7 @@ INVERSE = "inverse_kinematics"
 @click.option("-f", "--function", "functions", multiple=True, help="Closed form of this function; may be repeated.")
 @click.option("--entry", help="Only this entry of the function, e.g. 1,2 (from 1); for large robots.")
 @click.option("--closed-forms/--no-closed-forms", default=None, help="Closed forms; the default is yes up to 3 joints.")
+@click.option("--program", "as_program", is_flag=True, help="The program that the functions are printed from.")
 @click.option("--latex", "as_latex", is_flag=True, help="Print the closed forms as LaTeX.")
 @html_option
 @json_option
@@ -40,6 +41,7 @@ def show(
     functions: tuple[str, ...],
     entry: str | None,
     closed_forms: bool | None,
+    as_program: bool,
     as_latex: bool,
     html: Path | None,
     as_json: bool,
@@ -54,6 +56,7 @@ def show(
       rrrgen show rrr -f mass_matrix --latex
       rrrgen show panda -f mass_matrix --entry 7,7
       rrrgen show ur10e -f inverse_kinematics
+      rrrgen show rrr -f gravity --program
       rrrgen show ur10e --html ur10e.html
     """
     from rrrgen import pipeline
@@ -63,6 +66,9 @@ def show(
         raise click.UsageError("give one of --latex and --json")
     if entry is not None and len(functions) != 1:
         raise click.UsageError("--entry needs exactly one --function")
+    if as_program:
+        _show_programs(robot, functions, other=as_latex or html is not None or entry is not None, as_json=as_json)
+        return
     model = pipeline.derive(read_with_warnings(robot))
     short = closed_forms or (closed_forms is None and model.spec.n <= SHORT)
     wanted = [name for name in functions if name != INVERSE] or (USUAL if short and not functions else ())
@@ -91,6 +97,22 @@ def show(
         text += plain(forms) if forms else ""
         said = inverse.text() if isinstance(inverse, ClosedForm) else inverse
         click.echo("\n\n".join(part.rstrip("\n") for part in (text, said) if part))
+
+
+def _show_programs(robot: str, functions: tuple[str, ...], other: bool, as_json: bool) -> None:
+    """The optimized programs of ``functions``, of all where none is named."""
+    from rrrgen import pipeline
+
+    if other:
+        raise click.UsageError("--program goes with --function and --json only")
+    programs = pipeline.derive(read_with_warnings(robot)).programs
+    if missing := [name for name in functions if name not in programs]:
+        raise click.BadParameter(f"no program '{missing[0]}'; there are {', '.join(programs)}", param_hint="--function")
+    texts = {name: programs[name].dump() for name in functions or programs}
+    if as_json:
+        print_json({"programs": texts})
+    else:
+        click.echo("\n".join(texts.values()), nl=False)
 
 
 def _inverse_kinematics(model: DerivedModel, asked: bool, short: bool) -> InverseForm | str:

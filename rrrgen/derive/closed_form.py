@@ -20,7 +20,7 @@ from rrrgen.derive.polynomials import Polynomial, PolynomialRing, to_expression
 from rrrgen.derive.recording import Recording
 from rrrgen.errors import DerivationError
 from rrrgen.program import Op, Program, Role, Value
-from rrrgen.program.ir import reachable
+from rrrgen.program.nodes import reachable
 
 CLOSED = tuple(name for name in FUNCTIONS if name != "forward_dynamics_derivatives")
 """Functions that are polynomials in sines and cosines; what divides by the pivots of M is not."""

@@ -53,7 +53,7 @@ def inverse_dynamics_derivatives(r: Recording) -> Program:
     tau, dtau_dq = torques_and_slopes(composition, dq, ddq, inertias)
     tau = [t + Ia * a for t, Ia, a in zip(tau, drives, ddq, strict=True)]
     ports = [
-        (Port("tau", (r.n,), r.torque_unit, "", "joint torques, friction not included"), tau),
+        (Port("tau", (r.n,), r.torque_unit, "", "joint torques, friction not included", Role.TORQUE), tau),
         (_matrix(r, "dtau_dq", "d tau_i / d q_j for given dq and ddq"), flat(dtau_dq)),
         (_matrix(r, "dtau_dv", "d tau_i / d dq_j"), flat(composition.coriolis_matrix())),
         (
@@ -93,9 +93,11 @@ def forward_program(
     """The program of forward dynamics from ``inverse = -inv(M)`` and the derivatives of the torques."""
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
     products = [[[dot(row, column) for column in zip(*D, strict=True)] for row in inverse] for D in (dtau_dq, dtau_dv)]
+    meaning = "joint accelerations; zero when the status is not ok"
+    accelerations = Port("ddq", (r.n,), unit, "", meaning, Role.ACCELERATION)
     ports = [
         (Port("status", ()), [status]),
-        (Port("ddq", (r.n,), unit, "", "joint accelerations; zero when the status is not ok"), ddq),
+        (accelerations, ddq),
         (_matrix(r, "dddq_dq", "d ddq_i / d q_j for given dq and tau"), flat(products[0])),
         (_matrix(r, "dddq_dv", "d ddq_i / d dq_j"), flat(products[1])),
         (_matrix(r, "dddq_dtau", "d ddq_i / d tau_j, the inverse of M"), [-value for value in flat(inverse)]),

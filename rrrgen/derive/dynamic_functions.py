@@ -50,7 +50,7 @@ def coriolis_matrix(r: Recording) -> Program:
 
 
 def _torque_port(r: Recording, name: str, meaning: str) -> Port:
-    return Port(name, (r.n,), r.torque_unit, "", meaning)
+    return Port(name, (r.n,), r.torque_unit, "", meaning, Role.TORQUE)
 
 
 def _coriolis_port(r: Recording) -> Port:
@@ -173,9 +173,11 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
     factors = factorize(r.builder, M)
     status, ddq = factors.status, factors.solve([t - b for t, b in zip(tau, h, strict=True)])
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
+    meaning = "joint accelerations; zero when the status is not ok"
+    accelerations = Port("ddq", (r.n,), unit, "", meaning, Role.ACCELERATION)
     ports = [
         (Port("status", ()), [status]),
-        (Port("ddq", (r.n,), unit, "", "joint accelerations; zero when the status is not ok"), ddq),
+        (accelerations, ddq),
     ]
     return r.builder.program(
         "forward_dynamics",

@@ -27,7 +27,9 @@ def _ports(builder: Builder, law: FrictionLaw, joints: int, names: Sequence[str]
 
 
 def _torque_port(joints: int) -> Port:
-    return Port("tau_f", (joints,), "N m | N", "joint", "friction torques, to be added to the rigid body's")
+    return Port(
+        "tau_f", (joints,), "N m | N", "joint", "friction torques, to be added to the rigid body's", Role.TORQUE
+    )
 
 
 def friction_program(law: FrictionLaw, joints: int) -> Program:

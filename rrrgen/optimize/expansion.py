@@ -9,7 +9,8 @@ from itertools import pairwise
 from rrrgen.optimize.factoring import Monomial, Polynomial
 from rrrgen.program import Op, Program, Role
 from rrrgen.program.builder import settled
-from rrrgen.program.ir import Node, uses
+from rrrgen.program.ir import uses
+from rrrgen.program.nodes import Node
 
 MAX_TERMS = 100
 """Longest polynomial that is worth a search: its pairs of terms are what the search looks at."""

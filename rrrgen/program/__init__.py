@@ -3,7 +3,8 @@
 from rrrgen.program.builder import Builder, Scalar, Value
 from rrrgen.program.counts import OperationCount, count_operations
 from rrrgen.program.evaluate import evaluate
-from rrrgen.program.ir import Node, Op, Program
+from rrrgen.program.ir import Program
+from rrrgen.program.nodes import Node, Op
 from rrrgen.program.ports import Port, Role, Status
 
 __all__ = [

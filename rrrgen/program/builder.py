@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
 from rrrgen.errors import InternalError
-from rrrgen.program.ir import Node, Op, Program, reachable
+from rrrgen.program.ir import Program
+from rrrgen.program.nodes import Node, Op, reachable
 from rrrgen.program.ports import Port, Status
 
 Number = int | Fraction

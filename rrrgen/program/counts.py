@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import asdict, dataclass
 from operator import itemgetter
+from typing import TYPE_CHECKING
 
-from rrrgen.program.ir import Op, Program
+from rrrgen.program.nodes import Op
+
+if TYPE_CHECKING:
+    from rrrgen.program.ir import Program
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from fractions import Fraction
 
 from rrrgen.errors import InternalError
 from rrrgen.program.builder import Builder, Scalar, Value, replay
-from rrrgen.program.ir import Op, Program
+from rrrgen.program.ir import Program
+from rrrgen.program.nodes import Op
 from rrrgen.program.ports import Port
 
 Tangent = dict[int, Value]

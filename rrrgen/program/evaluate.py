@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.program.ir import Op, Program
+from rrrgen.program.ir import Program
+from rrrgen.program.nodes import Op
 
 if TYPE_CHECKING:
     import numpy as np

@@ -108,6 +108,8 @@ def test_the_table_of_commands_points_at_commands():
         (["generate", "rrr"], "Missing option '-o' / '--output'"),
         (["generate", "rrr", "-o", "x", "--real", "half"], "'half' is not one of 'double', 'float'"),
         (["show", "rrr", "--latex", "--json"], "give one of --latex and --json"),
+        (["show", "rrr", "--program", "--latex"], "--program goes with --function and --json only"),
+        (["show", "rrr", "--program", "-f", "gravit"], "no program 'gravit'; there are forward_kinematics, "),
         (["show", "rrr", "--entry", "1,1"], "--entry needs exactly one --function"),
         (["show", "pendulum", "-f", "gravity", "--entry", "2"], "has shape (1,)"),
         (["show", "pendulum", "-f", "gravity", "--entry", "0"], "entries count from 1"),
@@ -170,6 +172,17 @@ def test_show_prints_the_robot_back(rrrgen):
     golden("show_pendulum.txt", described)
     assert "  inverse_dynamics " in rest
     assert "M[1] = Izz1" in rest
+
+
+def test_show_a_program(rrrgen):
+    code, out, _ = rrrgen("show", "planar2r", "-f", "gravity", "-f", "mass_matrix_nominal", "--program")
+    assert code == 0
+    gravity, mass = out.split("\n\n")
+    assert gravity.startswith("gravity: Gravity torques.\n  g = dU/dq\n  in   q     (2)  rad  position")
+    assert gravity.endswith("\n  operations: 6 mul, 4 add, 2 sincos")
+    assert mass.startswith("mass_matrix_nominal: ")
+    code, out, _ = rrrgen("show", "planar2r", "-f", "gravity", "--program", "--json")
+    assert json.loads(out) == {"programs": {"gravity": gravity + "\n"}}
 
 
 def test_show_as_latex_and_single_entries(rrrgen):

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rrrgen.errors import InternalError
 from rrrgen.program import Builder, Op, Port, Program, Scalar, evaluate
 from rrrgen.program.builder import replay
-from rrrgen.program.ir import ARITY
+from rrrgen.program.nodes import ARITY
 
 HALF = Fraction(1, 2)
 

@@ -22,7 +22,7 @@ from typing import cast
 from rrrgen.program import Builder, Port, Program, Scalar, Value
 from rrrgen.program.builder import replay
 from rrrgen.program.differentiate import Tangent, is_zero, pull_back, record, tangents
-from rrrgen.program.ir import Node
+from rrrgen.program.nodes import Node
 
 ROWS_FACTOR = 4
 """A reverse sweep costs about this many times a forward direction that shares the sweep with others."""
