@@ -15,7 +15,7 @@ from rrrgen.errors import RrrgenError
 if TYPE_CHECKING:
     from bench.contestants.contestant import Party
     from bench.toolchain import Toolchain
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 Say = Callable[[str], None]
 GROWTH_SECONDS = {True: 20.0, False: 120.0}
@@ -60,7 +60,7 @@ def bench(plan: Plan, say: Say) -> Results:
 def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
     from bench.contestants.own import own_party
     from rrrgen import pipeline
-    from rrrgen.manifest import identify
+    from rrrgen.output.manifest import identify
     from rrrgen.runtime.derived_cache import recall
 
     spec = pipeline.read(robot)
@@ -109,7 +109,7 @@ def _python(case: Case, plan: Plan, toolchain: Toolchain, results: Results) -> N
 
 def _inverse_kinematics(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
     from bench.measurements.inverse_kinematics import GENERAL, ik_scores
-    from rrrgen.spec import load_spec, loads_spec
+    from rrrgen.robotfile import load_spec, loads_spec
 
     specs: Sequence[RobotSpec] = [load_spec(robot) for robot in plan.robots]
     for spec in [*(spec for spec in specs if spec.n <= 6), loads_spec(GENERAL, "general6r.yaml")]:

@@ -23,15 +23,15 @@ if TYPE_CHECKING:
         RrrgenError,
     )
     from rrrgen.pipeline import compile, derive
+    from rrrgen.robotfile import bundled_names, load_spec, loads_spec
     from rrrgen.runtime.model import Model
-    from rrrgen.spec import bundled_names, load_spec, loads_spec
 
 _HOMES = {
     "compile": "rrrgen.pipeline",
     "derive": "rrrgen.pipeline",
-    "load_spec": "rrrgen.spec",
-    "loads_spec": "rrrgen.spec",
-    "bundled_names": "rrrgen.spec",
+    "load_spec": "rrrgen.robotfile",
+    "loads_spec": "rrrgen.robotfile",
+    "bundled_names": "rrrgen.robotfile",
     "Model": "rrrgen.runtime.model",
     "RrrgenError": "rrrgen.errors",
     "InputError": "rrrgen.errors",

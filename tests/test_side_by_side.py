@@ -13,7 +13,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are f
 OPENING = '''
 import contextlib, os, signal, threading, time
 from pathlib import Path
-from rrrgen.side_by_side import side_by_side
+from rrrgen.parallel_map import side_by_side
 
 first = os.getpid()
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.contestants.cases import Case, Numbers, References
 from rrrgen.errors import RrrgenError
-from rrrgen.verify.chain import Array
+from rrrgen.verify.references.chain import Array
 
 OWN, OWN_FILE, OWN_LIBM = "rrrgen", "rrrgen, numbers folded", "rrrgen, libm"
 HAND, HAND_FILE, PINOCCHIO = "hand CasADi", "hand CasADi, file's numbers", "Pinocchio"

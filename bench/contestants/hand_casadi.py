@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bench.contestants.joint_frames import JointFrames, JointRow, regrouped
-from rrrgen.verify.chain import Array
+from rrrgen.verify.references.chain import Array
 
 Vector = tuple[Any, Any, Any]
 Tensor = tuple[Any, Any, Any, Any, Any, Any]  # 00, 01, 11, 02, 12, 22

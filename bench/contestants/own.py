@@ -11,9 +11,9 @@ from bench.contestants.contestant import OWN, OWN_FILE, OWN_LIBM, TITLES, Contes
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.trigonometry import sincos_strategy
-from rrrgen.manifest import identify
+from rrrgen.output.manifest import identify
 from rrrgen.program import Program, Role, count_operations
-from rrrgen.verify.chain import Array
+from rrrgen.verify.references.chain import Array
 
 if TYPE_CHECKING:
     from rrrgen.backends.c.trigonometry import Trig

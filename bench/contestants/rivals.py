@@ -11,7 +11,7 @@ import numpy as np
 from bench.contestants.cases import Case, Numbers
 from bench.contestants.contestant import HAND, HAND_FILE, PINOCCHIO, Contestant, Party
 from bench.templates import source
-from rrrgen.verify.chain import Array, centre_and_tensor
+from rrrgen.verify.references.chain import Array, centre_and_tensor
 
 _INPUTS = {
     "inverse_dynamics": (0, 1, 2),

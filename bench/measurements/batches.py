@@ -19,8 +19,8 @@ from bench.toolchain import Toolchain, run
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.trigonometry import sincos_strategy
-from rrrgen.manifest import identify
-from rrrgen.verify.chain import Array
+from rrrgen.output.manifest import identify
+from rrrgen.verify.references.chain import Array
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model

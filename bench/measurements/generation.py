@@ -24,7 +24,7 @@ ROUNDS = 5
 GENERATE = """
 import atexit, sys
 from rrrgen.cli.main import main
-from rrrgen.side_by_side import usual_jobs
+from rrrgen.parallel_map import usual_jobs
 
 @atexit.register
 def peak():

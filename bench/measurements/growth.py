@@ -13,7 +13,7 @@ from bench.contestants.contestant import Party
 from bench.contestants.own import own_party
 from bench.measurements.race import Effort, Score, race
 from bench.toolchain import Toolchain
-from rrrgen.spec.robot_spec import RobotSpec
+from rrrgen.robotfile.robot_spec import RobotSpec
 
 Rivals = Callable[[Case], list[Party]]
 
@@ -37,7 +37,7 @@ def growth(
     sizes: list[int], toolchain: Toolchain, effort: Effort, seconds: float, rivals: Rivals, say: Callable[[str], None]
 ) -> tuple[list[Score], list[float]]:
     """Scores of :data:`COMPARED` for every size, and seconds of derivation; stops once ``seconds`` are used up."""
-    from rrrgen.spec import loads_spec
+    from rrrgen.robotfile import loads_spec
 
     scores: list[Score] = []
     derivations: list[float] = []

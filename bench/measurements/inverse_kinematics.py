@@ -17,11 +17,11 @@ from bench.measurements.python_calls import turns
 from bench.measurements.race import Driver, Effort
 from bench.templates import render
 from bench.toolchain import Toolchain
-from rrrgen.verify.chain import Array, Chain, chain_of
-from rrrgen.verify.newton_euler import NewtonEuler
+from rrrgen.verify.references.chain import Array, Chain, chain_of
+from rrrgen.verify.references.newton_euler import NewtonEuler
 
 if TYPE_CHECKING:
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 POSES = 32
 ROW_ERROR = 1e-6
@@ -121,9 +121,9 @@ def _reference_sources() -> dict[str, str]:
     from rrrgen.backends.c.dialect import Dialect
     from rrrgen.backends.c.sources import header_and_sources
     from rrrgen.backends.c.trigonometry import sincos_strategy
-    from rrrgen.manifest import identify
+    from rrrgen.output.manifest import identify
+    from rrrgen.robotfile import load_spec
     from rrrgen.runtime.derived_cache import recall
-    from rrrgen.spec import load_spec
 
     spec = load_spec("rrr")
     derived = recall(spec, identify(spec), pipeline.derive)

@@ -16,7 +16,7 @@ from bench.contestants.contestant import TITLES, Contestant, DisagreementError, 
 from bench.templates import source
 from bench.toolchain import Toolchain
 from rrrgen.errors import BuildError
-from rrrgen.verify.chain import Array
+from rrrgen.verify.references.chain import Array
 
 TOLERANCE = 1e-9
 """Largest relative deviation: round-off of thousands of operations, and the condition of random mass matrices."""

@@ -12,7 +12,7 @@ from click.shell_completion import CompletionItem
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.verify.report import Report
 
 SHORT = 3
@@ -26,7 +26,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Shell completion of ROBOT: bundled names, and files."""
-    from rrrgen.spec import bundled_names
+    from rrrgen.robotfile import bundled_names
 
     names = [CompletionItem(name) for name in bundled_names() if name.startswith(incomplete)]
     return [*names, CompletionItem(incomplete, type="file")]
@@ -60,9 +60,9 @@ def html_option(function: F) -> F:
 
 def write_html(file: Path, model: DerivedModel, report: Report | None = None) -> None:
     """The HTML report of ``model`` in ``file``, with closed forms up to :data:`SHORT` joints."""
-    from rrrgen.derive.closed_form import closed_form
-    from rrrgen.emit import write_file
-    from rrrgen.manifest import identify
+    from rrrgen.derive.closed_forms.closed_form import closed_form
+    from rrrgen.output.manifest import identify
+    from rrrgen.output.writer import write_file
     from rrrgen.report import html_report
 
     identity = identify(model.spec)
@@ -73,7 +73,7 @@ def write_html(file: Path, model: DerivedModel, report: Report | None = None) ->
 
 def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:
     """The description of ``robot``; its warnings go to stderr."""
-    from rrrgen.spec import load_spec
+    from rrrgen.robotfile import load_spec
 
     spec = load_spec(robot, strict=strict)
     for fault in spec.faults:

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 COMMANDS: dict[str, tuple[str, str]] = {
-    "new": ("rrrgen.cli.new:new", "Write a robot file to start from."),
-    "robots": ("rrrgen.cli.robots:robots", "List the bundled robots."),
-    "check": ("rrrgen.cli.check:check", "Check robot files and print every fault with its place."),
-    "show": ("rrrgen.cli.show:show", "Print a robot back: DH, zero pose, base parameters, closed forms."),
-    "generate": ("rrrgen.cli.generate:generate", "Write C and CasADi models of a robot."),
-    "verify": ("rrrgen.cli.verify:verify", "Compare a compiled model with independent dynamics."),
-    "ik": ("rrrgen.cli.ik:ik", "Solve the inverse kinematics for a pose."),
-    "excite": ("rrrgen.cli.excite:excite", "Design an exciting trajectory."),
-    "simulate": ("rrrgen.cli.simulate:simulate", "Run an experiment on the virtual robot."),
-    "reconstruct": ("rrrgen.cli.reconstruct:reconstruct", "Reconstruct the joint motion of a recording."),
-    "identify": ("rrrgen.cli.identify:identify", "Estimate parameters from recordings."),
-    "validate": ("rrrgen.cli.validate:validate", "Score a robot file against recordings."),
-    "case-study": ("rrrgen.cli.case_study:case_study", "Run the whole case study on the virtual RRR."),
-    "controller": ("rrrgen.cli.controller:controller", "Write C of a motion, the Kalman step and friction."),
-    "schema": ("rrrgen.cli.schema:schema", "Print the JSON Schema of robot files, for editors."),
+    "new": ("rrrgen.cli.model.new:new", "Write a robot file to start from."),
+    "robots": ("rrrgen.cli.model.robots:robots", "List the bundled robots."),
+    "check": ("rrrgen.cli.model.check:check", "Check robot files and print every fault with its place."),
+    "show": ("rrrgen.cli.model.show:show", "Print a robot back: DH, zero pose, base parameters, closed forms."),
+    "generate": ("rrrgen.cli.model.generate:generate", "Write C and CasADi models of a robot."),
+    "verify": ("rrrgen.cli.model.verify:verify", "Compare a compiled model with independent dynamics."),
+    "ik": ("rrrgen.cli.model.ik:ik", "Solve the inverse kinematics for a pose."),
+    "excite": ("rrrgen.cli.identification.excite:excite", "Design an exciting trajectory."),
+    "simulate": ("rrrgen.cli.identification.simulate:simulate", "Run an experiment on the virtual robot."),
+    "reconstruct": (
+        "rrrgen.cli.identification.reconstruct:reconstruct",
+        "Reconstruct the joint motion of a recording.",
+    ),
+    "identify": ("rrrgen.cli.identification.identify:identify", "Estimate parameters from recordings."),
+    "validate": ("rrrgen.cli.identification.validate:validate", "Score a robot file against recordings."),
+    "case-study": ("rrrgen.cli.identification.case_study:case_study", "Run the whole case study on the virtual RRR."),
+    "controller": (
+        "rrrgen.cli.identification.controller:controller",
+        "Write C of a motion, the Kalman step and friction.",
+    ),
+    "schema": ("rrrgen.cli.model.schema:schema", "Print the JSON Schema of robot files, for editors."),
 }
 """A new command or command group is one line here and one file beside this one."""

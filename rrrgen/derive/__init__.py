@@ -12,21 +12,21 @@ if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 def derive_model(spec: RobotSpec) -> DerivedModel:
     """All programs and the minimal base parameters of ``spec``, before optimization."""
     import sympy as sp
 
-    from rrrgen.derive.base_parameters import BaseParameter, base_set, linear_expression, standard_symbols
-    from rrrgen.derive.chain import rational
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.derive.dynamic_functions import friction
-    from rrrgen.derive.functions import FUNCTIONS
-    from rrrgen.derive.recording import Recording, parametrize
-    from rrrgen.derive.regrouping import regroupings
-    from rrrgen.derive.user_basis import change_basis
+    from rrrgen.derive.functions.dynamic_functions import friction
+    from rrrgen.derive.functions.recording import Recording, parametrize
+    from rrrgen.derive.functions.table import FUNCTIONS
+    from rrrgen.derive.parameters.base_parameters import BaseParameter, base_set, linear_expression, standard_symbols
+    from rrrgen.derive.parameters.regrouping import regroupings
+    from rrrgen.derive.parameters.user_basis import change_basis
+    from rrrgen.derive.recursions.chain import rational
     from rrrgen.model import build_model
 
     model = build_model(spec)
@@ -66,9 +66,9 @@ def _projection(own: object, change: object) -> list[list[sp.Expr]]:
     """Base parameters (the user's, or the compiler's own) over the standard parameters."""
     import sympy as sp
 
-    from rrrgen.derive.base_parameters import BaseSet
-    from rrrgen.derive.polynomials import to_expression
-    from rrrgen.derive.user_basis import BasisChange
+    from rrrgen.derive.algebra.polynomials import to_expression
+    from rrrgen.derive.parameters.base_parameters import BaseSet
+    from rrrgen.derive.parameters.user_basis import BasisChange
 
     assert isinstance(own, BaseSet)
     if change is None:
@@ -98,7 +98,7 @@ def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
 
 
 def _nominal_drive_inertia(spec: RobotSpec) -> tuple[Fraction, ...] | None:
-    from rrrgen.derive.chain import rational_float
+    from rrrgen.derive.recursions.chain import rational_float
 
     values = [None if joint.drive is None else joint.drive.inertia for joint in spec.joints]
     return tuple(rational_float(v) for v in values) if any(v is not None for v in values) else None

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from rrrgen.derive.base_parameters import BaseParameter, BaseSet, Regrouping
-from rrrgen.derive.recording import Parametrization
-from rrrgen.derive.user_basis import BasisChange
+from rrrgen.derive.functions.recording import Parametrization
+from rrrgen.derive.parameters.base_parameters import BaseParameter, BaseSet, Regrouping
+from rrrgen.derive.parameters.user_basis import BasisChange
 from rrrgen.model import RobotModel
 from rrrgen.program import OperationCount, Program, Role
-from rrrgen.spec.robot_spec import RobotSpec
+from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.identify.columns import Array
-from rrrgen.identify.regression import RANK_TOLERANCE
-from rrrgen.identify.tsqr import JointFactors, Rows, factor_rows
+from rrrgen.arrays import Array
+from rrrgen.identify.estimation.regression import RANK_TOLERANCE
+from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows
 
 
 @dataclass(frozen=True)

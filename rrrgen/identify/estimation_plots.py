@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rrrgen.identify.columns import Array
+from rrrgen.arrays import Array
 from rrrgen.identify.convergence import Convergence
-from rrrgen.identify.figures import new_figure, style_axes
-from rrrgen.identify.kalman import KalmanMatrices, frequency_response
-from rrrgen.identify.statistics import Whiteness
-from rrrgen.identify.tsqr import Rows
+from rrrgen.identify.estimation.statistics import Whiteness
+from rrrgen.identify.estimation.tsqr import Rows
+from rrrgen.runs.figures import new_figure, style_axes
+from rrrgen.signals.kalman import KalmanMatrices, frequency_response
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

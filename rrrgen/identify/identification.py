@@ -10,18 +10,19 @@ from typing import Any, Literal
 
 import numpy as np
 
+from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.columns import Array, Column, DriveTerms, FullRegressor, RigidModel, standard_names
-from rrrgen.identify.consistency import (
+from rrrgen.identify.columns import Column, DriveTerms, FullRegressor, RigidModel, standard_names
+from rrrgen.identify.estimation.consistency import (
     DEFAULT_STRENGTH,
     ConsistentEstimate,
     Prior,
     consistent_estimate,
     default_prior,
 )
-from rrrgen.identify.definiteness import POSES, indefinite_share, mass_matrix, pose_limits
-from rrrgen.identify.essential import Essential, essential_parameters
-from rrrgen.identify.factoring import (
+from rrrgen.identify.estimation.definiteness import POSES, indefinite_share, mass_matrix, pose_limits
+from rrrgen.identify.estimation.essential import Essential, essential_parameters
+from rrrgen.identify.estimation.factoring import (
     Factors,
     FittedRows,
     Progress,
@@ -31,21 +32,21 @@ from rrrgen.identify.factoring import (
     rows_of_recordings,
     score,
 )
-from rrrgen.identify.identifiability import Direction, unexcited, weak_directions
-from rrrgen.identify.observations import KnownTorque, Observations, Recording, RowMaker, tuned
-from rrrgen.identify.parametrisation import Parametrisation, parametrise
-from rrrgen.identify.processing import Processing
-from rrrgen.identify.regression import (
+from rrrgen.identify.estimation.identifiability import Direction, unexcited, weak_directions
+from rrrgen.identify.estimation.observations import KnownTorque, Observations, Recording, RowMaker, tuned
+from rrrgen.identify.estimation.parametrisation import Parametrisation, parametrise
+from rrrgen.identify.estimation.regression import (
     Estimate,
     correlated_covariance,
     least_squares,
     robust_least_squares,
     weighted_least_squares,
 )
-from rrrgen.identify.repairs import Repairs
-from rrrgen.identify.statistics import Whiteness, residual_whiteness
-from rrrgen.identify.structure import Structure
-from rrrgen.identify.tsqr import JointFactors, Rows
+from rrrgen.identify.estimation.statistics import Whiteness, residual_whiteness
+from rrrgen.identify.estimation.structure import Structure
+from rrrgen.identify.estimation.tsqr import JointFactors, Rows
+from rrrgen.recordings.repairs import Repairs
+from rrrgen.signals.processing import Processing
 
 Method = Literal["ordinary", "weighted", "robust"]
 METHODS: tuple[Method, ...] = ("ordinary", "weighted", "robust")
@@ -132,7 +133,7 @@ def identify(
     """Estimate the base parameters and drive terms of ``model`` from ``recordings``.
 
     ``progress(done, total, message)`` is called as the work goes on; ``checkpoint`` and ``digest`` as in
-    :func:`~rrrgen.identify.factoring.factor_recordings`. Raises :class:`InputError` for data that cannot be used, and
+    :func:`~rrrgen.identify.estimation.factoring.factor_recordings`. Raises :class:`InputError` for data that cannot be used, and
     :class:`~rrrgen.errors.DerivationError` where nothing can be told from them.
     """
     options = options or Options()

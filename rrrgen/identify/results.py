@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
-from rrrgen.identify.columns import STANDARD, Array, standard_names
-from rrrgen.identify.consistency import ConsistentEstimate
-from rrrgen.identify.statistics import confidence_factor
+from rrrgen.identify.columns import STANDARD, standard_names
+from rrrgen.identify.estimation.consistency import ConsistentEstimate
+from rrrgen.identify.estimation.statistics import confidence_factor
 
 if TYPE_CHECKING:
     from rrrgen.identify.identification import Identification
-    from rrrgen.identify.run_folder import RunFolder
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.runs.run_folder import RunFolder
 
 FIELDS = {"fv": "viscous", "fc": "coulomb", "off": "offset"}
 CONFIDENCE = 0.95
@@ -132,7 +133,7 @@ def _link(phi: Array) -> Any:
     """One link; every number the exact decimal of its double."""
     import sympy as sp
 
-    from rrrgen.spec.robot_spec import LinkSpec
+    from rrrgen.robotfile.robot_spec import LinkSpec
 
     def exact(value: float) -> Any:
         return sp.Rational(repr(float(value)))
@@ -158,7 +159,7 @@ def write_identification(folder: RunFolder, found: Identification, spec: RobotSp
     """
     from rrrgen.identify.convergence import convergence
     from rrrgen.identify.estimation_plots import plot_convergence, plot_torques, plot_whiteness
-    from rrrgen.spec import dumps
+    from rrrgen.robotfile import dumps
 
     folder.write_json("identification.json", as_record(found))
     folder.write_csv("parameters.csv", *parameter_table(found))

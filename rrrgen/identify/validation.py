@@ -13,15 +13,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.columns import Array
-from rrrgen.identify.decimation import Decimator
-from rrrgen.identify.observations import Observations, Recording, RowMaker, tuned
-from rrrgen.identify.processing import Processing
-from rrrgen.identify.statistics import relative_error, rms
-from rrrgen.identify.tsqr import Rows
+from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker, tuned
+from rrrgen.identify.estimation.statistics import relative_error, rms
+from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import drive_terms
+from rrrgen.signals.decimation import Decimator
+from rrrgen.signals.processing import Processing
 
 TorqueModel = Callable[[Array, Array, Array], Array]
 """Motion (q, dq, ddq), (N, n) each, to joint torques (N, n)."""
@@ -290,7 +290,7 @@ def summary(result: Validation) -> list[Mapping[str, Any]]:
 
 def plot_torques(result: Validation, units: Sequence[str] | None = None) -> Any:
     """Applied torque and model torque of every joint over time, the difference below in the same panel (Fig. 14.13)."""
-    from rrrgen.identify.figures import new_figure, style_axes
+    from rrrgen.runs.figures import new_figure, style_axes
 
     n = len(result.joints)
     figure, axes = new_figure(n, 1, height=2.0 * n + 0.6, sharex=True)

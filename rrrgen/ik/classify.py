@@ -8,14 +8,14 @@ from itertools import product as cartesian
 from typing import TYPE_CHECKING
 
 from rrrgen.ik import families
-from rrrgen.ik.chain import Chain, numeric_chain
+from rrrgen.ik.geometry.chain import Chain, numeric_chain
+from rrrgen.ik.geometry.snap import snapped
+from rrrgen.ik.geometry.virtual import extended
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.ik.snap import snapped
 from rrrgen.ik.tolerances import EXACT, NEARLY, SPECIAL
-from rrrgen.ik.virtual import extended
 
 if TYPE_CHECKING:
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 TRIALS = 3
 """Random poses on which a plan must find the configuration it was made from."""

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from rrrgen.errors import InternalError
-from rrrgen.ik.builder import Builder, Turn
-from rrrgen.ik.chain import Chain, Joint
-from rrrgen.ik.elbow7 import derive_elbow7
-from rrrgen.ik.loop import Loop, close, commuted, lock, straightened
-from rrrgen.ik.parallel import derive_parallel
+from rrrgen.ik.geometry.chain import Chain, Joint
+from rrrgen.ik.geometry.loop import Loop, close, commuted, lock, straightened
+from rrrgen.ik.geometry.rigid import Crossing, Vector, minus, rigid, rotate, transposed
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.ik.position import Arm, solve_position
-from rrrgen.ik.reduced import derive_lift, derive_orientation, derive_planar, derive_point
-from rrrgen.ik.rigid import Crossing, Vector, minus, rigid, rotate, transposed
-from rrrgen.ik.spherical import derive_spherical
+from rrrgen.ik.recording.builder import Builder, Turn
+from rrrgen.ik.solutions.elbow7 import derive_elbow7
+from rrrgen.ik.solutions.parallel import derive_parallel
+from rrrgen.ik.solutions.position import Arm, solve_position
+from rrrgen.ik.solutions.reduced import derive_lift, derive_orientation, derive_planar, derive_point
+from rrrgen.ik.solutions.spherical import derive_spherical
 
 ARM_ANGLE = 100
 """``SolverPlan.locked`` of an arm that is prescribed by its arm angle instead of a joint."""

@@ -7,21 +7,21 @@ from dataclasses import replace
 from typing import Any
 
 from rrrgen.errors import DerivationError, InternalError
-from rrrgen.ik.c_builder import CBuilder
-from rrrgen.ik.chain import Chain
 from rrrgen.ik.derive import ARM_ANGLE, derive, solving_loop
-from rrrgen.ik.elbow7 import is_elbow7
-from rrrgen.ik.float_builder import FloatBuilder, every_branch, wrapped
-from rrrgen.ik.general6r import MAX_SOLUTIONS, tables_of
-from rrrgen.ik.loop import Loop, commuted, straightened
-from rrrgen.ik.parallel import Frame, better
+from rrrgen.ik.geometry.chain import Chain
+from rrrgen.ik.geometry.loop import Loop, commuted, straightened
+from rrrgen.ik.geometry.rigid import Crossing, rigid
 from rrrgen.ik.plan import Singularity, SolverPlan
-from rrrgen.ik.planar import triple_of
-from rrrgen.ik.position import Arm, simplest
-from rrrgen.ik.reduced import turning_axes
-from rrrgen.ik.rigid import Crossing, rigid
+from rrrgen.ik.recording.c_builder import CBuilder
+from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.singularities import described
-from rrrgen.ik.spherical import arm_of, is_spherical
+from rrrgen.ik.solutions.elbow7 import is_elbow7
+from rrrgen.ik.solutions.general6r import MAX_SOLUTIONS, tables_of
+from rrrgen.ik.solutions.parallel import Frame, better
+from rrrgen.ik.solutions.planar import triple_of
+from rrrgen.ik.solutions.position import Arm, simplest
+from rrrgen.ik.solutions.reduced import turning_axes
+from rrrgen.ik.solutions.spherical import arm_of, is_spherical
 
 FOUND = 1e-5
 """How near (rad, reaches) the configuration that made a trial pose must be found; double roots cost half the digits."""
@@ -165,7 +165,7 @@ def _eliminates(chain: Chain) -> bool:
 
 def parameter(plan: SolverPlan, q: Any) -> float:
     """The redundancy parameter of a configuration."""
-    from rrrgen.ik.arm_angle import arm_angle
+    from rrrgen.ik.geometry.arm_angle import arm_angle
 
     if plan.locked is None:
         return 0.0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     import sympy as sp
 
-    from rrrgen.ik.chain import Chain
+    from rrrgen.ik.geometry.chain import Chain
 
 Task = Literal["position", "pose"]
 Family = Literal[

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 
 from rrrgen.errors import DerivationError, InternalError
-from rrrgen.ik.builder import Feasible, Label, Turn, between
-from rrrgen.ik.chain import Joint
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.derive import derive
+from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
+from rrrgen.ik.geometry.symbols import symbolic_chain
 from rrrgen.ik.plan import Singularity, SolverPlan
-from rrrgen.ik.rigid import Rigid, S, Vector, dot
+from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
 from rrrgen.ik.singularities import singular_sets
-from rrrgen.ik.symbols import symbolic_chain
 
 if TYPE_CHECKING:
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from rrrgen.ik.chain import Chain, multiply
+from rrrgen.ik.geometry.chain import Chain, multiply
+from rrrgen.ik.geometry.symbols import symbolic_chain
 from rrrgen.ik.plan import Singularity, SolverPlan
-from rrrgen.ik.symbols import symbolic_chain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rrrgen.ik.c_statements import Stage
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.ik.recording.c_statements import Stage
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 TERMS = 8
 """Factors with more terms stay polynomials in sines and cosines: collecting sums of angles takes long."""

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import rrrgen
 from rrrgen.errors import DerivationError
-from rrrgen.ik.c_builder import CBuilder
-from rrrgen.ik.c_statements import CBody, Stage
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.derive import ARM_ANGLE, derive
-from rrrgen.ik.general6r import branches, tables_of
-from rrrgen.ik.general6r import render as render_general6r
 from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.recording.c_builder import CBuilder
+from rrrgen.ik.recording.c_statements import CBody, Stage
+from rrrgen.ik.solutions.general6r import branches, tables_of
+from rrrgen.ik.solutions.general6r import render as render_general6r
 from rrrgen.ik.tolerances import runtime
 from rrrgen.resources import render
 
 if TYPE_CHECKING:
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from rrrgen.spec.robot_spec import RobotSpec
+from rrrgen.robotfile.robot_spec import RobotSpec
 
 Kind = Literal["inertia", "viscous", "coulomb", "offset"]
 KINDS: tuple[Kind, ...] = ("inertia", "viscous", "coulomb", "offset")

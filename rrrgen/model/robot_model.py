@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
-from rrrgen.spec.robot_spec import JointSpec, RobotSpec
+from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
 
 IDENTITY = sp.eye(3)
 

@@ -6,17 +6,17 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rrrgen.derive.derivatives import differentiated, from_inverse_dynamics
 from rrrgen.derive.derived_model import DerivedModel, PassReport
-from rrrgen.derive.dynamic_functions import forward_dynamics
-from rrrgen.derive.recording import Recording
+from rrrgen.derive.functions.derivatives import differentiated, from_inverse_dynamics
+from rrrgen.derive.functions.dynamic_functions import forward_dynamics
+from rrrgen.derive.functions.recording import Recording
 from rrrgen.optimize.collecting import collect
 from rrrgen.optimize.doubling import double_by_addition
 from rrrgen.optimize.expansion import Cutting
 from rrrgen.optimize.folding import fold
 from rrrgen.optimize.rewriting import Tried, factored
+from rrrgen.parallel_map import side_by_side
 from rrrgen.program import Program, Role, count_operations
-from rrrgen.side_by_side import side_by_side
 
 LARGEST = {Cutting.NOTHING: 200, Cutting.SUMS: 230, Cutting.SCALED: 200, Cutting.LOCAL: sys.maxsize}
 """Up to how many operations a program is worth an expansion; the largest ones are factored locally only."""

@@ -7,7 +7,7 @@ from math import cos, sin
 
 import sympy as sp
 
-from rrrgen.spec.robot_spec import FixedTransform, RobotSpec
+from rrrgen.robotfile.robot_spec import FixedTransform, RobotSpec
 
 Point = tuple[float, float, float]
 Transform = tuple[tuple[float, float, float, float], ...]

@@ -8,7 +8,7 @@ from html import escape
 from math import cos, hypot, radians, sin
 
 from rrrgen.report.geometry import Point, Stage, Transform, column, origin, zero_pose
-from rrrgen.spec.robot_spec import RobotSpec
+from rrrgen.robotfile.robot_spec import RobotSpec
 
 WIDTH, HEIGHT, MARGIN = 640, 480, 70
 AZIMUTH, ELEVATION = radians(-52.0), radians(22.0)  # where the viewer stands; no DH direction is seen end-on

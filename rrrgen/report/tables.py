@@ -13,7 +13,7 @@ from markupsafe import Markup
 from rrrgen.backends.latex import Walk
 from rrrgen.program import OperationCount, count_operations
 from rrrgen.report.mathml import inline
-from rrrgen.spec.robot_spec import JointSpec, RobotSpec
+from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel

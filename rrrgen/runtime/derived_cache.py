@@ -15,7 +15,7 @@ from rrrgen.cache import cache_directory, digest, store, touch
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 _KEPT = frozenset(
     {

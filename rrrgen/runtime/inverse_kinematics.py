@@ -18,7 +18,7 @@ from rrrgen.runtime.ik_arguments import options, real_array, real_number
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from rrrgen.spec.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 MULTIPLE, FREE, OUTSIDE, INEXACT = 1, 2, 4, 8
 """Bits of :attr:`IKResult.flags`; see the emitted header."""

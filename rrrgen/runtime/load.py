@@ -14,7 +14,7 @@ from rrrgen.runtime.model import Model
 
 if TYPE_CHECKING:
     from rrrgen.backends.c.dialect import Dialect
-    from rrrgen.derive.closed_form import ClosedForm
+    from rrrgen.derive.closed_forms.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.program import Program
 
@@ -38,8 +38,8 @@ def load_model(
 
 
 def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:
+    from rrrgen.backends.c.batches.loops import declarations
     from rrrgen.backends.c.dialect import Dialect
-    from rrrgen.backends.c.loops import declarations
     from rrrgen.backends.c.signature import function_name
     from rrrgen.backends.c.sources import header_and_sources, programs_of
     from rrrgen.backends.c.trigonometry import InlineSinCos
@@ -56,7 +56,7 @@ def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> Compiled
 
 def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:
     """The loops over states: an extension of its own, because it takes the C compiler longer than all the rest."""
-    from rrrgen.backends.c.loops import loop_declarations, loop_files, loop_name
+    from rrrgen.backends.c.batches.loops import loop_declarations, loop_files, loop_name
     from rrrgen.runtime.build import CONTRACT, NATIVE, build_extension
 
     sources = {name: text for name, text in code.items() if name.endswith(".h")}

@@ -19,10 +19,10 @@ from rrrgen.runtime.results import DynamicsTerms, ForwardDynamicsDerivatives, In
 if TYPE_CHECKING:
     import sympy as sp
 
-    from rrrgen.derive.closed_form import ClosedForm
+    from rrrgen.derive.closed_forms.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.runtime.inverse_kinematics import IKResult, InverseKinematics
-    from rrrgen.spec.robot_spec import RobotSpec
 
 Array = NDArray[Any]
 

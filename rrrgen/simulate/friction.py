@@ -1,4 +1,4 @@
-"""What the virtual robot asks of a friction model; :class:`rrrgen.identify.friction_models.FrictionModel` fits."""
+"""What the virtual robot asks of a friction model; :class:`rrrgen.friction.models.FrictionModel` fits."""
 
 from __future__ import annotations
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrrgen.verify.chain import Array
 from rrrgen.verify.comparison import Collector, Tolerances, rate, size
-from rrrgen.verify.newton_euler import NewtonEuler
+from rrrgen.verify.references.chain import Array
+from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.subject import Model, Parameters, States, draw_states
 
 RANK_STATES = 40  # at least four rows of the stacked regressor per standard parameter

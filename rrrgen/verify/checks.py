@@ -7,13 +7,13 @@ from typing import cast
 import numpy as np
 
 from rrrgen.verify.against_newton_euler import check_dynamics, check_friction, check_kinematics, check_regressors
-from rrrgen.verify.chain import Chain, chain_of
 from rrrgen.verify.comparison import DOUBLE, SINGLE, Collector, Tolerances
 from rrrgen.verify.derivatives import check_derivatives
 from rrrgen.verify.identities import check_identities
-from rrrgen.verify.libraries import LIBRARIES
-from rrrgen.verify.newton_euler import NewtonEuler
-from rrrgen.verify.reference import ReferenceUnavailableError
+from rrrgen.verify.references.chain import Chain, chain_of
+from rrrgen.verify.references.libraries import LIBRARIES
+from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.reference import ReferenceUnavailableError
 from rrrgen.verify.report import Report
 from rrrgen.verify.subject import BothWays, Model, Parameters, States, draw_states, parameter_sets
 

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from rrrgen.errors import RrrgenError
-from rrrgen.verify.chain import Array
+from rrrgen.verify.references.chain import Array
 from rrrgen.verify.report import Row
 
 

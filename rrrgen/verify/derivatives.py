@@ -8,9 +8,9 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from rrrgen.verify.chain import Array
 from rrrgen.verify.comparison import Collector, Tolerances, rate, size
-from rrrgen.verify.newton_euler import NewtonEuler
+from rrrgen.verify.references.chain import Array
+from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.subject import Parameters, States
 
 

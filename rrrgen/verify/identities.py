@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrrgen.verify.chain import Array, Chain
 from rrrgen.verify.comparison import ANSWERED_WITH_AN_ERROR, Collector, Tolerances, rate, size
+from rrrgen.verify.references.chain import Array, Chain
 from rrrgen.verify.subject import Model, Parameters, States
 
 SELF = "identity"

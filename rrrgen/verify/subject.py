@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rrrgen.spec.robot_spec import RobotSpec
-from rrrgen.verify.chain import Array, Chain, is_physical, nominal_parameters
+from rrrgen.robotfile.robot_spec import RobotSpec
+from rrrgen.verify.references.chain import Array, Chain, is_physical, nominal_parameters
 
 ANGLE_RANGE, STROKE, SPEED, ACCELERATION = np.pi, 0.5, 3.0, 10.0
 """States are uniform in plus or minus these: rad, m, rad/s or m/s, rad/s^2 or m/s^2. Limits play no role."""

@@ -6,7 +6,7 @@ import pytest
 
 from backends.c_tools import C99, CXX, compile_all, compiler, run, write
 from rrrgen import pipeline
-from rrrgen.spec import load_spec
+from rrrgen.robotfile import load_spec
 
 
 @pytest.fixture(scope="module")

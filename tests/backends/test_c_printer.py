@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from backends.casadi_cases import arguments, random_program
+from rrrgen.backends.c.batches.loops import declarations
 from rrrgen.backends.c.comments import plain
 from rrrgen.backends.c.dialect import Dialect, decimal
-from rrrgen.backends.c.loops import declarations
 from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, prototype
 from rrrgen.backends.c.trigonometry import LibmSinCos

@@ -10,9 +10,9 @@ import pytest
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, random_state, to_yaml
 from rrrgen import pipeline
-from rrrgen.manifest import identify
+from rrrgen.output.manifest import identify
+from rrrgen.robotfile import loads_spec
 from rrrgen.runtime.load import load_model
-from rrrgen.spec import loads_spec
 
 DOUBLE = 1e-11  # relative to the largest torque (matrix entry) over the states: hundreds of roundings of 1e-16
 SINGLE = 1e-4  # the same for roundings of 6e-8, with cancellation

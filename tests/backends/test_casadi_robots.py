@@ -21,7 +21,7 @@ from rrrgen.backends.casadi import function, is_reproducible, serialized, source
 from rrrgen.backends.casadi.sources import casadi_programs, derivatives_of
 from rrrgen.pipeline import derive
 from rrrgen.program import Program, evaluate
-from rrrgen.spec import load_spec, loads_spec
+from rrrgen.robotfile import load_spec, loads_spec
 
 ca = pytest.importorskip("casadi")
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc to build the emitted C")
@@ -206,7 +206,7 @@ _HASH = """
 import hashlib
 from rrrgen.backends.casadi import sources
 from rrrgen.pipeline import derive
-from rrrgen.spec import load_spec
+from rrrgen.robotfile import load_spec
 print(hashlib.sha256("".join(sources(derive(load_spec("rrr"))).values()).encode()).hexdigest())
 """
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from backends.c_tools import compiler
+from rrrgen.backends.c.batches.packs import PackSinCos
+from rrrgen.backends.c.batches.transposition import SIZES, transfers
 from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.packs import PackSinCos
-from rrrgen.backends.c.transposition import SIZES, transfers
 
 WIDTHS = {"sse2": "-msse2", "avx": "-mavx", "avx512f": "-mavx512f"}
 

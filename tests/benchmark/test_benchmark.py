@@ -37,8 +37,8 @@ from bench.page import page
 from bench.results import Results
 from bench.targets import verdicts
 from bench.toolchain import find_toolchain
-from rrrgen.spec import load_spec, loads_spec
-from rrrgen.verify.chain import chain_of, is_physical
+from rrrgen.robotfile import load_spec, loads_spec
+from rrrgen.verify.references.chain import chain_of, is_physical
 
 ROUND_OFF = 1e-10
 """Thousands of operations in double, and mass matrices of random chains with conditions up to 1e4."""

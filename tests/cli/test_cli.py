@@ -13,7 +13,7 @@ import pytest
 
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.cli.main import LazyGroup, cli, run
-from rrrgen.spec import bundled_names, load_spec, loads_spec
+from rrrgen.robotfile import bundled_names, load_spec, loads_spec
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = Path(__file__).parent / "golden"

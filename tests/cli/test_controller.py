@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 
 from rrrgen.cli.main import cli
-from rrrgen.identify.fourier import FourierTrajectory
-from rrrgen.identify.friction_models import FrictionModel
-from rrrgen.identify.kalman import kalman_matrices, kalman_step
-from rrrgen.model.friction_laws import LAWS
+from rrrgen.friction.laws import LAWS
+from rrrgen.friction.models import FrictionModel
+from rrrgen.signals.fourier import FourierTrajectory
+from rrrgen.signals.kalman import kalman_matrices, kalman_step
 
 FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow"]
 STRICT = ["-Wstrict-prototypes", "-Wmissing-prototypes", "-Werror", "-ffp-contract=off"]

@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.identify.fourier import FourierTrajectory
+from rrrgen.signals.fourier import FourierTrajectory
 
 SLIDER = """
 schema: rrrgen/1

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.identify.fourier import FourierTrajectory
+from rrrgen.signals.fourier import FourierTrajectory
 
 
 def run(*arguments):

@@ -19,14 +19,14 @@ from oracles import newton_euler as oracle
 from oracles.newton_euler import Robot
 from oracles.numeric_rank import base_parameter_count, matrix_rank
 from oracles.random_robots import random_link, random_robot, random_state, robots, to_yaml
-from rrrgen.derive.base_parameters import base_set, standard_symbols
-from rrrgen.derive.functions import FUNCTIONS
-from rrrgen.derive.recording import Recording, parametrize
+from rrrgen.derive.functions.recording import Recording, parametrize
+from rrrgen.derive.functions.table import FUNCTIONS
+from rrrgen.derive.parameters.base_parameters import base_set, standard_symbols
 from rrrgen.model import build_model
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import drive_terms
 from rrrgen.program import evaluate
-from rrrgen.spec import bundled_names, load_spec, loads_spec
+from rrrgen.robotfile import bundled_names, load_spec, loads_spec
 
 CLEAR_GAP = 1e5  # measured gaps of singular values are above 1e8; nothing between the two sides of the rank
 ROUND_OFF = 1e-11  # relative to the largest torque; some hundred roundings of 1e-16
@@ -146,7 +146,7 @@ def test_lift_is_a_right_inverse_of_the_projection():
 
 
 def _expression(value) -> sp.Expr:
-    from rrrgen.derive.polynomials import to_expression
+    from rrrgen.derive.algebra.polynomials import to_expression
 
     return to_expression(value)
 
@@ -180,8 +180,8 @@ def test_another_seed_of_the_random_states_changes_nothing():
 
 
 REPORT = """
-from rrrgen.spec import load_spec
-from rrrgen.derive.base_parameters import base_set
+from rrrgen.robotfile import load_spec
+from rrrgen.derive.parameters.base_parameters import base_set
 from rrrgen.model import build_model
 from dataclasses import replace
 for name in ("rrr", "stanford", "scara"):

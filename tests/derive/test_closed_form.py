@@ -8,10 +8,10 @@ import sympy as sp
 
 from pipeline.optimized import bundled
 from rrrgen import pipeline
-from rrrgen.derive.closed_form import CLOSED, closed_form
+from rrrgen.derive.closed_forms.closed_form import CLOSED, closed_form
 from rrrgen.errors import DerivationError
 from rrrgen.program import evaluate
-from rrrgen.spec import load_spec
+from rrrgen.robotfile import load_spec
 
 DIGITS = 1e-12  # relative to the largest entry; the program computes in double, the closed form with 30 digits
 SEED = 3

@@ -11,14 +11,14 @@ from hypothesis import Phase, given, settings
 
 from derive.comparison import Reference, failures
 from oracles.random_robots import arbitrary_link, robots, to_yaml
-from rrrgen.derive.base_parameters import base_set
-from rrrgen.derive.chain import rational
-from rrrgen.derive.dynamic_functions import forward_dynamics
-from rrrgen.derive.functions import FUNCTIONS
-from rrrgen.derive.recording import Recording, parametrize
+from rrrgen.derive.functions.dynamic_functions import forward_dynamics
+from rrrgen.derive.functions.recording import Recording, parametrize
+from rrrgen.derive.functions.table import FUNCTIONS
+from rrrgen.derive.parameters.base_parameters import base_set
+from rrrgen.derive.recursions.chain import rational
 from rrrgen.model import build_model
 from rrrgen.program import Program, evaluate
-from rrrgen.spec import loads_spec
+from rrrgen.robotfile import loads_spec
 
 FINDING = (Phase.explicit, Phase.generate)  # a robot prints as it is; shrinking one would take minutes
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recordings import fourier_motion, point_masses
-from stand_in import RRR_ROWS, NumericModel
 
 from rrrgen.errors import InputError
 from rrrgen.identify.columns import DriveTerms, FullRegressor, standard_names
-from rrrgen.identify.consistency import Prior, consistent_estimate, pseudo_inertia, standard_parameters
-from rrrgen.identify.definiteness import indefinite_share, mass_matrix
-from rrrgen.identify.regression import least_squares
-from rrrgen.identify.tsqr import Rows, factor_rows
+from rrrgen.identify.estimation.consistency import Prior, consistent_estimate, pseudo_inertia, standard_parameters
+from rrrgen.identify.estimation.definiteness import indefinite_share, mass_matrix
+from rrrgen.identify.estimation.regression import least_squares
+from rrrgen.identify.estimation.tsqr import Rows, factor_rows
+from samples.recordings import fourier_motion, point_masses
+from samples.stand_in import RRR_ROWS, NumericModel
 
 pytest.importorskip("cvxpy", reason="cvxpy and CLARABEL solve the semidefinite program")
 

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import SHARED
 
 import rrrgen
-from rrrgen.identify.factoring import Split
+from rrrgen.identify.estimation.factoring import Split
 from rrrgen.identify.identification import Options, identify
-from rrrgen.identify.logs import read_log
-from rrrgen.identify.processing import Processing
+from rrrgen.recordings.logs import read_log
+from rrrgen.signals.processing import Processing
+from samples.recordings import SHARED
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "delan"
 DATA = SHARED / "delan_characters" / "character_data.npz"

@@ -9,7 +9,7 @@ import rrrgen
 from rrrgen.identify.columns import DriveTerms, FullRegressor
 from rrrgen.identify.validation import robot_model
 from rrrgen.model.drive_columns import STANDSTILL
-from rrrgen.spec import loads_spec
+from rrrgen.robotfile import loads_spec
 
 ARM = """
 schema: rrrgen/1

@@ -16,16 +16,9 @@ import pytest
 
 casadi = pytest.importorskip("casadi", reason="the search for exciting trajectories needs CasADi")
 
-from casadi_arms import (  # noqa: E402
-    double_pendulum_regressor,
-    double_pendulum_tip,
-    double_pendulum_torque,
-    rrr_regressor,
-)
-
 from oracles.chapter14 import regressor_1447  # noqa: E402
 from rrrgen.errors import DerivationError, InputError  # noqa: E402
-from rrrgen.identify.excitation import (  # noqa: E402
+from rrrgen.identify.excitation.design import (
     ExcitationLimits,
     ExcitationProblem,
     check_trajectory,
@@ -35,8 +28,14 @@ from rrrgen.identify.excitation import (  # noqa: E402
     solve_start,
     write_trajectory_csv,
 )
-from rrrgen.identify.excitation_nlp import ExcitationProgram  # noqa: E402
-from rrrgen.identify.excitation_search import random_start  # noqa: E402
+from rrrgen.identify.excitation.nlp import ExcitationProgram  # noqa: E402
+from rrrgen.identify.excitation.search import random_start  # noqa: E402
+from samples.casadi_arms import (  # noqa: E402
+    double_pendulum_regressor,
+    double_pendulum_tip,
+    double_pendulum_torque,
+    rrr_regressor,
+)
 
 CHAPTER_LIMITS = ExcitationLimits(speed=(2 * math.pi, 3 * math.pi, 3 * math.pi), acceleration=(60.0, 60.0, 60.0))
 TARGET_CONDITION = 1.6  # the chapter reports 3.1 on a grid that aliases
@@ -276,7 +275,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that runs te
 sys.path[:0] = {paths!r}
 from pathlib import Path
 from test_excitation import pendulum_problem
-from rrrgen.identify.excitation import run_starts
+from rrrgen.identify.excitation.design import run_starts
 if __name__ == "__main__":
     def say(done, total, message):
         print(done, flush=True)
@@ -346,7 +345,7 @@ def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch, und
 
 def test_a_cluster_that_does_not_answer_is_an_input_error(monkeypatch) -> None:
     pytest.importorskip("distributed", reason="clusters need the extra 'cluster'")
-    import rrrgen.identify.excitation_starts as starts
+    import rrrgen.identify.excitation.starts as starts
 
     monkeypatch.setattr(starts, "CLUSTER_TIMEOUT", "1s")
     began = time.monotonic()

@@ -10,11 +10,10 @@ import pytest
 pytest.importorskip("casadi", reason="the search for exciting trajectories needs CasADi")
 pytest.importorskip("matplotlib", reason="figures need matplotlib")
 
-from casadi_arms import double_pendulum_torque
 from test_excitation import BETA, pendulum_problem
 
-from rrrgen.identify.excitation import ExcitationLimits, design_excitation
-from rrrgen.identify.excitation_plots import (
+from rrrgen.identify.excitation.design import ExcitationLimits, design_excitation
+from rrrgen.identify.excitation.plots import (
     design_figures,
     plot_convergence,
     plot_information,
@@ -22,7 +21,8 @@ from rrrgen.identify.excitation_plots import (
     plot_singular_values,
     plot_torque,
 )
-from rrrgen.identify.figures import save_figure
+from rrrgen.runs.figures import save_figure
+from samples.casadi_arms import double_pendulum_torque
 
 
 @pytest.fixture(scope="module")

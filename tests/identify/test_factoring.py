@@ -9,11 +9,10 @@ import time
 
 import numpy as np
 import pytest
-from recordings import fourier_motion, planar_arm
 
 from rrrgen.errors import InputError
 from rrrgen.identify.columns import DriveTerms, FullRegressor
-from rrrgen.identify.factoring import (
+from rrrgen.identify.estimation.factoring import (
     FittedRows,
     Split,
     factor_recordings,
@@ -21,12 +20,13 @@ from rrrgen.identify.factoring import (
     rows_of_recordings,
     score,
 )
-from rrrgen.identify.log_stream import LogStream
-from rrrgen.identify.logs import Log, open_log, read_log, write_log
-from rrrgen.identify.observations import Observations, RowMaker, motion_bandwidth, tuned
-from rrrgen.identify.processing import Processing
-from rrrgen.identify.regression import weighted_least_squares
-from rrrgen.identify.tsqr import factor_rows
+from rrrgen.identify.estimation.observations import Observations, RowMaker, motion_bandwidth, tuned
+from rrrgen.identify.estimation.regression import weighted_least_squares
+from rrrgen.identify.estimation.tsqr import factor_rows
+from rrrgen.recordings.log_stream import LogStream
+from rrrgen.recordings.logs import Log, open_log, read_log, write_log
+from rrrgen.signals.processing import Processing
+from samples.recordings import fourier_motion, planar_arm
 
 SAME = 1e-9  # relative: the accuracy promised for streams against recordings in memory
 
@@ -247,13 +247,13 @@ from pathlib import Path
 import scipy.signal, scipy.linalg
 sys.path[:0] = [{tests!r}, {identify!r}]
 from test_factoring import TERMS
-from recordings import planar_arm
+from samples.recordings import planar_arm
 from rrrgen.identify.columns import FullRegressor
-from rrrgen.identify.factoring import factor_recordings
-from rrrgen.identify.log_stream import LogStream
-from rrrgen.identify.mapping_reader import load_mapping
-from rrrgen.identify.observations import Observations, RowMaker, Window
-from rrrgen.identify.processing import Processing
+from rrrgen.identify.estimation.factoring import factor_recordings
+from rrrgen.recordings.log_stream import LogStream
+from rrrgen.recordings.mapping_reader import load_mapping
+from rrrgen.identify.estimation.observations import Observations, RowMaker, Window
+from rrrgen.signals.processing import Processing
 
 regressor = FullRegressor(planar_arm(), TERMS)
 maker = RowMaker(regressor, Processing("butterworth", cutoff=20.0, decimate=50), len(regressor.names))

@@ -4,21 +4,21 @@ import json
 
 import numpy as np
 import pytest
-from recordings import fourier_motion
 
 import rrrgen
 from rrrgen.errors import InputError
 from rrrgen.identify.columns import DriveTerms, FullRegressor
 from rrrgen.identify.convergence import convergence
+from rrrgen.identify.estimation.factoring import Split
 from rrrgen.identify.estimation_plots import bode_data, plot_bode, plot_whiteness
-from rrrgen.identify.factoring import Split
 from rrrgen.identify.identification import Options, identify
-from rrrgen.identify.kalman import kalman_matrices
-from rrrgen.identify.log_stream import LogStream
-from rrrgen.identify.logs import Log, load_stream, open_log, open_recording, write_log
-from rrrgen.identify.processing import Processing
 from rrrgen.identify.results import as_record, write_identification
-from rrrgen.identify.run_folder import RunFolder, plain
+from rrrgen.recordings.log_stream import LogStream
+from rrrgen.recordings.logs import Log, load_stream, open_log, open_recording, write_log
+from rrrgen.runs.run_folder import RunFolder, plain
+from rrrgen.signals.kalman import kalman_matrices
+from rrrgen.signals.processing import Processing
+from samples.recordings import fourier_motion
 
 PERIOD, N = 2e-3, 4000
 ENCODER = 1e-5

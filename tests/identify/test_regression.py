@@ -2,21 +2,21 @@
 
 import numpy as np
 import pytest
-from recordings import fourier_motion
-from stand_in import RRR_ROWS, NumericModel
 
 from rrrgen.errors import DerivationError
 from rrrgen.identify.columns import DriveTerms, FullRegressor
-from rrrgen.identify.essential import essential_parameters
-from rrrgen.identify.identifiability import unexcited, weak_directions
-from rrrgen.identify.regression import (
+from rrrgen.identify.estimation.essential import essential_parameters
+from rrrgen.identify.estimation.identifiability import unexcited, weak_directions
+from rrrgen.identify.estimation.regression import (
     correlated_covariance,
     least_squares,
     robust_least_squares,
     weighted_least_squares,
 )
-from rrrgen.identify.statistics import confidence_factor, relative_error, residual_whiteness, rms, whiteness
-from rrrgen.identify.tsqr import JointFactors, Rows, factor_rows, factor_stream, merge_tree
+from rrrgen.identify.estimation.statistics import confidence_factor, relative_error, residual_whiteness, rms, whiteness
+from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows, factor_stream, merge_tree
+from samples.recordings import fourier_motion
+from samples.stand_in import RRR_ROWS, NumericModel
 
 EXACT = 1e-10  # relative: condition numbers of the tests times the round-off of a double
 

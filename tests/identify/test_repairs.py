@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from recordings import fourier_motion
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.identify.log_stream import LogStream
-from rrrgen.identify.logs import open_log
+from rrrgen.recordings.log_stream import LogStream
+from rrrgen.recordings.logs import open_log
+from samples.recordings import fourier_motion
 
 N, PERIOD = 2000, 2e-3
 

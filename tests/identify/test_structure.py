@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from stand_in import HALF_PI, RRR_ROWS, TX40_ROWS, NumericModel, Row
 
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.identify.columns import CoupledDrive, DriveTerms, FullRegressor, standard_names
-from rrrgen.identify.identifiability import fix_standard
-from rrrgen.identify.structure import combination, structure_of, structure_of_matrix
+from rrrgen.identify.estimation.identifiability import fix_standard
+from rrrgen.identify.estimation.structure import combination, structure_of, structure_of_matrix
 from rrrgen.model.drive_columns import drive_columns
+from samples.stand_in import HALF_PI, RRR_ROWS, TX40_ROWS, NumericModel, Row
 
 PUMA = [
     Row(HALF_PI, 0, 0),

@@ -4,22 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import SHARED
 
 import rrrgen
 from rrrgen.identify.columns import DriveTerms, FullRegressor
-from rrrgen.identify.consistency import pseudo_inertia
-from rrrgen.identify.factoring import Split
+from rrrgen.identify.estimation.consistency import pseudo_inertia
+from rrrgen.identify.estimation.factoring import Split
+from rrrgen.identify.estimation.observations import reconstruct
+from rrrgen.identify.estimation.regression import least_squares, weighted_least_squares
+from rrrgen.identify.estimation.structure import structure_of
+from rrrgen.identify.estimation.tsqr import Rows, factor_rows
 from rrrgen.identify.identification import Options, identify
-from rrrgen.identify.log_stream import LogStream
-from rrrgen.identify.logs import load_stream, open_log
-from rrrgen.identify.observations import reconstruct
-from rrrgen.identify.processing import Processing
-from rrrgen.identify.regression import least_squares, weighted_least_squares
 from rrrgen.identify.results import coupled_terms, identified_spec
-from rrrgen.identify.structure import structure_of
-from rrrgen.identify.tsqr import Rows, factor_rows
-from rrrgen.spec import dumps
+from rrrgen.recordings.log_stream import LogStream
+from rrrgen.recordings.logs import load_stream, open_log
+from rrrgen.robotfile import dumps
+from rrrgen.signals.processing import Processing
+from samples.recordings import SHARED
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "tx40"
 

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 
 from rrrgen.errors import InputError
-from rrrgen.identify.decimation import Decimator
-from rrrgen.identify.logs import Log
-from rrrgen.identify.processing import Processing
 from rrrgen.identify.validation import (
     Thresholds,
     column_model,
@@ -22,6 +19,9 @@ from rrrgen.identify.validation import (
     validate,
     validate_recordings,
 )
+from rrrgen.recordings.logs import Log
+from rrrgen.signals.decimation import Decimator
+from rrrgen.signals.processing import Processing
 
 NAMES = ("shoulder", "elbow")
 

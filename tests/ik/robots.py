@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import sympy as sp
 
-from rrrgen.spec.robot_spec import FixedTransform, JointSpec, Limits, RobotSpec
+from rrrgen.robotfile.robot_spec import FixedTransform, JointSpec, Limits, RobotSpec
 
 h = pi / 2
 

@@ -15,11 +15,11 @@ from ik.robots import ROWS, make, reference, table
 from oracles.inverse_kinematics import same_sets, solve_all
 from oracles.newton_euler import Robot, jacobian
 from rrrgen.errors import DerivationError
-from rrrgen.ik.casadi_branches import branch_function
 from rrrgen.ik.classify import plan
-from rrrgen.ik.elimination import eliminations
-from rrrgen.ik.general6r import general6r_tables
+from rrrgen.ik.recording.casadi_branches import branch_function
 from rrrgen.ik.report import closed_form
+from rrrgen.ik.solutions.elimination import eliminations
+from rrrgen.ik.solutions.general6r import general6r_tables
 from rrrgen.ik.sources import emit
 from rrrgen.runtime.inverse_kinematics import INEXACT, load_solver
 

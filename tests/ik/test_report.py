@@ -12,7 +12,7 @@ from ik.checks import sample
 from ik.robots import ROWS, make
 from rrrgen.errors import DerivationError
 from rrrgen.ik.report import closed_form
-from rrrgen.spec import load_spec
+from rrrgen.robotfile import load_spec
 
 SAME = 1e-9  # rad; the reading form evaluates in double as the emitted code does
 

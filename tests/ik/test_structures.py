@@ -8,7 +8,7 @@ from ik.checks import sample
 from ik.robots import make, reference
 from rrrgen.ik.classify import plan
 from rrrgen.ik.derive import derive
-from rrrgen.ik.float_builder import FloatBuilder, every_branch, wrapped
+from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 
 STRUCTURES = every_structure()
 EQUATION_ERROR = 1e-8

@@ -220,7 +220,7 @@ def test_angles_weigh_more_than_operations():
 DIGEST = """
 import hashlib
 from rrrgen.pipeline import derive
-from rrrgen.spec import load_spec
+from rrrgen.robotfile import load_spec
 for name in ("scara",):
     derived = derive(load_spec(name))
     for program in derived.programs.values():

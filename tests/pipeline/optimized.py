@@ -6,7 +6,7 @@ from functools import cache
 
 from rrrgen import pipeline
 from rrrgen.derive.derived_model import DerivedModel
-from rrrgen.spec import load_spec
+from rrrgen.robotfile import load_spec
 
 
 @cache

@@ -11,7 +11,7 @@ from derive.comparison import DOUBLE, Reference
 from oracles.newton_euler import Robot
 from oracles.random_robots import random_link
 from pipeline.optimized import bundled
-from rrrgen.derive.functions import FUNCTIONS
+from rrrgen.derive.functions.table import FUNCTIONS
 from rrrgen.program import Op, Program
 
 SWAPPED = {Op.ADD: Op.SUB, Op.SUB: Op.ADD}

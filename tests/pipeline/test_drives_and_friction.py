@@ -8,7 +8,7 @@ import pytest
 import rrrgen
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, to_yaml
-from rrrgen.spec import loads_spec
+from rrrgen.robotfile import loads_spec
 from rrrgen.verify import verify
 
 ROUND_OFF = 1e-11  # relative to the largest torque; some hundred operations on seven joints

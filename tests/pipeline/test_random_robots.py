@@ -9,10 +9,10 @@ from hypothesis import Phase, given, settings
 from derive.comparison import DOUBLE, Reference, failures
 from oracles.random_robots import random_robot, robots, to_yaml
 from rrrgen import pipeline
-from rrrgen.derive.functions import FUNCTIONS
-from rrrgen.manifest import identify
+from rrrgen.derive.functions.table import FUNCTIONS
+from rrrgen.output.manifest import identify
+from rrrgen.robotfile import loads_spec
 from rrrgen.runtime.load import load_model
-from rrrgen.spec import loads_spec
 
 SINGLE = 1e-4  # relative to the largest value; hundreds of roundings of 6e-8 with cancellation
 FINDING = (Phase.explicit, Phase.generate)  # a robot prints as it is; shrinking one would take minutes

@@ -20,7 +20,7 @@ from rrrgen.pipeline import derive
 from rrrgen.report import html_report
 from rrrgen.report.geometry import zero_pose
 from rrrgen.report.sketch import HEIGHT, WIDTH, frame_sketch
-from rrrgen.spec import bundled_names, load_spec
+from rrrgen.robotfile import bundled_names, load_spec
 from rrrgen.verify.report import Report, Row
 
 GEOMETRY = 1e-12  # the same products of transforms, metres
@@ -76,7 +76,7 @@ def model(name: str) -> Any:
 
 @cache
 def forms(name: str) -> dict[str, Any]:
-    from rrrgen.derive.closed_form import closed_form
+    from rrrgen.derive.closed_forms.closed_form import closed_form
 
     return {f: closed_form(model(name), f).matrix() for f in ("forward_kinematics", "mass_matrix", "gravity")}
 
@@ -173,11 +173,11 @@ def test_sketch_stays_on_its_sheet(name: str) -> None:
 
 _HASH = """
 import hashlib
-from rrrgen.derive.closed_form import closed_form
+from rrrgen.derive.closed_forms.closed_form import closed_form
 from rrrgen.pipeline import derive
 from rrrgen.report import html_report
 from rrrgen.backends.latex import latex
-from rrrgen.spec import load_spec
+from rrrgen.robotfile import load_spec
 m = derive(load_spec("rrr"))
 forms = {f: closed_form(m, f).matrix() for f in ("mass_matrix", "coriolis")}
 print(hashlib.sha256((html_report(m, forms) + latex(forms, cse_limit=20)).encode()).hexdigest())

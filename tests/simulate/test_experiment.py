@@ -7,9 +7,9 @@ import pytest
 
 import rrrgen
 from rrrgen.errors import DerivationError, InputError
-from rrrgen.identify.fourier import FourierTrajectory
-from rrrgen.identify.friction_models import coulomb_viscous
-from rrrgen.identify.kalman import kalman_matrices
+from rrrgen.friction.models import coulomb_viscous
+from rrrgen.signals.fourier import FourierTrajectory
+from rrrgen.signals.kalman import kalman_matrices
 from rrrgen.simulate.control import PD, BackwardDifference, ComputedTorque, DeviationFilter, pd_gains
 from rrrgen.simulate.experiment import Instruments, VirtualRobot
 from rrrgen.simulate.friction import Friction
@@ -159,7 +159,7 @@ def test_progress_is_reported(model, motion) -> None:
 
 
 def test_recordings_read_back_through_the_front_door(model, motion, tmp_path) -> None:
-    from rrrgen.identify.logs import read_log
+    from rrrgen.recordings.logs import read_log
 
     instruments = Instruments(torque_limit=(60.0, 30.0, 15.0))
     rec = run(model, motion, instruments, duration=0.2)

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 from oracles import newton_euler
 from oracles.random_robots import random_link
 from rrrgen.errors import InputError
-from rrrgen.identify.friction_models import FrictionModel, coulomb_viscous
-from rrrgen.model.friction_laws import LAWS
+from rrrgen.friction.laws import LAWS
+from rrrgen.friction.models import FrictionModel, coulomb_viscous
 from rrrgen.simulate.friction import Friction
 from rrrgen.simulate.integration import RigidIntegrator, StiffIntegrator, make_integrator
 from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints, make_plant

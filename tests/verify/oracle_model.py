@@ -9,7 +9,7 @@ from oracles import newton_euler as ne
 from oracles.lagrange import STEP
 from oracles.newton_euler import Robot
 from oracles.numeric_rank import stacked_regressor
-from rrrgen.spec.robot_spec import DriveSpec, FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
+from rrrgen.robotfile.robot_spec import DriveSpec, FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
 
 
 def exact(value: float) -> sp.Rational:

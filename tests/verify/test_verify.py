@@ -15,7 +15,7 @@ import rrrgen.verify as package
 from oracles import chapter14
 from oracles.newton_euler import Link
 from oracles.random_robots import random_robot
-from rrrgen.spec.robot_spec import FrictionSpec
+from rrrgen.robotfile.robot_spec import FrictionSpec
 from rrrgen.verify import Report, Row, verify
 from verify.oracle_model import OracleModel
 
@@ -282,7 +282,7 @@ def test_verdict_of_a_row():
 
 def test_nothing_of_the_compiler_is_imported():
     """The references would prove nothing if they shared code with the derivation."""
-    allowed = {"rrrgen.errors", "rrrgen.spec.robot_spec"}
+    allowed = {"rrrgen.errors", "rrrgen.robotfile.robot_spec"}
     for file in Path(package.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []

@@ -8,7 +8,7 @@ from fractions import Fraction
 from rrrgen.backends import Real
 from rrrgen.errors import BackendError
 from rrrgen.program import Status
-from rrrgen.spec.names import KEYWORDS
+from rrrgen.robotfile.names import KEYWORDS
 
 _LIBRARY = """sin cos tan asin acos atan atan2 sinh cosh tanh exp log log10 pow sqrt ceil floor fabs fmod frexp ldexp
 modf abs hypot cbrt erf erfc gamma lgamma tgamma j0 j1 jn y0 y1 yn signbit isnan isinf rint round trunc nan fma fmin

@@ -17,7 +17,7 @@ from rrrgen.resources import render
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.spec.robot_spec import LinkSpec, RobotSpec
+    from rrrgen.robotfile.robot_spec import LinkSpec, RobotSpec
 
 Array = NDArray[np.float64]
 

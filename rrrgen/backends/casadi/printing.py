@@ -14,7 +14,7 @@ from fractions import Fraction
 from rrrgen.backends.casadi.derivatives import input_place
 from rrrgen.program import Op, Program
 from rrrgen.program.ir import uses
-from rrrgen.spec.names import KEYWORDS, ROBOT_RESERVED
+from rrrgen.robotfile.names import KEYWORDS, ROBOT_RESERVED
 
 _SUM, _PRODUCT, _ATOM = 1, 2, 3
 _LOCAL = ("arg", "res", "iw", "w", "mem", "ca", "gamma", "y0", "y1", "yn", "j0", "j1", "jn")

@@ -1,0 +1,1 @@
+"""C for batches: the same programs over SIMD lanes, and the loops that the Python extension calls."""

@@ -1,0 +1,1 @@
+"""Commands of the identification workflow, from excite to controller."""

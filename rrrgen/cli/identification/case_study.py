@@ -1,0 +1,55 @@
+"""``rrrgen case-study``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json
+from rrrgen.cli.identification.workflow import jobs_options, output_option
+from rrrgen.cli.progress import progress_bar
+
+
+@click.command()
+@output_option
+@jobs_options
+@click.option("--starts", type=click.IntRange(min=1), default=4, show_default=True, help="Of the excitation search.")
+@click.option("--seed", type=int, default=1, show_default=True, help="Of everything random.")
+@json_option
+def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: int, as_json: bool) -> int:
+    """Run the whole case study on the virtual RRR: excitation, experiment, base parameters, writing task.
+
+    DIR gets the results as JSON and CSV and the figures (SVG, PNG) of the chapter with data of its own, among them the
+    closed-form inverse kinematics and dynamics against recursive ones (Figs. 14.7 and 14.8). An interrupted run is
+    taken up again. Takes some minutes; exits with 1 if a result misses its standard.
+
+    \b
+    Example:
+      rrrgen case-study -o runs/case-study --jobs 2
+    """
+    from rrrgen.experiments.case_study.case_study import CaseStudySettings, run_case_study
+
+    with progress_bar() as tell:
+        settings = CaseStudySettings(starts=starts, seed=seed)
+        study = run_case_study(output, settings, jobs=jobs, cluster=cluster, progress=tell)
+    if as_json:
+        print_json(study.to_json())
+        return 1 if study.failures else 0
+    estimate = study.identification.estimate
+    click.echo(f"excitation: condition number {study.design.best.check.condition:.3f} on the controller's grid")
+    click.echo(f"{'parameter':>10} {'estimate':>12} {'std':>10} {'truth':>12} {'in std':>7}")
+    rows = zip(estimate.names, estimate.x, estimate.std, study.truth, study.deviations, strict=True)
+    for name, value, std, truth, deviation in rows:
+        click.echo(f"{name:>10} {value:12.5f} {std:10.2e} {truth:12.5f} {deviation:7.2f}")
+    click.echo(f"writing task: torque error {100 * study.validation.relative_error:.2f} % of the RMS torque")
+    for score in study.validation.joints:
+        moving, whole = 100 * score.relative_error, 100 * score.relative_error_all
+        click.echo(
+            f"  {score.joint}: {moving:.2f} % where it moves, {100 * score.share:.0f} % of the samples; "
+            f"{whole:.1f} % with rest, where friction has no one value"
+        )
+    for failure in study.failures:
+        click.echo(f"not reached: {failure}")
+    click.echo(f"results and figures in {output}")
+    return 1 if study.failures else 0

@@ -1,0 +1,107 @@
+"""``rrrgen controller``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument
+
+if TYPE_CHECKING:
+    from rrrgen.program import Program
+
+LAWS = ("coulomb_viscous", "asymmetric", "stribeck", "lugre", "neural")
+
+
+@click.command()
+@robot_argument
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Directory.", metavar="DIR")
+@click.option("--trajectory", type=click.Path(path_type=Path, exists=True), help="excitation.json of `rrrgen excite`.")
+@click.option("--tuning", type=click.Path(path_type=Path, exists=True), help="tuning.json of `rrrgen reconstruct`.")
+@click.option("--rate", type=click.FloatRange(min=0.0, min_open=True), default=1000.0, show_default=True, help="Hz.")
+@click.option("--friction", type=click.Choice(LAWS), multiple=True, help="A friction law; repeat for several.")
+@real_option
+@json_option
+def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
+    """Write what an experiment needs on the controller itself as C99, beside the model of `rrrgen generate`.
+
+    --trajectory gives <name>_trajectory.h/.c, the exciting motion at any instant; --tuning <name>_kalman.h/.c, one step
+    of the Kalman filter for the controller's --rate; --friction <name>_friction.h/.c, friction torques with parameters
+    at run time, and for LuGre the step of its state.
+
+    \b
+    Example:
+      rrrgen controller rrr --trajectory runs/excitation/results/excitation.json -o firmware
+      rrrgen controller rrr --tuning runs/motion/results/tuning.json --friction lugre --real float -o firmware
+    """
+    from rrrgen.backends.c.functions import function_files
+    from rrrgen.output import writer as emit
+
+    spec = read_with_warnings(robot)
+    parts: list[tuple[str, str, list[Program]]] = []
+    if options["trajectory"]:
+        parts.append(("trajectory", f"an exciting motion of {spec.name}", [_motion(options["trajectory"], spec.n)]))
+    if options["tuning"]:
+        step = _kalman(options["tuning"], options["rate"], spec.n)
+        parts.append(("kalman", f"reconstruction of the joint motion of {spec.name}", [step]))
+    if options["friction"]:
+        programs = [program for law in options["friction"] for program in _friction(law, spec.n)]
+        parts.append(("friction", f"friction in the joints of {spec.name}", programs))
+    if not parts:
+        raise click.UsageError("nothing to write: give --trajectory, --tuning or --friction")
+    files: dict[str, str] = {}
+    for kind, title, programs in parts:
+        files |= function_files(f"{spec.name}_{kind}", title, programs, options["real"])
+    for name, text in files.items():
+        emit.write_file(output / name, text)
+    if as_json:
+        print_json({"directory": str(output), "files": sorted(files)})
+    else:
+        click.echo(f"written to {output}: {', '.join(files)}")
+    return 0
+
+
+def _motion(path: Path, joints: int) -> Program:
+    """The motion of an excitation result."""
+    from rrrgen.cli.identification.workflow import read_trajectory
+    from rrrgen.control.trajectory import fixed_fourier_program
+    from rrrgen.errors import InputError
+
+    motion = read_trajectory(path)
+    if motion.n != joints:
+        raise InputError(f"{path} moves {motion.n} joints, the robot has {joints}")
+    program = fixed_fourier_program(motion.q0.tolist(), motion.a.tolist(), motion.b.tolist(), motion.base_frequency)
+    return program.described(name="evaluate")
+
+
+def _kalman(path: Path, rate: float, joints: int) -> Program:
+    """The step with the variances that a reconstruction has found or was told."""
+    from rrrgen.control.kalman import kalman_program
+    from rrrgen.errors import InputError
+    from rrrgen.signals.kalman import kalman_matrices
+
+    try:
+        tuning = json.loads(path.read_text(encoding="utf-8"))
+        pairs = [(float(eta), float(xi)) for eta, xi in zip(tuning["var_eta"], tuning["var_xi"], strict=True)]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is no tuning of a Kalman filter by `rrrgen reconstruct`: {error!r}") from None
+    if len(pairs) != joints:
+        raise InputError(f"{path} tunes {len(pairs)} joints, the robot has {joints}")
+    matrices = [kalman_matrices(1.0 / rate, eta, xi) for eta, xi in pairs]
+    step = kalman_program([m.E.tolist() for m in matrices], [m.k.tolist() for m in matrices], 1.0 / rate)
+    return step.described(name="step")
+
+
+def _friction(law: str, joints: int) -> list[Program]:
+    """Torques, and the step of a law with a state."""
+    from rrrgen.friction.laws import LAWS as KNOWN
+    from rrrgen.friction.programs import friction_program, friction_step_program
+
+    chosen = KNOWN[law]
+    programs = [friction_program(chosen, joints).described(name=law)]
+    if chosen.step is not None:
+        programs.append(friction_step_program(chosen, joints).described(name=f"{law}_step"))
+    return programs

@@ -1,0 +1,84 @@
+"""``rrrgen excite``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.identification.workflow import (
+    chosen_experiment,
+    described_files,
+    experiment_option,
+    jobs_options,
+    output_option,
+    seed_option,
+)
+from rrrgen.cli.progress import progress_bar
+
+
+@click.command()
+@robot_argument
+@output_option
+@experiment_option
+@click.option("--harmonics", type=click.IntRange(min=1), help="Of the Fourier series; 15 by default.")
+@click.option("--duration", "cycle", type=float, help="Period of the motion, s; 10 by default.")
+@click.option("--rate", type=float, help="Of the controller, Hz; 1000 by default.")
+@click.option("--starts", type=click.IntRange(min=1), help="Starts of the search; 4 by default.")
+@jobs_options
+@seed_option(default=None)
+@click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
+@json_option
+def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
+    """Design an exciting trajectory within the limits of a robot file, or of an experiment file.
+
+    The condition number of the regressor is minimised from several starts; every limit is checked at the controller's
+    rate. DIR gets the coefficients (JSON), samples for the controller (CSV) and figures.
+
+    \b
+    Example:
+      rrrgen excite rrr -o runs/excitation --jobs 2
+      rrrgen excite rrr --experiment experiment.yaml -o runs/excitation
+    """
+    from rrrgen import pipeline
+    from rrrgen.experiments.experiment_setup import problem_of
+    from rrrgen.identify.excitation.design import design_excitation
+    from rrrgen.identify.excitation.plots import plot_convergence, plot_motion, plot_singular_values
+    from rrrgen.identify.excitation.robot import limits_of
+    from rrrgen.runs.run_folder import RunFolder
+
+    spec = read_with_warnings(robot)
+    experiment = chosen_experiment(options["experiment"], spec.n, options)
+    settings = {name: options[name] for name in ("harmonics", "cycle", "rate", "starts")}
+    settings["limits"] = asdict(limits_of(spec))
+    inputs = described_files(robot=Path(robot), experiment=options["experiment"])
+    with (
+        RunFolder(output, "excite", inputs, settings, experiment.seed, options["fresh"]) as folder,
+        progress_bar() as tell,
+    ):
+        problem = problem_of(experiment, pipeline.compile(spec))
+        design = design_excitation(
+            problem,
+            experiment.starts,
+            seed=experiment.seed,
+            jobs=options["jobs"],
+            cluster=options["cluster"],
+            checkpoints=folder.checkpoint("starts"),
+            progress=tell,
+        )
+        results = folder.path / "results"
+        results.mkdir(parents=True, exist_ok=True)
+        design.write(results)
+        folder.figure("motion", plot_motion(design.trajectory))
+        folder.figure("singular_values", plot_singular_values(design))
+        folder.figure("convergence", plot_convergence(design))
+    if as_json:
+        print_json(design.to_json())
+    else:
+        check = design.best.check
+        click.echo(f"condition number {check.condition:.4g} with {problem.columns} columns, all limits met")
+        click.echo(f"results and figures in {output}")
+    return 0

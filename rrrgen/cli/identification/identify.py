@@ -1,0 +1,151 @@
+"""``rrrgen identify``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.identification.workflow import (
+    chosen_processing,
+    input_files,
+    jobs_options,
+    log_option,
+    output_option,
+    print_repairs,
+    processing_options,
+    seed_option,
+)
+from rrrgen.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    from rrrgen.identify.identification import Identification
+
+
+@click.command()
+@robot_argument
+@log_option
+@output_option
+@processing_options
+@click.option(
+    "--estimator",
+    type=click.Choice(["ordinary", "weighted", "robust"]),
+    default="weighted",
+    show_default=True,
+    help="Least squares: plain, with residual weights per joint, or against outliers.",
+)
+@click.option("--split", default="none", show_default=True, help="Data to fit: none, first:0.6, blocks:0.5.")
+@click.option("--fix", multiple=True, metavar="NAME=VALUE", help="A known column or standard parameter, as my2=0.")
+@click.option("--consistent/--no-consistent", default=True, help="Also the physically consistent estimate.")
+@click.option("--essential", is_flag=True, help="Also the reduction to essential parameters.")
+@jobs_options
+@seed_option(default=0)
+@click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
+@json_option
+def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **options: Any) -> int:
+    """Estimate base parameters, drive inertia and friction from recordings.
+
+    Friction and drive keys that ROBOT gives (0 included) are estimated. DIR gets the parameters with their standard
+    deviations, figures, and robot.yaml with the physically consistent estimate, which `rrrgen generate` takes.
+
+    \b
+    Examples:
+      rrrgen identify rrr --log runs/log.yaml -o runs/identified
+      rrrgen identify examples/tx40/robot.yaml --log examples/tx40/log.yaml --split first:0.6 -o runs/tx40
+    """
+    from rrrgen import pipeline
+    from rrrgen.identify.columns import DriveTerms
+    from rrrgen.identify.estimation.factoring import Split
+    from rrrgen.identify.identification import Options
+    from rrrgen.identify.identification import identify as estimate
+    from rrrgen.identify.results import as_record, write_identification
+    from rrrgen.recordings.log_stream import LogStream
+    from rrrgen.recordings.logs import check_joints, open_log
+    from rrrgen.runs.run_folder import RunFolder
+
+    spec = read_with_warnings(robot)
+    mappings = [open_log(path) for path in logs]
+    for mapping in mappings:
+        check_joints(mapping.names, [joint.name for joint in spec.joints])
+    processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
+    columns, standard = _fixed(options["fix"])
+    chosen = Options(
+        method=options["estimator"],
+        terms=DriveTerms.of_spec(spec, mappings[0].coupled_drives),
+        fixed=columns,
+        fixed_standard=standard,
+        split=Split.parse(options["split"]),
+        consistent=options["consistent"],
+        essential=options["essential"],
+        seed=options["seed"],
+        jobs=options["jobs"],
+        cluster=options["cluster"],
+    )
+    settings = {**processing.settings(), **{k: options[k] for k in ("estimator", "split", "fix", "consistent")}}
+    inputs = input_files(robot, logs, mappings)
+    with (
+        RunFolder(output, "identify", inputs, settings, options["seed"], options["fresh"]) as folder,
+        progress_bar() as tell,
+    ):
+        recordings = [LogStream(mapping) for mapping in mappings]
+        print_repairs((recording.repairs for recording in recordings), as_json)
+        found = estimate(
+            pipeline.compile(spec),
+            recordings,
+            processing,
+            chosen,
+            checkpoint=folder.checkpoint("factors"),
+            digest=folder.digest,
+            progress=tell,
+        )
+        write_identification(folder, found, spec)
+    if as_json:
+        print_json(_finite(as_record(found)))
+    else:
+        _report(found, output)
+    return 0
+
+
+def _fixed(entries: tuple[str, ...]) -> tuple[dict[str, float], dict[str, float]]:
+    """``NAME=VALUE`` pairs: known columns, and known standard parameters (m2, mx2, Ixx2, ...)."""
+    import re
+
+    columns: dict[str, float] = {}
+    standard: dict[str, float] = {}
+    for entry in entries:
+        match = re.fullmatch(r"\s*(\w+)\s*=\s*([-+0-9.eE]+)\s*", entry)
+        try:
+            name, value = (match.group(1), float(match.group(2))) if match else ("", 0.0)
+        except ValueError:
+            name, value = "", 0.0
+        if not name:
+            raise click.BadParameter(f"'{entry}' is not NAME=VALUE", param_hint="--fix")
+        is_standard = re.fullmatch(r"(m|m[xyz]|I[xyz][xyz])\d+", name) is not None
+        (standard if is_standard else columns)[name] = value
+    return columns, standard
+
+
+def _finite(value: Any) -> Any:
+    from rrrgen.runs.run_folder import plain
+
+    return plain(value)
+
+
+def _report(found: Identification, output: Path) -> None:
+    estimate = found.estimate
+    click.echo(f"{'parameter':>14} {'estimate':>14} {'std':>10}")
+    for name, value, std in zip(estimate.names, estimate.x, estimate.std, strict=True):
+        click.echo(f"{name:>14} {value:14.6g} {std:10.2e}")
+    click.echo(f"fitted: relative error {100 * found.fit['relative_error']:.3g} % (its own data)")
+    if found.split.kind != "none":
+        click.echo(f"held out: relative error {100 * found.held_out['relative_error']:.3g} %")
+        if found.consistent_held_out is not None:
+            error = 100 * found.consistent_held_out["relative_error"]
+            click.echo(f"held out, physically consistent: relative error {error:.3g} %")
+    for name, share in found.indefinite.items():
+        click.echo(f"random poses with an indefinite mass matrix, {name}: {100 * share:.2f} %")
+    for note in (*found.structural_notes, *found.motion_notes):
+        click.echo(f"note: {note}")
+    click.echo(f"results and figures in {output}")

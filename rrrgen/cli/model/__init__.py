@@ -1,0 +1,1 @@
+"""Commands about a model: new, robots, check, show, schema, generate, verify, ik."""

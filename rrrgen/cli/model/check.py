@@ -1,0 +1,66 @@
+"""``rrrgen check``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from rrrgen.cli.arguments import complete_robot, json_option, print_json
+from rrrgen.errors import Fault, InputError
+
+
+@click.command()
+@click.argument("files", nargs=-1, required=True, metavar="ROBOT...", shell_complete=complete_robot)
+@click.option("--strict", is_flag=True, help="Treat warnings, such as inertias that no body has, as errors.")
+@json_option
+def check(files: tuple[str, ...], strict: bool, as_json: bool) -> int:
+    """Check robot files: every fault at once as file:line:col with the line and what is allowed.
+
+    Exits with 3 if a file has errors.
+
+    \b
+    Examples:
+      rrrgen check elbow3.yaml
+      rrrgen check --strict robots/*.yaml
+    """
+    results = [_check(file, strict, as_json) for file in files]
+    if as_json:
+        print_json(results)
+    return 0 if all(result["ok"] for result in results) else InputError.exit_code
+
+
+def _check(file: str, strict: bool, quiet: bool) -> dict[str, Any]:
+    from rrrgen.robotfile import load_spec
+
+    summary, faults = "", []
+    try:
+        spec = load_spec(file, strict=strict)
+        faults = [fault for fault in spec.faults if isinstance(fault, Fault)]
+        summary = f"{spec.name}, {spec.n} joints, {spec.convention} DH"
+    except InputError as error:
+        faults = list(error.faults)
+    ok = bool(summary)
+    if not quiet:
+        for fault in faults:
+            click.echo(str(fault), err=True)
+        click.echo(f"{file}: ok ({summary})" if ok else f"{file}: {_count(faults)}")
+    return {"file": file, "ok": ok, "summary": summary, "faults": [_plain(fault) for fault in faults]}
+
+
+def _count(faults: list[Fault]) -> str:
+    errors = sum(fault.severity == "error" for fault in faults)
+    warnings = len(faults) - errors
+    text = f"{errors} error{'s' * (errors != 1)}"
+    return f"{text}, {warnings} warning{'s' * (warnings != 1)}" if warnings else text
+
+
+def _plain(fault: Fault) -> dict[str, Any]:
+    return {
+        "file": fault.file,
+        "line": fault.line,
+        "column": fault.column,
+        "severity": fault.severity,
+        "message": fault.message,
+        "hint": fault.hint,
+    }

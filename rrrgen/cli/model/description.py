@@ -1,0 +1,164 @@
+"""A robot in words and tables, as ``show`` prints it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.program import count_operations, evaluate
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.ik.report import ClosedForm as InverseForm
+    from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
+
+_CONVENTION = {
+    "standard": "standard DH, T = Rz(theta) Tz(d) Tx(a) Rx(alpha), joint i about z of frame i-1",
+    "modified": "modified DH, T = Rx(alpha) Tx(a) Rz(theta) Tz(d), joint i about z of frame i",
+}
+
+
+def as_text(model: DerivedModel) -> str:
+    """Everything but closed forms, as text."""
+    spec = model.spec
+    lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec), ""]
+    lines += ["Denavit-Hartenberg table (exact; in parentheses the nominal value in m or rad, and in deg)"]
+    lines += _table([("joint", "type", "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.joints)])
+    lines += ["", "Pose of the tip at q = 0, in the base frame"]
+    lines += [f"  {'  '.join(f'{value:10.6f}' for value in row)}" for row in zero_pose(model)]
+    lines += ["", f"{len(model.base_parameters)} base parameters, tau = Y(q, dq, ddq) beta"]
+    lines += _parameters(model)
+    lines += ["", "What became of the link parameters"]
+    lines += _regrouping(model)
+    lines += ["", "Operations of the emitted functions"]
+    lines += _table([(name, str(count_operations(program))) for name, program in model.programs.items()])
+    return "\n".join(lines) + "\n\n"
+
+
+def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseForm | str | None) -> dict[str, Any]:
+    """The same for machines."""
+    spec = model.spec
+    nominal = [None] * len(model.base_parameters) if model.beta_nominal is None else map(float, model.beta_nominal)
+    return {
+        "name": spec.name,
+        "description": spec.description,
+        "source": spec.source,
+        "convention": spec.convention,
+        "gravity": [str(component) for component in spec.gravity],
+        "parameters": {name: str(value) for name, value in spec.parameters.items()},
+        "joints": [_joint(spec, joint) for joint in spec.joints],
+        "zero_pose": [[float(value) for value in row] for row in zero_pose(model)],
+        "base_parameters": [
+            {"name": p.name, "unit": p.unit, "expression": str(p.expression), "nominal": value}
+            for p, value in zip(model.base_parameters, nominal, strict=True)
+        ],
+        "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
+        "operations": {name: count_operations(program).as_dict() for name, program in model.programs.items()},
+        "closed_forms": closed_forms,
+        "inverse_kinematics": _inverse_kinematics(inverse),
+    }
+
+
+def _inverse_kinematics(found: InverseForm | str | None) -> dict[str, Any] | None:
+    """Family, singularities and steps, or the reason why there is none."""
+    if found is None or isinstance(found, str):
+        return None if found is None else {"reason": found}
+    return {
+        "family": found.plan.family,
+        "title": found.plan.title,
+        "max_solutions": found.plan.max_solutions,
+        "redundancy": found.plan.redundancy or None,
+        "singular": [item.words if item.expression is None else str(item.expression) for item in found.singularities],
+        "steps": [step.text() for step in found.steps],
+    }
+
+
+def zero_pose(model: DerivedModel) -> NDArray[np.float64]:
+    """Pose of the tip at q = 0, without negative zeros and round-off of right angles."""
+    (T,) = evaluate(model.programs["forward_kinematics"], np.zeros(model.spec.n))
+    return np.where(np.abs(T) < 1e-15, 0.0, T)
+
+
+def _facts(spec: RobotSpec) -> list[str]:
+    links = "given" if spec.links else "not given: dynamics take their parameters at run time"
+    gravity = ", ".join(_number(value) for value in spec.gravity)
+    facts = [
+        ("convention", _CONVENTION[spec.convention]),
+        ("units", f"file: {spec.angle_unit}, {spec.length_unit}; here and in emitted code: SI and rad"),
+        ("gravity", f"acceleration [{gravity}] m/s^2 in the base frame"),
+        ("links", links),
+    ]
+    if spec.parameters:
+        facts.append(("parameters", ", ".join(f"{name} = {_number(value)}" for name, value in spec.parameters.items())))
+    if spec.source:
+        facts.append(("source", spec.source))
+    return [f"  {name:11} {text}" for name, text in facts]
+
+
+def _row(spec: RobotSpec, joint: JointSpec) -> tuple[str, ...]:
+    q = joint.name
+    theta = f"{q} + {_angle(spec, joint.theta)}" if joint.is_revolute and joint.theta != 0 else None
+    d = f"{q} + {_length(spec, joint.d)}" if not joint.is_revolute and joint.d != 0 else None
+    return (
+        q,
+        joint.type,
+        _angle(spec, joint.alpha),
+        _length(spec, joint.a),
+        d or (_length(spec, joint.d) if joint.is_revolute else q),
+        theta or (q if joint.is_revolute else _angle(spec, joint.theta)),
+    )
+
+
+def _angle(spec: RobotSpec, value: sp.Expr) -> str:
+    if value == 0:
+        return "0"
+    nominal = float(spec.nominal(value))
+    return f"{value} ({math.degrees(nominal):.6g} deg)"
+
+
+def _length(spec: RobotSpec, value: sp.Expr) -> str:
+    if value.is_number:
+        return _number(value)
+    return f"{value} ({float(spec.nominal(value)):.6g})"
+
+
+def _number(value: sp.Expr) -> str:
+    return f"{float(value):.10g}" if value.is_Rational else str(value)
+
+
+def _joint(spec: RobotSpec, joint: JointSpec) -> dict[str, Any]:
+    exact = {name: getattr(joint, name) for name in ("alpha", "a", "d", "theta")}
+    return {
+        "name": joint.name,
+        "type": joint.type,
+        **{name: {"exact": str(value), "nominal": float(spec.nominal(value))} for name, value in exact.items()},
+    }
+
+
+def _parameters(model: DerivedModel) -> list[str]:
+    nominal = model.beta_nominal
+    values = [""] * len(model.base_parameters) if nominal is None else [f"{float(value):.10g}" for value in nominal]
+    rows = zip(model.base_parameters, values, strict=True)
+    return _table([(p.name, p.unit, value, str(p.expression)) for p, value in rows])
+
+
+def _regrouping(model: DerivedModel) -> list[str]:
+    """The standard parameters under the reason for what became of them."""
+    reasons: dict[str, dict[str, list[str]]] = {}
+    for entry in model.regrouping:
+        reasons.setdefault(entry.reason, {}).setdefault(entry.formula, []).append(entry.parameter)
+    lines = []
+    for reason, formulas in reasons.items():
+        lines.append(f"  {reason}")
+        lines += [f"    {', '.join(parameters)}: {formula}" for formula, parameters in formulas.items()]
+    return lines
+
+
+def _table(rows: list[tuple[str, ...]]) -> list[str]:
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
+    return ["  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]

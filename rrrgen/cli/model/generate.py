@@ -1,0 +1,135 @@
+"""``rrrgen generate``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen import pipeline
+from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument
+from rrrgen.parallel_map import usual_jobs
+
+if TYPE_CHECKING:
+    from rrrgen.backends import Real
+    from rrrgen.backends.c.trigonometry import Trig
+    from rrrgen.derive.derived_model import DerivedModel
+
+
+@click.command()
+@robot_argument
+@click.option(
+    "-o", "--output", required=True, type=click.Path(path_type=Path), help="Directory to write.", metavar="DIR"
+)
+@real_option
+@click.option(
+    "--trig",
+    type=click.Choice(["inline", "libm"]),
+    default="inline",
+    show_default=True,
+    help="Sines and cosines from a kernel in the emitted code, or from the C library.",
+)
+@click.option(
+    "--check", "only_check", is_flag=True, help="Write nothing; print a diff and exit with 1 if DIR would change."
+)
+@click.option(
+    "--casadi-files/--no-casadi-files",
+    default=True,
+    help="Also write CasADi's own .casadi files (if CasADi is installed; their bytes depend on its version).",
+)
+@click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(min=1),
+    default=usual_jobs,
+    help="Processes at work; the files do not depend on it.  [default: as many as cores, up to 6]",
+)
+@json_option
+@click.option("-v", "--verbose", is_flag=True, help="Say what each step did, on stderr.")
+@pipeline.without_collection()
+def generate(
+    robot: str,
+    output: Path,
+    real: Real,
+    trig: Trig,
+    only_check: bool,
+    casadi_files: bool,
+    jobs: int,
+    as_json: bool,
+    verbose: bool,
+) -> int:
+    """Derive a robot's kinematics and dynamics and write them as C and CasADi.
+
+    DIR gets <name>.h with its sources (<name>.c; <name>_nominal.c with the file's numbers folded in;
+    <name>_derivatives.c), inverse kinematics, a self-test that runs on the target, CMakeLists.txt, a pkg-config file,
+    the CasADi side and manifest.json. The same robot gives the same bytes everywhere.
+
+    \b
+    Examples:
+      rrrgen generate rrr -o generated/rrr
+      rrrgen generate my_robot.yaml -o firmware/model --real float
+      rrrgen generate rrr -o generated/rrr --check      (in continuous integration)
+    """
+    from rrrgen.output import writer as emit
+
+    start = time.perf_counter()
+    model = pipeline.derive(read_with_warnings(robot), jobs)
+    if verbose:
+        _report_passes(model)
+    files = pipeline.emit(model, real, casadi_files and not only_check and _has_casadi(), trig, jobs)
+    if only_check:
+        diff = emit.differences(files, output)
+        if as_json:
+            print_json({"directory": str(output), "up_to_date": not diff, "diff": diff})
+        else:
+            click.echo(diff or f"{output} is up to date\n", nl=False)
+        return 1 if diff else 0
+    emit.write(files, output)
+    if verbose:
+        click.echo(f"{len(files)} files in {time.perf_counter() - start:.1f} s", err=True)
+    if as_json:
+        print_json(_summary(model, output, files))
+    else:
+        _print_summary(model, output, files)
+    return 0
+
+
+def _has_casadi() -> bool:
+    from importlib.util import find_spec
+
+    return find_spec("casadi") is not None
+
+
+def _report_passes(model: DerivedModel) -> None:
+    for report in model.passes:
+        if report.before != report.after:
+            click.echo(f"{report.name}: {report.function}: {report.before} -> {report.after}", err=True)
+
+
+def _summary(model: DerivedModel, output: Path, files: dict[str, Any]) -> dict[str, Any]:
+    from rrrgen.output.manifest import identify
+    from rrrgen.program import count_operations
+
+    return {
+        "robot": model.spec.name,
+        "model_hash": identify(model.spec).model_hash,
+        "directory": str(output),
+        "files": sorted(files),
+        "base_parameters": [parameter.name for parameter in model.base_parameters],
+        "operations": {name: count_operations(program).as_dict() for name, program in model.programs.items()},
+    }
+
+
+def _print_summary(model: DerivedModel, output: Path, files: Iterable[str]) -> None:
+    from rrrgen.program import count_operations
+
+    name = model.spec.name
+    click.echo(f"{name}: {model.spec.n} joints, {len(model.base_parameters)} base parameters")
+    for function in ("forward_kinematics", "mass_matrix", "inverse_dynamics", "forward_dynamics", "regressor"):
+        if function in model.programs:
+            click.echo(f"  {function:20} {count_operations(model.programs[function])}")
+    written = dict.fromkeys(file.partition("/")[0] + "/" * ("/" in file) for file in files)
+    click.echo(f"written to {output}: {', '.join(written)}")

@@ -1,0 +1,60 @@
+"""``rrrgen new``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from rrrgen.errors import Fault, InputError
+
+
+@click.command()
+@click.argument("name")
+@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="File; NAME.yaml if not given.")
+@click.option("--joints", default="RRR", show_default=True, help="One letter per joint: R revolute, P prismatic.")
+@click.option(
+    "--convention", type=click.Choice(["standard", "modified"]), default="standard", show_default=True, help="Of DH."
+)
+@click.option("--from", "bundled", metavar="ROBOT", help="Start from a copy of a bundled robot instead.")
+@click.option("--force", is_flag=True, help="Overwrite the file.")
+def new(name: str, output: Path | None, joints: str, convention: str, bundled: str | None, force: bool) -> None:
+    """Write a robot file to start from, with a comment on every field.
+
+    \b
+    Examples:
+      rrrgen new elbow3                         elbow3.yaml with three revolute joints
+      rrrgen new gantry2 --joints PP
+      rrrgen new my_ur5 --from ur5
+    """
+    from rrrgen.robotfile import loads_spec
+    from rrrgen.robotfile.names import name_fault
+
+    fault = name_fault(name, "robot")
+    if fault is not None:
+        raise InputError([Fault(name, 0, 0, fault[0], hint=fault[1])])
+    if not joints or set(joints.upper()) - set("RP"):
+        raise click.BadParameter("one letter per joint, R or P, e.g. RRPR", param_hint="--joints")
+    path = output or Path(f"{name}.yaml")
+    if path.exists() and not force:
+        raise InputError([Fault(str(path), 0, 0, "the file exists already", hint="--force overwrites it")])
+    text = _renamed(bundled, name) if bundled else _template(name, joints.upper(), convention)
+    loads_spec(text, str(path))  # what is written is valid, or nothing is written
+    try:
+        path.write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise InputError([Fault(str(path), 0, 0, f"the file cannot be written: {error.strerror}")]) from None
+    click.echo(f"{path} written; next: rrrgen check {path}, rrrgen show {path}")
+
+
+def _template(name: str, joints: str, convention: str) -> str:
+    from rrrgen.resources import render
+
+    return render("robot.yaml.j2", name=name, joints=joints, convention=convention)
+
+
+def _renamed(bundled: str, name: str) -> str:
+    from rrrgen.robotfile import bundled_path
+
+    lines = bundled_path(bundled).read_text(encoding="utf-8").splitlines()
+    return "\n".join(f"name: {name}" if line.startswith("name:") else line for line in lines) + "\n"

@@ -1,0 +1,41 @@
+"""``rrrgen robots``."""
+
+from __future__ import annotations
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json
+
+
+@click.command()
+@json_option
+def robots(as_json: bool) -> None:
+    """List the bundled robots with their joints and where their numbers come from.
+
+    \b
+    Example:
+      rrrgen robots
+      rrrgen show ur5
+    """
+    from rrrgen.robotfile import bundled_names, load_spec
+
+    rows = []
+    for name in bundled_names():
+        spec = load_spec(name)
+        joints = "".join("R" if joint.is_revolute else "P" for joint in spec.joints)
+        rows.append(
+            {
+                "name": name,
+                "joints": joints,
+                "convention": spec.convention,
+                "links": spec.links is not None,
+                "description": spec.description,
+                "source": spec.source,
+            }
+        )
+    if as_json:
+        print_json(rows)
+        return
+    for row in rows:
+        inertia = "" if row["links"] else " (kinematics only: no links)"
+        click.echo(f"{row['name']:10} {row['joints']:8} {row['convention']:9} {row['description']}{inertia}")

@@ -1,0 +1,157 @@
+"""``rrrgen show``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.cli.arguments import (
+    SHORT,
+    USUAL,
+    html_option,
+    json_option,
+    print_json,
+    read_with_warnings,
+    robot_argument,
+    write_html,
+)
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.ik.report import ClosedForm as InverseForm
+
+INVERSE = "inverse_kinematics"
+
+
+@click.command()
+@robot_argument
+@click.option("-f", "--function", "functions", multiple=True, help="Closed form of this function; may be repeated.")
+@click.option("--entry", help="Only this entry of the function, e.g. 1,2 (from 1); for large robots.")
+@click.option("--closed-forms/--no-closed-forms", default=None, help="Closed forms; the default is yes up to 3 joints.")
+@click.option("--program", "as_program", is_flag=True, help="The program that the functions are printed from.")
+@click.option("--latex", "as_latex", is_flag=True, help="Print the closed forms as LaTeX.")
+@html_option
+@json_option
+def show(
+    robot: str,
+    functions: tuple[str, ...],
+    entry: str | None,
+    closed_forms: bool | None,
+    as_program: bool,
+    as_latex: bool,
+    html: Path | None,
+    as_json: bool,
+) -> None:
+    """Print a robot back as it was understood.
+
+    DH table, zero pose, conventions, base parameters with what became of every link parameter, and closed forms.
+
+    \b
+    Examples:
+      rrrgen show rrr
+      rrrgen show rrr -f mass_matrix --latex
+      rrrgen show panda -f mass_matrix --entry 7,7
+      rrrgen show ur10e -f inverse_kinematics
+      rrrgen show rrr -f gravity --program
+      rrrgen show ur10e --html ur10e.html
+    """
+    from rrrgen import pipeline
+    from rrrgen.ik.report import ClosedForm
+
+    if as_latex and as_json:
+        raise click.UsageError("give one of --latex and --json")
+    if entry is not None and len(functions) != 1:
+        raise click.UsageError("--entry needs exactly one --function")
+    if as_program:
+        _show_programs(robot, functions, other=as_latex or html is not None or entry is not None, as_json=as_json)
+        return
+    model = pipeline.derive(read_with_warnings(robot))
+    short = closed_forms or (closed_forms is None and model.spec.n <= SHORT)
+    wanted = [name for name in functions if name != INVERSE] or (USUAL if short and not functions else ())
+    inverse = (
+        _inverse_kinematics(model, INVERSE in functions, bool(short)) if not functions or INVERSE in functions else None
+    )
+    if html is not None:
+        write_html(html, model)
+    forms = {_label(name, entry): _closed_form(model, name, entry) for name in wanted}
+    if as_json:
+        from rrrgen.cli.model.description import as_data
+
+        print_json(as_data(model, {name: _plain(form) for name, form in forms.items()}, inverse))
+    elif as_latex:
+        from rrrgen.backends.latex import latex
+
+        text = latex(forms) if forms else ""
+        click.echo(
+            text + (f"{inverse.latex()}\n" if isinstance(inverse, ClosedForm) and inverse.steps else ""), nl=False
+        )
+    else:
+        from rrrgen.backends.latex import plain
+        from rrrgen.cli.model.description import as_text
+
+        text = "" if functions else as_text(model)
+        text += plain(forms) if forms else ""
+        said = inverse.text() if isinstance(inverse, ClosedForm) else inverse
+        click.echo("\n\n".join(part.rstrip("\n") for part in (text, said) if part))
+
+
+def _show_programs(robot: str, functions: tuple[str, ...], other: bool, as_json: bool) -> None:
+    """The optimized programs of ``functions``, of all where none is named."""
+    from rrrgen import pipeline
+
+    if other:
+        raise click.UsageError("--program goes with --function and --json only")
+    programs = pipeline.derive(read_with_warnings(robot)).programs
+    if missing := [name for name in functions if name not in programs]:
+        raise click.BadParameter(f"no program '{missing[0]}'; there are {', '.join(programs)}", param_hint="--function")
+    texts = {name: programs[name].dump() for name in functions or programs}
+    if as_json:
+        print_json({"programs": texts})
+    else:
+        click.echo("\n".join(texts.values()), nl=False)
+
+
+def _inverse_kinematics(model: DerivedModel, asked: bool, short: bool) -> InverseForm | str:
+    """The closed form of the inverse kinematics, for large robots only what it is like; or why there is none."""
+    from rrrgen.errors import DerivationError
+    from rrrgen.ik.classify import plan
+    from rrrgen.ik.report import closed_form, summary
+
+    if asked or short:
+        try:
+            return closed_form(model.spec)
+        except DerivationError as error:
+            if asked:
+                raise
+            return f"inverse kinematics: none; {error}"
+    found = plan(model.spec)
+    return summary(found) if found.solvable else f"inverse kinematics: none; {found.reason}"
+
+
+def _label(name: str, entry: str | None) -> str:
+    return name if entry is None else f"{name}[{entry}]"
+
+
+def _closed_form(model: DerivedModel, name: str, entry: str | None) -> sp.Expr | sp.Matrix:
+    from rrrgen.derive.closed_forms.closed_form import closed_form
+
+    form = closed_form(model, name)
+    if entry is None:
+        return form.matrix()
+    try:
+        place = tuple(int(part) - 1 for part in entry.split(","))
+        if min(place) < 0:
+            raise IndexError(f"entries count from 1, got {entry}")
+        return form[place]
+    except (ValueError, IndexError) as error:
+        raise click.BadParameter(str(error), param_hint="--entry") from None
+
+
+def _plain(form: sp.Expr | sp.Matrix) -> Any:
+    from sympy import MatrixBase
+
+    return [[str(value) for value in row] for row in form.tolist()] if isinstance(form, MatrixBase) else str(form)

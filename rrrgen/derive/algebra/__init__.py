@@ -1,0 +1,1 @@
+"""Exact arithmetic under the derivations: vectors, polynomials, a finite field, factors of the mass matrix."""

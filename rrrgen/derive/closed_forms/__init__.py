@@ -1,0 +1,1 @@
+"""Closed forms: programs with their intermediates expanded and their trigonometry collected."""

@@ -1,0 +1,198 @@
+"""Closed forms: a program with its intermediates expanded and its trigonometry collected.
+
+The functions are recorded once more with the geometry as symbols and expanded into polynomials in the sines and
+cosines of the angles that occur; since angles of parallel axes are recorded as sums, terms collect over q2 + q3 by
+themselves. Any single entry can be expanded alone, for robots whose whole matrices would fill pages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import sympy as sp
+
+from rrrgen.derive.algebra.polynomials import Polynomial, PolynomialRing, to_expression
+from rrrgen.derive.closed_forms.fourier_form import shorter_form
+from rrrgen.derive.derived_model import DerivedModel
+from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.table import FUNCTIONS
+from rrrgen.derive.recursions.chain import exact_constants, joint_symbols
+from rrrgen.errors import DerivationError
+from rrrgen.program import Op, Program, Role, Value
+from rrrgen.program.nodes import reachable
+
+CLOSED = tuple(name for name in FUNCTIONS if name != "forward_dynamics_derivatives")
+"""Functions that are polynomials in sines and cosines; what divides by the pivots of M is not."""
+
+
+class ClosedForm:
+    """The closed form of one function: index it for single entries, or take the whole ``matrix()``."""
+
+    def __init__(self, program: Program, output: int, generators: Sequence[sp.Expr], roots: Sequence[sp.Expr],
+                 names: Sequence[str], pairs: Sequence[tuple[sp.Expr, sp.Expr]]) -> None:  # fmt: skip
+        self.program = program
+        self._inputs = _input_symbols(program, generators, names)
+        self._expander = _Expander(program, self._inputs, pairs, roots)
+        self._nodes = program.results[output]
+        self.shape: tuple[int, ...] = program.outputs[output].shape
+
+    def __getitem__(self, index: int | tuple[int, ...]) -> sp.Expr:
+        """The entry at ``index``, collected by parameters and rates."""
+        place = (index,) if isinstance(index, int) else tuple(index)
+        if len(place) != len(self.shape):
+            raise IndexError(f"{self.program.name} has shape {self.shape}, got index {index}")
+        flat = 0
+        for k, size in zip(place, self.shape, strict=True):
+            if not -size <= k < size:
+                raise IndexError(f"{self.program.name} has shape {self.shape}, got index {index}")
+            flat = flat * size + k % size
+        return self._expander.expression(self._nodes[flat])
+
+    def __iter__(self) -> Iterator[sp.Expr]:
+        return (self._expander.expression(node) for node in self._nodes)
+
+    def matrix(self) -> sp.Matrix:
+        """All entries; a vector is a column, higher ranks are stacked by rows."""
+        entries = list(self)
+        rows = len(entries) if len(self.shape) == 1 else len(entries) // self.shape[-1]
+        return sp.Matrix(rows, len(entries) // rows, entries)
+
+    def polynomial(self, index: tuple[int, ...]) -> Any:
+        """The entry as a polynomial (for exact comparisons)."""
+        flat = 0
+        for k, size in zip(index, self.shape, strict=True):
+            flat = flat * size + k
+        return self._expander.value(self._nodes[flat])
+
+
+def closed_form(derived: DerivedModel, function: str) -> ClosedForm:
+    """The closed form of ``function`` with named parameters and base parameters as symbols.
+
+    Of a function with several results, one is named: ``"inverse_dynamics_derivatives.dtau_dq"``.
+    """
+    name, _, wanted = function.partition(".")
+    if name not in CLOSED:
+        raise DerivationError(f"no closed form of {function!r}; there is one of: {', '.join(CLOSED)}")
+    model, parametrization = derived.model, derived.parametrization
+    further = [v for row in parametrization.inverse or () for v in row]
+    free, pairs, roots = exact_constants(model, further)
+    generators = [*free, *(g for pair in pairs for g in pair), *roots]
+    recording = Recording(model, parametrization, generators or [sp.Symbol("one")])
+    program = FUNCTIONS[name][0](recording)
+    output = _output(program, wanted)
+    return ClosedForm(program, output, generators or [sp.Symbol("one")], roots, parametrization.names, pairs)
+
+
+def _output(program: Program, wanted: str) -> int:
+    """The position of the result named ``wanted``, which may be empty where there is only one."""
+    names = [port.name for port in program.outputs]
+    if wanted in names:
+        return names.index(wanted)
+    if wanted or len(names) > 1:
+        raise DerivationError(f"name one result: {', '.join(f'{program.name}.{name}' for name in names)}")
+    return 0
+
+
+def _input_symbols(program: Program, generators: Sequence[sp.Expr], names: Sequence[str]) -> list[list[sp.Expr]]:
+    symbols: list[list[sp.Expr]] = []
+    for port in program.inputs:
+        if port.role is Role.GEOMETRY:
+            symbols.append(list(generators))
+        elif port.role is Role.BASE_PARAMETERS:
+            symbols.append([sp.Symbol(name, real=True) for name in names])
+        else:
+            symbols.append(list(joint_symbols(port.size, port.name)))
+    return symbols
+
+
+class _Expander:
+    """Values of a program's nodes as polynomials, computed on demand."""
+
+    def __init__(
+        self,
+        program: Program,
+        inputs: list[list[sp.Expr]],
+        constant_pairs: Sequence[tuple[sp.Expr, sp.Expr]],
+        roots: Sequence[sp.Expr],
+    ) -> None:
+        self.program = program
+        self.inputs = inputs
+        self._values: dict[int, Any] = {}
+        angles = {node.args[0]: None for node in program.nodes if node.op in (Op.SIN, Op.COS)}
+        self.angles = {index: self._angle(index) for index in angles}
+        pairs = [(sp.cos(angle), sp.sin(angle)) for angle in dict.fromkeys(self.angles.values())]
+        paired = {g for pair in constant_pairs for g in pair} | set(roots)
+        free = [s for port in inputs for s in port if s not in paired]
+        self.pairs = [*pairs, *constant_pairs]
+        self.ring = PolynomialRing(list(dict.fromkeys(free)), self.pairs, roots)
+        self.rates = [s for port, row in zip(program.inputs, inputs, strict=True)
+                      if port.role.is_rate for s in row]  # fmt: skip
+        self.parameters = [s for port, row in zip(program.inputs, inputs, strict=True)
+                           if port.role in (Role.BASE_PARAMETERS, Role.DRIVE_INERTIA) for s in row]  # fmt: skip
+
+    def _angle(self, index: int) -> sp.Expr:
+        """A sum of joint angles and constants as an expression."""
+        node = self.program.nodes[index]
+        if node.op is Op.INPUT:
+            port, element = node.place
+            return self.inputs[port][element]
+        if node.op is Op.CONST:
+            return to_expression(node.number)
+        parts = [self._angle(arg) for arg in node.args]
+        operations: dict[Op, Callable[..., sp.Expr]] = {
+            Op.ADD: lambda x, y: x + y,
+            Op.SUB: lambda x, y: x - y,
+            Op.NEG: lambda x: -x,
+            Op.MUL: lambda x, y: x * y,
+        }
+        return operations[node.op](*parts)
+
+    def value(self, index: int) -> Any:
+        """The polynomial of one node."""
+        for k in reachable(self.program.nodes, [index]):
+            if k not in self._values:
+                self._values[k] = self._evaluate(k)
+        return self._values[index]
+
+    def _evaluate(self, index: int) -> Value | Polynomial:
+        node = self.program.nodes[index]
+        if node.op is Op.INPUT:
+            port, element = node.place
+            return self.ring.generator(self.inputs[port][element])
+        if node.op is Op.CONST:
+            return node.number
+        if node.op in (Op.COS, Op.SIN):
+            function = sp.cos if node.op is Op.COS else sp.sin
+            return self.ring.generator(function(self.angles[node.args[0]]))
+        if node.op is Op.SELECT or node.op not in _ARITHMETIC:
+            raise DerivationError(f"{self.program.name} has no closed form")
+        result: Value | Polynomial = _ARITHMETIC[node.op](*(self._values[arg] for arg in node.args))
+        return result
+
+    def expression(self, index: int) -> sp.Expr:
+        """The node as a readable expression: parameters times (rates times trigonometry)."""
+        value = self.value(index)
+        if not isinstance(value, Polynomial):
+            return to_expression(value)
+        terms = []
+        for powers, part in value.coefficients(self.parameters).items():
+            inner = []
+            for rates, trig in part.coefficients(self.rates).items() if isinstance(part, Polynomial) else [((), part)]:
+                form = shorter_form(trig, self.pairs) if isinstance(trig, Polynomial) else to_expression(trig)
+                inner.append(_monomial(self.rates, rates) * form)
+            terms.append(_monomial(self.parameters, powers) * sp.Add(*inner))
+        return sp.Add(*terms)
+
+
+_ARITHMETIC: dict[Op, Callable[..., Any]] = {
+    Op.ADD: lambda x, y: x + y,
+    Op.SUB: lambda x, y: x - y,
+    Op.MUL: lambda x, y: x * y,
+    Op.DIV: lambda x, y: x / y,
+    Op.NEG: lambda x: -x,
+}
+
+
+def _monomial(generators: Sequence[sp.Expr], powers: Sequence[int]) -> sp.Expr:
+    return sp.Mul(*(g**e for g, e in zip(generators, powers, strict=False) if e))

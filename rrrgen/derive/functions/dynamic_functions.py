@@ -1,0 +1,224 @@
+"""Dynamic functions of the model: torques, matrices of the equation of motion, energies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from rrrgen.derive.algebra.positive_definite import STATUS, factorize
+from rrrgen.derive.algebra.vectors import Matrix, flat, rows
+from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.recursions import composite, momentum, newton_euler
+from rrrgen.derive.recursions.chain import Chain, rational_float
+from rrrgen.derive.recursions.coriolis import compose
+from rrrgen.derive.recursions.motion import choose_frames
+from rrrgen.program import Port, Program, Role, Value
+from rrrgen.program.builder import replay
+
+
+def _weightless(chain: Chain) -> Chain:
+    return replace(chain, gravity=[0, 0, 0])
+
+
+def mass_matrix(r: Recording) -> Program:
+    """Mass matrix."""
+    M = _with_drives(composite.mass_matrix(r.chain(), r.inertias()), r.drive_inertia())
+    return r.builder.program(
+        "mass_matrix", [(_mass_port(r), flat(M))], "Mass matrix.", "tau = M(q) ddq + c(q, dq) + g(q)"
+    )
+
+
+def _with_drives(M: Matrix, drives: list[Value]) -> Matrix:
+    return [[value + drives[i] if i == j else value for j, value in enumerate(row)] for i, row in enumerate(M)]
+
+
+def _mass_port(r: Recording) -> Port:
+    return Port("M", (r.n, r.n), "SI", "", "symmetric mass matrix, drive inertia included")
+
+
+def coriolis_matrix(r: Recording) -> Program:
+    """Coriolis matrix."""
+    chain = r.chain()
+    dq = r.joints("dq")
+    C = compose(chain, dq, r.inertias()).coriolis_matrix()
+    port = Port("C", (r.n, r.n), "SI", "", "Coriolis matrix of the Christoffel symbols")
+    return r.builder.program(
+        "coriolis_matrix", [(port, flat(C))], "Coriolis matrix.", "c = C(q, dq) dq,  dM/dt - 2 C skew, dM/dt = C + C'"
+    )
+
+
+def _torque_port(r: Recording, name: str, meaning: str) -> Port:
+    return Port(name, (r.n,), r.torque_unit, "", meaning, Role.TORQUE)
+
+
+def _coriolis_port(r: Recording) -> Port:
+    return _torque_port(r, "c", "Coriolis and centrifugal torques")
+
+
+def _gravity_port(r: Recording) -> Port:
+    return _torque_port(r, "g", "torques that hold the arm against gravity")
+
+
+def own_frames(chain: Chain) -> list[bool]:
+    """Every link in its own frame."""
+    return choose_frames(chain)
+
+
+def block_frames(chain: Chain) -> list[bool]:
+    """Every link in the frame of its block, where that is allowed."""
+    return choose_frames(chain, range(chain.n))
+
+
+Frames = Callable[[Chain], list[bool]]
+
+
+def coriolis(frames: Frames) -> Callable[[Recording], Program]:
+    """Coriolis and centrifugal torques."""
+
+    def record(r: Recording) -> Program:
+        chain = _weightless(r.chain())
+        dq = r.joints("dq")
+        c = newton_euler.inverse_dynamics(chain, dq, [0] * r.n, r.inertias(), frames(chain))
+        return r.builder.program(
+            "coriolis", [(_coriolis_port(r), c)], "Coriolis and centrifugal torques.", "c = C(q, dq) dq"
+        )
+
+    return record
+
+
+def bias(frames: Frames) -> Callable[[Recording], Program]:
+    """Coriolis, centrifugal and gravity torques together."""
+
+    def record(r: Recording) -> Program:
+        chain = r.chain()
+        dq = r.joints("dq")
+        torques = newton_euler.inverse_dynamics(chain, dq, [0] * r.n, r.inertias(), frames(chain))
+        port = _torque_port(r, "h", "torques for ddq = 0, friction not included")
+        return r.builder.program(
+            "bias", [(port, torques)], "Coriolis, centrifugal and gravity torques together.", "h = c(q, dq) + g(q)"
+        )
+
+    return record
+
+
+def coriolis_transpose(r: Recording) -> Program:
+    """Transposed Coriolis matrix times the joint rates."""
+    chain = r.chain()
+    dq = r.joints("dq")
+    value = momentum.coriolis_transpose(chain, dq, r.inertias())
+    port = _torque_port(r, "p", "C' dq, the gradient of the kinetic energy with respect to q")
+    return r.builder.program(
+        "coriolis_transpose",
+        [(port, value)],
+        "Transposed Coriolis matrix times dq, for momentum observers.",
+        "p = C(q, dq)' dq,  d(M dq)/dt = tau + C' dq - g",
+    )
+
+
+def gravity(r: Recording) -> Program:
+    """Gravity torques."""
+    chain = r.chain()
+    g = composite.gravity(chain, r.inertias())
+    return r.builder.program("gravity", [(_gravity_port(r), g)], "Gravity torques.", "g = dU/dq")
+
+
+def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
+    """Mass matrix, Coriolis and gravity torques from one evaluation."""
+
+    def record(r: Recording) -> Program:
+        chain, dq, inertias = r.chain(), r.joints("dq"), r.inertias()
+        M = _with_drives(composite.mass_matrix(chain, inertias), r.drive_inertia())
+        weightless = _weightless(chain)
+        c = newton_euler.inverse_dynamics(weightless, dq, [0] * r.n, inertias, frames(chain))
+        g = composite.gravity(chain, inertias)
+        return r.builder.program(
+            "dynamics_terms",
+            [(_mass_port(r), flat(M)), (_coriolis_port(r), c), (_gravity_port(r), g)],
+            "All terms of the equation of motion; they share their evaluation.",
+            "tau = M(q) ddq + c(q, dq) + g(q)",
+        )
+
+    return record
+
+
+def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
+    """Joint torques of the rigid body."""
+
+    def record(r: Recording) -> Program:
+        chain = r.chain()
+        dq, ddq = r.joints("dq"), r.joints("ddq")
+        tau = newton_euler.inverse_dynamics(chain, dq, ddq, r.inertias(), frames(chain))
+        tau = [t + Ia * a for t, Ia, a in zip(tau, r.drive_inertia(), ddq, strict=True)]
+        port = _torque_port(r, "tau", "joint torques, friction not included")
+        return r.builder.program(
+            "inverse_dynamics",
+            [(port, tau)],
+            "Joint torques of the rigid body with drive inertia.",
+            "tau = M(q) ddq + c(q, dq) + g(q)   (14.6)",
+        )
+
+    return record
+
+
+def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
+    """Joint accelerations, from the programs of the mass matrix and of the bias torques; parameters are as there."""
+    _, _, tau = (r.joints(name) for name in ("q", "dq", "tau"))
+    if mass.takes(Role.BASE_PARAMETERS):
+        r.beta()
+        r.drive_inertia()
+    M = rows(r.n, replay(mass, r.builder, r.inputs_of(mass))[0])
+    h = replay(torques, r.builder, r.inputs_of(torques))[0]
+    factors = factorize(r.builder, M)
+    status, ddq = factors.status, factors.solve([t - b for t, b in zip(tau, h, strict=True)])
+    unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
+    meaning = "joint accelerations; zero when the status is not ok"
+    accelerations = Port("ddq", (r.n,), unit, "", meaning, Role.ACCELERATION)
+    ports = [
+        (Port("status", ()), [status]),
+        (accelerations, ddq),
+    ]
+    return r.builder.program(
+        "forward_dynamics",
+        ports,
+        "Joint accelerations of the rigid body with drive inertia.",
+        "M(q) ddq = tau - c(q, dq) - g(q), solved by L D L'",
+        ["The status tells when M is not positive definite (a singular or unphysical set of parameters)."],
+        STATUS,
+    )
+
+
+def energy(r: Recording) -> Program:
+    """Kinetic and potential energy."""
+    chain = r.chain()
+    dq = r.joints("dq")
+    inertias = r.inertias()
+    kinetic = momentum.kinetic_energy(chain, dq, inertias)
+    for Ia, rate in zip(r.drive_inertia(), dq, strict=True):
+        kinetic = kinetic + Fraction(1, 2) * Ia * (rate * rate)
+    potential = momentum.potential_energy(chain, inertias)
+    port = Port("E", (2,), "J", "", "kinetic energy, potential energy (up to a constant)")
+    return r.builder.program(
+        "energy",
+        [(port, [kinetic, potential])],
+        "Kinetic and potential energy.",
+        "E = [dq' M dq / 2, U(q)],  g = dU/dq",
+    )
+
+
+def friction(r: Recording) -> Program:
+    """Joint friction torques from the file's coefficients."""
+    dq = r.joints("dq")
+    torques: list[Any] = []
+    for joint, rate in zip(r.model.spec.joints, dq, strict=True):
+        spec = joint.friction
+        torque: Value = 0
+        if spec is not None:
+            viscous, coulomb, offset = (rational_float(v) for v in (spec.viscous, spec.coulomb, spec.offset))
+            torque = viscous * rate + coulomb * r.builder.sign(rate) + offset
+        torques.append(torque)
+    port = _torque_port(r, "tau_f", "friction torques, added to the rigid body's")
+    return r.builder.program(
+        "friction", [(port, torques)], "Joint friction.", "tau_f = fv dq + fc sgn(dq) + offset   (14.11)"
+    )

@@ -1,0 +1,74 @@
+"""Kinematic functions of the model: poses and Jacobians, each recorded as a program."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rrrgen.derive.algebra.vectors import flat
+from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.recursions import kinematics as poses
+from rrrgen.program import Port, Program
+
+BASE = "base frame"
+PRODUCT = "T = T_base A_1(q_1) ... A_n(q_n) T_tool   (14.5)"
+VELOCITY = "[v; omega] = J(q) dq"
+
+
+def forward_kinematics(r: Recording) -> Program:
+    """Pose of the tip, from the base outwards."""
+    return _pose(r, poses.forward_kinematics(r.chain()))
+
+
+def forward_kinematics_inwards(r: Recording) -> Program:
+    """Pose of the tip, axis by axis from the tip inwards."""
+    return _pose(r, poses.forward_kinematics_inwards(r.chain()))
+
+
+def _pose(r: Recording, T: list[list[Any]]) -> Program:
+    return r.builder.program("forward_kinematics", [(_pose_port(), flat(T))], "Pose of the tip.", PRODUCT)
+
+
+def _pose_port() -> Port:
+    return Port("T", (4, 4), "-, m", BASE, "homogeneous transform of the tip")
+
+
+def _jacobian_port(r: Recording) -> Port:
+    return Port("J", (6, r.n), "m, -", BASE, "rows 1-3 linear, rows 4-6 angular velocity of the tip")
+
+
+def link_frames(r: Recording) -> Program:
+    """Poses of all link frames."""
+    frames = poses.link_frames(r.chain())
+    port = Port("T", (r.n, 4, 4), "-, m", BASE, "homogeneous transforms of the link frames 1..n")
+    values = [value for frame in frames for value in flat(frame)]
+    return r.builder.program(
+        "link_frames", [(port, values)], "Poses of all link frames.", "T_i = T_base A_1(q_1) ... A_i(q_i)"
+    )
+
+
+def jacobian(r: Recording) -> Program:
+    """Geometric Jacobian at the tip."""
+    J = poses.jacobian(r.chain())
+    return r.builder.program("jacobian", [(_jacobian_port(r), flat(J))], "Geometric Jacobian at the tip.", VELOCITY)
+
+
+def kinematics(r: Recording) -> Program:
+    """Pose of the tip and geometric Jacobian from one evaluation."""
+    chain = r.chain()
+    T, J = poses.forward_kinematics(chain), poses.jacobian(chain)
+    return r.builder.program(
+        "kinematics",
+        [(_pose_port(), flat(T)), (_jacobian_port(r), flat(J))],
+        "Pose of the tip and geometric Jacobian; they share their evaluation.",
+        f"{PRODUCT},  {VELOCITY}",
+    )
+
+
+def jacobian_dot_dq(r: Recording) -> Program:
+    """Derivative of the Jacobian times the joint rates."""
+    chain = r.chain()
+    a = poses.jacobian_dot_dq(chain, r.joints("dq"))
+    port = Port("a", (6,), "m/s^2, rad/s^2", BASE, "linear, then angular acceleration of the tip for ddq = 0")
+    return r.builder.program(
+        "jacobian_dot_dq", [(port, a)], "Time derivative of the Jacobian times dq.", "a = (dJ/dt) dq"
+    )

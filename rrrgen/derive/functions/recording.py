@@ -1,0 +1,131 @@
+"""Recording a model function: its input ports, the chain, and the inertias behind the base parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+
+from rrrgen.derive.parameters.base_parameters import BaseSet
+from rrrgen.derive.parameters.user_basis import BasisChange
+from rrrgen.derive.recursions.chain import Chain, nominal_constant, program_chain, symbolic_constant
+from rrrgen.derive.recursions.inertia import PseudoInertia
+from rrrgen.model import RobotModel
+from rrrgen.program import Builder, Port, Program, Role, Value
+
+Constant = Callable[[sp.Expr], Value]
+
+JOINT_PORTS = {
+    "q": (Role.POSITION, "joint positions", ""),
+    "dq": (Role.VELOCITY, "joint velocities", "/s"),
+    "ddq": (Role.ACCELERATION, "joint accelerations", "/s^2"),
+    "tau": (Role.TORQUE, "joint torques", "torque"),
+    "e": (Role.COVECTOR, "vector multiplied from the left", "any"),
+}
+"""Joint vectors by name: role, meaning, and what is added to the position's unit ("torque", "any": not of its kind)."""
+
+
+@dataclass(frozen=True)
+class Parametrization:
+    """How base parameters become pseudo-inertias of the links in canonical frames.
+
+    ``inverse`` maps the user's base parameters to the compiler's own (None: they are the same).
+    """
+
+    own: BaseSet
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    inverse: tuple[tuple[sp.Expr, ...], ...] | None
+
+    def inertias(self, n: int, beta: Sequence[Any], constant: Constant) -> list[PseudoInertia]:
+        """Pseudo-inertias with only the entries of the base set different from zero."""
+        values = list(beta)
+        if self.inverse is not None:
+            values = [_combine([constant(v) for v in row], beta) for row in self.inverse]
+        entries: list[dict[str, Any]] = [{} for _ in range(n)]
+        for (i, entry), value in zip(self.own.parameters, values, strict=True):
+            entries[i][entry] = value
+        return [PseudoInertia(**link) for link in entries]
+
+
+def _combine(row: Sequence[Any], values: Sequence[Any]) -> Any:
+    total: Any = 0
+    for factor, value in zip(row, values, strict=True):
+        if factor:
+            total = total + factor * value
+    return total
+
+
+def parametrize(own: BaseSet, change: BasisChange | None) -> Parametrization:
+    """The parametrization of a model: the user's basis where the file has one, else the compiler's own."""
+    if change is None:
+        return Parametrization(own, own.names, tuple(own.units), None)
+    return Parametrization(own, change.names, change.units, change.inverse)
+
+
+class Recording:
+    """One function being recorded, with nominal geometry or (for closed forms) with the geometry as symbols."""
+
+    def __init__(self, model: RobotModel, parametrization: Parametrization, symbols: Sequence[sp.Expr] = ()) -> None:
+        self.model = model
+        self.parametrization = parametrization
+        self.builder = Builder()
+        self._declared: dict[Role, list[Value]] = {}
+        self.constant: Constant = symbolic_constant(self.builder, symbols) if symbols else nominal_constant(model)
+        revolute = all(joint.revolute for joint in model.joints)
+        prismatic = not any(joint.revolute for joint in model.joints)
+        self.position_unit = "rad" if revolute else "m" if prismatic else "rad | m"
+        self.torque_unit = "N m" if revolute else "N" if prismatic else "N m | N"
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.model.n
+
+    def _input(self, port: Port) -> list[Value]:
+        self._declared[port.role] = values = list[Value](self.builder.input(port))
+        return values
+
+    def inputs_of(self, program: Program, known: Mapping[Role, Sequence[Value]] | None = None) -> list[Sequence[Value]]:
+        """Values for the inputs of ``program``, by their roles: what was declared here, or is ``known``."""
+        values = {**self._declared, **(known or {})}
+        return [values[port.role] for port in program.inputs]
+
+    def joints(self, name: str) -> list[Value]:
+        """Declare a joint vector as input."""
+        role, meaning, suffix = JOINT_PORTS[name]
+        if suffix == "any":
+            unit = ""
+        elif suffix == "torque":
+            unit = self.torque_unit
+        else:
+            unit = " | ".join(part + suffix for part in self.position_unit.split(" | "))
+        return self._input(Port(name, (self.n,), unit, "", meaning, role))
+
+    def chain(self) -> Chain:
+        """Declare q and return the geometry."""
+        return program_chain(self.model, self.builder, self.constant, self.joints("q"))
+
+    def beta(self) -> list[Value]:
+        """Declare the base parameters as input."""
+        names = self.parametrization.names
+        meaning = "base parameters " + ", ".join(names)
+        return self._input(Port("beta", (len(names),), "SI", "", meaning, Role.BASE_PARAMETERS))
+
+    def inertias(self) -> list[PseudoInertia]:
+        """Declare the base parameters and return the inertias they stand for."""
+        return self.parametrization.inertias(self.n, self.beta(), self.constant)
+
+    def drive_inertia(self) -> list[Value]:
+        """Declare Ia if any drive has inertia, else zeros."""
+        if not has_drive_inertia(self.model):
+            return [0] * self.n
+        unit = "kg m^2" if self.position_unit == "rad" else "kg" if self.position_unit == "m" else "kg m^2 | kg"
+        return self._input(Port("Ia", (self.n,), unit, "", "drive inertia seen at the joints", Role.DRIVE_INERTIA))
+
+
+def has_drive_inertia(model: RobotModel) -> bool:
+    """Whether the file gives the inertia of any drive."""
+    return any(joint.drive is not None and joint.drive.inertia is not None for joint in model.spec.joints)

@@ -1,0 +1,101 @@
+"""Regressors: the functions of the model in which inertial parameters do not occur."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import sympy as sp
+
+from rrrgen.derive.algebra.vectors import dot, flat
+from rrrgen.derive.functions.dynamic_functions import Frames
+from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.recursions import composite
+from rrrgen.derive.recursions.chain import Chain
+from rrrgen.derive.recursions.inertia import STANDARD, from_standard
+from rrrgen.derive.recursions.motion import LinkMotion, forward
+from rrrgen.derive.recursions.regressor import all_parameters, columns_by_axes, virtual_power
+from rrrgen.program import Port, Program
+
+
+def _regressor_rows(r: Recording, columns: list[list[Any]]) -> list[list[Any]]:
+    """Columns in own base parameters, changed to the user's basis where there is one."""
+    inverse = r.parametrization.inverse
+    if inverse is None:
+        return [list(row) for row in zip(*columns, strict=True)]
+    return [_through(r, inverse, [column[j] for column in columns]) for j in range(r.n)]
+
+
+def _through(r: Recording, inverse: tuple[tuple[sp.Expr, ...], ...], values: list[Any]) -> list[Any]:
+    """Row vector times the inverse change of basis."""
+    result: list[Any] = [0] * len(inverse[0])
+    for row, value in zip(inverse, values, strict=True):
+        for m, factor in enumerate(row):
+            if factor != 0:
+                result[m] = result[m] + r.constant(factor) * value
+    return result
+
+
+def _motions(r: Recording) -> tuple[Chain, list[LinkMotion]]:
+    chain = r.chain()
+    dq, ddq = r.joints("dq"), r.joints("ddq")
+    return chain, forward(chain, dq, ddq, [True] * r.n)
+
+
+def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
+    """Regressor in the base parameters."""
+
+    def record(r: Recording) -> Program:
+        chain = r.chain()
+        dq, ddq = r.joints("dq"), r.joints("ddq")
+        rows = _regressor_rows(r, columns(chain, dq, ddq, frames(chain), r.parametrization.own.parameters))
+        port = Port("Y", (r.n, len(r.parametrization.names)), "SI", "", "columns in the order of the base parameters")
+        return r.builder.program(
+            "regressor",
+            [(port, flat(rows))],
+            "Regressor in the base parameters.",
+            "tau = Y(q, dq, ddq) beta   (14.10)",
+        )
+
+    return record
+
+
+def regressor_transpose(r: Recording) -> Program:
+    """Transposed base regressor times a vector."""
+    chain, motions = _motions(r)
+    e = r.joints("e")
+    virtual = composite.velocities(chain, e)
+    own = [True] * r.n
+    values = [virtual_power(chain, motions, own, virtual, p) for p in r.parametrization.own.parameters]
+    inverse = r.parametrization.inverse
+    if inverse is not None:
+        values = _through(r, inverse, values)
+    port = Port("r", (len(values),), "SI", "", "Y' e")
+    return r.builder.program(
+        "regressor_transpose",
+        [(port, values)],
+        "Transposed base regressor times a vector, for adaptive laws; Y is never formed.",
+        "r = Y(q, dq, ddq)' e   (14.23)",
+    )
+
+
+def standard_regressor(r: Recording) -> Program:
+    """Regressor in the standard parameters."""
+    chain = r.chain()
+    dq, ddq = r.joints("dq"), r.joints("ddq")
+    canonical = columns_by_axes(chain, dq, ddq, [True] * r.n, all_parameters(r.n))
+    columns = []
+    for i, X in enumerate(chain.link_frames):
+        entries = canonical[len(STANDARD) * i : len(STANDARD) * (i + 1)]
+        for k in range(len(STANDARD)):
+            factors = from_standard([int(k == m) for m in range(len(STANDARD))]).moved(X).entries()
+            columns.append([dot(factors, values) for values in zip(*entries, strict=True)])
+    rows = [[column[j] for column in columns] for j in range(r.n)]
+    port = Port("Y", (r.n, 10 * r.n), "SI", "", "per link: " + ", ".join(STANDARD))
+    return r.builder.program(
+        "standard_regressor",
+        [(port, flat(rows))],
+        "Regressor in the standard parameters.",
+        "tau = Y(q, dq, ddq) phi",
+        ["Inertias are tensor entries about the origin of the link frame, off-diagonals -integral of x y dm."],
+    )

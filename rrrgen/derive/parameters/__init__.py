@@ -1,0 +1,1 @@
+"""Base parameters: which combinations of inertial parameters the dynamics depend on, as exact expressions."""

@@ -1,0 +1,201 @@
+"""Exact linear dependencies between columns of the regressor.
+
+The columns are evaluated at random rational states in a finite field. Elimination from the left finds which columns
+depend on those before them; the coefficients of each relation are then solved for exactly, over the polynomials in the
+constants of the geometry, and checked at independent states.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from random import Random
+from typing import Any
+
+import sympy as sp
+from sympy.polys.matrices import DomainMatrix
+
+from rrrgen.derive.algebra.finite_field import PRIME, Residue, row_echelon
+from rrrgen.derive.algebra.polynomials import Polynomial, PolynomialRing, to_expression
+from rrrgen.derive.recursions.chain import Chain, ResidueConstants, build_chain, residue_chain
+from rrrgen.derive.recursions.regressor import Parameter, regressor
+from rrrgen.errors import InternalError
+from rrrgen.model import RobotModel
+
+STATES = 10
+"""States sampled. The columns of the first k links have at least k rows per state and at most 7 k columns."""
+
+CHECK_STATES = 3
+
+ROUNDS = 30
+"""Attempts, of :data:`STATES` states each, to find plain rows; one is enough as a rule."""
+
+
+@dataclass(frozen=True)
+class Dependency:
+    """Column ``parameter`` equals the sum of factor times the columns of ``combination``; empty: no effect at all."""
+
+    parameter: Parameter
+    combination: dict[Parameter, sp.Expr]
+
+
+def sampled_rows(model: RobotModel, parameters: list[Parameter], seed: int, states: int) -> list[list[int]]:
+    """Rows of the regressor at ``states`` random rational states, in the finite field."""
+    constants = ResidueConstants(seed)
+    rows: list[list[int]] = []
+    for _ in range(states):
+        chain, _slides = residue_chain(model, constants)
+        dq = [constants.draw() for _ in range(model.n)]
+        ddq = [constants.draw() for _ in range(model.n)]
+        rows += [[Residue.of(v).value for v in row] for row in regressor(chain, dq, ddq, parameters)]
+    return rows
+
+
+def find_dependencies(
+    model: RobotModel, ring: PolynomialRing, candidates: list[Parameter], seed: int
+) -> list[Dependency]:
+    """Relations of every candidate column that depends on the columns before it."""
+    if not candidates:
+        return []
+    echelon, pivots = row_echelon(sampled_rows(model, candidates, seed, STATES))
+    dependencies = []
+    for column, parameter in enumerate(candidates):
+        if column in pivots:
+            continue
+        support = [candidates[p] for row, p in zip(echelon, pivots, strict=True) if row[column]]
+        dependencies.append(Dependency(parameter, _solve(model, ring, parameter, support, seed)))
+    _check(model, ring, candidates, dependencies, seed + 1)
+    return dependencies
+
+
+def _solve(
+    model: RobotModel, ring: PolynomialRing, parameter: Parameter, support: list[Parameter], seed: int
+) -> dict[Parameter, sp.Expr]:
+    """Exact factors of the relation between ``parameter`` and the columns of its ``support``."""
+    if not support:
+        return {}
+    field = ring.ring.to_field()
+    rows = _plain_rows(model, ring, [*support, parameter], seed)
+    elements = [[field(_poly(ring, v)) for v in row] for row in rows]
+    A = DomainMatrix([r[:-1] for r in elements], (len(rows), len(support)), field.to_domain())
+    b = DomainMatrix([r[-1:] for r in elements], (len(rows), 1), field.to_domain())
+    solution = A.lu_solve(b).to_list_flat()
+    return {keeper: _canonical(ring, value) for keeper, value in zip(support, solution, strict=True)}
+
+
+def _plain_rows(model: RobotModel, ring: PolynomialRing, columns: list[Parameter], seed: int) -> list[list[Any]]:
+    """Rows of the regressor whose entries in all ``columns`` but the last are independent, and as plain as can be.
+
+    Independence is judged on images in the finite field: sines and cosines of one constant angle are not independent
+    of each other, so polynomials in them that differ may be the same number. Plain rows (numbers instead of polynomials
+    in the constants) keep the factors free of needless denominators.
+    """
+    random, constants = Random(seed), ResidueConstants(seed)
+    images = [Residue.of(constants(generator)) for generator in ring.generators]
+    pool: list[list[Any]] = []
+    for _ in range(ROUNDS):
+        for _ in range(STATES):
+            chain, dq, ddq = _rational_state(model, ring, random, 1 + max(i for i, _ in columns))
+            pool += [row for row in regressor(chain, dq, ddq, columns) if any(row[:-1])]
+        pool.sort(key=_terms)
+        mapped = [[_image(v, images).value for v in row[:-1]] for row in pool]
+        _, chosen = row_echelon([list(column) for column in zip(*mapped, strict=True)])
+        if len(chosen) == len(columns) - 1:
+            return [pool[k] for k in chosen]
+    raise InternalError(f"no states found at which the columns {columns[:-1]} are independent")
+
+
+def _terms(row: list[Any]) -> tuple[int, int]:
+    """Terms that are not plain numbers: before the last entry, and in it."""
+    counts = [len(v.poly) if isinstance(v, Polynomial) else 0 for v in row]
+    return sum(counts[:-1]), counts[-1]
+
+
+def _image(value: Any, images: list[Residue]) -> Residue:
+    """A polynomial in the finite field, its generators at ``images``."""
+    if not isinstance(value, Polynomial):
+        return Residue.of(value)
+    total = 0
+    for powers, coefficient in value.poly.terms():
+        term = Residue.of(Fraction(int(coefficient.numerator), int(coefficient.denominator))).value
+        for image, power in zip(images, powers, strict=False):
+            term = term * pow(image.value, power, PRIME) % PRIME
+        total += term
+    return Residue(total)
+
+
+def _canonical(ring: PolynomialRing, value: Any) -> sp.Expr:
+    """A quotient of polynomials with a denominator free of sines and roots (times its conjugates), in lowest terms."""
+    numerator, denominator = ring.element(value.numer), ring.element(value.denom)
+    for conjugate in ring.conjugations():
+        if isinstance(denominator, Polynomial):
+            other = conjugate(denominator)
+            if other != denominator:
+                numerator, denominator = numerator * other, denominator * other
+    if not isinstance(denominator, Polynomial):
+        return to_expression(numerator / denominator)
+    field = ring.ring.to_field()
+    lowest = field(_poly(ring, numerator)) / field(denominator.poly)
+    return to_expression(Polynomial(ring, lowest.numer)) / to_expression(Polynomial(ring, lowest.denom))
+
+
+def _poly(ring: PolynomialRing, value: Any) -> Any:
+    if isinstance(value, Polynomial):
+        return value.poly
+    value = Fraction(value)
+    return ring.ring(sp.QQ(value.numerator, value.denominator))
+
+
+def _rational_state(
+    model: RobotModel, ring: PolynomialRing, random: Random, joints: int
+) -> tuple[Chain, list[Any], list[Any]]:
+    """A state of the first ``joints`` joints with small rational sines and cosines, and the exact geometry.
+
+    Half of all angles, slides, rates and accelerations are zero.
+    """
+    points = []
+    for _ in range(joints):
+        t = Fraction(random.choice((0, 1)) * random.randint(1, 9), random.randint(1, 9))
+        points.append(((1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)))
+
+    def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:
+        c, s = Fraction(1), Fraction(0)
+        for i in turning:
+            c, s = c * points[i][0] - s * points[i][1], s * points[i][0] + c * points[i][1]
+        return c, s
+
+    def numbers() -> list[Fraction]:
+        return [Fraction(random.choice((0, 1)) * random.randint(-9, 9)) for _ in range(joints)]
+
+    part = replace(model, joints=model.joints[:joints], link_frames=model.link_frames[:joints])
+    return build_chain(part, ring.convert, trig, numbers()), numbers(), numbers()
+
+
+def _check(
+    model: RobotModel,
+    ring: PolynomialRing,
+    candidates: list[Parameter],
+    dependencies: list[Dependency],
+    seed: int,
+) -> None:
+    """Every relation must hold at states that were not used to find it."""
+    if not dependencies:
+        return
+    position = {parameter: k for k, parameter in enumerate(candidates)}
+    constants = ResidueConstants(seed)
+    images = [
+        (
+            position[d.parameter],
+            {position[k]: Residue.of(constants(v)) for k, v in d.combination.items()},
+        )
+        for d in dependencies
+    ]
+    for _ in range(CHECK_STATES):
+        chain, _slides = residue_chain(model, constants)
+        dq = [constants.draw() for _ in range(model.n)]
+        ddq = [constants.draw() for _ in range(model.n)]
+        for row in regressor(chain, dq, ddq, candidates):
+            for column, factors in images:
+                rest = Residue.of(row[column]) - sum((f * row[k] for k, f in factors.items()), Residue(0))
+                if rest.value % PRIME:
+                    raise InternalError(f"a relation found for {candidates[column]} does not hold in general")

@@ -1,0 +1,85 @@
+"""What became of every standard parameter, in words: kept, regrouped with which factor, or without effect, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sympy as sp
+
+from rrrgen.derive.parameters.base_parameters import BaseSet, Regrouping, standard_symbols
+from rrrgen.derive.recursions.inertia import STANDARD
+from rrrgen.model import RobotModel
+
+
+def regroupings(
+    model: RobotModel, own: BaseSet, names: Sequence[str], projection: Sequence[Sequence[sp.Expr]]
+) -> list[Regrouping]:
+    """One entry per standard parameter; ``projection`` gives the base parameters ``names`` over them."""
+    entries = []
+    for j, symbol in enumerate(standard_symbols(model.n)):
+        factors = [(name, row[j]) for name, row in zip(names, projection, strict=True) if row[j] != 0]
+        link, kind = j // len(STANDARD), STANDARD[j % len(STANDARD)]
+        if not factors:
+            entries.append(Regrouping(str(symbol), "no effect", _why_without_effect(model, link, kind)))
+        elif len(factors) == 1 and _alone(factors[0][0], names, projection, j):
+            entries.append(Regrouping(str(symbol), f"{factors[0][0]} = {_times(factors[0][1], symbol)}", "alone"))
+        else:
+            formula = ", ".join(f"{name} += {_times(factor, symbol)}" for name, factor in factors)
+            entries.append(Regrouping(str(symbol), formula, _why_regrouped(model, own, link, kind)))
+    return entries
+
+
+def _alone(name: str, names: Sequence[str], projection: Sequence[Sequence[sp.Expr]], j: int) -> bool:
+    row = projection[list(names).index(name)]
+    return all(value == 0 for k, value in enumerate(row) if k != j)
+
+
+def _times(factor: sp.Expr, symbol: sp.Symbol) -> str:
+    return str((sp.factor(factor) if factor.is_Add else factor) * symbol)
+
+
+def _leading_parallel(model: RobotModel, link: int) -> bool:
+    """Whether links 1..link+1 only turn about axes parallel to the first one, and slide."""
+    axis = None
+    direction = sp.Matrix([0, 0, 1])
+    R = sp.eye(3)
+    for joint in model.joints[: link + 1]:
+        R = R * joint.before.R
+        if joint.revolute:
+            current = R * direction
+            if axis is not None and sp.Matrix(axis).cross(current) != sp.zeros(3, 1):
+                return False
+            axis = current
+            if any(not j.parallel for j in model.joints[model.joints.index(joint) + 1 : link + 1] if j.revolute):
+                return False
+    return True
+
+
+def _why_without_effect(model: RobotModel, link: int, kind: str) -> str:
+    if not any(joint.revolute for joint in model.joints[: link + 1]):
+        what = "its first moments and inertia" if kind != "m" else "a slide that carries it against nothing"
+        return f"link {link + 1} never turns, so {what} cannot act"
+    if _leading_parallel(model, link):
+        if kind in ("mx", "my", "m", "mz"):
+            return (
+                f"link {link + 1} turns about one fixed direction only; gravity along it, or an origin at rest, "
+                "leaves this moment without effect"
+            )
+        return f"link {link + 1} turns about one fixed direction only: of its inertia just that about the axis acts"
+    return f"the motion of link {link + 1} never excites it"
+
+
+def _why_regrouped(model: RobotModel, own: BaseSet, link: int, kind: str) -> str:
+    joint = model.joints[link]
+    extra = any(d.parameter[0] == link and d.combination for d in own.dependencies)
+    if not joint.revolute:
+        reason = f"joint {link + 1} slides: link {link + 1} never turns relative to link {link}"
+    else:
+        reason = (
+            f"mass spread along the axis of joint {link + 1} moves like a part of link {link}"
+            if link
+            else "joint 1 turns about a fixed axis"
+        )
+    if extra and _leading_parallel(model, link):
+        reason += "; axes parallel to the first one excite no more"
+    return reason

@@ -1,0 +1,188 @@
+"""The user's own base parameters: checked to be a basis, and related exactly to the compiler's own set.
+
+With the own set ``beta = K phi`` and its right inverse L (``K L = 1``), user parameters ``pi = U phi`` are functions of
+the dynamics if and only if ``U = (U L) K``, and they are a basis if and only if ``S = U L`` is square and invertible.
+Then ``beta = S^-1 pi`` and the user's regressor is ``Y S^-1``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+from sympy.polys.matrices import DomainMatrix
+
+from rrrgen.derive.algebra.finite_field import Residue, row_echelon
+from rrrgen.derive.algebra.polynomials import Polynomial, PolynomialRing, to_expression
+from rrrgen.derive.parameters.base_parameters import BaseSet, linear_expression, standard_symbols
+from rrrgen.derive.recursions.chain import ResidueConstants
+from rrrgen.derive.recursions.inertia import STANDARD
+from rrrgen.errors import Fault, InputError
+from rrrgen.robotfile.robot_spec import BasisSpec, RobotSpec
+
+INERTIA_SIGN = {"Ixy": -1, "Ixz": -1, "Iyz": -1}
+
+
+@dataclass(frozen=True)
+class BasisChange:
+    """``own = inverse @ user``; ``inverse`` is exact over the constants of the geometry."""
+
+    names: tuple[str, ...]
+    expressions: tuple[sp.Expr, ...]
+    units: tuple[str, ...]
+    forward: tuple[tuple[Any, ...], ...]
+    inverse: tuple[tuple[sp.Expr, ...], ...]
+
+
+def change_basis(spec: RobotSpec, own: BaseSet) -> BasisChange:
+    """Relate ``spec.basis`` to the compiler's own set, or say which direction is missing, dependent or foreign."""
+    basis = spec.basis
+    assert basis is not None
+    faults: list[Fault] = []
+    rows: list[list[Any]] = []
+    for k, expression in enumerate(basis.expressions):
+        try:
+            rows.append(_linear_row(expression, basis, spec.n, own.ring))
+        except ValueError as problem:
+            faults.append(_fault(spec, basis, k, str(problem)))
+            rows.append([0] * (10 * spec.n))
+    if faults:
+        raise InputError(faults)
+    S = [[_combine(row, column) for column in zip(*own.lift, strict=True)] for row in rows]
+    faults = _foreign(spec, basis, own, rows, S)
+    if not faults:
+        faults = _rank_faults(spec, basis, own, S)
+    if faults:
+        raise InputError(faults)
+    return BasisChange(
+        names=basis.names,
+        expressions=basis.expressions,
+        units=tuple(_unit(row) for row in rows),
+        forward=tuple(tuple(row) for row in S),
+        inverse=_inverse(own.ring, S),
+    )
+
+
+def _linear_row(expression: sp.Expr, basis: BasisSpec, n: int, ring: PolynomialRing) -> list[Any]:
+    """Coefficients of ``expression`` over the standard parameters (COM times mass is a first moment)."""
+    row: list[Any] = [0] * (10 * n)
+    names = {str(s): k for k, s in enumerate(standard_symbols(n))}
+    for term in sp.Add.make_args(sp.expand(expression)):
+        coefficient, inertial = sp.S.One, []
+        for factor in sp.Mul.make_args(term):
+            is_link = factor.is_Symbol and _is_link_symbol(str(factor), n)
+            if is_link:
+                inertial.append(str(factor))
+            elif any(_is_link_symbol(str(s), n) for s in factor.free_symbols):
+                raise ValueError(f"{factor} is not linear in the parameters of a link")
+            else:
+                coefficient *= factor
+        name = _standard_name(inertial)
+        if name is None or name not in names:
+            raise ValueError(f"the term {term} is not a multiple of one inertial parameter")
+        if basis.products == "positive":
+            coefficient *= INERTIA_SIGN.get(name[:3], 1)
+        try:
+            row[names[name]] = row[names[name]] + ring.convert(sp.expand(coefficient))
+        except KeyError as unknown:
+            raise ValueError(f"{unknown.args[0]} does not occur in the geometry of this robot") from None
+    return row
+
+
+def _is_link_symbol(name: str, n: int) -> bool:
+    stem = name.rstrip("0123456789")
+    digits = name[len(stem) :]
+    return stem in (*STANDARD, "x", "y", "z") and digits.isdigit() and 1 <= int(digits) <= n
+
+
+def _standard_name(factors: list[str]) -> str | None:
+    """The standard parameter that a product of link symbols is: one symbol, or mass times a COM coordinate."""
+    if len(factors) == 1:
+        return factors[0] if factors[0][0] not in "xyz" else None
+    if len(factors) == 2:
+        mass, place = sorted(factors, key=lambda f: f[0] in "xyz")
+        if mass[0] == "m" and place[0] in "xyz" and mass[1:] == place[1:]:
+            return f"m{place}"
+    return None
+
+
+def _combine(row: Sequence[Any], column: Sequence[Any]) -> Any:
+    total: Any = 0
+    for x, y in zip(row, column, strict=True):
+        if x and y:
+            total = total + x * y
+    return total
+
+
+def _fault(spec: RobotSpec, basis: BasisSpec, k: int, message: str) -> Fault:
+    line, column = basis.places[k] if k < len(basis.places) else (0, 0)
+    return Fault(spec.file or "robot", line, column, f"basis: {basis.names[k]}: {message}")
+
+
+def _foreign(spec: RobotSpec, basis: BasisSpec, own: BaseSet, rows: list[list[Any]], S: list[list[Any]]) -> list[Fault]:
+    """User parameters with a part that does not act on the dynamics."""
+    faults = []
+    symbols = standard_symbols(spec.n)
+    for k, (row, s) in enumerate(zip(rows, S, strict=True)):
+        factors = [to_expression(v) for v in s]
+        rebuilt = [_combine(factors, column) for column in zip(*own.projection, strict=True)]
+        rest = [_vanishing(to_expression(x) - y) for x, y in zip(row, rebuilt, strict=True)]
+        if any(rest):
+            extra = linear_expression(rest, symbols)
+            faults.append(_fault(spec, basis, k, f"its part {extra} has no effect on the dynamics; leave it out"))
+    return faults
+
+
+def _vanishing(expression: sp.Expr) -> sp.Expr:
+    """The expression in a form in which zero shows as zero."""
+    expanded = sp.expand(expression)
+    return expanded if expanded == 0 else sp.cancel(sp.trigsimp(expanded))
+
+
+def _rank_faults(spec: RobotSpec, basis: BasisSpec, own: BaseSet, S: list[list[Any]]) -> list[Fault]:
+    """Dependent user parameters and directions that none of them covers."""
+    constants = ResidueConstants(seed=7)
+    image = [[Residue.of(constants(to_expression(v))).value for v in row] for row in S]
+    b, count = len(own.parameters), len(S)
+    faults = []
+    by_parameter = [[image[r][c] for r in range(count)] for c in range(b)]
+    echelon, pivots = row_echelon([list(row) for row in by_parameter])
+    for k in range(count):
+        if k not in pivots:
+            others = [basis.names[p] for row, p in zip(echelon, pivots, strict=True) if row[k]]
+            text = f"depends linearly on {', '.join(others)}" if others else "has no effect on the dynamics"
+            faults.append(_fault(spec, basis, k, text))
+    _, covered = row_echelon([list(row) for row in image])
+    for c in range(b):
+        if c not in covered:
+            message = (
+                f"basis: incomplete ({len(pivots)} of {b} directions): nothing covers {own.names[c]} = "
+                f"{own.expressions()[c]}"
+            )
+            faults.append(Fault(spec.file or "robot", 0, 0, message))
+    return faults
+
+
+def _inverse(ring: PolynomialRing, S: list[list[Any]]) -> tuple[tuple[sp.Expr, ...], ...]:
+    """Over the rational numbers where there are only such: rational functions take a tenth of the derivation."""
+    if not any(isinstance(v, Polynomial) for row in S for v in row):
+        numbers = [[sp.QQ.from_sympy(to_expression(v)) for v in row] for row in S]
+        rational = DomainMatrix(numbers, (len(S), len(S)), sp.QQ).inv().to_Matrix()
+        return tuple(tuple(rational.row(r)) for r in range(len(S)))
+    field = ring.ring.to_field()
+    matrix = [[field(v.poly) if isinstance(v, Polynomial) else field(sp.QQ.from_sympy(to_expression(v))) for v in row]
+              for row in S]  # fmt: skip
+    inverse = DomainMatrix(matrix, (len(S), len(S)), field.to_domain()).inv().to_Matrix()
+    back = dict(zip(ring.ring.symbols, ring.generators, strict=False))
+    return tuple(tuple(sp.expand(inverse[r, c].subs(back)) for c in range(len(S))) for r in range(len(S)))
+
+
+def _unit(row: list[Any]) -> str:
+    """Unit from the first standard parameter that occurs with a plain number."""
+    for k, value in enumerate(row):
+        if value and not isinstance(value, Polynomial):
+            name = STANDARD[k % 10]
+            return "kg" if name == "m" else ("kg m" if name.startswith("m") else "kg m^2")
+    return ""

@@ -1,0 +1,102 @@
+"""The pseudo-inertia of a link: ten parameters in one symmetric 4x4 matrix (14.9).
+
+    J = integral of [x y z 1]' [x y z 1] dm = [[S, h], [h', m]],   S = second moments, h = first moments, m = mass
+
+in the axes of a frame and about its origin; S has positive products. It moves rigidly as ``T J T'``. The inertia
+tensor of the same frame is ``I = tr(S) 1 - S``, hence ``Ixx = Syy + Szz`` and ``Sxx = (-Ixx + Iyy + Izz)/2``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from rrrgen.derive.algebra.vectors import Matrix, product, transpose
+from rrrgen.derive.recursions.chain import Placement
+
+ENTRIES = ("Jxx", "Jxy", "Jxz", "Jyy", "Jyz", "Jzz", "hx", "hy", "hz", "m")
+"""Order of the ten parameters of a link in canonical frames."""
+
+PLACES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2), (0, 3), (1, 3), (2, 3), (3, 3))
+"""Where each entry stands in the 4x4 matrix."""
+
+STANDARD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+"""Order of the standard parameters of a link: mass, first moments, inertia tensor about the link frame's origin."""
+
+
+@dataclass(frozen=True)
+class PseudoInertia:
+    """The ten entries, in scalars of any kind; structural zeros are plain 0."""
+
+    Jxx: Any = 0
+    Jxy: Any = 0
+    Jxz: Any = 0
+    Jyy: Any = 0
+    Jyz: Any = 0
+    Jzz: Any = 0
+    hx: Any = 0
+    hy: Any = 0
+    hz: Any = 0
+    m: Any = 0
+
+    def entries(self) -> tuple[Any, ...]:
+        """In the order of :data:`ENTRIES`."""
+        return tuple(getattr(self, name) for name in ENTRIES)
+
+    def matrix(self) -> Matrix:
+        """The 4x4 matrix."""
+        J: Matrix = [[0] * 4 for _ in range(4)]
+        for (r, c), value in zip(PLACES, self.entries(), strict=True):
+            J[r][c] = J[c][r] = value
+        return J
+
+    @staticmethod
+    def of_matrix(J: Matrix) -> PseudoInertia:
+        """From a symmetric 4x4 matrix."""
+        return PseudoInertia(*(J[r][c] for r, c in PLACES))
+
+    def moved(self, placement: Placement) -> PseudoInertia:
+        """The same body seen from the frame in which its own frame has ``placement``: T J T'."""
+        T = [[*row, p] for row, p in zip(placement.R, placement.p, strict=True)] + [[0, 0, 0, 1]]
+        return PseudoInertia.of_matrix(product(product(T, self.matrix()), transpose(T)))
+
+    def plus(self, other: PseudoInertia) -> PseudoInertia:
+        """Both bodies fixed to each other, in one frame."""
+        return PseudoInertia(*(x + y for x, y in zip(self.entries(), other.entries(), strict=True)))
+
+    def turned(self, c: Any, s: Any) -> PseudoInertia:
+        """Seen from a frame turned back by the angle with cosine ``c`` and sine ``s`` about z."""
+        # with P = Jxx - Jyy and u = P c - 2 Jxy s: four products turn the plane part
+        u = (self.Jxx - self.Jyy) * c - 2 * self.Jxy * s
+        shift = c * u
+        return PseudoInertia(
+            Jxx=self.Jyy + shift,
+            Jxy=self.Jxy + s * u,
+            Jxz=c * self.Jxz - s * self.Jyz,
+            Jyy=self.Jxx - shift,
+            Jyz=s * self.Jxz + c * self.Jyz,
+            Jzz=self.Jzz,
+            hx=c * self.hx - s * self.hy,
+            hy=s * self.hx + c * self.hy,
+            hz=self.hz,
+            m=self.m,
+        )
+
+
+def from_standard(phi: tuple[Any, ...] | list[Any]) -> PseudoInertia:
+    """Standard parameters (order :data:`STANDARD`) as a pseudo-inertia of the same frame."""
+    m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz = phi
+    half = Fraction(1, 2)
+    return PseudoInertia(
+        Jxx=(Iyy + Izz - Ixx) * half,
+        Jxy=-Ixy,
+        Jxz=-Ixz,
+        Jyy=(Ixx + Izz - Iyy) * half,
+        Jyz=-Iyz,
+        Jzz=(Ixx + Iyy - Izz) * half,
+        hx=mx,
+        hy=my,
+        hz=mz,
+        m=m,
+    )

@@ -1,0 +1,128 @@
+"""Forward kinematics (14.5), the geometric Jacobian and its derivative times the joint rates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, product, subtract, times, turn, turn_back
+from rrrgen.derive.recursions.chain import Chain, ChainJoint, Placement
+from rrrgen.derive.recursions.motion import forward
+
+IDENTITY: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+
+def joint_frames(chain: Chain) -> list[Placement]:
+    """Canonical frames P_1..P_n in the base frame, from the base outwards."""
+    frames: list[Placement] = []
+    block_R, origin = IDENTITY, [0, 0, 0]
+    for i, joint in enumerate(chain.joints):
+        if joint.parallel:
+            before = chain.joints[i - 1]
+            offset = turn(before.c, before.s, joint.p)
+            origin = add(origin, times(block_R, add(offset, [0, 0, joint.slide])))
+        else:
+            R = frames[-1].R if frames else IDENTITY
+            origin = add(origin, times(R, joint.p))
+            block_R = product(R, joint.R)
+            origin = add(origin, [row[2] * joint.slide for row in block_R])
+        frames.append(Placement(_turned(block_R, joint.c, joint.s), origin))
+    return frames
+
+
+def _turned(R: Matrix, c: Any, s: Any) -> Matrix:
+    """R Rz."""
+    return [[c * x + s * y, c * y - s * x, z] for x, y, z in R]
+
+
+def compose(frame: Placement, constant: Placement) -> Placement:
+    """frame * constant."""
+    return Placement(product(frame.R, constant.R), add(frame.p, times(frame.R, constant.p)))
+
+
+def homogeneous(frame: Placement) -> Matrix:
+    """The 4x4 matrix."""
+    return [[*row, p] for row, p in zip(frame.R, frame.p, strict=True)] + [[0, 0, 0, 1]]
+
+
+def link_frames(chain: Chain) -> list[Matrix]:
+    """The user's link frames D_1..D_n in the base frame, as 4x4 matrices."""
+    return [
+        homogeneous(compose(frame, constant))
+        for frame, constant in zip(joint_frames(chain), chain.link_frames, strict=True)
+    ]
+
+
+def forward_kinematics(chain: Chain) -> Matrix:
+    """The tip in the base frame, from the base outwards."""
+    return homogeneous(compose(joint_frames(chain)[-1], chain.tip))
+
+
+def forward_kinematics_inwards(chain: Chain) -> Matrix:
+    """The tip in the base frame, column by column from the tip to the base.
+
+    Two axes and the position are carried through every joint (four products each), the third axis is their cross
+    product: cheaper than whole rotation matrices for long chains.
+    """
+    x, y = (carry_to_base(chain, [row[k] for row in chain.tip.R]) for k in range(2))
+    z = cross(x, y)
+    p = position_to_base(chain, chain.tip.p)
+    return [[x[r], y[r], z[r], p[r]] for r in range(3)] + [[0, 0, 0, 1]]
+
+
+def carry_to_base(chain: Chain, vector: Vector) -> Vector:
+    """A vector given in the last canonical frame, in base axes."""
+    for i in reversed(range(chain.n)):
+        vector = _out_of_joint(chain, i, vector)
+    return vector
+
+
+def position_to_base(chain: Chain, point: Vector) -> Vector:
+    """A point given in the last canonical frame, in the base frame."""
+    for i in reversed(range(chain.n)):
+        joint = chain.joints[i]
+        if not (i + 1 < chain.n and chain.joints[i + 1].parallel):
+            point = turn(joint.c, joint.s, point)
+        if not joint.revolute:
+            point = add(point, [0, 0, joint.slide])
+        if joint.parallel:
+            before = chain.joints[i - 1]
+            point = add(point, turn(before.c, before.s, joint.p))
+        else:
+            point = add(times(joint.R, point), joint.p)
+    return point
+
+
+def _out_of_joint(chain: Chain, i: int, vector: Vector) -> Vector:
+    """From the frame of link i to that of link i-1, the turn of a block being made at its last joint."""
+    joint = chain.joints[i]
+    if not (i + 1 < chain.n and chain.joints[i + 1].parallel):
+        vector = turn(joint.c, joint.s, vector)
+    return vector if joint.parallel else times(joint.R, vector)
+
+
+def jacobian(chain: Chain) -> Matrix:
+    """6 x n geometric Jacobian at the tip, base axes, linear rows first."""
+    frames = joint_frames(chain)
+    tip = add(frames[-1].p, times(frames[-1].R, chain.tip.p))
+    columns = []
+    for joint, frame in zip(chain.joints, frames, strict=True):
+        axis = [row[2] for row in frame.R]
+        if joint.revolute:
+            columns.append(cross(axis, subtract(tip, frame.p)) + axis)
+        else:
+            columns.append([*axis, 0, 0, 0])
+    return [[column[r] for column in columns] for r in range(6)]
+
+
+def jacobian_dot_dq(chain: Chain, dq: Sequence[Any]) -> Vector:
+    """(dJ/dt) dq: acceleration of the tip for ddq = 0; linear part first, base axes."""
+    at_rest = Chain(chain.joints, chain.tip, chain.link_frames, [0, 0, 0])
+    last = forward(at_rest, dq, [0] * chain.n, [True] * chain.n)[-1]
+    linear = add(last.a, times(last.U, chain.tip.p))
+    return carry_to_base(chain, linear) + carry_to_base(chain, last.alpha)
+
+
+def turn_into_link(joint: ChainJoint, vector: Vector) -> Vector:
+    """From the frame of a joint's block to the link's own frame."""
+    return turn_back(joint.c, joint.s, vector)

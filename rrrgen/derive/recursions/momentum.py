@@ -1,0 +1,68 @@
+"""Energy and the transposed Coriolis matrix, from the momentum of composite bodies.
+
+``C' dq = integral of r' . dJ_i/dt dm`` needs only the momentum P and the angular momentum L of each composite body:
+
+    (C' dq)_i = zdot_i . L_i - z_i . (v_i x P_i)   (revolute),   zdot_i . P_i   (prismatic),
+
+and equals the gradient of the kinetic energy with respect to q.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+from rrrgen.derive.algebra.vectors import Vector, add, cross, dot, scale, times
+from rrrgen.derive.recursions.chain import Chain
+from rrrgen.derive.recursions.composite import BlockVelocity, composites, step_down, velocities
+from rrrgen.derive.recursions.inertia import PseudoInertia
+
+
+def link_momentum(J: PseudoInertia, velocity: BlockVelocity) -> tuple[Vector, Vector]:
+    """Momentum and angular momentum about the origin of one link, in the block's frame."""
+    h = [J.hx, J.hy, J.hz]
+    x, y, z = velocity.omega
+    L = [
+        (J.Jyy + J.Jzz) * x - J.Jxy * y - J.Jxz * z,
+        (J.Jxx + J.Jzz) * y - J.Jxy * x - J.Jyz * z,
+        (J.Jxx + J.Jyy) * z - J.Jxz * x - J.Jyz * y,
+    ]
+    return add(scale(J.m, velocity.v), cross(velocity.omega, h)), add(L, cross(h, velocity.v))
+
+
+def coriolis_transpose(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]) -> list[Any]:
+    """C(q, dq)' dq."""
+    motion = velocities(chain, dq)
+    result: list[Any] = [0] * chain.n
+    P: Vector = [0, 0, 0]
+    L: Vector = [0, 0, 0]
+    for i in reversed(range(chain.n)):
+        joint = chain.joints[i]
+        own = link_momentum(inertias[i].turned(joint.c, joint.s), motion[i])
+        P, L = add(P, own[0]), add(L, own[1])
+        x, y, v = motion[i].carrier[0], motion[i].carrier[1], motion[i].v
+        if joint.revolute:
+            result[i] = (y * L[0] - x * L[1]) - (v[0] * P[1] - v[1] * P[0])
+        else:
+            result[i] = y * P[0] - x * P[1]
+        if i:
+            P, L = step_down(chain, i, P, L)
+    return result
+
+
+def kinetic_energy(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]) -> Any:
+    """T = sum over links of (v . P + omega . L)/2."""
+    total: Any = 0
+    for joint, J, velocity in zip(chain.joints, inertias, velocities(chain, dq), strict=True):
+        P, L = link_momentum(J.turned(joint.c, joint.s), velocity)
+        total = total + dot(velocity.v, P) + dot(velocity.omega, L)
+    return total * Fraction(1, 2)
+
+
+def potential_energy(chain: Chain, inertias: Sequence[PseudoInertia]) -> Any:
+    """U = -g . (sum of m r), the zero being where all base parameters put it (U is defined up to a constant)."""
+    whole = composites(chain, [PseudoInertia(hx=J.hx, hy=J.hy, hz=J.hz, m=J.m) for J in inertias])[0]
+    first = chain.joints[0]
+    h = times(first.R, [whole.hx, whole.hy, whole.hz + whole.m * first.slide])
+    return -dot(chain.gravity, add(h, scale(whole.m, first.p)))

@@ -1,0 +1,165 @@
+"""Forward recursion: how every link moves.
+
+The acceleration of a point r of link k (gravity's acceleration subtracted) is ``a_k + U_k r`` with
+
+    U_k = [alpha_k]x + [omega_k]x [omega_k]x.
+
+Within a block of parallel axes all links share the block's frame B, which is fixed to the link before the block, and
+differ from each other only by the absolute rate W about the common z axis:
+
+    U_k = U_B + [[-2 z W - W^2, -A, 0], [A, -2 z W - W^2, 0], [2 x W, 2 y W, 0]],   omega_B = (x, y, z)
+
+so ``U13, U23, U33`` are the same for all of them. A link is expressed in B or in its own turned frame, whichever is
+cheaper; the last link of a block that has a successor uses its own frame, since the next block starts from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rrrgen.derive.algebra.vectors import (
+    Matrix,
+    Vector,
+    add,
+    is_number,
+    product,
+    times,
+    transpose,
+    transposed_times,
+    turn,
+    turn_back,
+)
+from rrrgen.derive.recursions.chain import Chain, ChainJoint
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """Motion of one link in its frame of expression.
+
+    ``U`` as above; ``D = (U33 - U22, U11 - U33, U22 - U11)``; ``a`` is the acceleration of the origin minus gravity;
+    ``omega`` the angular velocity. In the block's frame stand ``a_block``, the same acceleration, and ``axis``, the
+    second time derivative of the joint's axis.
+    """
+
+    own: bool
+    U: Matrix
+    D: Vector
+    a: Vector
+    omega: Vector
+    alpha: Vector
+    a_block: Vector
+    axis: Vector
+
+
+@dataclass(frozen=True)
+class _BlockEntry:
+    """Motion of a block's frame B, which its links share; ``x2``, ``y2`` are squares of its angular velocity."""
+
+    omega: Vector
+    alpha: Vector
+    x2: Any
+    y2: Any
+    U: Matrix
+
+
+def choose_frames(chain: Chain, keep_in_block: Container[int] = ()) -> list[bool]:
+    """Whether each link uses its own frame; links in ``keep_in_block`` use the block's where that is allowed."""
+    own = []
+    for i in range(chain.n):
+        leads_on = i + 1 < chain.n and not chain.joints[i + 1].parallel
+        own.append(leads_on or i not in keep_in_block)
+    return own
+
+
+def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], own: Sequence[bool]) -> list[LinkMotion]:
+    """Motion of all links for joint rates ``dq`` and accelerations ``ddq``."""
+    motions: list[LinkMotion] = []
+    nothing = [[0] * 3 for _ in range(3)]
+    still = LinkMotion(True, nothing, [0] * 3, [-g for g in chain.gravity], *([0] * 3 for _ in range(4)))
+    entry, W, A, a_block = _enter(chain.joints[0], still), 0, 0, [0, 0, 0]
+    for i, joint in enumerate(chain.joints):
+        before = motions[-1] if motions else still
+        if not joint.parallel:
+            entry, W, A = _enter(joint, before), 0, 0
+            a_block = transposed_times(joint.R, add(before.a, times(before.U, joint.p)))
+        else:
+            a_block = add(a_block, _offset_acceleration(chain.joints[i - 1], before, joint.p))
+        if joint.revolute:
+            W, A = W + dq[i], A + ddq[i]
+        else:
+            a_block = add(a_block, _sliding(entry, W, A, joint.slide, dq[i], ddq[i]))
+        motions.append(_own_frame(joint, entry, W, A, a_block) if own[i] else _block_frame(entry, W, A, a_block))
+    return motions
+
+
+def _enter(joint: ChainJoint, before: LinkMotion) -> _BlockEntry:
+    """Motion of the frame that ``joint`` turns in; quarter turns only rearrange the U of the link before."""
+    R = joint.R
+    omega, alpha = transposed_times(R, before.omega), transposed_times(R, before.alpha)
+    x, y, _ = omega
+    if all(is_number(entry, -1, 0, 1) for row in R for entry in row):
+        U = product(product(transpose(R), before.U), R)
+    else:
+        U = _spin(omega, alpha)
+    return _BlockEntry(omega, alpha, x * x, y * y, U)
+
+
+def _spin(omega: Vector, alpha: Vector) -> Matrix:
+    """[alpha]x + [omega]x [omega]x."""
+    x, y, z = omega
+    a, b, c = alpha
+    x2, y2, z2, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    return [[-(y2 + z2), xy - c, xz + b], [xy + c, -(x2 + z2), yz - a], [xz - b, yz + a, -(x2 + y2)]]
+
+
+def _offset_acceleration(joint: ChainJoint, motion: LinkMotion, p: Vector) -> Vector:
+    """U p in the block's frame, for an offset ``p`` fixed to the link ``joint`` moves."""
+    if motion.own:
+        return turn(joint.c, joint.s, times(motion.U, p))
+    return times(motion.U, turn(joint.c, joint.s, p))
+
+
+def _sliding(entry: _BlockEntry, W: Any, A: Any, slide: Any, rate: Any, acceleration: Any) -> Vector:
+    """What a slide along z adds to the acceleration: U z d + 2 omega x z d' + z d''."""
+    x, y, _ = entry.omega
+    twice = 2 * rate
+    return [
+        entry.U[0][2] * slide + y * twice,
+        entry.U[1][2] * slide - x * twice,
+        acceleration + entry.U[2][2] * slide,
+    ]
+
+
+def _block_frame(entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
+    x, y, z = entry.omega
+    B = entry.U
+    Z = z + W
+    Z2 = Z * Z
+    U = [
+        [-(entry.y2 + Z2), B[0][1] - A, B[0][2]],
+        [B[1][0] + A, -(entry.x2 + Z2), B[1][2]],
+        [B[2][0] + 2 * x * W, B[2][1] + 2 * y * W, B[2][2]],
+    ]
+    D = [Z2 - entry.y2, entry.x2 - Z2, entry.y2 - entry.x2]
+    alpha = [entry.alpha[0] + y * W, entry.alpha[1] - x * W, entry.alpha[2] + A]
+    return LinkMotion(False, U, D, a, [x, y, Z], alpha, a, [B[0][2], B[1][2], B[2][2]])
+
+
+def _own_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
+    B = entry.U
+    X, Y, z = turn_back(joint.c, joint.s, entry.omega)
+    U13, U23, _ = turn_back(joint.c, joint.s, [B[0][2], B[1][2], 0])
+    Z, Az = z + W, entry.alpha[2] + A
+    XZ, YZ, XY = X * Z, Y * Z, X * Y
+    X2, Y2, Z2 = X * X, Y * Y, Z * Z
+    alpha_y, alpha_x = U13 - XZ, YZ - U23
+    U = [
+        [-(Y2 + Z2), XY - Az, U13],
+        [XY + Az, -(X2 + Z2), U23],
+        [XZ - alpha_y, YZ + alpha_x, B[2][2]],
+    ]
+    D = [Z2 - Y2, X2 - Z2, Y2 - X2]
+    axis = [B[0][2], B[1][2], B[2][2]]
+    return LinkMotion(True, U, D, turn_back(joint.c, joint.s, a), [X, Y, Z], [alpha_x, alpha_y, Az], a, axis)

@@ -1,0 +1,1 @@
+"""Experiments on the virtual robot: the experiment file, the writing task, the case study."""

@@ -1,0 +1,303 @@
+"""The case study of the chapter on the virtual RRR: excitation, experiment, base parameters, writing task.
+
+Section 14.6 from beginning to end with data of its own: an exciting trajectory under the chapter's limits, an
+experiment under PD control with a Kalman observer, batch least squares for the base parameters and the friction, and
+validation on a motion that was not fitted. Every stage leaves its result in a run folder, where an interrupted run is
+taken up again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.experiments.writing import (
+    InverseKinematics,
+    JointPath,
+    newton_inverse_kinematics,
+    solver_inverse_kinematics,
+    writing_task,
+)
+from rrrgen.friction.models import FrictionModel, coulomb_viscous
+from rrrgen.identify.columns import DriveTerms, FullRegressor
+from rrrgen.identify.excitation.design import ExcitationDesign, design_excitation
+from rrrgen.identify.excitation.robot import limits_of, robot_problem
+from rrrgen.identify.excitation.starts import Progress
+from rrrgen.identify.identification import Identification, Options, identify
+from rrrgen.identify.validation import Thresholds, Validation, column_model, data_label, validate_recordings
+from rrrgen.recordings.logs import Log, read_log
+from rrrgen.runs.run_folder import RunFolder, hash_of
+from rrrgen.signals.kalman import KalmanMatrices, kalman_matrices
+from rrrgen.signals.processing import Processing
+
+BRANCH = (-1.0, -1.5, 2.0)
+"""Joint position near which the writing task is done, elbow down, rad; it fits the range of Fig. 14.6."""
+
+LARGEST_CONDITION = 1.6
+MOST_DEVIATIONS = 3.0
+LARGEST_ERROR = 0.01
+
+
+@dataclass(frozen=True)
+class CaseStudySettings:
+    """What the chapter leaves open, and how much effort to spend.
+
+    ``viscous``, ``coulomb`` friction (N m s/rad, N m), ``torque_noise`` (N m) and ``bandwidth`` (Hz) of the PD control
+    belong to the virtual robot; ``low_speed`` (rad/s) and ``decimate`` to the estimation. ``symmetric_links`` takes
+    y2 = y3 = 0 for known, as the chapter does: 13 base parameters instead of 15.
+    """
+
+    robot: str = "rrr"
+    harmonics: int = 15
+    starts: int = 4
+    text: str = "RRR"
+    pace: tuple[float, ...] = (1.0, 0.55)
+    viscous: tuple[float, ...] = (1.1, 0.3, 0.2)
+    coulomb: tuple[float, ...] = (3.0, 1.5, 0.8)
+    torque_noise: tuple[float, ...] = (0.15, 0.08, 0.04)
+    bandwidth: float = 4.0
+    low_speed: float = 0.05
+    decimate: int = 10
+    symmetric_links: bool = True
+    period: float = 1e-3
+    duration: float = 10.0
+    seed: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class CaseStudy:
+    """Everything that was found, for tables and figures."""
+
+    settings: CaseStudySettings
+    model: Any
+    design: ExcitationDesign
+    observer: tuple[KalmanMatrices, ...]
+    friction: FrictionModel
+    path: JointPath
+    recursive: InverseKinematics
+    excitation_log: Log
+    writing_log: Log
+    identification: Identification
+    validation: Validation
+
+    @property
+    def truth(self) -> Array:
+        """The virtual robot's own values of the identified parameters."""
+        values = dict(zip(self.model.base_parameter_names, self.model.beta, strict=True))
+        for i, (viscous, coulomb) in enumerate(zip(self.settings.viscous, self.settings.coulomb, strict=True)):
+            values |= {f"fv{i + 1}": viscous, f"fc{i + 1}": coulomb}
+        return np.array([values[name] for name in self.identification.names])
+
+    @property
+    def deviations(self) -> Array:
+        """Errors of the identified parameters in their reported standard deviations."""
+        estimate = self.identification.estimate
+        return np.asarray((estimate.x - self.truth) / estimate.std)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What does not come up to the standards of the case study, in words; empty when all is well."""
+        found = list(self.validation.failures)
+        check = self.design.best.check
+        if not check.condition <= LARGEST_CONDITION:
+            found.append(f"condition number {check.condition:.3g} exceeds {LARGEST_CONDITION}")
+        worst = int(np.argmax(np.abs(self.deviations)))
+        if not abs(self.deviations[worst]) <= MOST_DEVIATIONS:
+            name = self.identification.names[worst]
+            found.append(f"{name} is {abs(self.deviations[worst]):.2g} standard deviations off")
+        return tuple(found)
+
+    def to_json(self) -> dict[str, Any]:
+        """The result in plain data."""
+        check, estimate = self.design.best.check, self.identification.estimate
+        rows = zip(self.identification.names, estimate.x, estimate.std, self.truth, self.deviations, strict=True)
+        return {
+            "passed": not self.failures,
+            "failures": list(self.failures),
+            "excitation": check.to_json(),
+            "parameters": [{"name": n, "estimate": x, "std": s, "truth": p, "deviations": d} for n, x, s, p, d in rows],
+            "relative_error_fit": self.identification.fit["relative_error"],
+            "indefinite_mass_matrix_share": self.identification.indefinite,
+            "validation": self.validation.to_json(),
+        }
+
+
+def run_case_study(
+    folder: Path,
+    settings: CaseStudySettings | None = None,
+    *,
+    jobs: int = 1,
+    cluster: str | None = None,
+    progress: Progress | None = None,
+) -> CaseStudy:
+    """Run section 14.6 on the virtual RRR and leave results and figures in ``folder``.
+
+    ``jobs`` and ``cluster`` (a Dask scheduler) serve the search for the exciting trajectory. An interrupted run in the
+    same folder is taken up where it stopped, and gives the same result. ``progress(done, total, message)`` is called
+    as the work goes on.
+    """
+    import rrrgen
+    from rrrgen.experiments.case_study.figures import write_figures
+
+    chosen = settings if settings is not None else CaseStudySettings()
+    with RunFolder(folder, "case-study", {}, asdict(chosen), chosen.seed) as run:
+        work = _Work(run, chosen, rrrgen.compile(chosen.robot), jobs, cluster, progress or (lambda *_: None))
+        study = work.study()
+        work.tell(0, 0, "figures")
+        run.write_json("case_study.json", study.to_json())
+        write_figures(run, study)
+    return study
+
+
+class _Work:
+    """The stages, in order."""
+
+    def __init__(
+        self, run: RunFolder, settings: CaseStudySettings, model: Any, jobs: int, cluster: str | None, tell: Progress
+    ) -> None:
+        self.run, self.settings, self.model = run, settings, model
+        self.jobs, self.cluster, self.tell = jobs, cluster, tell
+        self.joints = [joint.name for joint in model.spec.joints]
+        self.resolution = [joint.drive.encoder_resolution for joint in model.spec.joints]
+        self.friction = coulomb_viscous(settings.viscous, settings.coulomb)
+
+    def study(self) -> CaseStudy:
+        """All stages."""
+        design = self.excitation()
+        observer = self.observer(design)
+        path, recursive = self.writing()
+        excitation = self.experiment("excitation", design.trajectory.evaluate, observer, self.settings.seed)
+        identification = self.identified(excitation)
+        writing = self.experiment("writing", path.evaluate, observer, self.settings.seed + 1)
+        self.tell(0, 0, "validation on the writing task")
+        validation = self.validated(identification, writing, excitation)
+        return CaseStudy(
+            settings=self.settings,
+            model=self.model,
+            design=design,
+            observer=observer,
+            friction=self.friction,
+            path=path,
+            recursive=recursive,
+            excitation_log=excitation,
+            writing_log=writing,
+            identification=identification,
+            validation=validation,
+        )
+
+    def excitation(self) -> ExcitationDesign:
+        """An exciting trajectory under the limits of the robot file, (14.24)."""
+        settings = self.settings
+        problem = robot_problem(
+            self.model,
+            limits_of(self.model.spec),
+            harmonics=settings.harmonics,
+            base_frequency=1.0 / settings.duration,
+            sample_period=settings.period,
+            at_rest=True,
+        )
+        design = design_excitation(
+            problem,
+            settings.starts,
+            jobs=self.jobs,
+            cluster=self.cluster,
+            checkpoints=self.run.path / "checkpoints",
+            progress=self.tell,
+        )
+        design.write(self.run.path / "results")
+        return design
+
+    def observer(self, design: ExcitationDesign) -> tuple[KalmanMatrices, ...]:
+        """The Kalman observer of every joint by the chapter's rules: quantisation, and the largest jerk squared."""
+        trajectory = design.trajectory
+        jerk = np.abs(trajectory.derivative(trajectory.times(self.settings.period), 3)).max(axis=0)
+        return tuple(
+            kalman_matrices(self.settings.period, step**2 / 12.0, float(top) ** 2)
+            for step, top in zip(self.resolution, jerk, strict=True)
+        )
+
+    def writing(self) -> tuple[JointPath, InverseKinematics]:
+        """The writing task with closed-form inverse kinematics, and the recursive one to compare with."""
+        from rrrgen.runtime.inverse_kinematics import load_solver
+
+        settings = self.settings
+        task = writing_task(settings.text, duration=settings.duration, pace=settings.pace)
+        closed = solver_inverse_kinematics(load_solver(self.model.spec), BRANCH)
+        return JointPath(task, self.model, closed), newton_inverse_kinematics(self.model, BRANCH)
+
+    def experiment(
+        self,
+        name: str,
+        reference: Callable[[Array], tuple[Array, Array, Array]],
+        observer: tuple[KalmanMatrices, ...],
+        seed: int,
+    ) -> Log:
+        """The recording of one motion of the virtual robot under PD control, (14.25), (14.33)."""
+        from rrrgen.simulate.control import DeviationFilter, pd_gains
+        from rrrgen.simulate.experiment import Instruments, VirtualRobot
+        from rrrgen.simulate.friction import Friction
+        from rrrgen.simulate.plant import make_plant
+        from rrrgen.simulate.recording import write_recording
+
+        settings, results = self.settings, self.run.path / "results"
+        mapping = results / f"{name}_log.yaml"
+        if not mapping.exists():  # written last: with it, the recording is complete
+            limits = tuple(float(joint.limits.torque) for joint in self.model.spec.joints)
+            instruments = Instruments(tuple(self.resolution), limits, torque_noise=settings.torque_noise)
+            robot = VirtualRobot(make_plant(self.model, friction=Friction(self.friction)), instruments, settings.period)
+            recording = robot.run(
+                reference,
+                settings.duration,
+                pd_gains(self.typical_inertia(), settings.bandwidth),
+                DeviationFilter([m.E for m in observer], [m.k for m in observer]),
+                seed=seed,
+                progress=lambda done, total, message: self.tell(done, total, f"{name}: {message}"),
+            )
+            write_recording(results, f"{name}_log", recording, joints=self.joints, instruments=instruments)
+        return read_log(mapping)
+
+    def typical_inertia(self) -> Array:
+        """Mean diagonal of M over random poses, kg m^2."""
+        poses = np.random.default_rng(self.settings.seed).uniform(-np.pi, np.pi, (1000, self.model.n))
+        return np.asarray(np.mean(np.diagonal(self.model.mass_matrix(poses), axis1=1, axis2=2), axis=0))
+
+    @property
+    def terms(self) -> DriveTerms:
+        """The friction columns beside the base regressor, (14.11)."""
+        return DriveTerms.everywhere(self.model.n, "viscous", "coulomb")
+
+    @property
+    def processing(self) -> Processing:
+        """Kalman smoother tuned by its innovations, low speeds left out, both sides behind one filter."""
+        settings = self.settings
+        speeds = (settings.low_speed,) * self.model.n
+        return Processing(method="kalman", decimate=settings.decimate, low_speed=speeds)
+
+    def identified(self, log: Log) -> Identification:
+        """Base parameters and friction by weighted least squares, (14.20)."""
+        fixed = {"my2": 0.0, "my3": 0.0} if self.settings.symmetric_links else {}
+        options = Options(terms=self.terms, fixed_standard=fixed, seed=self.settings.seed)
+        return identify(self.model, [log], self.processing, options, progress=self.tell)
+
+    def validated(self, found: Identification, log: Log, fitted: Log) -> Validation:
+        """The identified model against the writing task, which was not fitted."""
+        return validate_recordings(
+            column_model(FullRegressor(self.model, self.terms), found.theta),
+            [log],
+            replace(self.processing, var_eta=found.processing.var_eta, var_xi=found.processing.var_xi),
+            noise=self.settings.torque_noise,
+            label=data_label(_hashes(fitted), _hashes(log)),
+            indefinite=found.indefinite.get(found.estimate.method, next(iter(found.indefinite.values()))),
+            thresholds=Thresholds(relative_error=0.1, beyond_noise=LARGEST_ERROR, indefinite_share=0.0),
+        )
+
+
+def _hashes(log: Log) -> list[str]:
+    """SHA-256 of the files behind a recording."""
+    assert log.mapping is not None
+    return [hash_of(source.path) for source in log.mapping.files]

@@ -1,0 +1,326 @@
+"""The experiment file: YAML that says what to excite, what to write, and how the virtual robot behaves.
+
+Every section is optional. Lists run over the joints; one number stands for all of them. Faults are collected and
+reported with their places.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rrrgen.errors import Fault, InputError
+from rrrgen.experiments.writing import WritingPlane
+from rrrgen.friction.models import FrictionModel
+from rrrgen.identify.excitation.problem import OBJECTIVES, ExcitationLimits
+from rrrgen.yamltext import signal_units as units
+from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
+from rrrgen.yamltext.sections import describe, read_entries
+from rrrgen.yamltext.suggest import did_you_mean
+
+SCHEMA = "rrrgen-experiment/1"
+
+EFFORT = units.TORQUE | units.FORCE
+PLAIN = {"one": 1.0}
+
+
+@dataclass(frozen=True)
+class ControlSection:
+    """How the virtual robot is controlled: ``kind`` "pd" or "computed_torque", gains or a bandwidth (Hz).
+
+    ``observer`` is "kalman" or "difference"; ``jerk`` (rad/s^3) tunes the former, by default the reference's largest.
+    """
+
+    kind: str = "pd"
+    bandwidth: float = 4.0
+    damping: float = 1.0
+    kp: tuple[float, ...] | None = None
+    kd: tuple[float, ...] | None = None
+    observer: str = "kalman"
+    jerk: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What an experiment file says; sections that are absent are empty.
+
+    ``excitation`` are fields of the excitation problem, ``limits`` among them None for those of the robot file;
+    ``starts`` how many starts. ``writing`` are arguments of the writing task, ``branch`` where its inverse kinematics
+    begins. ``virtual_robot`` are friction, instruments and flexible parts by name.
+    """
+
+    excitation: Mapping[str, Any] = field(default_factory=dict)
+    limits: ExcitationLimits | None = None
+    starts: int = 4
+    writing: Mapping[str, Any] = field(default_factory=dict)
+    branch: tuple[float, ...] | None = None
+    virtual_robot: Mapping[str, Any] = field(default_factory=dict)
+    control: ControlSection = field(default_factory=ControlSection)
+    period: float = 1e-3
+    seed: int = 0
+
+
+def load_experiment(path: str | os.PathLike[str], joints: int) -> Experiment:
+    """Read an experiment file for a robot of ``joints`` joints. Raises InputError with every fault."""
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        message = f"cannot read the experiment file: {error.strerror or error}"
+        raise InputError([Fault(str(path), 0, 0, message)]) from None
+    return loads_experiment(decode(data, str(path)), joints, str(path))
+
+
+def loads_experiment(text: str, joints: int, file: str = "experiment.yaml") -> Experiment:
+    """Read an experiment from YAML text; ``file`` is the name for messages."""
+    faults = FaultList(file, text)
+    found = _Reader(faults, joints).experiment(parse_document(text, faults))
+    faults.raise_errors()
+    return found
+
+
+Take = Callable[[Node, str], Any]
+
+
+class _Reader:
+    """Reads one file; faults go to one list, and reading goes on."""
+
+    def __init__(self, faults: FaultList, joints: int) -> None:
+        self.faults, self.n = faults, joints
+
+    def experiment(self, root: Node) -> Experiment:
+        top = self.section(
+            root,
+            "the experiment file",
+            {
+                "schema": lambda node, what: self.choice(node, what, (SCHEMA,)),
+                "excitation": self.excitation,
+                "writing": self.writing,
+                "virtual_robot": self.virtual_robot,
+                "control": self.control,
+                "period": self.number(units.TIME, "s", positive=True),
+                "seed": self.whole,
+            },
+        )
+        if "schema" not in top:
+            self.faults.error(root, "the experiment file needs the key 'schema'", f"schema: {SCHEMA}")
+        excitation, writing = dict(top.get("excitation", {})), dict(top.get("writing", {}))
+        return Experiment(
+            limits=excitation.pop("limits", None),
+            starts=excitation.pop("starts", 4),
+            excitation=excitation,
+            branch=writing.pop("start", None),
+            writing=writing,
+            virtual_robot=top.get("virtual_robot", {}),
+            control=top.get("control", ControlSection()),
+            period=top.get("period", 1e-3),
+            seed=top.get("seed", 0),
+        )
+
+    # -- sections ----------------------------------------------------------------------------------------------------
+
+    def excitation(self, node: Node, what: str) -> dict[str, Any]:
+        return self.section(
+            node,
+            what,
+            {
+                "harmonics": self.whole,
+                "base_frequency": self.number(units.RATE, "Hz", positive=True),
+                "objective": lambda n, w: self.choice(n, w, OBJECTIVES),
+                "at_rest": self.yes_or_no,
+                "starts": self.whole,
+                "max_iterations": self.whole,
+                "row_weights": self.per_joint(PLAIN, "one"),
+                "limits": self.limits,
+            },
+        )
+
+    def limits(self, node: Node, what: str) -> ExcitationLimits:
+        found = self.section(
+            node,
+            what,
+            {
+                "lower": self.per_joint(units.POSITION, "rad"),
+                "upper": self.per_joint(units.POSITION, "rad"),
+                "speed": self.per_joint(units.VELOCITY, "rad/s"),
+                "acceleration": self.per_joint(units.ACCELERATION, "rad/s^2"),
+                "torque": self.per_joint(EFFORT, "N*m"),
+                "box": self.box,
+            },
+        )
+        low, high = found.pop("box", (None, None))
+        return ExcitationLimits(
+            position_lower=found.pop("lower", None),
+            position_upper=found.pop("upper", None),
+            box_lower=low,
+            box_upper=high,
+            **found,
+        )
+
+    def box(self, node: Node, what: str) -> tuple[tuple[float | None, ...], tuple[float | None, ...]]:
+        sides = self.section(node, what, dict.fromkeys("xyz", self.pair))
+        pairs = [sides.get(axis, (None, None)) for axis in "xyz"]
+        return tuple(p[0] for p in pairs), tuple(p[1] for p in pairs)
+
+    def writing(self, node: Node, what: str) -> dict[str, Any]:
+        found = self.section(
+            node,
+            what,
+            {
+                "text": self.text,
+                "duration": self.number(units.TIME, "s", positive=True),
+                "peak_speed": self.number(units.VELOCITY, "m/s", positive=True),
+                "pace": self.numbers,
+                "margin": self.number(units.LENGTH, "m"),
+                "start": self.per_joint(units.POSITION, "rad"),
+                "plane": self.plane,
+            },
+        )
+        return found
+
+    def plane(self, node: Node, what: str) -> WritingPlane | None:
+        length = self.number(units.LENGTH, "m")
+        sides = self.section(node, what, {"x": self.pair, "y": length, "z": self.pair})
+        try:
+            return WritingPlane(**{key: value for key, value in sides.items() if value != (None, None)})
+        except InputError as error:
+            self.faults.error(node, f"{what}: {error.faults[0].message}")
+            return None
+
+    def virtual_robot(self, node: Node, what: str) -> dict[str, Any]:
+        torque = self.per_joint(EFFORT, "N*m")
+        return self.section(
+            node,
+            what,
+            {
+                "friction": self.friction,
+                "encoder_resolution": self.per_joint(units.POSITION, "rad"),
+                "torque_limit": torque,
+                "torque_resolution": torque,
+                "torque_noise": torque,
+                "disturbance": torque,
+                "torque_record": lambda n, w: self.choice(n, w, ("centred", "command")),
+                "flexible_joints": lambda n, w: self.section(
+                    n, w, dict.fromkeys(("rotor_inertia", "stiffness", "damping"), self.per_joint(PLAIN, "one")), True
+                ),
+                "flexible_base": lambda n, w: self.section(
+                    n,
+                    w,
+                    {
+                        "inertia": self.number(PLAIN, "one", positive=True),
+                        "frequency": self.number(units.RATE, "Hz", positive=True),
+                        "damping_ratio": self.number(PLAIN, "one"),
+                    },
+                ),
+            },
+        )
+
+    def friction(self, node: Node, what: str) -> FrictionModel | None:
+        entries = read_entries(node, what, self.faults) or {}
+        law = entries["law"][1].text if "law" in entries and isinstance(entries["law"][1], Scalar) else ""
+        listed = entries["joints"][1] if "joints" in entries else None
+        if not isinstance(listed, Sequence) or len(listed.items) != self.n:
+            self.faults.error(listed or node, f"{what}.joints must list {self.n} mappings, one per joint")
+            return None
+        rows = []
+        for i, item in enumerate(listed.items):
+            values = read_entries(item, f"{what}.joints[{i}]", self.faults) or {}
+            take = self.number(PLAIN, "one")
+            rows.append({key: take(value, f"{what}.joints[{i}].{key}") for key, (_, value) in values.items()})
+        try:
+            return FrictionModel.from_mapping({"law": law, "joints": rows})
+        except (InputError, TypeError) as error:
+            self.faults.error(node, str(getattr(error, "faults", [error])[0]).removeprefix("input: error: "))
+            return None
+
+    def control(self, node: Node, what: str) -> ControlSection:
+        found = self.section(
+            node,
+            what,
+            {
+                "kind": lambda n, w: self.choice(n, w, ("pd", "computed_torque")),
+                "bandwidth": self.number(units.RATE, "Hz", positive=True),
+                "damping": self.number(PLAIN, "one"),
+                "kp": self.per_joint(PLAIN, "one"),
+                "kd": self.per_joint(PLAIN, "one"),
+                "observer": lambda n, w: self.choice(n, w, ("kalman", "difference")),
+                "jerk": self.per_joint({"rad/s^3": 1.0, "m/s^3": 1.0}, "rad/s^3"),
+            },
+        )
+        if ("kp" in found) != ("kd" in found):
+            self.faults.error(node, f"{what} needs both kp and kd, or a bandwidth")
+        return ControlSection(**{key: value for key, value in found.items() if value is not None})
+
+    # -- values ------------------------------------------------------------------------------------------------------
+
+    def section(self, node: Node, what: str, table: Mapping[str, Take], complete: bool = False) -> dict[str, Any]:
+        """The values of a mapping, each read as its key asks; unknown keys are faults, absent ones are absent."""
+        entries = read_entries(node, what, self.faults) or {}
+        found: dict[str, Any] = {}
+        for name, (key, value) in entries.items():
+            if name not in table:
+                hint = f"{did_you_mean(name, tuple(table))} allowed are {', '.join(table)}".strip()
+                self.faults.error(key, f"unknown key '{name}' in {what}", hint)
+            elif isinstance(value, Scalar) and value.is_null:
+                self.faults.error(key, f"'{name}' has no value")
+            else:
+                found[name] = table[name](value, name)
+        missing = [name for name in table if complete and name not in entries]
+        if missing:
+            self.faults.error(node, f"{what} needs {', '.join(missing)}")
+        return found
+
+    def number(self, table: Mapping[str, float], bare: str, positive: bool = False) -> Take:
+        def take(node: Node, what: str) -> float | None:
+            value = units.read_quantity(node, what, table, bare, self.faults)
+            if positive and value is not None and value <= 0.0:
+                self.faults.error(node, f"{what} must be positive")
+                return None
+            return value
+
+        return take
+
+    def per_joint(self, table: Mapping[str, float], bare: str) -> Take:
+        def take(node: Node, what: str) -> tuple[float | None, ...]:
+            items = node.items if isinstance(node, Sequence) else [node] * self.n
+            if len(items) != self.n:
+                self.faults.error(node, f"{what} has {len(items)} entries for {self.n} joints")
+            return tuple(units.read_quantity(item, what, table, bare, self.faults) for item in items)
+
+        return take
+
+    def numbers(self, node: Node, what: str) -> tuple[float | None, ...]:
+        items = node.items if isinstance(node, Sequence) else [node]
+        return tuple(units.read_quantity(item, what, PLAIN, "one", self.faults) for item in items)
+
+    def pair(self, node: Node, what: str) -> tuple[float | None, float | None]:
+        if not isinstance(node, Sequence) or len(node.items) != 2:
+            self.faults.error(node, f"{what} is {describe(node)}, not a pair [lowest, highest]")
+            return None, None
+        low, high = (units.read_quantity(item, what, units.LENGTH, "m", self.faults) for item in node.items)
+        return low, high
+
+    def text(self, node: Node, what: str) -> str:
+        if isinstance(node, Scalar):
+            return node.text
+        self.faults.error(node, f"{what} is {describe(node)}, not a text")
+        return ""
+
+    def choice(self, node: Node, what: str, allowed: tuple[str, ...]) -> str:
+        value = self.text(node, what)
+        if value and value not in allowed:
+            hint = f"{did_you_mean(value, allowed)} allowed are {', '.join(allowed)}".strip()
+            self.faults.error(node, f"{what} is '{value}'", hint)
+        return value
+
+    def whole(self, node: Node, what: str) -> int:
+        text = self.text(node, what)
+        if text.isdecimal():
+            return int(text)
+        self.faults.error(node, f"{what} is '{text}', not a whole number")
+        return 0
+
+    def yes_or_no(self, node: Node, what: str) -> bool:
+        return self.choice(node, what, ("true", "false")) == "true"

@@ -1,0 +1,177 @@
+"""From an experiment file to what runs: the excitation problem, the writing path, the virtual robot's experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.experiments.experiment_file import Experiment
+from rrrgen.experiments.writing import JointPath, newton_inverse_kinematics, solver_inverse_kinematics, writing_task
+from rrrgen.friction.models import robot_friction
+from rrrgen.identify.excitation.problem import ExcitationProblem
+from rrrgen.identify.excitation.robot import limits_of, robot_problem
+from rrrgen.signals.kalman import kalman_matrices
+from rrrgen.signals.smoother import quantisation_variance
+
+DEFAULT_RESOLUTION = 1e-5
+"""rad (m), where neither the experiment nor the robot file states one: the chapter's encoders."""
+
+BASE_TO_ARM = 10.0
+"""Inertia of a flexible base whose file states none, over that of the arm about joint 1 in its zero pose."""
+
+LARGEST_POSITION_TASK = 3
+"""Joints up to which the inverse kinematics takes tip positions, see :mod:`rrrgen.ik`."""
+
+POSES = 200
+"""Poses of the motion for which gains are chosen and tested."""
+
+LARGEST_DAMPING = 1.0
+"""Of ``M^-1 Kd`` times the sample period: above 1 a held torque overshoots the speed it brakes, above 2 it diverges."""
+
+Motion = Callable[[Array], tuple[Array, Array, Array]]
+
+
+def problem_of(experiment: Experiment, model: Any) -> ExcitationProblem:
+    """The excitation problem that the file describes for a compiled robot."""
+    limits = experiment.limits if experiment.limits is not None else limits_of(model.spec)
+    return robot_problem(model, limits, sample_period=experiment.period, **experiment.excitation)
+
+
+def writing_path(experiment: Experiment, model: Any) -> JointPath:
+    """The joint motion of the writing task, by the closed form of the arm's position where it has one."""
+    from rrrgen.runtime.inverse_kinematics import load_solver
+
+    start = experiment.branch if experiment.branch is not None else (0.0,) * model.n
+    task = writing_task(**experiment.writing)
+    if model.n > LARGEST_POSITION_TASK:  # the closed form asks for whole poses
+        return JointPath(task, model, newton_inverse_kinematics(model, start))
+    revolute = [joint.is_revolute for joint in model.spec.joints]
+    return JointPath(task, model, solver_inverse_kinematics(load_solver(model.spec), start, revolute))
+
+
+def simulate_motion(
+    experiment: Experiment,
+    model: Any,
+    reference: Motion,
+    duration: float,
+    *,
+    progress: Callable[[int, int, str], None] | None = None,
+) -> tuple[Any, Any]:
+    """Run the virtual robot along ``reference(t) -> (q, dq, ddq)``; returns its recording and its instruments.
+
+    Links, drive inertia, friction, encoders and torque limits are those of the robot file where the experiment states
+    no others. Rotors of flexible joints take the place of the robot file's drive inertia.
+    """
+    from rrrgen.simulate.experiment import VirtualRobot
+
+    if model.beta is None:
+        raise InputError("the virtual robot needs masses and inertias: the robot file has no links")
+    instruments = _instruments(experiment, model)
+    robot = VirtualRobot(_plant(experiment, model), instruments, experiment.period)
+    recording = robot.run(
+        reference,
+        duration,
+        _controller(experiment, model, reference, duration),
+        _observer(experiment, model, instruments, reference, duration),
+        seed=experiment.seed,
+        progress=progress,
+    )
+    return recording, instruments
+
+
+def _plant(experiment: Experiment, model: Any) -> Any:
+    from rrrgen.simulate.friction import Friction
+    from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints, make_plant
+
+    parts = experiment.virtual_robot
+    friction = parts.get("friction") or robot_friction(model.spec)
+    joints, base = parts.get("flexible_joints"), parts.get("flexible_base")
+    if base is not None and "inertia" not in base:
+        base = {**base, "inertia": BASE_TO_ARM * float(model.mass_matrix(np.zeros(model.n))[0, 0])}
+    return make_plant(
+        model,
+        friction=None if friction is None else Friction(friction),
+        joints=None if joints is None else FlexibleJoints(**joints),
+        base=None if base is None else FlexibleBase(**base),
+    )
+
+
+def _instruments(experiment: Experiment, model: Any) -> Any:
+    from rrrgen.simulate.experiment import Instruments
+
+    names = {entry.name for entry in fields(Instruments)}
+    steps = [joint.drive and joint.drive.encoder_resolution for joint in model.spec.joints]
+    stated: dict[str, Any] = {"torque_limit": _drives(model)}
+    if any(steps):
+        stated["encoder_resolution"] = tuple(float(step or 0.0) for step in steps)
+    return Instruments(**{**stated, **{k: v for k, v in experiment.virtual_robot.items() if k in names}})
+
+
+def _drives(model: Any) -> tuple[float, ...] | None:
+    """The torque limits of the robot file, where it states them for every joint."""
+    limits = [joint.limits.torque for joint in model.spec.joints]
+    return None if any(limit is None for limit in limits) else tuple(float(limit) for limit in limits)
+
+
+def _controller(experiment: Experiment, model: Any, reference: Motion, duration: float) -> Any:
+    from rrrgen.simulate.control import PD, ComputedTorque, pd_gains
+    from rrrgen.simulate.plant import RigidBody
+
+    control, n = experiment.control, model.n
+    if control.kind == "computed_torque":
+        omega = 2.0 * np.pi * control.bandwidth
+        kp = control.kp if control.kp is not None else (omega**2,) * n
+        kd = control.kd if control.kd is not None else (2.0 * control.damping * omega,) * n
+        friction = experiment.virtual_robot.get("friction") or robot_friction(model.spec)
+        return ComputedTorque(RigidBody(model), kp, kd, friction=friction)
+    poses = reference(np.linspace(0.0, duration, POSES))[0]
+    whole, felt = _moved(experiment, model, np.asarray(model.mass_matrix(poses)))
+    if control.kp is not None and control.kd is not None:
+        gains = PD(control.kp, control.kd)
+    else:
+        inertia = np.mean(np.diagonal(whole, axis1=1, axis2=2), axis=0)
+        gains = pd_gains(inertia, control.bandwidth, control.damping)
+    fastest = np.linalg.eigvals(np.linalg.solve(felt, np.diag(gains.kd)[None])).real.max()
+    if fastest * experiment.period > LARGEST_DAMPING:
+        raise InputError(
+            f"PD control at {1.0 / experiment.period:g} Hz is not stable along this motion: in its lightest direction "
+            f"the arm is damped {fastest:.3g} times a second, at most {LARGEST_DAMPING / experiment.period:g} will do. "
+            "Use computed torque, a lower bandwidth or a higher rate"
+        )
+    return gains
+
+
+def _moved(experiment: Experiment, model: Any, M: Array) -> tuple[Array, Array]:
+    """The mass matrices (m, n, n) that a controller moves in the long run, and within a sample: then rotors alone."""
+    from rrrgen.simulate.plant import without_drives
+
+    flexible = experiment.virtual_robot.get("flexible_joints")
+    if flexible is None:
+        return M, M
+    rotors = np.asarray(flexible["rotor_inertia"], dtype=float)
+    drives = without_drives(model)
+    return M + np.diag(rotors + (0.0 if drives is None else drives)), np.broadcast_to(np.diag(rotors), M.shape)
+
+
+def _observer(experiment: Experiment, model: Any, instruments: Any, reference: Motion, duration: float) -> Any:
+    """A Kalman filter by the chapter's rules: quantisation of the encoder, and the largest jerk squared."""
+    from rrrgen.simulate.control import BackwardDifference, DeviationFilter
+
+    period, control = experiment.period, experiment.control
+    if control.observer == "difference":
+        return BackwardDifference(period)
+    jerk = control.jerk
+    if jerk is None:
+        t = np.arange(round(duration / period)) * period
+        jerk = tuple(np.abs(np.diff(reference(t)[2], axis=0)).max(axis=0) / period)
+    steps = instruments.encoder_resolution or (0.0,) * model.n
+    matrices = [
+        kalman_matrices(period, quantisation_variance(step or DEFAULT_RESOLUTION), max(float(top), 1e-3) ** 2)
+        for step, top in zip(steps, jerk, strict=True)
+    ]
+    return DeviationFilter([m.E for m in matrices], [m.k for m in matrices])

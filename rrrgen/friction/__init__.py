@@ -1,0 +1,1 @@
+"""Friction of joints and drives: its laws, their programs, and models with numbers."""

@@ -1,0 +1,215 @@
+"""Friction of a robot's joints with numbers: evaluated with NumPy, told from YAML or JSON, checked for passivity.
+
+The laws themselves are those of :mod:`rrrgen.friction.laws`, from which programs for C and CasADi are recorded
+too; here they run over arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rrrgen.errors import InputError
+from rrrgen.friction.laws import LAWS, FrictionLaw, neural_law
+
+Array = NDArray[Any]
+
+
+class _NumPy:
+    """The operations that the laws ask for."""
+
+    sign = staticmethod(np.sign)
+    exp = staticmethod(np.exp)
+    tanh = staticmethod(np.tanh)
+
+
+class _Smooth(_NumPy):
+    """The same with sgn(x) replaced by tanh(x/width)."""
+
+    def __init__(self, width: float) -> None:
+        self.width = width
+
+    def sign(self, x: Array) -> Array:  # type: ignore[override]
+        return np.asarray(np.tanh(x / self.width))
+
+
+NUMPY = _NumPy()
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionModel:
+    """Friction of n joints under one law; ``parameters`` (n, k) in the order of ``law.parameters``.
+
+    Every method takes speeds (..., n) in rad/s (m/s) and returns torques (..., n) in N m (N), sgn(0) = 0.
+    Source: (14.11)-(14.14).
+    """
+
+    law: FrictionLaw
+    parameters: Array
+
+    def __post_init__(self) -> None:
+        values = np.array(self.parameters, dtype=float)
+        if values.ndim != 2 or values.shape[1] != len(self.law.parameters):
+            names = ", ".join(p.name for p in self.law.parameters)
+            raise InputError(f"friction law '{self.law.name}' takes per joint: {names}; got shape {values.shape}")
+        for k, parameter in enumerate(self.law.parameters):
+            if parameter.positive and not np.all(values[:, k] > 0.0):
+                raise InputError(f"friction law '{self.law.name}': {parameter.name} must be positive")
+        values.setflags(write=False)
+        object.__setattr__(self, "parameters", values)
+
+    @cached_property
+    def _columns(self) -> tuple[Array, ...]:
+        return tuple(self.parameters.T)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.parameters.shape[0])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, joint by joint, e.g. ``viscous1``."""
+        return tuple(f"{p.name}{i + 1}" for i in range(self.n) for p in self.law.parameters)
+
+    @property
+    def has_state(self) -> bool:
+        """Whether the law remembers (LuGre): one state z per joint, rad or m."""
+        return self.law.rate is not None
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the torque is linear in the parameters."""
+        return self.law.columns is not None
+
+    def torque(self, dq: ArrayLike, width: float = 0.0) -> Array:
+        """Friction torque at the speeds ``dq``; in steady sliding if the law has a state.
+
+        ``width`` > 0 replaces sgn(x) by the smooth tanh(x/width).
+        """
+        speeds = np.asarray(dq, dtype=float)
+        ops = _Smooth(width) if width > 0.0 else NUMPY
+        return np.asarray(self.law.torque(ops, speeds, self._columns) + 0.0 * speeds)
+
+    def columns(self, dq: ArrayLike) -> Array:
+        """Regressor columns of a linear law, (..., n, n k), parameters joint by joint as in :attr:`names`.
+
+        They stand *beside* the rigid-body columns: ``[R, Y_f] [p; p_f] = tau``. Raises InputError for other laws.
+        """
+        if self.law.columns is None:
+            raise InputError(f"friction law '{self.law.name}' is not linear in its parameters")
+        speeds = np.asarray(dq, dtype=float)
+        n, k = self.parameters.shape
+        Y = np.zeros((*speeds.shape, n, k))
+        parts = [np.broadcast_to(part, speeds.shape) for part in self.law.columns(NUMPY, speeds)]
+        for i in range(n):
+            Y[..., i, i, :] = np.stack([part[..., i] for part in parts], axis=-1)
+        return Y.reshape((*speeds.shape, n * k))
+
+    def rate(self, z: ArrayLike, dq: ArrayLike) -> Array:
+        """dz/dt of the state, zero for laws without one. Source: (14.13)."""
+        if self.law.rate is None:
+            return np.zeros(np.broadcast_shapes(np.shape(z), np.shape(dq)))
+        return np.asarray(self.law.rate(NUMPY, np.asarray(z), np.asarray(dq), self._columns))
+
+    def state_torque(self, z: ArrayLike, dq: ArrayLike) -> Array:
+        """Torque in the state ``z``; laws without a state ignore it. Source: (14.13)."""
+        if self.law.state_torque is None:
+            return self.torque(dq)
+        return np.asarray(self.law.state_torque(NUMPY, np.asarray(z), np.asarray(dq), self._columns))
+
+    def step(self, z: ArrayLike, dq: ArrayLike, period: float) -> tuple[Array, Array]:
+        """State after ``period`` s at constant speed, and the torque; stable for every period. Source: (14.13)."""
+        if self.law.step is None:
+            return np.zeros_like(np.asarray(z, dtype=float)), self.torque(dq)
+        following, torque = self.law.step(NUMPY, np.asarray(z), np.asarray(dq), self._columns, period)
+        return np.asarray(following), np.asarray(torque)
+
+    def directed(self, dq: ArrayLike, direction: ArrayLike) -> Array:
+        """The torque with sgn(dq) replaced by ``direction``, (..., n).
+
+        At rest friction may take any value between those for -1 and for +1: its break-away torques.
+        """
+        speeds = np.asarray(dq, dtype=float)
+        return np.asarray(self.law.torque(_Fixed(np.asarray(direction, dtype=float)), speeds, self._columns))
+
+    def passivity_margin(self) -> Array:
+        """LuGre: ``alpha2 - sigma1 alpha0/alpha1`` per joint; not negative suffices for passivity, (n,).
+
+        Zero for laws without a state whose torque opposes motion by construction. Source: after (14.13).
+        """
+        if self.law.name != "lugre":
+            return np.zeros(self.n)
+        _, sigma1, excess, coulomb, viscous, _ = self._columns
+        return np.asarray(viscous - sigma1 * excess / coulomb)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data that :meth:`from_mapping` reads back."""
+        rows = [{p.name: float(v) for p, v in zip(self.law.parameters, row, strict=True)} for row in self.parameters]
+        return {"law": self.law.name, "joints": rows}
+
+    @classmethod
+    def from_mapping(cls, data: Mapping[str, Any]) -> FrictionModel:
+        """Read ``{law: NAME, joints: [{parameter: value}, ...]}``; every fault is reported.
+
+        A parameter left out is 0 where that is allowed.
+        """
+        law = _law(data)
+        faults, rows = [], []
+        for i, joint in enumerate(data.get("joints") or []):
+            known = {p.name for p in law.parameters}
+            faults += [f"friction of joint {i + 1}: unknown '{key}'" for key in joint if key not in known]
+            missing = [p.name for p in law.parameters if p.positive and p.name not in joint]
+            faults += [f"friction of joint {i + 1}: '{name}' is needed" for name in missing]
+            rows.append([float(joint.get(p.name, 0.0)) for p in law.parameters])
+        if faults or not rows:
+            raise InputError("; ".join(faults) or "friction: 'joints' must list one mapping per joint")
+        return cls(law, np.array(rows))
+
+
+class _Fixed(_NumPy):
+    """The operations with the signs of the speeds decided beforehand."""
+
+    def __init__(self, signs: Array) -> None:
+        self.signs = signs
+
+    def sign(self, x: Array) -> Array:  # type: ignore[override]
+        return self.signs
+
+
+def _law(data: Mapping[str, Any]) -> FrictionLaw:
+    name = data.get("law")
+    if name == "neural":
+        joints = data.get("joints") or [{}]
+        return neural_law(max(1, sum(1 for key in joints[0] if str(key).startswith("f"))))
+    if name not in LAWS:
+        raise InputError(f"friction law '{name}' is not one of {', '.join(sorted(LAWS))}")
+    return LAWS[str(name)]
+
+
+def coulomb_viscous(
+    viscous: Sequence[float], coulomb: Sequence[float], offset: Sequence[float] | None = None
+) -> FrictionModel:
+    """``tau_f = viscous dq + coulomb sgn(dq) + offset``, one number per joint each. Source: (14.11)."""
+    zeros = np.zeros(len(viscous)) if offset is None else offset
+    return FrictionModel(LAWS["coulomb_viscous"], np.column_stack([viscous, coulomb, zeros]))
+
+
+def robot_friction(spec: Any) -> FrictionModel | None:
+    """The linear friction that a robot file states (missing numbers count as 0), None where it states none."""
+    given = [joint.friction for joint in spec.joints]
+    if all(friction is None for friction in given):
+        return None
+    rows = [
+        [
+            0.0 if f is None or getattr(f, key) is None else float(getattr(f, key))
+            for key in ("viscous", "coulomb", "offset")
+        ]
+        for f in given
+    ]
+    return FrictionModel(LAWS["coulomb_viscous"], np.array(rows))

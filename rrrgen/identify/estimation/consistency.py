@@ -1,0 +1,257 @@
+"""Physically consistent estimation: standard parameters whose pseudo-inertias (14.9) are positive definite.
+
+``min |R [beta; theta] - z|^2 / s^2 + lambda sum_j D(P_j)``, ``beta = K phi``, subject to ``P_j(phi) > 0`` for every
+link (a linear matrix inequality), and drive inertia, viscous and Coulomb friction not negative. D is the entropic
+divergence from a prior P0, ``tr(P0^-1 P) - log det P``: it decides what the torques leave open (Wensing, Kim and
+Slotine 2018; Lee, Wensing and Park 2020).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.identify.columns import Column, RigidModel
+from rrrgen.identify.estimation.regression import Estimate
+from rrrgen.identify.estimation.tsqr import JointFactors
+
+NON_NEGATIVE = ("inertia", "viscous", "coulomb")
+ATTEMPTS = 3  # with a stronger prior, where the solver fails
+DEFAULT_STRENGTH = 1.0
+"""Weight lambda of the prior: that of one observation with the standard deviation of the noise, per link."""
+SMALLEST_LENGTH = 0.05  # m, of the prior of a link without length
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A guess of the pseudo-inertias ``P0`` (n, 4, 4), each positive definite, and the weight ``strength`` given to
+    it.
+    """
+
+    P0: Array
+    strength: float = DEFAULT_STRENGTH
+
+    def __post_init__(self) -> None:
+        if self.strength <= 0:
+            raise InputError(f"the weight of the prior is {self.strength:g}; it must be positive")
+        if np.any(np.linalg.eigvalsh(self.P0) <= 0):
+            raise InputError("the prior of a link is not positive definite: its mass or inertia cannot be real")
+
+
+@dataclass(frozen=True)
+class ConsistentEstimate:
+    """Standard parameters ``phi`` (10n,), ``beta = K phi`` (b,), and the drive parameters ``drives`` by column name.
+
+    ``theta`` (p,) are the values of all columns, rigid and drive. ``eigenvalues`` (n,) are the smallest of the
+    pseudo-inertias in scaled coordinates (kg). ``relative_error`` and ``joint_rms`` belong to the rows of the fit;
+    ``loss`` is the rise of the weighted residual over the unconstrained one; ``facts`` tell the solver, its status and
+    the weight of the prior.
+    """
+
+    phi: Array
+    beta: Array
+    theta: Array
+    names: tuple[str, ...]
+    drives: dict[str, float]
+    eigenvalues: Array
+    relative_error: float
+    joint_rms: Array
+    loss: float
+    facts: dict[str, Any] = field(default_factory=dict)
+
+
+def pseudo_inertia(phi: Array) -> Array:
+    """``J = int [x y z 1]' [x y z 1] dm`` (..., 4, 4) of standard parameters (..., 10): (14.9) with tensor products."""
+    m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz = np.moveaxis(np.asarray(phi, float), -1, 0)
+    half = 0.5 * (Ixx + Iyy + Izz)
+    rows = [
+        [half - Ixx, -Ixy, -Ixz, mx],
+        [-Ixy, half - Iyy, -Iyz, my],
+        [-Ixz, -Iyz, half - Izz, mz],
+        [mx, my, mz, m],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def standard_parameters(J: Array) -> Array:
+    """Standard parameters (..., 10) of pseudo-inertias (..., 4, 4), the inverse of :func:`pseudo_inertia`."""
+    xx, yy, zz = J[..., 0, 0], J[..., 1, 1], J[..., 2, 2]
+    entries = [
+        J[..., 3, 3],
+        J[..., 0, 3],
+        J[..., 1, 3],
+        J[..., 2, 3],
+        yy + zz,
+        -J[..., 0, 1],
+        xx + zz,
+        -J[..., 0, 2],
+        -J[..., 1, 2],
+        xx + yy,
+    ]
+    return np.stack(entries, axis=-1)
+
+
+def default_prior(spec: Any, torque_rms: float, strength: float = DEFAULT_STRENGTH) -> Prior:
+    """A prior from the robot alone: its links if the file has them, else round bodies at the joints.
+
+    Without links, every link weighs ``m0 = tau_rms / (g L n)`` (N m over gravity, reach and joints), the share of a
+    mass that would explain the torques, and its radius of gyration is a third of its own length (from the table).
+    """
+    n = spec.n
+    if spec.links is not None:
+        phi = np.array([_link_parameters(link) for link in spec.links])
+        P0 = pseudo_inertia(phi)
+        if np.all(np.linalg.eigvalsh(P0) > 0):
+            return Prior(P0, strength)
+    lengths = link_lengths(spec)
+    gravity = max(1.0, float(np.linalg.norm([float(g) for g in spec.gravity])))
+    mass = max(torque_rms / (gravity * max(float(np.sum(lengths)), SMALLEST_LENGTH) * n), 1e-3)
+    radius = lengths / 3.0
+    return Prior(np.stack([mass * np.diag([r * r, r * r, r * r, 1.0]) for r in radius]), strength)
+
+
+def link_lengths(spec: Any) -> Array:
+    """A length (m) for every link: the larger of its own offsets and those that lead to the next joint."""
+    sizes = [max(abs(a), abs(d)) for _, _, a, d, _ in spec.dh_table()]
+    after = [*sizes[1:], 0.0]
+    return np.maximum(SMALLEST_LENGTH, np.maximum(sizes, after))
+
+
+def _link_parameters(link: Any) -> Array:
+    m = float(link.mass)
+    xx, yy, zz, xy, xz, yz = (float(v) for v in link.inertia_about_origin())
+    return np.array([m, *(m * float(c) for c in link.com), xx, xy, yy, xz, yz, zz])
+
+
+def consistent_estimate(
+    model: RigidModel,
+    factors: JointFactors,
+    columns: Sequence[Column],
+    weights: Array,
+    prior: Prior,
+    reference: Estimate | None = None,
+    fixed: Mapping[int, float] | None = None,
+) -> ConsistentEstimate:
+    """Solve the semidefinite program for the rows in ``factors``, whose columns are ``columns``.
+
+    ``weights`` (n,) are those of the joints, ``1 / sigma_j``, so that the noise counts alike; ``reference`` is the
+    unconstrained estimate, to tell what consistency costs; ``fixed`` are standard parameters with known values, by
+    index. Raises :class:`DerivationError` where the solver fails.
+    """
+    b, n = model.base_projection.shape[0], model.n
+    R = factors.stacked(weights)
+    program = _Program(R, np.asarray(model.base_projection), columns, prior)
+    phi, drives, facts = program.solve(fixed or {})
+    beta = np.asarray(model.base_projection) @ phi
+    theta = np.concatenate([beta, drives])
+    squares = factors.residual_squares(theta)
+    chi = float(np.sum(squares * weights**2))
+    scale = np.stack([np.linalg.inv(np.linalg.cholesky(P)) for P in prior.P0])
+    J = pseudo_inertia(phi.reshape(n, 10))
+    loss = 0.0
+    if reference is not None:
+        best = float(np.sum(factors.counts * reference.joint_rms**2 * weights**2))
+        loss = chi / best - 1.0 if best > 0 else 0.0
+    return ConsistentEstimate(
+        phi=phi,
+        beta=beta,
+        theta=theta,
+        names=tuple(column.name for column in columns),
+        drives={column.name: float(value) for column, value in zip(columns[b:], drives, strict=True)},
+        eigenvalues=np.linalg.eigvalsh(scale @ J @ np.swapaxes(scale, -1, -2))[:, 0],
+        relative_error=float(np.sqrt(np.sum(squares) / np.sum(factors.torque_squares))),
+        joint_rms=np.sqrt(squares / np.maximum(1, factors.counts)),
+        loss=loss,
+        facts=facts,
+    )
+
+
+class _Program:
+    """The semidefinite program, in pseudo-inertias scaled by the prior: ``P = L X L'`` with ``P0 = L L'``."""
+
+    def __init__(self, R: Array, K: Array, columns: Sequence[Column], prior: Prior) -> None:
+        self.L = np.linalg.cholesky(prior.P0)
+        b, n = K.shape[0], len(prior.P0)
+        # x holds the ten upper entries of every scaled pseudo-inertia X
+        upper = np.triu_indices(4)
+        basis = np.zeros((10, 4, 4))
+        basis[np.arange(10), upper[0], upper[1]] = basis[np.arange(10), upper[1], upper[0]] = 1.0
+        self.to_phi = np.zeros((10 * n, 10 * n))
+        for j, L in enumerate(self.L):
+            J = L @ basis @ L.T
+            self.to_phi[10 * j : 10 * j + 10, 10 * j : 10 * j + 10] = standard_parameters(J).T
+        drives = columns[b:]
+        size = np.linalg.norm(R[:, b:-1], axis=0)
+        self.drive_size = np.where(size > 0, 1.0 / np.where(size > 0, size, 1.0), 1.0)
+        A = np.column_stack([R[:, :b] @ K @ self.to_phi, R[:, b:-1] * self.drive_size])
+        # only the triangular factor of the (possibly rank-deficient) problem enters the solver
+        self.A, self.z = _reduced(A, R[:, -1])
+        self.bounded = [10 * n + i for i, column in enumerate(drives) if column.kind in NON_NEGATIVE]
+        self.free = [10 * n + i for i, column in enumerate(drives) if column.kind not in NON_NEGATIVE]
+        self.n, self.basis, self.strength = n, basis, prior.strength
+
+    def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, dict[str, Any]]:
+        """phi (10n,), the drive parameters, and facts about the solution.
+
+        A very weak prior next to an impossible least-squares estimate makes the problem too ill-conditioned for the
+        solver; then the prior is strengthened by tens, and the facts tell the weight that was used.
+        """
+        strength = self.strength
+        for _ in range(1 + ATTEMPTS):
+            x, status = self._attempt(strength, fixed)
+            if x is not None:
+                drives = x[10 * self.n :] * self.drive_size
+                facts = {"solver": "CLARABEL", "strength": strength, "status": status}
+                return self.to_phi @ x[: 10 * self.n], drives, facts
+            strength *= 10.0
+        raise DerivationError(f"no physically consistent estimate was found: the solver reports '{status}'")
+
+    def _attempt(self, strength: float, fixed: Mapping[int, float]) -> tuple[Array | None, str]:
+        cp = _cvxpy()
+        x = cp.Variable(self.A.shape[1])
+        penalty: Any = 0.0
+        constraints: list[Any] = []
+        upper = list(zip(*np.triu_indices(4), strict=True))
+        for j in range(self.n):
+            X = cp.Variable((4, 4), symmetric=True)
+            constraints.append(x[10 * j : 10 * j + 10] == cp.hstack([X[i, k] for i, k in upper]))
+            penalty = penalty + cp.trace(X) - cp.log_det(X)
+        if self.bounded:
+            constraints.append(x[self.bounded] >= 0)
+        for index, value in fixed.items():
+            constraints.append(self.to_phi[index] @ x[: 10 * self.n] == value)
+        # a tiny pull on what is neither determined nor bounded, so that the solution is unique
+        if self.free:
+            penalty = penalty + 1e-9 * cp.sum_squares(x[self.free])
+        problem = cp.Problem(cp.Minimize(cp.sum_squares(self.A @ x - self.z) + strength * penalty), constraints)
+        try:
+            problem.solve(solver=cp.CLARABEL)
+        except cp.SolverError as error:
+            return None, str(error)
+        if x.value is None or problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+            return None, str(problem.status)
+        values = np.asarray(x.value, float)
+        values[self.bounded] = np.maximum(values[self.bounded], 0.0)
+        return values, str(problem.status)
+
+
+def _cvxpy() -> Any:
+    try:
+        return import_module("cvxpy")
+    except ImportError as error:
+        raise InputError(
+            "a physically consistent estimate needs the extra 'identify': pip install rrrgen[identify]"
+        ) from error
+
+
+def _reduced(A: Array, z: Array) -> tuple[Array, Array]:
+    """Rows with the same normal equations, at most one per column."""
+    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    kept = s > 1e-13 * s[0]
+    return s[kept, None] * Vt[kept], np.asarray(U[:, kept].T @ z)

@@ -1,0 +1,241 @@
+"""Triangular factors of whole recordings: split into data to fit and data to score, in parallel, resumable."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.identify.estimation.observations import Observations, RowMaker, Window
+from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows
+from rrrgen.runs.ordered_map import ordered_map
+
+IN_MEMORY = 64_000_000
+"""Bytes of rows that are kept; more are computed anew in every pass over them."""
+
+Progress = Callable[[int, int, str], None]
+"""Called as ``progress(done, total, message)``; total 0: not known."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """Which instants are fitted; the others are there to score.
+
+    ``none``: all are fitted. ``first``: the first share ``value`` of the duration. ``blocks``: every other block of
+    ``value`` seconds, the first one included.
+    """
+
+    kind: Literal["none", "first", "blocks"] = "none"
+    value: float = 0.0
+
+    @classmethod
+    def parse(cls, text: str) -> Split:
+        """``none``, ``first:0.6`` or ``blocks:0.5``."""
+        match = re.fullmatch(r"\s*(none|first|blocks)\s*(?::\s*([0-9.eE+-]+)\s*)?", text)
+        try:
+            value = float(match.group(2) or 0.0) if match else 0.0
+        except ValueError:
+            match = None
+        if match is None or (match.group(1) == "none") != (match.group(2) is None):
+            raise InputError(f"'{text}' is not a way to split the data; write none, first:0.6 or blocks:0.5")
+        kind: Any = match.group(1)
+        if kind == "first" and not 0.0 < value < 1.0:
+            raise InputError(f"the first {value:g} of the data; the share must lie between 0 and 1")
+        if kind == "blocks" and not value > 0.0:
+            raise InputError(f"blocks of {value:g} s; their length must be positive")
+        return cls(kind, value)
+
+    def fitted(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
+        """Which of the instants ``t`` of a recording from ``start`` on are fitted."""
+        since = t - start
+        if self.kind == "first":
+            return np.asarray(since < self.value * duration)
+        if self.kind == "blocks":
+            return np.asarray(np.floor(since / self.value) % 2 == 0)
+        return np.ones(len(t), bool)
+
+    def __str__(self) -> str:
+        return {
+            "none": "fitted and scored on the same data",
+            "first": f"fitted on the first {100 * self.value:g} %, scored on the rest",
+            "blocks": f"fitted on every other block of {self.value:g} s, scored on the blocks between",
+        }[self.kind]
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Factors of the rows that are fitted, and of those that are only scored."""
+
+    fit: JointFactors
+    score: JointFactors
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Factors of one window; picklable, so that any process can do it."""
+
+    maker: RowMaker
+    split: Split
+    spans: tuple[tuple[float, float], ...]  # start and duration of every recording
+
+    def __call__(self, window: Window) -> tuple[JointFactors, JointFactors, int]:
+        start, duration = self.spans[window.recording]
+        total: list[JointFactors | None] = [None, None]
+        for rows in self.maker.rows(window):
+            mask = self.split.fitted(rows.t, start, duration)
+            for i, chosen in enumerate((mask, ~mask)):
+                part = factor_rows(rows.chosen(chosen))
+                before = total[i]
+                total[i] = part if before is None else before.merged(part)
+        fit, score = total
+        if fit is None or score is None:
+            raise InputError("a stretch of the recording is too short to hold a single row")
+        return fit, score, window.stop - window.start
+
+
+def factor_recordings(
+    observations: Observations,
+    split: Split | None = None,
+    *,
+    jobs: int = 1,
+    cluster: str | None = None,
+    checkpoint: Path | None = None,
+    digest: str = "",
+    progress: Progress | None = None,
+) -> Factors:
+    """Factors of all rows, window by window, in constant memory, merged in the order of time whoever computes them.
+
+    With a ``checkpoint`` (a file) the state is kept after every window, and a repeated call with the same ``digest``
+    (of recordings and settings) goes on from there, with the same result to the last bit.
+    """
+    spans = tuple(recording.span for recording in observations.recordings)
+    total = sum(len(recording) for recording in observations.recordings)
+    state = _State(checkpoint, digest)
+    task = _Task(observations.maker, split or Split(), spans)
+    pending = (window for number, window in enumerate(observations.windows()) if number >= state.windows)
+    for fit, scored, samples in ordered_map(task, pending, jobs, cluster):
+        state.add(fit, scored, samples)
+        if progress is not None:
+            progress(state.samples, total, f"{state.samples} samples")
+    return state.factors()
+
+
+class _State:
+    """What has been merged so far, on disk if asked for."""
+
+    def __init__(self, path: Path | None, digest: str) -> None:
+        self.path, self.digest = path, digest
+        self.fit: JointFactors | None = None
+        self.score: JointFactors | None = None
+        self.windows, self.samples = 0, 0
+        if path is not None and path.exists():
+            self._read(path)
+
+    def add(self, fit: JointFactors, score: JointFactors, samples: int) -> None:
+        self.fit = fit if self.fit is None else self.fit.merged(fit)
+        self.score = score if self.score is None else self.score.merged(score)
+        self.windows, self.samples = self.windows + 1, self.samples + samples
+        if self.path is not None:
+            self._write(self.path)
+
+    def factors(self) -> Factors:
+        if self.fit is None or self.score is None:
+            raise InputError("the recordings hold no samples")
+        return Factors(self.fit, self.score)
+
+    def _read(self, path: Path) -> None:
+        """A state of other data or settings, or a damaged one, counts as absent."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                if str(data["digest"]) != self.digest:
+                    return
+                fit = JointFactors(data["R_fit"], data["n_fit"])
+                score = JointFactors(data["R_score"], data["n_score"])
+                self.windows, self.samples = int(data["windows"]), int(data["samples"])
+                self.fit, self.score = fit, score
+        except (OSError, ValueError, KeyError, EOFError):
+            return
+
+    def _write(self, path: Path) -> None:
+        assert self.fit is not None
+        assert self.score is not None
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_name(path.name + ".part")
+        with part.open("wb") as stream:
+            np.savez(
+                stream,
+                digest=np.array(self.digest),
+                R_fit=self.fit.R,
+                n_fit=self.fit.counts,
+                R_score=self.score.R,
+                n_score=self.score.counts,
+                windows=np.array(self.windows),
+                samples=np.array(self.samples),
+            )
+        os.replace(part, path)
+
+
+def score(factors: JointFactors, theta: Array) -> dict[str, Any]:
+    """How ``theta`` explains rows: ``relative_error``, ``rms`` (N m) and ``joint_rms``, or None where there are no
+    rows.
+    """
+    count = int(np.sum(factors.counts))
+    if count == 0:
+        return {"rows": 0, "relative_error": None, "rms": None, "joint_rms": None}
+    squares = factors.residual_squares(theta)
+    return {
+        "rows": count,
+        "relative_error": float(np.sqrt(np.sum(squares) / np.sum(factors.torque_squares))),
+        "rms": float(np.sqrt(np.sum(squares) / count)),
+        "joint_rms": [float(v) for v in np.sqrt(squares / np.maximum(1, factors.counts))],
+    }
+
+
+def fits_in_memory(observations: Observations, limit: int = IN_MEMORY) -> bool:
+    """Whether the rows of all recordings take less than ``limit`` bytes."""
+    samples = sum(len(recording) for recording in observations.recordings)
+    width = len(observations.recordings[0].joints) * observations.maker.columns * 8
+    return samples // (observations.maker.processing.decimate or 1) * width <= limit
+
+
+def rows_of_recordings(
+    observations: Observations, split: Split, progress: Progress | None = None
+) -> tuple[Factors, list[Rows], list[Rows]]:
+    """Factors as by :func:`factor_recordings`, with the rows they were made of: those fitted and those only scored."""
+    total = sum(len(recording) for recording in observations.recordings)
+    state = _State(None, "")
+    fitted: list[Rows] = []
+    scored: list[Rows] = []
+    for window in observations.windows():
+        start, duration = observations.recordings[window.recording].span
+        for rows in observations.maker.rows(window):
+            mask = split.fitted(rows.t, start, duration)
+            fitted.append(rows.chosen(mask))
+            scored.append(rows.chosen(~mask))
+            state.add(factor_rows(fitted[-1]), factor_rows(scored[-1]), 0)
+        state.samples += window.stop - window.start
+        if progress is not None:
+            progress(state.samples, total, f"{state.samples} samples")
+    return state.factors(), fitted, scored
+
+
+@dataclass(frozen=True)
+class FittedRows:
+    """The rows that are fitted, computed anew in every pass; the others stay, out of use, to keep time."""
+
+    observations: Observations
+    split: Split
+
+    def __iter__(self) -> Iterator[Rows]:
+        for window in self.observations.windows():
+            start, duration = self.observations.recordings[window.recording].span
+            for rows in self.observations.maker.rows(window):
+                yield rows.chosen(self.split.fitted(rows.t, start, duration))

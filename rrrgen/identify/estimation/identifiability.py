@@ -1,0 +1,111 @@
+"""What a motion cannot tell, in words; and parameters that are known beforehand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.identify.columns import STANDARD, standard_names
+from rrrgen.identify.estimation.structure import combination, structure_of_matrix
+from rrrgen.identify.estimation.tsqr import JointFactors
+from rrrgen.yamltext.suggest import did_you_mean
+
+WEAK = 1e-4
+"""Scaled singular values below this share of the largest belong to directions that the motion hardly excites."""
+SMALL_PART = 0.1  # of the largest weight of a direction: below it a parameter is not named
+NOT_EXCITED = 1e-10
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A combination of parameters, of unit length in columns scaled alike, and its singular value over the largest."""
+
+    sentence: str
+    weights: Array
+    excitation: float
+
+
+def unexcited(factors: JointFactors, names: Sequence[str], weights: Array | None = None) -> tuple[str, ...]:
+    """One sentence for every parameter that this motion leaves undetermined although the structure would allow it."""
+    p = factors.parameters
+    R = factors.stacked(weights)[:p, :p]
+    found = structure_of_matrix(R, names, NOT_EXCITED)
+    sentences = []
+    for j in found.dependent:
+        partners = [found.names[i] for i in range(found.rank) if found.G[i, j] != 0.0]
+        if partners:
+            groups = " and ".join(f"'{group}'" for group in partners)
+            sentences.append(f"this motion determines {names[j]} only within {groups}")
+        else:
+            sentences.append(f"this motion does not excite {names[j]} at all")
+    return tuple(sentences)
+
+
+def weak_directions(
+    factors: JointFactors, names: Sequence[str], weights: Array | None = None, limit: float = WEAK
+) -> tuple[Direction, ...]:
+    """Combinations of parameters that the motion hardly excites, weakest first."""
+    p = factors.parameters
+    R = factors.stacked(weights)[:p, :p]
+    size = np.linalg.norm(R, axis=0)
+    size[size == 0.0] = 1.0
+    _, s, Vt = np.linalg.svd(R / size)
+    found = []
+    for value, row in zip(s[::-1], Vt[::-1], strict=True):
+        if s[0] == 0.0 or value >= limit * s[0]:
+            break
+        # weights of the parameters themselves, the largest of them 1
+        v = row / size
+        v = v / v[np.argmax(np.abs(v))]
+        named = np.where(np.abs(row) >= SMALL_PART * np.max(np.abs(row)), v, 0.0)
+        share = float(value / s[0])
+        sentence = f"{combination(names, named, 3)} is hardly excited (singular value {share:.1e} of the largest)"
+        found.append(Direction(sentence, row, share))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Restriction:
+    """Base parameters under known standard parameters: ``beta = B z + beta_0``, z (r,) being a choice of them.
+
+    ``kept`` are the indices of the base parameters that z keeps; the others follow.
+    """
+
+    kept: tuple[int, ...]
+    B: Array
+    beta_0: Array
+
+    @property
+    def fixed(self) -> tuple[int, ...]:
+        """Base parameters that are fully known."""
+        return tuple(int(i) for i in np.flatnonzero(~np.any(self.B, axis=1)))
+
+
+def fix_standard(projection: Array, known: Mapping[str, float]) -> Restriction:
+    """What known standard parameters, ``{"my2": 0.0, "my3": 0.0}``, say about ``beta = K phi``; ``projection`` is K
+    (b, 10n).
+
+    As in the chapter: links 2 and 3 balanced in y, ``y2 = y3 = 0``, make ``p4 = p15 = 0`` and leave 13 of 15
+    parameters.
+    """
+    names = standard_names(projection.shape[1] // len(STANDARD))
+    phi = np.zeros(len(names))
+    free = np.ones(len(names), bool)
+    for name, value in known.items():
+        if name not in names:
+            raise InputError(
+                f"no standard parameter '{name}'; {did_you_mean(name, names)} they are m1, mx1, ..., Izz1, m2, ..."
+            )
+        phi[names.index(name)], free[names.index(name)] = value, False
+    beta_0 = projection @ phi
+    rows = [f"{i}" for i in range(len(projection))]
+    found = structure_of_matrix(projection[:, free].T, rows) if free.any() else None
+    if found is None or found.rank == 0:
+        return Restriction((), np.zeros((len(projection), 0)), beta_0)
+    # rows of K over the free parameters are combinations of the kept rows: beta - beta_0 = B (beta - beta_0)[kept]
+    B = found.G.T
+    return Restriction(found.kept, B, beta_0 - B @ beta_0[list(found.kept)])

@@ -1,0 +1,226 @@
+"""From a recording to the rows of the estimation problem: reconstruct, evaluate the regressor, decimate, leave out.
+
+The rows come in blocks, and the recording may be longer than the memory: every block is computed from a window that
+reaches as far beyond it as the filters remember, so that it does not depend on where the recording was cut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.identify.estimation.tsqr import Rows
+from rrrgen.recordings.log_stream import Part, joined
+from rrrgen.recordings.repairs import Repairs
+from rrrgen.signals.decimation import Decimator
+from rrrgen.signals.processing import Processing
+from rrrgen.signals.reconstruction import Reconstruction, Reconstructor
+
+BLOCK_BYTES = 4_000_000  # of the regressor that is held at a time
+SHORTEST_BLOCK = 500  # samples
+TUNING_SAMPLES = 50_000
+MOTION_POWER = 0.999
+RATE_OVER_BANDWIDTH = 10.0  # of the rows that are kept, over the bandwidth of the motion
+
+Regressor = Callable[[Array, Array, Array], Array]
+KnownTorque = Callable[[Reconstruction], Array]
+
+
+class Recording(Protocol):
+    """A :class:`~rrrgen.recordings.logs.Log` or a :class:`~rrrgen.recordings.log_stream.LogStream`."""
+
+    @property
+    def period(self) -> float: ...  # noqa: D102
+    @property
+    def joints(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def span(self) -> tuple[float, float]: ...  # noqa: D102
+    @property
+    def repairs(self) -> Repairs: ...  # noqa: D102
+    def parts(self) -> Iterator[Part]: ...  # noqa: D102
+    def __len__(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class RowMaker:
+    """Makes rows of recorded samples: ``regressor(q, dq, ddq)`` gives W (N, n, p) with p = ``columns``.
+
+    ``known`` is a torque that is subtracted from the measured one before anything else, (14.19): friction that is known
+    already.
+    """
+
+    regressor: Regressor
+    processing: Processing
+    columns: int
+    known: KnownTorque | None = None
+
+    def memory(self, period: float) -> int:
+        """Samples on either side that a row depends on."""
+        return _reconstruction_memory(self.processing, period) + Decimator(self.processing.decimate or 1).memory
+
+    def rows(self, window: Window) -> Iterator[Rows]:
+        """The rows of one window, block by block."""
+        part = window.part
+        if part.tau is None:
+            raise InputError("the recording has no torques: nothing can be estimated from it")
+        motion = reconstruct(part, self.processing)
+        tau = part.tau if self.known is None else part.tau - self.known(motion)
+        decimate = Decimator(self.processing.decimate or 1)
+        block = max(SHORTEST_BLOCK, decimate.memory, BLOCK_BYTES // (8 * part.q.shape[1] * self.columns))
+        for start in range(window.start, window.stop, block):
+            stop = min(start + block, window.stop)
+            lo, hi = max(0, start - decimate.memory), min(len(part), stop + decimate.memory)
+            kept = _kept(decimate, part.first + lo, start - lo, stop - lo, hi - lo)
+            rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept)
+            yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
+
+    def _block(self, motion: Reconstruction, tau: Array, part: Part, decimate: Decimator, kept: slice) -> Rows:
+        """Both sides of the equations through the same filter; a sample that is not valid is zero on both sides."""
+        first = part.first
+        W = self.regressor(motion.q, motion.dq, motion.ddq) * part.valid[..., None]
+        sound = decimate(part.valid.astype(float), first)[kept] > 0.5
+        speed = np.abs(decimate(motion.dq, first)[kept])
+        use = sound & (speed >= np.asarray(self.processing.low_speed)) if self.processing.low_speed else sound
+        t = decimate.instants(part.t, first)[kept]
+        return Rows(
+            t=t,
+            W=decimate(W, first)[kept],
+            tau=decimate(tau * part.valid, first)[kept],
+            use=use,
+            segment=np.zeros(len(t), np.int64),
+        )
+
+
+def _kept(decimate: Decimator, first: int, start: int, stop: int, length: int) -> slice:
+    """Which of the decimated samples of a stretch belong to its samples ``start`` to ``stop``."""
+    grid = np.arange(-first % decimate.factor, length, decimate.factor)
+    return slice(int(np.searchsorted(grid, start)), int(np.searchsorted(grid, stop)))
+
+
+@dataclass(frozen=True)
+class Window:
+    """Samples ``start`` to ``stop`` of ``part`` are to be delivered; the others are there for the filters.
+
+    ``recording`` counts the recordings, ``segment`` the uninterrupted stretches of all of them.
+    """
+
+    part: Part
+    start: int
+    stop: int
+    recording: int = 0
+    segment: int = 0
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Re-iterable blocks of :class:`Rows` of several recordings, one after the other."""
+
+    recordings: tuple[Recording, ...]
+    maker: RowMaker
+
+    def __iter__(self) -> Iterator[Rows]:
+        for window in self.windows():
+            yield from self.maker.rows(window)
+
+    def windows(self) -> Iterator[Window]:
+        """The windows of all recordings."""
+        segment = -1
+        for number, recording in enumerate(self.recordings):
+            last = -1
+            for window in windows(recording, self.maker.memory(recording.period)):
+                segment, last = segment + int(window.part.segment != last), window.part.segment
+                yield replace(window, recording=number, segment=segment)
+
+
+def windows(recording: Recording, memory: int) -> Iterator[Window]:
+    """A recording cut into windows that overlap by ``memory`` samples on either side."""
+    pending: Part | None = None
+    done = 0  # index within its stretch of the first sample that is still to be delivered
+    for part in recording.parts():
+        if pending is not None and part.segment != pending.segment:
+            if done < pending.first + len(pending):
+                yield Window(pending, done - pending.first, len(pending))
+            pending, done = None, 0
+        pending = part if pending is None else joined([pending, part])
+        ready = pending.first + len(pending) - memory
+        # a step shorter than the overlap would cost more than it delivers
+        if ready - done > memory:
+            yield Window(pending, done - pending.first, ready - pending.first)
+            done = ready
+            pending = pending.sliced(max(0, done - memory - pending.first), len(pending))
+    if pending is not None and done < pending.first + len(pending):
+        yield Window(pending, done - pending.first, len(pending))
+
+
+def reconstruct(part: Part, processing: Processing) -> Reconstruction:
+    """The motion of one stretch."""
+    if processing.method == "logged":
+        if part.dq is None or part.ddq is None:
+            raise InputError("the recording has no speeds and accelerations; choose a method of reconstruction")
+        return Reconstruction(part.t, part.q, part.dq, part.ddq, "as recorded")
+    # instants made anew: their differences must not depend on how far from zero the stretch lies
+    period = (part.t[-1] - part.t[0]) / max(1, len(part) - 1)
+    method = processing.reconstructor()
+    motion = method(np.arange(len(part)) * _rounded(period), part.q)
+    return replace(motion, t=part.t)
+
+
+def _rounded(period: float) -> float:
+    """The period without the round-off of the instants it was taken from."""
+    return float(f"{period:.9e}")
+
+
+def _reconstruction_memory(processing: Processing, period: float) -> int:
+    if processing.method == "logged":
+        return 0
+    method: Reconstructor = processing.reconstructor()
+    return method.memory(period)
+
+
+def tuned(processing: Processing, recordings: Sequence[Recording]) -> Processing:
+    """``processing`` with what it leaves open taken from the first long stretch.
+
+    The variances of a Kalman filter come from its innovations, the decimation from the motion's bandwidth.
+    """
+    from rrrgen.signals.smoother import tune_by_innovations
+
+    kalman = processing.method.startswith("kalman") and not (processing.var_eta and processing.var_xi)
+    if not kalman and processing.decimate is not None:
+        return processing
+    part = next(recordings[0].parts())
+    q = part.q[: min(len(part), TUNING_SAMPLES)]
+    period = recordings[0].period
+    if processing.decimate is None:
+        rate = RATE_OVER_BANDWIDTH * motion_bandwidth(q, period)
+        processing = replace(processing, decimate=max(1, int(1.0 / (period * rate))))
+    if kalman:
+        found = tune_by_innovations(np.arange(len(q)) * period, q)
+        eta, xi = (tuple(float(x) for x in np.atleast_1d(v)) for v in (found.var_eta, found.var_xi))
+        processing = replace(processing, var_eta=processing.var_eta or eta, var_xi=processing.var_xi or xi)
+    return processing
+
+
+def motion_bandwidth(q: Array, period: float) -> float:
+    """The frequency (Hz) below which 99.9 % of the power of every joint's speed lies, measuring noise taken off.
+
+    White noise of the position has the power ``4 sin^2(pi f Ts)`` in its differences; its level is read off the upper
+    half of the spectrum.
+    """
+    speed = np.diff(q, axis=0) * np.hanning(len(q) - 1)[:, None]
+    power = np.abs(np.fft.rfft(speed, axis=0)) ** 2
+    power = power[:, np.sum(power, axis=0) > 0]
+    if power.shape[1] == 0:
+        raise InputError("no joint moves in the recording")
+    shape = 4.0 * np.sin(np.pi * np.arange(len(power)) / len(speed))[:, None] ** 2
+    upper = slice(len(power) // 2, None)
+    noise = np.median(power[upper] / shape[upper], axis=0) / np.log(
+        2.0
+    )  # the median of a squared modulus is ln 2 of its mean
+    total = np.cumsum(power - noise * shape, axis=0)
+    last = np.max(np.argmax(total >= MOTION_POWER * np.max(total, axis=0), axis=0))
+    return float((last + 1) / (period * (len(q) - 1)))

@@ -1,0 +1,76 @@
+"""Which parameters are sought: the identifiable combinations that are left when known ones are fixed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.identify.columns import FullRegressor
+from rrrgen.identify.estimation.identifiability import Restriction, fix_standard
+from rrrgen.identify.estimation.structure import Structure, structure_of
+from rrrgen.identify.estimation.tsqr import JointFactors
+
+
+@dataclass(frozen=True)
+class Parametrisation:
+    """``theta = T x + known``: T (p, r) of the identifiable parameters; ``structure`` names them."""
+
+    structure: Structure
+    T: Array
+    known: Array
+
+    def transform(self, factors: JointFactors) -> JointFactors:
+        """The factors of the problem in x."""
+        return factors.mapped(self.T, self.known)
+
+    def expand(self, x: Array) -> Array:
+        """The parameters of all columns."""
+        return np.asarray(self.T @ x + self.known)
+
+
+def parametrise(
+    regressor: FullRegressor, fixed: Mapping[str, float], fixed_standard: Mapping[str, float], seed: int = 0
+) -> Parametrisation:
+    """The identifiable parameters of ``regressor`` that known ones leave.
+
+    ``fixed`` are columns with known values by name, ``fixed_standard`` standard parameters. Raises
+    :class:`InputError` for names that do not exist.
+    """
+    names = regressor.names
+    unknown = [name for name in fixed if name not in names]
+    if unknown:
+        raise InputError(f"no parameter '{unknown[0]}'; there are {', '.join(names)}")
+    b = len(regressor.model.base_parameter_names)
+    rigid = (
+        fix_standard(np.asarray(regressor.model.base_projection), fixed_standard)
+        if fixed_standard
+        else Restriction(tuple(range(b)), np.eye(b), np.zeros(b))
+    )
+    p = len(names)
+    T = np.zeros((p, len(rigid.kept) + p - b))
+    T[:b, : len(rigid.kept)] = rigid.B
+    T[b:, len(rigid.kept) :] = np.eye(p - b)
+    z_names = [names[i] for i in rigid.kept] + list(names[b:])
+    known = np.concatenate([rigid.beta_0, np.zeros(p - b)])
+    free = []
+    for i, name in enumerate(z_names):
+        if name in fixed:
+            known = known + T[:, i] * fixed[name]
+        else:
+            free.append(i)
+    for name in fixed:
+        if name not in z_names:
+            raise InputError(
+                f"'{name}' follows from the standard parameters that are fixed; it cannot be fixed as well"
+            )
+    T = T[:, free]
+
+    def restricted(q: Array, dq: Array, ddq: Array) -> Array:
+        return np.asarray(regressor(q, dq, ddq) @ T)
+
+    structure = structure_of(restricted, [z_names[i] for i in free], regressor.model.n, seed)
+    return Parametrisation(structure, T[:, list(structure.kept)], known)

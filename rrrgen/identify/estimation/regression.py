@@ -1,0 +1,257 @@
+"""Estimation of the parameters from the stacked rows, (14.17)-(14.20): ordinary, weighted and robust least squares.
+
+All estimators work on the triangular factors of :mod:`rrrgen.identify.estimation.tsqr`. Columns are scaled to unit length before
+the rank is decided, so that the decision does not depend on units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.identify.estimation.statistics import confidence_factor, normal_expectation_of_clipped_square
+from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows
+
+RANK_TOLERANCE = 1e-10
+"""Relative to the largest singular value of the scaled regressor; the round-off of a factor is some 1e-14."""
+NOISE_FLOOR = 1e-11  # residuals below this share of the torque are round-off, not noise to be weighted by
+HUBER = 1.345  # 95 % efficiency for normal noise
+SETTLED = 1e-8  # relative change of the weights at which their iteration stops
+ROBUST_SETTLED = 1e-5  # change in standard deviations at which the slower, robust iteration stops
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimated parameters ``x`` (p,) with their covariance (p, p) and the quality of the fit.
+
+    ``joint_sigma`` (n,) is the standard deviation of the residual of every joint, N m (N); ``relative_error`` is
+    ``|tau - W x| / |tau|``. ``condition`` is ``sigma_max / sigma_min`` of W as it stands (it depends on units),
+    ``scaled_condition`` with columns of unit length. ``singular`` are the scaled singular values, largest first;
+    ``rank`` of them count. ``variance`` is that of a weighted row, so that ``covariance / variance`` is ``(Phi'
+    Phi)^-1``.
+    """
+
+    names: tuple[str, ...]
+    x: Array
+    covariance: Array
+    method: str
+    joint_sigma: Array
+    joint_rms: Array
+    counts: NDArray[np.int64]
+    relative_error: float
+    condition: float
+    scaled_condition: float
+    singular: Array
+    rank: int
+    variance: float
+    weights: Array = field(default_factory=lambda: np.ones(0))
+    iterations: int = 1
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations (p,)."""
+        return np.asarray(np.sqrt(np.maximum(0.0, np.diag(self.covariance))))
+
+    @property
+    def relative_std(self) -> Array:
+        """Standard deviations over the sizes of the values; infinite for a value of zero."""
+        size = np.abs(self.x)
+        return np.asarray(np.divide(self.std, size, out=np.full(len(size), np.inf), where=size > 0))
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom: rows less rank."""
+        return float(np.sum(self.counts)) - self.rank
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of all residuals, N m."""
+        return float(np.sqrt(np.sum(self.joint_rms**2 * self.counts) / np.sum(self.counts)))
+
+    def confidence(self, level: float = 0.95) -> Array:
+        """Confidence intervals (p, 2) at ``level``, from Student's t."""
+        half = confidence_factor(level, self.freedom) * self.std
+        return np.column_stack([self.x - half, self.x + half])
+
+
+def least_squares(
+    factors: JointFactors,
+    names: Sequence[str],
+    weights: Array | None = None,
+    tolerance: float = RANK_TOLERANCE,
+    method: str = "least squares",
+) -> Estimate:
+    """``x = Phi^# y`` (14.20) by singular values of the scaled triangular factor, rows of joint j times ``weights[j]``.
+
+    Singular values below ``tolerance`` of the largest are taken as zero: the minimum-norm solution in scaled columns.
+    Without weights one standard deviation serves all joints. Raises :class:`DerivationError` where nothing is excited.
+    """
+    p = factors.parameters
+    if len(names) != p:
+        raise InputError(f"{len(names)} names for {p} parameters")
+    R = factors.stacked(weights)
+    size = np.linalg.norm(R[:p, :p], axis=0)
+    safe = np.where(size > 0, size, 1.0)
+    U, s, Vt = np.linalg.svd(R[:p, :p] / safe)
+    rank = int(np.sum(s > tolerance * s[0])) if p and s[0] > 0 else 0
+    if rank == 0:
+        raise DerivationError("the motion excites no parameter at all: every column of the regressor is zero")
+    inverse = Vt[:rank].T / s[:rank]
+    x = inverse @ (U[:, :rank].T @ R[:p, p]) / safe
+    total = float(np.sum(factors.counts))
+    freedom = total - rank
+    if freedom <= 0:
+        raise DerivationError(f"{total:.0f} rows cannot determine {rank} parameters and their noise")
+    squares = factors.residual_squares(x)
+    own = np.maximum(1.0, factors.counts * freedom / total)
+    sigma = np.sqrt(squares / own)
+    weighted = squares if weights is None else squares * np.asarray(weights) ** 2
+    variance = float(np.sum(weighted)) / freedom
+    covariance = variance * (inverse @ inverse.T) / np.outer(safe, safe)
+    plain = np.linalg.svd(R[:p, :p], compute_uv=False)
+    return Estimate(
+        names=tuple(names),
+        x=x,
+        covariance=covariance,
+        method=method,
+        joint_sigma=sigma,
+        joint_rms=np.sqrt(squares / np.maximum(1, factors.counts)),
+        counts=factors.counts,
+        relative_error=float(np.sqrt(np.sum(squares) / np.sum(factors.torque_squares))),
+        condition=float(plain[0] / plain[-1]) if rank == p and plain[-1] > 0 else np.inf,
+        scaled_condition=float(s[0] / s[-1]) if rank == p else np.inf,
+        singular=s,
+        rank=rank,
+        variance=variance,
+        weights=np.ones(len(squares)) if weights is None else np.asarray(weights, float),
+    )
+
+
+def residual_weights(estimate: Estimate, factors: JointFactors) -> Array:
+    """Weights ``1 / sigma_j`` (n,); a joint whose residual is round-off is weighted as if it were at the noise
+    floor.
+    """
+    scale = np.sqrt(factors.torque_squares / np.maximum(1, factors.counts))
+    floor = NOISE_FLOOR * float(np.max(scale))
+    return np.asarray(1.0 / np.maximum(estimate.joint_sigma, max(floor, np.finfo(float).tiny)))
+
+
+def weighted_least_squares(
+    factors: JointFactors, names: Sequence[str], passes: int = 50, tolerance: float = RANK_TOLERANCE
+) -> Estimate:
+    """Least squares weighted by the residual of every joint, ``w_j = 1 / sigma_j``, iterated until the weights settle.
+
+    ``passes`` bounds the iterations (three are customary); the first estimate is unweighted.
+    """
+    estimate = least_squares(factors, names, None, tolerance)
+    weights = residual_weights(estimate, factors)
+    done = 0
+    while done < passes:
+        done += 1
+        estimate = least_squares(factors, names, weights, tolerance, "weighted least squares")
+        updated = residual_weights(estimate, factors)
+        if np.max(np.abs(updated / weights - 1.0)) < SETTLED:
+            break
+        weights = updated
+    return replace(estimate, iterations=done)
+
+
+def robust_least_squares(
+    blocks: Callable[[], Iterable[Rows]],
+    names: Sequence[str],
+    start: Estimate,
+    limit: float = HUBER,
+    passes: int = 50,
+    tolerance: float = RANK_TOLERANCE,
+    transform: Callable[[JointFactors], JointFactors] | None = None,
+    expand: Callable[[Array], Array] | None = None,
+) -> Estimate:
+    """Huber's M-estimate by iteratively reweighted least squares; outliers beyond ``limit`` scales lose weight.
+
+    ``blocks()`` streams the rows anew in every pass; ``transform`` maps their factors to the parameters sought and
+    ``expand`` maps those back to the columns of the rows (both the identity by default). The scale of every joint is
+    Huber's proposal 2, re-estimated in each pass.
+    """
+    expand = expand or (lambda x: x)
+    sigma = np.maximum(start.joint_sigma, np.finfo(float).tiny)
+    consistency = normal_expectation_of_clipped_square(limit)
+    estimate = start
+    done = 0
+    while done < passes:
+        done += 1
+        factors, clipped = _reweighted(blocks(), expand(estimate.x), sigma, limit)
+        factors = transform(factors) if transform else factors
+        updated = least_squares(factors, names, None, tolerance, "robust least squares (Huber)")
+        share = max(1.0 / (1 + start.rank), 1.0 - start.rank / float(np.sum(start.counts)))
+        new_sigma = sigma * np.sqrt(clipped / np.maximum(1, start.counts) / share / consistency)
+        step = np.max(np.abs(updated.x - estimate.x) / np.maximum(updated.std, np.finfo(float).tiny))
+        estimate, moved = updated, np.max(np.abs(new_sigma / sigma - 1.0))
+        sigma = np.maximum(new_sigma, np.finfo(float).tiny)
+        if step < ROBUST_SETTLED and moved < ROBUST_SETTLED:
+            break
+    return replace(_scored(blocks(), expand, estimate), joint_sigma=sigma, weights=1.0 / sigma, iterations=done)
+
+
+def _reweighted(blocks: Iterable[Rows], theta: Array, sigma: Array, limit: float) -> tuple[JointFactors, Array]:
+    """Factors of rows times ``sqrt(min(1, limit/|u|)) / sigma`` and sums of ``min(u^2, limit^2)``, ``u = r /
+    sigma``.
+    """
+    total: JointFactors | None = None
+    clipped = np.zeros(len(sigma))
+    for rows in blocks:
+        u = np.abs(rows.tau - rows.W @ theta) / sigma
+        clipped += np.sum(np.where(rows.use, np.minimum(u, limit) ** 2, 0.0), axis=0)
+        part = factor_rows(rows, np.sqrt(limit / np.maximum(u, limit)) / sigma)
+        total = part if total is None else total.merged(part)
+    if total is None:
+        raise InputError("the recording holds no samples")
+    return total, clipped
+
+
+def _scored(blocks: Iterable[Rows], expand: Callable[[Array], Array], estimate: Estimate) -> Estimate:
+    """The estimate with the unweighted residuals of its rows."""
+    theta = expand(estimate.x)
+    squares = torque = 0.0
+    for rows in blocks:
+        residual = np.where(rows.use, rows.tau - rows.W @ theta, 0.0)
+        squares = squares + np.sum(residual**2, axis=0)
+        torque = torque + float(np.sum(np.where(rows.use, rows.tau, 0.0) ** 2))
+    return replace(
+        estimate,
+        joint_rms=np.sqrt(squares / np.maximum(1, estimate.counts)),
+        relative_error=float(np.sqrt(np.sum(squares) / torque)),
+    )
+
+
+def correlated_covariance(
+    blocks: Iterable[Rows], estimate: Estimate, lags: int, expand: Callable[[Array], Array], project: Array
+) -> Array:
+    """Covariance (p, p) that allows for residuals correlated over up to ``lags`` samples and between joints.
+
+    ``(Phi' Phi)^-1 S (Phi' Phi)^-1`` with S the long-run covariance of the scores ``s_k = sum_j w_j^2 W_jk' r_jk``
+    under Bartlett's weights (Newey and West 1987). ``project`` (columns of the rows, p) maps x to theta.
+    """
+    w2 = estimate.weights**2
+    theta = expand(estimate.x)
+    p = project.shape[1]
+    S = np.zeros((p, p))
+    tail, tail_segment = np.zeros((0, p)), np.zeros(0, np.int64)
+    for rows in blocks:
+        residual = np.where(rows.use, rows.tau - rows.W @ theta, 0.0) * w2
+        scores = np.vstack([tail, np.einsum("kj,kjp->kp", residual, rows.W) @ project])
+        segment = np.concatenate([tail_segment, rows.segment])
+        old = len(tail)
+        for lag in range(min(lags, len(scores) - 1) + 1):
+            first = max(old, lag)
+            same = segment[first:] == segment[first - lag : len(segment) - lag]
+            G = (scores[first:] * same[:, None]).T @ scores[first - lag : len(scores) - lag]
+            S += G if lag == 0 else (1.0 - lag / (lags + 1)) * (G + G.T)
+        keep = max(0, len(scores) - lags)
+        tail, tail_segment = scores[keep:], segment[keep:]
+    inverse = estimate.covariance / estimate.variance if estimate.variance > 0 else estimate.covariance
+    return np.asarray(inverse @ S @ inverse)

@@ -1,0 +1,116 @@
+"""How good an estimate is: errors, confidence, whiteness of what is left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.identify.estimation.tsqr import Rows
+
+
+def rms(x: Array, axis: int | None = None) -> Array:
+    """Root of the mean square."""
+    return np.asarray(np.sqrt(np.mean(np.square(x), axis=axis)))
+
+
+def relative_error(measured: Array, predicted: Array) -> float:
+    """``||tau - tau_hat|| / ||tau||`` over all entries."""
+    return float(np.linalg.norm(measured - predicted) / max(float(np.linalg.norm(measured)), 1e-300))
+
+
+def confidence_factor(level: float, freedom: float) -> float:
+    """Half width, in standard deviations, of the two-sided interval of Student's t at ``level`` (0..1)."""
+    from scipy.stats import t as student
+
+    return float(student.ppf(0.5 * (1.0 + level), max(1.0, freedom)))
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Autocorrelation of a residual at lags 1, 2, ... and what it says.
+
+    ``durbin_watson`` is near 2 for white residuals, below for positive correlation. ``p_value`` is that of the
+    Ljung-Box test over the lags: the chance of such correlations if the residual were white. ``inflation`` is the
+    number of samples that carry the information of one: ``1 + 2 sum rho``.
+    """
+
+    autocorrelation: Array
+    durbin_watson: float
+    ljung_box: float
+    p_value: float
+    inflation: float
+    samples: int
+
+
+def whiteness(residual: Array, lags: int = 20) -> Whiteness:
+    """Whiteness of one residual (N,), NaN where a sample is missing; the mean is not removed."""
+    sums, pairs = _products(np.asarray(residual, float), None, min(lags, max(1, len(residual) - 1)))
+    return _whiteness(sums, pairs)
+
+
+def residual_whiteness(blocks: Iterable[Rows], x: Array, lags: int = 20) -> tuple[Whiteness, ...]:
+    """Whiteness of the residuals ``tau - W x`` of every joint, over a stream of blocks in order of time."""
+    sums = pairs = None
+    tail: Array | None = None
+    tail_segment: NDArray[np.int64] | None = None
+    for rows in blocks:
+        residual = np.where(rows.use, rows.tau - rows.W @ x, np.nan)
+        segment = rows.segment
+        new = len(residual)
+        if tail is not None and tail_segment is not None:
+            residual, segment = np.vstack([tail, residual]), np.concatenate([tail_segment, segment])
+        parts = [_products(column, segment, lags, len(column) - new) for column in residual.T]
+        step = np.stack([p[0] for p in parts]), np.stack([p[1] for p in parts])
+        sums = step[0] if sums is None else sums + step[0]
+        pairs = step[1] if pairs is None else pairs + step[1]
+        tail, tail_segment = residual[-lags:], segment[-lags:]
+    if sums is None or pairs is None:
+        return ()
+    return tuple(_whiteness(s, c) for s, c in zip(sums, pairs, strict=True))
+
+
+def _products(
+    residual: Array, segment: NDArray[np.int64] | None, lags: int, old: int = 0
+) -> tuple[Array, NDArray[np.int64]]:
+    """Sums of ``r_k r_{k-l}`` and numbers of pairs for l = 0..lags; only pairs whose later sample is not ``old``."""
+    present = np.isfinite(residual)
+    r = np.where(present, residual, 0.0)
+    sums, pairs = np.zeros(lags + 1), np.zeros(lags + 1, np.int64)
+    for lag in range(min(lags, len(r) - 1) + 1):
+        first = max(old, lag)
+        both = present[first:] & present[first - lag : len(r) - lag]
+        if segment is not None:
+            both = both & (segment[first:] == segment[first - lag : len(r) - lag])
+        sums[lag] = np.sum((r[first:] * r[first - lag : len(r) - lag])[both])
+        pairs[lag] = np.sum(both)
+    return sums, pairs
+
+
+def _whiteness(sums: Array, pairs: NDArray[np.int64]) -> Whiteness:
+    from scipy.stats import chi2
+
+    count = int(pairs[0])
+    if count == 0 or sums[0] == 0.0:
+        return Whiteness(np.zeros(len(sums) - 1), 2.0, 0.0, 1.0, 1.0, count)
+    variance = sums[0] / count
+    rho = np.divide(sums[1:], pairs[1:], out=np.zeros(len(sums) - 1), where=pairs[1:] > 0) / variance
+    weights = np.maximum(pairs[1:], 1)
+    box = float(count * (count + 2) * np.sum(rho**2 / weights))
+    # correlations below the noise of their estimate are not summed, nor any after the first such lag
+    noise = 2.0 / math.sqrt(count)
+    below = np.flatnonzero(rho < noise)
+    until = int(below[0]) if len(below) else len(rho)
+    inflation = max(1.0, 1.0 + 2.0 * float(np.sum(rho[:until])))
+    return Whiteness(rho, 2.0 * (1.0 - float(rho[0])), box, float(chi2.sf(box, len(rho))), inflation, count)
+
+
+def normal_expectation_of_clipped_square(limit: float) -> float:
+    """``E min(u^2, limit^2)`` of a standard normal u, the consistency factor of Huber's scale."""
+    tail = math.erfc(limit / math.sqrt(2.0))
+    density = math.exp(-0.5 * limit * limit) / math.sqrt(2.0 * math.pi)
+    return (1.0 - tail) - 2.0 * limit * density + limit * limit * tail

@@ -1,0 +1,138 @@
+"""Least squares without the stacked regressor: triangular factors, one per joint, merged as rows arrive (TSQR).
+
+The rows ``[W_j | tau_j]`` of joint j enter only through their triangular factor ``R_j`` of p+1 columns, which holds all
+that any quadratic estimator needs: weights per joint, parameters fixed or left out, residual norms. Memory does not
+depend on the length of the recording, and ``W' W``, whose condition number is squared, is never formed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of the estimation problem at N instants: ``tau = W theta``.
+
+    ``t`` (N,) s, ``W`` (N, n, p), ``tau`` (N, n) N m (N), ``use`` (N, n): False where a joint's row is left out.
+    ``segment`` (N,) counts the uninterrupted stretches of the recording, for statistics over time.
+    """
+
+    t: Array
+    W: Array
+    tau: Array
+    use: NDArray[np.bool_]
+    segment: NDArray[np.int64]
+
+    def chosen(self, mask: NDArray[np.bool_]) -> Rows:
+        """The same with only the instants of ``mask`` (N,) in use; the others stay, out of use, to keep time."""
+        return Rows(self.t, self.W, self.tau, self.use & mask[:, None], self.segment)
+
+
+@dataclass(frozen=True)
+class JointFactors:
+    """Triangular factors ``R`` (n, p+1, p+1) of the rows of every joint, and how many rows ``counts`` (n,) there
+    were.
+    """
+
+    R: Array
+    counts: NDArray[np.int64]
+
+    @property
+    def parameters(self) -> int:
+        """Number p of parameters."""
+        return int(self.R.shape[2]) - 1
+
+    @property
+    def torque_squares(self) -> Array:
+        """``|tau_j|^2`` of every joint."""
+        return np.asarray(np.sum(self.R[:, :, -1] ** 2, axis=1))
+
+    def residual_squares(self, x: Array) -> Array:
+        """``|tau_j - W_j x|^2`` of every joint."""
+        return np.asarray(np.sum((self.R[:, :, -1] - self.R[:, :, :-1] @ x) ** 2, axis=1))
+
+    def stacked(self, weights: Array | None = None) -> Array:
+        """One factor (p+1, p+1) of all joints' rows, those of joint j times ``weights[j]``."""
+        w = np.ones(len(self.R)) if weights is None else np.asarray(weights, float)
+        return triangular((self.R * w[:, None, None]).reshape(-1, self.R.shape[2]))
+
+    def mapped(self, T: Array, known: Array | None = None) -> JointFactors:
+        """The factors of the problem in x with ``theta = T x + known``; T is (p, r), ``known`` (p,) is 0 by default."""
+        p = self.parameters
+        known = np.zeros(p) if known is None else np.asarray(known, float)
+        change = np.zeros((p + 1, T.shape[1] + 1))
+        change[:p, :-1], change[:p, -1], change[p, -1] = T, -known, 1.0
+        return JointFactors(np.stack([triangular(R @ change) for R in self.R]), self.counts)
+
+    def selected(self, kept: Sequence[int], fixed: Mapping[int, float] | None = None) -> JointFactors:
+        """Only the columns ``kept``; those of ``fixed`` at their given values, all others at zero."""
+        T = np.eye(self.parameters)[:, list(kept)]
+        known = np.zeros(self.parameters)
+        for column, value in (fixed or {}).items():
+            known[column] = value
+        return self.mapped(T, known)
+
+    def merged(self, other: JointFactors) -> JointFactors:
+        """The factors of both sets of rows together."""
+        if self.R.shape != other.R.shape:
+            raise InputError("factors of different problems cannot be merged")
+        pairs = zip(self.R, other.R, strict=True)
+        return JointFactors(np.stack([triangular(np.vstack(pair)) for pair in pairs]), self.counts + other.counts)
+
+
+def triangular(A: Array) -> Array:
+    """The upper triangular factor R (p, p) of A (rows, p) with a non-negative diagonal; rows of zeros where A is
+    short.
+    """
+    p = A.shape[1]
+    R: Array = np.asarray(np.linalg.qr(A, mode="r"))
+    if len(R) < p:
+        R = np.vstack([R, np.zeros((p - len(R), p))])
+    signs = np.where(np.diag(R) < 0, -1.0, 1.0)
+    return np.asarray(R * signs[:, None])
+
+
+def factor_rows(rows: Rows, weights: Array | None = None) -> JointFactors:
+    """Factors of one block of rows; ``weights`` (N, n) multiply each row, and are 1 by default."""
+    _, n, p = rows.W.shape
+    R = np.zeros((n, p + 1, p + 1))
+    for joint in range(n):
+        use = rows.use[:, joint]
+        if use.any():
+            A = np.column_stack([rows.W[use, joint], rows.tau[use, joint]])
+            R[joint] = triangular(A if weights is None else A * weights[use, joint, None])
+    if not np.all(np.isfinite(R)):
+        raise InputError("the rows of the regressor are not finite: check the recording for missing samples")
+    return JointFactors(R, np.sum(rows.use, axis=0).astype(np.int64))
+
+
+def factor_stream(blocks: Iterable[Rows], each: Callable[[Rows], None] | None = None) -> JointFactors:
+    """Factors of a stream of blocks, in constant memory; ``each`` is called after every block (progress)."""
+    total: JointFactors | None = None
+    for rows in blocks:
+        part = factor_rows(rows)
+        total = part if total is None else total.merged(part)
+        if each is not None:
+            each(rows)
+    if total is None:
+        raise InputError("the recording holds no samples")
+    return total
+
+
+def merge_tree(parts: Sequence[JointFactors]) -> JointFactors:
+    """All parts merged pairwise in their order, so that the result does not depend on who finished first."""
+    if not parts:
+        raise InputError("the recording holds no samples")
+    level = list(parts)
+    while len(level) > 1:
+        pairs = [level[i : i + 2] for i in range(0, len(level), 2)]
+        level = [pair[0].merged(pair[1]) if len(pair) == 2 else pair[0] for pair in pairs]
+    return level[0]

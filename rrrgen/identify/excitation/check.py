@@ -1,0 +1,175 @@
+"""Judging a trajectory on the controller's own grid: condition number, singular values, and every limit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rrrgen.identify.excitation.problem import ExcitationProblem
+from rrrgen.signals.fourier import Floats, FourierTrajectory, between_samples_factor
+
+CHUNK = 2000
+"""Instants evaluated at a time: bounds the memory of robots with many columns."""
+
+
+@dataclass(frozen=True)
+class LimitUse:
+    """How far one limited quantity goes: ``use`` is 1 at its limit; ``instant`` where it peaks (s)."""
+
+    quantity: str
+    index: int
+    use: float
+    instant: float
+
+
+@dataclass(frozen=True)
+class ExcitationCheck:
+    """The verdict on one trajectory on a grid of ``samples`` instants per cycle.
+
+    ``condition`` = largest over smallest singular value of the stacked, weighted regressor (after (14.20));
+    ``singular_values`` are divided by the square root of the number of instants.
+    """
+
+    samples: int
+    condition: float
+    frobenius_condition: float
+    log_determinant: float
+    singular_values: tuple[float, ...]
+    limits: tuple[LimitUse, ...]
+
+    @property
+    def worst_use(self) -> float:
+        """The largest use of any limit; 0 without limits."""
+        return max((limit.use for limit in self.limits), default=0.0)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every limit is met at every instant of the grid."""
+        return self.worst_use <= 1.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for a run folder."""
+        return {
+            "samples": self.samples,
+            "condition": self.condition,
+            "frobenius_condition": self.frobenius_condition,
+            "log_determinant": self.log_determinant,
+            "singular_values": list(self.singular_values),
+            "feasible": self.feasible,
+            "limits": [vars(limit) for limit in self.limits],
+        }
+
+
+class ProblemFunctions:
+    """The problem's CasADi functions, brought to life and evaluated over many instants."""
+
+    def __init__(self, problem: ExcitationProblem) -> None:
+        import casadi
+
+        self.problem = problem
+        self.regressor = casadi.Function.deserialize(problem.regressor)
+        self.torque = None if problem.torque is None else casadi.Function.deserialize(problem.torque)
+        self.tip = None if problem.tip is None else casadi.Function.deserialize(problem.tip)
+
+    @staticmethod
+    def over(function: Any, *columns: Floats) -> Floats:
+        """``function`` at every row of the arguments (m, k); returns (m, rows, cols)."""
+        m = columns[0].shape[0]
+        values = np.asarray(function.map(m)(*(c.T for c in columns)).full())
+        rows, cols = function.size_out(0)
+        return np.ascontiguousarray(values.reshape(rows, m, cols).transpose(1, 0, 2))
+
+    def weighted(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
+        """The stacked regressor (n m, b) under the problem's weights and scales."""
+        problem = self.problem
+        Y = self.over(self.regressor, q, dq, ddq)
+        if problem.row_weights is not None:
+            Y = Y * np.asarray(problem.row_weights)[:, None]
+        if problem.column_scales is not None:
+            Y = Y * np.asarray(problem.column_scales)
+        return Y.reshape(-1, problem.columns)
+
+    def triangular(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
+        """The R of a QR factorisation of :meth:`weighted`, chunk by chunk: singular values without squaring them."""
+        R: Floats = np.zeros((0, self.problem.columns))
+        for k in range(0, q.shape[0], CHUNK):
+            part = slice(k, k + CHUNK)
+            R = np.asarray(np.linalg.qr(np.vstack([R, self.weighted(q[part], dq[part], ddq[part])]), mode="r"))
+        return R
+
+
+class LimitedQuantity(NamedTuple):
+    """One limited quantity over time: ``use`` (m,) is 1 at the limit; ``joint`` is an axis for the tip.
+
+    ``polynomial`` marks the absolute value of a trigonometric polynomial of the trajectory's own degree.
+    """
+
+    name: str
+    joint: int
+    use: Floats
+    polynomial: bool
+
+
+def limited_quantities(functions: ProblemFunctions, trajectory: FourierTrajectory, t: Floats) -> list[LimitedQuantity]:
+    """Every limited quantity at the times ``t``, joint by joint and axis by axis."""
+    limits, n = functions.problem.limits, functions.problem.joints
+    q, dq, ddq = trajectory.evaluate(t)
+    found: list[LimitedQuantity] = []
+    for name, values in (("speed", dq), ("acceleration", ddq)):
+        found += _below(name, values, limits.row(name, n), polynomial=True)
+    found += _between("position", q, limits.row("position_lower", n), limits.row("position_upper", n), polynomial=True)
+    if functions.torque is not None and limits.torque is not None:
+        found += _below("torque", functions.over(functions.torque, q, dq, ddq)[:, :, 0], limits.row("torque", n), False)
+    if functions.tip is not None and (limits.box_lower is not None or limits.box_upper is not None):
+        tip = functions.over(functions.tip, q)[:, :, 0]
+        found += _between("tip", tip, limits.row("box_lower", 3), limits.row("box_upper", 3), polynomial=False)
+    return found
+
+
+def _below(name: str, values: Floats, bounds: tuple[float, ...], polynomial: bool) -> list[LimitedQuantity]:
+    columns = enumerate(zip(values.T, bounds, strict=True))
+    return [LimitedQuantity(name, i, np.abs(v) / b, polynomial) for i, (v, b) in columns if np.isfinite(b)]
+
+
+def _between(
+    name: str, values: Floats, lower: tuple[float, ...], upper: tuple[float, ...], polynomial: bool
+) -> list[LimitedQuantity]:
+    """A two-sided bound is measured from its middle; a one-sided one has use 1 at the limit, 0 one unit inside."""
+    found = []
+    for i, (v, low, high) in enumerate(zip(values.T, lower, upper, strict=True)):
+        if np.isfinite(low) and np.isfinite(high):
+            found.append(LimitedQuantity(name, i, np.abs(2.0 * v - low - high) / (high - low), polynomial))
+        elif np.isfinite(high):
+            found.append(LimitedQuantity(name, i, 1.0 + v - high, False))
+        elif np.isfinite(low):
+            found.append(LimitedQuantity(name, i, 1.0 + low - v, False))
+    return found
+
+
+def check_trajectory(
+    problem: ExcitationProblem, trajectory: FourierTrajectory, samples: int | None = None
+) -> ExcitationCheck:
+    """Judge a trajectory on ``samples`` equispaced instants of one cycle (default: the controller's sampling).
+
+    Uses of speed, acceleration and position are raised by ``1/cos(pi N/M)``, so they also hold *between* the samples.
+    """
+    functions = ProblemFunctions(problem)
+    M = samples or problem.samples_per_period
+    t = np.arange(M) * (trajectory.period / M)
+    factor = between_samples_factor(trajectory.harmonics, M)
+    limits = []
+    for name, i, use, polynomial in limited_quantities(functions, trajectory, t):
+        peak = int(np.argmax(use))
+        limits.append(LimitUse(name, i, float(use[peak] * (factor if polynomial else 1.0)), float(t[peak])))
+    sigma = np.linalg.svd(functions.triangular(*trajectory.evaluate(t)), compute_uv=False) / np.sqrt(M)
+    smallest = max(float(sigma[-1]), np.finfo(float).tiny)
+    return ExcitationCheck(
+        samples=M,
+        condition=float(sigma[0]) / smallest,
+        frobenius_condition=float(np.linalg.norm(sigma) * np.linalg.norm(1.0 / np.maximum(sigma, smallest))),
+        log_determinant=float(2.0 * np.sum(np.log(np.maximum(sigma, smallest)))),
+        singular_values=tuple(float(s) for s in sigma),
+        limits=tuple(limits),
+    )

@@ -1,0 +1,124 @@
+"""Design of exciting trajectories: many starts, the best feasible one, its files and its figures.
+
+Source: (14.24) and the excitation measures after (14.20).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rrrgen.errors import DerivationError
+from rrrgen.identify.excitation.check import ExcitationCheck, LimitUse, ProblemFunctions, check_trajectory
+from rrrgen.identify.excitation.problem import ExcitationLimits, ExcitationProblem, excitation_problem
+from rrrgen.identify.excitation.search import StartResult, solve_start
+from rrrgen.identify.excitation.starts import Progress, run_starts
+from rrrgen.runs.run_folder import write_atomically
+from rrrgen.signals.fourier import FourierTrajectory
+
+__all__ = [
+    "ExcitationCheck",
+    "ExcitationDesign",
+    "ExcitationLimits",
+    "ExcitationProblem",
+    "LimitUse",
+    "ProblemFunctions",
+    "StartResult",
+    "check_trajectory",
+    "design_excitation",
+    "excitation_problem",
+    "run_starts",
+    "solve_start",
+    "write_trajectory_csv",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationDesign:
+    """The outcome of a search: the problem and every start, the best one first."""
+
+    problem: ExcitationProblem
+    starts: tuple[StartResult, ...]
+
+    @property
+    def best(self) -> StartResult:
+        """The start that was chosen."""
+        return self.starts[0]
+
+    @property
+    def trajectory(self) -> FourierTrajectory:
+        """The exciting trajectory."""
+        return self.best.trajectory
+
+    def to_json(self) -> dict[str, Any]:
+        """The result as plain data: trajectory, verdict, and one line per start."""
+        return {
+            "problem": self.problem.digest(),
+            "objective": self.problem.objective,
+            "seed": self.best.seed,
+            "trajectory": self.trajectory.to_json(),
+            "check": self.best.check.to_json(),
+            "starts": [
+                {
+                    "seed": s.seed,
+                    "feasible": s.check.feasible,
+                    "condition": s.check.condition,
+                    "start_condition": s.start_condition,
+                }
+                for s in self.starts
+            ],
+        }
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write the trajectory (coefficients and samples at the controller's rate) into ``folder``."""
+        result, samples = folder / "excitation.json", folder / "excitation.csv"
+        write_atomically(result, json.dumps(self.to_json(), indent=1) + "\n")
+        write_trajectory_csv(samples, self.trajectory, self.problem.sample_period)
+        return [result, samples]
+
+
+def design_excitation(
+    problem: ExcitationProblem,
+    starts: int = 4,
+    *,
+    seed: int = 0,
+    jobs: int = 1,
+    cluster: str | None = None,
+    checkpoints: Path | None = None,
+    progress: Progress | None = None,
+) -> ExcitationDesign:
+    """Search from ``starts`` seeds (seed, seed+1, ...) and keep the best trajectory that meets every limit.
+
+    The result depends on (problem, starts, seed) only, not on ``jobs``, ``cluster`` or interruptions. See
+    :func:`run_starts` for these. Raises DerivationError when no start meets the limits, saying by how much it fails.
+    """
+    results = run_starts(
+        problem, range(seed, seed + starts), jobs=jobs, cluster=cluster, checkpoints=checkpoints, progress=progress
+    )
+    ordered = sorted(results, key=lambda r: (*r.objective(problem.objective), r.seed))
+    if not ordered[0].check.feasible:
+        raise DerivationError(f"no start met every limit: {_violations(ordered[0].check.limits)}")
+    return ExcitationDesign(problem, tuple(ordered))
+
+
+def _violations(limits: Sequence[LimitUse]) -> str:
+    worst = sorted((u for u in limits if u.use > 1.0), key=lambda u: -u.use)
+    return ", ".join(f"{u.quantity} {u.index + 1} at {100 * u.use:.1f} % of its limit" for u in worst)
+
+
+def write_trajectory_csv(path: Path, trajectory: FourierTrajectory, sample_period: float, cycles: float = 1.0) -> None:
+    """Write ``t, q1.., dq1.., ddq1..`` at the controller's rate, SI, in digits that read back exactly."""
+    t = trajectory.times(sample_period, cycles)
+    q, dq, ddq = trajectory.evaluate(t)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["t", *(f"{name}{i + 1}" for name in ("q", "dq", "ddq") for i in range(trajectory.n))])
+    writer.writerows(np.column_stack([t, q, dq, ddq]).tolist())
+    write_atomically(path, text.getvalue())

@@ -1,0 +1,183 @@
+"""The nonlinear program behind an exciting trajectory, in CasADi: smooth objectives and limits with exact derivatives.
+
+The condition number is a quotient of extreme eigenvalues, which is not differentiable where they cross, and at the
+optimum several of them coincide. It is approached from above through the norms ``|A|_p = (tr A^p)^(1/p)``: their
+quotient ``(|A|_p |A^-1|_p)^(1/2)`` is smooth and tends to cond as p grows.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rrrgen.identify.excitation.check import ProblemFunctions
+from rrrgen.identify.excitation.problem import ExcitationProblem
+from rrrgen.signals.fourier import Floats, FourierTrajectory, fourier_basis
+
+MARGIN = 1e-3
+"""Fraction of every limit kept in reserve for the solver's own tolerance."""
+
+REGULARISATION = 1e-6
+"""Of the mean eigenvalue of the starting information matrix, added to every eigenvalue under the log-determinant."""
+
+
+class Constraints:
+    """Constraint values, scaled to [-1, 1], with their bounds."""
+
+    def __init__(self) -> None:
+        self.values: list[Any] = []
+        self.lower: list[float] = []
+        self.upper: list[float] = []
+
+    def limit(self, value: Any, low: float, high: float) -> None:
+        """``low <= value <= high`` with a reserve of MARGIN; one of the two may be infinite."""
+        if np.isfinite(low) and np.isfinite(high):
+            centre, half = 0.5 * (low + high), 0.5 * (high - low)
+            bottom, top = MARGIN - 1.0, 1.0 - MARGIN
+        else:
+            centre = low if np.isfinite(low) else high
+            half = max(abs(centre), 1.0)
+            bottom, top = (MARGIN, np.inf) if np.isfinite(low) else (-np.inf, -MARGIN)
+        self.values.append((value - centre) / half)
+        self.lower += [bottom] * value.numel()
+        self.upper += [top] * value.numel()
+
+    def vanish(self, value: Any) -> None:
+        """``value = 0``."""
+        self.values.append(value)
+        self.lower.append(0.0)
+        self.upper.append(0.0)
+
+
+class ExcitationProgram:
+    """The nonlinear program: variables are the scaled coefficients, column by column."""
+
+    def __init__(self, problem: ExcitationProblem) -> None:
+        import casadi
+
+        self.problem = problem
+        self.functions = ProblemFunctions(problem)
+        self.n, self.N = problem.joints, problem.harmonics
+        speed = np.asarray(problem.limits.row("speed", self.n))
+        scale = np.where(np.isfinite(speed), speed, 1.0)
+        self.size = 1 + 2 * self.N
+        self.x = casadi.MX.sym("x", self.n * self.size)
+        X = casadi.reshape(self.x, self.size, self.n)
+        self.factors = np.vstack([np.ones(self.n), np.tile(scale, (2 * self.N, 1))])
+        self.X = X * casadi.DM(self.factors)
+        period = 1.0 / problem.base_frequency
+        grid = np.arange(problem.design_instants) * (period / problem.design_instants)
+        self.information = self._information(grid)
+
+    def motion(self, t: Floats) -> tuple[Any, Any, Any]:
+        """Symbolic q, dq, ddq at the instants ``t``, each (n, m)."""
+        import casadi
+
+        f0 = self.problem.base_frequency
+        q, dq, ddq = (casadi.mtimes(casadi.DM(fourier_basis(t, self.N, f0, k)), self.X).T for k in range(3))
+        return q, dq, ddq
+
+    def _information(self, grid: Floats) -> Any:
+        """The mean information matrix Y'Y over ``grid`` as a symbolic (b, b) matrix; half of it is computed."""
+        import casadi
+
+        problem, b = self.problem, self.problem.columns
+        q, dq, ddq = (casadi.SX.sym(name, self.n) for name in ("q", "dq", "ddq"))
+        Y = casadi.densify(self.functions.regressor(q, dq, ddq))
+        if problem.row_weights is not None:
+            Y = casadi.diag(casadi.DM(problem.row_weights)) @ Y
+        if problem.column_scales is not None:
+            Y = Y @ casadi.diag(casadi.DM(problem.column_scales))
+        gram = casadi.densify(casadi.mtimes(Y.T, Y))
+        pairs = [(i, j) for j in range(b) for i in range(j, b)]
+        lower = casadi.Function("gram", [q, dq, ddq], [casadi.vertcat(*[gram[i, j] for i, j in pairs])])
+        packed = casadi.sum2(lower.map(grid.size)(*self.motion(grid))) / grid.size
+        place = np.zeros((b, b), dtype=int)
+        for k, (i, j) in enumerate(pairs):
+            place[i, j] = place[j, i] = k
+        return casadi.reshape(packed[place.ravel().tolist()], b, b)
+
+    def objective(self, stage: str, p: int, mean_eigenvalue: float) -> Any:
+        """The smooth objective of one stage."""
+        import casadi
+
+        A, b = self.information, self.problem.columns
+        if stage == "logdet":
+            S = casadi.SX.sym("A", b, b)
+            factor = casadi.chol(S + REGULARISATION * mean_eigenvalue * casadi.SX.eye(b))
+            half = casadi.Function("half_logdet", [S], [casadi.sum1(casadi.log(casadi.diag(factor)))])
+            return -half(A) / b
+        inverse = _log_norm(casadi.inv(A), p)
+        return 0.5 * inverse if stage == "sigma_min" else 0.5 * (_log_norm(A, p) + inverse)
+
+    def constraints(self, instants: dict[tuple[str, int], set[int]]) -> Constraints:
+        """Every limited quantity at its own instants, then the conditions of rest."""
+        problem, n = self.problem, self.n
+        limits = problem.limits
+        bounds = {
+            "position": (limits.row("position_lower", n), limits.row("position_upper", n)),
+            "tip": (limits.row("box_lower", 3), limits.row("box_upper", 3)),
+        }
+        for name in ("speed", "acceleration", "torque"):
+            row = limits.row(name, n)
+            bounds[name] = (tuple(-v for v in row), row)
+        collected = Constraints()
+        step = 1.0 / (problem.base_frequency * problem.samples_per_period)
+        for (name, i), chosen in sorted(instants.items()):
+            t = np.array(sorted(chosen)) * step
+            low, high = (row[i] for row in bounds[name])
+            collected.limit(self._quantity(name, i, t), low, high)
+        if problem.at_rest:
+            self._rest(collected)
+        return collected
+
+    def _quantity(self, name: str, i: int, t: Floats) -> Any:
+        """Symbolic values of one limited quantity at the instants ``t``, (m,)."""
+        import casadi
+
+        order = {"position": 0, "speed": 1, "acceleration": 2}.get(name)
+        if order is not None:  # linear in the variables: a constant sparse Jacobian
+            B = fourier_basis(t, self.N, self.problem.base_frequency, order) * self.factors[:, i]
+            rows = casadi.DM(t.size, self.x.numel())
+            rows[:, i * self.size : (i + 1) * self.size] = B
+            return casadi.mtimes(casadi.sparsify(rows), self.x)
+        q, dq, ddq = self.motion(t)
+        function = self.functions.torque if name == "torque" else self.functions.tip
+        assert function is not None  # the problem was refused otherwise
+        return function.map(t.size)(*((q, dq, ddq) if name == "torque" else (q,)))[i, :].T
+
+    def _rest(self, collected: Constraints) -> None:
+        """dq(0) = sum a_j = 0 and ddq(0) = sum w_j b_j = 0, so every cycle starts and ends at rest."""
+        import casadi
+
+        order = casadi.DM(np.arange(1, self.N + 1) / self.N)
+        for i in range(self.n):
+            first = i * self.size + 1
+            a, b = self.x[first : first + self.N], self.x[first + self.N : first + 2 * self.N]
+            collected.vanish(casadi.sum1(a))
+            collected.vanish(casadi.dot(order, b))
+
+    def trajectory(self, x: Floats) -> FourierTrajectory:
+        """The trajectory that the variables ``x`` stand for."""
+        X = x.reshape(self.n, self.size).T * self.factors
+        return FourierTrajectory.from_coefficients(X, self.problem.base_frequency)
+
+    def variables(self, trajectory: FourierTrajectory) -> Floats:
+        """The variables that stand for ``trajectory``."""
+        return np.asarray((trajectory.coefficients / self.factors).T.ravel())
+
+
+def _log_norm(A: Any, p: int) -> Any:
+    """log |A|_p = log (tr A^p)^(1/p) for p a power of two, by repeated squaring of a matrix kept at trace one."""
+    import casadi
+
+    trace = casadi.trace(A)
+    power, value, exponent = A / trace, casadi.log(trace), 1
+    while exponent < p:
+        power = casadi.mtimes(power, power)
+        exponent *= 2
+        trace = casadi.trace(power)
+        power = power / trace
+        value = value + casadi.log(trace) / exponent
+    return value

@@ -1,0 +1,47 @@
+"""The excitation problem of a compiled robot: base regressor, limits of its file, nominal torques, tip."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rrrgen.errors import InputError
+from rrrgen.identify.excitation.problem import ExcitationLimits, ExcitationProblem, excitation_problem
+
+
+def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
+    """The limits that a robot file states for its joints; with ``torque`` also those of the drives."""
+
+    def row(name: str) -> tuple[float | None, ...] | None:
+        values = tuple(None if v is None else float(v) for v in (getattr(j.limits, name) for j in spec.joints))
+        return values if any(v is not None for v in values) else None
+
+    return ExcitationLimits(
+        position_lower=row("lower"),
+        position_upper=row("upper"),
+        speed=row("velocity"),
+        acceleration=row("acceleration"),
+        torque=row("torque") if torque else None,
+    )
+
+
+def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings: Any) -> ExcitationProblem:
+    """The excitation problem of a compiled robot (:class:`rrrgen.Model`), by default within the limits of its file.
+
+    Torque limits use the nominal base parameters, a Cartesian box the tip. ``settings`` are the fields of
+    :class:`~rrrgen.identify.excitation.problem.ExcitationProblem`. Raises InputError where a limit lacks what it needs.
+    """
+    import casadi
+
+    chosen = limits if limits is not None else limits_of(model.spec)
+    regressor = model.casadi_function("regressor")
+    torque = tip = None
+    if chosen.torque is not None:
+        if model.beta is None:
+            raise InputError("torque limits need nominal parameters: the robot file has no links")
+        q, dq, ddq = (casadi.SX.sym(name, model.n) for name in ("q", "dq", "ddq"))
+        tau = casadi.mtimes(regressor(q, dq, ddq), casadi.DM(model.beta))
+        torque = casadi.Function("torque", [q, dq, ddq], [tau])
+    if chosen.box_lower is not None or chosen.box_upper is not None:
+        q = casadi.SX.sym("q", model.n)
+        tip = casadi.Function("tip", [q], [model.casadi_function("forward_kinematics")(q)[:3, 3]])
+    return excitation_problem(regressor, chosen, torque=torque, tip=tip, **settings)

@@ -1,0 +1,205 @@
+"""One start of the search for an exciting trajectory: a pure function of (problem, seed).
+
+From a poor start the gradient of the condition number is worthless (cond > 1e8), so a regularised log-determinant leads
+the way. Limits are imposed at a few instants; where the controller's grid then shows a violation, its peak joins the
+instants and IPOPT goes on (the exchange method of semi-infinite programming).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rrrgen.errors import InputError
+from rrrgen.identify.excitation.check import ExcitationCheck, ProblemFunctions, check_trajectory, limited_quantities
+from rrrgen.identify.excitation.nlp import MARGIN, ExcitationProgram
+from rrrgen.identify.excitation.problem import ExcitationProblem
+from rrrgen.signals.fourier import FourierTrajectory
+
+EXCHANGES = 8
+"""Rounds in which violated instants may join the last stage."""
+
+LARGEST_SHRINKING = 0.03
+"""A trajectory that exceeds a limit by more than this is reported as infeasible instead of being scaled down."""
+
+STAGES: dict[str, tuple[tuple[str, int], ...]] = {
+    "cond": (("logdet", 0), ("cond", 4), ("cond", 16), ("cond", 64)),
+    "frobenius": (("logdet", 0), ("cond", 1)),
+    "sigma_min": (("logdet", 0), ("sigma_min", 8), ("sigma_min", 64)),
+    "logdet": (("logdet", 0),),
+}
+"""Objectives in the order they are minimised, with the exponent p of their norms."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartResult:
+    """What one start found: the trajectory, its verdict on the controller's grid, and the way it went."""
+
+    seed: int
+    trajectory: FourierTrajectory
+    check: ExcitationCheck
+    history: tuple[tuple[str, tuple[float, ...]], ...]  # per stage: its name and the objective, iteration by iteration
+    start_condition: float
+
+    @property
+    def score(self) -> tuple[bool, float]:
+        """Sorting key: feasible trajectories first, then small condition numbers."""
+        return (not self.check.feasible, self.check.condition)
+
+    def objective(self, name: str) -> tuple[bool, float]:
+        """Sorting key for the objective that was asked for; smaller is better."""
+        sigma = np.asarray(self.check.singular_values)
+        value = {
+            "cond": self.check.condition,
+            "frobenius": self.check.frobenius_condition,
+            "logdet": -self.check.log_determinant,
+            "sigma_min": -float(sigma[-1]),
+        }[name]
+        return (not self.check.feasible, value)
+
+
+def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
+    """A random trajectory inside the speed, acceleration and position limits, the same for the same seed."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 0x52525247]))
+    n, N = problem.joints, problem.harmonics
+    a, b = rng.normal(size=(2, n, N))
+    if problem.at_rest:
+        weights = np.arange(1, N + 1) / N
+        a -= a.mean(axis=1, keepdims=True)
+        b -= (b @ weights)[:, None] * weights / (weights @ weights)
+    low, high = (np.asarray(problem.limits.row(f"position_{side}", n)) for side in ("lower", "upper"))
+    bounded = np.isfinite(high - low)
+    middle = np.where(bounded, 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)), 0.0)
+    q0 = np.where(bounded, middle, rng.uniform(-np.pi, np.pi, n))
+    trajectory = FourierTrajectory(q0, a, b, problem.base_frequency)
+    q, dq, ddq = trajectory.evaluate(np.arange(20 * N) * (trajectory.period / (20 * N)))
+    gains = np.full(n, np.inf)
+    for values, bound in (
+        (q - q0, np.where(bounded, 0.5 * (high - low), np.inf)),
+        (dq, np.asarray(problem.limits.row("speed", n))),
+        (ddq, np.asarray(problem.limits.row("acceleration", n))),
+    ):
+        gains = np.minimum(gains, bound / np.abs(values).max(axis=0))
+    gains = problem.start_amplitude * np.where(np.isfinite(gains), gains, 1.0)
+    return FourierTrajectory(q0, a * gains[:, None], b * gains[:, None], problem.base_frequency)
+
+
+def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
+    """Search from one random start; a pure function of its arguments, fit to run on any machine.
+
+    Raises InputError when the regressor's columns are linearly dependent at random states.
+    """
+    program = ExcitationProgram(problem)
+    _require_independent_columns(program.functions, seed)
+    trajectory = random_start(problem, seed)
+    start = check_trajectory(problem, trajectory, problem.design_instants)
+    instants = _initial_instants(program, trajectory)
+    eigenvalue = float(np.mean(np.square(start.singular_values)))
+    history: list[tuple[str, tuple[float, ...]]] = []
+    for stage, p in STAGES[problem.objective]:
+        trajectory = _solve(program, stage, p, eigenvalue, trajectory, instants, history)
+        _exchange(program, trajectory, instants)
+    stage, p = STAGES[problem.objective][-1]
+    for _ in range(EXCHANGES):
+        if check_trajectory(problem, trajectory).worst_use <= 1.0 + MARGIN:
+            break
+        trajectory = _solve(program, stage, p, eigenvalue, trajectory, instants, history)
+        _exchange(program, trajectory, instants)
+    trajectory = _within_limits(problem, trajectory)
+    return StartResult(seed, trajectory, check_trajectory(problem, trajectory), tuple(history), start.condition)
+
+
+def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None:
+    problem = functions.problem
+    rng = np.random.default_rng(seed)
+    states = rng.uniform(-2.0, 2.0, (3, 10 * problem.columns, problem.joints))
+    sigma = np.linalg.svd(functions.weighted(*states), compute_uv=False)
+    rank = int(np.sum(sigma > sigma[0] * problem.columns * 1e-11))
+    if rank < problem.columns:
+        raise InputError(
+            f"excitation: the regressor has {problem.columns} columns but rank {rank}; "
+            "no trajectory excites dependent columns, use the base regressor"
+        )
+
+
+def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory) -> dict[tuple[str, int], set[int]]:
+    """Two instants per cycle of the top harmonic for every limited quantity."""
+    count = min(2 * program.N, program.problem.samples_per_period)
+    chosen = {int(k) for k in np.linspace(0, program.problem.samples_per_period, count, endpoint=False)}
+    quantities = limited_quantities(program.functions, trajectory, np.zeros(1))
+    return {(quantity.name, quantity.joint): set(chosen) for quantity in quantities}
+
+
+def _exchange(
+    program: ExcitationProgram, trajectory: FourierTrajectory, instants: dict[tuple[str, int], set[int]]
+) -> None:
+    """Add the local maxima of every violated quantity, on the controller's grid, to its instants.
+
+    Their neighbours at a twelfth of the top harmonic's cycle come along, or the peak would only step aside.
+    """
+    M = program.problem.samples_per_period
+    beside = max(1, M // (12 * program.N))
+    t = np.arange(M) * (trajectory.period / M)
+    for name, i, use, _ in limited_quantities(program.functions, trajectory, t):
+        peaks = (use >= np.roll(use, 1)) & (use >= np.roll(use, -1)) & (use > 1.0 - MARGIN)
+        instants[name, i].update(int(k + d) % M for k in np.flatnonzero(peaks) for d in (-beside, 0, beside))
+
+
+def _solve(
+    program: ExcitationProgram,
+    stage: str,
+    p: int,
+    eigenvalue: float,
+    trajectory: FourierTrajectory,
+    instants: dict[tuple[str, int], set[int]],
+    history: list[tuple[str, tuple[float, ...]]],
+) -> FourierTrajectory:
+    """Run IPOPT on one stage from ``trajectory``; the gradient is exact, the Hessian a limited-memory estimate."""
+    import casadi
+
+    constraints = program.constraints(instants)
+    linear = program.problem.limits.torque is None and program.problem.tip is None
+    options: dict[str, Any] = {
+        "print_time": False,
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "ipopt.hessian_approximation": "limited-memory",
+        "ipopt.limited_memory_max_history": 6,
+        "ipopt.max_iter": program.problem.max_iterations,
+        "ipopt.tol": 1e-4,
+        "ipopt.acceptable_tol": 1e-3,
+        "ipopt.mu_init": 1e-1 if stage == "logdet" else 1e-3,
+        "ipopt.jac_d_constant": "yes" if linear else "no",
+        "ipopt.jac_c_constant": "yes",
+    }
+    objective = program.objective(stage, p, eigenvalue)
+    nlp = {"x": program.x, "f": objective, "g": casadi.vertcat(*constraints.values)}
+    solver = casadi.nlpsol("excitation", "ipopt", nlp, options)
+    solution = solver(x0=program.variables(trajectory), lbg=constraints.lower, ubg=constraints.upper)
+    statistics = solver.stats()
+    if statistics["return_status"] == "User_Requested_Stop":
+        raise KeyboardInterrupt  # the solver heard it and gave what it had; half a search is no result
+    path = tuple(float(v) for v in statistics.get("iterations", {}).get("obj", ()))
+    history.append((f"{stage}{p or ''}", path))
+    x = np.asarray(solution["x"]).ravel()
+    return program.trajectory(x) if np.all(np.isfinite(x)) else trajectory
+
+
+def _within_limits(problem: ExcitationProblem, trajectory: FourierTrajectory) -> FourierTrajectory:
+    """Shrink the motion about q0 by the last percent that the solver may have left over.
+
+    A limit that is not centred on q0 takes more than its excess: the shrinking doubles until all is well.
+    """
+    excess = check_trajectory(problem, trajectory).worst_use - 1.0
+    if not 0.0 < excess < LARGEST_SHRINKING:
+        return trajectory
+    shrinking = excess * (1.0 + 1e-9)
+    while shrinking < 2.0 * LARGEST_SHRINKING:
+        gain = 1.0 - shrinking
+        smaller = FourierTrajectory(trajectory.q0, trajectory.a * gain, trajectory.b * gain, trajectory.base_frequency)
+        if check_trajectory(problem, smaller).feasible:
+            return smaller
+        shrinking *= 2.0
+    return trajectory

@@ -1,0 +1,138 @@
+"""Many starts of the search at once: on this machine's cores or on a Dask cluster, interruptible and resumable.
+
+A start is a pure function of (problem, seed). Every finished start is written to disk before the next is waited for, so
+an interrupted search loses at most the starts in flight, and a repeated one returns the same result.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rrrgen.errors import InputError
+from rrrgen.identify.excitation.check import ExcitationCheck, LimitUse
+from rrrgen.identify.excitation.problem import ExcitationProblem
+from rrrgen.identify.excitation.search import StartResult, solve_start
+from rrrgen.runs.run_folder import write_atomically
+from rrrgen.signals.fourier import FourierTrajectory
+
+CLUSTER_TIMEOUT = "15s"
+"""How long a scheduler may take to answer."""
+
+Progress = Callable[[int, int, str], None]
+"""Called as ``progress(done, total, message)``."""
+
+
+def run_starts(
+    problem: ExcitationProblem,
+    seeds: Sequence[int],
+    *,
+    jobs: int = 1,
+    cluster: str | None = None,
+    checkpoints: Path | None = None,
+    progress: Progress | None = None,
+) -> list[StartResult]:
+    """Solve ``problem`` from every seed, in the order of ``seeds``.
+
+    ``jobs`` processes of this machine (-1: all cores), or the Dask scheduler at ``cluster`` ("tcp://host:port"), which
+    must be able to import rrrgen. With ``checkpoints`` (a folder), finished starts of the same problem are read back
+    instead of being solved again. Raises InputError when the cluster cannot be reached.
+    """
+    digest = problem.digest()
+    done = {} if checkpoints is None else _finished(checkpoints, digest, seeds)
+    missing = [seed for seed in seeds if seed not in done]
+    if progress is not None and done:
+        progress(len(done), len(seeds), f"{len(done)} starts read back")
+    for result in _solve_all(problem, missing, jobs, cluster):
+        done[result.seed] = result
+        if checkpoints is not None:
+            write_atomically(_place(checkpoints, digest, result.seed), json.dumps(_to_json(result, digest), indent=1))
+        if progress is not None:
+            best = min(done.values(), key=lambda r: r.score).check.condition
+            progress(len(done), len(seeds), f"start {result.seed}: cond {result.check.condition:.4g}, best {best:.4g}")
+    return [done[seed] for seed in seeds]
+
+
+def _solve_all(
+    problem: ExcitationProblem, seeds: Sequence[int], jobs: int, cluster: str | None
+) -> Iterator[StartResult]:
+    if not seeds:
+        return
+    if jobs == 1 and cluster is None:
+        yield from (solve_start(problem, seed) for seed in seeds)
+        return
+    import joblib
+
+    with _backend(jobs, cluster):
+        parallel = joblib.Parallel(return_as="generator_unordered", pre_dispatch="all", batch_size=1)
+        yield from parallel(joblib.delayed(solve_start)(problem, seed) for seed in seeds)
+
+
+@contextmanager
+def _backend(jobs: int, cluster: str | None) -> Iterator[None]:
+    """joblib's own processes, or a Dask cluster: the calling code is the same."""
+    import joblib
+
+    if cluster is None:
+        with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
+            yield
+        return
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise InputError("a cluster needs the extra 'cluster': pip install rrrgen[cluster]") from error
+    try:
+        client = Client(cluster, timeout=CLUSTER_TIMEOUT, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError) as error:
+        raise InputError(f"no Dask scheduler answers at {cluster}: {error}") from error
+    with client, joblib.parallel_config(backend="dask", client=client, n_jobs=-1):
+        yield
+
+
+def _place(folder: Path, digest: str, seed: int) -> Path:
+    return folder / f"start-{digest[:12]}-{seed}.json"
+
+
+def _finished(folder: Path, digest: str, seeds: Sequence[int]) -> dict[int, StartResult]:
+    """Checkpoints of exactly this problem; damaged or foreign files count as absent."""
+    found = {}
+    for seed in seeds:
+        try:
+            data = json.loads(_place(folder, digest, seed).read_text(encoding="utf-8"))
+            if data["digest"] == digest and data["seed"] == seed:
+                found[seed] = _from_json(data)
+        except (OSError, ValueError, KeyError, TypeError):
+            continue
+    return found
+
+
+def _to_json(result: StartResult, digest: str) -> dict[str, Any]:
+    return {
+        "digest": digest,
+        "seed": result.seed,
+        "start_condition": result.start_condition,
+        "trajectory": result.trajectory.to_json(),
+        "check": result.check.to_json(),
+        "history": [[stage, list(values)] for stage, values in result.history],
+    }
+
+
+def _from_json(data: dict[str, Any]) -> StartResult:
+    check = data["check"]
+    return StartResult(
+        seed=data["seed"],
+        trajectory=FourierTrajectory.from_json(data["trajectory"]),
+        check=ExcitationCheck(
+            samples=check["samples"],
+            condition=check["condition"],
+            frobenius_condition=check["frobenius_condition"],
+            log_determinant=check["log_determinant"],
+            singular_values=tuple(check["singular_values"]),
+            limits=tuple(LimitUse(**limit) for limit in check["limits"]),
+        ),
+        history=tuple((stage, tuple(values)) for stage, values in data["history"]),
+        start_condition=data["start_condition"],
+    )

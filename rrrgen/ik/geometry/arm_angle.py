@@ -1,0 +1,39 @@
+"""The arm angle of a configuration: the redundancy parameter of arms with spherical shoulder and wrist."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rrrgen.ik.geometry.chain import Chain
+
+
+def arm_angle(chain: Chain, q: Any) -> float:
+    """psi (rad) of a seven-joint configuration ``q``, as :func:`rrrgen.ik.solutions.elbow7.derive_elbow7` counts it.
+
+    0 where the arm is straight, or where shoulder and wrist lie on the one direction without a reference.
+    """
+    import numpy as np
+
+    T = np.eye(4)
+    frames = []
+    for i, joint in enumerate(chain.joints):
+        x = joint.sign * float(q[joint.index]) + float(joint.offset)
+        frames.append(T.copy())
+        turn = np.eye(4)
+        turn[:2, :2] = [[np.cos(x), -np.sin(x)], [np.sin(x), np.cos(x)]]
+        after = np.eye(4)
+        after[:3] = np.array(chain.links[i].matrix() if i < chain.n - 1 else chain.tip, dtype=float)
+        T = T @ turn @ after
+    shoulder = np.array([0.0, 0.0, float(chain.links[0].d)])
+    elbow, wrist = frames[3][:3, 3], frames[5][:3, 3]
+    away = wrist - shoulder
+    size = float(np.linalg.norm(away))
+    if size == 0.0:
+        return 0.0
+    e = away / size
+    n = np.cross(np.cross(e + np.array([0.0, 0.0, 1.0]), [1.0, 0.0, 0.0]), e)
+    if float(np.linalg.norm(n)) == 0.0:
+        return 0.0
+    y = n / np.linalg.norm(n)
+    across = elbow - shoulder
+    return float(np.arctan2(across @ np.cross(e, y), across @ y))

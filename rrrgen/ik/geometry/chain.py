@@ -1,0 +1,216 @@
+"""The chain as inverse kinematics sees it: one normal form for both Denavit-Hartenberg conventions.
+
+    T = K_0 J_1(x_1) L_1 J_2(x_2) L_2 ... L_{n-1} J_n(x_n) K_n
+    J = Rz(x) or Tz(x),   L_i = Rz(theta) Tz(d) Tx(a) Rx(alpha)
+
+``x_i = sign_i q_i + offset_i`` is the *raw* joint variable: the offset of the table is part of it, so a revolute joint
+has theta = 0 in its link and a prismatic one d = 0. ``K_0`` and ``K_n`` hold base, tool and what is left of the first
+and last row. The transform is exact: the geometry is evaluated at the nominal values from SymPy numbers, so a right
+angle gives cos = 0 and not 6e-17.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import sympy as sp
+
+if TYPE_CHECKING:
+    from rrrgen.robotfile.robot_spec import RobotSpec
+
+Number = Any
+"""A float, or an exact SymPy expression where the closed form is printed for reading."""
+
+Matrix = tuple[tuple[Number, ...], ...]
+"""A homogeneous transform, 3 rows of 4; the last row (0, 0, 0, 1) is not stored."""
+
+IDENTITY: Matrix = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0))
+
+
+@dataclass(frozen=True)
+class Link:
+    """The constant transform ``Rz(theta) Tz(d) Tx(a) Rx(alpha)`` between two joint axes, as cosines and sines."""
+
+    d: Number = 0
+    a: Number = 0
+    ca: Number = 1
+    sa: Number = 0
+    ct: Number = 1
+    st: Number = 0
+
+    def matrix(self) -> Matrix:
+        """The 3x4 transform."""
+        ct, st, ca, sa = self.ct, self.st, self.ca, self.sa
+        return (
+            (ct, -st * ca, st * sa, self.a * ct),
+            (st, ct * ca, -ct * sa, self.a * st),
+            (0, sa, ca, self.d),
+        )
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Joint ``index`` (from 0) of the user's robot; a ``virtual`` joint (index >= n) must come out at zero."""
+
+    index: int
+    revolute: bool
+    offset: Number = 0.0
+    sign: int = 1
+    lower: float | None = None
+    upper: float | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A serial chain in normal form; ``links[i]`` joins ``joints[i]`` and ``joints[i+1]``."""
+
+    name: str
+    base: Matrix
+    joints: tuple[Joint, ...]
+    links: tuple[Link, ...]
+    tip: Matrix
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def types(self) -> str:
+        """The joint types in order, e.g. ``"RRP"``."""
+        return "".join("R" if joint.revolute else "P" for joint in self.joints)
+
+    @property
+    def reach(self) -> float:
+        """The length that tolerances are relative to: sum of |a| and |d| of the links and of the tool (m).
+
+        A chain without any length (all axes through the tip) has reach 1.
+        """
+        total = sum(abs(float(link.a)) + abs(float(link.d)) for link in self.links)
+        total += sum(float(self.tip[i][3]) ** 2 for i in range(3)) ** 0.5
+        return total if total > 0.0 else 1.0
+
+    @property
+    def scale(self) -> float:
+        """The reach plus the distance of the first joint from the base frame: the size of coordinates (m)."""
+        return self.reach + float(sum(float(self.base[i][3]) ** 2 for i in range(3)) ** 0.5)
+
+    def forward(self, q: Any) -> Any:
+        """The tip pose (4, 4) of joint values ``q`` (n,): the reference that rows are checked against in Python."""
+        import numpy as np
+
+        T = np.eye(4)
+        T[:3] = np.array(self.base, dtype=float)
+        for i, joint in enumerate(self.joints):
+            x = joint.sign * float(q[joint.index]) + float(joint.offset)
+            J = np.eye(4)
+            if joint.revolute:
+                J[0, 0] = J[1, 1] = np.cos(x)
+                J[1, 0] = np.sin(x)
+                J[0, 1] = -J[1, 0]
+            else:
+                J[2, 3] = x
+            after = np.eye(4)
+            after[:3] = np.array(self.links[i].matrix() if i < self.n - 1 else self.tip, dtype=float)
+            T = T @ J @ after
+        return T
+
+    def jacobian(self, q: Any) -> Any:
+        """The geometric Jacobian (6, n) at the tip, base frame, linear rows first."""
+        import numpy as np
+
+        T = np.eye(4)
+        T[:3] = np.array(self.base, dtype=float)
+        axes, points = [], []
+        for i, joint in enumerate(self.joints):
+            axes.append(joint.sign * T[:3, 2].copy())
+            points.append(T[:3, 3].copy())
+            x = joint.sign * float(q[joint.index]) + float(joint.offset)
+            J = np.eye(4)
+            if joint.revolute:
+                J[0, 0] = J[1, 1] = np.cos(x)
+                J[1, 0] = np.sin(x)
+                J[0, 1] = -J[1, 0]
+            else:
+                J[2, 3] = x
+            after = np.eye(4)
+            after[:3] = np.array(self.links[i].matrix() if i < self.n - 1 else self.tip, dtype=float)
+            T = T @ J @ after
+        columns = []
+        for joint, z, o in zip(self.joints, axes, points, strict=True):
+            if joint.revolute:
+                columns.append(np.concatenate([np.cross(z, T[:3, 3] - o), z]))
+            else:
+                columns.append(np.concatenate([z, np.zeros(3)]))
+        return np.array(columns).T.reshape(6, self.n)
+
+
+def multiply(A: Matrix, B: Matrix) -> Matrix:
+    """The product of two 3x4 transforms whose entries are plain numbers."""
+    rows = []
+    for i in range(3):
+        row = [sum(A[i][k] * B[k][j] for k in range(3)) for j in range(4)]
+        row[3] += A[i][3]
+        rows.append(tuple(row))
+    return tuple(rows)
+
+
+def _trig(angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    """Cosine and sine of an exact angle; multiples of 15 degrees come out as radicals or integers."""
+    return sp.cos(angle), sp.sin(angle)
+
+
+def _rows(matrix: sp.Matrix) -> Matrix:
+    return tuple(tuple(matrix[i, j] for j in range(4)) for i in range(3))
+
+
+def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> Chain:
+    """The chain of ``spec`` with exact SymPy entries, at the nominal values or with the parameters as symbols.
+
+    A standard row ``Rz Tz Tx Rx`` is one link; a modified row ``Rx Tx Rz Tz`` gives its first half to the link before.
+    """
+
+    def value(expression: sp.Expr) -> sp.Expr:
+        return spec.nominal(expression) if nominal else expression
+
+    modified = spec.convention == "modified"
+    joints, links = [], []
+    base, tip = _rows(spec.base.matrix().applyfunc(value)), _rows(spec.tool.matrix().applyfunc(value))
+    for i, row in enumerate(spec.joints):
+        alpha, a, d, theta = (value(v) for v in (row.alpha, row.a, row.d, row.theta))
+        revolute = row.is_revolute
+        joints.append(Joint(i, revolute, theta if revolute else d, 1, row.limits.lower, row.limits.upper, row.name))
+        ct, st = (sp.S.One, sp.S.Zero) if revolute else _trig(theta)
+        ca, sa = _trig(alpha)
+        own = Link(d if revolute else sp.S.Zero, ct=ct, st=st)
+        if not modified:
+            links.append(replace(own, a=a, ca=ca, sa=sa))
+        else:
+            before = Link(a=a, ca=ca, sa=sa).matrix()
+            if i == 0:
+                base = multiply(base, before)
+            else:
+                links[-1] = replace(links[-1], a=a, ca=ca, sa=sa)
+            links.append(own)
+    return Chain(spec.name, base, tuple(joints), tuple(links[:-1]), multiply(links[-1].matrix(), tip))
+
+
+def numeric_chain(spec: RobotSpec) -> Chain:
+    """The chain of ``spec`` at its nominal values, in floats rounded once from the exact numbers."""
+    return in_floats(exact_chain(spec))
+
+
+def in_floats(chain: Chain) -> Chain:
+    """``chain`` with every number as a float."""
+
+    def number(x: Number) -> float:
+        return float(sp.N(x, 30)) if isinstance(x, sp.Basic) else float(x)
+
+    def matrix(M: Matrix) -> Matrix:
+        return tuple(tuple(number(x) for x in row) for row in M)
+
+    links = tuple(Link(*(number(getattr(link, f)) for f in ("d", "a", "ca", "sa", "ct", "st"))) for link in chain.links)
+    joints = tuple(replace(joint, offset=number(joint.offset)) for joint in chain.joints)
+    return Chain(chain.name, matrix(chain.base), joints, links, matrix(chain.tip))

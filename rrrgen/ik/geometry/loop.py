@@ -1,0 +1,214 @@
+"""The closed loop of a chain: ``J1 L1 J2 L2 ... Jm Lm = 1``, with the target folded into the last link.
+
+Any joint may be called the first and the loop may be walked in either direction; both leave the problem the same. So a
+spherical or planar triple in front, in the middle or at the end of an arm is one case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import atan2
+
+from rrrgen.ik.geometry.chain import Chain, Joint
+from rrrgen.ik.geometry.rigid import (
+    Crossing,
+    Rigid,
+    Rotation,
+    S,
+    Vector,
+    is_one,
+    is_zero,
+    plus,
+    product,
+    rigid,
+    rotate,
+    rotate_z,
+    screw,
+    total,
+    transposed,
+)
+from rrrgen.ik.recording.builder import Builder, Turn
+
+
+@dataclass(frozen=True)
+class Closing:
+    """A link that depends on the target: a product of transforms, applied one by one."""
+
+    factors: tuple[Rigid, ...]
+
+    def apply(self, v: Vector) -> Vector:
+        """The image of a point."""
+        for factor in reversed(self.factors):
+            v = factor.apply(v)
+        return v
+
+    def turn(self, v: Vector) -> Vector:
+        """The image of a direction."""
+        for factor in reversed(self.factors):
+            v = rotate(factor.R, v)
+        return v
+
+    def inverse(self) -> Closing:
+        """The same link walked backwards."""
+        return Closing(tuple(factor.inverse() for factor in reversed(self.factors)))
+
+    def rigid(self) -> Rigid:
+        """The product."""
+        result = self.factors[0]
+        for factor in self.factors[1:]:
+            result = result @ factor
+        return result
+
+
+AnyLink = Crossing | Closing
+
+
+def apply(link: AnyLink, v: Vector) -> Vector:
+    """The image of a point under a link."""
+    return link.apply(v) if isinstance(link, Closing) else link.rigid().apply(v)
+
+
+def turned(link: AnyLink, v: Vector) -> Vector:
+    """The image of a direction under a link."""
+    return link.turn(v) if isinstance(link, Closing) else rotate(link.rigid().R, v)
+
+
+def backwards(joint: Joint) -> Joint:
+    """The joint seen from the other side: raw variable -x."""
+    return replace(joint, sign=-joint.sign, offset=-joint.offset)
+
+
+@dataclass(frozen=True)
+class Loop:
+    """``links[i]`` follows ``joints[i]``; the last link leads back to the first joint."""
+
+    joints: tuple[Joint, ...]
+    links: tuple[AnyLink, ...]
+
+    def started(self, k: int) -> Loop:
+        """The loop with joint ``k`` in front."""
+        return Loop(self.joints[k:] + self.joints[:k], self.links[k:] + self.links[:k])
+
+    def reversed(self) -> Loop:
+        """The loop walked backwards; the last joint comes first."""
+        links = [link.inverse() for link in self.links]
+        return Loop(tuple(backwards(j) for j in reversed(self.joints)), (*reversed(links[:-1]), links[-1]))
+
+    @property
+    def types(self) -> str:
+        """The joint types in order."""
+        return "".join("R" if joint.revolute else "P" for joint in self.joints)
+
+
+def close(b: Builder, chain: Chain) -> Loop:
+    """The loop of ``chain`` and the target pose of ``b``: the last link is tip T^-1 base."""
+    closing = Closing((rigid(chain.tip), b.pose().inverse(), rigid(chain.base)))
+    return Loop(chain.joints, (*(Crossing.of(link) for link in chain.links), closing))
+
+
+def lock(b: Builder, loop: Loop, k: int) -> Loop:
+    """The loop without joint ``k``, which stands where the caller prescribes."""
+    joint = loop.joints[k]
+    value = b.given(joint)
+    middle = screw(value.c, value.s) if isinstance(value, Turn) else screw(1, 0, value)
+    before, after = loop.links[k - 1], loop.links[k]
+    merged = Closing((*_factors(before), middle, *_factors(after)))
+    links = list(loop.links)
+    links[k - 1] = merged
+    del links[k]
+    return Loop(loop.joints[:k] + loop.joints[k + 1 :], tuple(links))
+
+
+def _factors(link: AnyLink) -> tuple[Rigid, ...]:
+    return link.factors if isinstance(link, Closing) else (link.rigid(),)
+
+
+def straightened(loop: Loop) -> Loop:
+    """The same loop with the turns at the ends of constant links taken into the angles of revolute joints."""
+    joints, links = list(loop.joints), list(loop.links)
+    for i, link in enumerate(links):
+        if not isinstance(link, Crossing):
+            continue
+        near, far = link.near, link.far
+        after = (i + 1) % len(joints)
+        if joints[i].revolute and not _plain(near):
+            joints[i] = replace(joints[i], offset=joints[i].offset + atan2(near[1], near[0]))
+            near = (1, 0, near[2])
+        if joints[after].revolute and not _plain(far):
+            joints[after] = replace(joints[after], offset=joints[after].offset + atan2(far[1], far[0]))
+            far = (1, 0, far[2])
+        links[i] = replace(link, near=near, far=far)
+    return Loop(tuple(joints), tuple(links))
+
+
+def _plain(end: tuple[S, S, S]) -> bool:
+    return bool(end[0] == 1 and end[1] == 0)
+
+
+def commuted(loop: Loop, i: int, direction: int) -> Loop | None:
+    """The loop with prismatic joint ``i`` moved past its parallel revolute neighbour; nothing where it cannot be.
+
+    Tz commutes with Rz, and with every link between parallel axes up to its sign.
+    """
+    if direction < 0:
+        m = len(loop.joints)
+        moved = commuted(loop.reversed(), m - 1 - i, 1)
+        return None if moved is None else moved.reversed()
+    if i + 1 >= len(loop.joints):
+        return None
+    slider, neighbour = loop.joints[i], loop.joints[i + 1]
+    before, between = loop.links[i - 1], loop.links[i]
+    if slider.revolute or not neighbour.revolute or not isinstance(between, Crossing) or not is_zero(between.sa):
+        return None
+    merged: AnyLink | None
+    if i == 0:
+        merged = Closing((*_factors(before), between.rigid()))
+    else:
+        merged = Crossing.planar(before.rigid() @ between.rigid()) if isinstance(before, Crossing) else None
+    if merged is None:
+        return None
+    joints, links = list(loop.joints), list(loop.links)
+    joints[i], joints[i + 1] = neighbour, slider if between.ca > 0 else backwards(slider)
+    links[i - 1] = merged
+    links[i] = Crossing((1, 0, 0), 0, 1, 0, (1, 0, 0))
+    return Loop(tuple(joints), tuple(links))
+
+
+Motion = Turn | S
+
+
+def move(motion: Motion, v: Vector, *, direction: bool = False) -> Vector:
+    """The image of a point (or a direction) under a joint: a turn about z, or a displacement along it."""
+    if isinstance(motion, Turn):
+        return rotate_z(motion.c, motion.s, v)
+    return v if direction else plus(v, (0, 0, motion))
+
+
+def unwind(steps: list[tuple[Motion | None, Rotation | None]], name: Callable[[str, S], S]) -> list[Turn | Rotation]:
+    """Rotations of a path ``J L J L ...`` with turns about the same axis merged into one."""
+    merged: list[Turn | Rotation] = []
+    for motion, rotation in steps:
+        if isinstance(motion, Turn):
+            if merged and isinstance(merged[-1], Turn):
+                last = merged[-1]
+                merged[-1] = Turn(
+                    name("c", total(product(last.c, motion.c), -product(last.s, motion.s))),
+                    name("s", total(product(last.s, motion.c), product(last.c, motion.s))),
+                )
+            else:
+                merged.append(motion)
+        if rotation is not None and not _identity(rotation):
+            merged.append(rotation)
+    return merged
+
+
+def _identity(R: Rotation) -> bool:
+    return all(is_one(R[i][j]) if i == j else is_zero(R[i][j]) for i in range(3) for j in range(3))
+
+
+def rotated_back(path: list[Turn | Rotation], v: Vector) -> Vector:
+    """The direction ``v`` seen from the far end of a path."""
+    for part in path:
+        v = rotate_z(part.c, -part.s, v) if isinstance(part, Turn) else rotate(transposed(part), v)
+    return v

@@ -1,0 +1,1 @@
+"""One derivation, many interpreters: floats, C and CasADi behind one builder."""

@@ -1,0 +1,111 @@
+"""Angles of emitted C: cosines and sines are collected between the loops, their arcs computed together behind them.
+
+An arc tangent costs as much as all the rest of an answer. Nothing inside the loops needs the angle of a joint once its
+cosine and sine are known, so every distinct angle gets a *slot*, written at the loop level at which it is known first;
+behind the loops one loop over all slots, which compilers vectorise, takes the arcs, and rows pick theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, sin
+
+from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.geometry.rigid import product, total
+from rrrgen.ik.recording.builder import Turn
+from rrrgen.ik.recording.c_statements import Loop, opening, position
+
+QUARTER = 2e-16
+"""An offset whose cosine or sine is this close to a whole number is a multiple of a quarter turn."""
+
+LANES = 4
+"""The number of arcs is a multiple of this: whole vectors on most processors."""
+
+RESERVED = frozenset({"sine", "cosine", "angle", "i"})
+"""Names that the emitted lines use."""
+
+
+@dataclass
+class Slot:
+    """Where the angles of one joint stand: ``first`` plus an index over the loops around it."""
+
+    first: int
+    count: int
+    index: tuple[str, ...]
+    choice: str = ""
+    """Loop variable that tells the angle (0) from its other one (1), whose slots are ``step`` further on."""
+    step: int = 0
+
+    def text(self) -> str:
+        """The C expression of the slot."""
+        other = [f"{self.step} * {self.choice}"] if self.choice else []
+        first = [str(self.first)] if self.first or not (self.index or other) else []
+        return " + ".join([*first, *self.index, *other])
+
+
+class Arcs:
+    """The slots of one branch function."""
+
+    def __init__(self) -> None:
+        self.joints: dict[int, Slot] = {}
+        self._taken = 0
+        self._copies: list[tuple[Slot, str]] = []
+
+    def slot(self, loops: Sequence[Loop]) -> Slot:
+        """Slots for an angle that differs between the turns of ``loops``."""
+        terms, count = position(loops)
+        slot = Slot(self._taken, count, tuple(terms))
+        self._taken += count
+        return slot
+
+    def copy(self, slot: Slot, choice: str, formula: str) -> None:
+        """Loop variable ``choice`` tells the angle of ``slot`` from ``formula`` of it."""
+        slot.choice = choice
+        self._copies.append((slot, formula))
+
+    def finished(self, loops: Sequence[Loop]) -> tuple[list[str], list[str]]:
+        """Lines before and behind the loops; none without angles.
+
+        Rows are walked once more in their order. Counts that change inside outer loops were kept for that.
+        """
+        if not self.joints:
+            return [], []
+        taken = arcs = -(-self._taken // LANES) * LANES
+        behind = [f"ARCS({arcs}, sine, cosine, angle);"]
+        for slot, formula in self._copies:
+            slot.step = taken - slot.first
+            taken += slot.count
+            copied = formula.format(f"angle[{slot.first} + i]")
+            behind.append(f"for (i = 0; i < {slot.count}; ++i) {{ angle[{slot.first + slot.step} + i] = {copied}; }}")
+        before = [
+            f"REAL sine[{arcs}] = {{(REAL)0}}, cosine[{arcs}] = {{(REAL)0}}, angle[{taken}];",
+            *(f"int {kept_count(loop)}[{position(loops[: loop.level])[1]}] = {{0}};" for loop in loops if loop.level),
+            "int i;",
+        ]
+        behind.append("i = 0;")
+        for depth, loop in enumerate(loops):
+            kept = f"{kept_count(loop)}[{' + '.join(position(loops[: loop.level])[0])}]" if loop.level else ""
+            behind.append("    " * depth + opening(loop, kept))
+        row = [f"found->q[i][{joint}] = angle[{slot.text()}];" for joint, slot in sorted(self.joints.items())]
+        behind += ["    " * len(loops) + line for line in [*row, "++i;"]]
+        behind += ["    " * depth + "}" for depth in reversed(range(len(loops)))]
+        return before, behind
+
+
+def kept_count(loop: Loop) -> str:
+    """Name of the array that keeps the counts of an inner loop."""
+    return f"m{loop.variable[1:]}"
+
+
+def users_turn(joint: Joint, raw: Turn) -> Turn:
+    """Cosine and sine of the user's angle ``sign (raw - offset)``: its arc lies in (-pi, pi] whatever the offset."""
+    c, s = raw
+    if joint.offset:
+        co, so = (_whole(function(float(joint.offset))) for function in (cos, sin))
+        c, s = total(product(co, c), product(so, s)), total(product(co, s), -product(so, c))
+    return Turn(c, s if joint.sign > 0 else -s)
+
+
+def _whole(x: float) -> float:
+    return float(round(x)) if abs(x - round(x)) < QUARTER else x

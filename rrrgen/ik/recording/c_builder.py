@@ -1,0 +1,310 @@
+"""The derivation as C: straight-line blocks between loops over root signs, each value as far outside as it can be."""
+
+from __future__ import annotations
+
+from math import hypot
+
+from rrrgen.errors import InternalError
+from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.geometry.rigid import S, Vector, dot, minus, square, total
+from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
+from rrrgen.ik.recording.c_arcs import users_turn
+from rrrgen.ik.recording.c_scaffold import Scaffold
+from rrrgen.ik.recording.c_statements import Statement
+from rrrgen.ik.recording.scalar import Scalar
+
+
+class CBuilder(Scaffold):
+    """The interpreter of derivations that writes C."""
+
+    # -- choices ------------------------------------------------------------------------------------------------------
+
+    def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        a, b, k = self.pool.of(A), self.pool.of(B), self.pool.of(C)
+        tag = self._tag(joint)
+        if a.is_const and b.is_const:
+            return self._fixed_pair(joint, a.value, b.value, k, label, tag, radicand)
+        level = max(a.level, b.level, k.level)
+        w2 = "(REAL)-1" if radicand is None else "{4}"
+        extra = () if radicand is None else (self.pool.of(radicand),)
+        level = max([level, *(node.level for node in extra)])
+        self._add(
+            level,
+            (
+                f"REAL a{tag} = {{0}}, b{tag} = {{1}}, k{tag} = {{2}}, w{tag};",
+                f"unsigned f{tag} = 0u;",
+                f"const int n{tag} = {self.prefix}_linear(&a{tag}, &b{tag}, &k{tag}, {w2}, {self._real(unit)}, {{3}}, "
+                f"{self._slack}, &w{tag}, &f{tag});",
+            ),
+            (a, b, k, self.reference(joint), *extra),
+        )
+        self._needs.add("linear")
+        a, b, k = (self.pool.var(f"{letter}{tag}", level) for letter in "abk")
+        self._flags.append(f"f{tag}")
+        w = self._loop(joint, tag, level, label, f"v{tag}")
+        return self._angle(joint, self._turned(tag, a * k - b * w, b * k + a * w), level)
+
+    def _fixed_pair(
+        self, joint: Joint, a: float, b: float, k: Scalar, label: Label, tag: str, radicand: S | None
+    ) -> Turn:
+        """A pair whose direction (A, B) is a constant of the robot."""
+        h = hypot(a, b)
+        if h == 0.0:
+            raise InternalError(f"the equation of joint {joint.index + 1} does not contain it")
+        ca, sa = a / h, b / h
+        k = k / h
+        better = None if radicand is None else self.pool.of(radicand) / (h * h)
+        level = k.level if better is None else max(k.level, better.level)
+        cosine = self.pool.var(f"k{tag}", level)
+        w2 = (1 - cosine) * (1 + cosine) if better is None else better
+        self._add(level, (f"REAL k{tag} = {{0}}, w{tag};",), (k,))
+        self._add(
+            level,
+            (
+                f"unsigned f{tag} = 0u;",
+                f"const int n{tag} = {self.prefix}_cosine(&k{tag}, {{0}}, {self._slack}, &w{tag}, &f{tag});",
+            ),
+            (w2,),
+        )
+        self._needs.add("cosine")
+        self._flags.append(f"f{tag}")
+        w = self._loop(joint, tag, level, label, f"v{tag}")
+        return self._angle(joint, self._turned(tag, ca * cosine - sa * w, sa * cosine + ca * w), level)
+
+    def _loop(self, joint: Joint, tag: str, level: int, label: Label, name: str) -> Scalar:
+        """Open the loop over the signs of ``w``; returns the signed w under ``name``."""
+        inner = self._open(joint, tag, f"n{tag}", 2, label, level)
+        first, second = ("", "-") if label.positive > 0 else ("-", "")
+        self._add(inner, (f"const REAL {name} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",), ())
+        self._branch.append((label.name, f"(unsigned)i{tag}", 1))
+        return self.pool.var(name, inner)
+
+    def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        node, big = self.pool.of(radicand), self.pool.of(size) + (1e-6 * unit) * unit
+        tag = self._fresh_tag(hint)
+        level = max(node.level, big.level)
+        self._add(
+            level,
+            (
+                f"REAL w{tag};",
+                f"unsigned f{tag} = 0u;",
+                f"const int n{tag} = {self.prefix}_root({{0}}, {{1}}, {self._slack}, &w{tag}, &f{tag});",
+            ),
+            (node, big),
+        )
+        self._needs.add("root")
+        self._flags.append(f"f{tag}")
+        return self._loop(joint, tag, level, label, hint)
+
+    def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        tag = self._tag(joint)
+        nodes = tuple(self.pool.of(x) for x in k)
+        level = max(node.level for node in nodes)
+        self._add(
+            level,
+            (
+                f"REAL c{tag}_[4], s{tag}_[4], x{tag}_[4];",
+                f"unsigned g{tag}[4];",
+                f"const int n{tag} = {self.prefix}_quartic({{0}}, {{1}}, {{2}}, {{3}}, {{4}}, slack, "
+                f"c{tag}_, s{tag}_, x{tag}_, g{tag});",
+            ),
+            nodes,
+        )
+        self._needs.update(("quartic", "near"))
+        inner = self._open(joint, tag, f"n{tag}", 4, label, level)
+        self._add(
+            inner,
+            (f"const REAL c{tag} = c{tag}_[i{tag}], s{tag} = s{tag}_[i{tag}], x{tag} = x{tag}_[i{tag}];",),
+            (),
+        )
+        self._branch.append((label.name, f"g{tag}[i{tag}]", 2))
+        self._values[joint.index] = self._user(joint, self.pool.var(f"x{tag}", inner))
+        return Turn(self.pool.var(f"c{tag}", inner), self.pool.var(f"s{tag}", inner))
+
+    def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        nodes = tuple(self.pool.of(x) for x in k)
+        if len(nodes) == 2:
+            return self.slide(joint, -nodes[0] / nodes[1])
+        tag = self._tag(joint)
+        level = max(node.level for node in nodes)
+        most = len(nodes) - 1
+        kind = "quadratic" if most == 2 else "power4"
+        slack = self._slack if most == 2 else "slack"
+        slots = ", ".join(f"{{{i}}}" for i in range(len(nodes)))
+        self._add(
+            level,
+            (
+                f"REAL x{tag}_[{most}];",
+                f"unsigned g{tag}[{most}], f{tag} = 0u;",
+                f"const int n{tag} = {self.prefix}_{kind}({slots}, {self._real(unit)}, {slack}, "
+                f"x{tag}_, g{tag}, &f{tag});",
+            ),
+            nodes,
+        )
+        self._needs.update((kind, "near"))
+        self._flags.append(f"f{tag}")
+        inner = self._open(joint, tag, f"n{tag}", most, label, level)
+        self._add(inner, (f"const REAL x{tag} = x{tag}_[i{tag}];",), ())
+        self._branch.append((label.name, f"g{tag}[i{tag}]", 1 if most == 2 else 2))
+        x = self.pool.var(f"x{tag}", inner)
+        self._values[joint.index] = self._user(joint, x)
+        return x
+
+    # -- single answers -----------------------------------------------------------------------------------------------
+
+    def turn(self, joint: Joint, s: S, c: S) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        tag = self._tag(joint)
+        sn, cn = self.pool.of(s), self.pool.of(c)
+        level = max(sn.level, cn.level)
+        lines = self._directed(joint, tag, level, "{2}")
+        self._add(level, (f"REAL c{tag} = {{1}}, s{tag} = {{0}};", *lines), (sn, cn, self.reference(joint)))
+        turn = Turn(self.pool.var(f"c{tag}", level), self.pool.var(f"s{tag}", level))
+        return turn if joint.index in self._arcs.joints else self._angle(joint, turn)
+
+    def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`.
+
+        All that a turn cannot mend is a difference of lengths and of heights. The arc needs the direction alone: only
+        what else is made of the angle needs its cosine and sine, and the quotient is slow.
+        """
+        tag = self._tag(joint)
+        before, after = (self._length(f"{hint}{tag}", x) for hint, x in (("from", v), ("onto", u)))
+        size = self.name(f"size{tag}", before * after)
+        direction = [self.pool.of(x) for x in between(v, u)]
+        bounds = () if feasible is None else tuple(self.pool.of(x) for x in feasible)
+        level = max(node.level for node in (size, *direction, *bounds))
+        reference = "{3}"
+        if feasible is not None:
+            reference = f"{self.prefix}_feasible({{3}}, {{4}}, {{5}}, {{6}}, {{7}}, {{8}})"
+            self._needs.add("feasible")
+        free = f"{self.prefix.upper()}_TOL_FREE"
+        least = f"{free} * {free}" if unit == 1.0 else f"({free} * {self._real(unit)}) * ({free} * {self._real(unit)})"
+        self._flags.append(f"f{tag}")
+        self._add(
+            level,
+            (
+                f"REAL a{tag} = {{0}}, b{tag} = {{1}};",
+                f"const unsigned f{tag} = {{2}} > {least} ? 0u : FREE;",
+                f"if (f{tag} != 0u) {{",
+                f"    const REAL x{tag} = {reference};",
+                f"    a{tag} = COS(x{tag}); b{tag} = SIN(x{tag});",
+                "}",
+            ),
+            (*direction, size, self.reference(joint), *bounds),
+        )
+        a, b, g = (self.pool.var(f"{letter}{tag}", level) for letter in "abg")
+        whole = (f"const REAL g{tag} = f{tag} != 0u ? (REAL)1 : (REAL)1 / {{0}};",)
+        self._items.append(Statement(level, whole, (size,), g))
+        turn = self._turned(tag, a * g, b * g)
+        self._angle(joint, Turn(a, b) if joint.index in self._joints else turn)
+        self._residual.append(self.pool.of(square((before - after, total(v[2], -u[2]), 0)) / (unit * unit)))
+        return turn
+
+    def _length(self, hint: str, v: Vector) -> Scalar:
+        """Length across z."""
+        return self.name(hint, self.pool.call("sqrt", self.pool.of(square((v[0], v[1], 0)))))
+
+    def _directed(self, joint: Joint, tag: str, level: int, reference: str) -> tuple[str, ...]:
+        """Lines that scale (c, s) to a unit vector, that of the reference where they vanish.
+
+        The arc of a joint without offset starts from the vector as it is: the root and the quotient are slow.
+        """
+        keep = ""
+        if joint.index in self._joints and not joint.offset:
+            slot = self._arcs.joints[joint.index] = self._arcs.slot(self._loops[:level])
+            sign = "-" if joint.sign < 0 else ""
+            keep = f"cosine[{slot.text()}] = c{tag}; sine[{slot.text()}] = {sign}s{tag};"
+        self._needs.add("unit")
+        self._flags.append(f"f{tag}")
+        return (
+            *([keep] if keep else []),
+            f"const unsigned f{tag} = {self.prefix}_unit(&c{tag}, &s{tag}) ? 0u : FREE;",
+            f"if (f{tag} != 0u) {{",
+            f"    const REAL x{tag} = {reference};",
+            f"    c{tag} = COS(x{tag}); s{tag} = SIN(x{tag});",
+            *([f"    {keep}"] if keep else []),
+            "}",
+        )
+
+    def slide(self, joint: Joint, x: S) -> Scalar:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        node = self.name(f"x{self._tag(joint)}", x)
+        self._values[joint.index] = self._user(joint, node)
+        return node
+
+    def given(self, joint: Joint) -> Turn | Scalar:
+        """The prescribed joint: its value is an argument of the solver."""
+        raw = joint.sign * self.pool.var("lock") + float(joint.offset)
+        self._values[joint.index] = self.pool.var("lock")
+        if not joint.revolute:
+            return raw
+        tag = self._tag(joint)
+        self._add(0, (f"const REAL c{tag} = COS({{0}}), s{tag} = SIN({{0}});",), (raw,))
+        return Turn(self.pool.var(f"c{tag}"), self.pool.var(f"s{tag}"))
+
+    def wrist(
+        self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
+    ) -> tuple[Turn, Turn, Turn]:
+        """An orthogonal wrist: x5 from the third column of M, x6 from what is left after x4 and x5, then the flip."""
+        first, middle, last = (self._tag(joint) for joint in joints)
+        e4, e5 = signs
+        nodes = tuple(self.pool.of(x) for x in (e5 * M[0][2], e5 * M[1][2], -e4 * e5 * M[2][2]))
+        mx = (self.name("mx", M[0][0]), self.name("my", M[1][0]), self.name("mz", M[2][0]))
+        level = max(node.level for node in (*nodes, *mx))
+        reference = self.reference(joints[0])
+        self._add(
+            level,
+            (
+                f"REAL c{first} = {{0}}, s{first} = {{1}};",
+                f"const REAL s{middle} = SQRT(c{first} * c{first} + s{first} * s{first}), c{middle} = {{2}};",
+                *self._directed(joints[0], first, level, "{3}"),
+            ),
+            (*nodes, reference),
+        )
+        self._needs.add("wrist")
+        c4, s4, c5, s5 = (self.pool.var(text, level) for text in (f"c{first}", f"s{first}", f"c{middle}", f"s{middle}"))
+        column0 = (self.name("ux", c4 * c5), self.name("uy", s4 * c5), e4 * s5)
+        column1 = (e4 * e5 * s4, -(e4 * e5) * c4, 0)
+        c6, s6 = self._turned(last, self.pool.of(dot(column0, mx)), self.pool.of(dot(column1, mx)))
+        built = tuple(total(c6 * u, s6 * v) for u, v in zip(column0, column1, strict=True))
+        self.residual((), minus(built, mx))
+        self._add(level, (f"const int n{first}f = f{first} == 0u ? 2 : 1;",), ())
+        return self._flipped(joints, (Turn(c4, s4), Turn(c5, s5), Turn(self.pool.of(c6), self.pool.of(s6))), first)
+
+    def _flipped(
+        self, joints: tuple[Joint, Joint, Joint], turns: tuple[Turn, Turn, Turn], first: str
+    ) -> tuple[Turn, Turn, Turn]:
+        """A wrist and its other solution: both outer joints half a turn on, the middle one reversed."""
+        level, middle = max(self._level(turn) for turn in turns), joints[1]
+        for joint, turn in zip(joints, turns, strict=True):
+            if joint.index in self._joints and joint.index not in self._arcs.joints:
+                self._arcs.joints[joint.index] = self._written(level, self._loops[:level], users_turn(joint, turn))
+        x4, x5, x6 = turns
+        reversed5 = Turn(x5.c, -x5.s)
+        other = self._written(level, self._loops[:level], users_turn(middle, reversed5)) if middle.offset else None
+        inner = self._open(middle, f"{first}f", f"n{first}f", 2, Label("wrist"), level, sure=True)
+        choice = f"i{first}f"
+        self._branch.append(("wrist", f"(unsigned){choice}", 1))
+        for joint in joints:
+            slot = self._arcs.joints.get(joint.index)
+            if slot is None:
+                continue
+            if joint is middle and other is not None:
+                slot.choice, slot.step = choice, other.first - slot.first
+            else:
+                self._arcs.copy(slot, choice, "-{}" if joint is middle else f"{self.prefix}_opposite({{}})")
+        virtual = [joint for joint in joints if joint.index not in self._joints]
+        if not virtual and all(index in self._values or index in self._arcs.joints for index in self._joints):
+            return turns
+        self._add(inner, (f"const REAL g{first}f = {choice} == 0 ? (REAL)1 : (REAL)-1;",), ())
+        g = self.pool.var(f"g{first}f", inner)
+        flipped = (Turn(g * x4.c, g * x4.s), Turn(x5.c, g * x5.s), Turn(g * x6.c, g * x6.s))
+        for joint, turn in zip(joints, flipped, strict=True):
+            if joint in virtual:
+                self._angle(joint, turn)
+        return flipped

@@ -1,0 +1,199 @@
+"""The closed form as CasADi Functions: one configuration per branch, differentiable away from singularities."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rrrgen.errors import DerivationError
+from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.derive import derive
+from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
+from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
+
+if TYPE_CHECKING:
+    from rrrgen.ik.plan import SolverPlan
+    from rrrgen.robotfile.robot_spec import RobotSpec
+
+
+MOST_CHOICES = 8
+
+
+class CasadiBuilder:
+    """Interprets a derivation over CasADi SX; the sign of every root is an entry of ``branch``."""
+
+    def __init__(self, target: Any, branch: Any, redundancy: Any, *, position: bool) -> None:
+        import casadi
+
+        self.ca, self.target, self.branch, self.redundancy, self._position = (
+            casadi,
+            target,
+            branch,
+            redundancy,
+            position,
+        )
+        self.labels: list[str] = []
+        self.values: dict[int, Any] = {}
+
+    def pose(self) -> Rigid:
+        """The target, 4x4."""
+        rows = [[self.target[i, j] for j in range(4)] for i in range(3)]
+        x, y, z = ((row[0], row[1], row[2]) for row in rows)
+        return Rigid((x, y, z), (rows[0][3], rows[1][3], rows[2][3]))
+
+    def point(self) -> Vector:
+        """The target position."""
+        if not self._position:
+            return self.pose().t
+        return (self.target[0], self.target[1], self.target[2])
+
+    def name(self, hint: str, x: S) -> S:
+        """``x`` itself."""
+        return x
+
+    def names(self, hint: str, v: Vector) -> Vector:
+        """``v`` itself."""
+        return v
+
+    def sqrt(self, x: S) -> S:
+        """The square root."""
+        return self.ca.sqrt(x)
+
+    def _sign(self, label: Label) -> Any:
+        self.labels.append(label.name)
+        sign = self.branch[len(self.labels) - 1]
+        return sign if label.positive > 0 else -sign
+
+    def _set(self, joint: Joint, raw: Any) -> None:
+        q = joint.sign * (raw - float(joint.offset))
+        if joint.revolute and float(joint.offset) != 0.0:
+            q = self.ca.atan2(self.ca.sin(q), self.ca.cos(q))
+        self.values[joint.index] = q
+
+    def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        h2 = A * A + B * B
+        w = self._sign(label) * self.ca.sqrt(h2 - C * C if radicand is None else radicand)
+        c, s = (A * C - B * w) / h2, (B * C + A * w) / h2
+        self._set(joint, self.ca.atan2(s, c))
+        return Turn(c, s)
+
+    def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        return self._sign(label) * self.ca.sqrt(radicand)
+
+    def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
+        """A quartic has no branch-wise form that stays smooth."""
+        raise DerivationError(
+            f"joint {joint.index + 1} solves a quartic, whose roots have no smooth formula; use the emitted C"
+        )
+
+    def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
+        """The linear or quadratic formula."""
+        if len(k) == 2:
+            return self.slide(joint, -k[0] / k[1])
+        if len(k) > 3:
+            raise DerivationError(
+                f"joint {joint.index + 1} solves a quartic, whose roots have no smooth formula; use the emitted C"
+            )
+        root = self._sign(Label(label.name)) * self.ca.sqrt(k[1] * k[1] - 4 * k[0] * k[2])
+        return self.slide(joint, (-k[1] + root) / (2 * k[2]))
+
+    def turn(self, joint: Joint, s: S, c: S) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        h = self.ca.sqrt(s * s + c * c)
+        self._set(joint, self.ca.atan2(s, c))
+        return Turn(c / h, s / h)
+
+    def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        c, s = between(v, u)
+        return self.turn(joint, s, c)
+
+    def slide(self, joint: Joint, x: S) -> S:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        self._set(joint, x)
+        return x
+
+    def given(self, joint: Joint) -> Turn | S:
+        """The prescribed joint is an input."""
+        raw = joint.sign * self.redundancy + float(joint.offset)
+        self.values[joint.index] = self.redundancy
+        return Turn(self.ca.cos(raw), self.ca.sin(raw)) if joint.revolute else raw
+
+    def wrist(
+        self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
+    ) -> tuple[Turn, Turn, Turn]:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        e4, e5 = signs
+        flip = self._sign(Label("wrist"))
+        s4, c4 = flip * e5 * M[1][2], flip * e5 * M[0][2]
+        size = self.ca.sqrt(s4 * s4 + c4 * c4)
+        s5, c5 = flip * size, -e4 * e5 * M[2][2]
+        s4, c4 = s4 / size, c4 / size
+        mx = (M[0][0], M[1][0], M[2][0])
+        s6, c6 = dot((e4 * e5 * s4, -e4 * e5 * c4, 0), mx), dot((c4 * c5, s4 * c5, e4 * s5), mx)
+        for joint, (s, c) in zip(joints, ((s4, c4), (s5, c5), (s6, c6)), strict=True):
+            self._set(joint, self.ca.atan2(s, c))
+        return Turn(c4, s4), Turn(c5, s5), Turn(c6, s6)
+
+    def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
+        """A function cannot leave out a row: a target out of reach gives NaN."""
+
+
+def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
+    """The inverse kinematics of ``spec`` as ``casadi.Function(target, branch[, redundancy]) -> q``.
+
+    ``target`` is the position (3) or the pose (4x4), m; ``branch`` one entry +1 or -1 per choice, in the order of
+    :func:`branch_labels`; ``q`` (n) in (-pi, pi], rad or m. A target that the branch does not reach gives NaN; joint
+    limits are not looked at. Raises DerivationError for chains without a solver, and for those that solve a quartic.
+    """
+    import casadi
+
+    plan = _plan(spec, redundancy)
+    target, parameter = _target(plan), casadi.SX.sym("redundancy")
+    labels = _interpreted(plan, target, casadi.SX.ones(MOST_CHOICES), parameter).labels
+    branch = casadi.SX.sym("branch", len(labels))
+    builder = _interpreted(plan, target, branch, parameter)
+    q = casadi.vertcat(*(builder.values[j] for j in range(plan.chain.n)))
+    inputs, names = [target, branch], ["target", "branch"]
+    if plan.locked is not None:
+        inputs, names = [*inputs, parameter], [*names, "redundancy"]
+    return casadi.Function(f"{spec.name}_inverse_kinematics", inputs, [q], names, ["q"])
+
+
+def branch_labels(spec: RobotSpec, redundancy: int | None = None) -> tuple[str, ...]:
+    """The names of the choices of :func:`branch_function`, e.g. ``("shoulder", "elbow", "wrist")``."""
+    import casadi
+
+    plan = _plan(spec, redundancy)
+    ones = casadi.SX.ones(MOST_CHOICES)
+    return tuple(_interpreted(plan, _target(plan), ones, casadi.SX.sym("redundancy")).labels)
+
+
+def branch_signs(labels: tuple[tuple[str, int, int], ...], branch: int) -> list[int]:
+    """The ``branch`` input of :func:`branch_function` for a branch number of the emitted C and its label layout."""
+    return [1 if (int(branch) >> bit) & 1 == 0 else -1 for _, bit, _ in labels]
+
+
+def _plan(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
+    plan = make_plan(spec, redundancy)
+    if not plan.solvable:
+        raise DerivationError(f"{spec.name}: {plan.reason}")
+    if plan.family == "general6r":
+        raise DerivationError(f"{spec.name}: {plan.title}; its roots have no closed form per branch, use the emitted C")
+    if plan.snapped:
+        raise DerivationError(f"{spec.name}: nearly special geometry has no exact closed form; use the emitted C")
+    return plan
+
+
+def _target(plan: SolverPlan) -> Any:
+    import casadi
+
+    return casadi.SX.sym("p", 3) if plan.task == "position" else casadi.SX.sym("T", 4, 4)
+
+
+def _interpreted(plan: SolverPlan, target: Any, branch: Any, parameter: Any) -> CasadiBuilder:
+    builder = CasadiBuilder(target, branch, parameter, position=plan.task == "position")
+    derive(builder, plan)
+    return builder

@@ -1,0 +1,180 @@
+"""The derivation in plain floats, one branch at a time: the compiler tries its own equations before it emits them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import atan2, cos, hypot, pi, sin, sqrt
+from typing import Any
+
+from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
+from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
+
+FREE = 1e-12
+CLAMP = 1e-9
+
+
+class NoRoot(Exception):  # noqa: N818 - an answer, not an error
+    """This branch has no real solution."""
+
+
+class FloatBuilder:
+    """Evaluates one branch for one target; ``script`` says which root is taken at each choice."""
+
+    def __init__(self, T: Any, reference: Sequence[float], script: list[int], *, redundancy: float = 0.0) -> None:
+        self.T, self.reference, self.script, self.redundancy = T, reference, script, redundancy
+        self.counts: list[int] = []
+        self.values: dict[int, float] = {}
+
+    def pose(self) -> Rigid:
+        """The target."""
+        rows = [[float(x) for x in row] for row in self.T[:3]]
+        return Rigid(tuple(tuple(row[:3]) for row in rows), tuple(row[3] for row in rows))  # type: ignore[arg-type]
+
+    def point(self) -> Vector:
+        """The target position."""
+        return (float(self.T[0][3]), float(self.T[1][3]), float(self.T[2][3]))
+
+    def name(self, hint: str, x: S) -> S:
+        """``x`` itself."""
+        return x
+
+    def names(self, hint: str, v: Vector) -> Vector:
+        """``v`` itself."""
+        return v
+
+    def sqrt(self, x: S) -> S:
+        """The square root; round-off below zero counts as zero."""
+        return sqrt(max(float(x), 0.0))
+
+    def _choose(self, count: int) -> int:
+        if count == 0:
+            raise NoRoot
+        self.counts.append(count)
+        if len(self.counts) > len(self.script):
+            self.script.append(0)
+        return self.script[len(self.counts) - 1]
+
+    def _set(self, joint: Joint, raw: float) -> None:
+        self.values[joint.index] = joint.sign * (raw - float(joint.offset))
+
+    def _reference(self, joint: Joint) -> float:
+        known = self.reference[joint.index] if joint.index < len(self.reference) else 0.0
+        return joint.sign * known + float(joint.offset)
+
+    def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        h = hypot(A, B)
+        if h <= FREE * unit:
+            if abs(C) > 1e-5 * unit:
+                raise NoRoot
+            x = self._reference(joint)
+            self._set(joint, x)
+            return Turn(cos(x), sin(x))
+        k = C / h
+        w2 = (1 - k) * (1 + k) if radicand is None else radicand / h**2
+        if w2 < -CLAMP:
+            raise NoRoot
+        sign = (1, -1)[self._choose(2)] * label.positive
+        x = atan2(B, A) + sign * atan2(sqrt(max(w2, 0.0)), k)
+        self._set(joint, x)
+        return Turn(cos(x), sin(x))
+
+    def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        if radicand < -CLAMP * (size + 1e-6 * unit**2):
+            raise NoRoot
+        return (1, -1)[self._choose(2)] * label.positive * sqrt(max(radicand, 0.0))
+
+    def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        import numpy as np
+
+        k0, kc, ks, k2c, k2s = (float(x) for x in k)
+        roots = np.roots([(k2c - 1j * k2s) / 2, (kc - 1j * ks) / 2, k0, (kc + 1j * ks) / 2, (k2c + 1j * k2s) / 2])
+        angles = sorted(float(np.angle(z)) for z in roots if abs(abs(z) - 1) < 1e-6)
+        x = angles[self._choose(len(angles))]
+        self._set(joint, x)
+        return Turn(cos(x), sin(x))
+
+    def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        import numpy as np
+
+        roots = np.roots([float(x) for x in reversed(k)])
+        real = sorted(float(z.real) for z in roots if abs(z.imag) < 1e-6 * unit)
+        if not real:
+            raise NoRoot
+        x = real[self._choose(len(real))] if len(k) > 2 else real[0]
+        self._set(joint, x)
+        return x
+
+    def turn(self, joint: Joint, s: S, c: S) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        return self._directed(joint, Turn(c, s), FREE)
+
+    def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        return self._directed(joint, between(v, u), (FREE * unit) ** 2)
+
+    def _directed(self, joint: Joint, direction: Turn, least: float) -> Turn:
+        c, s = direction
+        x = atan2(s, c) if hypot(c, s) > least else self._reference(joint)
+        self._set(joint, x)
+        return Turn(cos(x), sin(x))
+
+    def slide(self, joint: Joint, x: S) -> S:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        self._set(joint, float(x))
+        return float(x)
+
+    def given(self, joint: Joint) -> Turn | S:
+        """The prescribed joint."""
+        raw = joint.sign * self.redundancy + float(joint.offset)
+        self.values[joint.index] = self.redundancy
+        return Turn(cos(raw), sin(raw)) if joint.revolute else raw
+
+    def wrist(
+        self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
+    ) -> tuple[Turn, Turn, Turn]:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        e4, e5 = signs
+        flip = (1, -1)[self._choose(2)]
+        s4, c4 = flip * e5 * M[1][2], flip * e5 * M[0][2]
+        s5 = flip * hypot(s4, c4)
+        x4 = atan2(s4, c4) if abs(s5) > FREE else self._reference(joints[0])
+        x5 = atan2(s5, -e4 * e5 * M[2][2])
+        c4, s4, c5, s5 = cos(x4), sin(x4), cos(x5), sin(x5)
+        mx = (M[0][0], M[1][0], M[2][0])
+        x6 = atan2(dot((e4 * e5 * s4, -e4 * e5 * c4, 0.0), mx), dot((c4 * c5, s4 * c5, e4 * s5), mx))
+        for joint, x in zip(joints, (x4, x5, x6), strict=True):
+            self._set(joint, x)
+        return Turn(c4, s4), Turn(c5, s5), Turn(cos(x6), sin(x6))
+
+    def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
+        """Rows are compared with forward kinematics by the caller."""
+
+
+def every_branch(run: Callable[[FloatBuilder], None], make: Callable[[list[int]], FloatBuilder]) -> list[list[float]]:
+    """The joint values of every branch of a derivation, unchecked."""
+    rows: list[list[float]] = []
+    script: list[int] = []
+    for _ in range(64):
+        builder = make(script)
+        try:
+            run(builder)
+            rows.append([builder.values[j] for j in sorted(builder.values)])
+        except (NoRoot, ZeroDivisionError):
+            pass
+        script = builder.script[: len(builder.counts)]
+        while script and script[-1] + 1 >= builder.counts[len(script) - 1]:
+            script.pop()
+        if not script:
+            break
+        script[-1] += 1
+    return rows
+
+
+def wrapped(x: float) -> float:
+    """``x`` in [-pi, pi)."""
+    return (x + pi) % (2 * pi) - pi

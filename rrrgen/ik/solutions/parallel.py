@@ -1,0 +1,277 @@
+"""Arms with a planar triple: three parallel axes (or their prismatic kin) anywhere in the chain.
+
+The loop is started with the triple: ``Q e1 e2 e3 E0 . N3 Ja Nab Jb Nbc Jc Nc = 1``. What the triple does keeps its
+normal n and the height along n. So the other three joints a, b, c have to bring n back to itself and keep the height.
+With m1 = n seen after joint a and m2 = n seen before joint c's link,
+
+    z_b . m1(a) = z_b . m2(c),      height:  t_ab . m1(a) + t_bc . m2(c) + constants = 0
+
+are linear in cos a, sin a, cos c, sin c. Eliminating a through the constant link ab = Tx(a) Rx(alpha) leaves a quartic
+in c, or two quadratics where a = 0 or sin alpha = 0. Then b turns m2 onto m1, and the plane remains (:mod:`planar`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rrrgen.errors import InternalError
+from rrrgen.ik.geometry.loop import Closing, Loop, Motion, apply, move, straightened, turned
+from rrrgen.ik.geometry.rigid import Crossing, Rigid, S, Vector, dot, is_zero, product, rotate, rotate_z, screw, total
+from rrrgen.ik.recording.builder import Builder, Feasible, Label, Turn
+from rrrgen.ik.solutions.forms import Moving
+from rrrgen.ik.solutions.planar import Plane, Triple, anchor, oriented, solve_planar, triple_of
+
+ORIGIN: Vector = (0, 0, 0)
+
+IDENTITY = screw(1, 0)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The loop around a planar triple: the links before joint a (``lead``) and after joint c (``trail``) include the
+    frames of the triple, so that n is the z axis at both ends."""
+
+    triple: Triple
+    loop: Loop
+    lead: Closing
+    trail: Closing
+
+    @staticmethod
+    def of(loop: Loop, k: int) -> Frame | None:
+        """The triple at joints k, k+1, k+2, if there is one."""
+        triple = triple_of(loop, k)
+        if triple is None:
+            return None
+        others = loop.started((k + 3) % len(loop.joints))
+        before = loop.links[(k + 2) % len(loop.joints)]
+        lead = Closing((triple.E0, *_factors(before)))
+        trail = Closing((*_factors(others.links[len(loop.joints) - 4]), triple.Q))
+        return Frame(triple, others, lead, trail)
+
+
+def _factors(link: Crossing | Closing) -> tuple[Rigid, ...]:
+    return link.factors if isinstance(link, Closing) else (link.rigid(),)
+
+
+def rank(loop: Loop, k: int) -> int:
+    """How many solutions the worst equation has if the loop is used in this direction; 9 if it cannot be."""
+    frame = Frame.of(loop, k)
+    if frame is None:
+        return 9
+    kinds = frame.loop.types[:3]
+    link = frame.loop.links[0]
+    if kinds.count("P") > 1:
+        return 9
+    if kinds in ("PRR", "RPR"):
+        return 2
+    if kinds == "RRP" or not isinstance(link, Crossing):
+        return 9
+    if is_zero(link.a) and is_zero(link.sa):
+        return 9
+    return 2 if is_zero(link.a) or is_zero(link.sa) else 4
+
+
+def better(loop: Loop, k: int) -> tuple[int, Loop, int]:
+    """The better direction: its rank, the loop, and where the triple is in it."""
+    m = len(loop.joints)
+    back = loop.reversed()
+    other = (m - k - 3) % m
+    forward, backward = rank(loop, k), rank(back, other)
+    return (forward, loop, k) if forward <= backward else (backward, back, other)
+
+
+def derive_parallel(b: Builder, loop: Loop, k: int, length: float) -> None:
+    """All joints of a six-joint loop with a planar triple at joints k, k+1, k+2."""
+    _, loop, k = better(straightened(loop), k)
+    frame = Frame.of(loop, k)
+    if frame is None:
+        raise InternalError("there is no planar triple here")
+    kinds = frame.loop.types[:3]
+    if kinds == "PRR":
+        motions = _slide_first(b, frame, length)
+    elif kinds == "RPR":
+        motions = _slide_middle(b, frame, length)
+    else:
+        motions = _Others(b, frame, length).solve()
+    finish_plane(b, frame, motions, length)
+
+
+def finish_plane(b: Builder, frame: Frame, motions: list[Motion], length: float) -> None:
+    """The joints of the triple once the others are known: (e1 e2 e3)^-1 is the rest of the loop."""
+    inverse, triple = oriented(frame.triple.reversed())
+    start = anchor(triple)
+    if inverse:  # the triple itself is needed: walk the rest of the loop backwards
+        point = _around(frame, motions, (start[0], start[1], 0), backwards=True)
+        x = _around(frame, motions, (1, 0, 0), backwards=True, direction=True)
+    else:
+        point = _around(frame, motions, (start[0], start[1], 0))
+        x = _around(frame, motions, (1, 0, 0), direction=True)
+    point, x = b.names("g", point), b.names("h", x)
+    b.residual((0, 0, point[2]), (0, 0, x[2]))
+    solve_planar(b, triple, (point[0], point[1]), Turn(x[0], x[1]), length)
+
+
+def _around(
+    frame: Frame, motions: list[Motion], v: Vector, *, backwards: bool = False, direction: bool = False
+) -> Vector:
+    """A point or direction of the plane carried through the other joints."""
+    count = len(motions)
+    links = [frame.lead, *(_closing(link) for link in frame.loop.links[: count - 1]), frame.trail]
+    if backwards:
+        links = [link.inverse() for link in reversed(links)]
+        motions = [Turn(m.c, -m.s) if isinstance(m, Turn) else -m for m in reversed(motions)]
+    for i in reversed(range(count + 1)):
+        v = links[i].turn(v) if direction else links[i].apply(v)
+        if i > 0:
+            v = move(motions[i - 1], v, direction=direction)
+    return v
+
+
+def _closing(link: Crossing | Closing) -> Closing:
+    return link if isinstance(link, Closing) else Closing((link.rigid(),))
+
+
+@dataclass(frozen=True)
+class _Others:
+    """Three revolute joints a, b, c beside the triple."""
+
+    b: Builder
+    frame: Frame
+    length: float
+
+    def solve(self) -> list[Motion]:
+        """The angles of a, b, c."""
+        b, frame, L = self.b, self.frame, self.length
+        joints = frame.loop.joints[:3]
+        ab = frame.loop.links[0]
+        if not isinstance(ab, Crossing):
+            raise InternalError("the link behind the first joint must be constant")
+        n_a = b.names("n", frame.lead.inverse().turn((0, 0, 1)))
+        n_c = b.names("o", frame.trail.turn((0, 0, 1)))
+        bc = frame.loop.links[1]
+        turn_bc = bc.rigid()
+        m2 = Moving.of(joints[2], Rigid(turn_bc.R, ORIGIN), n_c)
+        height = total(frame.lead.rigid().t[2], product(ab.near[2], n_a[2]), dot(n_c, frame.trail.rigid().t))
+        g = m2.z.plus(-product(ab.ca, n_a[2]))
+        # t_bc . m2, written with the way back from c to b: that is the target itself, not its inverse
+        behind = Moving.of(joints[2], IDENTITY, n_c)
+        away = apply(bc.inverse(), ORIGIN)
+        f = m2.z.times(ab.far[2]).plus(height).times(-1)
+        for coordinate, form in zip(away, (behind.x, behind.y, behind.z), strict=True):
+            f = f + form.times(coordinate)
+        if is_zero(ab.a):
+            xc = f.root(b, joints[2], Label("shoulder"), L)
+            at = b.names("m", m2.at(xc))
+            xa = self._from_height(n_a, at, ab)
+        elif is_zero(ab.sa):
+            xc = g.root(b, joints[2], Label("shoulder"), 1.0)
+            at = b.names("m", m2.at(xc))
+            xa = b.pair(joints[0], product(ab.a, n_a[0]), product(ab.a, n_a[1]), f.at(xc), label=Label("wrist"), unit=L)
+        else:
+            across = total(product(n_a[0], n_a[0]), product(n_a[1], n_a[1]))
+            e2, h2 = ab.sa**2, ab.a**2
+            q = (f.squared().times(e2) + g.squared().times(h2)).plus(-e2 * h2 * across)
+            xc = q.root(b, joints[2], Label("posture"), L**2)
+            at = b.names("m", m2.at(xc))
+            mx, my = f.at(xc) / ab.a, -g.at(xc) / ab.sa
+            xa = b.onto(joints[0], (mx, my, 0), (n_a[0], n_a[1], 0), unit=1.0)
+        m1 = rotate_z(xa.c, -xa.s, n_a)
+        mb = (m1[0], total(product(ab.ca, m1[1]), product(ab.sa, m1[2])), at[2])
+        xb = b.onto(joints[1], at, mb, unit=1.0, feasible=self._feasible(xa, xc))
+        b.residual((0, 0, total(product(ab.a, m1[0]), -f.at(xc))), (0, 0, total(product(ab.sa, m1[1]), g.at(xc))))
+        return [xa, xb, xc]
+
+    def _from_height(self, n_a: Vector, m: Vector, ab: Crossing) -> Turn:
+        """a from z_b . m1 = z_b . m2; exact also where n comes to lie along z_b (the wrist of a UR arm)."""
+        radicand: S | None = None
+        across = total(product(m[0], m[0]), product(m[1], m[1]))
+        c2 = 2 * ab.ca * ab.ca
+        if is_zero(total(n_a[2], -ab.ca)):
+            radicand = across if is_zero(ab.ca) else across * (1 + m[2] - c2) / (1 + m[2])
+        elif is_zero(total(n_a[2], ab.ca)):
+            radicand = across * (1 - m[2] - c2) / (1 - m[2])
+        return self.b.pair(
+            self.frame.loop.joints[0],
+            -product(ab.sa, n_a[1]),
+            product(ab.sa, n_a[0]),
+            total(m[2], -product(ab.ca, n_a[2])),
+            label=Label("wrist"),
+            unit=1.0,
+            radicand=radicand,
+        )
+
+    def _feasible(self, xa: Turn, xc: Turn) -> Feasible | None:
+        """Where b is free its axis is a fourth parallel one: the planar arm must still reach the point it turns."""
+        triple = self.frame.triple.reversed()
+        if triple.types != "RRR":
+            return None
+        one, two, three = (element.at for element in triple.elements)
+        loop = self.frame.loop
+        y = apply(loop.links[1], move(xc, self.frame.trail.apply((three[0], three[1], 0))))
+        s = _before(loop, self.frame, xa, one)
+        upper, fore = _gap(one, two), _gap(two, three)
+        return Feasible(
+            total(product(y[0], y[0]), product(y[1], y[1]), product(s[0], s[0]), product(s[1], s[1])),
+            -2 * total(product(s[0], y[0]), product(s[1], y[1])),
+            -2 * total(product(s[1], y[0]), -product(s[0], y[1])),
+            (upper - fore) ** 2,
+            (upper + fore) ** 2,
+        )
+
+
+def _before(loop: Loop, frame: Frame, xa: Turn, point: Plane) -> Vector:
+    """A point of the plane seen from the frame of joint b."""
+    v = frame.lead.inverse().apply((point[0], point[1], 0))
+    v = rotate_z(xa.c, -xa.s, v)
+    return apply(loop.links[0].inverse(), v)
+
+
+def _gap(a: Plane, b: Plane) -> S:
+    return ((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2) ** 0.5
+
+
+def _slide_first(b: Builder, frame: Frame, L: float) -> list[Motion]:
+    """a prismatic: it does not turn n; the normal gives b and c, the height gives a."""
+    joints = frame.loop.joints[:3]
+    n_a = b.names("n", frame.lead.inverse().turn((0, 0, 1)))
+    n_c = b.names("o", frame.trail.turn((0, 0, 1)))
+    ab, bc = frame.loop.links[0], frame.loop.links[1].rigid()
+    mb = b.names("l", turned(ab.inverse(), n_a))
+    m2 = Moving.of(joints[2], Rigid(bc.R, ORIGIN), n_c)
+    k = m2.z.plus(-mb[2]).k
+    across = total(product(mb[0], mb[0]), product(mb[1], mb[1]))
+    xc = b.pair(joints[2], k[1], k[2], -k[0], label=Label("wrist"), unit=1.0, radicand=_sharp(n_c, bc, mb, across))
+    at = b.names("m", m2.at(xc))
+    xb = b.onto(joints[1], at, mb, unit=1.0)
+    fixed = total(frame.lead.rigid().t[2], dot(n_c, frame.trail.rigid().t), dot(n_a, ab.rigid().t), dot(at, bc.t))
+    xa = b.slide(joints[0], -fixed / n_a[2])
+    return [xa, xb, xc]
+
+
+def _sharp(n_c: Vector, bc: Rigid, mb: Vector, across: S) -> S | None:
+    """The radicand that stays exact where the two normals come together: see ``_Others._from_height``."""
+    quarter = is_zero(bc.R[2][2]) and is_zero(n_c[2])
+    return across if quarter else None
+
+
+def _slide_middle(b: Builder, frame: Frame, L: float) -> list[Motion]:
+    """b prismatic: a and c bring the normal back, the height gives b."""
+    joints = frame.loop.joints[:3]
+    n_a = b.names("n", frame.lead.inverse().turn((0, 0, 1)))
+    n_c = b.names("o", frame.trail.turn((0, 0, 1)))
+    ab, bc = frame.loop.links[0].rigid(), frame.loop.links[1].rigid()
+    both = ab @ bc
+    k = Moving.of(joints[2], Rigid(both.R, ORIGIN), n_c)
+    form = k.z.plus(-n_a[2])
+    across = total(product(n_a[0], n_a[0]), product(n_a[1], n_a[1]))
+    xc = b.pair(
+        joints[2], form.k[1], form.k[2], -form.k[0], label=Label("wrist"), unit=1.0,
+        radicand=_sharp(n_c, both, n_a, across),
+    )  # fmt: skip
+    at = b.names("k", k.at(xc))
+    xa = b.onto(joints[0], at, n_a, unit=1.0)
+    m2 = rotate(bc.R, rotate_z(xc.c, xc.s, n_c))
+    m1 = rotate_z(xa.c, -xa.s, n_a)
+    fixed = total(frame.lead.rigid().t[2], dot(n_c, frame.trail.rigid().t), dot(m1, ab.t), dot(m2, bc.t))
+    xb = b.slide(joints[1], -fixed / b.name("mz", m2[2]))
+    return [xa, xb, xc]

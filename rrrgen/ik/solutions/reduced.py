@@ -1,0 +1,203 @@
+"""Tasks with fewer than six joints, and chains whose rotation is decided by three joints alone.
+
+* planar arms (three joints in a plane) and planar arms with a lift (four joints: x, y, z and one rotation);
+* three revolute joints that only turn, with three prismatic joints anywhere (gantries, and 3R orientation devices);
+* position tasks of one and two joints.
+"""
+
+from __future__ import annotations
+
+from rrrgen.errors import InternalError
+from rrrgen.ik.geometry.chain import Chain, Joint
+from rrrgen.ik.geometry.loop import AnyLink, Closing, Loop, Motion, apply, move, straightened, turned
+from rrrgen.ik.geometry.rigid import (
+    Crossing,
+    Rigid,
+    Rotation,
+    S,
+    Vector,
+    dot,
+    is_zero,
+    minus,
+    product,
+    rigid,
+    rotate,
+    screw,
+    square,
+    total,
+    transposed,
+)
+from rrrgen.ik.recording.builder import Builder, Label, Turn
+from rrrgen.ik.recording.scalar import Scalar
+from rrrgen.ik.solutions.forms import Form, Moving
+from rrrgen.ik.solutions.parallel import Frame, finish_plane
+from rrrgen.ik.solutions.planar import triple_of
+from rrrgen.ik.solutions.position import solve_linear
+from rrrgen.ik.solutions.spherical import solve_wrist
+
+IDENTITY = screw(1, 0)
+
+
+def derive_planar(b: Builder, loop: Loop, length: float) -> None:
+    """A planar arm of three joints: x, y and the angle in its plane; the pose must lie in the plane."""
+    loop = straightened(loop)
+    triple = triple_of(loop, 0)
+    if triple is None:
+        raise InternalError("there is no planar triple here")
+    lead = Closing((triple.E0, *factors(loop.links[2]), triple.Q))
+    frame = Frame(triple, Loop((), ()), lead, Closing((IDENTITY,)))
+    upright(b, frame, [])
+    finish_plane(b, frame, [], length)
+
+
+def derive_lift(b: Builder, loop: Loop, k: int, length: float) -> None:
+    """A planar triple and a prismatic joint along its normal: SCARA arms. ``k`` is where the triple stands."""
+    loop = straightened(loop)
+    frame = Frame.of(loop, k)
+    if frame is None:
+        raise InternalError("there is no planar triple here")
+    n = frame.lead.inverse().turn((0, 0, 1))
+    fixed = total(frame.lead.rigid().t[2], dot(n, apply(frame.trail, (0, 0, 0))))
+    t = b.slide(frame.loop.joints[0], -fixed / n[2])
+    upright(b, frame, [t])
+    finish_plane(b, frame, [t], length)
+
+
+def upright(b: Builder, frame: Frame, motions: list[Motion]) -> None:
+    """The tilt of the target against the plane: it cannot be helped, so it decides whether there is a solution."""
+    v = frame.trail.turn((0, 0, 1))
+    for motion in motions:
+        v = move(motion, v, direction=True)
+    v = frame.lead.turn(v)
+    b.residual((), (v[0], v[1], 0))
+
+
+def factors(link: AnyLink) -> tuple[Rigid, ...]:
+    """A link as a product of transforms."""
+    return link.factors if isinstance(link, Closing) else (link.rigid(),)
+
+
+def turning_axes(loop: Loop) -> Loop | None:
+    """The loop of the three revolute joints alone, translations dropped; nothing where two neighbours are parallel."""
+    places = [i for i, joint in enumerate(loop.joints) if joint.revolute]
+    if len(places) != 3:
+        return None
+    links: list[AnyLink] = []
+    for here, there in zip(places, [*places[1:], places[0] + len(loop.joints)], strict=True):
+        path = [loop.links[i % len(loop.joints)] for i in range(here, there)]
+        if any(isinstance(link, Closing) for link in path):
+            links.append(Closing(tuple(Rigid(f.R, (0, 0, 0)) for link in path for f in factors(link))))
+        else:
+            rotation = factors(path[0])[0].R
+            for link in path[1:]:
+                rotation = (Rigid(rotation, (0, 0, 0)) @ link.rigid()).R
+            crossing = decomposed(rotation)
+            if crossing is None:
+                return None
+            links.append(crossing)
+    return straightened(Loop(tuple(loop.joints[i] for i in places), tuple(links)))
+
+
+def decomposed(R: Rotation) -> Crossing | None:
+    """A constant rotation as ``Rz Rx Rz``; nothing where it is a turn about z alone."""
+    ca = R[2][2]
+    if is_zero(R[2][1]) and is_zero(R[2][0]):
+        return None
+    if is_zero(R[0][2]) and is_zero(R[2][0]):  # Rx already
+        return Crossing((1, 0, 0), 0, ca, R[2][1], (1, 0, 0))
+    sa = (R[0][2] ** 2 + R[1][2] ** 2) ** 0.5
+    if sa < 1e-14:
+        return None
+    near = (-R[1][2] / sa, R[0][2] / sa, 0)
+    far = (R[2][1] / sa, R[2][0] / sa, 0)
+    return Crossing(near, 0, ca, sa, far)
+
+
+def derive_orientation(b: Builder, loop: Loop, length: float) -> None:
+    """Three revolute joints give the rotation, the prismatic ones (if any) then solve three linear equations."""
+    axes = turning_axes(loop)
+    if axes is None:
+        raise InternalError("the rotation is not decided by three joints")
+    first, second, closing = axes.links
+    if not isinstance(first, Crossing) or not isinstance(second, Crossing):
+        raise InternalError("two of the axes that decide the rotation are parallel")
+    back = closing.inverse()
+    mx, mz = b.names("m", turned(back, (1, 0, 0))), b.names("n", turned(back, (0, 0, 1)))
+    found = solve_wrist(b, (axes.joints[0], axes.joints[1], axes.joints[2]), first, second, mx, mz)
+    if len(loop.joints) == 3:
+        b.residual(apply(loop.links[2], (0, 0, 0)) if not isinstance(loop.links[2], Crossing) else (0, 0, 0))
+        return
+    offsets = {a.index: a.offset - j.offset for a in axes.joints for j in loop.joints if j.index == a.index}
+    motions = [_shifted(found[joint.index], offsets[joint.index]) if joint.revolute else 0 for joint in loop.joints]
+    v: Vector = (0, 0, 0)
+    directions: list[Vector] = []
+    for i in reversed(range(len(loop.joints))):
+        joint = loop.joints[i]
+        v = move(motions[i], apply(loop.links[i], v))
+        directions = [move(motions[i], turned(loop.links[i], d), direction=True) for d in directions]
+        if not joint.revolute:
+            directions.insert(0, (0, 0, 1))
+    v = b.names("d", v)
+    columns = tuple(b.names("z", d) for d in directions)
+    right: Vector = (-v[0], -v[1], -v[2])
+    sliding = [joint for joint in loop.joints if not joint.revolute]
+    solution = solve_linear((columns[0], columns[1], columns[2]), right)
+    moved = [b.slide(joint, x) for joint, x in zip(sliding, solution, strict=True)]
+    rest = [total(v[i], *(product(x, z[i]) for x, z in zip(moved, columns, strict=True))) for i in range(3)]
+    b.residual((rest[0], rest[1], rest[2]))
+
+
+def _shifted(motion: Motion, offset: S) -> Motion:
+    """The raw motion of the chain's own joint, whose straightened twin turns by ``offset`` more."""
+    from math import cos, sin
+
+    if not isinstance(motion, Turn) or is_zero(offset):
+        return motion
+    c, s = cos(float(offset)), sin(float(offset))
+    return Turn(total(product(c, motion.c), product(s, motion.s)), total(product(c, motion.s), -product(s, motion.c)))
+
+
+def derive_point(b: Builder, chain: Chain, length: float) -> None:
+    """The position of the tip for one or two joints; the target must lie on the curve or surface of the tip."""
+    base, tip = rigid(chain.base), rigid(chain.tip)
+    p = b.names("p", rotate(transposed(base.R), minus(b.point(), base.t)))
+    if chain.n == 1:
+        joint, c = chain.joints[0], tip.t
+        if joint.revolute:
+            b.onto(joint, c, p, unit=length)
+        else:
+            b.slide(joint, total(p[2], -c[2]))
+            b.residual((total(c[0], -p[0]), total(c[1], -p[1]), 0))
+        return
+    one, two = chain.joints
+    w = Moving.of(two, Crossing.of(chain.links[0]).rigid(), tip.t)
+    if one.revolute:
+        x2 = _best(b, two, [(w.z.plus(-p[2]), length), (w.length2.plus(-square(p)), length**2)])
+        at = b.names("w", w.at(x2))
+        b.onto(one, at, p, unit=length)
+    else:
+        x2 = _best(b, two, [(w.x.plus(-p[0]), length), (w.y.plus(-p[1]), length)])
+        at = b.names("w", w.at(x2))
+        b.slide(one, total(p[2], -at[2]))
+        b.residual((total(at[0], -p[0]), total(at[1], -p[1]), 0))
+
+
+def _best(b: Builder, joint: Joint, equations: list[tuple[Form, float]]) -> Motion:
+    """The root of the equation that depends most on the joint."""
+
+    def slope(entry: tuple[Form, float]) -> float:
+        form, unit = entry
+        first = sum(abs(_constant(k)) for k in form.k[1 : 2 if not form.turning else 3])
+        return first / unit if form.turning else (first * length_of(entry)) / unit
+
+    def length_of(entry: tuple[Form, float]) -> float:
+        return entry[1] if len(entry[0].k) == 2 else entry[1] ** 0.5
+
+    form, unit = max(equations, key=slope)
+    return form.root(b, joint, Label("elbow"), unit)
+
+
+def _constant(x: S) -> float:
+    if isinstance(x, Scalar):
+        return x.value
+    return float(x) if isinstance(x, (int, float)) else 0.0

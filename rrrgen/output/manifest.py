@@ -1,0 +1,88 @@
+"""``manifest.json``: what was emitted, for machines."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any
+
+import rrrgen
+from rrrgen.backends import Identity, Real
+from rrrgen.output.writer import MANIFEST, Contents, checksum
+from rrrgen.program import Port, Program, count_operations
+from rrrgen.robotfile.robot_spec import RobotSpec
+
+if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
+
+_NOT_THE_ROBOT = frozenset({"file", "faults", "places", "description", "source", "angle_unit", "length_unit"})
+"""Fields of a description that do not change the robot: two files of one robot have one hash."""
+
+
+def identify(spec: RobotSpec) -> Identity:
+    """The hash of the robot (normalised: SI, exact, without comments and spelling) and the version of this tool."""
+    text = json.dumps(_canonical(spec), sort_keys=True, separators=(",", ":"))
+    return Identity(hashlib.sha256(text.encode()).hexdigest(), rrrgen.__version__)
+
+
+def _canonical(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        names = [field.name for field in fields(value) if field.name not in _NOT_THE_ROBOT]
+        return {name: _canonical(getattr(value, name)) for name in names}
+    if isinstance(value, dict):
+        return {key: _canonical(value[key]) for key in value}
+    if isinstance(value, (tuple, list)):
+        return [_canonical(item) for item in value]
+    if value is None or isinstance(value, (str, bool, int)):
+        return value
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def manifest(model: DerivedModel, identity: Identity, real: Real, files: Mapping[str, Contents]) -> str:
+    """The text of the manifest: identity, conventions, functions, base parameters, hashes of the files."""
+    spec = model.spec
+    content = {
+        "schema": "rrrgen-manifest/1",
+        "robot": spec.name,
+        "model_hash": identity.model_hash,
+        "tool": f"rrrgen {identity.tool_version}",
+        "convention": spec.convention,
+        "units": "SI, rad",
+        "real": real,
+        "n": spec.n,
+        "b": len(model.base_parameters),
+        "joints": [{"name": joint.name, "type": joint.type} for joint in spec.joints],
+        "gravity": [str(component) for component in spec.gravity],
+        "base_parameters": [
+            {"name": p.name, "expression": str(p.expression), "unit": p.unit, "nominal": nominal}
+            for p, nominal in zip(model.base_parameters, _nominal(model), strict=True)
+        ],
+        "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
+        "functions": {name: _function(program) for name, program in model.programs.items()},
+        "passes": [
+            {"pass": p.name, "function": p.function, "before": p.before.as_dict(), "after": p.after.as_dict()}
+            for p in model.passes
+        ],
+        "files": {name: checksum(files[name]) for name in sorted(files) if name != MANIFEST},
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+
+
+def _nominal(model: DerivedModel) -> list[float | None]:
+    if model.beta_nominal is None:
+        return [None] * len(model.base_parameters)
+    return [float(value) for value in model.beta_nominal]
+
+
+def _function(program: Program) -> dict[str, Any]:
+    return {
+        "inputs": [_port(port) for port in program.inputs],
+        "outputs": [_port(port) for port in program.outputs],
+        "operations": count_operations(program).as_dict(),
+    }
+
+
+def _port(port: Port) -> dict[str, Any]:
+    return {"name": port.name, "shape": list(port.shape), "unit": port.unit, "frame": port.frame}

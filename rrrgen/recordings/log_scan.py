@@ -1,0 +1,175 @@
+"""The first reading of a recording: its period, jitter and holes, and the levels at which torques are clipped."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.recordings.log_repair import RawRows
+from rrrgen.recordings.mapping import LogMapping
+from rrrgen.recordings.readers.tables import table_fault
+from rrrgen.recordings.repairs import Findings
+
+JITTER = 0.01  # of a period: beyond it the samples are moved to uniform instants
+HOLE = 1.5  # periods: a longer step is a hole
+LONGEST_BRIDGE = 5.0  # periods: a longer hole splits the recording, unless the mapping says otherwise
+SHORTEST_STRETCH = 32  # samples
+
+
+class Clock:
+    """Statistics of the steps of time. Jitter cancels over many steps, so the period is taken from runs of RUN
+    steps.
+    """
+
+    RUN = 32
+    FIRST = 4096  # steps that tell the typical one, however the recording is cut into chunks
+
+    def __init__(self, mapping: LogMapping) -> None:
+        self.mapping = mapping
+        self.rows, self.first, self.last = 0, math.nan, math.nan
+        self.typical = math.nan
+        self.waiting = np.zeros(0)  # instants whose steps have not been counted
+        self.total, self.counted = 0.0, 0
+        self.shortest, self.longest = math.inf, 0.0
+        self.holes: list[float] = []
+        self.irregular = 0  # steps that are off the typical one by more than JITTER
+        self.short, self.short_rows, self.stretch = 0, 0, 0  # stretches too short to be used, steps of the current one
+
+    def see(self, t: Array, last: bool = False) -> None:
+        """Take in the next instants; ``last`` when there are no more."""
+        if len(t):
+            self.first = float(t[0]) if self.rows == 0 else self.first
+            self.rows, self.last = self.rows + len(t), float(t[-1])
+            self.waiting = np.concatenate([self.waiting, t])
+        if math.isnan(self.typical):
+            if not last and len(self.waiting) <= self.FIRST:
+                return
+            self.typical = self._typical(self.waiting[: self.FIRST + 1])
+        usable = len(self.waiting) - 1 if last else (len(self.waiting) - 1) // self.RUN * self.RUN
+        if usable > 0:
+            self._count(self.waiting[: usable + 1])
+            self.waiting = self.waiting[usable:]
+
+    def _typical(self, t: Array) -> float:
+        if len(t) < 2:
+            raise table_fault(self.mapping.files[0].path, "the period of sampling cannot be told from so few rows")
+        run = min(self.RUN, len(t) - 1)
+        return float(np.median(t[run:] - t[:-run])) / run
+
+    def _count(self, t: Array) -> None:
+        steps = np.diff(t)
+        regular = steps[steps < HOLE * self.typical]
+        self.shortest = min(self.shortest, float(np.min(regular, initial=math.inf)))
+        self.longest = max(self.longest, float(np.max(regular, initial=0.0)))
+        self.irregular += int(np.sum(np.abs(regular - self.typical) > JITTER * self.typical))
+        self.holes += [float(step) for step in steps[steps >= HOLE * self.typical]]
+        for start in range(0, len(steps), self.RUN):
+            part = steps[start : start + self.RUN]
+            # a run with a hole lasts a step too long, less its jitter
+            if float(np.sum(part)) < (len(part) + 0.75) * self.typical:
+                self.total, self.counted = self.total + float(np.sum(part)), self.counted + len(part)
+        cuts = np.flatnonzero(steps > longest_bridge(self.typical, self.mapping.max_gap))
+        lengths = np.diff(np.concatenate([[-1 - self.stretch], cuts]))
+        short = lengths[lengths < SHORTEST_STRETCH]
+        self.short, self.short_rows = self.short + len(short), self.short_rows + int(np.sum(short))
+        self.stretch = len(steps) - 1 - int(cuts[-1]) if len(cuts) else self.stretch + len(steps)
+
+    def period(self) -> float:
+        """The mean step of the runs without a hole; what the mapping says where there is no column of time."""
+        if self.mapping.time.period is not None:
+            return self.mapping.time.period
+        return self.total / self.counted if self.counted else self.typical
+
+    def report(self, period: float, max_gap: float | None, findings: Findings) -> bool:
+        """Count jitter and holes; True where samples must be moved to uniform instants."""
+        jitter = max(self.longest - period, period - self.shortest) / period if self.longest else 0.0
+        if jitter > JITTER:
+            findings.add("jitter", max(1, self.irregular), jitter)
+        bridge = longest_bridge(period, max_gap)
+        bridged = [hole for hole in self.holes if hole <= bridge]
+        split = [hole for hole in self.holes if hole > bridge]
+        for kind, holes in (("bridged holes", bridged), ("splitting holes", split)):
+            missing = sum(round(hole / period) - 1 for hole in holes)
+            findings.add(kind, len(holes), max(holes, default=0.0), rows=missing)
+        last = self.stretch + 1
+        ends_short = last < SHORTEST_STRETCH
+        findings.add("short stretches", self.short + int(ends_short), rows=self.short_rows + last * int(ends_short))
+        return jitter > JITTER or bool(bridged)
+
+
+def longest_bridge(period: float, max_gap: float | None) -> float:
+    """The longest hole (s) that is bridged by interpolation."""
+    return max(HOLE, LONGEST_BRIDGE) * period if max_gap is None else max(HOLE * period, max_gap)
+
+
+class Clips:
+    """Levels at which a torque channel is cut off: it stays exactly at its extreme, entered and left with a kink."""
+
+    RUN = 5  # equal samples in a row
+    KINK = 20.0  # a smooth top of L samples one step high lies at most 9 steps deep a run's length away
+
+    def __init__(self, mapping: LogMapping) -> None:
+        self.channels = mapping.channels("torque")
+        n = len(self.channels)
+        limits = np.array([math.inf if c.limit is None else 0.995 * c.limit for c in self.channels])
+        self.limits = limits
+        self.high, self.low = np.full(n, -math.inf), np.full(n, math.inf)
+        self.cut_high, self.cut_low = np.zeros(n, bool), np.zeros(n, bool)
+        self.at_high, self.at_low = np.zeros(n, int), np.zeros(n, int)  # samples at the extremes
+        self.clipped, self.missing = np.zeros(n, int), np.zeros(n, int)
+
+    def see(self, rows: RawRows) -> None:
+        """Take in the next samples."""
+        if not self.channels:
+            return
+        tau = rows.signals["torque"]
+        self.missing += np.sum(~np.isfinite(tau), axis=0)
+        self.clipped += np.sum(np.abs(tau) >= self.limits, axis=0)
+        for j, x in enumerate(tau.T):
+            for sign, best, cut, at in (
+                (1.0, self.high, self.cut_high, self.at_high),
+                (-1.0, self.low, self.cut_low, self.at_low),
+            ):
+                finite = sign * x[np.isfinite(x)]
+                top = float(np.max(finite, initial=-math.inf))
+                if top == -math.inf or sign * best[j] > top:
+                    continue
+                seen = _is_cut(finite, top, self.RUN, self.KINK)
+                cut[j] = seen or (bool(cut[j]) and sign * best[j] == top)
+                at[j] = int(np.sum(finite == top)) + (at[j] if sign * best[j] == top else 0)
+                best[j] = sign * top
+
+    def levels(self, findings: Findings) -> tuple[Array, Array]:
+        """Lowest and highest level that still count as clipped, per channel; counts what is clipped and missing."""
+        if not self.channels:
+            return np.full(0, -math.inf), np.full(0, math.inf)
+        low = np.where(self.cut_low, np.maximum(self.low, -self.limits), -self.limits)
+        high = np.where(self.cut_high, np.minimum(self.high, self.limits), self.limits)
+        cut = self.cut_low | self.cut_high | (self.clipped > 0)
+        # beyond a known limit all are counted; below it, those at the levels where the channel is cut off
+        below_high, below_low = self.cut_high & (self.high < self.limits), self.cut_low & (self.low > -self.limits)
+        clipped = self.clipped + self.at_high * below_high + self.at_low * below_low
+        worst = float(np.max(np.where(cut, high, 0.0), initial=0.0))
+        findings.add("clipped torque channels", int(np.sum(cut)), worst, channels=clipped)
+        findings.add("missing torques", int(np.sum(self.missing)), channels=self.missing)
+        return low, high
+
+
+def _is_cut(x: Array, top: float, run: int, kink: float) -> bool:
+    """Whether ``x`` stays at ``top`` for ``run`` samples or more and leaves it steeply."""
+    at = np.concatenate([[False], x == top, [False]])
+    edges = np.flatnonzero(np.diff(at.astype(np.int8)))
+    starts, ends = edges[::2], edges[1::2]
+    lengths = ends - starts
+    steps = np.abs(np.diff(x))
+    step = float(np.min(steps[steps > 0], initial=math.inf))
+    if not math.isfinite(step):
+        return False
+    for start, length in zip(starts[lengths >= run], lengths[lengths >= run], strict=True):
+        before, after = start - length, start + 2 * length - 1
+        depths = [top - x[i] for i in (before, after) if 0 <= i < len(x)]
+        if depths and max(depths) > kink * step:
+            return True
+    return False

@@ -1,0 +1,202 @@
+"""Recordings of an experiment: named joints, instants, positions, torques, in SI at the joints."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import Fault, InputError
+from rrrgen.recordings.log_stream import CHUNK, LogStream, Part, joined
+from rrrgen.recordings.mapping import LogMapping, plain_mapping
+from rrrgen.recordings.repairs import Finding, Repairs
+from rrrgen.signals.reconstruction import sampling_period
+from rrrgen.yamltext.signal_units import ANGLE, FORCE, LENGTH, TORQUE
+
+MAPPING_SUFFIXES = (".yaml", ".yml")
+IN_MEMORY = 2_000_000  # rows
+
+
+@dataclass(frozen=True)
+class Log:
+    """A recording in memory, uniformly sampled at ``period`` (s; taken from ``t`` if it is 0) in each stretch
+    ``segment``.
+
+    ``t`` (N,) s; ``q``, and ``dq``, ``ddq`` where recorded, (N, n) in rad (m) and per s, s^2; ``tau`` (N, n) N m (N)
+    at the joints; ``valid`` (N, n) False where the torque of a joint cannot be used. ``repairs`` tell what was
+    found wrong.
+    """
+
+    joints: tuple[str, ...]
+    t: Array
+    q: Array
+    tau: Array | None = None
+    dq: Array | None = None
+    ddq: Array | None = None
+    period: float = 0.0
+    valid: NDArray[np.bool_] | None = None
+    segment: NDArray[np.int64] | None = None
+    repairs: Repairs = field(default_factory=Repairs)
+    mapping: LogMapping | None = field(default=None, compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.period > 0.0:
+            object.__setattr__(self, "period", sampling_period(self.t))
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What was found wrong, kind by kind."""
+        return self.repairs.findings
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First instant and duration, s."""
+        return float(self.t[0]), float(self.t[-1] - self.t[0])
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def parts(self) -> Iterator[Part]:
+        """The uninterrupted stretches."""
+        valid = np.ones(self.q.shape, bool) if self.valid is None else self.valid
+        segment = np.zeros(len(self.t), np.int64) if self.segment is None else self.segment
+        whole = Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0)
+        edges = [0, *(np.flatnonzero(np.diff(segment)) + 1), len(self.t)]
+        for number, (start, stop) in enumerate(pairwise(edges)):
+            part = whole.sliced(int(start), int(stop))
+            yield Part(part.t, part.q, part.dq, part.ddq, part.tau, part.valid, number, 0)
+
+
+def open_log(path: str | os.PathLike[str], mapping: LogMapping | str | os.PathLike[str] | None = None) -> LogMapping:
+    """The mapping that reads ``path``: a recording with its ``mapping`` (or mapping file), or a mapping file alone.
+
+    Without a mapping, a recording must have rrrgen's own columns, ``t, q_<joint>, [dq_<joint>,] tau_<joint>``.
+    """
+    from rrrgen.recordings.mapping_reader import load_mapping
+
+    place = Path(path)
+    if place.suffix.lower() in MAPPING_SUFFIXES and mapping is None:
+        return load_mapping(place)
+    if isinstance(mapping, LogMapping):
+        return mapping.with_file(place)
+    if mapping is not None:
+        return load_mapping(mapping).with_file(place)
+    return _own_mapping(place)
+
+
+def _own_mapping(path: Path) -> LogMapping:
+    from rrrgen.recordings.mapping import FileSource
+    from rrrgen.recordings.readers.table_formats import open_table
+    from rrrgen.recordings.readers.tables import table_fault
+
+    columns = open_table(FileSource("log", path)).columns
+    joints = tuple(name[2:] for name in columns if name.startswith("q_"))
+    if "t" not in columns or not joints:
+        raise table_fault(
+            path,
+            "without a mapping file a recording needs the columns t, q_<joint>, tau_<joint>",
+            f"there are: {', '.join(columns[:20])}",
+        )
+    velocity, torque = (all(f"{key}_{joint}" in columns for joint in joints) for key in ("dq", "tau"))
+    return plain_mapping(path, joints, velocity, torque)
+
+
+def read_log(
+    path: str | os.PathLike[str],
+    mapping: LogMapping | str | os.PathLike[str] | None = None,
+    joints: Sequence[str] | None = None,
+    chunk: int = CHUNK,
+) -> Log:
+    """Read a whole recording into memory; see :func:`open_log` for the arguments.
+
+    ``joints`` are the names that the robot gives its joints, in order; they must be those of the recording. Raises
+    :class:`InputError` where nothing sound can be done with the recording.
+    """
+    return load_stream(LogStream(open_log(path, mapping), chunk), joints)
+
+
+def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
+    """All of a stream, in memory."""
+    if joints is not None:
+        check_joints(stream.joints, joints)
+    parts = list(stream.parts())
+    whole = joined(parts)
+    return Log(
+        joints=stream.joints,
+        t=whole.t,
+        q=whole.q,
+        tau=whole.tau,
+        dq=whole.dq,
+        ddq=whole.ddq,
+        period=stream.period,
+        valid=whole.valid,
+        segment=np.concatenate([np.full(len(part), part.segment, np.int64) for part in parts]),
+        repairs=stream.repairs,
+        mapping=stream.mapping,
+    )
+
+
+def open_recording(
+    path: str | os.PathLike[str],
+    mapping: LogMapping | str | os.PathLike[str] | None = None,
+    spec: Any = None,
+    in_memory: int = IN_MEMORY,
+) -> Log | LogStream:
+    """A recording, in memory if it has at most ``in_memory`` rows, else as a stream; see :func:`open_log`.
+
+    With the robot's ``spec`` its joints and units are checked against the robot's.
+    """
+    stream = LogStream(open_log(path, mapping))
+    if spec is not None:
+        check_robot(stream.mapping, spec)
+    return load_stream(stream) if len(stream) <= in_memory else stream
+
+
+def check_robot(mapping: LogMapping, spec: Any) -> None:
+    """Raise :class:`InputError` unless a recording has the robot's joints, with units that suit their types."""
+    check_joints(mapping.names, [joint.name for joint in spec.joints])
+    faults = []
+    for joint, channels in zip(spec.joints, mapping.joints, strict=True):
+        wrong = (LENGTH, FORCE) if joint.is_revolute else (ANGLE, TORQUE)
+        for signal, table in zip(("position", "torque"), wrong, strict=True):
+            channel = channels.position if signal == "position" else channels.torque
+            if channel is not None and channel.unit in table:
+                message = f"joint {joint.name} is {joint.type}, but its {signal} is in {channel.unit}"
+                faults.append(Fault(mapping.source or "recording", 0, 0, message))
+    if faults:
+        raise InputError(faults)
+
+
+def check_joints(recorded: Sequence[str], robot: Sequence[str]) -> None:
+    """Raise :class:`InputError` unless the recording has the robot's joints in the robot's order."""
+    if len(recorded) != len(robot):
+        raise InputError(f"the recording has {len(recorded)} joints, the robot {len(robot)}")
+    if tuple(recorded) != tuple(robot):
+        raise InputError(
+            f"the joints of the recording ({', '.join(recorded)}) are not those of the robot ({', '.join(robot)}); "
+            "name them alike, in the same order"
+        )
+
+
+def write_log(path: str | os.PathLike[str], log: Log) -> None:
+    """Write a recording as CSV in rrrgen's own columns, with 17 digits: what is read back is equal."""
+    columns, names = [log.t], ["t"]
+    for key, values in (("q", log.q), ("dq", log.dq), ("ddq", log.ddq), ("tau", log.tau)):
+        if values is not None:
+            columns += list(values.T)
+            names += [f"{key}_{joint}" for joint in log.joints]
+    with open(path, "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(",".join(names) + "\n")
+        np.savetxt(stream, np.column_stack(columns), fmt="%.17g", delimiter=",")

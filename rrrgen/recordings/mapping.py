@@ -1,0 +1,166 @@
+"""How the columns of a recording become joint positions and torques in SI: what a mapping file says.
+
+A channel turns the numbers of one column into SI by ``value = sign * (column - zero) * factor``. Signals of the motor
+side pass the transmission: with ``q_m = N (q - q_0)`` the joint has ``q = N^-1 q_m + q_0`` and ``tau = N' tau_m``,
+where N (n, n) is the coupling matrix, or the diagonal of the gear ratios, and ``q_0`` the position of every joint at
+which its encoder reads zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.identify.columns import CoupledDrive
+
+Side = Literal["joint", "motor"]
+Signal = Literal["position", "velocity", "acceleration", "torque"]
+SIGNALS: tuple[Signal, ...] = ("position", "velocity", "acceleration", "torque")
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """One file of the recording and how to read it; None where the reader finds out by itself."""
+
+    name: str
+    path: Path
+    format: str | None = None
+    separator: str | None = None
+    decimal: str | None = None
+    header: int | None = None  # number of header lines after those skipped; None: as found
+    skip: int = 0
+    comment: str = "#"
+    encoding: str = "utf-8-sig"
+    topic: str | None = None
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column and what it means; ``wraps`` is the period (in column units) at which an encoder starts over."""
+
+    file: str
+    column: str | int
+    factor: float = 1.0
+    sign: float = 1.0
+    zero: float = 0.0
+    side: Side = "joint"
+    wraps: float | None = None
+    unit: str = ""
+    limit: float | None = None  # of a torque, SI, on the side of the channel: beyond it the drive saturates
+
+
+@dataclass(frozen=True)
+class JointChannels:
+    """The channels of one joint; ``zero`` is the joint position (rad, m) at which its encoder reads zero."""
+
+    name: str
+    position: Channel
+    velocity: Channel | None = None
+    acceleration: Channel | None = None
+    torque: Channel | None = None
+    zero: float = 0.0
+
+    def channel(self, signal: Signal) -> Channel | None:
+        """The channel of one signal."""
+        found: Channel | None = getattr(self, signal)
+        return found
+
+
+@dataclass(frozen=True)
+class TimeSource:
+    """The instants: a column of a file times ``factor``, or a constant ``period`` (s)."""
+
+    period: float | None = None
+    file: str = ""
+    column: str | int = ""
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class LogMapping:
+    """All that a mapping file says. ``transmission`` is N (n, n) or None; ``processing`` are the file's own
+    defaults.
+    """
+
+    files: tuple[FileSource, ...]
+    time: TimeSource
+    joints: tuple[JointChannels, ...]
+    transmission: Array | None = None
+    coupled_drives: tuple[CoupledDrive, ...] = ()
+    max_gap: float | None = None  # s; a longer hole splits the recording
+    processing: Mapping[str, Any] = field(default_factory=dict)
+    name: str = ""
+    source: str = ""  # the mapping file, for messages
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Joint names in order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    def has(self, signal: Signal) -> bool:
+        """Whether every joint has this signal."""
+        return all(joint.channel(signal) is not None for joint in self.joints)
+
+    def channels(self, signal: Signal) -> list[Channel]:
+        """The channels of one signal, joint by joint; empty unless every joint has one."""
+        found = [joint.channel(signal) for joint in self.joints]
+        return [channel for channel in found if channel is not None] if self.has(signal) else []
+
+    def with_file(self, path: Path) -> LogMapping:
+        """The same mapping on another recording: its only file replaced by ``path``."""
+        if len(self.files) != 1:
+            names = ", ".join(source.name for source in self.files)
+            raise InputError(
+                f"this mapping reads {len(self.files)} files ({names}); a single path cannot stand for them"
+            )
+        return replace(self, files=(replace(self.files[0], path=path),))
+
+    def joint_side(self, signal: Signal, values: Array) -> Array:
+        """Channel values in SI (N, n) brought to the joints; ``zero`` is not added to velocities and the like."""
+        channels = self.channels(signal)
+        on_motor = np.array([channel.side == "motor" for channel in channels])
+        if not on_motor.any():
+            return values + self._zero if signal == "position" else values
+        if self.transmission is None:
+            raise InputError("signals of the motor side need gear ratios or a transmission matrix")
+        N = self.transmission if on_motor.all() else self._diagonal(on_motor)
+        moved = values @ N if signal == "torque" else np.linalg.solve(N, values.T).T
+        return np.asarray(moved + self._zero if signal == "position" else moved)
+
+    @property
+    def _zero(self) -> Array:
+        return np.array([joint.zero for joint in self.joints])
+
+    def _diagonal(self, on_motor: Any) -> Array:
+        """The transmission with the joints that are logged at the joint side taken out."""
+        assert self.transmission is not None
+        coupled = self.transmission - np.diag(np.diag(self.transmission))
+        if np.any(coupled):
+            raise InputError("with a coupling matrix, one signal must be on the motor side of all joints or of none")
+        return np.diag(np.where(on_motor, np.diag(self.transmission), 1.0))
+
+
+def plain_mapping(path: Path, joints: tuple[str, ...], velocity: bool = False, torque: bool = True) -> LogMapping:
+    """The mapping of rrrgen's own recordings: columns ``t``, ``q_<joint>``, ``dq_<joint>``, ``tau_<joint>``, in SI."""
+    file = "log"
+    channels = [
+        JointChannels(
+            name,
+            position=Channel(file, f"q_{name}"),
+            velocity=Channel(file, f"dq_{name}") if velocity else None,
+            torque=Channel(file, f"tau_{name}") if torque else None,
+        )
+        for name in joints
+    ]
+    return LogMapping((FileSource(file, path),), TimeSource(file=file, column="t"), tuple(channels))

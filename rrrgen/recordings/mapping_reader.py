@@ -1,0 +1,392 @@
+"""The mapping file: YAML text -> :class:`LogMapping`, with every fault at once and in its place."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import Fault, InputError
+from rrrgen.identify.columns import CoupledDrive
+from rrrgen.model.drive_terms import KINDS, Kind
+from rrrgen.recordings.mapping import SIGNALS, Channel, FileSource, JointChannels, LogMapping, Side, Signal, TimeSource
+from rrrgen.signals.processing import read_processing
+from rrrgen.yamltext import signal_units as log_units
+from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
+from rrrgen.yamltext.sections import describe, read_entries
+from rrrgen.yamltext.suggest import did_you_mean
+
+SCHEMA = "rrrgen-log/1"
+FORMATS = ("csv", "npy", "npz", "mat", "hdf5", "parquet", "rosbag")
+
+KEYS = {
+    "mapping": (
+        *("schema", "name", "description", "files", "time", "units", "side", "joints", "transmission"),
+        *("coupled_drives", "max_gap", "processing"),
+    ),
+    "file": ("path", "format", "separator", "decimal", "header", "skip", "comment", "encoding", "topic"),
+    "time": ("rate", "period", "file", "column", "unit"),
+    "joint": ("name", "position", "velocity", "acceleration", "torque", "zero", "gear_ratio", "side"),
+    "channel": (
+        *("file", "column", "unit", "sign", "zero", "side", "wraps_at", "resolution", "counts_per_turn", "constant"),
+        *("rated", "limit"),
+    ),
+    "coupled drive": ("name", "direction", "terms"),
+}
+REQUIRED = {
+    "mapping": ("schema", "files", "time", "joints"),
+    "file": ("path",),
+    "joint": ("name", "position"),
+    "channel": ("column",),
+    "coupled drive": ("name", "direction"),
+}
+UNITS: dict[Signal, dict[str, float]] = {
+    "position": log_units.POSITION | {log_units.COUNTS: 1.0},
+    "velocity": log_units.VELOCITY | {log_units.COUNTS + "/s": 1.0},
+    "acceleration": log_units.ACCELERATION,
+    "torque": log_units.TORQUE | log_units.FORCE | log_units.DRIVE_SIGNALS,
+}
+
+
+def load_mapping(path: str | os.PathLike[str]) -> LogMapping:
+    """Read a mapping file; paths in it are relative to it. Raises :class:`InputError` with every fault."""
+    place = Path(path)
+    try:
+        data = place.read_bytes()
+    except OSError as error:
+        raise InputError([Fault(str(path), 0, 0, f"cannot read the mapping file: {error.strerror or error}")]) from None
+    return loads_mapping(decode(data, str(path)), str(path))
+
+
+def loads_mapping(text: str, file: str = "log.yaml") -> LogMapping:
+    """Read a mapping from YAML text; ``file`` is the name for messages, and paths are relative to its folder."""
+    faults = FaultList(file, text)
+    mapping = _Reader(faults, Path(file).parent).mapping(parse_document(text, faults))
+    faults.raise_errors()
+    if mapping is None:
+        raise InputError([Fault(file, 0, 0, "the mapping file says nothing")])
+    return mapping
+
+
+class _Reader:
+    """Reads one mapping file; faults go to one list, and reading goes on."""
+
+    def __init__(self, faults: FaultList, folder: Path) -> None:
+        self.faults, self.folder = faults, folder
+        self.units: dict[str, str] = {}
+        self.files: dict[str, FileSource] = {}
+        self.side: Side = "joint"
+        self.gears: dict[int, float] = {}
+
+    def mapping(self, root: Node) -> LogMapping | None:
+        top = self.section(root, "mapping", "the mapping file")
+        if top is None:
+            return None
+        if "schema" in top:
+            self.choice(top["schema"], "schema", (SCHEMA,))
+        self.read_files(top.get("files"))
+        self.read_units(top.get("units"))
+        if "side" in top:
+            self.side = self.read_side(top["side"], "side")
+        joints = self.read_joints(top.get("joints"))
+        coupled = self.read_coupled(top.get("coupled_drives"), len(joints))
+        gap = top.get("max_gap")
+        return LogMapping(
+            files=tuple(self.files.values()),
+            time=self.read_time(top.get("time")),
+            joints=tuple(joints),
+            transmission=self.read_transmission(top.get("transmission"), joints),
+            coupled_drives=coupled,
+            max_gap=None if gap is None else self.quantity(gap, "max_gap", log_units.TIME, "s"),
+            processing=read_processing(top.get("processing"), len(joints), self.faults),
+            name=self.text(top["name"], "name") if "name" in top else "",
+            source=self.faults.file,
+        )
+
+    # -- sections ------------------------------------------------------------------------------------------------
+
+    def section(self, node: Node, kind: str, what: str) -> dict[str, Node] | None:
+        entries = read_entries(node, what, self.faults)
+        if entries is None:
+            return None
+        for name, (key, value) in entries.items():
+            if name not in KEYS[kind]:
+                hint = f"{did_you_mean(name, KEYS[kind])} allowed are {', '.join(KEYS[kind])}".strip()
+                self.faults.error(key, f"unknown key '{name}' in {what}", hint)
+            elif isinstance(value, Scalar) and value.is_null:
+                self.faults.error(key, f"'{name}' has no value")
+        for name in REQUIRED.get(kind, ()):
+            if name not in entries:
+                self.faults.error(node, f"{what} needs the key '{name}'")
+        return {
+            name: value
+            for name, (_, value) in entries.items()
+            if name in KEYS[kind] and not (isinstance(value, Scalar) and value.is_null)
+        }
+
+    def read_files(self, node: Node | None) -> None:
+        if node is None:
+            return
+        if isinstance(node, Scalar):
+            self.files["log"] = FileSource("log", self.folder / node.text)
+            return
+        for alias, (_, value) in (read_entries(node, "files", self.faults) or {}).items():
+            if isinstance(value, Scalar):
+                self.files[alias] = FileSource(alias, self.folder / self.text(value, f"files.{alias}"))
+                continue
+            part = self.section(value, "file", f"files.{alias}") or {}
+            self.files[alias] = FileSource(
+                name=alias,
+                path=self.folder / self.text(part["path"], "path") if "path" in part else self.folder,
+                format=self.choice(part["format"], "format", FORMATS) if "format" in part else None,
+                separator=self.separator(part.get("separator")),
+                decimal=self.choice(part["decimal"], "decimal", (".", ",")) if "decimal" in part else None,
+                header=self.whole(part.get("header"), "header", None),
+                skip=self.whole(part.get("skip"), "skip", 0) or 0,
+                comment=self.text(part["comment"], "comment") if "comment" in part else "#",
+                encoding=self.text(part["encoding"], "encoding") if "encoding" in part else "utf-8-sig",
+                topic=self.text(part["topic"], "topic") if "topic" in part else None,
+            )
+        if not self.files:
+            self.faults.error(node, "files names no file")
+
+    def read_units(self, node: Node | None) -> None:
+        if node is None:
+            return
+        for name, (key, value) in (read_entries(node, "units", self.faults) or {}).items():
+            signal = next((s for s in SIGNALS if s == name), None)
+            if signal is None:
+                self.faults.error(key, f"unknown signal '{name}' in units", f"allowed are {', '.join(SIGNALS)}")
+            elif unit := log_units.read_unit(value, f"units.{name}", UNITS[signal], self.faults):
+                self.units[signal] = unit
+
+    def read_time(self, node: Node | None) -> TimeSource:
+        part = (self.section(node, "time", "time") or {}) if node is not None else {}
+        given = [key for key in ("rate", "period", "column") if key in part]
+        if node is not None and len(given) != 1:
+            self.faults.error(node, "time needs exactly one of rate, period and column", "e.g. {rate: 1 kHz}")
+        if "rate" in part:
+            rate = self.quantity(part["rate"], "time.rate", log_units.RATE, "Hz", positive=True)
+            return TimeSource(period=1.0 / rate if rate else None)
+        if "period" in part:
+            return TimeSource(period=self.quantity(part["period"], "time.period", log_units.TIME, "s", positive=True))
+        if "column" not in part:
+            return TimeSource(period=1.0)
+        unit: str | None = None
+        if "unit" in part:
+            unit = log_units.read_unit(part["unit"], "time", log_units.TIME, self.faults)
+        elif node is not None:
+            self.faults.error(node, "time.column needs a unit", f"allowed are {', '.join(log_units.TIME)}")
+        return TimeSource(
+            file=self.file_of(part.get("file"), "time", node),
+            column=self.column(part["column"], "time.column"),
+            factor=log_units.TIME[unit or "s"],
+        )
+
+    def read_joints(self, node: Node | None) -> list[JointChannels]:
+        if node is None:
+            return []
+        if not isinstance(node, Sequence) or not node.items:
+            self.faults.error(node, f"joints is {describe(node)}, not a list", "one entry per joint, in order")
+            return []
+        joints, seen = [], {}
+        for index, item in enumerate(node.items):
+            what = f"joints[{index}]"
+            part = self.section(item, "joint", what)
+            if part is None:
+                continue
+            side = self.read_side(part["side"], what) if "side" in part else self.side
+            if "gear_ratio" in part:
+                ratio = self.number(part["gear_ratio"], f"{what}.gear_ratio")
+                if ratio == 0.0:
+                    self.faults.error(part["gear_ratio"], "a gear ratio of zero")
+                self.gears[index] = ratio or 1.0
+            name = self.text(part["name"], f"{what}.name") if "name" in part else f"joint {index + 1}"
+            if name in seen:
+                self.faults.error(part.get("name", item), f"a second joint '{name}'")
+            seen[name] = index
+            channels = {s: self.read_channel(part[s], s, f"{what}.{s}", side) for s in SIGNALS if s in part}
+            joints.append(
+                JointChannels(
+                    name=name,
+                    position=channels.get("position") or Channel("", ""),
+                    velocity=channels.get("velocity"),
+                    acceleration=channels.get("acceleration"),
+                    torque=channels.get("torque"),
+                    zero=self.quantity(part.get("zero"), f"{what}.zero", log_units.POSITION, "rad") or 0.0,
+                )
+            )
+        for signal in SIGNALS[1:]:
+            missing = [j.name for j in joints if j.channel(signal) is None]
+            if missing and len(missing) < len(joints):
+                self.faults.error(
+                    node, f"some joints have a {signal}, but not {', '.join(missing)}", "give all or none"
+                )
+        return joints
+
+    def read_channel(self, node: Node, signal: Signal, what: str, side: Side) -> Channel:
+        if isinstance(node, Scalar):
+            part: dict[str, Node] = {"column": node}
+        else:
+            part = self.section(node, "channel", what) or {}
+        unit = self.units.get(signal, "")
+        if "unit" in part:
+            unit = log_units.read_unit(part["unit"], what, UNITS[signal], self.faults) or "one"
+        elif not unit:
+            hint = f"give it here or once in units.{signal}; allowed are {', '.join(UNITS[signal])}"
+            self.faults.error(node, f"{what} has no unit", hint)
+        sign = self.number(part["sign"], f"{what}.sign") if "sign" in part else 1.0
+        if sign not in (1.0, -1.0):
+            self.faults.error(part.get("sign"), f"{what}.sign is not +1 or -1", "scale with constant or resolution")
+        side = self.read_side(part["side"], what) if "side" in part else side
+        return Channel(
+            file=self.file_of(part.get("file"), what, node),
+            column=self.column(part["column"], f"{what}.column") if "column" in part else "",
+            factor=self.factor(part, signal, unit, what, node),
+            sign=sign or 1.0,
+            zero=(self.number(part["zero"], f"{what}.zero") or 0.0) if "zero" in part else 0.0,
+            side=side,
+            wraps=self.number(part["wraps_at"], f"{what}.wraps_at") if "wraps_at" in part else None,
+            unit=unit,
+            limit=self.limit(part.get("limit"), what),
+        )
+
+    def factor(self, part: dict[str, Node], signal: Signal, unit: str, what: str, node: Node) -> float:
+        """From the numbers of the column to SI."""
+        if unit.startswith(log_units.COUNTS):
+            if "counts_per_turn" in part:
+                counts = self.number(part["counts_per_turn"], f"{what}.counts_per_turn")
+                return 2.0 * math.pi / counts if counts else 1.0
+            if "resolution" not in part:
+                self.faults.error(node, f"{what} in counts needs counts_per_turn or resolution", "e.g. 0.001 deg")
+            return self.quantity(part.get("resolution"), f"{what}.resolution", log_units.POSITION, "rad") or 1.0
+        if signal != "torque" or unit not in log_units.DRIVE_SIGNALS:
+            return UNITS[signal].get(unit, 1.0)
+        key, table = ("rated", log_units.TORQUE | log_units.FORCE) if unit == "%" else ("constant", log_units.CONSTANT)
+        if key not in part:
+            hint = "the torque at 100 %" if unit == "%" else f"the torque or force per {unit}, e.g. 0.12 N*m/A"
+            self.faults.error(node, f"{what} in {unit} needs the key '{key}'", hint)
+        value = self.quantity(part.get(key), f"{what}.{key}", table, next(iter(table)))
+        return log_units.DRIVE_SIGNALS[unit] * (1.0 if value is None else value)
+
+    def read_coupled(self, node: Node | None, joints: int) -> tuple[CoupledDrive, ...]:
+        if node is None:
+            return ()
+        if not isinstance(node, Sequence):
+            self.faults.error(node, f"coupled_drives is {describe(node)}, not a list")
+            return ()
+        drives = []
+        for index, item in enumerate(node.items):
+            what = f"coupled_drives[{index}]"
+            part = self.section(item, "coupled drive", what) or {}
+            weights = self.numbers(part.get("direction"), f"{what}.direction", joints)
+            terms: list[Kind] = []
+            listed = part.get("terms")
+            for term in listed.items if isinstance(listed, Sequence) else ():
+                chosen = self.choice(term, f"{what}.terms", KINDS)
+                terms += [kind for kind in KINDS if kind == chosen]
+            if weights and "name" in part:
+                chosen_terms = tuple(terms) or ("inertia", "viscous", "coulomb")
+                drives.append(CoupledDrive(self.text(part["name"], what), tuple(weights), chosen_terms))
+        return tuple(drives)
+
+    def read_transmission(self, node: Node | None, joints: list[JointChannels]) -> Array | None:
+        if node is None:
+            if not self.gears:
+                return None
+            return np.diag([self.gears.get(i, 1.0) for i in range(len(joints))])
+        entries = read_entries(node, "transmission", self.faults) or {}
+        if set(entries) != {"matrix"}:
+            self.faults.error(
+                node, "transmission needs the key 'matrix' and no other", "rows: motor angles in the joints"
+            )
+            return None
+        if self.gears:
+            self.faults.error(node, "both a transmission matrix and gear ratios", "the matrix holds the gear ratios")
+        rows_node = entries["matrix"][1]
+        if not isinstance(rows_node, Sequence) or len(rows_node.items) != len(joints):
+            self.faults.error(rows_node, f"transmission.matrix needs {len(joints)} rows, one per joint")
+            return None
+        rows = [self.numbers(row, f"matrix[{i}]", len(joints)) for i, row in enumerate(rows_node.items)]
+        if not all(rows):
+            return None
+        N = np.array(rows, float)
+        if abs(np.linalg.det(N)) < 1e-12 * np.prod(np.linalg.norm(N, axis=1)):
+            self.faults.error(rows_node, "the transmission matrix is singular", "joint angles would not be determined")
+            return None
+        return N
+
+    # -- values --------------------------------------------------------------------------------------------------
+
+    def text(self, node: Node, what: str) -> str:
+        if isinstance(node, Scalar) and not node.is_null:
+            return node.text
+        self.faults.error(node, f"{what} is {describe(node)}, not a text")
+        return ""
+
+    def choice(self, node: Node, what: str, allowed: tuple[str, ...]) -> str:
+        value = self.text(node, what)
+        if value and value not in allowed:
+            hint = f"{did_you_mean(value, allowed)} allowed are {', '.join(allowed)}".strip()
+            self.faults.error(node, f"{what} is '{value}'", hint)
+        return value
+
+    def read_side(self, node: Node, what: str) -> Side:
+        return "motor" if self.choice(node, f"{what} (side)", ("joint", "motor")) == "motor" else "joint"
+
+    def separator(self, node: Node | None) -> str | None:
+        if node is None:
+            return None
+        words = {"tab": "\t", "space": " ", "comma": ",", "semicolon": ";", "\\t": "\t"}
+        value = node.text if isinstance(node, Scalar) else self.text(node, "separator")
+        return words.get(value, value) or None
+
+    def file_of(self, node: Node | None, what: str, where: Node | None) -> str:
+        if node is None:
+            if len(self.files) > 1:
+                self.faults.error(where, f"{what} needs the key 'file'", f"one of {', '.join(self.files)}")
+            return next(iter(self.files), "")
+        return self.choice(node, f"{what}.file", tuple(self.files))
+
+    def column(self, node: Node, what: str) -> str | int:
+        text = self.text(node, what)
+        quoted = isinstance(node, Scalar) and node.quoted
+        return int(text) if text.isdecimal() and not quoted else text
+
+    def number(self, node: Node | None, what: str) -> float | None:
+        return None if node is None else log_units.read_quantity(node, what, {"one": 1.0}, "one", self.faults)
+
+    def numbers(self, node: Node | None, what: str, length: int) -> list[float]:
+        if not isinstance(node, Sequence) or len(node.items) != length:
+            self.faults.error(node, f"{what} needs a list of {length} numbers")
+            return []
+        values = [self.number(item, f"{what}[{i}]") for i, item in enumerate(node.items)]
+        return [value for value in values if value is not None] if None not in values else []
+
+    def whole(self, node: Node | None, what: str, default: int | None) -> int | None:
+        if node is None:
+            return default
+        text = self.text(node, what)
+        if text.isdecimal():
+            return int(text)
+        self.faults.error(node, f"{what} is '{text}', not a whole number")
+        return default
+
+    def limit(self, node: Node | None, what: str) -> float | None:
+        if node is None:
+            return None
+        return self.quantity(node, f"{what}.limit", log_units.TORQUE | log_units.FORCE, "N*m", positive=True)
+
+    def quantity(
+        self, node: Node | None, what: str, table: dict[str, float], bare: str, positive: bool = False
+    ) -> float | None:
+        if node is None:
+            return None
+        value = log_units.read_quantity(node, what, table, bare, self.faults)
+        if value is not None and positive and value <= 0.0:
+            self.faults.error(node, f"{what} must be positive")
+            return None
+        return value

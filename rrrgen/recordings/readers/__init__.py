@@ -1,0 +1,1 @@
+"""Readers of recorded tables, one format a file, behind one interface."""

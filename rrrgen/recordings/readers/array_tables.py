@@ -1,0 +1,299 @@
+"""Tables in containers of arrays: NumPy, MATLAB v5 and v7.3, HDF5, Parquet.
+
+A column is an array by name, ``q``; one column of a two-dimensional array is ``q[2]`` (counted from 0) or ``q(3)``
+(counted from 1). The longer axis of an array is time.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.recordings.readers.tables import Table, blocks, indexed_name, named_column, table_fault, unknown_column
+
+
+def open_arrays(path: Path, kind: str) -> Table:
+    """The table of a container; MATLAB v7.3 files are HDF5 and recognised by their content."""
+    if kind == "npy":
+        return NpyTable(path)
+    if kind == "npz":
+        return NpzTable(path)
+    with path.open("rb") as stream:
+        head = stream.read(512)
+    # HDF5 starts at once, or after MATLAB's own 512 bytes of text
+    if kind == "hdf5" or b"MATLAB 7.3" in head[:116] or head.startswith(b"\x89HDF"):
+        return Hdf5Table(path)
+    return MatTable(path)
+
+
+def column_of(path: Path, name: str, array: Any, index: int | None) -> Any:
+    """One column of an array of one or two dimensions, as a slice that is not read yet where the array is on disk."""
+    shape = array.shape
+    long = [size for size in shape if size != 1]
+    if len(long) > 2:
+        raise table_fault(path, f"'{name}' has {len(shape)} dimensions", "a column has one, a table two")
+    if len(shape) < 2 or len(long) < 2:
+        if index not in (None, 0):
+            raise table_fault(path, f"'{name}' has one column only", f"write {name}")
+        return _Column(array, None, None)
+    if len(shape) != 2:
+        raise table_fault(path, f"'{name}' has {len(shape)} dimensions", "a column has one, a table two")
+    if shape[0] == shape[1]:
+        raise table_fault(path, f"'{name}' is square ({shape[0]} x {shape[1]}): which axis is time?")
+    axis = 0 if shape[0] > shape[1] else 1
+    width = shape[1 - axis]
+    if index is None:
+        raise table_fault(path, f"'{name}' has {width} columns", f"write {name}[0] to {name}[{width - 1}]")
+    if index >= width:
+        raise table_fault(path, f"column {name}[{index}] of {width}", "columns count from 0 in [ ], from 1 in ( )")
+    return _Column(array, axis, index)
+
+
+class _Column:
+    """A lazily sliced column of an array in memory, memory-mapped, or in HDF5."""
+
+    def __init__(self, array: Any, axis: int | None, index: int | None) -> None:
+        self.array, self.axis, self.index = array, axis, index
+
+    def __len__(self) -> int:
+        return int(np.prod(self.array.shape)) if self.axis is None else int(self.array.shape[self.axis])
+
+    def __getitem__(self, part: slice) -> Array:
+        if self.axis is None:
+            shape = self.array.shape
+            longest = int(np.argmax(shape)) if shape else 0
+            place = tuple(part if i == longest else 0 for i in range(len(shape)))
+            return np.asarray(self.array[place], float)
+        if self.axis == 0:
+            return np.asarray(self.array[part, self.index], float)
+        return np.asarray(self.array[self.index, part], float)
+
+
+class _ArrayTable:
+    """A container of named arrays."""
+
+    path: Path
+    columns: tuple[str, ...]
+
+    def array(self, name: str) -> Any:
+        """The array of that name, or None."""
+        raise KeyError(name)
+
+    def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
+        """Blocks of the wanted columns, which must be equally long."""
+        found = []
+        for column in wanted:
+            name, index = indexed_name(str(column))
+            array = self.array(name)
+            if array is None:
+                raise unknown_column(self.path, name, self.columns)
+            found.append(column_of(self.path, name, array, index))
+        lengths = {len(column) for column in found}
+        if len(lengths) > 1:
+            named = ", ".join(f"{name}: {len(column)}" for name, column in zip(wanted, found, strict=True))
+            raise table_fault(self.path, f"columns of different lengths ({named})")
+        yield from blocks(found, size)
+
+
+class NpyTable(_ArrayTable):
+    """One array in a .npy file, read piece by piece; its columns are named by their numbers from 1, or ``data[k]``.
+
+    The file is not mapped into memory: it may be larger than the address space that the process is allowed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with path.open("rb") as stream:
+            self.data = _numpy(path, lambda: _ArrayFile(path, stream))
+        if self.data.dtype.names:
+            self.columns = tuple(self.data.dtype.names)
+        else:
+            width = 1 if len(self.data.shape) < 2 else min(self.data.shape)
+            self.columns = tuple(str(i + 1) for i in range(width))
+
+    def array(self, name: str) -> Any:
+        """The array as ``data``."""
+        return self.data if name == "data" and not self.data.dtype.names else None
+
+    def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
+        """Blocks of the wanted columns."""
+        if self.data.dtype.names:
+            places = [self.columns[named_column(self.path, name, self.columns)] for name in wanted]
+            for start in range(0, self.data.shape[0], size):
+                piece = self.data.rows(start, size)
+                yield np.column_stack([piece[place].astype(float) for place in places])
+            return
+        if len(self.data.shape) == 2 and self.data.shape[0] == self.data.shape[1]:
+            raise table_fault(self.path, "the array is square: which axis is time?")
+        numbers = [self._number(name) for name in wanted]
+        by_rows = len(self.data.shape) < 2 or self.data.shape[0] > self.data.shape[1]
+        length = self.data.shape[0] if by_rows else self.data.shape[1]
+        for start in range(0, length, size):
+            if by_rows:
+                piece = self.data.rows(start, size).reshape(min(size, length - start), -1)
+                yield piece[:, numbers].astype(float)
+            else:
+                yield np.column_stack([self.data.row_part(k, start, size) for k in numbers])
+
+    def _number(self, name: str | int) -> int:
+        base, index = indexed_name(str(name))
+        if index is None:
+            return named_column(self.path, int(base) if base.isdecimal() else base, self.columns)
+        if base != "data" or index >= len(self.columns):
+            raise unknown_column(self.path, name, self.columns)
+        return index
+
+
+class _ArrayFile:
+    """An array of one or two dimensions in a .npy file, of which pieces are read."""
+
+    def __init__(self, path: Path, stream: BinaryIO) -> None:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        self.shape, self.fortran, self.dtype = read(stream)
+        self.path, self.offset = path, stream.tell()
+        if self.dtype.hasobject or len(self.shape) not in (1, 2):
+            raise ValueError("not an array of numbers of one or two dimensions")
+
+    def rows(self, start: int, count: int) -> NDArray[Any]:
+        """``count`` rows from ``start`` on."""
+        count = min(count, self.shape[0] - start)
+        width = self.shape[1] if len(self.shape) == 2 else 1
+        if self.fortran and width > 1:
+            return np.column_stack([self._piece(k * self.shape[0] + start, count) for k in range(width)])
+        return self._piece(start * width, count * width).reshape((count, *self.shape[1:]))
+
+    def row_part(self, row: int, start: int, count: int) -> NDArray[Any]:
+        """Part of one row of an array of two dimensions."""
+        count = min(count, self.shape[1] - start)
+        if not self.fortran:
+            return self._piece(row * self.shape[1] + start, count).astype(float)
+        height = self.shape[0]
+        return self._piece(start * height, count * height).reshape(count, height)[:, row].astype(float)
+
+    def _piece(self, first: int, count: int) -> NDArray[Any]:
+        with self.path.open("rb") as stream:
+            stream.seek(self.offset + first * self.dtype.itemsize)
+            found = np.fromfile(stream, self.dtype, count)
+        if len(found) < count:
+            raise table_fault(self.path, "the file is shorter than its header says", "was it copied completely?")
+        return found
+
+
+class NpzTable(_ArrayTable):
+    """Arrays of a .npz file; each array is loaded once, when it is first asked for."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.file = _numpy(path, lambda: np.load(path, allow_pickle=False))
+        self.columns = tuple(self.file.files)
+
+    def array(self, name: str) -> Any:
+        """The array, in memory."""
+        return _numpy(self.path, lambda: self.file[name]) if name in self.columns else None
+
+
+class MatTable(_ArrayTable):
+    """Arrays of a MATLAB v5 file; a field of a struct is ``log.q``."""
+
+    def __init__(self, path: Path) -> None:
+        from scipy.io import loadmat
+        from scipy.io.matlab import MatReadError
+
+        self.path = path
+        try:
+            content = loadmat(path, squeeze_me=True, struct_as_record=False)
+        except (MatReadError, ValueError, TypeError, NotImplementedError, OSError, zipfile.BadZipFile) as error:
+            raise table_fault(
+                path, f"not a MATLAB file that can be read: {error}", "save it with -v7 or -v7.3"
+            ) from None
+        self.arrays: dict[str, Any] = {}
+        for name, value in content.items():
+            if not name.startswith("__"):
+                self._collect(name, value)
+        self.columns = tuple(self.arrays)
+
+    def array(self, name: str) -> Any:
+        """The array, in memory."""
+        return self.arrays.get(name)
+
+    def _collect(self, name: str, value: Any) -> None:
+        fields = getattr(value, "_fieldnames", None)
+        if fields:
+            for field in fields:
+                self._collect(f"{name}.{field}", getattr(value, field))
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+            self.arrays[name] = value
+
+
+class Hdf5Table(_ArrayTable):
+    """Datasets of an HDF5 or MATLAB v7.3 file; one inside a group is ``log.q``. Read slice by slice."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            import h5py
+        except ImportError as error:
+            raise InputError("MATLAB v7.3 and HDF5 files need the extra 'logs': pip install rrrgen[logs]") from error
+        self.path = path
+        try:
+            self.file = h5py.File(path, "r")
+        except OSError as error:
+            raise table_fault(path, f"not an HDF5 file: {error}") from None
+        names: list[str] = []
+
+        def collect(name: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and not name.startswith("#"):
+                names.append(name)
+
+        self.file.visititems(collect)
+        self.places = {name.replace("/", "."): name for name in names}
+        self.columns = tuple(self.places)
+
+    def array(self, name: str) -> Any:
+        """The dataset, still on disk."""
+        return self.file[self.places[name]] if name in self.places else None
+
+
+class ParquetTable:
+    """A Parquet file, read batch by batch."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            import pyarrow
+            import pyarrow.parquet
+        except ImportError as error:
+            raise InputError("Parquet files need the extra 'logs': pip install rrrgen[logs]") from error
+        self.path = path
+        try:
+            self.columns = tuple(pyarrow.parquet.ParquetFile(path).schema_arrow.names)
+        except (pyarrow.ArrowException, OSError) as error:
+            raise table_fault(path, f"not a Parquet file: {error}") from None
+
+    def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
+        """Blocks of the wanted columns; an empty entry is NaN."""
+        import pyarrow
+        import pyarrow.parquet
+
+        names = [self.columns[named_column(self.path, name, self.columns)] for name in wanted]
+        with pyarrow.parquet.ParquetFile(self.path) as file:
+            for batch in file.iter_batches(batch_size=size, columns=sorted(set(names))):
+                try:
+                    numbers = [batch.column(name).cast(pyarrow.float64()) for name in names]
+                except pyarrow.ArrowException as error:
+                    raise table_fault(self.path, f"a column is not numeric: {error}") from None
+                yield np.column_stack([column.to_numpy(zero_copy_only=False) for column in numbers])
+
+
+def _numpy(path: Path, read: Any) -> Any:
+    """What ``read`` loads; NumPy's complaints become faults of the file."""
+    try:
+        return read()
+    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise table_fault(path, f"not a NumPy file that can be read: {error}") from None

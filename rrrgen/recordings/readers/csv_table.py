@@ -1,0 +1,161 @@
+"""Text tables as people have them: any separator, decimal comma, one header or none, units under the names, gaps."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import TextIO
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.recordings.mapping import FileSource
+from rrrgen.recordings.readers.tables import named_column, table_fault
+
+SEPARATORS = (";", "\t", ",", "|")
+MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "?", "inf", "-inf", "+inf")
+SAMPLE_LINES = 60
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
+
+
+class CsvTable:
+    """A text table; what its source leaves open (separator, decimal sign, header) is taken from its first lines."""
+
+    def __init__(self, source: FileSource) -> None:
+        self.source, self.path = source, source.path
+        try:
+            with self._open() as stream:
+                head = [self._plain(line) for line in islice(self._lines(stream), SAMPLE_LINES)]
+        except UnicodeDecodeError:
+            raise table_fault(
+                self.path, f"not text in {source.encoding}", "name it with encoding, e.g. latin-1"
+            ) from None
+        except LookupError:
+            raise table_fault(self.path, f"unknown encoding '{source.encoding}'") from None
+        head = [line for line in head if line.strip()]
+        if not head:
+            raise table_fault(self.path, "the file is empty")
+        self.separator = self._separator(head)
+        self.header = source.header if source.header is not None else self._header_lines(head)
+        rows = [self._cells(line) for line in head]
+        data = rows[self.header :]
+        if not data:
+            raise table_fault(self.path, f"nothing but {self.header} header lines")
+        self.decimal = source.decimal or self._decimal(data)
+        if self.decimal == self.separator:
+            raise table_fault(
+                self.path,
+                "the decimal comma and the separator are the same sign",
+                "name them: separator: ';', decimal: ','",
+            )
+        names = [cell.strip().strip('"') for cell in rows[0]] if self.header else []
+        self.columns = tuple(names) if names else tuple(str(i + 1) for i in range(len(data[0])))
+
+    def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
+        """Blocks of the wanted columns; raises at the first entry that is neither a number nor missing."""
+        places = [named_column(self.path, name, self.columns) for name in wanted]
+        with self._open() as stream:
+            numbered = ((n, self._plain(line)) for n, line in enumerate(stream, 1) if n > self.source.skip)
+            rows = ((n, line) for n, line in numbered if line.strip())
+            for _ in range(self.header):
+                next(rows, None)
+            while block := list(islice(rows, size)):
+                yield self._parse(block, places)
+
+    # -- reading -------------------------------------------------------------------------------------------------
+
+    def _open(self) -> TextIO:
+        return open(self.path, encoding=self.source.encoding, newline=None)
+
+    def _lines(self, stream: TextIO) -> Iterator[str]:
+        return islice(stream, self.source.skip, None)
+
+    def _plain(self, line: str) -> str:
+        """The line without its end and comment."""
+        line = line.rstrip("\r\n")
+        return line.split(self.source.comment, 1)[0] if self.source.comment else line
+
+    def _cells(self, line: str) -> list[str]:
+        if self.separator == " ":
+            return line.split()
+        cells = line.split(self.separator)
+        # a separator at the end of every line makes no column
+        return cells[:-1] if len(cells) > 1 and not cells[-1].strip() and not self._keep_last else cells
+
+    def _parse(self, block: list[tuple[int, str]], places: list[int]) -> Array:
+        lines = [line.replace(",", ".") if self.decimal == "," else line for _, line in block]
+        delimiter = None if self.separator == " " else self.separator
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                return np.loadtxt(lines, delimiter=delimiter, usecols=places, ndmin=2, comments=None)
+        except (ValueError, UserWarning, DeprecationWarning):
+            return np.array([self._row(number, line, places) for number, line in block])
+
+    def _row(self, number: int, line: str, places: list[int]) -> list[float]:
+        """One line, entry by entry, to say where it is wrong."""
+        cells = self._cells(line)
+        return [self._entry(number, line, cells, place) for place in places]
+
+    def _entry(self, number: int, line: str, cells: list[str], place: int) -> float:
+        if place >= len(cells):
+            if self.separator != " " and place == len(cells) and line.rstrip().endswith(self.separator):
+                return np.nan
+            raise table_fault(
+                self.path,
+                f"{len(cells)} entries, where {place + 1} are needed",
+                "is the last line cut off?",
+                number,
+                1,
+                line,
+            )
+        text = cells[place].strip().strip('"')
+        if text.lower() in MISSING:
+            return np.nan
+        try:
+            return float((text.replace(",", ".") if self.decimal == "," else text).replace("D", "e").replace("d", "e"))
+        except ValueError:
+            hint = "decimal comma? name it with decimal: ','" if "," in text else f"column {self.columns[place]}"
+            at = line.find(cells[place]) + 1
+            raise table_fault(self.path, f"'{text[:40]}' is not a number", hint, number, at, line) from None
+
+    # -- finding out ---------------------------------------------------------------------------------------------
+
+    _keep_last = False
+
+    def _separator(self, head: list[str]) -> str:
+        """The separator that splits the last lines of the sample into the same number (> 1) of cells."""
+        if self.source.separator:
+            return self.source.separator
+        body = head[len(head) // 2 :]
+        for separator in SEPARATORS:
+            counts = {line.count(separator) for line in body}
+            if len(counts) == 1 and counts != {0}:
+                return separator
+        counts = {len(line.split()) for line in body}
+        if len(counts) == 1:
+            return " "
+        raise table_fault(
+            self.path, "the separator of the columns cannot be told", "name it: separator: ',' | ';' | tab | space"
+        )
+
+    def _header_lines(self, head: list[str]) -> int:
+        """Leading lines with an entry that is no number."""
+        for count, line in enumerate(head):
+            cells = [cell.strip().strip('"') for cell in self._cells(line)]
+            if all(cell.lower() in MISSING or _NUMBER.fullmatch(cell) for cell in cells) and any(cells):
+                return count
+        raise table_fault(
+            self.path, "no line of numbers among the first lines", "name the number of header lines: header: 1"
+        )
+
+    def _decimal(self, data: list[list[str]]) -> str:
+        """A comma inside the entries is a decimal comma, unless points occur too."""
+        text = [cell for row in data for cell in row]
+        commas = any("," in cell for cell in text)
+        points = any("." in cell for cell in text)
+        if commas and points:
+            raise table_fault(self.path, "entries with decimal points and with commas", "name it: decimal: '.' | ','")
+        return "," if commas else "."

@@ -1,0 +1,69 @@
+"""Recorded tables: what readers of all file formats share. They are read in chunks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import Fault, InputError
+from rrrgen.yamltext.suggest import did_you_mean
+
+
+class Table(Protocol):
+    """A table of numbers; a missing entry is NaN."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What can be asked for."""
+        ...
+
+    def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
+        """Blocks (up to ``size`` rows, len(wanted)) in order."""
+        ...
+
+
+def table_fault(path: Path, message: str, hint: str = "", line: int = 0, column: int = 0, text: str = "") -> InputError:
+    """A fault in a recorded file."""
+    return InputError([Fault(str(path), line, column, message, text, hint)])
+
+
+def unknown_column(path: Path, wanted: str | int, columns: Sequence[str]) -> InputError:
+    """The fault of a column that is not there."""
+    shown = ", ".join(columns[:40]) + (", ..." if len(columns) > 40 else "")
+    hint = f"{did_you_mean(str(wanted), columns)} there are: {shown}".strip()
+    return table_fault(path, f"no column '{wanted}'", hint)
+
+
+def named_column(path: Path, wanted: str | int, columns: Sequence[str]) -> int:
+    """The place (from 0) of a column given by its name, or by its number counted from 1."""
+    if isinstance(wanted, int):
+        if not 1 <= wanted <= len(columns):
+            raise table_fault(path, f"column {wanted} of a table with {len(columns)} columns", "columns count from 1")
+        return wanted - 1
+    if wanted in columns:
+        if list(columns).count(wanted) > 1:
+            raise table_fault(path, f"the column name '{wanted}' occurs more than once", "give its number instead")
+        return list(columns).index(wanted)
+    raise unknown_column(path, wanted, columns)
+
+
+def indexed_name(wanted: str) -> tuple[str, int | None]:
+    """``q[2]`` -> ("q", 2), counted from 0 as in Python; ``q(3)`` -> ("q", 2), from 1 as in MATLAB; ``q`` -> ("q",
+    None).
+    """
+    match = re.fullmatch(r"\s*(.*?)\s*(?:\[\s*(\d+)\s*\]|\(\s*(\d+)\s*\))\s*", wanted)
+    if match is None:
+        return wanted.strip(), None
+    return match.group(1), int(match.group(2)) if match.group(2) is not None else int(match.group(3)) - 1
+
+
+def blocks(columns: Sequence[Array], size: int) -> Iterator[Array]:
+    """Blocks of rows of columns that are in memory."""
+    length = len(columns[0]) if columns else 0
+    for start in range(0, length, size):
+        yield np.column_stack([np.asarray(column[start : start + size], float) for column in columns])

@@ -1,0 +1,91 @@
+"""The robot file: YAML text -> :class:`RobotSpec`, exact and validated, or every fault at once.
+
+SymPy and the YAML reader are imported on first use, so that the command line starts fast.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from rrrgen.robotfile.bundled import bundled_names, bundled_path
+
+if TYPE_CHECKING:
+    from rrrgen.robotfile.robot_spec import (
+        BasisSpec,
+        DriveSpec,
+        FixedTransform,
+        FrictionSpec,
+        JointSpec,
+        Limits,
+        LinkSpec,
+        RobotSpec,
+    )
+
+_TYPES = (
+    "BasisSpec",
+    "DriveSpec",
+    "FixedTransform",
+    "FrictionSpec",
+    "JointSpec",
+    "Limits",
+    "LinkSpec",
+    "RobotSpec",
+)
+
+__all__ = [
+    "BasisSpec",
+    "DriveSpec",
+    "FixedTransform",
+    "FrictionSpec",
+    "JointSpec",
+    "Limits",
+    "LinkSpec",
+    "RobotSpec",
+    "bundled_names",
+    "bundled_path",
+    "dumps",
+    "json_schema",
+    "load_spec",
+    "loads_spec",
+]
+
+
+def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSpec:
+    """Read a robot file, or a bundled robot by its name.
+
+    Lengths of the result are in m, angles in rad, everything exact. Non-physical inertia is a warning in
+    ``RobotSpec.faults``, with ``strict`` an error. Raises :class:`rrrgen.errors.InputError` with every fault.
+    """
+    from rrrgen.robotfile.reader import load_spec as load
+
+    return load(robot, strict=strict)
+
+
+def loads_spec(text: str, file: str = "robot.yaml", *, strict: bool = False) -> RobotSpec:
+    """Read a robot from YAML text; ``file`` is the name that messages show."""
+    from rrrgen.robotfile.reader import read_spec
+
+    return read_spec(text, file, strict)
+
+
+def dumps(spec: RobotSpec) -> str:
+    """YAML text that loads back to an equal spec."""
+    from rrrgen.robotfile.writer import dumps as write
+
+    return write(spec)
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema (draft 7) of the robot file, for editors."""
+    from rrrgen.robotfile.schema import json_schema as make_schema
+
+    return make_schema()
+
+
+def __getattr__(name: str) -> Any:
+    if name in _TYPES:
+        from rrrgen.robotfile import robot_spec
+
+        return getattr(robot_spec, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

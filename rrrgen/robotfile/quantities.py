@@ -1,0 +1,271 @@
+"""Scalars of a robot file -> exact values in SI and radians, with the rules for bare numbers.
+
+A number with a unit is what it says. A bare number is in the units of the file where the key says so (joint rows,
+base, tool), in SI elsewhere. Parameters carry their own unit; one declared without a unit is taken in SI, and where
+the unit of the file differs from SI that is refused as ambiguous, as is everything else that could be read two ways.
+"""
+
+from __future__ import annotations
+
+import cmath
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import pairwise
+
+import sympy as sp
+
+from rrrgen.robotfile.robot_spec import parameter_symbol
+from rrrgen.yamltext.document import FaultList, Node, Scalar
+from rrrgen.yamltext.expressions import ExpressionError, Name, Value, parse_expression
+from rrrgen.yamltext.sections import describe, read_list
+from rrrgen.yamltext.units import QUANTITIES, Dimension, FileUnits, Quantity, Unit, quantity_name
+
+LARGEST_BARE_LENGTH = 20.0  # m; beyond it a bare number in an m file is taken for mm
+LARGEST_BARE_ANGLE = {"an angle": 6.3, "a joint angle": 25.2}  # rad, one and four turns; beyond it degrees were meant
+LARGEST_VALUE = 1e15
+SUSPICIOUS_RIGHT_ANGLE = 1e-5  # rad; a decimal this near to a multiple of pi/2 was meant to be one
+
+
+@dataclass
+class Scope:
+    """What the values of one file are read with: faults, units, parameters declared so far and their values."""
+
+    faults: FaultList
+    units: FileUnits = field(default_factory=FileUnits)
+    names: dict[str, Name] = field(default_factory=dict)
+    nominal: dict[str, sp.Expr] = field(default_factory=dict)
+    declared_at: dict[str, Scalar] = field(default_factory=dict)
+    parameter_units: dict[str, str] = field(default_factory=dict)
+    bare_lengths: list[float] = field(default_factory=list)  # m, of values without unit in a mm file
+    undeclared: set[str] = field(default_factory=set)  # parameters further down
+    broken: set[str] = field(default_factory=set)  # parameters whose own fault is already reported
+
+    def substitute(self, expr: sp.Expr) -> sp.Expr:
+        """``expr`` with every parameter at its nominal value."""
+        if not expr.free_symbols:
+            return expr
+        return expr.xreplace({parameter_symbol(name): value for name, value in self.nominal.items()})
+
+
+def read_value(node: Node, what: str, quantity: str, scope: Scope, file_units: bool = False) -> sp.Expr | None:
+    """The exact SI value of one scalar, parameters kept as symbols; None and a fault where it cannot be read."""
+    value = parse_scalar(node, what, scope)
+    if value is None or not isinstance(node, Scalar):
+        return None
+    target = QUANTITIES[quantity]
+    unit = value.unit or (scope.units.of(target) if file_units else FileUnits().of(target))
+    if value.unit is None and _is_ambiguous(node, value, what, target, unit, scope):
+        return None
+    if value.unit is not None and value.unit.dimension != target.dimension:
+        article = quantity_name(value.unit.dimension)
+        scope.faults.error(node, f"{value.unit.name} measures {article}; {what} is {target.name}", _units_hint(target))
+        return None
+    scales = value.unit is not None or (value.dimension is None and not value.open_names)
+    expr = value.expr * unit.si() if scales else value.expr
+    number = nominal_number(node, what, expr, scope)
+    if number is None:
+        return None
+    if value.unit is None and not value.names and (fault := _confusion(node, value, number, what, target, unit)):
+        scope.faults.error(node, *fault)
+        return None
+    if unit.name == "mm" and value.unit is None:
+        scope.bare_lengths.append(abs(number))
+    if target.name == "an angle" and unit.name == "rad" and not value.uses_pi and not value.names:
+        _warn_about_right_angle(node, value, number, what, scope)
+    return expr
+
+
+def read_number(node: Node, what: str, quantity: str, scope: Scope, file_units: bool = False) -> float | None:
+    """One value as a float, parameters at their nominal values."""
+    expr = read_value(node, what, quantity, scope, file_units)
+    return None if expr is None else float(scope.substitute(expr))
+
+
+def read_rational(node: Node, what: str, quantity: str, scope: Scope) -> sp.Rational | None:
+    """One value as an exact rational, parameters at their nominal values."""
+    expr = read_value(node, what, quantity, scope)
+    if expr is None:
+        return None
+    value = scope.substitute(expr)
+    if not value.is_Rational:
+        scope.faults.error(node, f"{what} is not a rational number", "write a decimal number")
+        return None
+    return value
+
+
+def read_vector(node: Node, what: str, quantity: str, scope: Scope, file_units: bool = False) -> list[sp.Expr] | None:
+    """Three values."""
+    items = read_list(node, what, 3, scope.faults)
+    if items is None:
+        return None
+    _warn_about_commas(node, items, what, scope)
+    labels = [f"entry {i} of {what}" for i in (1, 2, 3)]
+    values = [read_value(item, label, quantity, scope, file_units) for item, label in zip(items, labels, strict=True)]
+    present = [value for value in values if value is not None]
+    return present if len(present) == 3 else None
+
+
+def _warn_about_commas(node: Node, items: list[Node], what: str, scope: Scope) -> None:
+    """``[0, -9,81]`` has three entries, but was meant to have two and a decimal comma."""
+    scalars = [item for item in items if isinstance(item, Scalar)]
+    pairs = list(pairwise(scalars))
+    tight = [right.place.column - left.place.column - len(left.text) == 1 for left, right in pairs]
+    if any(tight) and not all(tight):
+        left, right = pairs[tight.index(True)]
+        if left.text.lstrip("+-").isdecimal() and right.text.isdecimal() and right.text != "0":
+            hint = f"decimal comma? write {left.text}.{right.text}; if these are two entries, put a blank between them"
+            scope.faults.warning(right, f"{what} contains {left.text},{right.text}", hint)
+
+
+def parse_scalar(node: Node, what: str, scope: Scope) -> Value | None:
+    """The parsed text of a scalar, without any unit applied."""
+    if not isinstance(node, Scalar) or node.is_null:
+        scope.faults.error(node, f"{what} is {describe(node)}, not a value", "write a number or an expression")
+        return None
+    try:
+        value = parse_expression(node.text, scope.names)
+    except ExpressionError as error:
+        report_expression(error, node, what, scope)
+        return None
+    return value
+
+
+def report_expression(error: ExpressionError, node: Scalar, what: str, scope: Scope, offset: int = 0) -> None:
+    """Report a value that cannot be read, unless it only uses a parameter whose own fault is reported already."""
+    if error.unknown_name in scope.broken:
+        return
+    hint = error.hint
+    if error.unknown_name in scope.undeclared:
+        hint = f"'{error.unknown_name}' is declared further down; a parameter may use those above it"
+    scope.faults.error(node, f"{what}: {error.message}", hint, offset + error.offset)
+
+
+def nominal_number(node: Node, what: str, expr: sp.Expr, scope: Scope) -> float | None:
+    """The float of ``expr`` at the nominal parameters; None and a fault unless it is finite and real."""
+    try:
+        number = complex(scope.substitute(expr))
+    except (TypeError, ValueError, OverflowError, ZeroDivisionError):
+        number = complex("nan")
+    if not cmath.isfinite(number) or abs(number) > LARGEST_VALUE:
+        scope.faults.error(node, f"{what} is not finite at the nominal parameters", "division by zero, or too large?")
+        return None
+    if number.imag:
+        scope.faults.error(node, f"{what} is not real at the nominal parameters", "the root of a negative number?")
+        return None
+    return number.real
+
+
+def _units_hint(target: Quantity) -> str:
+    return f"units of {target.name}: {', '.join(target.units)}"
+
+
+def _is_ambiguous(node: Scalar, value: Value, what: str, target: Quantity, unit: Unit, scope: Scope) -> bool:
+    """Report a value without a unit that measures something else or could be read in more than one way."""
+    faults = scope.faults
+    if value.dimension is not None and not value.open_names and value.dimension != target.dimension:
+        message = f"{what} is {target.name}, but this is {quantity_name(value.dimension)}"
+        faults.error(node, message, _units_hint(target))
+    elif unit.factor == 1 and not unit.pi_power:
+        return False
+    elif value.open_names and value.dimension != target.dimension:
+        for name in sorted(value.open_names):
+            message = f"the parameter '{name}' has no unit, and bare values of this file are in {unit.name}"
+            hint = f"declare it with its unit, e.g. {name}: 300 {unit.name}, or {name}: 2 one for a plain number"
+            faults.error(scope.declared_at[name], message, hint)
+    elif value.adds_bare_number:
+        hint = f"declare the number as a parameter with its unit, e.g. offset: 30 {unit.name}"
+        faults.error(node, f"{what} adds a bare number to a parameter", hint)
+    elif value.dimension is None and value.uses_pi and target.dimension[3]:
+        faults.error(node, f"{what} uses pi, but bare values of this file are in {unit.name}", "write 90 or pi/2 rad")
+    elif value.bare_trigonometry and scope.units.angle == "deg":
+        message = f"{what} takes the sine or cosine of a bare number in a file in deg"
+        faults.error(node, message, "write its argument in radians with pi, as in cos(pi/6)")
+    else:
+        return False
+    return True
+
+
+def _confusion(
+    node: Scalar, value: Value, number: float, what: str, target: Quantity, unit: Unit
+) -> tuple[str, str] | None:
+    """Message and hint where a bare number looks as if it were meant in another unit."""
+    written = node.text.strip()
+    largest = LARGEST_BARE_ANGLE.get(target.name, cmath.inf)
+    if unit.name == "rad" and not value.uses_pi and abs(number) > largest:
+        return f"{what} is {written} rad", f"write {written} deg; if it is meant in radians, {written} rad"
+    if target.name == "an angle" and unit.name == "deg" and _right_angle(float(value.expr), value.decimals):
+        return f"{what} is {written} deg", f"write {written} rad or 90; if it is meant in degrees, {written} deg"
+    if target.name == "a length" and unit.name == "m" and abs(number) > LARGEST_BARE_LENGTH:
+        return f"{what} is {written} m", f"write {written} mm; if it is meant in metres, {written} m"
+    return None
+
+
+def _right_angle(radians: float, decimals: int | None) -> int:
+    """k where ``radians`` is k*pi/2 rounded or cut to ``decimals`` digits, or nearly so, else 0."""
+    multiple = round(radians / (cmath.pi / 2))
+    exact = abs(multiple) * cmath.pi / 2
+    digits = 6 if decimals is None else decimals
+    if digits < 2 or not multiple:
+        return 0
+    cut = int(exact * 10**digits) / 10**digits if digits < 15 else exact
+    meant = min(abs(abs(radians) - value) for value in (round(exact, digits), cut, exact))
+    return multiple if meant <= max(SUSPICIOUS_RIGHT_ANGLE if digits >= 5 else 0.0, 1e-12) else 0
+
+
+def _warn_about_right_angle(node: Scalar, value: Value, number: float, what: str, scope: Scope) -> None:
+    multiple = _right_angle(number, value.decimals)
+    if not multiple:
+        return
+    exact = str(sp.Rational(multiple, 2) * sp.pi)
+    distance = abs(number - multiple * cmath.pi / 2)
+    message = f"{what} is {node.text.strip()}, which is {exact} only to {distance:.0e} rad"
+    scope.faults.warning(node, message, f"write {exact}, so that sines and cosines vanish exactly")
+
+
+def read_parameters(entries: dict[str, tuple[Scalar, Node]], scope: Scope) -> None:
+    """Declare ``entries`` in order: exact nominal values in SI, expressions in earlier parameters allowed."""
+    scope.undeclared = set(entries)
+    for name, (key, item) in entries.items():
+        value = parse_scalar(item, f"parameter {name}", scope)
+        declared = _parameter_value(name, item, value, scope)
+        scope.undeclared.discard(name)
+        if declared is None:
+            scope.broken.add(name)
+            continue
+        expr, dimension = declared
+        scope.nominal[name] = expr
+        scope.names[name] = Name(parameter_symbol(name), dimension)
+        scope.declared_at[name] = key
+        if dimension is not None:
+            scope.parameter_units[name] = value.unit.name if value and value.unit else _si_unit(dimension)
+
+
+def _si_unit(dimension: Dimension) -> str:
+    """The SI unit of a derived parameter, or an empty text."""
+    return next((q.si_unit for q in QUANTITIES.values() if q.dimension == dimension), "")
+
+
+def _parameter_value(
+    name: str, item: Node, value: Value | None, scope: Scope
+) -> tuple[sp.Expr, Dimension | None] | None:
+    if value is None or not isinstance(item, Scalar):
+        return None
+    zero: Dimension = (Fraction(0),) * 5
+    if value.unit is not None:
+        expr, dimension = value.expr * value.unit.si(), value.unit.dimension
+    elif value.names and not value.open_names:
+        if value.adds_bare_number:
+            scope.faults.error(
+                item, f"parameter {name} adds a bare number to a parameter with a unit", "give it a unit"
+            )
+            return None
+        expr, dimension = value.expr, value.dimension or zero
+        if not _si_unit(dimension):
+            scope.faults.error(item, f"parameter {name} is {quantity_name(dimension)}", "no unit measures that")
+            return None
+    else:
+        expr, dimension = value.expr, None
+    expr = scope.substitute(expr)
+    if nominal_number(item, f"parameter {name}", expr, scope) is None:
+        return None
+    return expr, dimension

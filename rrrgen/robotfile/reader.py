@@ -1,0 +1,138 @@
+"""The robot file as a whole: text -> RobotSpec, or every fault at once."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import cast
+
+import sympy as sp
+
+from rrrgen.errors import Fault, InputError
+from rrrgen.robotfile.basis import read_basis
+from rrrgen.robotfile.bundled import bundled_names, bundled_path
+from rrrgen.robotfile.joints import read_joints
+from rrrgen.robotfile.keys import ROBOT, UNITS
+from rrrgen.robotfile.links import read_links
+from rrrgen.robotfile.names import name_fault
+from rrrgen.robotfile.quantities import Scope, read_parameters, read_vector
+from rrrgen.robotfile.robot_spec import Convention, FixedTransform, LinkSpec, RobotSpec
+from rrrgen.robotfile.transforms import read_transform
+from rrrgen.yamltext.document import MAX_BYTES, FaultList, Node, Scalar, decode, parse_document
+from rrrgen.yamltext.sections import describe, read_choice, read_entries, read_section, read_text
+from rrrgen.yamltext.suggest import did_you_mean
+from rrrgen.yamltext.units import FileUnits
+
+LARGEST_GRAVITY = 50  # m/s^2; twice that of Jupiter
+_ROBOT = {key.name: key for key in ROBOT}
+_UNITS = {key.name: key for key in UNITS}
+
+
+def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSpec:
+    """Read a robot file, or a bundled robot by name; see :func:`rrrgen.robotfile.load_spec`."""
+    name = os.fspath(robot)
+    path = Path(name)
+    if not path.suffix and path.name == name:  # a bare word is a bundled robot; ./word is a file
+        if name not in bundled_names():
+            hint = did_you_mean(name, bundled_names()) or f"bundled robots: {', '.join(bundled_names())}"
+            raise InputError([Fault(name[:200], 0, 0, "there is no bundled robot of this name", hint=hint)])
+        path = bundled_path(name)
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise InputError([Fault(name[:200], 0, 0, f"the file cannot be read: {reason}")]) from None
+    return read_spec(decode(data, name), name, strict)
+
+
+def read_spec(text: str, file: str, strict: bool = False) -> RobotSpec:
+    """The robot described by ``text``; raises :class:`InputError` with every fault in it."""
+    faults = FaultList(file, text)
+    root = parse_document(text, faults)
+    values = read_section(root, "robot", "the robot", faults)
+    if values is None:
+        faults.raise_errors()
+        values = {}
+    spec = _assemble(values, strict, Scope(faults), file)
+    faults.raise_errors()
+    assert spec is not None  # every None comes with an error
+    return spec
+
+
+def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) -> RobotSpec | None:
+    faults = scope.faults
+    if "schema" in values:
+        read_choice(values["schema"], _ROBOT["schema"], faults)
+    name = _read_name(values.get("name"), scope)
+    convention = read_choice(values["convention"], _ROBOT["convention"], faults) if "convention" in values else None
+    scope.units = _read_units(values.get("units"), faults)
+    if "parameters" in values:
+        _read_parameters(values["parameters"], scope)
+    gravity = _read_gravity(values.get("gravity"), scope)
+    joints = read_joints(values["joints"], scope) if "joints" in values else []
+    links = read_links(values["links"], len(joints), strict, scope) if "links" in values else None
+    whole_links: list[LinkSpec] | None = None if links is None else [link for link in links if link is not None]
+    base = read_transform(values["base"], "base", scope) if "base" in values else FixedTransform()
+    tool = read_transform(values["tool"], "tool", scope) if "tool" in values else FixedTransform()
+    basis = read_basis(values["basis"], len(joints), whole_links, scope) if "basis" in values and joints else None
+    description, source = (read_text(values[k], k, faults) if k in values else "" for k in ("description", "source"))
+    if faults.errors or gravity is None or base is None or tool is None:
+        return None
+    return RobotSpec(
+        name=name,
+        convention=cast(Convention, convention),
+        gravity=gravity,
+        parameters=dict(scope.nominal),
+        joints=tuple(joint for joint in joints if joint is not None),
+        links=None if whole_links is None else tuple(whole_links),
+        base=base,
+        tool=tool,
+        basis=basis,
+        angle_unit=scope.units.angle,
+        length_unit=scope.units.length,
+        description=description,
+        source=source,
+        file=file,
+        faults=tuple(sorted(faults.warnings)),
+        parameter_units=dict(scope.parameter_units),
+    )
+
+
+def _read_name(node: Node | None, scope: Scope) -> str:
+    if node is None:
+        return ""
+    if not isinstance(node, Scalar):
+        scope.faults.error(node, f"name is {describe(node)}, not a word", "letters, digits and _")
+        return ""
+    if fault := name_fault(node.text, "robot"):
+        scope.faults.error(node, *fault)
+    return node.text
+
+
+def _read_units(node: Node | None, faults: FaultList) -> FileUnits:
+    values = read_section(node, "units", "units", faults) if node is not None else None
+    chosen = {key: read_choice(value, _UNITS[key], faults) for key, value in (values or {}).items()}
+    return FileUnits(chosen.get("angle") or "rad", chosen.get("length") or "m")
+
+
+def _read_parameters(node: Node, scope: Scope) -> None:
+    entries = read_entries(node, "parameters", scope.faults)
+    for name, (key, _) in list((entries or {}).items()):
+        if fault := name_fault(name, "parameter"):
+            scope.faults.error(key, *fault)
+    read_parameters(entries or {}, scope)
+
+
+def _read_gravity(node: Node | None, scope: Scope) -> tuple[sp.Expr, sp.Expr, sp.Expr] | None:
+    vector = read_vector(node, "gravity", "acceleration", scope) if node is not None else None
+    if vector is None or node is None:
+        return None
+    x, y, z = (scope.substitute(value) for value in vector)
+    size = float(sp.sqrt(x * x + y * y + z * z))
+    if size > LARGEST_GRAVITY:
+        scope.faults.error(node, f"gravity is {size:g} m/s^2", "gravity is in m/s^2, e.g. [0, 0, -9.81]")
+    if x == 0 and y == 0 and 9.7 < float(z) < 9.9:
+        hint = "gravity is the acceleration of a falling body, not its reaction: [0, 0, -9.81] for an upright robot"
+        scope.faults.warning(node, "gravity points along +z of the base", hint)
+    return x, y, z

@@ -1,0 +1,174 @@
+"""The robot as its user described it: frozen, validated, exact, in SI units and radians.
+
+Lengths are in m, angles in rad, masses in kg, inertias in kg m^2. Geometry is exact: every number is a SymPy
+expression over rationals, pi, and the named parameters (real symbols of the same name, see :func:`parameter_symbol`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import sympy as sp
+
+from rrrgen.errors import Fault
+
+Convention = Literal["standard", "modified"]
+JointType = Literal["revolute", "prismatic"]
+
+
+def parameter_symbol(name: str) -> sp.Symbol:
+    """The symbol that stands for a named parameter in exact expressions."""
+    return sp.Symbol(name, real=True)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Joint limits, SI; ``None`` where the file is silent. ``torque`` is N m, or N for a prismatic joint."""
+
+    lower: float | None = None
+    upper: float | None = None
+    velocity: float | None = None
+    acceleration: float | None = None
+    torque: float | None = None
+
+
+@dataclass(frozen=True)
+class FrictionSpec:
+    """Linear joint friction, joint side: ``tau_f = viscous*dq + coulomb*sgn(dq) + offset``.
+
+    A field that is ``None`` is not part of the model; a field that is given (0 included) adds its column to the
+    identification regressor.
+    """
+
+    viscous: float | None = None
+    coulomb: float | None = None
+    offset: float | None = None
+
+
+@dataclass(frozen=True)
+class DriveSpec:
+    """The drive of a joint, seen at the joint; ``inertia`` is Ia (kg m^2, or kg for a prismatic joint)."""
+
+    inertia: float | None = None
+    gear_ratio: float | None = None
+    torque_constant: float | None = None
+    encoder_resolution: float | None = None
+
+
+@dataclass(frozen=True)
+class JointSpec:
+    """One row of the Denavit-Hartenberg table.
+
+    ``theta`` is the offset added to q of a revolute joint, ``d`` the offset added to q of a prismatic joint.
+    """
+
+    name: str
+    type: JointType
+    alpha: sp.Expr
+    a: sp.Expr
+    d: sp.Expr
+    theta: sp.Expr
+    limits: Limits = field(default_factory=Limits)
+    friction: FrictionSpec | None = None
+    drive: DriveSpec | None = None
+
+    @property
+    def is_revolute(self) -> bool:
+        """Whether q of this joint is an angle."""
+        return self.type == "revolute"
+
+
+@dataclass(frozen=True)
+class LinkSpec:
+    """Inertia of one link in the axes of its link frame.
+
+    ``com`` (m) is in the link frame. ``inertia`` is the inertia *tensor* (off-diagonals ``xy = -integral of x*y dm``)
+    about ``about``: the centre of mass or the origin of the link frame, in the order xx, yy, zz, xy, xz, yz.
+    """
+
+    mass: sp.Rational
+    com: tuple[sp.Rational, sp.Rational, sp.Rational]
+    inertia: tuple[sp.Rational, ...]
+    about: Literal["com", "origin"]
+    products: Literal["tensor", "positive"] = "tensor"  # how the file wrote the off-diagonals, kept to print them back
+
+    def inertia_about_origin(self) -> tuple[sp.Rational, ...]:
+        """The tensor about the origin of the link frame (xx, yy, zz, xy, xz, yz): Steiner's theorem."""
+        if self.about == "origin":
+            return self.inertia
+        m, (x, y, z) = self.mass, self.com
+        shift = (y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z)
+        return tuple(own + m * moved for own, moved in zip(self.inertia, shift, strict=True))
+
+
+@dataclass(frozen=True)
+class FixedTransform:
+    """A fixed homogeneous transform: ``T = [[R, p], [0, 1]]`` with exact entries, R row-major (9), p (3)."""
+
+    rotation: tuple[sp.Expr, ...] = tuple(sp.Integer(int(i % 4 == 0)) for i in range(9))
+    translation: tuple[sp.Expr, ...] = (sp.S.Zero, sp.S.Zero, sp.S.Zero)
+
+    def matrix(self) -> sp.Matrix:
+        """The 4x4 matrix."""
+        R = sp.Matrix(3, 3, list(self.rotation))
+        return R.row_join(sp.Matrix(self.translation)).col_join(sp.Matrix([[0, 0, 0, 1]]))
+
+
+@dataclass(frozen=True)
+class BasisSpec:
+    """The user's own base parameters: names and expressions in link symbols.
+
+    Link symbols (link i, counted from 1, in the axes of link frame i): ``m{i}``; COM ``x{i} y{i} z{i}``; first moments
+    ``mx{i} my{i} mz{i}``; inertia about the *origin* of the link frame ``Ixx{i} Iyy{i} Izz{i} Ixy{i} Ixz{i} Iyz{i}``,
+    the off-diagonals being tensor entries (``products="tensor"``) or positive products (``"positive"``).
+    Named parameters of the file may occur too. All are real symbols as of :func:`parameter_symbol`.
+    """
+
+    names: tuple[str, ...]
+    expressions: tuple[sp.Expr, ...]
+    products: Literal["tensor", "positive"]
+    places: tuple[tuple[int, int], ...] = field(default=(), compare=False)  # line, column of each entry, for messages
+
+
+@dataclass(frozen=True)
+class RobotSpec:
+    """One robot, as validated by :func:`rrrgen.robotfile.load_spec`."""
+
+    name: str
+    convention: Convention
+    # acceleration of gravity, m/s^2, in the base frame: the one before ``base``, in which the tip pose is given too
+    gravity: tuple[sp.Expr, sp.Expr, sp.Expr]
+    parameters: dict[str, sp.Expr]  # nominal values, exact
+    joints: tuple[JointSpec, ...]
+    links: tuple[LinkSpec, ...] | None = None
+    base: FixedTransform = field(default_factory=FixedTransform)
+    tool: FixedTransform = field(default_factory=FixedTransform)
+    basis: BasisSpec | None = None
+    angle_unit: str = "rad"  # units the file was written in, to print them back
+    length_unit: str = "m"
+    description: str = ""
+    source: str = ""  # where the numbers come from
+    file: str = field(default="", compare=False)  # path or bundled name, for messages only
+    faults: tuple[Fault, ...] = field(default=(), compare=False)  # warnings (severity "warning")
+    # parameter name -> unit it was declared in, "one" for a plain number; silent for bare SI values
+    parameter_units: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    def nominal(self, expression: sp.Expr) -> sp.Expr:
+        """``expression`` with every named parameter at its nominal value (still exact)."""
+        if not expression.free_symbols:
+            return expression
+        return expression.xreplace({parameter_symbol(k): v for k, v in self.parameters.items()})
+
+    def dh_table(self) -> list[tuple[str, float, float, float, float]]:
+        """Rows ``(type, alpha, a, d, theta)`` at the nominal values, SI and rad, as floats."""
+        rows: list[tuple[str, float, float, float, float]] = []
+        for joint in self.joints:
+            values = [float(self.nominal(v)) for v in (joint.alpha, joint.a, joint.d, joint.theta)]
+            rows.append((joint.type, values[0], values[1], values[2], values[3]))
+        return rows

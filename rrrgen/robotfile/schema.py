@@ -1,0 +1,76 @@
+"""JSON Schema (draft 7) of the robot file, made from the same tables that the reader uses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rrrgen.robotfile.keys import SECTIONS, Key
+from rrrgen.robotfile.names import IDENTIFIER
+
+_EXPRESSION = "#/definitions/expression"
+
+
+def json_schema() -> dict[str, Any]:
+    """The schema as a plain dictionary, for editors that complete and check YAML."""
+    definitions = {name: _section(name) for name in SECTIONS if name != "robot"}
+    definitions["expression"] = {
+        "description": "a number or an expression over numbers, pi, parameters, + - * / **, sqrt, sin, cos, and a unit",
+        "type": ["number", "string"],
+    }
+    definitions["joint"]["allOf"] = [
+        {"if": {"properties": {"type": {"const": kind}}}, "then": {"required": [needed]}}
+        for kind, needed in (("revolute", "d"), ("prismatic", "theta"))
+    ]
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "rrrgen robot",
+        **_section("robot"),
+        "definitions": definitions,
+    }
+
+
+def _section(name: str) -> dict[str, Any]:
+    table = SECTIONS[name]
+    schema: dict[str, Any] = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {key.name: {"description": key.meaning, **_value(key)} for key in table},
+    }
+    required = [key.name for key in table if key.required]
+    return {**schema, "required": required} if required else schema
+
+
+def _vector(items: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "array", "minItems": 3, "maxItems": 3, "items": items}
+
+
+def _value(key: Key) -> dict[str, Any]:
+    expression = {"$ref": _EXPRESSION}
+    match key.kind:
+        case "text":
+            return {"type": ["string", "null"]}
+        case "name":
+            return {"type": "string", "pattern": IDENTIFIER}
+        case "choice":
+            return {"enum": list(key.choices)}
+        case "value":
+            return {"allOf": [expression]}
+        case "vector":
+            return _vector(expression)
+        case "matrix":
+            return _vector(_vector(expression))
+        case "mapping":
+            # an empty value reads as an empty mapping
+            section = {"$ref": f"#/definitions/{key.section}"}
+            return {"allOf": [section]} if key.required else {"anyOf": [section, {"type": "null"}]}
+        case "rows":
+            items = {"$ref": f"#/definitions/{key.section}"}
+            return {"type": "array", "minItems": 1, "maxItems": key.length, "items": items}
+        case "names":
+            return {"type": "object", "propertyNames": {"pattern": IDENTIFIER}, "additionalProperties": expression}
+        case "basis":
+            entry = {"type": "object", "minProperties": 1, "maxProperties": 1, "additionalProperties": expression}
+            entries = {"type": "array", "minItems": 1, "items": {"anyOf": [{"type": "string"}, entry]}}
+            if key in SECTIONS["basis"]:
+                return entries
+            return {"anyOf": [entries, {"$ref": "#/definitions/basis"}]}

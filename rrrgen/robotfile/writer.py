@@ -1,0 +1,187 @@
+"""RobotSpec -> YAML text that loads back to an equal spec, in the units of the original file."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+
+import sympy as sp
+
+from rrrgen.robotfile.keys import DRIVE, FRICTION, LIMITS, Key
+from rrrgen.robotfile.robot_spec import (
+    BasisSpec,
+    DriveSpec,
+    FixedTransform,
+    FrictionSpec,
+    JointSpec,
+    Limits,
+    LinkSpec,
+    RobotSpec,
+)
+from rrrgen.yamltext.units import ANGLE, LENGTH, NUMBER, QUANTITIES, UNITS, FileUnits, Quantity, Unit
+
+_CERTAIN = 5  # rad, m or mm: bare numbers on the wrong side of it look like another unit, so the unit is written
+
+_SMALL = 1e-3  # rad; smaller angles, such as encoder steps, are printed in radians
+
+
+def dumps(spec: RobotSpec) -> str:
+    """YAML text of ``spec``; exact, so that loading it gives an equal spec."""
+    printer = _Printer(spec)
+    lines = ["schema: rrrgen/1", f"name: {spec.name}"]
+    lines += [f"{key}: {quoted(text)}" for key in ("description", "source") if (text := getattr(spec, key))]
+    lines.append(f"convention: {spec.convention}")
+    lines.append(f"units: {{angle: {spec.angle_unit}, length: {spec.length_unit}}}")
+    lines.append(f"gravity: [{', '.join(number_text(value) for value in spec.gravity)}]")
+    if spec.parameters:
+        lines.append("parameters:")
+        lines += [f"  {name}: {printer.parameter(name, value)}" for name, value in spec.parameters.items()]
+    lines += printer.transform("base", spec.base)
+    lines.append("joints:")
+    for joint in spec.joints:
+        lines += printer.joint(joint)
+    lines += printer.transform("tool", spec.tool)
+    if spec.links is not None:
+        lines.append("links:")
+        for link in spec.links:
+            lines += _link(link)
+    if spec.basis is not None:
+        lines += _basis(spec.basis)
+    return "\n".join(lines) + "\n"
+
+
+def quoted(text: str) -> str:
+    """``text`` as a double-quoted YAML scalar on one line."""
+
+    def escape(match: re.Match[str]) -> str:
+        code = ord(match.group())
+        return "\\" + match.group() if match.group() in '"\\' else f"\\u{code:04x}"
+
+    return '"' + re.sub('["\\\\\x00-\x1f\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff]', escape, text) + '"'
+
+
+def number_text(value: sp.Expr) -> str:
+    """An exact number or expression in the syntax of :mod:`rrrgen.yamltext.expressions`."""
+    value = sp.sympify(value, strict=True)
+    value = value.xreplace({item: sp.Rational(repr(float(item))) for item in value.atoms(sp.Float)})
+    if not value.is_Rational:
+        return str(sp.sstr(value))
+    twos, fives, rest = 0, 0, int(value.q)
+    while rest % 2 == 0:
+        twos, rest = twos + 1, rest // 2
+    while rest % 5 == 0:
+        fives, rest = fives + 1, rest // 5
+    digits = max(twos, fives)
+    if rest != 1 or digits > 60:
+        return f"{value.p}/{value.q}"
+    text = str(abs(int(value.p)) * 10**digits // int(value.q)).rjust(digits + 1, "0")
+    decimal = f"{text[:-digits]}.{text[-digits:]}" if digits else text
+    return f"-{decimal}" if value < 0 else decimal
+
+
+def _with_unit(value: sp.Expr, unit: str) -> str:
+    text = number_text(value)
+    return f"{text} {unit}" if re.fullmatch(r"-?[\d.]+", text) else f"({text}) {unit}"
+
+
+class _Printer:
+    """Prints values in the units of one file."""
+
+    def __init__(self, spec: RobotSpec) -> None:
+        self.units = FileUnits(spec.angle_unit, spec.length_unit)
+        self.parameter_units = spec.parameter_units
+
+    def parameter(self, name: str, value: sp.Expr) -> str:
+        unit = self.parameter_units.get(name)
+        return _with_unit(value / UNITS[unit].si(), unit) if unit else number_text(value)
+
+    def value(self, value: sp.Expr, quantity: str) -> str:
+        """One geometric value, bare in the units of the file where that is read back without doubt."""
+        target = QUANTITIES[quantity]
+        unit = self.units.of(target)
+        value = sp.sympify(value, strict=True)
+        if value.free_symbols:
+            return number_text(value / unit.si() if self._is_plain(value) else value)
+        inside = value / unit.si()
+        if unit.name in ("rad", "m"):
+            certain = not inside.is_Rational or abs(inside) <= _CERTAIN
+        else:
+            certain = inside.is_Rational and (inside == 0 or abs(inside) >= _CERTAIN)
+        if certain:
+            return number_text(inside)
+        return _with_unit(inside, unit.name) if inside.is_Rational else _with_unit(value, target.si_unit)
+
+    def _is_plain(self, value: sp.Expr) -> bool:
+        """Whether all parameters in ``value`` are plain numbers, so that the unit of the file applies to it."""
+        units = [self.parameter_units.get(str(symbol)) for symbol in value.free_symbols]
+        return all(unit is not None and UNITS[unit].dimension == NUMBER for unit in units)
+
+    def number(self, value: float, quantity: str, file_units: bool) -> str:
+        """A float so that the same float is read back."""
+        target = QUANTITIES[quantity]
+        unit = self.units.of(target) if file_units else FileUnits().of(target)
+        return _float_text(value, target, unit)
+
+    def joint(self, joint: JointSpec) -> list[str]:
+        lines = [f"  - name: {joint.name}", f"    type: {joint.type}"]
+        for name, quantity in (("alpha", "angle"), ("a", "length"), ("d", "length"), ("theta", "angle")):
+            lines.append(f"    {name}: {self.value(getattr(joint, name), quantity)}")
+        if joint.limits != Limits():
+            lines.append(f"    limits: {self.section(joint.limits, LIMITS, joint.type)}")
+        if joint.friction is not None:
+            lines.append(f"    friction: {self.section(joint.friction, FRICTION, joint.type)}")
+        if joint.drive is not None:
+            lines.append(f"    drive: {self.section(joint.drive, DRIVE, joint.type)}")
+        return lines
+
+    def section(self, values: Limits | FrictionSpec | DriveSpec, table: tuple[Key, ...], joint_type: str) -> str:
+        keys = {key.name: key for key in table}
+        entries = []
+        for item in fields(values):
+            value = getattr(values, item.name)
+            if value is not None:
+                key = keys[item.name]
+                text = self.number(float(value), key.quantity_for(joint_type), key.file_units)
+                entries.append(f"{item.name}: {text}")
+        return "{" + ", ".join(entries) + "}"
+
+    def transform(self, name: str, transform: FixedTransform) -> list[str]:
+        if transform == FixedTransform():
+            return []
+        translation = ", ".join(self.value(value, "length") for value in transform.translation)
+        lines = [f"{name}:", f"  translation: [{translation}]"]
+        if transform.rotation != FixedTransform().rotation:
+            lines.append("  rotation:")
+            for i in range(3):
+                row = ", ".join(number_text(value) for value in transform.rotation[3 * i : 3 * i + 3])
+                lines.append(f"    - [{row}]")
+        return lines
+
+
+def _float_text(value: float, target: Quantity, unit: Unit) -> str:
+    """Shortest reading text: whole degrees or millimetres, else the float's own digits, with a unit where in doubt."""
+    plain = repr(value).removesuffix(".0")
+    candidates = [UNITS["deg"]] if target.dimension == ANGLE else []
+    for other in candidates + ([unit] if unit.name != target.si_unit else []):
+        for digits in (0, 3, 6, 9, 12):
+            text = repr(round(value / float(other.si()), digits)).removesuffix(".0")
+            if value and abs(value) > _SMALL and float(sp.Rational(text) * other.si()) == value:
+                return f"{text} {other.name}"
+    doubtful = abs(value) > _CERTAIN and target.dimension in (ANGLE, LENGTH)
+    return plain if unit.name == target.si_unit and not doubtful else f"{plain} {target.si_unit}"
+
+
+def _link(link: LinkSpec) -> list[str]:
+    sign = -1 if link.products == "positive" else 1
+    entries = dict(zip(("xx", "yy", "zz", "xy", "xz", "yz"), link.inertia, strict=True))
+    texts = [f"about: {link.about}", f"products: {link.products}"]
+    texts += [f"{name}: {number_text(entries[name])}" for name in ("xx", "yy", "zz")]
+    texts += [f"{name}: {number_text(sign * entries[name])}" for name in ("xy", "xz", "yz") if entries[name]]
+    com = ", ".join(_with_unit(value, "m") if abs(value) > _CERTAIN else number_text(value) for value in link.com)
+    return [f"  - mass: {number_text(link.mass)}", f"    com: [{com}]", f"    inertia: {{{', '.join(texts)}}}"]
+
+
+def _basis(basis: BasisSpec) -> list[str]:
+    pairs = zip(basis.names, basis.expressions, strict=True)
+    lines = ["basis:", f"  products: {basis.products}", "  parameters:"]
+    return lines + [f"    - {name} = {number_text(expression)}" for name, expression in pairs]

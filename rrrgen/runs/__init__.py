@@ -1,0 +1,1 @@
+"""Run folders: settings, seeds, results and figures of one run, and resuming it."""

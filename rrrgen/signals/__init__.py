@@ -1,0 +1,1 @@
+"""Sampled signals: reconstruction of motion, Kalman filter and smoother, Fourier series, decimation."""

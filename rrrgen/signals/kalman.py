@@ -1,0 +1,151 @@
+"""Steady-state Kalman filter and fixed-interval smoother for joint motion, (14.26)-(14.31).
+
+The deviation ``e = q - q_r`` of a joint from its reference is a triple integrator driven by white jerk ``xi`` held
+over a sample, and measured with white noise ``eta``. In the scaled state ``[e, Ts de, Ts^2 nu]`` the model does not
+depend on the period, and the gain only on ``lambda = sqrt(var xi) Ts^3 / sqrt(var eta)``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+
+TRANSITION = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+INPUT = np.array([1.0 / 6.0, 0.5, 1.0])
+MEASURED = np.array([1.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class KalmanMatrices:
+    """The constants of (14.28)-(14.30) for one joint, in physical units.
+
+    ``E`` (3, 3) and ``g`` (3,) of (14.29), the filter gain ``k`` (3,) of (14.30), and the predicted and updated error
+    covariance over ``var eta``. ``period`` is Ts in s.
+    """
+
+    period: float
+    E: Array
+    g: Array
+    k: Array
+    predicted: Array
+    updated: Array
+
+    @property
+    def innovation(self) -> float:
+        """Variance of the innovation over ``var eta``: ``c P c' + 1``."""
+        return float(self.predicted[0, 0]) + 1.0
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of the error dynamics ``(I - k c) E``."""
+        return np.asarray(np.linalg.eigvals((np.eye(3) - np.outer(self.k, MEASURED)) @ self.E), complex)
+
+
+def kalman_matrices(period: float, var_eta: float, var_xi: float) -> KalmanMatrices:
+    """The steady-state filter of (14.30): ``k = P c' / (c P c' + r)`` with P the predicted covariance from the DARE.
+
+    ``period`` in s, ``var_eta`` in rad^2 (m^2), ``var_xi`` in (rad/s^3)^2. Raises :class:`InputError` for variances
+    that are not positive.
+    """
+    if not (period > 0 and var_eta > 0 and var_xi > 0):
+        raise InputError(
+            f"the Kalman filter needs a positive period and positive variances, not Ts = {period:g} s, "
+            f"var eta = {var_eta:g}, var xi = {var_xi:g}"
+        )
+    P = _predicted_covariance(math.sqrt(var_xi / var_eta) * period**3)
+    k = P[:, 0] / (P[0, 0] + 1.0)
+    updated = P - np.outer(k, P[0])
+    scale = period ** -np.arange(3.0)  # from [e, Ts de, Ts^2 nu] to [e, de, nu]
+    S = np.outer(scale, scale)
+    return KalmanMatrices(
+        period=period,
+        E=TRANSITION * np.outer(scale, 1.0 / scale),
+        g=INPUT * scale * period**3,
+        k=k * scale,
+        predicted=P * S,
+        updated=updated * S,
+    )
+
+
+def _predicted_covariance(ratio: float) -> Array:
+    """P of the scaled model over ``var eta``, for ``ratio = lambda``, by the discrete algebraic Riccati equation.
+
+    With the state scaled further by powers of ``rho = lambda^(1/3)``, the distance of the poles from 1, the equation
+    stays well conditioned however small lambda is.
+    """
+    from scipy import linalg
+
+    rho = min(1.0, ratio ** (1.0 / 3.0))
+    scale = rho ** np.arange(3.0)
+    E = TRANSITION * np.outer(1.0 / scale, scale)
+    g = INPUT * ratio / scale
+    c = MEASURED[:, None]
+    try:
+        P = linalg.solve_discrete_are(E.T, c, np.outer(g, g), np.eye(1))
+    except np.linalg.LinAlgError:
+        P = _iterated_covariance(E, g)
+    for _ in range(2):  # the Riccati map contracts: it removes what the solver left
+        k = P[:, 0] / (P[0, 0] + 1.0)
+        P = E @ (P - np.outer(k, P[0])) @ E.T + np.outer(g, g)
+        P = 0.5 * (P + P.T)
+    return np.asarray(P * np.outer(scale, scale))
+
+
+def _iterated_covariance(E: Array, g: Array) -> Array:
+    """The same by structured doubling, which needs no separation of the closed-loop poles from the unit circle."""
+    A: Array = E.T.copy()
+    G: Array = np.outer(MEASURED, MEASURED)
+    H: Array = np.outer(g, g)
+    for _ in range(100):
+        W = np.linalg.inv(np.eye(3) + G @ H)
+        A, G, step = A @ W @ A, G + A @ W @ G @ A.T, A.T @ H @ W @ A
+        H = H + step
+        if np.max(np.abs(step)) <= 1e-16 * np.max(np.abs(H)):
+            return H
+    raise InputError("the Riccati equation of the Kalman filter has no steady state for these variances")
+
+
+def kalman_step(
+    matrices: KalmanMatrices, predicted: Array, measured: float, reference: Sequence[float] = (0.0, 0.0, 0.0)
+) -> tuple[Array, Array]:
+    """One step of (14.30)-(14.31) for one joint; returns the next prediction (3,) and ``[q, dq, ddq]`` (3,).
+
+    ``predicted`` is ``x_hat(k)`` of the deviation, ``measured`` is ``y(k)``, ``reference`` is ``[q_r, dq_r,
+    ddq_r](k)``. The reference in plain form of the step that is emitted as C.
+    """
+    innovation = measured - reference[0] - predicted[0]
+    updated = predicted + matrices.k * innovation
+    return matrices.E @ updated, updated + np.asarray(reference)
+
+
+def frequency_response(matrices: KalmanMatrices, frequencies: Array, smoother: bool = False) -> NDArray[np.complex128]:
+    """Measured deviation to reconstructed deviation at ``frequencies`` (Hz): ``H(z) = c [I - (I - k c) E z^-1]^-1 k``.
+
+    The smoother is H followed by its own backward pass; its response is real up to round-off: no phase.
+    """
+    forward, backward = recursions(matrices)
+    z = np.exp(2j * math.pi * np.asarray(frequencies, float) * matrices.period)
+    x = np.linalg.solve(np.eye(3) - forward / z[:, None, None], np.broadcast_to(matrices.k[:, None], (len(z), 3, 1)))
+    if smoother:
+        x = np.linalg.solve(np.eye(3) - backward * z[:, None, None], (np.eye(3) - backward @ matrices.E) @ x)
+    return np.asarray(x[:, 0, 0], complex)
+
+
+def recursions(matrices: KalmanMatrices) -> tuple[Array, Array]:
+    """The two recursions of the fixed-interval smoother, as 3x3 matrices F and C.
+
+    Forward ``x_bar(k) = F x_bar(k-1) + k y(k)`` with ``F = (I - k c) E``; backward (Rauch-Tung-Striebel, steady state)
+    ``x_s(k) = C x_s(k+1) + (I - C E) x_bar(k)`` with ``C = P_updated E' P_predicted^-1``.
+    """
+    forward = (np.eye(3) - np.outer(matrices.k, MEASURED)) @ matrices.E
+    scale = np.sqrt(np.diag(matrices.predicted))
+    P = matrices.predicted / np.outer(scale, scale)
+    right = matrices.updated @ matrices.E.T / scale
+    return forward, np.asarray(np.linalg.solve(P.T, right.T).T / scale)

@@ -1,0 +1,185 @@
+"""The Kalman filter of (14.26)-(14.31) on a whole recording: offline filter, fixed-interval smoother, tuning."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.signals.kalman import KalmanMatrices, kalman_matrices, recursions
+from rrrgen.signals.reconstruction import FORGOTTEN, Reconstruction, sampling_period
+
+LOWEST_RATIO, HIGHEST_RATIO = -10.0, 1.0  # log10 of lambda in the search for the innovation likelihood
+
+
+@dataclass(frozen=True)
+class KalmanSmoother:
+    """Steady-state Kalman reconstruction (14.30)-(14.31), by default followed by the fixed-interval smoother.
+
+    ``var_eta`` is the variance of the position noise (rad^2), ``var_xi`` that of the jerk of the deviation
+    ((rad/s^3)^2); one value for all joints, or one per joint. ``smooth=False`` gives the causal filter, as it runs on
+    line. A recording is continued at its ends by reflection through its end points.
+    """
+
+    var_eta: float | tuple[float, ...]
+    var_xi: float | tuple[float, ...]
+    smooth: bool = True
+
+    def __call__(self, t: Array, q: Array, reference: Reconstruction | None = None) -> Reconstruction:
+        """Reconstruct; with a ``reference`` motion the filter works on ``e = q - q_r`` (14.27)."""
+        t, q = np.asarray(t, float), np.asarray(q, float)
+        period = sampling_period(t)
+        e = q if reference is None else q - reference.q
+        states = np.empty((len(q), q.shape[1], 3))
+        for joint, matrices in enumerate(self.matrices(period, q.shape[1])):
+            states[:, joint] = _states(matrices, e[:, joint], self.smooth)
+        parts = [states[..., i] for i in range(3)]
+        if reference is not None:
+            parts = [
+                part + known for part, known in zip(parts, (reference.q, reference.dq, reference.ddq), strict=True)
+            ]
+        method = "Kalman smoother" if self.smooth else "Kalman filter"
+        facts = {"var_eta": self.var_eta, "var_xi": self.var_xi}
+        return Reconstruction(t, parts[0], parts[1], parts[2], method, facts)
+
+    def matrices(self, period: float, joints: int) -> list[KalmanMatrices]:
+        """The constant matrices of every joint."""
+        pairs = zip(_per_joint(self.var_eta, joints), _per_joint(self.var_xi, joints), strict=True)
+        return [kalman_matrices(period, eta, xi) for eta, xi in pairs]
+
+    def memory(self, period: float) -> int:
+        """Samples until the slowest mode of any joint has decayed to round-off."""
+        joints = max(np.size(self.var_eta), np.size(self.var_xi))
+        slowest = max(float(np.max(np.abs(m.poles))) for m in self.matrices(period, int(joints)))
+        return 2 + math.ceil(math.log(FORGOTTEN) / math.log(slowest))
+
+
+def quantisation_variance(resolution: float) -> float:
+    """Variance of a uniformly distributed rounding error, ``var eta = resolution^2 / 12`` (rad^2 for rad)."""
+    return resolution * resolution / 12.0
+
+
+def jerk_variance(t: Array, q: Array, cutoff: float = 10.0) -> tuple[float, ...]:
+    """``var xi = max jerk^2`` of every joint ((rad/s^3)^2), the chapter's starting value.
+
+    ``q`` (N, n) is the reference motion, or the measured one, which is low-passed at ``cutoff`` (Hz) before it is
+    differentiated three times.
+    """
+    from rrrgen.signals.reconstruction import Butterworth
+
+    motion = Butterworth(cutoff, order=6)(t, q)
+    jerk = np.gradient(motion.ddq, sampling_period(t), axis=0)
+    edge = min(len(t) // 4, math.ceil(1.0 / (cutoff * sampling_period(t))))
+    return tuple(float(np.max(np.abs(column)) ** 2) for column in jerk[edge : len(jerk) - edge].T)
+
+
+def innovations(matrices: KalmanMatrices, e: Array) -> Array:
+    """Innovations ``y(k) - c x_hat(k)`` of one joint (N - 1,), from the second sample on.
+
+    White with variance ``matrices.innovation * var eta`` if the model is right.
+    """
+    pad = _padding(matrices, len(e))
+    _, found = _forward(matrices, _extended(e, pad))
+    return found[pad + 1 : pad + len(e)]
+
+
+def tune_by_innovations(t: Array, q: Array, reference: Reconstruction | None = None) -> KalmanSmoother:
+    """The smoother whose variances maximise the likelihood of the innovations, joint by joint.
+
+    For a given ratio of the variances the likelihood is largest at ``var eta = mean(innovation^2) / (c P c' + 1)``, and
+    what is left, ``log mean(innovation^2)``, is minimised over the ratio: the one-step prediction error.
+    """
+    from scipy.optimize import minimize_scalar
+
+    period = sampling_period(t)
+    e = np.asarray(q, float) if reference is None else np.asarray(q, float) - reference.q
+    etas, xis = [], []
+    for column in e.T:
+        if float(np.ptp(column)) == 0.0:
+            raise InputError("a joint does not move at all: its noise cannot be told from its motion")
+
+        def cost(log_ratio: float, column: Array = column) -> float:
+            return math.log(float(np.mean(innovations(_unit_noise(period, log_ratio), column) ** 2)))
+
+        grid = np.linspace(LOWEST_RATIO, HIGHEST_RATIO, 23)
+        best = int(np.argmin([cost(value) for value in grid]))
+        bracket = (grid[max(0, best - 1)], grid[min(len(grid) - 1, best + 1)])
+        found = minimize_scalar(cost, bounds=bracket, method="bounded", options={"xatol": 1e-3})
+        matrices = _unit_noise(period, float(found.x))
+        eta = float(np.mean(innovations(matrices, column) ** 2)) / matrices.innovation
+        etas.append(eta)
+        xis.append(eta * 10.0 ** (2.0 * float(found.x)) / period**6)
+    return KalmanSmoother(tuple(etas), tuple(xis))
+
+
+def _unit_noise(period: float, log_ratio: float) -> KalmanMatrices:
+    """The filter of ratio ``lambda = 10^log_ratio``."""
+    return kalman_matrices(period, 1.0, 10.0 ** (2.0 * log_ratio) / period**6)
+
+
+def _per_joint(value: float | Sequence[float], joints: int) -> list[float]:
+    values = [float(value)] * joints if isinstance(value, (int, float)) else [float(v) for v in value]
+    if len(values) != joints:
+        raise InputError(f"{len(values)} variances were given for {joints} joints")
+    return values
+
+
+def _padding(matrices: KalmanMatrices, samples: int) -> int:
+    slowest = float(np.max(np.abs(matrices.poles)))
+    return min(samples - 1, 2 + math.ceil(math.log(FORGOTTEN) / math.log(slowest)))
+
+
+def _extended(e: Array, pad: int) -> Array:
+    """``e`` continued by reflection through its end points."""
+    if pad == 0:
+        return e
+    return np.concatenate([2 * e[0] - e[pad:0:-1], e, 2 * e[-1] - e[-2 : -pad - 2 : -1]])
+
+
+def _states(matrices: KalmanMatrices, e: Array, smooth: bool) -> Array:
+    """Updated, or smoothed, states (N, 3) of one joint."""
+    pad = _padding(matrices, len(e))
+    extended = _extended(e, pad)
+    states, innovation = _forward(matrices, extended)
+    if smooth:
+        # x_s(k) - x_bar(k) = C (x_s(k+1) - E x_bar(k)) = C (x_s(k+1) - x_bar(k+1)) + C k innovation(k+1)
+        _, C = recursions(matrices)
+        drive = np.zeros_like(states)
+        drive[:-1] = innovation[1:, None] * (C @ matrices.k)
+        states = states + _recursion(C, drive[::-1], np.zeros(3))[::-1]
+    return states[pad : pad + len(e)]
+
+
+def _forward(matrices: KalmanMatrices, y: Array) -> tuple[Array, Array]:
+    """Updated states (N, 3) and innovations (N,), started on the straight line through the first two samples.
+
+    What is computed is the distance s of the states from ``[y, difference of y, 0]``, which obeys ``s(k) = F s(k-1) +
+    (k - [1, 1/Ts, 0]) a(k)`` with a the second difference of y: exact differences of measured values, so that the
+    round-off is that of the noise, not that of the position.
+    """
+    F, _ = recursions(matrices)
+    slope = np.diff(y, prepend=2 * y[:1] - y[1:2]) / matrices.period
+    second = np.zeros(len(y))
+    second[2:] = np.diff(y, 2)
+    b = np.array([1.0, 1.0 / matrices.period, 0.0])
+    s = _recursion(F, second[:, None] * (matrices.k - b), np.zeros(3))
+    innovation = second.copy()
+    innovation[1:] -= s[:-1] @ matrices.E[0]
+    return s + np.column_stack([y, slope, np.zeros(len(y))]), innovation
+
+
+def _recursion(A: Array, drive: Array, first: Array) -> Array:
+    """``x(k) = A x(k-1) + drive(k)`` with ``x(0) = first``, mode by mode (the three modes are distinct)."""
+    from scipy.signal import lfilter
+
+    scale = np.max(np.abs(drive), axis=0)
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eig(A / scale[:, None] * scale)
+    modal = np.linalg.solve(vectors, (drive / scale).T.astype(complex))
+    modal[:, 0] = np.linalg.solve(vectors, first / scale)
+    filtered = np.stack([lfilter([1.0], [1.0, -value], row) for value, row in zip(values, modal, strict=True)])
+    return np.asarray(np.real(vectors @ filtered).T * scale)

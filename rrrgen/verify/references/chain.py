@@ -1,0 +1,116 @@
+"""A robot as plain floats: what every reference is built from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rrrgen.robotfile.robot_spec import FixedTransform, RobotSpec
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Joint rows (n,) in rad and m, fixed transforms (4, 4), gravity (3,) in the base frame, drive inertia (n,)."""
+
+    name: str
+    convention: str
+    revolute: tuple[bool, ...]
+    alpha: Array
+    a: Array
+    d: Array
+    theta: Array
+    gravity: Array
+    base: Array
+    tool: Array
+    drive_inertia: Array
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.revolute)
+
+    def around_joints(self) -> list[tuple[Array, Array]]:
+        """Per row (before, after): A_i(q) = before * motion(q) * after, the motion about or along z.
+
+        Standard ``Rz(theta) Tz(d) Tx(a) Rx(alpha)``, modified ``Rx(alpha) Tx(a) Rz(theta) Tz(d)``.
+        """
+        pairs = []
+        for alpha, a, d, theta in zip(self.alpha, self.a, self.d, self.theta, strict=True):
+            twist, screw = np.eye(4), np.eye(4)
+            twist[1:3, 1:3] = [[np.cos(alpha), -np.sin(alpha)], [np.sin(alpha), np.cos(alpha)]]
+            twist[0, 3] = a
+            screw[:2, :2] = [[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]]
+            screw[2, 3] = d
+            pairs.append((np.eye(4), screw @ twist) if self.convention == "standard" else (twist @ screw, np.eye(4)))
+        return pairs
+
+
+def chain_of(spec: RobotSpec) -> Chain:
+    """The numbers of a description at the nominal values of its named parameters."""
+
+    def matrix(transform: FixedTransform) -> Array:
+        T = np.eye(4)
+        T[:3, :3] = np.reshape([float(spec.nominal(v)) for v in transform.rotation], (3, 3))
+        T[:3, 3] = [float(spec.nominal(v)) for v in transform.translation]
+        return T
+
+    rows = spec.dh_table()
+    drives = [0.0 if j.drive is None or j.drive.inertia is None else float(j.drive.inertia) for j in spec.joints]
+    return Chain(
+        name=spec.name,
+        convention=spec.convention,
+        revolute=tuple(row[0] == "revolute" for row in rows),
+        alpha=np.array([row[1] for row in rows]),
+        a=np.array([row[2] for row in rows]),
+        d=np.array([row[3] for row in rows]),
+        theta=np.array([row[4] for row in rows]),
+        gravity=np.array([float(spec.nominal(g)) for g in spec.gravity]),
+        base=matrix(spec.base),
+        tool=matrix(spec.tool),
+        drive_inertia=np.array(drives),
+    )
+
+
+def nominal_parameters(spec: RobotSpec) -> Array | None:
+    """Standard parameters (n, 10) of the description's links, or None where it has none.
+
+    Order m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the origin of the link frame, tensor signs.
+    """
+    if spec.links is None:
+        return None
+    rows = []
+    for link in spec.links:
+        m, (x, y, z) = float(link.mass), (float(c) for c in link.com)
+        xx, yy, zz, xy, xz, yz = (float(v) for v in link.inertia_about_origin())
+        rows.append([m, m * x, m * y, m * z, xx, xy, yy, xz, yz, zz])
+    return np.array(rows)
+
+
+def inertia_tensor(parameters: Array) -> Array:
+    """The 3x3 tensor about the link frame's origin from ten standard parameters."""
+    xx, xy, yy, xz, yz, zz = parameters[4:]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def centre_and_tensor(parameters: Array) -> tuple[Array, Array]:
+    """Centre of mass, and the inertia tensor about it, from ten standard parameters with m > 0."""
+    m = float(parameters[0])
+    c = parameters[1:4] / m
+    return c, inertia_tensor(parameters) - m * (c @ c * np.eye(3) - np.outer(c, c))
+
+
+def is_physical(parameters: Array) -> bool:
+    """Whether every link's pseudo-inertia is positive definite, so that M(q) > 0 everywhere."""
+    for row in parameters:
+        S = inertia_tensor(row)
+        P = np.empty((4, 4))
+        P[:3, :3] = 0.5 * np.trace(S) * np.eye(3) - S
+        P[:3, 3] = P[3, :3] = row[1:4]
+        P[3, 3] = row[0]
+        if np.linalg.eigvalsh(P)[0] <= 0.0:
+            return False
+    return True

@@ -1,0 +1,84 @@
+"""MuJoCo as a reference: one body per link at its moving frame, joint axis z, no contacts and no limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rrrgen.verify.references.chain import Array, Chain, centre_and_tensor
+from rrrgen.verify.references.reference import ReferenceUnavailableError
+
+
+def _text(values: Array) -> str:
+    return " ".join(repr(float(v)) for v in np.ravel(values))
+
+
+class MujocoReference:
+    """The chain as a ``mujoco.MjModel``."""
+
+    def __init__(self, chain: Chain, phi: Array) -> None:
+        try:
+            import mujoco
+        except ImportError as error:
+            raise ReferenceUnavailableError("not installed (pip install mujoco)") from error
+        self._mujoco = mujoco
+        self.name = f"MuJoCo {mujoco.__version__}"
+        if np.any(phi[:, 0] <= 0.0):
+            raise ReferenceUnavailableError("a link has no mass, so it has no centre of mass")
+        try:
+            self._model = mujoco.MjModel.from_xml_string(self._mjcf(chain, phi))
+        except ValueError as error:
+            raise ReferenceUnavailableError(f"refuses the model: {str(error).splitlines()[0]}") from error
+        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        self._data = mujoco.MjData(self._model)
+
+    def _mjcf(self, chain: Chain, phi: Array) -> str:
+        """The model as MJCF text."""
+        bodies: list[str] = []
+        offset = chain.base
+        for i, (before, after) in enumerate(chain.around_joints()):
+            centre, tensor = centre_and_tensor(phi[i])
+            R = after[:3, :3]
+            moved = R @ tensor @ R.T
+            entries = np.array([moved[0, 0], moved[1, 1], moved[2, 2], moved[0, 1], moved[0, 2], moved[1, 2]])
+            kind = "hinge" if chain.revolute[i] else "slide"
+            bodies.append(
+                f"<body {self._place(offset @ before)}>"
+                f'<joint type="{kind}" axis="0 0 1" armature="{float(chain.drive_inertia[i])!r}"/>'
+                f'<inertial mass="{float(phi[i, 0])!r}" pos="{_text(after[:3, 3] + R @ centre)}"'
+                f' fullinertia="{_text(entries)}"/>'
+            )
+            offset = after
+        bodies.append(f'<site name="tip" {self._place(offset @ chain.tool)}/>' + "</body>" * chain.n)
+        head = f'<compiler angle="radian"/><option gravity="{_text(chain.gravity)}"/>'
+        return f"<mujoco>{head}<worldbody>{''.join(bodies)}</worldbody></mujoco>"
+
+    def _place(self, T: Array) -> str:
+        quaternion = np.zeros(4)
+        self._mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(T[:3, :3]).reshape(9))
+        return f'pos="{_text(T[:3, 3])}" quat="{_text(quaternion)}"'
+
+    def _at(self, q: Array) -> None:
+        self._data.qpos[:], self._data.qvel[:] = q, 0.0
+        self._mujoco.mj_forward(self._model, self._data)
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """``mj_inverse``."""
+        self._data.qpos[:], self._data.qvel[:], self._data.qacc[:] = q, dq, ddq
+        self._mujoco.mj_inverse(self._model, self._data)
+        return np.array(self._data.qfrc_inverse)
+
+    def mass_matrix(self, q: Array) -> Array:
+        """Column by column with ``mj_mulM``, whose signature is the same in all versions."""
+        self._at(q)
+        n = self._model.nv
+        columns = np.zeros((n, n))
+        for row, unit in zip(columns, np.eye(n), strict=True):
+            self._mujoco.mj_mulM(self._model, self._data, row, unit)
+        return columns.T.copy()
+
+    def forward_kinematics(self, q: Array) -> Array:
+        """The site at the tip."""
+        self._at(q)
+        tip, T = self._data.site("tip"), np.eye(4)
+        T[:3, :3], T[:3, 3] = np.reshape(tip.xmat, (3, 3)), tip.xpos
+        return T

@@ -1,0 +1,198 @@
+"""The built-in reference: recursive Newton-Euler with spatial vectors in link frames, over batches of states.
+
+Featherstone's recursion (Rigid Body Dynamics Algorithms, 2008, chapter 5): twists and accelerations go outwards,
+wrenches inwards, each as an (angular, linear) pair at the origin of the user's link frame and in its axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.verify.references.chain import Array, Chain, inertia_tensor
+
+_TENSOR_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
+
+
+def _cross_matrix(v: Array) -> Array:
+    """[v]x for every vector (N, 3): [v]x u = v x u."""
+    out = np.zeros((*v.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
+    return out
+
+
+def _tensor_rows(w: Array) -> Array:
+    """L(w) (N, 3, 6) with I w = L(w) [Ixx Ixy Iyy Ixz Iyz Izz]'."""
+    out = np.zeros((len(w), 3, 6))
+    for k, (r, c) in enumerate(_TENSOR_PLACES):
+        out[:, r, k] += w[:, c]
+        if r != c:
+            out[:, c, k] += w[:, r]
+    return out
+
+
+@dataclass(frozen=True)
+class _Outward:
+    """Per link: frame in the one before it, twist and spatial acceleration (angular, linear) of its origin."""
+
+    R: list[Array]
+    p: list[Array]
+    w: list[Array]
+    v: list[Array]
+    wd: list[Array]
+    vd: list[Array]
+
+
+class NewtonEuler:
+    """Kinematics and dynamics of a chain with standard parameters ``phi`` (n, 10); states are batches (N, n)."""
+
+    name = "Newton-Euler (built in)"
+
+    def __init__(self, chain: Chain, phi: Array) -> None:
+        self.chain = chain
+        self.phi = phi
+        self._tensors = [inertia_tensor(row) for row in phi]
+        self._around = chain.around_joints()
+        self._axes = [self._axis(i) for i in range(chain.n)]
+
+    def _axis(self, i: int) -> tuple[Array, Array]:
+        """Motion subspace of joint i in link frame i: (angular, linear), constant."""
+        after = self._around[i][1]
+        z, arm = after[:3, :3].T @ [0.0, 0.0, 1.0], after[:3, :3].T @ after[:3, 3]
+        return (z, np.cross(z, arm)) if self.chain.revolute[i] else (np.zeros(3), z)
+
+    def _steps(self, q: Array) -> list[Array]:
+        """A_i(q_i) (N, 4, 4) per joint."""
+        steps = []
+        for i, (before, after) in enumerate(self._around):
+            motion = np.tile(np.eye(4), (len(q), 1, 1))
+            if self.chain.revolute[i]:
+                c, s = np.cos(q[:, i]), np.sin(q[:, i])
+                motion[:, 0, 0], motion[:, 0, 1], motion[:, 1, 0], motion[:, 1, 1] = c, -s, s, c
+            else:
+                motion[:, 2, 3] = q[:, i]
+            steps.append(before @ motion @ after)
+        return steps
+
+    def link_frames(self, q: Array) -> Array:
+        """T_0_i (N, n, 4, 4)."""
+        T = np.tile(self.chain.base, (len(q), 1, 1))
+        frames = []
+        for step in self._steps(q):
+            T = T @ step
+            frames.append(T)
+        return np.stack(frames, axis=1)
+
+    def forward_kinematics(self, q: Array) -> Array:
+        """The tip (N, 4, 4) in the base frame."""
+        return np.asarray(self.link_frames(q)[:, -1] @ self.chain.tool)
+
+    def jacobian(self, q: Array) -> Array:
+        """J (N, 6, n) at the tip, base frame, linear rows first."""
+        frames = self.link_frames(q)
+        tip = (frames[:, -1] @ self.chain.tool)[:, :3, 3]
+        J = np.zeros((len(q), 6, self.chain.n))
+        for i, (angular, linear) in enumerate(self._axes):
+            R, origin = frames[:, i, :3, :3], frames[:, i, :3, 3]
+            J[:, 3:, i] = R @ angular
+            J[:, :3, i] = R @ linear + np.cross(J[:, 3:, i], tip - origin)
+        return J
+
+    def jacobian_dot_dq(self, q: Array, dq: Array) -> Array:
+        """dJ/dt dq (N, 6): acceleration of the tip when every ddq is zero."""
+        out = self._outward(q, dq, np.zeros_like(dq), np.zeros(3))
+        w, wd = out.w[-1], out.wd[-1]
+        r = np.broadcast_to(self.chain.tool[:3, 3], w.shape)
+        linear = out.vd[-1] + np.cross(w, out.v[-1]) + np.cross(wd, r) + np.cross(w, np.cross(w, r))
+        R = self.link_frames(q)[:, -1, :3, :3]
+        return np.concatenate([np.einsum("nij,nj->ni", R, linear), np.einsum("nij,nj->ni", R, wd)], axis=1)
+
+    def _outward(self, q: Array, dq: Array, ddq: Array, gravity: Array) -> _Outward:
+        """Twists and spatial accelerations; gravity enters as an acceleration of the base."""
+        zero = np.zeros((len(q), 3))
+        w, v, wd = zero, zero, zero
+        vd = zero - self.chain.base[:3, :3].T @ gravity
+        out = _Outward([], [], [], [], [], [])
+        for i, step in enumerate(self._steps(q)):
+            R, p = step[:, :3, :3], step[:, :3, 3]
+            back = np.swapaxes(R, 1, 2)
+            angular, linear = self._axes[i]
+            rate, acceleration = dq[:, i : i + 1], ddq[:, i : i + 1]
+            v, vd = v + np.cross(w, p), vd + np.cross(wd, p)
+            w, v, wd, vd = (np.einsum("nij,nj->ni", back, x) for x in (w, v, wd, vd))
+            w, v = w + angular * rate, v + linear * rate
+            wd = wd + angular * acceleration + np.cross(w, angular * rate)
+            vd = vd + linear * acceleration + np.cross(w, linear * rate) + np.cross(v, angular * rate)
+            for store, value in zip((out.R, out.p, out.w, out.v, out.wd, out.vd), (R, p, w, v, wd, vd), strict=True):
+                store.append(value)
+        return out
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array, *, with_gravity: bool = True) -> Array:
+        """tau (N, n) of the rigid body with drive inertia."""
+        gravity = self.chain.gravity if with_gravity else np.zeros(3)
+        out = self._outward(q, dq, ddq, gravity)
+        tau = ddq * self.chain.drive_inertia
+        moment = force = np.zeros((len(q), 3))
+        for i in reversed(range(self.chain.n)):
+            m, h, inertia = self.phi[i, 0], self.phi[i, 1:4], self._tensors[i]
+            w, v, wd, vd = out.w[i], out.v[i], out.wd[i], out.vd[i]
+            momentum, spin = m * v + np.cross(w, h), w @ inertia + np.cross(h, v)
+            force = force + m * vd + np.cross(wd, h) + np.cross(w, momentum)
+            moment = moment + wd @ inertia + np.cross(h, vd) + np.cross(w, spin) + np.cross(v, momentum)
+            angular, linear = self._axes[i]
+            tau[:, i] += moment @ angular + force @ linear
+            force = np.einsum("nij,nj->ni", out.R[i], force)
+            moment = np.einsum("nij,nj->ni", out.R[i], moment) + np.cross(out.p[i], force)
+        return tau
+
+    def standard_regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Y (N, n, 10 n): rigid-body torque per standard parameter (without drive inertia)."""
+        out = self._outward(q, dq, ddq, self.chain.gravity)
+        n = self.chain.n
+        Y = np.zeros((len(q), n, 10 * n))
+        for j in range(n):
+            W = _cross_matrix(out.w[j])
+            lift = out.vd[j] + np.cross(out.w[j], out.v[j])
+            force, moment = np.zeros((len(q), 3, 10)), np.zeros((len(q), 3, 10))
+            force[:, :, 0] = lift
+            force[:, :, 1:4] = _cross_matrix(out.wd[j]) + W @ W
+            moment[:, :, 1:4] = -_cross_matrix(lift)
+            moment[:, :, 4:] = _tensor_rows(out.wd[j]) + W @ _tensor_rows(out.w[j])
+            for i in range(j, -1, -1):
+                angular, linear = self._axes[i]
+                Y[:, i, 10 * j : 10 * j + 10] = np.einsum("i,nik->nk", angular, moment)
+                Y[:, i, 10 * j : 10 * j + 10] += np.einsum("i,nik->nk", linear, force)
+                force = out.R[i] @ force
+                moment = out.R[i] @ moment + _cross_matrix(out.p[i]) @ force
+        return Y
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M (N, n, n), column k the torque of a unit acceleration of joint k at rest without gravity."""
+        still = np.zeros_like(q)
+        units = np.eye(self.chain.n)
+        columns = [self.inverse_dynamics(q, still, still + unit, with_gravity=False) for unit in units]
+        return np.stack(columns, axis=2)
+
+    def coriolis(self, q: Array, dq: Array) -> Array:
+        """c (N, n)."""
+        return self.inverse_dynamics(q, dq, np.zeros_like(q), with_gravity=False)
+
+    def gravity(self, q: Array) -> Array:
+        """g (N, n)."""
+        still = np.zeros_like(q)
+        return self.inverse_dynamics(q, still, still)
+
+    def energy(self, q: Array, dq: Array) -> tuple[Array, Array]:
+        """Kinetic energy with drive inertia, and potential energy counted from the base frame's origin, (N,) each."""
+        out = self._outward(q, dq, np.zeros_like(dq), np.zeros(3))
+        frames = self.link_frames(q)
+        kinetic = 0.5 * (dq * dq) @ self.chain.drive_inertia
+        potential = np.zeros(len(q))
+        for i in range(self.chain.n):
+            m, h, w, v = self.phi[i, 0], self.phi[i, 1:4], out.w[i], out.v[i]
+            spin = w @ self._tensors[i]
+            kinetic = kinetic + np.sum(0.5 * m * v * v + v * np.cross(w, h) + 0.5 * w * spin, axis=1)
+            potential = potential - (m * frames[:, i, :3, 3] + frames[:, i, :3, :3] @ h) @ self.chain.gravity
+        return kinetic, potential

@@ -1,0 +1,29 @@
+"""What a reference library must answer."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from rrrgen.verify.references.chain import Array
+
+
+class Reference(Protocol):
+    """Another library's model of the same robot, asked one state (n,) at a time."""
+
+    name: str
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """tau (n,) with drive inertia."""
+        ...
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M (n, n) with drive inertia."""
+        ...
+
+    def forward_kinematics(self, q: Array) -> Array:
+        """The tip (4, 4) in the base frame."""
+        ...
+
+
+class ReferenceUnavailableError(Exception):
+    """The library is missing, or cannot represent this robot; the text says which."""

@@ -1,0 +1,120 @@
+"""Mappings of a robot file against their tables of keys: unknown, duplicate, missing and empty keys."""
+
+from __future__ import annotations
+
+import re
+
+from rrrgen.robotfile.keys import ALIASES, SECTIONS, Key
+from rrrgen.yamltext.document import FaultList, Mapping, Node, Scalar, Sequence
+from rrrgen.yamltext.suggest import did_you_mean
+
+
+def describe(node: Node) -> str:
+    """What a node is, for messages."""
+    if isinstance(node, Scalar):
+        return "nothing" if node.is_null else f"'{shorten(node.text)}'"
+    return "a list" if isinstance(node, Sequence) else "a mapping"
+
+
+def shorten(text: str, width: int = 40) -> str:
+    """At most ``width`` characters of ``text`` on one line."""
+    text = " ".join(text.split())
+    return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def read_entries(node: Node, what: str, faults: FaultList) -> dict[str, tuple[Scalar, Node]] | None:
+    """Key text -> (key, value) of a mapping; None where the node is no mapping. Reports duplicates and odd keys."""
+    if not isinstance(node, Mapping):
+        faults.error(
+            node, f"{what} is {describe(node)}, not a mapping", "write {key: value, ...} or indented key: value"
+        )
+        return None
+    entries: dict[str, tuple[Scalar, Node]] = {}
+    for key, value in node.entries:
+        if not isinstance(key, Scalar):
+            faults.error(key, f"{describe(key)} as a key of {what}", "keys are plain words")
+        elif key.text in entries:
+            first = entries[key.text][0].place
+            faults.error(key, f"duplicate key '{shorten(key.text)}'", f"first given at line {first.line}")
+        else:
+            entries[key.text] = (key, value)
+    return entries
+
+
+def read_section(node: Node, section: str, what: str, faults: FaultList) -> dict[str, Node] | None:
+    """The values of a mapping by key, checked against the table of ``section``; empty values are left out.
+
+    None where the node is no mapping, so that nothing about it can be said.
+    """
+    entries = read_entries(node, what, faults)
+    if entries is None:
+        return None
+    table = {key.name: key for key in SECTIONS[section]}
+    values: dict[str, Node] = {}
+    for name, (key, value) in entries.items():
+        if name not in table:
+            faults.error(key, f"unknown key '{shorten(name)}' in {what}", _unknown_hint(name, value, table))
+        elif isinstance(value, Scalar) and value.is_null and table[name].kind != "mapping":
+            faults.error(key, f"'{name}' has no value", table[name].meaning)
+        else:
+            values[name] = value
+    for name, required in table.items():
+        if required.required and name not in entries:
+            faults.error(node, f"{what} needs the key '{name}'", _required_hint(required))
+    return values
+
+
+def _unknown_hint(name: str, value: Node, table: dict[str, Key]) -> str:
+    if re.fullmatch(r"[+-]?\d+\s*[a-z]*", name) and isinstance(value, Scalar) and value.is_null:
+        return f"decimal comma? the number before it must read e.g. 0.{name.lstrip('+-').split()[0]}"
+    if name == "<<":
+        return "merge keys are not supported; write the keys out"
+    also = {word: key for word, key in ALIASES.items() if key in table}
+    allowed = f"allowed are {', '.join(table)}"
+    suggestion = did_you_mean(name, table, also)
+    return f"{suggestion} {allowed}" if suggestion else allowed
+
+
+def _required_hint(key: Key) -> str:
+    if key.choices:
+        return f"{key.name}: {' | '.join(key.choices)} ({key.meaning})"
+    if key.kind == "mapping":
+        parts = [
+            f"{inner.name}: {' | '.join(inner.choices) or '...'}" for inner in SECTIONS[key.section] if inner.required
+        ]
+        return f"{key.name}: {{{', '.join(parts)}}} ({key.meaning})"
+    return f"{key.name}: {key.meaning}"
+
+
+def read_text(node: Node, what: str, faults: FaultList) -> str:
+    """Free text; a fault and an empty text for anything else."""
+    if isinstance(node, Scalar):
+        return "" if node.is_null else node.text.strip()
+    faults.error(node, f"{what} is {describe(node)}, not text", "put the text in quotes")
+    return ""
+
+
+def read_choice(node: Node, key: Key, faults: FaultList) -> str | None:
+    """One of the words that ``key`` allows, or None and a fault."""
+    if isinstance(node, Scalar) and node.text in key.choices:
+        return node.text
+    word = node.text if isinstance(node, Scalar) else ""
+    hint = did_you_mean(word, key.choices) if word else ""
+    allowed = "allowed is " if len(key.choices) == 1 else "allowed are "
+    hint = f"{hint} {allowed}{', '.join(key.choices)}".strip()
+    faults.error(node, f"{key.name}: {describe(node)} is not allowed", hint)
+    return None
+
+
+def read_list(node: Node, what: str, length: int | None, faults: FaultList) -> list[Node] | None:
+    """The items of a list, of exactly ``length`` if given, or None and a fault."""
+    if not isinstance(node, Sequence):
+        faults.error(node, f"{what} is {describe(node)}, not a list", f"write [{', '.join('...' for _ in range(3))}]")
+        return None
+    if length is not None and len(node.items) != length:
+        hint = f"{what} takes {length} values"
+        if len(node.items) > length and all(isinstance(item, Scalar) for item in node.items):
+            hint += "; decimal comma? write 0.35, not 0,35"
+        faults.error(node, f"{what} has {len(node.items)} values instead of {length}", hint)
+        return None
+    return node.items

@@ -1,0 +1,113 @@
+"""The manifest, and the hash that ties code to its robot."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import pytest
+import sympy as sp
+
+import rrrgen
+from backends.planar import planar_model, spec
+from rrrgen import pipeline
+from rrrgen.output.manifest import identify
+from rrrgen.output.writer import checksum
+from rrrgen.robotfile import loads_spec
+
+ROOT = Path(__file__).resolve().parents[2]
+
+ROBOT = """schema: rrrgen/1
+name: one
+convention: standard
+units: {{angle: {angle}, length: {length}}}
+gravity: [0, 0, -9.81]
+joints:
+  - {{type: revolute, alpha: {alpha}, a: {a}, d: 0, theta: 0}}
+"""
+
+
+def test_one_robot_has_one_hash_however_it_is_written():
+    first = loads_spec(ROBOT.format(angle="deg", length="mm", alpha=90, a=500))
+    second = loads_spec(ROBOT.format(angle="rad", length="m", alpha="pi/2", a="1/2") + "description: in words\n")
+    assert identify(first).model_hash == identify(second).model_hash
+    assert re.fullmatch("[0-9a-f]{64}", identify(first).model_hash)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"name": "other"},
+        {"convention": "modified"},
+        {"gravity": (sp.Integer(0), sp.Rational(-98, 10), sp.Integer(0))},
+        {"links": None},
+        {"parameters": {"a": sp.Integer(1)}},
+    ],
+)
+def test_another_robot_has_another_hash(change):
+    assert identify(spec()).model_hash != identify(dataclasses.replace(spec(), **change)).model_hash
+
+
+def test_the_version_is_the_one_of_the_package():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert identify(spec()).tool_version == rrrgen.__version__ == project["version"]
+
+
+@pytest.fixture(scope="module")
+def files():
+    return pipeline.emit(planar_model())
+
+
+def test_the_manifest_lists_what_was_emitted(files):
+    content = json.loads(files["manifest.json"])
+    assert content["robot"] == "planar"
+    assert content["model_hash"] == identify(spec()).model_hash
+    assert content["files"] == {name: checksum(data) for name, data in files.items() if name != "manifest.json"}
+    assert {"planar.h", "planar.c", "planar_selftest.c", "CMakeLists.txt", "planar.pc"} <= set(content["files"])
+    assert [p["name"] for p in content["base_parameters"]] == ["b1", "b2", "b3", "b4", "b5", "b6"]
+    assert content["base_parameters"][0]["expression"] == "Izz1 + m2/4"
+    function = content["functions"]["inverse_dynamics"]
+    assert function["inputs"][0] == {"name": "q", "shape": [2], "unit": "rad", "frame": "joint"}
+    assert function["outputs"][0]["shape"] == [2]
+    assert function["operations"]["sincos"] == 3
+
+
+def test_the_manifest_keeps_its_shape():
+    text = pipeline.emit(planar_model(links=False, drives=False))["manifest.json"]
+    port = {"type": "object", "required": ["name", "shape", "unit", "frame"]}
+    ports = {"type": "array", "items": port}
+    function = {
+        "type": "object",
+        "required": ["inputs", "outputs", "operations"],
+        "properties": {"inputs": ports, "outputs": ports},
+    }
+    required = (
+        "schema robot model_hash tool convention units real n b joints gravity base_parameters regrouping functions"
+    )
+    schema = {
+        "type": "object",
+        "required": [*required.split(), "passes", "files"],
+        "properties": {
+            "schema": {"const": "rrrgen-manifest/1"},
+            "functions": {"type": "object", "additionalProperties": function},
+            "base_parameters": {"type": "array", "items": {"properties": {"nominal": {"type": "null"}}}},
+            "files": {"type": "object", "additionalProperties": {"type": "string", "pattern": "^[0-9a-f]{64}$"}},
+        },
+    }
+    jsonschema.validate(json.loads(text), schema)
+
+
+def test_no_file_tells_a_date_a_path_or_a_host(files):
+    text = "".join(data for data in files.values() if isinstance(data, str))
+    assert not re.search(r"20\d\d-\d\d-\d\d|\d\d:\d\d:\d\d|/home/|/tmp/|/root/|C:\\", text)
+
+
+def test_every_line_ends_as_it_should(files):
+    for name, data in files.items():
+        assert "\r" not in data, name
+        assert data.endswith("\n"), name
+        assert not re.search(r"[ \t]\n", data), f"{name} has blanks at the end of a line"

@@ -1,0 +1,149 @@
+"""The writer: all or nothing, LF, what is stale goes, what is the user's stays, diffs."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import pytest
+
+from rrrgen.errors import InputError, InternalError
+from rrrgen.output import writer as emit
+from rrrgen.output.writer import differences, listed_files, write, write_file
+
+
+def files(**others):
+    contents = {"a.h": "1\n", "sub/b.c": "2\n", "data.bin": b"\x00\xff\r\n", **others}
+    listed = {name: emit.checksum(data) for name, data in contents.items()}
+    return {**contents, "manifest.json": json.dumps({"files": listed})}
+
+
+def tree(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_new_directory_holds_exactly_the_files(tmp_path):
+    target = tmp_path / "deep" / "out"
+    write(files(), target)
+    assert tree(target) == {name: emit.as_bytes(data) for name, data in files().items()}
+    assert list(target.parent.iterdir()) == [target], "nothing temporary is left"
+    assert target.stat().st_mode & 0o777 == 0o777 & ~emit._umask()
+    assert differences(files(), target) == ""
+
+
+def test_an_existing_directory_keeps_what_is_not_ours_and_loses_what_is_stale(tmp_path):
+    write(files(**{"old.c": "x"}), tmp_path / "out")
+    (tmp_path / "out" / "notes.txt").write_text("the user's own")
+    write(files(**{"a.h": "new\n"}), tmp_path / "out")
+    after = tree(tmp_path / "out")
+    assert after["a.h"] == b"new\n"
+    assert after["notes.txt"] == b"the user's own"
+    assert "old.c" not in after
+    assert len(after) == 5
+
+
+def test_a_directory_is_enough_where_nothing_beside_it_can_be_written(tmp_path, monkeypatch):
+    (tmp_path / "out").mkdir()
+    original = emit.tempfile.mkdtemp
+
+    def only_inside(dir, prefix):
+        assert emit.Path(dir) == tmp_path / "out"
+        return original(dir=dir, prefix=prefix)
+
+    monkeypatch.setattr(emit.tempfile, "mkdtemp", only_inside)
+    write(files(), tmp_path / "out")
+    assert len(tree(tmp_path / "out")) == 4
+
+
+def test_text_is_written_with_lf(tmp_path):
+    write(files(), tmp_path / "out")
+    assert b"\r" not in (tmp_path / "out" / "a.h").read_bytes()
+
+
+def test_when_writing_fails_nothing_changes(tmp_path, monkeypatch):
+    write(files(), tmp_path / "out")
+    before = tree(tmp_path / "out")
+    original = emit.Path.write_bytes
+
+    def full(self, data):
+        if self.name == "b.c":
+            raise OSError(28, "No space left on device")
+        return original(self, data)
+
+    monkeypatch.setattr(emit.Path, "write_bytes", full)
+    with pytest.raises(InputError, match="No space left"):
+        write(files(**{"a.h": "new\n"}), tmp_path / "out")
+    with pytest.raises(InputError, match="No space left"):
+        write(files(), tmp_path / "fresh")
+    monkeypatch.undo()
+    assert tree(tmp_path / "out") == before
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_places_that_cannot_be_written_are_the_user_s_fault(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="not a directory"):
+        write(files(), tmp_path / "file")
+    with pytest.raises(InputError):
+        write(files(), tmp_path / "file" / "below")
+
+
+@pytest.mark.parametrize("name", ["../x", "/etc/x", "a/../../x", ""])
+def test_nothing_is_written_outside_the_directory(name, tmp_path):
+    with pytest.raises(InternalError):
+        write({name: ""}, tmp_path / "out")
+    assert not (tmp_path / "x").exists()
+
+
+def test_differences_are_a_unified_diff(tmp_path):
+    write(files(**{"gone.c": "old\n"}), tmp_path)
+    (tmp_path / "a.h").write_text("changed by hand\n")
+    (tmp_path / "data.bin").write_bytes(b"\xff\x00")
+    (tmp_path / "sub" / "b.c").unlink()
+    diff = differences(files(**{"more.h": "no newline"}), tmp_path)
+    assert "--- a/a.h\n+++ b/a.h\n@@ -1 +1 @@\n-changed by hand\n+1\n" in diff
+    assert "--- /dev/null\n+++ b/sub/b.c\n@@ -0,0 +1 @@\n+2\n" in diff
+    assert "--- a/gone.c\n+++ /dev/null\n" in diff
+    assert "+no newline\n\\ No newline at end of file\n" in diff
+    assert "Binary file data.bin differs" in diff
+    assert tree(tmp_path)["a.h"] == b"changed by hand\n", "looking changes nothing"
+
+
+def test_other_line_ends_are_a_difference(tmp_path):
+    write(files(), tmp_path)
+    (tmp_path / "a.h").write_bytes(b"1\r\n")
+    assert differences(files(), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"files": 3}', '{"files": {"../../x": 1}}', '{"files": ["/etc/passwd"]}']
+)
+def test_a_manifest_that_is_none_is_not_believed(text, tmp_path):
+    (tmp_path / "manifest.json").write_text(text)
+    assert listed_files(tmp_path) == ["manifest.json"]
+
+
+def test_relative_directories_work(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(files(), emit.Path("out"))
+    write(files(), emit.Path("."))
+    assert os.path.exists("out/a.h")
+    assert os.path.exists("a.h")
+
+
+def test_one_file_appears_whole_with_usual_permissions_or_not_at_all(tmp_path, monkeypatch):
+    old = os.umask(0o027)
+    try:
+        write_file(tmp_path / "deep" / "report.html", "ü\n")
+    finally:
+        os.umask(old)
+    file = tmp_path / "deep" / "report.html"
+    assert file.read_bytes() == "ü\n".encode()
+    assert file.stat().st_mode & 0o777 == 0o640
+    monkeypatch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(InputError, match="No space left"):
+        write_file(file, "new")
+    assert [path.name for path in file.parent.iterdir()] == ["report.html"]
+    assert file.read_bytes() == "ü\n".encode()
+    with pytest.raises(InputError, match="is a directory"):
+        write_file(tmp_path / "deep", "")

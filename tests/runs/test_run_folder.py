@@ -1,0 +1,117 @@
+"""Run folders: complete files or none, taken up again or refused, the same bytes every time."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+
+from rrrgen.errors import InputError
+from rrrgen.runs.run_folder import RunFolder, hash_of, plain, write_atomically
+
+
+def opened(tmp_path, settings=None, seed=0, fresh=False, text="a"):
+    (tmp_path / "input.txt").write_text(text)
+    return RunFolder(tmp_path / "run", "identify", {"log": tmp_path / "input.txt"}, settings or {}, seed, fresh)
+
+
+def status(folder):
+    return json.loads((folder.path / "run.json").read_text())["status"]
+
+
+def test_what_went_in_and_how_it_ended_is_recorded(tmp_path):
+    with opened(tmp_path, {"cutoff": 50.0, "kinds": ("a", np.float64(1.5))}, seed=3) as folder:
+        assert status(folder) == "running"
+    record = json.loads((folder.path / "run.json").read_text())
+    assert record["status"] == "finished"
+    assert record["seed"] == 3
+    assert record["settings"] == {"cutoff": 50.0, "kinds": ["a", 1.5]}
+    assert record["inputs"]["log"]["sha256"] == hash_of(tmp_path / "input.txt")
+    assert "numpy" in record["versions"]
+    for error, told in ((KeyboardInterrupt, "interrupted"), (ValueError, "failed")):
+        with pytest.raises(error), opened(tmp_path, {"cutoff": 50.0, "kinds": ("a", 1.5)}, seed=3) as folder:
+            raise error
+        assert status(folder) == told
+
+
+def test_finished_stages_are_not_done_again(tmp_path):
+    calls = []
+
+    def work():
+        calls.append(1)
+        return {"x": np.array([1.0, 2.0])}
+
+    with opened(tmp_path) as folder:
+        assert folder.stage("first", work) == {"x": [1.0, 2.0]}
+    with opened(tmp_path) as folder:
+        assert folder.resumed
+        assert folder.stage("first", work) == {"x": [1.0, 2.0]}
+        assert len(calls) == 1
+        folder.checkpoint("first.json").write_text("damaged")
+        folder.stage("first", work)
+        assert len(calls) == 2
+
+
+@pytest.mark.parametrize("change", [{"settings": {"a": 1}}, {"seed": 1}, {"text": "b"}])
+def test_a_run_of_something_else_is_refused_unless_asked_for(tmp_path, change):
+    with opened(tmp_path) as folder:
+        folder.write_json("result.json", {"a": 1})
+        folder.stage("first", lambda: 1)
+    with pytest.raises(InputError, match="other inputs, settings or seed"):
+        opened(tmp_path, **change)
+    with opened(tmp_path, **change, fresh=True) as folder:
+        assert not folder.resumed
+        assert not (folder.path / "results" / "result.json").exists()
+        assert folder.stage("first", lambda: 2) == 2
+
+
+def test_a_folder_with_foreign_files_is_left_alone(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "thesis.tex").write_text("years of work")
+    for fresh in (False, True):
+        with pytest.raises(InputError, match="holds no run"):
+            opened(tmp_path, fresh=fresh)
+    assert (tmp_path / "run" / "thesis.tex").read_text() == "years of work"
+
+
+def test_tables_and_records_read_back_exactly(tmp_path):
+    with opened(tmp_path) as folder:
+        numbers = np.random.default_rng(0).normal(size=5)
+        place = folder.write_csv("t.csv", ("name", "value"), (("a, b", x) for x in numbers))
+        assert [float(line.rsplit(",", 1)[1]) for line in place.read_text().splitlines()[1:]] == list(numbers)
+        assert place.read_text().splitlines()[1].startswith('"a, b",')
+        found = json.loads(folder.write_json("r.json", {"x": numbers, "bad": [np.nan, np.inf]}).read_text())
+        assert found["x"] == list(numbers)
+        assert found["bad"] == [None, None]
+
+
+def test_a_file_is_complete_or_absent(tmp_path, monkeypatch):
+    import os
+
+    write_atomically(tmp_path / "a.txt", "before")
+
+    def interrupted(*args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_atomically(tmp_path / "a.txt", "after")
+    assert (tmp_path / "a.txt").read_text() == "before"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_plain_data(tmp_path):
+    assert plain({1: (np.int64(2), np.bool_(True), None, {3})}) == {"1": [2, True, None, [3]]}
+    with pytest.raises(InputError, match="cannot read"):
+        RunFolder(tmp_path / "r", "x", {"log": tmp_path / "none"}, {})
+
+
+def test_files_have_the_permissions_that_the_umask_leaves(tmp_path):
+    before = os.umask(0o027)
+    try:
+        with opened(tmp_path) as folder:
+            folder.write_json("found.json", {"x": 1})
+    finally:
+        os.umask(before)
+    for file in (folder.path / "run.json", folder.path / "results" / "found.json"):
+        assert file.stat().st_mode & 0o777 == 0o640
