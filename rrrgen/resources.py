@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rrrgen.cache import cache_directory, digest
 from rrrgen.errors import InternalError
+from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
@@ -54,14 +55,12 @@ def _translated() -> BytecodeCache:
     """Templates that were translated once: translating them takes a tenth of the time of a small robot."""
     import jinja2
 
-    import rrrgen
-
     class Translated(jinja2.FileSystemBytecodeCache):
         def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
             with contextlib.suppress(OSError):  # the cache may have been deleted, or be read-only by now
                 super().dump_bytecode(bucket)
 
-    place = cache_directory() / f"templates-{digest(jinja2.__version__, rrrgen.__version__)[:16]}"
+    place = cache_directory() / f"templates-{digest(jinja2.__version__, VERSION)[:16]}"
     with contextlib.suppress(OSError):
         place.mkdir(mode=0o700, exist_ok=True)
     return Translated(str(place))

@@ -14,25 +14,33 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "rrrgen"
 
 ROOMS = (
+    "version",
     "errors",
-    "side_by_side",
+    "arrays",
+    "parallel_map",
     "cache",
     "resources",
     "program",
-    "spec",
+    "yamltext",
+    "robotfile",
     "model",
+    "friction",
     "derive",
     "optimize",
     "backends",
-    "emit",
-    "manifest",
+    "output",
+    "control",
     "ik",
     "runtime",
+    "pipeline",
     "verify",
+    "signals",
+    "recordings",
+    "runs",
     "simulate",
     "identify",
+    "experiments",
     "report",
-    "pipeline",
     "cli",
 )
 """From the bottom to the top: a room imports from rooms before it."""
@@ -66,7 +74,9 @@ def imported(file: Path) -> Iterator[str]:
 def rooms_used(room: str) -> set[str]:
     files = [PACKAGE / f"{room}.py"] if (PACKAGE / f"{room}.py").exists() else sorted((PACKAGE / room).rglob("*.py"))
     assert files, room
-    modules = {module.split(".")[1] for file in files for module in imported(file) if module.startswith("rrrgen.")}
+    used = {module for file in files for module in imported(file)}
+    assert "rrrgen" not in used, f"{room} imports the package, which stands above every room"
+    modules = {module.split(".")[1] for module in used if module.startswith("rrrgen.")}
     return modules & set(ROOMS) - {room}
 
 
@@ -79,6 +89,12 @@ def test_every_room_is_listed():
 def test_imports_go_down(room):
     allowed = set(ROOMS[: ROOMS.index(room)])
     assert rooms_used(room) <= allowed, f"{room} imports from a room above it"
+
+
+def test_no_folder_is_too_full_to_find_a_module():
+    folders = {path.parent for path in PACKAGE.rglob("*.py")}
+    modules = {folder: [path for path in folder.glob("*.py") if path.stem != "__init__"] for folder in folders}
+    assert {str(folder.relative_to(PACKAGE)): len(each) for folder, each in modules.items() if len(each) > 12} == {}
 
 
 def test_no_circles_of_modules():

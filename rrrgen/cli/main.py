@@ -12,9 +12,9 @@ from typing import Any, NoReturn
 
 import click
 
-from rrrgen import __version__
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.errors import InputError, InternalError, RrrgenError
+from rrrgen.version import VERSION
 
 INTERRUPTED = 130
 
@@ -78,7 +78,7 @@ class LazyGroup(click.Group):
 
 
 @click.group(cls=LazyGroup, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="rrrgen")
+@click.version_option(VERSION, prog_name="rrrgen")
 def cli() -> None:
     """Compile a robot's Denavit-Hartenberg table into verified C and CasADi models.
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.columns import Column, DriveTerms, FullRegressor, RigidModel, standard_names
 from rrrgen.identify.estimation.consistency import (
     DEFAULT_STRENGTH,
     ConsistentEstimate,
@@ -32,6 +31,7 @@ from rrrgen.identify.estimation.factoring import (
     rows_of_recordings,
     score,
 )
+from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
 from rrrgen.identify.estimation.identifiability import Direction, unexcited, weak_directions
 from rrrgen.identify.estimation.observations import KnownTorque, Observations, Recording, RowMaker, tuned
 from rrrgen.identify.estimation.parametrisation import Parametrisation, parametrise
@@ -45,6 +45,7 @@ from rrrgen.identify.estimation.regression import (
 from rrrgen.identify.estimation.statistics import Whiteness, residual_whiteness
 from rrrgen.identify.estimation.structure import Structure
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows
+from rrrgen.model.estimated_terms import Column, DriveTerms, standard_names
 from rrrgen.recordings.repairs import Repairs
 from rrrgen.signals.processing import Processing
 
@@ -133,8 +134,8 @@ def identify(
     """Estimate the base parameters and drive terms of ``model`` from ``recordings``.
 
     ``progress(done, total, message)`` is called as the work goes on; ``checkpoint`` and ``digest`` as in
-    :func:`~rrrgen.identify.estimation.factoring.factor_recordings`. Raises :class:`InputError` for data that cannot be used, and
-    :class:`~rrrgen.errors.DerivationError` where nothing can be told from them.
+    :func:`~rrrgen.identify.estimation.factoring.factor_recordings`. Raises :class:`InputError` for data that cannot be
+    used, and :class:`~rrrgen.errors.DerivationError` where nothing can be told from them.
     """
     options = options or Options()
     tell: Progress = progress or (lambda done, total, message: None)

@@ -10,9 +10,9 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
-from rrrgen.identify.columns import STANDARD, standard_names
 from rrrgen.identify.estimation.consistency import ConsistentEstimate
 from rrrgen.identify.estimation.statistics import confidence_factor
+from rrrgen.model.estimated_terms import STANDARD, standard_names
 
 if TYPE_CHECKING:
     from rrrgen.identify.identification import Identification

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
-import rrrgen
 from rrrgen.backends import Identity, Real
 from rrrgen.output.writer import MANIFEST, Contents, checksum
 from rrrgen.program import Port, Program, count_operations
 from rrrgen.robotfile.robot_spec import RobotSpec
+from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
@@ -24,7 +24,7 @@ _NOT_THE_ROBOT = frozenset({"file", "faults", "places", "description", "source",
 def identify(spec: RobotSpec) -> Identity:
     """The hash of the robot (normalised: SI, exact, without comments and spelling) and the version of this tool."""
     text = json.dumps(_canonical(spec), sort_keys=True, separators=(",", ":"))
-    return Identity(hashlib.sha256(text.encode()).hexdigest(), rrrgen.__version__)
+    return Identity(hashlib.sha256(text.encode()).hexdigest(), VERSION)
 
 
 def _canonical(value: Any) -> Any:

@@ -17,7 +17,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.columns import CoupledDrive
+from rrrgen.model.estimated_terms import CoupledDrive
 
 Side = Literal["joint", "motor"]
 Signal = Literal["position", "velocity", "acceleration", "torque"]

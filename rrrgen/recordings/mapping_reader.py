@@ -10,8 +10,8 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import Fault, InputError
-from rrrgen.identify.columns import CoupledDrive
 from rrrgen.model.drive_terms import KINDS, Kind
+from rrrgen.model.estimated_terms import CoupledDrive
 from rrrgen.recordings.mapping import SIGNALS, Channel, FileSource, JointChannels, LogMapping, Side, Signal, TimeSource
 from rrrgen.signals.processing import read_processing
 from rrrgen.yamltext import signal_units as log_units

@@ -8,7 +8,7 @@ from typing import Literal, cast
 
 import sympy as sp
 
-from rrrgen.robotfile.keys import BASIS
+from rrrgen.robotfile.keys import BASIS, ROBOT_FILE
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, report_expression
 from rrrgen.robotfile.robot_spec import BasisSpec, LinkSpec, parameter_symbol
@@ -33,7 +33,7 @@ def read_basis(node: Node, joints: int, links: Row[LinkSpec] | None, scope: Scop
     products: Products | None = None
     items = node
     if isinstance(node, Mapping):
-        values = read_section(node, "basis", "basis", scope.faults)
+        values = read_section(node, "basis", "basis", scope.faults, ROBOT_FILE)
         if values is None or "parameters" not in values or "products" not in values:
             return None
         products = cast("Products | None", read_choice(values["products"], _PRODUCTS, scope.faults))

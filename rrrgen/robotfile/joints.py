@@ -6,11 +6,12 @@ from typing import cast
 
 import sympy as sp
 
-from rrrgen.robotfile.keys import DRIVE, FRICTION, JOINT, LIMITS, MAX_JOINTS, Key
+from rrrgen.robotfile.keys import DRIVE, FRICTION, JOINT, LIMITS, MAX_JOINTS, ROBOT_FILE
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, read_number, read_value
 from rrrgen.robotfile.robot_spec import DriveSpec, FrictionSpec, JointSpec, JointType, Limits
 from rrrgen.yamltext.document import Node, Scalar
+from rrrgen.yamltext.keys import Key
 from rrrgen.yamltext.sections import describe, read_choice, read_list, read_section
 
 _TYPE = next(key for key in JOINT if key.name == "type")
@@ -37,7 +38,7 @@ def read_joints(node: Node, scope: Scope) -> list[JointSpec | None]:
 
 def _read_joint(node: Node, number: int, scope: Scope) -> JointSpec | None:
     what = f"joint {number}"
-    values = read_section(node, "joint", what, scope.faults)
+    values = read_section(node, "joint", what, scope.faults, ROBOT_FILE)
     if values is None:
         return None
     joint_type = read_choice(values["type"], _TYPE, scope.faults) if "type" in values else None
@@ -127,7 +128,7 @@ def _read_floats(
     """The numbers of a mapping by key, None for a key that is missing; None without a mapping."""
     if node is None or (isinstance(node, Scalar) and node.is_null):
         return None
-    values = read_section(node, section, f"{section} of {what}", scope.faults)
+    values = read_section(node, section, f"{section} of {what}", scope.faults, ROBOT_FILE)
     if values is None:
         return None
     numbers: dict[str, float | None] = {key.name: None for key in table}

@@ -1,39 +1,10 @@
-"""The keys of a robot file: one table per section, used to read, to complain and to make the JSON Schema."""
+"""The keys of a robot file, one table per section."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
-
-Kind = Literal["text", "name", "choice", "value", "vector", "matrix", "mapping", "rows", "names", "basis"]
+from rrrgen.yamltext.keys import Format, Key
 
 MAX_JOINTS = 20
-
-
-@dataclass(frozen=True)
-class Key:
-    """One key: its kind of value, and what it means.
-
-    ``quantity`` is the quantity of a value or vector of a revolute joint, ``prismatic`` that of a prismatic one
-    where it differs. ``section`` is the table of a mapping or of the rows of a list. ``file_units`` tells that bare
-    numbers are in the units of the file, not in SI.
-    """
-
-    name: str
-    kind: Kind
-    meaning: str
-    required: bool = False
-    choices: tuple[str, ...] = ()
-    quantity: str = "number"
-    prismatic: str = ""
-    section: str = ""
-    file_units: bool = False
-    length: int = 3
-
-    def quantity_for(self, joint_type: str) -> str:
-        """The quantity of this key for a joint of this type."""
-        return self.prismatic if joint_type == "prismatic" and self.prismatic else self.quantity
-
 
 ROBOT = (
     Key("schema", "choice", "version of this format", True, ("rrrgen/1",)),
@@ -174,3 +145,5 @@ ALIASES: dict[str, str] = {
     "origin": "translation",
     "rotation_matrix": "rotation",
 }
+
+ROBOT_FILE = Format(SECTIONS, ALIASES)

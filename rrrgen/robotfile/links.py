@@ -8,7 +8,7 @@ from typing import Literal, cast
 
 import sympy as sp
 
-from rrrgen.robotfile.keys import INERTIA, MAX_JOINTS
+from rrrgen.robotfile.keys import INERTIA, MAX_JOINTS, ROBOT_FILE
 from rrrgen.robotfile.quantities import Scope, read_rational, read_vector
 from rrrgen.robotfile.robot_spec import LinkSpec
 from rrrgen.yamltext.document import Node, Scalar, Sequence
@@ -38,7 +38,7 @@ def read_links(node: Node, joints: int, strict: bool, scope: Scope) -> list[Link
 
 def _read_link(node: Node, number: int, strict: bool, scope: Scope) -> LinkSpec | None:
     what = f"link {number}"
-    values = read_section(node, "link", what, scope.faults)
+    values = read_section(node, "link", what, scope.faults, ROBOT_FILE)
     if values is None:
         return None
     mass = read_rational(values["mass"], f"mass of {what}", "mass", scope) if "mass" in values else None
@@ -76,7 +76,7 @@ def _read_com(node: Node, what: str, scope: Scope) -> tuple[sp.Rational, sp.Rati
 def _read_inertia(
     node: Node, what: str, scope: Scope
 ) -> tuple[Literal["com", "origin"], Literal["tensor", "positive"], tuple[sp.Rational, ...]] | None:
-    values = read_section(node, "inertia", f"inertia of {what}", scope.faults)
+    values = read_section(node, "inertia", f"inertia of {what}", scope.faults, ROBOT_FILE)
     if values is None:
         return None
     about = read_choice(values["about"], _ABOUT, scope.faults) if "about" in values else None

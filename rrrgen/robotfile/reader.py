@@ -12,7 +12,7 @@ from rrrgen.errors import Fault, InputError
 from rrrgen.robotfile.basis import read_basis
 from rrrgen.robotfile.bundled import bundled_names, bundled_path
 from rrrgen.robotfile.joints import read_joints
-from rrrgen.robotfile.keys import ROBOT, UNITS
+from rrrgen.robotfile.keys import ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robotfile.links import read_links
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, read_parameters, read_vector
@@ -50,7 +50,7 @@ def read_spec(text: str, file: str, strict: bool = False) -> RobotSpec:
     """The robot described by ``text``; raises :class:`InputError` with every fault in it."""
     faults = FaultList(file, text)
     root = parse_document(text, faults)
-    values = read_section(root, "robot", "the robot", faults)
+    values = read_section(root, "robot", "the robot", faults, ROBOT_FILE)
     if values is None:
         faults.raise_errors()
         values = {}
@@ -111,7 +111,7 @@ def _read_name(node: Node | None, scope: Scope) -> str:
 
 
 def _read_units(node: Node | None, faults: FaultList) -> FileUnits:
-    values = read_section(node, "units", "units", faults) if node is not None else None
+    values = read_section(node, "units", "units", faults, ROBOT_FILE) if node is not None else None
     chosen = {key: read_choice(value, _UNITS[key], faults) for key, value in (values or {}).items()}
     return FileUnits(chosen.get("angle") or "rad", chosen.get("length") or "m")
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from rrrgen.robotfile.keys import SECTIONS, Key
+from rrrgen.robotfile.keys import SECTIONS
 from rrrgen.robotfile.names import IDENTIFIER
+from rrrgen.yamltext.keys import Key
 
 _EXPRESSION = "#/definitions/expression"
 

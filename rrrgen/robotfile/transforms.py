@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sympy as sp
 
+from rrrgen.robotfile.keys import ROBOT_FILE
 from rrrgen.robotfile.quantities import Scope, read_value, read_vector
 from rrrgen.robotfile.robot_spec import FixedTransform
 from rrrgen.yamltext.document import Node, Scalar
@@ -19,7 +20,7 @@ def read_transform(node: Node, what: str, scope: Scope) -> FixedTransform | None
     """
     if isinstance(node, Scalar) and node.is_null:
         return FixedTransform()
-    values = read_section(node, "transform", what, scope.faults)
+    values = read_section(node, "transform", what, scope.faults, ROBOT_FILE)
     if values is None:
         return None
     translation: list[sp.Expr] | None = list(FixedTransform().translation)

@@ -7,7 +7,7 @@ from dataclasses import fields
 
 import sympy as sp
 
-from rrrgen.robotfile.keys import DRIVE, FRICTION, LIMITS, Key
+from rrrgen.robotfile.keys import DRIVE, FRICTION, LIMITS
 from rrrgen.robotfile.robot_spec import (
     BasisSpec,
     DriveSpec,
@@ -18,6 +18,7 @@ from rrrgen.robotfile.robot_spec import (
     LinkSpec,
     RobotSpec,
 )
+from rrrgen.yamltext.keys import Key
 from rrrgen.yamltext.units import ANGLE, LENGTH, NUMBER, QUANTITIES, UNITS, FileUnits, Quantity, Unit
 
 _CERTAIN = 5  # rad, m or mm: bare numbers on the wrong side of it look like another unit, so the unit is written

@@ -13,11 +13,9 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-
-Array = NDArray[np.floating[Any]]
 
 FORGOTTEN = 1e-14
 """A filter has forgotten a sample when what is left of it is below the round-off of a double."""

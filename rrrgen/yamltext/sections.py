@@ -1,11 +1,11 @@
-"""Mappings of a robot file against their tables of keys: unknown, duplicate, missing and empty keys."""
+"""Mappings of a file against their tables of keys: unknown, duplicate, missing and empty keys."""
 
 from __future__ import annotations
 
 import re
 
-from rrrgen.robotfile.keys import ALIASES, SECTIONS, Key
 from rrrgen.yamltext.document import FaultList, Mapping, Node, Scalar, Sequence
+from rrrgen.yamltext.keys import Format, Key
 from rrrgen.yamltext.suggest import did_you_mean
 
 
@@ -41,46 +41,48 @@ def read_entries(node: Node, what: str, faults: FaultList) -> dict[str, tuple[Sc
     return entries
 
 
-def read_section(node: Node, section: str, what: str, faults: FaultList) -> dict[str, Node] | None:
-    """The values of a mapping by key, checked against the table of ``section``; empty values are left out.
+def read_section(node: Node, section: str, what: str, faults: FaultList, form: Format) -> dict[str, Node] | None:
+    """The values of a mapping by key, checked against the table of ``section`` of ``form``; empty values are left out.
 
     None where the node is no mapping, so that nothing about it can be said.
     """
     entries = read_entries(node, what, faults)
     if entries is None:
         return None
-    table = {key.name: key for key in SECTIONS[section]}
+    table = {key.name: key for key in form.sections[section]}
     values: dict[str, Node] = {}
     for name, (key, value) in entries.items():
         if name not in table:
-            faults.error(key, f"unknown key '{shorten(name)}' in {what}", _unknown_hint(name, value, table))
+            faults.error(key, f"unknown key '{shorten(name)}' in {what}", _unknown_hint(name, value, table, form))
         elif isinstance(value, Scalar) and value.is_null and table[name].kind != "mapping":
             faults.error(key, f"'{name}' has no value", table[name].meaning)
         else:
             values[name] = value
     for name, required in table.items():
         if required.required and name not in entries:
-            faults.error(node, f"{what} needs the key '{name}'", _required_hint(required))
+            faults.error(node, f"{what} needs the key '{name}'", _required_hint(required, form))
     return values
 
 
-def _unknown_hint(name: str, value: Node, table: dict[str, Key]) -> str:
+def _unknown_hint(name: str, value: Node, table: dict[str, Key], form: Format) -> str:
     if re.fullmatch(r"[+-]?\d+\s*[a-z]*", name) and isinstance(value, Scalar) and value.is_null:
         return f"decimal comma? the number before it must read e.g. 0.{name.lstrip('+-').split()[0]}"
     if name == "<<":
         return "merge keys are not supported; write the keys out"
-    also = {word: key for word, key in ALIASES.items() if key in table}
+    also = {word: key for word, key in form.aliases.items() if key in table}
     allowed = f"allowed are {', '.join(table)}"
     suggestion = did_you_mean(name, table, also)
     return f"{suggestion} {allowed}" if suggestion else allowed
 
 
-def _required_hint(key: Key) -> str:
+def _required_hint(key: Key, form: Format) -> str:
     if key.choices:
         return f"{key.name}: {' | '.join(key.choices)} ({key.meaning})"
     if key.kind == "mapping":
         parts = [
-            f"{inner.name}: {' | '.join(inner.choices) or '...'}" for inner in SECTIONS[key.section] if inner.required
+            f"{inner.name}: {' | '.join(inner.choices) or '...'}"
+            for inner in form.sections[key.section]
+            if inner.required
         ]
         return f"{key.name}: {{{', '.join(parts)}}} ({key.meaning})"
     return f"{key.name}: {key.meaning}"

@@ -6,11 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rrrgen.errors import InputError
-from rrrgen.identify.columns import DriveTerms, FullRegressor, standard_names
 from rrrgen.identify.estimation.consistency import Prior, consistent_estimate, pseudo_inertia, standard_parameters
 from rrrgen.identify.estimation.definiteness import indefinite_share, mass_matrix
+from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.regression import least_squares
 from rrrgen.identify.estimation.tsqr import Rows, factor_rows
+from rrrgen.model.estimated_terms import DriveTerms, standard_names
 from samples.recordings import fourier_motion, point_masses
 from samples.stand_in import RRR_ROWS, NumericModel
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.identify.columns import DriveTerms, FullRegressor
+from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.validation import robot_model
 from rrrgen.model.drive_columns import STANDSTILL
+from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.robotfile import loads_spec
 
 ARM = """

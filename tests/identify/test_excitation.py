@@ -18,7 +18,7 @@ casadi = pytest.importorskip("casadi", reason="the search for exciting trajector
 
 from oracles.chapter14 import regressor_1447  # noqa: E402
 from rrrgen.errors import DerivationError, InputError  # noqa: E402
-from rrrgen.identify.excitation.design import (
+from rrrgen.identify.excitation.design import (  # noqa: E402
     ExcitationLimits,
     ExcitationProblem,
     check_trajectory,

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from rrrgen.errors import InputError
-from rrrgen.identify.columns import DriveTerms, FullRegressor
 from rrrgen.identify.estimation.factoring import (
     FittedRows,
     Split,
@@ -20,9 +19,11 @@ from rrrgen.identify.estimation.factoring import (
     rows_of_recordings,
     score,
 )
+from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.observations import Observations, RowMaker, motion_bandwidth, tuned
 from rrrgen.identify.estimation.regression import weighted_least_squares
 from rrrgen.identify.estimation.tsqr import factor_rows
+from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.log_stream import LogStream
 from rrrgen.recordings.logs import Log, open_log, read_log, write_log
 from rrrgen.signals.processing import Processing
@@ -248,7 +249,7 @@ import scipy.signal, scipy.linalg
 sys.path[:0] = [{tests!r}, {identify!r}]
 from test_factoring import TERMS
 from samples.recordings import planar_arm
-from rrrgen.identify.columns import FullRegressor
+from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.factoring import factor_recordings
 from rrrgen.recordings.log_stream import LogStream
 from rrrgen.recordings.mapping_reader import load_mapping

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rrrgen.errors import DerivationError
-from rrrgen.identify.columns import DriveTerms, FullRegressor
 from rrrgen.identify.estimation.essential import essential_parameters
+from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.identifiability import unexcited, weak_directions
 from rrrgen.identify.estimation.regression import (
     correlated_covariance,
@@ -15,6 +15,7 @@ from rrrgen.identify.estimation.regression import (
 )
 from rrrgen.identify.estimation.statistics import confidence_factor, relative_error, residual_whiteness, rms, whiteness
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows, factor_stream, merge_tree
+from rrrgen.model.estimated_terms import DriveTerms
 from samples.recordings import fourier_motion
 from samples.stand_in import RRR_ROWS, NumericModel
 

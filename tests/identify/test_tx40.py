@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.identify.columns import DriveTerms, FullRegressor
 from rrrgen.identify.estimation.consistency import pseudo_inertia
 from rrrgen.identify.estimation.factoring import Split
+from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.observations import reconstruct
 from rrrgen.identify.estimation.regression import least_squares, weighted_least_squares
 from rrrgen.identify.estimation.structure import structure_of
 from rrrgen.identify.estimation.tsqr import Rows, factor_rows
 from rrrgen.identify.identification import Options, identify
 from rrrgen.identify.results import coupled_terms, identified_spec
+from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.log_stream import LogStream
 from rrrgen.recordings.logs import load_stream, open_log
 from rrrgen.robotfile import dumps

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 
-import rrrgen
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.comments import columns, wrapped
 from rrrgen.backends.c.dialect import Dialect
@@ -13,6 +12,7 @@ from rrrgen.backends.c.sources import naming, preamble, print_functions
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
 from rrrgen.program import Program
 from rrrgen.resources import render
+from rrrgen.version import VERSION
 
 
 def function_files(
@@ -26,7 +26,7 @@ def function_files(
     dialect = Dialect(prefix, real)
     functions = print_functions({program.name: program for program in programs}, dialect, sincos).values()
     printed = "\n".join(line for f in functions for line in (f.prototype, *f.explanation, *f.body))
-    identity = Identity(hashlib.sha256(printed.encode()).hexdigest(), rrrgen.__version__)
+    identity = Identity(hashlib.sha256(printed.encode()).hexdigest(), VERSION)
     opening = [
         f"{prefix}.h: {title}",
         "",

@@ -56,11 +56,11 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
       rrrgen identify examples/tx40/robot.yaml --log examples/tx40/log.yaml --split first:0.6 -o runs/tx40
     """
     from rrrgen import pipeline
-    from rrrgen.identify.columns import DriveTerms
     from rrrgen.identify.estimation.factoring import Split
     from rrrgen.identify.identification import Options
     from rrrgen.identify.identification import identify as estimate
     from rrrgen.identify.results import as_record, write_identification
+    from rrrgen.model.estimated_terms import DriveTerms
     from rrrgen.recordings.log_stream import LogStream
     from rrrgen.recordings.logs import check_joints, open_log
     from rrrgen.runs.run_folder import RunFolder

@@ -24,12 +24,13 @@ from rrrgen.experiments.writing import (
     writing_task,
 )
 from rrrgen.friction.models import FrictionModel, coulomb_viscous
-from rrrgen.identify.columns import DriveTerms, FullRegressor
+from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.excitation.design import ExcitationDesign, design_excitation
 from rrrgen.identify.excitation.robot import limits_of, robot_problem
 from rrrgen.identify.excitation.starts import Progress
 from rrrgen.identify.identification import Identification, Options, identify
 from rrrgen.identify.validation import Thresholds, Validation, column_model, data_label, validate_recordings
+from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.logs import Log, read_log
 from rrrgen.runs.run_folder import RunFolder, hash_of
 from rrrgen.signals.kalman import KalmanMatrices, kalman_matrices
@@ -141,12 +142,12 @@ def run_case_study(
     same folder is taken up where it stopped, and gives the same result. ``progress(done, total, message)`` is called
     as the work goes on.
     """
-    import rrrgen
     from rrrgen.experiments.case_study.figures import write_figures
+    from rrrgen.pipeline import compile
 
     chosen = settings if settings is not None else CaseStudySettings()
     with RunFolder(folder, "case-study", {}, asdict(chosen), chosen.seed) as run:
-        work = _Work(run, chosen, rrrgen.compile(chosen.robot), jobs, cluster, progress or (lambda *_: None))
+        work = _Work(run, chosen, compile(chosen.robot), jobs, cluster, progress or (lambda *_: None))
         study = work.study()
         work.tell(0, 0, "figures")
         run.write_json("case_study.json", study.to_json())

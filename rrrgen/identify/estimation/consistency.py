@@ -17,9 +17,10 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError, InputError
-from rrrgen.identify.columns import Column, RigidModel
+from rrrgen.identify.estimation.full_regressor import RigidModel
 from rrrgen.identify.estimation.regression import Estimate
 from rrrgen.identify.estimation.tsqr import JointFactors
+from rrrgen.model.estimated_terms import Column
 
 NON_NEGATIVE = ("inertia", "viscous", "coulomb")
 ATTEMPTS = 3  # with a stronger prior, where the solver fails

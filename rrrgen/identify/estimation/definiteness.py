@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
-from rrrgen.identify.columns import Column, RigidModel
+from rrrgen.identify.estimation.full_regressor import RigidModel
 from rrrgen.model.drive_columns import drive_columns
+from rrrgen.model.estimated_terms import Column
 
 POSES = 10_000
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.columns import STANDARD, standard_names
 from rrrgen.identify.estimation.structure import combination, structure_of_matrix
 from rrrgen.identify.estimation.tsqr import JointFactors
+from rrrgen.model.estimated_terms import STANDARD, standard_names
 from rrrgen.yamltext.suggest import did_you_mean
 
 WEAK = 1e-4

@@ -9,7 +9,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.columns import FullRegressor
+from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.identifiability import Restriction, fix_standard
 from rrrgen.identify.estimation.structure import Structure, structure_of
 from rrrgen.identify.estimation.tsqr import JointFactors

@@ -1,7 +1,7 @@
 """Estimation of the parameters from the stacked rows, (14.17)-(14.20): ordinary, weighted and robust least squares.
 
-All estimators work on the triangular factors of :mod:`rrrgen.identify.estimation.tsqr`. Columns are scaled to unit length before
-the rank is decided, so that the decision does not depend on units.
+All estimators work on the triangular factors of :mod:`rrrgen.identify.estimation.tsqr`. Columns are scaled to unit
+length before the rank is decided, so that the decision does not depend on units.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """General six revolute joints: tables and C code of the solver for any chain without special structure.
 
 Up to 16 solutions, the real roots of a polynomial of degree 16 (Raghavan and Roth, 1990): see
-:mod:`rrrgen.ik.solutions.elimination` for the equations, ``templates/c/ik/general6r.c.j2`` for the solver. What is special here:
+:mod:`rrrgen.ik.solutions.elimination` for the equations, ``templates/c/ik/general6r.c.j2`` for the solver. What is
+special here:
 
 * the polynomial is a trigonometric one, found from 17 values of a determinant; nothing lies at infinity;
 * where roots crowd together in its noise, that stretch of the circle is magnified (a Moebius map of the circle keeps
@@ -115,7 +116,8 @@ def render(tables: General6RTables, prefix: str, real: str = "double", *, shorth
 
     ``T`` is the row-major pose of the product of :func:`general6r_tables`; rows of ``q`` are angles in (-pi, pi],
     ``mult`` is 1, or 2 for a double solution. C99 and C++, needs ``<math.h>`` only. ``real`` is ``"double"`` or
-    ``"float"``; with ``shorthand`` the words of :data:`rrrgen.ik.solutions.trig_roots.WORDS` are left for the caller to replace.
+    ``"float"``; with ``shorthand`` the words of :data:`~rrrgen.ik.solutions.trig_roots.WORDS` are left for the
+    caller to replace.
     """
     passes = _passes(tables)
     noise = [max(_NOISE[real], x) for _, x in passes]

@@ -31,4 +31,4 @@ LIBRARIES: dict[str, Callable[[Chain, Array], Reference]] = {
     "MuJoCo": _mujoco,
     "Robotics Toolbox": _toolbox,
 }
-"""Name -> constructor; it raises :class:`~rrrgen.verify.references.reference.ReferenceUnavailableError` when it cannot serve."""
+"""Name -> constructor; it raises ReferenceUnavailableError when it cannot serve."""

@@ -1,43 +1,21 @@
-"""The regressor that is identified: rigid-body columns of the compiled model, and linear terms of the drives.
+"""Which parameters are estimated: the base parameters, and linear terms of the drives at chosen joints.
 
-The terms and their columns are those of :mod:`rrrgen.model.drive_terms` and :mod:`rrrgen.model.drive_columns`; here is
-the choice of those that are estimated.
+The terms themselves are those of :mod:`rrrgen.model.drive_terms`; here is the choice among them, and names for all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, Literal
 
 from rrrgen.errors import InputError
-from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import KINDS, SYMBOLS, drive_terms, unit_direction
 from rrrgen.model.drive_terms import Kind as DriveKind
 
-Array = NDArray[np.floating[Any]]
 Kind = Literal["rigid"] | DriveKind
 STANDARD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Standard parameters of one link, in their order: first moments and inertia tensor about the origin of the frame."""
-
-
-class RigidModel(Protocol):
-    """What identification needs of a compiled robot (:class:`rrrgen.runtime.Model` has it)."""
-
-    @property
-    def n(self) -> int: ...  # noqa: D102
-    @property
-    def spec(self) -> Any: ...  # noqa: D102
-    @property
-    def base_parameter_names(self) -> Sequence[str]: ...  # noqa: D102
-    @property
-    def base_projection(self) -> Array: ...  # noqa: D102
-
-    def regressor(self, q: Array, dq: Array, ddq: Array) -> Array: ...  # noqa: D102
-    def standard_regressor(self, q: Array, dq: Array, ddq: Array) -> Array: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -98,55 +76,6 @@ class DriveTerms:
                 raise InputError(f"the coupled drive '{drive.name}' needs a direction of {n} weights, not all zero")
             found += [Column(f"{SYMBOLS[kind]}_{drive.name}", kind, drive.direction) for kind in drive.terms]
         return tuple(found)
-
-
-@dataclass(frozen=True)
-class FullRegressor:
-    """``W(q, dq, ddq)`` (N, n, p): the base columns of the model and the drive columns, side by side (14.10),
-    (14.11).
-    """
-
-    model: RigidModel
-    terms: DriveTerms
-
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """All columns in order."""
-        rigid = tuple(Column(name, "rigid") for name in self.model.base_parameter_names)
-        return rigid + self.terms.columns(self.model.n)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The parameter of every column."""
-        return tuple(column.name for column in self.columns)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """A compiled model holds code of this machine: another process compiles the robot itself."""
-        from rrrgen.runtime.model import Model
-
-        if isinstance(self.model, Model):
-            return _compiled_regressor, (self.model.spec, self.terms)
-        return FullRegressor, (self.model, self.terms)
-
-    def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Evaluate at N instants; ``q``, ``dq``, ``ddq`` are (N, n)."""
-        drives = drive_columns(self.terms.columns(self.model.n), np.asarray(dq, float), np.asarray(ddq, float))
-        return np.concatenate([np.asarray(self.model.regressor(q, dq, ddq)), drives], axis=-1)
-
-
-_COMPILED: dict[bytes, RigidModel] = {}
-
-
-def _compiled_regressor(spec: Any, terms: DriveTerms) -> FullRegressor:
-    """The regressor of ``spec`` in this process, which compiles every robot once."""
-    import pickle
-
-    import rrrgen
-
-    key = pickle.dumps(spec)
-    if key not in _COMPILED:
-        _COMPILED[key] = rrrgen.compile(spec)
-    return FullRegressor(_COMPILED[key], terms)
 
 
 def standard_names(n: int) -> tuple[str, ...]:
