@@ -9,6 +9,7 @@ from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.backends import Identity, Real
+from rrrgen.derive.parameter_listing import listing
 from rrrgen.output.writer import MANIFEST, Contents, checksum
 from rrrgen.program import Port, Program, count_operations
 from rrrgen.robotfile.robot_spec import RobotSpec
@@ -42,7 +43,7 @@ def _canonical(value: Any) -> Any:
 
 def manifest(model: DerivedModel, identity: Identity, real: Real, files: Mapping[str, Contents]) -> str:
     """The text of the manifest: identity, conventions, functions, base parameters, hashes of the files."""
-    spec = model.spec
+    spec, parameters = model.spec, listing(model)
     content = {
         "schema": "rrrgen-manifest/1",
         "robot": spec.name,
@@ -55,9 +56,10 @@ def manifest(model: DerivedModel, identity: Identity, real: Real, files: Mapping
         "b": len(model.base_parameters),
         "joints": [{"name": joint.name, "type": joint.type} for joint in spec.joints],
         "gravity": [str(component) for component in spec.gravity],
+        "link_parameters": parameters.statement,
         "base_parameters": [
-            {"name": p.name, "expression": str(p.expression), "unit": p.unit, "nominal": nominal}
-            for p, nominal in zip(model.base_parameters, _nominal(model), strict=True)
+            {"name": p.name, "expression": str(p.expression), "unit": p.unit, "nominal": p.nominal}
+            for p in parameters.rows
         ],
         "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
         "functions": {name: _function(program) for name, program in model.programs.items()},
@@ -68,12 +70,6 @@ def manifest(model: DerivedModel, identity: Identity, real: Real, files: Mapping
         "files": {name: checksum(files[name]) for name in sorted(files) if name != MANIFEST},
     }
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
-
-
-def _nominal(model: DerivedModel) -> list[float | None]:
-    if model.beta_nominal is None:
-        return [None] * len(model.base_parameters)
-    return [float(value) for value in model.beta_nominal]
 
 
 def _function(program: Program) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from rrrgen.backends.latex import Walk, lay_out, trig_abbreviates
+from rrrgen.derive.parameter_listing import listing
 from rrrgen.report import tables
 from rrrgen.report.geometry import zero_pose
 from rrrgen.report.mathml import MathmlMarkup, definition_lines, display, equation_lines
@@ -37,7 +38,7 @@ def html_report(
     is one line about the origin (model hash, version). Raises :class:`rrrgen.errors.BackendError` when a closed form
     contains what has no notation.
     """
-    spec = model.spec
+    spec, parameters = model.spec, listing(model)
     walk = Walk(MathmlMarkup(), trig_abbreviates(closed_forms))
     _, _, tip = zero_pose(spec)
     return (
@@ -54,7 +55,8 @@ def html_report(
             dh_si=tables.dh_numbers(spec, in_degrees=False),
             dh_degrees=tables.dh_numbers(spec, in_degrees=True),
             limits=tables.limits(spec),
-            base_parameters=tables.base_parameters(model, walk),
+            convention=parameters.statement,
+            base_parameters=tables.base_parameters(parameters, walk),
             regrouping=tables.regrouping(model),
             short_trig=walk.short_trig,
             closed_forms=_closed_forms(closed_forms, walk),

@@ -17,6 +17,7 @@ from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.derive.parameter_listing import ParameterListing
     from rrrgen.verify.report import Report
 
 
@@ -94,16 +95,16 @@ def limits(spec: RobotSpec) -> Table | None:
     return Table(("joint", *(name for name, _ in used)), rows, frozenset(range(1, len(used) + 1)))
 
 
-def base_parameters(model: DerivedModel, walk: Walk) -> Table:
+def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
     """Name, expression, unit, and the nominal value where the file gives the links."""
     rows = []
-    for k, parameter in enumerate(model.base_parameters):
+    for k, parameter in enumerate(parameters.rows):
         symbol = Markup(inline(sp.Symbol(parameter.name, real=True), walk))
         row: list[str | Markup] = [str(k + 1), symbol, Markup(inline(parameter.expression, walk)), parameter.unit]
-        if model.beta_nominal is not None:
-            row.append(number(float(model.beta_nominal[k])))
+        if parameter.nominal is not None:
+            row.append(number(parameter.nominal))
         rows.append(tuple(row))
-    nominal = ("nominal value",) if model.beta_nominal is not None else ()
+    nominal = ("nominal value",) if rows and len(rows[0]) == 5 else ()
     return Table(("", "parameter", "expression", "unit", *nominal), tuple(rows), frozenset({0, 4}))
 
 

@@ -47,6 +47,7 @@ def read_basis(node: Node, joints: int, links: Row[LinkSpec] | None, scope: Scop
         return None
     entries = [_read_entry(item, number, joints, scope) for number, item in enumerate(items.items, start=1)]
     _check_unique(entries, scope)
+    _check_free(entries, scope)
     present = [entry for entry in entries if entry is not None]
     if len(present) != len(entries):
         return None
@@ -93,6 +94,14 @@ def _check_unique(entries: Row[tuple[str, sp.Expr, Place] | None], scope: Scope)
             scope.faults.error(entry[2], f"the base parameter name '{entry[0]}' is not unique")
         if entry is not None:
             seen.add(entry[0])
+
+
+def _check_free(entries: Row[tuple[str, sp.Expr, Place] | None], scope: Scope) -> None:
+    """In closed forms base parameters stand beside the named parameters of the geometry."""
+    for entry in entries:
+        if entry is not None and entry[0] in scope.names:
+            message = f"the base parameter name '{entry[0]}' is that of a named parameter"
+            scope.faults.error(entry[2], message, "give one of them another name")
 
 
 def _products_of(links: Row[LinkSpec] | None, symbols: list[str], node: Node, scope: Scope) -> Products | None:

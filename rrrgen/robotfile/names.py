@@ -38,6 +38,8 @@ puts rand srand real_t double_t float_t casadi_real casadi_int casadi_sq casadi_
 
 _STATE = _words("q dq ddq tau beta phi pi E I")
 _NUMBERED = re.compile(r"(d{0,2}q|tau|m|mx|my|mz|x|y|z|I[xyz]{2}|Ia|fv|fc)\d+")
+_BASE_PARAMETER = re.compile(r"(m|h[xyz]|[IJ][xyz]{2})\d+R")
+_ADDED_COLUMN = re.compile(r"off\d+")
 
 KEYWORDS = _C_KEYWORDS | _CPP_KEYWORDS
 ROBOT_RESERVED = _HEADERS | _C_LIBRARY
@@ -68,6 +70,11 @@ def name_fault(name: str, role: str) -> tuple[str, str] | None:
         return f"the {role} name '{name}' is reserved by CasADi", f"e.g. my_{name}"
     if role == "robot" and name in ROBOT_RESERVED:
         return f"the robot name '{name}' is taken by a C header or library function", f"e.g. {name}_robot"
+    if role == "base parameter" and (name in _STATE or _NUMBERED.fullmatch(name) or _ADDED_COLUMN.fullmatch(name)):
+        hint = f"a name of its own, e.g. {name}R or p1; link symbols, drive terms and variables are taken"
+        return f"the base parameter name '{name}' is that of a standard parameter or variable", hint
+    if role == "parameter" and _BASE_PARAMETER.fullmatch(name):
+        return f"the parameter name '{name}' is reserved", "m1R, hx1R, Jxx1R, Izz1R and the like are base parameters"
     if role == "parameter" and (name in PARAMETER_RESERVED or _NUMBERED.fullmatch(name)):
         hint = "q1, dq1, m1, x1, Ixx1 and the like are joint variables and link symbols; C functions are reserved too"
         return f"the parameter name '{name}' is reserved", hint

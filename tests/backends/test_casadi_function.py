@@ -11,11 +11,13 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backends.casadi_cases import arguments, as_matrices, call, every_shape, pendulum, random_program
 from rrrgen.backends.casadi import function, rebuild_module, smooth_sign
+from rrrgen.derive.parameter_listing import ParameterListing, PrintedParameter
 from rrrgen.program import Builder, Port, evaluate
 
 ca = pytest.importorskip("casadi")
@@ -110,7 +112,8 @@ def test_save_and_load(tmp_path: Path) -> None:
 
 
 def test_module_needs_nothing_but_casadi(tmp_path: Path) -> None:
-    text = rebuild_module("robot", [("shapes", every_shape())], [("p1", 'a "b" \\')], None, ["a header line"])
+    listing = ParameterListing('a "b" \\ ' * 30, (PrintedParameter("p1", "kg", sp.Symbol('a "b" \\'), None),))
+    text = rebuild_module("robot", [("shapes", every_shape())], listing, ["a header line"])
     (tmp_path / "robot_casadi.py").write_text(text, encoding="utf-8")
     code = (
         "import sys, robot_casadi; robot_casadi.shapes(); assert not any(m.startswith('rrrgen') for m in sys.modules)"

@@ -81,7 +81,9 @@ def test_breaking_into_lines_keeps_the_meaning(expression: sp.Expr, width: int) 
         ("Ixx2", "I_{xx,2}"),
         ("Jyz3", "J_{yz,3}"),
         ("mx2", r"\mathit{mx}_{2}"),
-        ("hx2", "h_{x,2}"),
+        ("hx2R", "h_{x,2R}"),
+        ("m3R", "m_{3R}"),
+        ("Jxy10R", "J_{xy,10R}"),
         ("Ia1", "I_{a,1}"),
         ("fc2", "f_{c,2}"),
         ("beta10", r"\beta_{10}"),
@@ -93,6 +95,11 @@ def test_breaking_into_lines_keeps_the_meaning(expression: sp.Expr, width: int) 
 def test_notation_of_names(name: str, printed: str) -> None:
     assert latex_expression(sp.Symbol(name, real=True)) == printed
     assert notation(name).base in name
+
+
+@pytest.mark.parametrize("name", ["Izz1R", "Jxy10R", "hx2R", "m3R", "p12", "L_tool"])
+def test_names_stay_words_in_plain_text(name: str) -> None:
+    assert plain_expression(sp.Symbol(name, real=True)) == name
 
 
 def test_chapter_notation() -> None:

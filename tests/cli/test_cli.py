@@ -171,7 +171,7 @@ def test_show_prints_the_robot_back(rrrgen):
     described, _, rest = out.partition("Operations of the emitted functions\n")
     golden("show_pendulum.txt", described)
     assert "  inverse_dynamics " in rest
-    assert "M[1] = Izz1" in rest
+    assert "M[1] = Izz1R" in rest
 
 
 def test_show_a_program(rrrgen):

@@ -125,7 +125,7 @@ def test_energy_belongs_to_1447(rrr):
 
 
 def chapter_links():
-    """Symbols of three links in the chapter's convention: about the frame's origin, products positive."""
+    """Symbols of three links in the chapter's names: mass, centre of mass, inertia about the frame's origin."""
     return [{key: sp.Symbol(f"{key}{i}", real=True) for key in chapter14.LINK_KEYS} for i in (1, 2, 3)]
 
 
@@ -141,7 +141,9 @@ def in_chapter_symbols(expression: sp.Expr) -> sp.Expr:
 
 
 def test_the_users_basis_is_1446(rrr):
-    printed = chapter14.base_parameters_1446(chapter_links(), A2, A3, D2, D3)
+    """The chapter's products are positive; what the compiler prints is the tensor's."""
+    links = [{k: -v if k in ("Ixy", "Ixz", "Iyz") else v for k, v in link.items()} for link in chapter_links()]
+    printed = chapter14.base_parameters_1446(links, A2, A3, D2, D3)
     assert [p.name for p in rrr.base_parameters] == [str(p) for p in P]
     for parameter, expression in zip(rrr.base_parameters, printed, strict=True):
         assert sp.expand(parameter.expression - expression) == 0, parameter.name

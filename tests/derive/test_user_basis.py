@@ -55,7 +55,7 @@ def test_an_incomplete_basis_names_the_direction_that_nothing_covers():
     expect_one(
         TEXT.replace(line_of("p13") + "\n", ""),
         "incomplete (14 of 15 directions)",
-        "nothing covers Jyy3 = Ixx3/2 - Iyy3/2 + Izz3/2",
+        "nothing covers Jyy3R = Ixx3/2 - Iyy3/2 + Izz3/2",
     )
 
 
@@ -73,9 +73,10 @@ def test_the_direction_named_completes_the_basis(own, left_out):
     with pytest.raises(InputError) as caught:
         change_basis(replace(spec, basis=part), own)
     (fault,) = caught.value.faults
-    named = fault.message.split("nothing covers ")[1].split(" = ")[0]
+    named, said = fault.message.split("nothing covers ")[1].split(" = ")
     expression = own.expressions()[own.names.index(named)]
     positive = expression.xreplace({s: -s for s in expression.free_symbols if str(s)[:3] in ("Ixy", "Ixz", "Iyz")})
+    assert said == str(positive)  # in the signs of the file, which is where it is to be written
     whole = replace(part, names=(*part.names, "added"), expressions=(*part.expressions, positive))
     assert len(change_basis(replace(spec, basis=whole), own).inverse) == 15
 
@@ -95,8 +96,9 @@ def test_an_extra_parameter_is_refused():
 
 
 def test_a_part_without_effect_is_named():
-    for change, named in (("m2*y2 + Ixx1", "Ixx1"), ("m2*y2 + 2*m1*z1", "2*mz1"), ("m2*y2 + Izz2 - Izz2 + m1", "m1")):
-        text = TEXT.replace(line_of("p15"), f"  - p15 = {change}")
+    parts = [("Ixx1", "Ixx1"), ("2*m1*z1", "2*mz1"), ("Ixy1", "Ixy1"), ("Izz2 - Izz2 + m1", "m1")]
+    for change, named in parts:
+        text = TEXT.replace(line_of("p15"), f"  - p15 = m2*y2 + {change}")
         expect_one(text, place(text, "p15"), f"its part {named} has no effect on the dynamics")
 
 

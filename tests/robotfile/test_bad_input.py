@@ -108,6 +108,12 @@ ERRORS = {
     "control character": ("tool: {}", "tool: \x07{}", "13:7", "U+0007", "plain UTF-8"),
     "basis: unknown link": ("tool: {}", "basis: [m1, p = m2 + Izz3]", "13:22", "unknown name 'Izz3'", "'Izz"),
     "basis: name": ("tool: {}", "basis: [3 = m1]", "13:9", "'3' is not an identifier", ""),
+    "basis: standard name": (
+        "tool: {}", "basis: [Izz1 = Izz1]", "13:9", "'Izz1' is that of a standard parameter", "Izz1R",
+    ),
+    "basis: name of a parameter": (
+        "tool: {}", "basis: [a2 = Izz1]", "13:9", "'a2' is that of a named parameter", "another name",
+    ),
     "basis: names": ("tool: {}", "basis: [p2 = m1, m2]", "13:18", "'p2' is not unique", ""),
     "basis: two entries": ("tool: {}", "basis: [{p: m1, r: m2}]", "13:9", "not one entry", "{p1: expression}"),
     "basis: empty": ("tool: {}", "basis: []", "13:8", "basis is an empty list", "Izz1"),

@@ -16,19 +16,23 @@ import casadi as ca
 
 NAME = "rrr"
 
-# The base parameters, in the order of the input beta.
+# The base parameters, in the order of the input beta: name and expression.
+# Link i, in the axes of link frame i: mass mi, centre of mass xi yi zi, first moments mxi myi mzi = mi*(xi, yi,
+# zi), inertia tensor Ixxi Ixyi Iyyi Ixzi Iyzi Izzi about the origin of the frame, with Ixy = -integral of x*y dm,
+# Ixz and Iyz alike. The robot file is written with the opposite sign of Ixy, Ixz, Iyz; what is printed here is
+# converted.
 BASE_PARAMETERS = (
     ("p1", "-Ixx2 + Iyy2 + a2**2*m3 + a2*m2*(a2 + 2*x2)"),
-    ("p2", "-2*Ixy2 - 2*a2*m2*y2"),
+    ("p2", "2*Ixy2 - 2*a2*m2*y2"),
     ("p3", "m3*(a3 + x3)"),
     ("p4", "m3*y3"),
     ("p5", "-Ixx3 + Iyy3 + a3*m3*(a3 + 2*x3)"),
-    ("p6", "2*Ixy3 + 2*a3*m3*y3"),
+    ("p6", "-2*Ixy3 + 2*a3*m3*y3"),
     ("p7", "Ixx2 + Ixx3 + Iyy1 + d2**2*m2 + 2*d2*m2*z2 + m3*z3*(2*d2 + 2*d3) + m3*(d2 + d3)**2"),
-    ("p8", "-Iyz3 + m3*y3*(-d2 - d3)"),
-    ("p9", "-Ixz3 - a3*m3*(d2 + d3 + z3) - m3*x3*(d2 + d3)"),
-    ("p10", "-Iyz2 - d2*m2*y2"),
-    ("p11", "-Ixz2 - a2*(m2*(d2 + z2) + m3*(d2 + d3 + z3)) - d2*m2*x2"),
+    ("p8", "Iyz3 + m3*y3*(-d2 - d3)"),
+    ("p9", "Ixz3 - a3*m3*(d2 + d3 + z3) - m3*x3*(d2 + d3)"),
+    ("p10", "Iyz2 - d2*m2*y2"),
+    ("p11", "Ixz2 - a2*(m2*(d2 + z2) + m3*(d2 + d3 + z3)) - d2*m2*x2"),
     ("p12", "Izz2 + Izz3 + a2*m2*(a2 + 2*x2) + m3*(a2**2 + a3**2 + 2*a3*x3)"),
     ("p13", "Izz3 + a3*m3*(a3 + 2*x3)"),
     ("p14", "a2*m3 + m2*(a2 + x2)"),
@@ -1713,7 +1717,7 @@ def standard_regressor():
     input  ddq (3, 1): joint accelerations; rad/s^2
     output Y (3, 30): per link: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz; SI
 
-    Inertias are tensor entries about the origin of the link frame, off-diagonals -integral of x y dm.
+    Inertia tensors about the origin of the link frame, in its axes: Ixy = -integral of x*y dm, Ixz and Iyz alike.
     """
     q = ca.SX.sym("q", 3, 1)
     dq = ca.SX.sym("dq", 3, 1)

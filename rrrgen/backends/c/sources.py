@@ -13,6 +13,7 @@ from rrrgen.backends.c.dialect import Dialect, decimal
 from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, prototype
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
+from rrrgen.derive.parameter_listing import listing
 from rrrgen.program import Builder, Port, Program, Role, Status, count_operations
 from rrrgen.resources import render
 
@@ -129,13 +130,6 @@ _CONVENTIONS = {
 }
 
 
-_SYMBOLS = (
-    "Base parameters beta[{macro}_B]. Link i, in the axes of link frame i: mass mi, centre of mass xi yi zi, first "
-    "moments mxi myi mzi = mi*(xi, yi, zi), inertia tensor Ixxi Ixyi Iyyi Ixzi Iyzi Izzi about the origin of the frame "
-    "(Ixy = -integral of x*y dm)."
-)
-
-
 def _number(value: sp.Expr) -> str:
     """A decimal where it is exact, else the expression."""
     return decimal(Fraction(int(value.p), int(value.q))) if value.is_Rational else plain(str(value))
@@ -177,8 +171,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
         "overlap each other. No function has state, allocates, or fails silently; all may be called from several "
         "threads at once."
     )
-    lines += ["", *wrapped(_SYMBOLS.format(macro=macro))]
-    lines += columns(
-        [(f"beta[{k}]", p.name, p.unit or "-", f"{p.expression}") for k, p in enumerate(model.base_parameters)]
-    )
+    parameters = listing(model)
+    lines += ["", *wrapped(f"Base parameters beta[{macro}_B]. {parameters.statement}")]
+    lines += columns([(f"beta[{k}]", p.name, p.unit or "-", f"{p.expression}") for k, p in enumerate(parameters.rows)])
     return lines

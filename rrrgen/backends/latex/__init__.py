@@ -2,7 +2,14 @@
 
 from rrrgen.backends.latex.layout import Display, Equation, lay_out, trig_abbreviates
 from rrrgen.backends.latex.notation import GREEK, Notation, Quantity, notation, quantity
-from rrrgen.backends.latex.output import break_sum, latex, latex_expression, plain, plain_expression
+from rrrgen.backends.latex.output import (
+    break_sum,
+    latex,
+    latex_base_parameters,
+    latex_expression,
+    plain,
+    plain_expression,
+)
 from rrrgen.backends.latex.walk import Markup, Walk
 
 __all__ = [
@@ -15,6 +22,7 @@ __all__ = [
     "Walk",
     "break_sum",
     "latex",
+    "latex_base_parameters",
     "latex_expression",
     "lay_out",
     "notation",

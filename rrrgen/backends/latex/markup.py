@@ -28,7 +28,7 @@ class LatexMarkup:
         return name if len(name) == 1 else rf"\mathit{{{self._escaped(name)}}}"
 
     def _subscript(self, part: str) -> str:
-        return part if part.isdigit() or len(part) <= 2 else rf"\mathrm{{{self._escaped(part)}}}"
+        return part if part.removesuffix("R").isdigit() or len(part) <= 2 else rf"\mathrm{{{self._escaped(part)}}}"
 
     def _escaped(self, text: str) -> str:
         return text.replace("_", r"\_")
@@ -78,7 +78,7 @@ class TextMarkup:
     def symbol(self, parts: Notation) -> str:
         """The name as one word."""
         last = parts.subscript[-1] if parts.subscript else ""
-        joint = "_" if len(last) > 1 and not last.isdigit() else ""
+        joint = "_" if len(last) > 1 and not last.removesuffix("R").isdigit() else ""
         return "d" * parts.dots + parts.base + "".join(parts.subscript[:-1]) + joint + last
 
     def number(self, text: str) -> str:

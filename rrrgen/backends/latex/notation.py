@@ -18,9 +18,9 @@ GREEK = {
 }  # fmt: skip
 
 _JOINT = re.compile(r"(d{0,2})q_?(\d+)")
-_INERTIAL = re.compile(r"([IJ]|h|m)([xyz]{1,2})_?(\d+)")
+_INERTIAL = re.compile(r"([IJ]|h|m)([xyz]{1,2})_?(\d+R?)")
 _DRIVE = re.compile(r"(I|f)([avco])_?(\d+)")
-_NUMBERED = re.compile(r"([A-Za-z]+?)_?(\d+)")
+_NUMBERED = re.compile(r"([A-Za-z]+?)_?(\d+R?)")
 _WORDED = re.compile(r"([A-Za-z]+)_(\w+)")
 
 
@@ -89,7 +89,9 @@ QUANTITIES = {
     "inverse_dynamics_derivatives.dtau_dv": Quantity("D_v", ("q", "dq"), "derivatives of the torques by dq"),
     "inverse_dynamics_derivatives.M": Quantity("M", ("q",), "mass matrix"),
     "regressor": Quantity("Y", ("q", "dq", "ddq"), "regressor of the base parameters"),
-    "standard_regressor": Quantity("Y", ("q", "dq", "ddq"), "regressor of the standard parameters"),
+    "standard_regressor": Quantity(
+        "Y", ("q", "dq", "ddq"), "regressor of the standard parameters, Ixy = -integral of x*y dm"
+    ),
     "energy": Quantity("E", ("q", "dq"), "kinetic and potential energy"),
     "friction": Quantity("tau_f", ("dq",), "friction torques"),
     "base_parameters": Quantity("beta", (), "base parameters"),

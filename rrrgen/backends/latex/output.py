@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import sympy as sp
 
@@ -10,6 +12,9 @@ from rrrgen.backends.latex.layout import CSE_LIMIT, Display, Equation, lay_out, 
 from rrrgen.backends.latex.markup import LatexMarkup, TextMarkup, join_terms
 from rrrgen.backends.latex.notation import Notation, Quantity, notation
 from rrrgen.backends.latex.walk import Walk
+
+if TYPE_CHECKING:
+    from rrrgen.derive.parameter_listing import ParameterListing
 
 LINE = 96  # plain characters on one line of a broken sum
 _ABBREVIATION = r"% c_{ij} = \cos(q_i + q_j), s_{ij} = \sin(q_i + q_j)"
@@ -46,6 +51,15 @@ def latex(
         parts.append("\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}")
         parts += [f"% {remark}" for remark in display.remarks]
     return "\n".join(parts) + "\n"
+
+
+def latex_base_parameters(parameters: ParameterListing) -> str:
+    """A LaTeX fragment that defines the base parameters, under the convention of their expressions as a comment."""
+    walk = Walk(LatexMarkup(), short_trig=False)
+    said = textwrap.wrap(f"Base parameters. {parameters.statement}", LINE, break_on_hyphens=False)
+    lines = [line for p in parameters.rows for line in _latex_lines(walk, p.name, p.expression)]
+    display = "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
+    return "\n".join([*(f"% {line}" for line in said), display]) + "\n"
 
 
 def _latex_lines(walk: Walk, symbol: str, value: sp.Expr) -> list[str]:

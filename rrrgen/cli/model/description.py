@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rrrgen.derive.parameter_listing import ParameterListing, listing
 from rrrgen.program import count_operations, evaluate
 
 if TYPE_CHECKING:
@@ -31,8 +33,10 @@ def as_text(model: DerivedModel) -> str:
     lines += _table([("joint", "type", "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.joints)])
     lines += ["", "Pose of the tip at q = 0, in the base frame"]
     lines += [f"  {'  '.join(f'{value:10.6f}' for value in row)}" for row in zero_pose(model)]
-    lines += ["", f"{len(model.base_parameters)} base parameters, tau = Y(q, dq, ddq) beta"]
-    lines += _parameters(model)
+    parameters = listing(model)
+    lines += ["", f"{model.b} base parameters, tau = Y(q, dq, ddq) beta"]
+    lines += textwrap.wrap(parameters.statement, 118, initial_indent="  ", subsequent_indent="  ")
+    lines += _parameters(parameters)
     lines += ["", "What became of the link parameters"]
     lines += _regrouping(model)
     lines += ["", "Operations of the emitted functions"]
@@ -42,8 +46,7 @@ def as_text(model: DerivedModel) -> str:
 
 def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseForm | str | None) -> dict[str, Any]:
     """The same for machines."""
-    spec = model.spec
-    nominal = [None] * len(model.base_parameters) if model.beta_nominal is None else map(float, model.beta_nominal)
+    spec, parameters = model.spec, listing(model)
     return {
         "name": spec.name,
         "description": spec.description,
@@ -53,9 +56,10 @@ def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseF
         "parameters": {name: str(value) for name, value in spec.parameters.items()},
         "joints": [_joint(spec, joint) for joint in spec.joints],
         "zero_pose": [[float(value) for value in row] for row in zero_pose(model)],
+        "link_parameters": parameters.statement,
         "base_parameters": [
-            {"name": p.name, "unit": p.unit, "expression": str(p.expression), "nominal": value}
-            for p, value in zip(model.base_parameters, nominal, strict=True)
+            {"name": p.name, "unit": p.unit, "expression": str(p.expression), "nominal": p.nominal}
+            for p in parameters.rows
         ],
         "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
         "operations": {name: count_operations(program).as_dict() for name, program in model.programs.items()},
@@ -140,10 +144,9 @@ def _joint(spec: RobotSpec, joint: JointSpec) -> dict[str, Any]:
     }
 
 
-def _parameters(model: DerivedModel) -> list[str]:
-    nominal = model.beta_nominal
-    values = [""] * len(model.base_parameters) if nominal is None else [f"{float(value):.10g}" for value in nominal]
-    rows = zip(model.base_parameters, values, strict=True)
+def _parameters(parameters: ParameterListing) -> list[str]:
+    values = ["" if p.nominal is None else f"{p.nominal:.10g}" for p in parameters.rows]
+    rows = zip(parameters.rows, values, strict=True)
     return _table([(p.name, p.unit, value, str(p.expression)) for p, value in rows])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,9 +84,7 @@ def show(
 
         print_json(as_data(model, {name: _plain(form) for name, form in forms.items()}, inverse))
     elif as_latex:
-        from rrrgen.backends.latex import latex
-
-        text = latex(forms) if forms else ""
+        text = _as_latex(model, forms)
         click.echo(
             text + (f"{inverse.latex()}\n" if isinstance(inverse, ClosedForm) and inverse.steps else ""), nl=False
         )
@@ -130,6 +129,18 @@ def _inverse_kinematics(model: DerivedModel, asked: bool, short: bool) -> Invers
             return f"inverse kinematics: none; {error}"
     found = plan(model.spec)
     return summary(found) if found.solvable else f"inverse kinematics: none; {found.reason}"
+
+
+def _as_latex(model: DerivedModel, forms: Mapping[str, sp.Expr | sp.Matrix]) -> str:
+    """The closed forms, behind the definitions of the base parameters where these occur in them."""
+    from rrrgen.backends.latex import latex, latex_base_parameters
+    from rrrgen.derive.parameter_listing import listing
+
+    if not forms:
+        return ""
+    used = {symbol.name for form in forms.values() for symbol in form.free_symbols}
+    defined = any(p.name in used for p in model.base_parameters)
+    return (latex_base_parameters(listing(model)) if defined else "") + latex(forms)
 
 
 def _label(name: str, entry: str | None) -> str:

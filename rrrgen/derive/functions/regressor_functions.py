@@ -10,6 +10,7 @@ import sympy as sp
 from rrrgen.derive.algebra.vectors import dot, flat
 from rrrgen.derive.functions.dynamic_functions import Frames
 from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.parameter_listing import TENSOR
 from rrrgen.derive.recursions import composite
 from rrrgen.derive.recursions.chain import Chain
 from rrrgen.derive.recursions.inertia import STANDARD, from_standard
@@ -97,5 +98,5 @@ def standard_regressor(r: Recording) -> Program:
         [(port, flat(rows))],
         "Regressor in the standard parameters.",
         "tau = Y(q, dq, ddq) phi",
-        ["Inertias are tensor entries about the origin of the link frame, off-diagonals -integral of x y dm."],
+        [f"Inertia tensors about the origin of the link frame, in its axes: {TENSOR}."],
     )

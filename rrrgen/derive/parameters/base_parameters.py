@@ -41,7 +41,7 @@ UNITS = {"J": "kg m^2", "I": "kg m^2", "h": "kg m", "m": "kg"}
 
 @dataclass(frozen=True)
 class BaseParameter:
-    """One base parameter: its name and its expression in link symbols and named parameters."""
+    """One base parameter: its name and its expression in link symbols (tensor signs) and named parameters."""
 
     name: str
     expression: sp.Expr
@@ -129,11 +129,12 @@ def base_set(model: RobotModel, seed: int = 1990) -> BaseSet:
 
 
 def _name(parameter: Parameter, removed: dict[Parameter, Dependency]) -> str:
+    """Entry, link, and R for regrouped, as ``ZZ1R`` in Khalil and Dombre; so no standard parameter has the name."""
     i, entry = parameter
     twin = removed.get((i, "Jyy"))
     if entry == "Jxx" and twin is not None and twin.combination == {parameter: 1}:
-        return f"Izz{i + 1}"  # only Jxx + Jyy = Izz acts
-    return f"{entry}{i + 1}"
+        return f"Izz{i + 1}R"  # only Jxx + Jyy = Izz acts
+    return f"{entry}{i + 1}R"
 
 
 def _unit_row(width: int, position: int) -> list[Any]:

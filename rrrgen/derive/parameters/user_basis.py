@@ -25,9 +25,20 @@ from rrrgen.robotfile.robot_spec import BasisSpec, RobotSpec
 INERTIA_SIGN = {"Ixy": -1, "Ixz": -1, "Iyz": -1}
 
 
+def with_signs(expression: sp.Expr, basis: BasisSpec) -> sp.Expr:
+    """``expression`` from the signs of products of inertia in ``basis`` to those of the tensor, and back."""
+    if basis.products == "tensor":
+        return expression
+    negative = [s for s in expression.free_symbols if s.name.rstrip("0123456789") in INERTIA_SIGN]
+    return expression.xreplace({s: -s for s in negative})
+
+
 @dataclass(frozen=True)
 class BasisChange:
-    """``own = inverse @ user``; ``inverse`` is exact over the constants of the geometry."""
+    """``own = inverse @ user``; ``inverse`` is exact over the constants of the geometry.
+
+    ``expressions`` are the user's in the signs of the inertia tensor, whichever signs the file is written in.
+    """
 
     names: tuple[str, ...]
     expressions: tuple[sp.Expr, ...]
@@ -58,7 +69,7 @@ def change_basis(spec: RobotSpec, own: BaseSet) -> BasisChange:
         raise InputError(faults)
     return BasisChange(
         names=basis.names,
-        expressions=basis.expressions,
+        expressions=tuple(with_signs(expression, basis) for expression in basis.expressions),
         units=tuple(_unit(row) for row in rows),
         forward=tuple(tuple(row) for row in S),
         inverse=_inverse(own.ring, S),
@@ -130,7 +141,7 @@ def _foreign(spec: RobotSpec, basis: BasisSpec, own: BaseSet, rows: list[list[An
         rebuilt = [_combine(factors, column) for column in zip(*own.projection, strict=True)]
         rest = [_vanishing(to_expression(x) - y) for x, y in zip(row, rebuilt, strict=True)]
         if any(rest):
-            extra = linear_expression(rest, symbols)
+            extra = with_signs(linear_expression(rest, symbols), basis)
             faults.append(_fault(spec, basis, k, f"its part {extra} has no effect on the dynamics; leave it out"))
     return faults
 
@@ -159,7 +170,7 @@ def _rank_faults(spec: RobotSpec, basis: BasisSpec, own: BaseSet, S: list[list[A
         if c not in covered:
             message = (
                 f"basis: incomplete ({len(pivots)} of {b} directions): nothing covers {own.names[c]} = "
-                f"{own.expressions()[c]}"
+                f"{with_signs(own.expressions()[c], basis)}"
             )
             faults.append(Fault(spec.file or "robot", 0, 0, message))
     return faults

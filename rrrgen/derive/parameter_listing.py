@@ -1,0 +1,65 @@
+"""Base parameters as every page prints them: the expressions, and beside them what their symbols mean.
+
+There is one convention for all that is printed: the inertia *tensor* about the origin of the link frame, so
+``Ixy = -integral of x*y dm``, as in the standard regressor. A robot file may be written with positive products; its
+expressions are converted when they are read (:func:`rrrgen.derive.parameters.user_basis.with_signs`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from rrrgen.derive.derived_model import DerivedModel
+
+TENSOR = "Ixy = -integral of x*y dm, Ixz and Iyz alike"
+
+LINK_PARAMETERS = (
+    "Link i, in the axes of link frame i: mass mi, centre of mass xi yi zi, first moments mxi myi mzi = mi*(xi, yi, "
+    f"zi), inertia tensor Ixxi Ixyi Iyyi Ixzi Iyzi Izzi about the origin of the frame, with {TENSOR}."
+)
+"""Meaning, frame and signs of the symbols of link parameters."""
+
+_CONVERTED = "The robot file is written with the opposite sign of Ixy, Ixz, Iyz; what is printed here is converted."
+
+_REGROUPED = (
+    "A name ending in R (regrouped) is an entry of link i in the axes of joint i (m mass, h first moment, "
+    "J = integral of r r' dm, Izz = Jxx + Jyy) together with what other links add to it."
+)
+
+
+@dataclass(frozen=True)
+class PrintedParameter:
+    """One base parameter: name, unit, expression in the link parameters, value for the links of the file or None."""
+
+    name: str
+    unit: str
+    expression: sp.Expr
+    nominal: float | None
+
+
+@dataclass(frozen=True)
+class ParameterListing:
+    """The base parameters of one robot and the ``statement`` of the convention that their expressions follow."""
+
+    statement: str
+    rows: tuple[PrintedParameter, ...]
+
+
+def listing(model: DerivedModel) -> ParameterListing:
+    """What header, ``show``, reports, manifest and CasADi module print of the base parameters of ``model``."""
+    spec = model.spec
+    positive = any(link.products == "positive" for link in spec.links or ())
+    positive |= spec.basis is not None and spec.basis.products == "positive"
+    sentences = [LINK_PARAMETERS]
+    sentences += [_CONVERTED] if positive else []
+    sentences += [_REGROUPED] if spec.basis is None else []
+    nominal = model.beta_nominal
+    values = [None] * model.b if nominal is None else [float(value) for value in nominal]
+    rows = zip(model.base_parameters, values, strict=True)
+    return ParameterListing(
+        " ".join(sentences), tuple(PrintedParameter(p.name, p.unit, p.expression, value) for p, value in rows)
+    )
