@@ -78,6 +78,16 @@ class BuildError(RrrgenError):
     exit_code = 5
 
 
+class MissingExtraError(RrrgenError):
+    """A package of an optional extra is not installed: ``what`` needs the extra, e.g. "ROS recordings"."""
+
+    exit_code = 5
+
+    def __init__(self, what: str, extra: str) -> None:
+        self.what, self.extra = what, extra
+        super().__init__(f"{what}: not installed. Install the extra '{extra}': pip install 'rrrgen[{extra}]'")
+
+
 class InternalError(RrrgenError):
     """A fault of rrrgen itself."""
 

@@ -160,7 +160,7 @@ class _Reader:
         )
 
     def box(self, node: Node, what: str) -> tuple[tuple[float | None, ...], tuple[float | None, ...]]:
-        sides = self.section(node, what, dict.fromkeys("xyz", self.pair))
+        sides = self.section(node, what, dict.fromkeys("xyz", self.open_pair))
         pairs = [sides.get(axis, (None, None)) for axis in "xyz"]
         return tuple(p[0] for p in pairs), tuple(p[1] for p in pairs)
 
@@ -183,8 +183,10 @@ class _Reader:
     def plane(self, node: Node, what: str) -> WritingPlane | None:
         length = self.number(units.LENGTH, "m")
         sides = self.section(node, what, {"x": self.pair, "y": length, "z": self.pair})
+        if any(value is None or (isinstance(value, tuple) and None in value) for value in sides.values()):
+            return None  # a fault was found in it
         try:
-            return WritingPlane(**{key: value for key, value in sides.items() if value != (None, None)})
+            return WritingPlane(**sides)
         except InputError as error:
             self.faults.error(node, f"{what}: {error.faults[0].message}")
             return None
@@ -295,12 +297,21 @@ class _Reader:
         items = node.items if isinstance(node, Sequence) else [node]
         return tuple(units.read_quantity(item, what, PLAIN, "one", self.faults) for item in items)
 
-    def pair(self, node: Node, what: str) -> tuple[float | None, float | None]:
+    def pair(self, node: Node, what: str, open_side: bool = False) -> tuple[float | None, float | None]:
         if not isinstance(node, Sequence) or len(node.items) != 2:
             self.faults.error(node, f"{what} is {describe(node)}, not a pair [lowest, highest]")
             return None, None
-        low, high = (units.read_quantity(item, what, units.LENGTH, "m", self.faults) for item in node.items)
+        low, high = (
+            None
+            if open_side and isinstance(item, Scalar) and item.is_null
+            else units.read_quantity(item, what, units.LENGTH, "m", self.faults)
+            for item in node.items
+        )
         return low, high
+
+    def open_pair(self, node: Node, what: str) -> tuple[float | None, float | None]:
+        """A pair of which either side may be left open: ``[0.2, ~]``."""
+        return self.pair(node, what, open_side=True)
 
     def text(self, node: Node, what: str) -> str:
         if isinstance(node, Scalar):

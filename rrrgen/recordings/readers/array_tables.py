@@ -6,6 +6,8 @@ A column is an array by name, ``q``; one column of a two-dimensional array is ``
 
 from __future__ import annotations
 
+import contextlib
+import math
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,8 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
-from rrrgen.errors import InputError
-from rrrgen.recordings.readers.tables import Table, blocks, indexed_name, named_column, table_fault, unknown_column
+from rrrgen.errors import MissingExtraError
+from rrrgen.recordings.readers.tables import (
+    Table,
+    blocks,
+    bytes_of,
+    check_rows,
+    foreign_reader,
+    indexed_name,
+    named_column,
+    table_fault,
+    unknown_column,
+)
+
+NUMBERS = "fiub"
+"""Kinds of arrays that are numbers; complex numbers, texts and dates are none."""
+
+MAT, HDF5, PARQUET, NUMPY = "a MATLAB file", "an HDF5 file", "a Parquet file", "a NumPy file"
 
 
 def open_arrays(path: Path, kind: str) -> Table:
@@ -25,7 +42,7 @@ def open_arrays(path: Path, kind: str) -> Table:
         return NpyTable(path)
     if kind == "npz":
         return NpzTable(path)
-    with path.open("rb") as stream:
+    with foreign_reader(path, MAT), path.open("rb") as stream:
         head = stream.read(512)
     # HDF5 starts at once, or after MATLAB's own 512 bytes of text
     if kind == "hdf5" or b"MATLAB 7.3" in head[:116] or head.startswith(b"\x89HDF"):
@@ -36,6 +53,8 @@ def open_arrays(path: Path, kind: str) -> Table:
 def column_of(path: Path, name: str, array: Any, index: int | None) -> Any:
     """One column of an array of one or two dimensions, as a slice that is not read yet where the array is on disk."""
     shape = array.shape
+    if array.dtype.kind not in NUMBERS:
+        raise table_fault(path, f"'{name}' is of type {array.dtype}, not numbers")
     long = [size for size in shape if size != 1]
     if len(long) > 2:
         raise table_fault(path, f"'{name}' has {len(shape)} dimensions", "a column has one, a table two")
@@ -96,10 +115,17 @@ class _ArrayTable:
                 raise unknown_column(self.path, name, self.columns)
             found.append(column_of(self.path, name, array, index))
         lengths = {len(column) for column in found}
+        check_rows(self.path, max(lengths, default=0))
         if len(lengths) > 1:
             named = ", ".join(f"{name}: {len(column)}" for name, column in zip(wanted, found, strict=True))
             raise table_fault(self.path, f"columns of different lengths ({named})")
-        yield from blocks(found, size)
+        pieces = blocks(found, size)
+        while True:
+            with foreign_reader(self.path, "a container of arrays"):
+                block = next(pieces, None)
+            if block is None:
+                return
+            yield block
 
 
 class NpyTable(_ArrayTable):
@@ -110,8 +136,8 @@ class NpyTable(_ArrayTable):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        with path.open("rb") as stream:
-            self.data = _numpy(path, lambda: _ArrayFile(path, stream))
+        with foreign_reader(path, NUMPY), path.open("rb") as stream:
+            self.data = _ArrayFile(path, stream)
         if self.data.dtype.names:
             self.columns = tuple(self.data.dtype.names)
         else:
@@ -155,12 +181,14 @@ class _ArrayFile:
     """An array of one or two dimensions in a .npy file, of which pieces are read."""
 
     def __init__(self, path: Path, stream: BinaryIO) -> None:
-        version = np.lib.format.read_magic(stream)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        self.shape, self.fortran, self.dtype = read(stream)
+        self.shape, self.fortran, self.dtype = read_array_header(stream)
         self.path, self.offset = path, stream.tell()
-        if self.dtype.hasobject or len(self.shape) not in (1, 2):
+        kinds = [self.dtype[name] for name in self.dtype.names] if self.dtype.names else [self.dtype]
+        if len(self.shape) not in (1, 2) or not all(kind.kind in NUMBERS for kind in kinds):
             raise ValueError("not an array of numbers of one or two dimensions")
+        if self.dtype.names and len(self.shape) != 1:
+            raise ValueError("a table of named columns has one dimension")
+        check_array(path, self.shape, self.dtype, bytes_of(path) - self.offset)
 
     def rows(self, start: int, count: int) -> NDArray[Any]:
         """``count`` rows from ``start`` on."""
@@ -192,32 +220,41 @@ class NpzTable(_ArrayTable):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.file = _numpy(path, lambda: np.load(path, allow_pickle=False))
-        self.columns = tuple(self.file.files)
+        with foreign_reader(path, NUMPY):
+            self.file = zipfile.ZipFile(path)
+            self.members = {entry.filename.removesuffix(".npy"): entry for entry in self.file.infolist()}
+        self.columns = tuple(self.members)
 
     def array(self, name: str) -> Any:
         """The array, in memory."""
-        return _numpy(self.path, lambda: self.file[name]) if name in self.columns else None
+        if name not in self.members:
+            return None
+        entry = self.members[name]
+        with foreign_reader(self.path, NUMPY), self.file.open(entry) as stream:
+            # the true size is at most what deflate can make of the bytes, whatever the header claims
+            size = min(entry.file_size, 1100 * bytes_of(self.path))
+            shape, fortran, dtype = read_array_header(stream)
+            check_array(self.path, shape, dtype, size)
+            if dtype.kind not in NUMBERS:
+                raise table_fault(self.path, f"'{name}' is of type {dtype}, not numbers")
+            data = stream.read(math.prod(shape) * dtype.itemsize)
+            return np.frombuffer(data, dtype).reshape(shape, order="F" if fortran else "C")
 
 
 class MatTable(_ArrayTable):
     """Arrays of a MATLAB v5 file; a field of a struct is ``log.q``."""
 
     def __init__(self, path: Path) -> None:
-        from scipy.io import loadmat
-        from scipy.io.matlab import MatReadError
-
-        self.path = path
         try:
-            content = loadmat(path, squeeze_me=True, struct_as_record=False)
-        except (MatReadError, ValueError, TypeError, NotImplementedError, OSError, zipfile.BadZipFile) as error:
-            raise table_fault(
-                path, f"not a MATLAB file that can be read: {error}", "save it with -v7 or -v7.3"
-            ) from None
+            from scipy.io import loadmat
+        except ImportError:
+            raise MissingExtraError("MATLAB files need SciPy", "identify") from None
+        self.path = path
         self.arrays: dict[str, Any] = {}
-        for name, value in content.items():
-            if not name.startswith("__"):
-                self._collect(name, value)
+        with foreign_reader(path, MAT, "save it with -v7 or -v7.3"):
+            for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
+                if not name.startswith("__"):
+                    self._collect(name, value)
         self.columns = tuple(self.arrays)
 
     def array(self, name: str) -> Any:
@@ -229,7 +266,7 @@ class MatTable(_ArrayTable):
         if fields:
             for field in fields:
                 self._collect(f"{name}.{field}", getattr(value, field))
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+        elif isinstance(value, np.ndarray) and value.dtype.kind in NUMBERS:
             self.arrays[name] = value
 
 
@@ -239,26 +276,25 @@ class Hdf5Table(_ArrayTable):
     def __init__(self, path: Path) -> None:
         try:
             import h5py
-        except ImportError as error:
-            raise InputError("MATLAB v7.3 and HDF5 files need the extra 'logs': pip install rrrgen[logs]") from error
+        except ImportError:
+            raise MissingExtraError("MATLAB v7.3 and HDF5 files need h5py", "logs") from None
         self.path = path
-        try:
-            self.file = h5py.File(path, "r")
-        except OSError as error:
-            raise table_fault(path, f"not an HDF5 file: {error}") from None
         names: list[str] = []
 
         def collect(name: str, item: Any) -> None:
-            if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and not name.startswith("#"):
+            if isinstance(item, h5py.Dataset) and item.dtype.kind in NUMBERS and not name.startswith("#"):
                 names.append(name)
 
-        self.file.visititems(collect)
+        with foreign_reader(path, HDF5):
+            self.file = h5py.File(path, "r")
+            self.file.visititems(collect)
         self.places = {name.replace("/", "."): name for name in names}
         self.columns = tuple(self.places)
 
     def array(self, name: str) -> Any:
         """The dataset, still on disk."""
-        return self.file[self.places[name]] if name in self.places else None
+        with foreign_reader(self.path, HDF5):
+            return self.file[self.places[name]] if name in self.places else None
 
 
 class ParquetTable:
@@ -268,13 +304,12 @@ class ParquetTable:
         try:
             import pyarrow
             import pyarrow.parquet
-        except ImportError as error:
-            raise InputError("Parquet files need the extra 'logs': pip install rrrgen[logs]") from error
+        except ImportError:
+            raise MissingExtraError("Parquet files need pyarrow", "logs") from None
         self.path = path
-        try:
-            self.columns = tuple(pyarrow.parquet.ParquetFile(path).schema_arrow.names)
-        except (pyarrow.ArrowException, OSError) as error:
-            raise table_fault(path, f"not a Parquet file: {error}") from None
+        with foreign_reader(path, PARQUET), pyarrow.parquet.ParquetFile(path) as file:
+            self.columns = tuple(file.schema_arrow.names)
+            check_rows(path, file.metadata.num_rows)
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
         """Blocks of the wanted columns; an empty entry is NaN."""
@@ -282,8 +317,15 @@ class ParquetTable:
         import pyarrow.parquet
 
         names = [self.columns[named_column(self.path, name, self.columns)] for name in wanted]
-        with pyarrow.parquet.ParquetFile(self.path) as file:
-            for batch in file.iter_batches(batch_size=size, columns=sorted(set(names))):
+        with contextlib.ExitStack() as stack:
+            with foreign_reader(self.path, PARQUET):
+                file = stack.enter_context(pyarrow.parquet.ParquetFile(self.path))
+                batches = file.iter_batches(batch_size=size, columns=sorted(set(names)))
+            while True:
+                with foreign_reader(self.path, PARQUET):
+                    batch = next(batches, None)
+                if batch is None:
+                    return
                 try:
                     numbers = [batch.column(name).cast(pyarrow.float64()) for name in names]
                 except pyarrow.ArrowException as error:
@@ -291,9 +333,18 @@ class ParquetTable:
                 yield np.column_stack([column.to_numpy(zero_copy_only=False) for column in numbers])
 
 
-def _numpy(path: Path, read: Any) -> Any:
-    """What ``read`` loads; NumPy's complaints become faults of the file."""
-    try:
-        return read()
-    except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        raise table_fault(path, f"not a NumPy file that can be read: {error}") from None
+def read_array_header(stream: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, order and type of an array in NumPy's format, of which ``stream`` is at the beginning."""
+    version = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, fortran, dtype = read(stream)
+    return shape, fortran, dtype
+
+
+def check_array(path: Path, shape: tuple[int, ...], dtype: np.dtype[Any], size: int) -> None:
+    """Raise the fault of a header that claims more than the ``size`` bytes that there are."""
+    if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize > size:
+        claim = " x ".join(str(length) for length in shape)
+        raise table_fault(
+            path, f"the file is shorter than its header says ({claim} of {dtype})", "was it copied completely?"
+        )

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.errors import InputError
+from rrrgen.errors import MissingExtraError
 from rrrgen.recordings.mapping import FileSource
-from rrrgen.recordings.readers.tables import table_fault, unknown_column
+from rrrgen.recordings.readers.tables import foreign_reader, table_fault, unknown_column
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 FIELDS = ("position", "velocity", "effort")
+ROS = "a ROS recording"
 
 
 class BagTable:
@@ -84,16 +86,16 @@ class BagTable:
             return None
         return float(values[place]) if place < len(values) else float("nan")
 
-    def _reader(self) -> Any:
+    @contextmanager
+    def _reader(self) -> Iterator[Any]:
         try:
-            from rosbags.highlevel import AnyReader, AnyReaderError
+            from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
-        except ImportError as error:
-            raise InputError("ROS recordings need the extra 'logs': pip install rrrgen[logs]") from error
-        try:
-            return AnyReader([self.path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-        except (AnyReaderError, OSError, ValueError) as error:
-            raise table_fault(self.path, f"not a recording that can be read: {error}") from None
+        except ImportError:
+            raise MissingExtraError("ROS recordings need rosbags", "logs") from None
+        types = get_typestore(Stores.ROS2_HUMBLE)
+        with foreign_reader(self.path, ROS), AnyReader([self.path], default_typestore=types) as reader:
+            yield reader
 
     def _messages(self, reader: Any) -> Iterator[tuple[int, Any]]:
         """Stamps (ns) and messages of the topic; the time of recording where a message has no stamp."""

@@ -5,18 +5,21 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import islice
-from typing import TextIO
+from typing import IO, AnyStr, TextIO
 
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.errors import InputError
 from rrrgen.recordings.mapping import FileSource
 from rrrgen.recordings.readers.tables import named_column, table_fault
 
 SEPARATORS = (";", "\t", ",", "|")
 MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "?", "inf", "-inf", "+inf")
 SAMPLE_LINES = 60
+LONGEST_LINE = 1_000_000
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
 
 
@@ -28,12 +31,12 @@ class CsvTable:
         try:
             with self._open() as stream:
                 head = [self._plain(line) for line in islice(self._lines(stream), SAMPLE_LINES)]
-        except UnicodeDecodeError:
-            raise table_fault(
-                self.path, f"not text in {source.encoding}", "name it with encoding, e.g. latin-1"
-            ) from None
+        except UnicodeError:
+            raise self._undecodable() from None
         except LookupError:
             raise table_fault(self.path, f"unknown encoding '{source.encoding}'") from None
+        except OSError as error:
+            raise table_fault(self.path, f"cannot be read: {error.strerror or error}") from None
         head = [line for line in head if line.strip()]
         if not head:
             raise table_fault(self.path, "the file is empty")
@@ -57,11 +60,11 @@ class CsvTable:
         """Blocks of the wanted columns; raises at the first entry that is neither a number nor missing."""
         places = [named_column(self.path, name, self.columns) for name in wanted]
         with self._open() as stream:
-            numbered = ((n, self._plain(line)) for n, line in enumerate(stream, 1) if n > self.source.skip)
+            numbered = ((n, self._plain(line)) for n, line in enumerate(_bounded(stream), 1) if n > self.source.skip)
             rows = ((n, line) for n, line in numbered if line.strip())
             for _ in range(self.header):
                 next(rows, None)
-            while block := list(islice(rows, size)):
+            while block := self._block(rows, size):
                 yield self._parse(block, places)
 
     # -- reading -------------------------------------------------------------------------------------------------
@@ -70,10 +73,35 @@ class CsvTable:
         return open(self.path, encoding=self.source.encoding, newline=None)
 
     def _lines(self, stream: TextIO) -> Iterator[str]:
-        return islice(stream, self.source.skip, None)
+        return islice(_bounded(stream), self.source.skip, None)
+
+    def _block(self, rows: Iterator[tuple[int, str]], size: int) -> list[tuple[int, str]]:
+        """The next ``size`` rows with their numbers."""
+        try:
+            return list(islice(rows, size))
+        except UnicodeError:
+            raise self._undecodable() from None
+
+    def _undecodable(self) -> InputError:
+        """The fault of the first line that is no text in the file's encoding, located where lines are bytes."""
+        message, hint = f"not text in {self.source.encoding}", "damaged, or another encoding: encoding: latin-1"
+        with self.path.open("rb") as stream:
+            for number, line in enumerate(_bounded(stream), 1):
+                try:
+                    line.decode(self.source.encoding)
+                except UnicodeDecodeError as error:
+                    if "utf-16" in self.source.encoding.lower() or "utf-32" in self.source.encoding.lower():
+                        break
+                    text = line.decode(self.source.encoding, "replace").rstrip("\r\n")
+                    what = f"{message}: byte 0x{line[error.start]:02x}"
+                    column = len(line[: error.start].decode(self.source.encoding, "replace")) + 1
+                    return table_fault(self.path, what, hint, number, column, text)
+        return table_fault(self.path, message, hint)
 
     def _plain(self, line: str) -> str:
         """The line without its end and comment."""
+        if len(line) > LONGEST_LINE:
+            raise table_fault(self.path, f"a line of more than {LONGEST_LINE} characters", "is it a table of text?")
         line = line.rstrip("\r\n")
         return line.split(self.source.comment, 1)[0] if self.source.comment else line
 
@@ -159,3 +187,8 @@ class CsvTable:
         if commas and points:
             raise table_fault(self.path, "entries with decimal points and with commas", "name it: decimal: '.' | ','")
         return "," if commas else "."
+
+
+def _bounded(stream: IO[AnyStr]) -> Iterator[AnyStr]:
+    """The lines of ``stream``; of one that is too long only its beginning, so that memory is bounded."""
+    return iter(partial(stream.readline, LONGEST_LINE + 1), stream.read(0))

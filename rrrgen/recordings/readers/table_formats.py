@@ -11,21 +11,26 @@ SUFFIXES = {
     ".pq": "parquet", ".mcap": "rosbag", ".db3": "rosbag", ".bag": "rosbag",
 }  # fmt: skip
 
+NATIVE = ("mat", "hdf5", "parquet", "rosbag")
+"""Formats that libraries parse in native code, or decompress without bounds: read by another process."""
+
 
 def open_table(source: FileSource) -> Table:
     """The table of one file; raises :class:`InputError` where it cannot be read."""
-    path = source.path
-    if not path.exists():
-        raise table_fault(path, "there is no such file")
-    kind = source.format or ("rosbag" if path.is_dir() else SUFFIXES.get(path.suffix.lower()))
+    if kind_of(source) in NATIVE:
+        from rrrgen.recordings.readers.guarded_table import GuardedTable
+
+        return GuardedTable(source)
+    return open_here(source)
+
+
+def open_here(source: FileSource) -> Table:
+    """The table of one file, read by this process."""
+    kind, path = kind_of(source), source.path
     if kind == "csv":
         from rrrgen.recordings.readers.csv_table import CsvTable
 
         return CsvTable(source)
-    if kind in ("npy", "npz", "mat", "hdf5"):
-        from rrrgen.recordings.readers import array_tables
-
-        return array_tables.open_arrays(path, kind)
     if kind == "parquet":
         from rrrgen.recordings.readers.array_tables import ParquetTable
 
@@ -34,6 +39,24 @@ def open_table(source: FileSource) -> Table:
         from rrrgen.recordings.readers.bag_table import BagTable
 
         return BagTable(source)
-    raise table_fault(
-        path, f"the format of '{path.name}' is not known", f"name it with format: {' | '.join(set(SUFFIXES.values()))}"
-    )
+    from rrrgen.recordings.readers import array_tables
+
+    return array_tables.open_arrays(path, kind)
+
+
+def kind_of(source: FileSource) -> str:
+    """The format of a file, by its description, its suffix, or for a folder a ROS recording."""
+    path = source.path
+    try:
+        folder = path.is_dir()
+        if not folder and not path.exists():
+            raise table_fault(path, "there is no such file")
+    except (OSError, ValueError) as error:  # a name too long, a zero byte in it
+        raise table_fault(path, f"cannot be opened: {error}") from None
+    kind = source.format or ("rosbag" if folder else SUFFIXES.get(path.suffix.lower()))
+    if kind is None:
+        allowed = " | ".join(sorted(set(SUFFIXES.values())))
+        raise table_fault(path, f"the format of '{path.name}' is not known", f"name it with format: {allowed}")
+    if folder and kind != "rosbag":
+        raise table_fault(path, f"a folder, where a file in the format {kind} is needed")
+    return kind

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,8 +11,11 @@ from typing import Protocol
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.errors import Fault, InputError
+from rrrgen.errors import Fault, InputError, RrrgenError
 from rrrgen.yamltext.suggest import did_you_mean
+
+ROWS_PER_BYTE = 1000
+"""What no compression reaches: deflate and zstd leave at least a byte of some hundred equal rows."""
 
 
 class Table(Protocol):
@@ -30,6 +34,46 @@ class Table(Protocol):
 def table_fault(path: Path, message: str, hint: str = "", line: int = 0, column: int = 0, text: str = "") -> InputError:
     """A fault in a recorded file."""
     return InputError([Fault(str(path), line, column, message, text, hint)])
+
+
+@contextlib.contextmanager
+def foreign_reader(path: Path, what: str, hint: str = "was it copied completely?") -> Iterator[None]:
+    """Calls into a library that reads the file: whatever it raises about the bytes becomes a fault of the file.
+
+    Libraries raise nearly anything on damaged files (AssertionError, struct.error, RuntimeError, MemoryError, ...), so
+    nothing narrower would do. ``what`` names what the file should be, e.g. "an HDF5 file".
+    """
+    try:
+        yield
+    except RrrgenError:
+        raise
+    except MemoryError:
+        raise table_fault(path, "reading takes more memory than there is", f"is it {what}? {hint}") from None
+    except Exception as error:
+        reason = " ".join(str(error).split())[:300] or type(error).__name__
+        raise table_fault(path, f"damaged, or not {what}: {reason}", hint) from None
+
+
+def bytes_of(path: Path) -> int:
+    """Size of a file, or of all files in a folder; 0 where it cannot be told."""
+    try:
+        if path.is_dir():
+            return sum(file.stat().st_size for file in path.iterdir() if file.is_file())
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def seconds_for(path: Path) -> float:
+    """How long reading one block may take: a minute, and a second for every 20 MB of the file."""
+    return 60.0 + bytes_of(path) / 20e6
+
+
+def check_rows(path: Path, rows: int) -> None:
+    """Raise the fault of a file that claims, or delivers, more rows than its bytes can hold."""
+    most = ROWS_PER_BYTE * (bytes_of(path) + 1000)
+    if rows > most:
+        raise table_fault(path, f"{rows} rows, more than the file's {bytes_of(path)} bytes can hold", "it is damaged")
 
 
 def unknown_column(path: Path, wanted: str | int, columns: Sequence[str]) -> InputError:

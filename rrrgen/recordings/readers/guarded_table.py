@@ -1,0 +1,168 @@
+"""Tables whose files are read by another process, so that a damaged file ends that process and not this one."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import Fault, InputError, InternalError, MissingExtraError
+from rrrgen.recordings.mapping import FileSource
+from rrrgen.recordings.readers.tables import check_rows, seconds_for, table_fault
+
+_START = "import sys; sys.path[:] = {path!r}; from rrrgen.recordings.readers.reading_process import serve; serve()"
+
+
+class GuardedTable:
+    """The table of a file that libraries with native code read; see :mod:`rrrgen.recordings.readers.reading_process`.
+
+    Whatever the file does to them, what reaches the caller is an :class:`InputError` with the file and the reason.
+    """
+
+    def __init__(self, source: FileSource) -> None:
+        self.source, self.path = source, source.path
+        with _borrowed(source) as process:
+            self.columns: tuple[str, ...] = tuple(process.ask({"columns": True})["columns"])
+            process.free = True
+
+    def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
+        """Blocks of the wanted columns; the process that reads them ends with an iteration that is given up."""
+        rows = 0
+        with _borrowed(self.source) as process:
+            answer = process.ask({"wanted": list(wanted), "size": size})
+            while "rows" in answer:
+                block = process.block(int(answer["rows"]), len(wanted), size)
+                rows += len(block)
+                check_rows(self.path, rows)
+                yield block
+                answer = process.answer()
+            process.free = True
+
+
+class _Process:
+    """A reading process at work on one file; ``free`` once it has given its last answer."""
+
+    def __init__(self) -> None:
+        path = [os.path.abspath(folder) for folder in sys.path]
+        self._popen = subprocess.Popen(
+            [sys.executable, "-P", "-c", _START.format(path=path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        assert self._popen.stdin is not None
+        assert self._popen.stdout is not None
+        self._to, self._from = self._popen.stdin, self._popen.stdout
+        self.free = False
+        self._source: FileSource | None = None
+        self._asked = 0.0
+
+    def serves(self, source: FileSource) -> _Process:
+        """Turn to another file."""
+        self._source, self.free = source, False
+        return self
+
+    def alive(self) -> bool:
+        """Whether it can be asked."""
+        return self._popen.poll() is None
+
+    def ask(self, request: dict[str, Any]) -> dict[str, Any]:
+        """The first answer to a request."""
+        assert self._source is not None
+        source = {**asdict(self._source), "path": os.path.abspath(self._source.path)}
+        with contextlib.suppress(BrokenPipeError, OSError):  # it has ended, as the missing answer tells
+            self._to.write(json.dumps({"source": source, **request}).encode() + b"\n")
+            self._to.flush()
+        return self.answer()
+
+    def answer(self) -> dict[str, Any]:
+        """The next answer; raises what was wrong with the file."""
+        self._asked = time.monotonic()
+        line = self._from.readline()
+        if not line.endswith(b"\n"):
+            raise self._ended()
+        answer: dict[str, Any] = json.loads(line)
+        if "faults" in answer:
+            self.free = True
+            raise InputError([Fault(*self._named(entry)) for entry in answer["faults"]])
+        if "missing" in answer:
+            self.free = True
+            raise MissingExtraError(*answer["missing"])
+        if "internal" in answer:
+            raise InternalError(f"{answer['internal']} (reading {self._path})")
+        return answer
+
+    def block(self, rows: int, width: int, size: int) -> Array:
+        """The numbers that follow an answer."""
+        if not 0 <= rows <= size:
+            raise InternalError(f"a block of {rows} rows, where at most {size} were asked for")
+        numbers = np.empty((rows, width))
+        if numbers.size and self._from.readinto(numbers.data.cast("B")) != numbers.nbytes:  # type: ignore[attr-defined]
+            raise self._ended()
+        return numbers
+
+    def end(self) -> None:
+        """Stop it at once."""
+        with contextlib.suppress(OSError):
+            self._popen.kill()
+        with contextlib.suppress(OSError):
+            self._to.close()
+        self._from.close()
+        self._popen.wait()
+
+    @property
+    def _path(self) -> Path:
+        assert self._source is not None
+        return self._source.path
+
+    def _named(self, entry: list[Any]) -> list[Any]:
+        """A fault with the file named as the caller named it."""
+        return [str(self._path) if entry[0] == os.path.abspath(self._path) else entry[0], *entry[1:]]
+
+    def _ended(self) -> InputError:
+        """Why the process ended without an answer."""
+        waited = time.monotonic() - self._asked
+        status = self._popen.wait()
+        if waited >= 0.9 * seconds_for(self._path):
+            return table_fault(self._path, f"reading was given up after {waited:.0f} s", "the file is damaged")
+        how = f"exit status {status}"
+        if status < 0:
+            with contextlib.suppress(ValueError):
+                how = signal.Signals(-status).name
+        return table_fault(
+            self._path,
+            f"the library that reads such files was brought down by it ({how})",
+            "the file is damaged, or larger than this machine's memory allows",
+        )
+
+
+_idle: dict[int, list[_Process]] = {}
+"""Processes that wait for a file, by the process that started them: a forked one must not share its parent's."""
+
+
+@contextlib.contextmanager
+def _borrowed(source: FileSource) -> Iterator[_Process]:
+    """A process that reads ``source``; kept for the next file if it has answered to the end."""
+    waiting = _idle.setdefault(os.getpid(), [])
+    process = waiting.pop() if waiting else _Process()
+    if not process.alive():
+        process.end()
+        process = _Process()
+    try:
+        yield process.serves(source)
+    finally:
+        if process.free:
+            waiting.append(process)
+        else:
+            process.end()
