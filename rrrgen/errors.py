@@ -78,14 +78,17 @@ class BuildError(RrrgenError):
     exit_code = 5
 
 
-class MissingExtraError(RrrgenError):
-    """A package of an optional extra is not installed: ``what`` needs the extra, e.g. "ROS recordings"."""
+class MissingExtraError(BuildError):
+    """``purpose``, e.g. "ROS recordings", needs a package that an extra of rrrgen brings and that is not installed."""
 
-    exit_code = 5
+    def __init__(self, purpose: str, package: str, extra: str) -> None:
+        self.purpose, self.package, self.extra = purpose, package, extra
+        super().__init__(
+            f"{purpose} needs {package}, which is not installed; with rrrgen's extra: pip install 'rrrgen[{extra}]'"
+        )
 
-    def __init__(self, what: str, extra: str) -> None:
-        self.what, self.extra = what, extra
-        super().__init__(f"{what}: not installed. Install the extra '{extra}': pip install 'rrrgen[{extra}]'")
+    def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str, str]]:
+        return MissingExtraError, (self.purpose, self.package, self.extra)
 
 
 class InternalError(RrrgenError):

@@ -17,6 +17,7 @@ ROOMS = (
     "version",
     "errors",
     "arrays",
+    "extras",
     "parallel_map",
     "cache",
     "resources",

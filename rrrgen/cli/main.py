@@ -14,6 +14,7 @@ import click
 
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.errors import InputError, InternalError, RrrgenError
+from rrrgen.extras import missing_extra
 from rrrgen.version import VERSION
 
 INTERRUPTED = 130
@@ -115,6 +116,9 @@ def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: c
         click.echo(f"rrrgen: {error}", err=True)
         return error.exit_code
     except Exception as error:  # anything else is a fault of rrrgen, and says so
+        if missing := missing_extra(error):
+            click.echo(f"rrrgen: {missing}", err=True)
+            return missing.exit_code
         return _internal(error)
 
 

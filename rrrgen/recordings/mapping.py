@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.errors import InputError
+from rrrgen.errors import Fault, InputError
 from rrrgen.model.estimated_terms import CoupledDrive
 
 Side = Literal["joint", "motor"]
@@ -117,11 +117,14 @@ class LogMapping:
         found = [joint.channel(signal) for joint in self.joints]
         return [channel for channel in found if channel is not None] if self.has(signal) else []
 
+    def _fault(self, message: str) -> InputError:
+        return InputError([Fault(self.source or "mapping", 0, 0, message)])
+
     def with_file(self, path: Path) -> LogMapping:
         """The same mapping on another recording: its only file replaced by ``path``."""
         if len(self.files) != 1:
             names = ", ".join(source.name for source in self.files)
-            raise InputError(
+            raise self._fault(
                 f"this mapping reads {len(self.files)} files ({names}); a single path cannot stand for them"
             )
         return replace(self, files=(replace(self.files[0], path=path),))
@@ -133,7 +136,7 @@ class LogMapping:
         if not on_motor.any():
             return values + self._zero if signal == "position" else values
         if self.transmission is None:
-            raise InputError("signals of the motor side need gear ratios or a transmission matrix")
+            raise self._fault("signals of the motor side need gear ratios or a transmission matrix")
         N = self.transmission if on_motor.all() else self._diagonal(on_motor)
         moved = values @ N if signal == "torque" else np.linalg.solve(N, values.T).T
         return np.asarray(moved + self._zero if signal == "position" else moved)
@@ -147,7 +150,7 @@ class LogMapping:
         assert self.transmission is not None
         coupled = self.transmission - np.diag(np.diag(self.transmission))
         if np.any(coupled):
-            raise InputError("with a coupling matrix, one signal must be on the motor side of all joints or of none")
+            raise self._fault("with a coupling matrix, one signal must be on the motor side of all joints or of none")
         return np.diag(np.where(on_motor, np.diag(self.transmission), 1.0))
 
 

@@ -314,7 +314,7 @@ class _Reader:
         if not all(rows):
             return None
         N = np.array(rows, float)
-        if abs(np.linalg.det(N)) < 1e-12 * np.prod(np.linalg.norm(N, axis=1)):
+        if not abs(np.linalg.det(N)) > 1e-12 * np.prod(np.linalg.norm(N, axis=1)):  # a row of zeros included
             self.faults.error(rows_node, "the transmission matrix is singular", "joint angles would not be determined")
             return None
         return N

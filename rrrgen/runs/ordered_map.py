@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-from rrrgen.errors import InputError
+from rrrgen.errors import InputError, MissingExtraError
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -35,8 +35,8 @@ def ordered_map(
 def _on_cores(function: Callable[[T], R], items: Iterable[T], jobs: int) -> Iterator[R]:
     try:
         import joblib
-    except ImportError as error:
-        raise InputError("several processes need the extra 'identify': pip install rrrgen[identify]") from error
+    except ImportError:
+        raise MissingExtraError("work by several processes", "joblib", "identify") from None
     with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
         parallel = joblib.Parallel(return_as="generator", pre_dispatch=f"{AHEAD}*n_jobs", batch_size=1)
         yield from parallel(joblib.delayed(function)(item) for item in items)
@@ -60,8 +60,8 @@ def cluster_client(cluster: str) -> Iterator[Any]:
     """A client of the Dask scheduler at an address; :class:`InputError` where none answers."""
     try:
         from distributed import Client
-    except ImportError as error:
-        raise InputError("a cluster needs the extra 'cluster': pip install rrrgen[cluster]") from error
+    except ImportError:
+        raise MissingExtraError("a cluster", "distributed", "cluster") from None
     try:
         client = Client(cluster, timeout="15s", set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:

@@ -22,6 +22,7 @@ MAX_FAULTS = 100
 
 _LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x80-\x84\x86-\x9f\ud800-\udfff\ufeff\ufffe\uffff]")
+_SURROGATE = re.compile("[\ud800-\udfff]")
 _LONG_WORD = re.compile(rf"[^\s]{{{MAX_WORD}}}")
 _TAB_INDENT = re.compile(r"^ *\t[ \t]*(?=[^\s#])")
 
@@ -241,4 +242,16 @@ class _Composer:
             return Mapping(place)
         quoted = event.style in ("'", '"', "|", ">")
         one_line = event.start_mark.line == event.end_mark.line
-        return Scalar(event.value, place, quoted, int(event.style in ("'", '"') and one_line))
+        text = self.encodable(event.value, place)
+        return Scalar(text, place, quoted, int(event.style in ("'", '"') and one_line))
+
+    def encodable(self, text: str, place: Place) -> str:
+        r"""``text`` with pairs of surrogates such as ``"\ud83e\udd16"`` joined; half of a pair is no character."""
+        if text.isascii() or not _SURROGATE.search(text):
+            return text
+        try:
+            return text.encode("utf-16-le", "surrogatepass").decode("utf-16-le")
+        except UnicodeDecodeError:
+            half = ord(_SURROGATE.findall(text)[0])
+            self.faults.error(place, f"the escape \\u{half:04x} is half of a character", "write the character itself")
+            return _SURROGATE.sub("?", text)

@@ -66,7 +66,9 @@ writing:
   start: [0, 0.3, 0.5]
   plane: {x: [-0.25, 0.25], y: -0.4, z: [0.35, 0.85]}
 virtual_robot:
-  friction: {law: coulomb_viscous, joints: [{fc: 1, fv: 0.2}, {fc: 1, fv: 0.2}, {fc: 1, fv: 0.2}]}
+  friction:
+    law: coulomb_viscous
+    joints: [&j {coulomb: 1, viscous: 0.2}, *j, {coulomb: 1, viscous: 0.2}]
   encoder_resolution: 1e-5
   torque_limit: [40, 40, 20]
   torque_noise: 0.05

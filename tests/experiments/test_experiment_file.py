@@ -182,3 +182,11 @@ def test_rotors_take_the_place_of_the_drive_inertia(tmp_path) -> None:
         for text in (control, rotors + control)
     ]
     assert np.abs(runs[0].true_q - runs[1].true_q).max() < 1e-4
+
+
+def test_half_a_pair_leaves_one_side_of_the_box_open_and_is_a_fault_of_the_plane():
+    box = "schema: rrrgen-experiment/1\nexcitation: {limits: {box: {z: [0.4, ~]}}}\n"
+    limits = loads_experiment(box, 3).limits
+    assert (limits.box_lower, limits.box_upper) == ((None, None, 0.4), (None, None, None))
+    with pytest.raises(InputError, match=r"plane.yaml:2:\d+: error: z is .*, not a value"):
+        loads_experiment("schema: rrrgen-experiment/1\nwriting: {plane: {z: [0.4, ~]}}\n", 3, "plane.yaml")

@@ -17,6 +17,13 @@ ERRORS = {
     "misspelt key": ("alpha: pi/2", "alhpa: pi/2", "8:32", "unknown key 'alhpa'", "did you mean 'alpha'?"),
     "key of another format": ("theta: 0}\n  -", "offset: 0}\n  -", "8:58", "unknown key 'offset'", "mean 'theta'?"),
     "duplicate key": ("name: elbow3", "name: elbow3\nname: b", "3:1", "duplicate key 'name'", "first given at line 2"),
+    "half of a character": (
+        "name: elbow3",
+        'name: elbow3\ndescription: "\\ud83e"',
+        "3:14",
+        "\\ud83e is half of a character",
+        "write the character itself",
+    ),
     "duplicate parameter": ("a2: 0.200", "a2: 1, a2: 2", "6:21", "duplicate key 'a2'", "line 6"),
     "missing convention": ("convention: standard\n", "", "1:1", "needs the key 'convention'", "standard | modified"),
     "missing units": ("units: {angle: rad, length: m}\n", "", "1:1", "needs the key 'units'", "angle: rad | deg"),
@@ -277,3 +284,8 @@ def test_file_larger_than_a_megabyte(tmp_path: Path) -> None:
     file.write_bytes(b"#" * 10_000_000)
     with pytest.raises(InputError, match="larger than 1 MB"):
         load_spec(file)
+
+
+def test_two_escapes_of_one_character_are_joined():
+    text = SAMPLE.replace("name: elbow3", 'name: elbow3\ndescription: "an arm \\ud83e\\udd16"')
+    assert loads_spec(text).description == "an arm \U0001f916"

@@ -5,16 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 from rrrgen.backends.casadi.derivatives import input_place, matrix_size
-from rrrgen.errors import BuildError
+from rrrgen.errors import MissingExtraError
 from rrrgen.program import Op, Program
 
 
 def import_casadi() -> Any:
-    """The ``casadi`` package, or a :class:`BuildError` that says how to install it."""
+    """The ``casadi`` package, or a :class:`MissingExtraError` that says how to install it."""
     try:
         import casadi
     except ImportError as error:
-        raise BuildError("CasADi is not installed: pip install 'rrrgen[casadi]'") from error
+        raise MissingExtraError("a function of CasADi", "casadi", "casadi") from error
     return casadi
 
 
@@ -23,7 +23,7 @@ def function(program: Program, name: str | None = None, smooth_sign: float | Non
 
     Outputs are dense (rows, columns) matrices. ``smooth_sign`` = eps > 0, in the unit of the argument (rad/s for joint
     speeds), replaces sgn(x) by tanh(x / eps), so that gradients see Coulomb friction; without it sgn is exact and its
-    derivative is 0. Raises :class:`BuildError` without CasADi and ``ValueError`` for eps <= 0.
+    derivative is 0. Raises :class:`MissingExtraError` without CasADi and ``ValueError`` for eps <= 0.
     """
     if smooth_sign is not None and not smooth_sign > 0:
         raise ValueError(f"the width of the smooth sign must be positive, got {smooth_sign}")

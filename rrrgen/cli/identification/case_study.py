@@ -9,6 +9,7 @@ import click
 from rrrgen.cli.arguments import json_option, print_json
 from rrrgen.cli.identification.workflow import jobs_options, output_option
 from rrrgen.cli.progress import progress_bar
+from rrrgen.extras import require
 
 
 @click.command()
@@ -28,6 +29,7 @@ def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: 
     Example:
       rrrgen case-study -o runs/case-study --jobs 2
     """
+    require("rrrgen case-study", "casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")
     from rrrgen.experiments.case_study.case_study import CaseStudySettings, run_case_study
 
     with progress_bar() as tell:

@@ -15,9 +15,11 @@ from rrrgen.cli.identification.workflow import (
     experiment_option,
     jobs_options,
     output_option,
+    parallel_packages,
     seed_option,
 )
 from rrrgen.cli.progress import progress_bar
+from rrrgen.extras import require
 
 
 @click.command()
@@ -43,6 +45,7 @@ def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
       rrrgen excite rrr -o runs/excitation --jobs 2
       rrrgen excite rrr --experiment experiment.yaml -o runs/excitation
     """
+    require("rrrgen excite", "casadi", "matplotlib", *parallel_packages(options))
     from rrrgen import pipeline
     from rrrgen.experiments.experiment_setup import problem_of
     from rrrgen.identify.excitation.design import design_excitation

@@ -14,11 +14,13 @@ from rrrgen.cli.identification.workflow import (
     jobs_options,
     log_option,
     output_option,
+    parallel_packages,
     print_repairs,
     processing_options,
     seed_option,
 )
 from rrrgen.cli.progress import progress_bar
+from rrrgen.extras import require
 
 if TYPE_CHECKING:
     from rrrgen.identify.identification import Identification
@@ -55,6 +57,8 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
       rrrgen identify rrr --log runs/log.yaml -o runs/identified
       rrrgen identify examples/tx40/robot.yaml --log examples/tx40/log.yaml --split first:0.6 -o runs/tx40
     """
+    consistency = ("cvxpy", "clarabel") if options["consistent"] else ()
+    require("rrrgen identify", "scipy", "matplotlib", *consistency, *parallel_packages(options))
     from rrrgen import pipeline
     from rrrgen.identify.estimation.factoring import Split
     from rrrgen.identify.identification import Options

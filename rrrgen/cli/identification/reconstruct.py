@@ -9,6 +9,7 @@ import click
 
 from rrrgen.cli.arguments import json_option, print_json
 from rrrgen.cli.identification.workflow import chosen_processing, output_option, print_repairs, processing_options
+from rrrgen.extras import require
 
 
 @click.command()
@@ -27,6 +28,7 @@ def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: 
     Example:
       rrrgen reconstruct runs/experiment/results/log.yaml --method kalman -o runs/motion
     """
+    require("rrrgen reconstruct", "scipy", "matplotlib")
     from rrrgen.identify.estimation.observations import tuned
     from rrrgen.identify.estimation_plots import plot_bode
     from rrrgen.recordings.logs import open_log, read_log

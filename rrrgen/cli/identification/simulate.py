@@ -22,6 +22,7 @@ from rrrgen.cli.progress import progress_bar
 if TYPE_CHECKING:
     from rrrgen.experiments.experiment_file import Experiment
     from rrrgen.runtime.model import Model
+from rrrgen.extras import require
 
 
 @click.command()
@@ -58,6 +59,7 @@ def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
       rrrgen simulate rrr --trajectory runs/excitation/results/excitation.json --torque-noise 0.05 -o runs/experiment
       rrrgen simulate rrr --writing --experiment experiment.yaml -o runs/writing
     """
+    require("rrrgen simulate", "scipy")
     from rrrgen import pipeline
     from rrrgen.experiments.experiment_setup import simulate_motion
     from rrrgen.runs.run_folder import RunFolder

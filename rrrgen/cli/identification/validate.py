@@ -16,6 +16,7 @@ from rrrgen.cli.identification.workflow import (
     print_repairs,
     processing_options,
 )
+from rrrgen.extras import require
 
 
 @click.command()
@@ -40,6 +41,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     Example:
       rrrgen validate runs/identified/results/robot.yaml --log runs/writing/results/log.yaml -o runs/validated
     """
+    require("rrrgen validate", "scipy", "matplotlib")
     from rrrgen import pipeline
     from rrrgen.identify.estimation.definiteness import indefinite_share, pose_limits
     from rrrgen.identify.validation import (

@@ -43,6 +43,13 @@ def jobs_options(function: F) -> F:
     return click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes.")(function)
 
 
+def parallel_packages(options: dict[str, Any]) -> tuple[str, ...]:
+    """The packages that ``--jobs`` and ``--cluster`` need."""
+    if options["cluster"] is not None:
+        return ("joblib", "dask", "distributed")
+    return ("joblib",) if options["jobs"] > 1 else ()
+
+
 def experiment_option(function: F) -> F:
     """``--experiment``."""
     return click.option(

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--casadi-files/--no-casadi-files",
-    default=True,
-    help="Also write CasADi's own .casadi files (if CasADi is installed; their bytes depend on its version).",
+    default=None,
+    help="Also write CasADi's own .casadi files, whose bytes depend on its version; by default if it is installed.",
 )
 @click.option(
     "-j",
@@ -56,7 +56,7 @@ def generate(
     real: Real,
     trig: Trig,
     only_check: bool,
-    casadi_files: bool,
+    casadi_files: bool | None,
     jobs: int,
     as_json: bool,
     verbose: bool,
@@ -76,10 +76,11 @@ def generate(
     from rrrgen.output import writer as emit
 
     start = time.perf_counter()
+    with_casadi = _with_casadi(casadi_files)
     model = pipeline.derive(read_with_warnings(robot), jobs)
     if verbose:
         _report_passes(model)
-    files = pipeline.emit(model, real, casadi_files and not only_check and _has_casadi(), trig, jobs)
+    files = pipeline.emit(model, real, with_casadi and not only_check, trig, jobs)
     if only_check:
         diff = emit.differences(files, output)
         if as_json:
@@ -97,10 +98,16 @@ def generate(
     return 0
 
 
-def _has_casadi() -> bool:
-    from importlib.util import find_spec
+def _with_casadi(wanted: bool | None) -> bool:
+    """Whether .casadi files are written: as asked for, else if CasADi is installed."""
+    from rrrgen.errors import MissingExtraError
+    from rrrgen.extras import installed
 
-    return find_spec("casadi") is not None
+    if wanted is False or installed("casadi"):
+        return wanted is not False
+    if wanted:
+        raise MissingExtraError("--casadi-files", "casadi", "casadi")
+    return False
 
 
 def _report_passes(model: DerivedModel) -> None:

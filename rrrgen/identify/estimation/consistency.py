@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.errors import DerivationError, InputError
+from rrrgen.errors import DerivationError, InputError, MissingExtraError
 from rrrgen.identify.estimation.full_regressor import RigidModel
 from rrrgen.identify.estimation.regression import Estimate
 from rrrgen.identify.estimation.tsqr import JointFactors
@@ -245,10 +245,8 @@ class _Program:
 def _cvxpy() -> Any:
     try:
         return import_module("cvxpy")
-    except ImportError as error:
-        raise InputError(
-            "a physically consistent estimate needs the extra 'identify': pip install rrrgen[identify]"
-        ) from error
+    except ImportError:
+        raise MissingExtraError("a physically consistent estimate", "cvxpy", "identify") from None
 
 
 def _reduced(A: Array, z: Array) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rrrgen.errors import InputError
+from rrrgen.errors import InputError, MissingExtraError
 from rrrgen.identify.excitation.check import ExcitationCheck, LimitUse
 from rrrgen.identify.excitation.problem import ExcitationProblem
 from rrrgen.identify.excitation.search import StartResult, solve_start
@@ -82,8 +82,8 @@ def _backend(jobs: int, cluster: str | None) -> Iterator[None]:
         return
     try:
         from distributed import Client
-    except ImportError as error:
-        raise InputError("a cluster needs the extra 'cluster': pip install rrrgen[cluster]") from error
+    except ImportError:
+        raise MissingExtraError("a cluster", "distributed", "cluster") from None
     try:
         client = Client(cluster, timeout=CLUSTER_TIMEOUT, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:

@@ -248,7 +248,7 @@ class MatTable(_ArrayTable):
         try:
             from scipy.io import loadmat
         except ImportError:
-            raise MissingExtraError("MATLAB files need SciPy", "identify") from None
+            raise MissingExtraError("reading MATLAB files", "scipy", "identify") from None
         self.path = path
         self.arrays: dict[str, Any] = {}
         with foreign_reader(path, MAT, "save it with -v7 or -v7.3"):
@@ -277,7 +277,7 @@ class Hdf5Table(_ArrayTable):
         try:
             import h5py
         except ImportError:
-            raise MissingExtraError("MATLAB v7.3 and HDF5 files need h5py", "logs") from None
+            raise MissingExtraError("reading MATLAB v7.3 and HDF5 files", "h5py", "logs") from None
         self.path = path
         names: list[str] = []
 
@@ -305,7 +305,7 @@ class ParquetTable:
             import pyarrow
             import pyarrow.parquet
         except ImportError:
-            raise MissingExtraError("Parquet files need pyarrow", "logs") from None
+            raise MissingExtraError("reading Parquet files", "pyarrow", "logs") from None
         self.path = path
         with foreign_reader(path, PARQUET), pyarrow.parquet.ParquetFile(path) as file:
             self.columns = tuple(file.schema_arrow.names)

@@ -92,7 +92,7 @@ class BagTable:
             from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
         except ImportError:
-            raise MissingExtraError("ROS recordings need rosbags", "logs") from None
+            raise MissingExtraError("reading ROS recordings", "rosbags", "logs") from None
         types = get_typestore(Stores.ROS2_HUMBLE)
         with foreign_reader(self.path, ROS), AnyReader([self.path], default_typestore=types) as reader:
             yield reader

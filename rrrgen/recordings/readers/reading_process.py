@@ -61,7 +61,7 @@ def _answer(request: dict[str, Any], source: FileSource, opened: _Opened, watch:
     except InputError as error:
         _tell(answers, {"faults": [astuple(fault) for fault in error.faults]})
     except MissingExtraError as error:
-        _tell(answers, {"missing": [error.what, error.extra]})
+        _tell(answers, {"missing": [error.purpose, error.package, error.extra]})
     except BrokenPipeError:
         raise
     except Exception as error:  # a fault of the reader's own code, to be reported as one

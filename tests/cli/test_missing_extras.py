@@ -1,0 +1,120 @@
+"""What is not installed: exit code 5 and the line that installs it, before any work, never an internal fault."""
+
+import json
+import shutil
+import sys
+
+import numpy as np
+import pytest
+
+from rrrgen.cli.commands import COMMANDS
+from rrrgen.cli.main import run
+from rrrgen.errors import MissingExtraError
+from rrrgen.extras import EXTRAS
+from rrrgen.recordings.logs import Log, write_log
+from rrrgen.recordings.mapping import FileSource
+from rrrgen.recordings.readers.table_formats import open_here
+from rrrgen.robotfile.bundled import bundled_path
+from rrrgen.signals.fourier import FourierTrajectory
+
+
+class Hider:
+    """Among the finders of modules: some packages are not there."""
+
+    def __init__(self, packages):
+        self.packages = packages
+
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in self.packages:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
+def hide(monkeypatch, *packages):
+    for name in [name for name in sys.modules if name.partition(".")[0] in packages]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "meta_path", [Hider(packages), *sys.meta_path])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A recording of a pendulum, a motion, and a tuning."""
+    place = tmp_path_factory.mktemp("extras")
+    t = 0.01 * np.arange(300)
+    q = np.sin(2 * t)[:, None]
+    write_log(place / "log.csv", Log(("q1",), t, q, 3 * q, period=0.01))
+    motion = FourierTrajectory.from_coefficients(np.full((5, 1), 0.1), 0.5)
+    (place / "motion.json").write_text(json.dumps(motion.to_json()))
+    (place / "tuning.json").write_text(json.dumps({"var_eta": [1e-8], "var_xi": [1.0]}))
+    return place
+
+
+USES = {
+    "excite": (["pendulum", "-o", "x"], ("casadi", "matplotlib")),
+    "excite in parallel": (["pendulum", "--jobs", "2", "-o", "x"], ("joblib",)),
+    "excite on a cluster": (["pendulum", "--cluster", "tcp://localhost:1", "-o", "x"], ("dask", "distributed")),
+    "identify": (
+        ["pendulum", "--log", "log.csv", "-o", "x"],
+        ("scipy", "matplotlib", "cvxpy", "clarabel"),
+    ),
+    "identify on a cluster": (
+        ["pendulum", "--log", "log.csv", "--cluster", "tcp://localhost:1", "-o", "x"],
+        ("dask", "distributed"),
+    ),
+    "validate": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy", "matplotlib")),
+    "simulate": (["pendulum", "--trajectory", "motion.json", "-o", "x"], ("scipy",)),
+    "reconstruct": (["log.csv", "-o", "x"], ("scipy", "matplotlib")),
+    "controller": (["pendulum", "--tuning", "tuning.json", "-o", "x"], ("scipy",)),
+    "case-study": (["-o", "x"], ("casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")),
+    "generate": (["pendulum", "--casadi-files", "-o", "x"], ("casadi",)),
+}
+
+
+CASES = [(use, package) for use, (_, packages) in USES.items() for package in packages]
+
+
+@pytest.mark.parametrize(("use", "package"), CASES)
+def test_a_command_names_the_extra_that_it_lacks(use, package, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    hide(monkeypatch, package)
+    command = use.split()[0]
+    code, message = run([command, *USES[use][0]]), capsys.readouterr().err
+    assert code == 5, message
+    assert package in message
+    extra = "casadi" if command == "generate" else EXTRAS[package]
+    assert f"pip install 'rrrgen[{extra}]'" in message
+    assert not (folder / "x").exists(), "something was written"
+
+
+PLAIN = {
+    "new": ["arm"],
+    "robots": [],
+    "check": ["pendulum.yaml"],
+    "show": ["pendulum"],
+    "generate": ["pendulum", "-o", "out"],
+    "verify": ["pendulum"],
+    "ik": ["planar2r", "--pose", "0.3 0.2 0"],
+    "controller": ["pendulum", "--trajectory", "motion.json", "--friction", "lugre", "-o", "firmware"],
+    "schema": [],
+}
+
+
+def test_every_command_is_tried():
+    assert set(PLAIN) | {use.split()[0] for use in USES} | {"bench"} == set(COMMANDS)
+
+
+@pytest.mark.parametrize("command", PLAIN)
+def test_commands_that_need_no_extra_work_without_any(command, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    shutil.copy(bundled_path("pendulum"), folder)
+    hide(monkeypatch, *EXTRAS)
+    code = run([command, *PLAIN[command]])
+    assert code == 0, capsys.readouterr().err
+    assert not list(folder.rglob("*.casadi"))
+
+
+@pytest.mark.parametrize(("file", "package"), [("a.h5", "h5py"), ("a.parquet", "pyarrow"), ("a.mcap", "rosbags")])
+def test_recordings_name_the_extra_that_reads_them(file, package, folder, monkeypatch):
+    (folder / file).write_bytes(b"not read")
+    hide(monkeypatch, package)
+    with pytest.raises(MissingExtraError, match=r"rrrgen\[logs\]"):
+        open_here(FileSource("log", folder / file))
