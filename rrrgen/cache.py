@@ -1,14 +1,28 @@
-"""Where results of earlier runs live: the user's cache directory, addressed by the hash of what produced them."""
+"""Where results of earlier runs live: the user's cache directory, addressed by the hash of what produced them.
+
+Libraries in it are loaded and their code is run, so it must be the user's own, as must every file in it; each file is
+checked against its checksum before it is used.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import glob
 import hashlib
 import os
+import stat
 import sys
 import tempfile
 from functools import cache
 from pathlib import Path
+
+from rrrgen.errors import StorageError, storage_error
+
+TRUSTED_OWNERS = {os.geteuid(), 0} if hasattr(os, "geteuid") else set()
+"""Users whose files are loaded: the own one, and root, who could do anything anyway."""
+
+OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
+CHECKSUM_BYTES = 32
 
 
 @cache
@@ -16,15 +30,33 @@ def cache_directory() -> Path:
     """The directory for built extensions, derived models and translated templates, created private to the user.
 
     ``$RRRGEN_CACHE`` if set, else ``rrrgen`` below the user's cache directory; a temporary directory of this process
-    where that cannot be written.
+    where that cannot be written. Raises StorageError where another user could put code into it that would be run.
     """
     directory = _wanted_directory()
     try:
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = directory.stat()
+        _check_trusted(directory, status)
         with tempfile.TemporaryFile(dir=directory):
             return directory
     except OSError:
         return Path(tempfile.mkdtemp(prefix="rrrgen-"))
+
+
+def _check_trusted(path: Path, status: os.stat_result) -> None:
+    """Raise StorageError unless nobody but the user can have written ``path``; on Windows its access list decides."""
+    if not TRUSTED_OWNERS:
+        return
+    if status.st_uid not in TRUSTED_OWNERS:
+        raise StorageError(
+            f"the cache {path} belongs to another user (number {status.st_uid}), whose code would be run from it. "
+            "Set RRRGEN_CACHE to a directory of your own"
+        )
+    if status.st_mode & OTHERS_MAY_WRITE:
+        raise StorageError(
+            f"other users may write to the cache {path}, and code is run from it. Empty it and take away their right "
+            f"(chmod go-w {path}), or set RRRGEN_CACHE to a directory of your own"
+        )
 
 
 def _wanted_directory() -> Path:
@@ -70,12 +102,63 @@ def digest(*parts: str) -> str:
 
 
 def store(path: Path, data: bytes) -> None:
-    """Write ``data`` so that a reader sees all of it or none, also while other processes do the same."""
+    """Write ``data`` so that a reader sees all of it or none, after a power failure too, and only the user may read it.
+
+    Raises StorageError where the disk is full.
+    """
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
         os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    except OSError as error:
+        raise storage_error(path, error) or error from error
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(name)
+
+
+def keep(name: str, data: bytes) -> None:
+    """Remember ``data`` under ``name``, with its checksum in front."""
+    store(cache_directory() / name, hashlib.sha256(data).digest() + data)
+
+
+def recall(name: str) -> bytes | None:
+    """What was kept under ``name``; None where nothing was, or where it is damaged."""
+    content = _content(cache_directory() / name)
+    if content is None:
+        return None
+    data = content[CHECKSUM_BYTES:]
+    touch(cache_directory() / name)
+    return data if hashlib.sha256(data).digest() == content[:CHECKSUM_BYTES] else None
+
+
+def keep_library(stem: str, data: bytes) -> Path:
+    """Remember a library; its file must be as the linker wrote it, so the checksum becomes part of the file's name."""
+    path = cache_directory() / f"{stem}.{hashlib.sha256(data).hexdigest()[:32]}.so"
+    store(path, data)
+    return path
+
+
+def recall_library(stem: str) -> Path | None:
+    """The file of a library that was kept; loading one that is cut off would end the process, so damaged ones go."""
+    for path in sorted(cache_directory().glob(f"{glob.escape(stem)}.*.so")):
+        content = _content(path)
+        if content is not None and hashlib.sha256(content).hexdigest()[:32] == path.name.split(".")[-2]:
+            touch(path)
+            return path
+        with contextlib.suppress(OSError):
+            path.unlink()
+    return None
+
+
+def _content(path: Path) -> bytes | None:
+    """What a file holds that nobody else can have written; None where there is none."""
+    try:
+        with path.open("rb") as stream:
+            _check_trusted(path, os.fstat(stream.fileno()))
+            return stream.read()
+    except OSError:
+        return None

@@ -6,6 +6,8 @@ command line. A fault in the user's input is an :class:`InputError` and lists *a
 
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import dataclass
 
 
@@ -89,6 +91,25 @@ class MissingExtraError(BuildError):
 
     def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str, str]]:
         return MissingExtraError, (self.purpose, self.package, self.extra)
+
+
+class StorageError(RrrgenError):
+    """A disk is full or broken, or a directory is not safe to use; the message names the place and what to do."""
+
+    exit_code = 5
+
+
+def storage_error(path: str | os.PathLike[str], error: OSError) -> StorageError | None:
+    """The error to report where ``error`` means that the disk of ``path`` takes no more; None for anything else."""
+    reason = {
+        errno.ENOSPC: "the disk is full",
+        errno.EDQUOT: "your share of the disk (quota) is used up",
+        errno.EFBIG: "files may not become that large here (see ulimit -f)",
+        errno.EIO: "the disk reports an error",
+    }.get(error.errno or 0)
+    if reason is None:
+        return None
+    return StorageError(f"cannot write {os.fspath(path)}: {reason}. Free some space there, or name another place")
 
 
 class InternalError(RrrgenError):

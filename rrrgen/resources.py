@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from rrrgen.cache import cache_directory, digest
-from rrrgen.errors import InternalError
+from rrrgen.cache import digest, keep, recall
+from rrrgen.errors import InternalError, StorageError
 from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
@@ -55,15 +56,20 @@ def _translated() -> BytecodeCache:
     """Templates that were translated once: translating them takes a tenth of the time of a small robot."""
     import jinja2
 
-    class Translated(jinja2.FileSystemBytecodeCache):
-        def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-            with contextlib.suppress(OSError):  # the cache may have been deleted, or be read-only by now
-                super().dump_bytecode(bucket)
+    version = digest(jinja2.__version__, VERSION, sys.version)[:16]
 
-    place = cache_directory() / f"templates-{digest(jinja2.__version__, VERSION)[:16]}"
-    with contextlib.suppress(OSError):
-        place.mkdir(mode=0o700, exist_ok=True)
-    return Translated(str(place))
+    class Translated(jinja2.BytecodeCache):
+        def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
+            data = recall(f"{bucket.key}-{version}.template")
+            if data is not None:
+                bucket.bytecode_from_string(data)
+
+        def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
+            # the cache may have been deleted, be read-only by now, or full: it only saves time
+            with contextlib.suppress(OSError, StorageError):
+                keep(f"{bucket.key}-{version}.template", bucket.bytecode_to_string())
+
+    return Translated()
 
 
 def render(template: str, /, **values: object) -> str:

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import click
 
 from rrrgen.cli.commands import COMMANDS
-from rrrgen.errors import InputError, InternalError, RrrgenError
+from rrrgen.errors import InputError, InternalError, RrrgenError, storage_error
 from rrrgen.extras import missing_extra
 from rrrgen.version import VERSION
 
@@ -27,7 +27,7 @@ Examples:
 
 \b
 Exit codes: 0 ok, 1 a check failed, 2 usage, 3 bad input file, 4 no closed form or not identifiable,
-5 toolchain missing, 70 fault of rrrgen.
+5 toolchain or extra missing, disk full, 70 fault of rrrgen.
 
 \b
 Shell completion:
@@ -116,9 +116,12 @@ def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: c
         click.echo(f"rrrgen: {error}", err=True)
         return error.exit_code
     except Exception as error:  # anything else is a fault of rrrgen, and says so
-        if missing := missing_extra(error):
-            click.echo(f"rrrgen: {missing}", err=True)
-            return missing.exit_code
+        known = missing_extra(error) or (
+            storage_error(error.filename or "the output", error) if isinstance(error, OSError) else None
+        )
+        if known:
+            click.echo(f"rrrgen: {known}", err=True)
+            return known.exit_code
         return _internal(error)
 
 

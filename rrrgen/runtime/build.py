@@ -15,8 +15,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rrrgen.cache import cache_directory, digest, prune, touch
-from rrrgen.errors import BuildError
+from rrrgen.cache import cache_directory, digest, keep_library, prune, recall_library
+from rrrgen.errors import BuildError, StorageError, storage_error
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-fast-math", "-fPIC")
 """No contraction to fused multiply-adds: results then do not depend on the processor."""
@@ -51,11 +51,10 @@ def build_extension(
     key = digest(*identity, *FLAGS, *flags, cdef, *contents)
     if key not in _loaded:
         module = f"_rrrgen_{key[:24]}"
-        path = cache_directory() / f"{module_key}-{key[:24]}.so"
-        if path.exists():
-            touch(path)
-        else:
-            _build(path, module, sources, cdef, [*compiler, *FLAGS, *flags])
+        stem = f"{module_key}-{key[:24]}"
+        path = recall_library(stem)
+        if path is None:
+            path = keep_library(stem, _build(module, sources, cdef, [*compiler, *FLAGS, *flags]))
             prune()
         _loaded[key] = _load(path, module)
     return _loaded[key]
@@ -85,14 +84,17 @@ def _include_directory() -> str:
     return include
 
 
-def _build(path: Path, module: str, sources: Mapping[str, str], cdef: str, compile_command: list[str]) -> None:
-    """Compile in a directory of its own and move the finished library into place."""
+def _build(module: str, sources: Mapping[str, str], cdef: str, compile_command: list[str]) -> bytes:
+    """Compile in a directory of its own; returns the library."""
     include = _include_directory()
     with tempfile.TemporaryDirectory(dir=cache_directory(), prefix=".build-") as name:
         directory = Path(name)
-        for file, text in sources.items():
-            (directory / file).write_text(text, encoding="utf-8", newline="\n")
-        _write_wrapper(directory / f"{module}.c", module, sources, cdef)
+        try:
+            for file, text in sources.items():
+                (directory / file).write_text(text, encoding="utf-8", newline="\n")
+            _write_wrapper(directory / f"{module}.c", module, sources, cdef)
+        except OSError as error:
+            raise storage_error(directory, error) or error from error
         # the wrapper only passes pointers on: optimising it took a third of the build and gained 1 %
         units = {f"{module}.c": ["-O0"], **{file: [] for file in sources if file.endswith(".c")}}
         _run(
@@ -104,8 +106,8 @@ def _build(path: Path, module: str, sources: Mapping[str, str], cdef: str, compi
         )
         link = ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
         objects = [f"{unit}.o" for unit in units]
-        _run([[*compile_command, "-shared", *link, *objects, "-lm", "-o", path.name]], directory)
-        os.replace(directory / path.name, path)
+        _run([[*compile_command, "-shared", *link, *objects, "-lm", "-o", "library.so"]], directory)
+        return (directory / "library.so").read_bytes()
 
 
 def _write_wrapper(file: Path, module: str, sources: Mapping[str, str], cdef: str) -> None:
@@ -128,6 +130,9 @@ def _run(commands: list[list[str]], directory: Path) -> None:
     complaints = [process.communicate()[1] for process in running]
     for process, complaint, command in zip(running, complaints, commands, strict=True):
         if process.returncode:
+            if "No space left on device" in complaint:
+                places = f"{directory}, or temporary files in {tempfile.gettempdir()}"
+                raise StorageError(f"cannot write {places}: the disk is full. Free some space there")
             words = "\n".join(complaint.splitlines()[:20])
             raise BuildError(f"{command[0]} refused emitted code (exit {process.returncode}):\n{words}")
 

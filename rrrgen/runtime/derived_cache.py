@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import pickle
+import contextlib
 import sys
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rrrgen.backends import Identity
-from rrrgen.cache import cache_directory, digest, store, touch
+from rrrgen.cache import digest, keep
+from rrrgen.cache import recall as recall_bytes
+from rrrgen.derive.derived_model import DerivedModel
+from rrrgen.errors import StorageError
+from rrrgen.runtime.derived_format import dumps, loads
 
 if TYPE_CHECKING:
-    from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 _KEPT = frozenset(
@@ -34,26 +37,26 @@ _KEPT = frozenset(
 def recall(spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel]) -> DerivedModel:
     """``derive(spec)``, or what an earlier run of the same compiler made of the same robot.
 
-    The records of the derivation itself are not kept; closed forms derive anew. The cache lies in a directory private
-    to the user, as the extensions that are loaded from it do.
+    The records of the derivation itself are not kept; closed forms derive anew.
     """
-    path = cache_directory() / f"{spec.name}-{digest(identity.model_hash, _compiler_hash())[:24]}.derived"
-    kept = _load(path)
-    if kept is None:
+    name = f"{spec.name}-{digest(identity.model_hash, _compiler_hash())[:24]}.derived"
+    found = _load(name)
+    if found is None:
         derived = derive(spec)
-        records = {field.name: None for field in fields(derived) if field.name not in _KEPT}
-        kept = replace(derived, **records)  # type: ignore[arg-type]
-        store(path, pickle.dumps(kept))
-    else:
-        touch(path)
-    return replace(kept, spec=spec)
+        found = {kept: getattr(derived, kept) for kept in _KEPT}
+        # the cache may be full or read-only, and only saves time
+        with contextlib.suppress(OSError, StorageError):
+            keep(name, dumps(found))
+    absent = {field.name: None for field in fields(DerivedModel) if field.name not in _KEPT}
+    return DerivedModel(**{**absent, **found, "spec": spec})
 
 
-def _load(path: Path) -> DerivedModel | None:
+def _load(name: str) -> dict[str, Any] | None:
+    data = recall_bytes(name)
     try:
-        return pickle.loads(path.read_bytes())  # type: ignore[no-any-return]
-    except Exception:  # a damaged file raises whatever its bytes happen to mean; deriving anew replaces it
-        return None
+        return None if data is None else loads(data)
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+        return None  # not what this version writes; deriving anew replaces it
 
 
 @cache

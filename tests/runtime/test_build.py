@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.cache import cache_directory, digest, prune, store, touch
+from rrrgen.cache import cache_directory, digest, keep_library, prune, store, touch
 from rrrgen.errors import BuildError
 from rrrgen.runtime import build as build_module
 from rrrgen.runtime.build import build_extension
@@ -61,17 +61,32 @@ def test_the_cache_is_private(cache):
     assert cache.stat().st_mode & 0o077 == 0
 
 
-def test_a_damaged_library_is_removed_and_named(cache, monkeypatch):
-    with monkeypatch.context() as patch:  # Python never reads a library again that it has loaded once
+def built_but_not_loaded(cache, monkeypatch) -> Path:
+    """The library on disk; Python never reads a library again that it has loaded once."""
+    with monkeypatch.context() as patch:
         patch.setattr(build_module, "_load", lambda *_: (None, None))
         build_extension(SOURCES, CDEF, "twice")
-    (built,) = libraries(cache)
-    built.write_bytes(b"not a library")
     build_module._loaded.clear()
-    with pytest.raises(BuildError, match="cannot be loaded"):
-        build_extension(SOURCES, CDEF, "twice")
+    (built,) = libraries(cache)
+    return built
+
+
+@pytest.mark.parametrize("part", [0.0, 0.5, 0.99, 1.0])
+def test_a_library_that_is_cut_off_or_changed_is_built_anew(cache, monkeypatch, part):
+    built = built_but_not_loaded(cache, monkeypatch)
+    sound = built.read_bytes()
+    cut = sound[: int(part * len(sound))] if part < 1.0 else sound[:4000] + b"x" + sound[4001:]
+    built.write_bytes(cut)
     _, lib = build_extension(SOURCES, CDEF, "twice")
     assert lib.twice(1.0) == 2.0
+    (again,) = libraries(cache)
+    assert again.read_bytes() != cut
+
+
+def test_a_library_that_does_not_load_is_removed_and_named(cache, monkeypatch):
+    with pytest.raises(BuildError, match=r"cannot be loaded.*please try again"):
+        build_module._load(keep_library("twice-0", b"not a library"), "twice")
+    assert libraries(cache) == []
 
 
 def test_what_the_compiler_refuses_is_shown(cache):

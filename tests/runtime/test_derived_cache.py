@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import pickle
+from dataclasses import replace
 
 import pytest
 
 from backends.c_tools import IDENTITY
 from backends.planar import planar_model
-from rrrgen.cache import cache_directory
+from rrrgen.cache import cache_directory, keep
+from rrrgen.derive import derive_model
+from rrrgen.robotfile import load_spec
 from rrrgen.runtime import derived_cache
+from rrrgen.runtime.derived_format import dumps, loads
 
 
 @pytest.fixture
@@ -35,9 +40,44 @@ def test_a_robot_is_derived_once(cache, monkeypatch):
     assert first.programs == second.programs == model.programs
     assert second.spec.description == described.description
     (file,) = cache.glob("*.derived")
-    file.write_bytes(file.read_bytes()[:100])
+    file.write_bytes(file.read_bytes()[:-100])
     assert derived_cache.recall(model.spec, IDENTITY, derive).programs == model.programs
     assert len(calls) == 2
     monkeypatch.setattr(derived_cache, "_compiler_hash", lambda: "another version of the compiler")
     derived_cache.recall(model.spec, IDENTITY, derive)
     assert len(calls) == 3
+
+
+def test_what_stands_in_the_cache_is_never_run(cache):
+    """A pickle in the place of a derived model, with a sound checksum, is no derived model."""
+
+    class Attack:
+        def __reduce__(self):
+            return pytest.fail, ("code from the cache was run",)
+
+    model = planar_model()
+    derived_cache.recall(model.spec, IDENTITY, lambda spec: model)
+    (file,) = cache.glob("*.derived")
+    keep(file.name, pickle.dumps(Attack()))
+    assert derived_cache.recall(model.spec, IDENTITY, lambda spec: model).programs == model.programs
+
+
+@pytest.mark.parametrize("robot", ["rrr", "scara", "puma560"])
+def test_all_that_is_kept_of_a_robot_is_read_back_equal(robot):
+    model = derive_model(load_spec(robot))
+    programs = {name: ways[0] for name, ways in model.alternatives.items()}
+    kept = {name: getattr(replace(model, programs=programs), name) for name in sorted(derived_cache._KEPT)}
+    back = loads(dumps(kept))
+    assert back == kept
+    assert [p.labels for p in back["programs"].values()] == [p.labels for p in programs.values()]
+    assert [type(p.expression) for p in back["base_parameters"]] == [
+        type(p.expression) for p in kept["base_parameters"]
+    ]
+
+
+@pytest.mark.parametrize(
+    "text", ['{"a":{"open":["x"]}}', '{"a":{"expr":["Lambda",1]}}', '{"a":{"program":{}}}', "[]", '{"a":{}}']
+)
+def test_nothing_but_the_formats_own_records_is_made(text):
+    with pytest.raises((ValueError, TypeError, LookupError, AttributeError)):
+        loads(text.encode())
