@@ -1,9 +1,9 @@
 """Derived models as JSON: plain data, so that reading a file never runs anything that stands in it.
 
 Numbers, texts, None and tuples (JSON lists) are written as they are; everything else is an object with one key:
-``dict`` a list of pairs, ``ratio`` a fraction "p/q", ``expr`` an expression, and ``program`` or another of
-:data:`RECORDS` the fields of a record. The nodes of a program are columns: operations, operands and values one after
-the other.
+``dict`` a list of pairs, ``ratio`` a fraction "p/q", ``expr`` an expression, ``role`` that of a port, and ``program``
+or another of :data:`RECORDS` the fields of a record. The nodes of a program are columns: operations, operands and
+values one after the other.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ import sympy as sp
 from rrrgen.derive.derived_model import PassReport
 from rrrgen.derive.parameters.base_parameters import BaseParameter, Regrouping
 from rrrgen.program import OperationCount, Port, Program
-from rrrgen.program.ir import ARITY, Node, Op
+from rrrgen.program.nodes import ARITY, Node, Op
+from rrrgen.program.ports import Role, Status
 
 RECORDS: dict[str, type[Any]] = {
-    record.__name__: record for record in (BaseParameter, Regrouping, PassReport, OperationCount, Port)
+    record.__name__: record for record in (BaseParameter, Regrouping, PassReport, OperationCount, Port, Status)
 }
 OPERATIONS = tuple(ARITY)
 CODES = {op: code for code, op in enumerate(OPERATIONS)}
@@ -60,6 +61,8 @@ def _plain(value: Any) -> Any:
         return {"program": _plain_program(value)}
     if isinstance(value, sp.Expr):
         return {"expr": _plain_expression(value)}
+    if isinstance(value, Role):
+        return {"role": value.value}
     name = type(value).__name__
     if RECORDS.get(name) is not type(value):
         raise TypeError(f"{name} is not kept")
@@ -78,6 +81,8 @@ def _value(plain: Any) -> Any:
         return Fraction(content)
     if kind == "program":
         return _program(content)
+    if kind == "role":
+        return Role(content)
     if kind == "expr":
         return _expression(content)
     return RECORDS[kind](*(_value(item) for item in content))

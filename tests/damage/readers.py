@@ -214,7 +214,7 @@ def read_robot(folder: Path) -> None:
 
 
 def make_robot(folder: Path) -> None:
-    (folder / "robot.yaml").write_bytes((ROOT / "rrrgen/spec/robots/rrr.yaml").read_bytes())
+    (folder / "robot.yaml").write_bytes((ROOT / "rrrgen/robotfile/robots/rrr.yaml").read_bytes())
 
 
 def make_mapping(folder: Path) -> None:

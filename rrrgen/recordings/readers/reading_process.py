@@ -2,9 +2,9 @@
 
 HDF5, MATLAB and Parquet files and ROS recordings are parsed by native code, which a mutated file can bring down by a
 signal, keep busy for ever, or make ask for any amount of memory. The parent process
-(:mod:`rrrgen.recordings.readers.guarded_table`) writes one request a line to standard input, ``{"source": ..., "columns": true}``
-or ``{"source": ..., "wanted": [...], "size": n}``, and reads answers: one line of JSON each, which for a block of rows
-precedes its numbers as raw doubles. Nothing in an answer can be executed.
+(:mod:`rrrgen.recordings.readers.guarded_table`) writes one request a line to standard input,
+``{"source": ..., "columns": true}`` or ``{"source": ..., "wanted": [...], "size": n}``, and reads answers: one line of
+JSON each, which for a block of rows precedes its numbers as raw doubles. Nothing in an answer can be executed.
 """
 
 from __future__ import annotations
