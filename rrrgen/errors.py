@@ -19,9 +19,10 @@ class RrrgenError(Exception):
 
 @dataclass(frozen=True, order=True)
 class Fault:
-    """One fault in a text file: where, what is wrong, what is allowed.
+    """One fault in a text file or an argument: where, what is wrong, what is allowed.
 
-    ``line`` and ``column`` count from 1; 0 means that the fault belongs to the file as a whole.
+    ``line`` and ``column`` count from 1; 0 means that the fault belongs to the file as a whole. ``file`` is empty for
+    an argument of a function, which has no place.
     """
 
     file: str
@@ -34,7 +35,7 @@ class Fault:
 
     def __str__(self) -> str:
         place = self.file if self.line == 0 else f"{self.file}:{self.line}:{self.column}"
-        lines = [f"{place}: {self.severity}: {self.message}"]
+        lines = [f"{place}: {self.severity}: {self.message}" if self.file else self.message]
         if self.source_line:
             shown, offset = _window(self.source_line, self.column)
             lines += [f"    {shown}", "    " + " " * offset + "^"]
@@ -50,14 +51,17 @@ def _window(source_line: str, column: int, width: int = 120) -> tuple[str, int]:
     return text[start : start + width], max(0, column - 1 - start)
 
 
-class InputError(RrrgenError):
-    """The user's file or arguments are wrong; ``faults`` holds every fault found."""
+class InputError(RrrgenError, ValueError):
+    """The user's file or arguments are wrong; ``faults`` holds every fault found.
+
+    It is a ValueError too, so that callers of the Python functions can catch what they expect.
+    """
 
     exit_code = 3
 
     def __init__(self, faults: list[Fault] | tuple[Fault, ...] | str) -> None:
         if isinstance(faults, str):
-            faults = [Fault(file="input", line=0, column=0, message=faults)]
+            faults = [Fault(file="", line=0, column=0, message=faults)]
         self.faults: tuple[Fault, ...] = tuple(sorted(faults))
         super().__init__("\n".join(str(fault) for fault in self.faults))
 

@@ -104,7 +104,9 @@ def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> M
 
     spec = read(robot)
     identity = identify(spec)
-    return load_model(recall(spec, identity, derive), identity, backend, real, lambda name: closed_form(spec, name))
+    remake = partial(compile, spec, backend, real)
+    derived = recall(spec, identity, derive)
+    return load_model(derived, identity, backend, real, lambda name: closed_form(spec, name), remake)
 
 
 def closed_form(spec: RobotSpec, function: str) -> ClosedForm:

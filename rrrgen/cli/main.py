@@ -110,7 +110,7 @@ def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: c
         return INTERRUPTED
     except InputError as error:
         for fault in error.faults:
-            click.echo(str(fault), err=True)
+            click.echo(str(fault) if fault.file else f"rrrgen: {fault}", err=True)
         return error.exit_code
     except RrrgenError as error:
         click.echo(f"rrrgen: {error}", err=True)

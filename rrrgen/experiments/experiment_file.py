@@ -234,7 +234,7 @@ class _Reader:
         try:
             return FrictionModel.from_mapping({"law": law, "joints": rows})
         except (InputError, TypeError) as error:
-            self.faults.error(node, str(getattr(error, "faults", [error])[0]).removeprefix("input: error: "))
+            self.faults.error(node, str(getattr(error, "faults", [error])[0]))
             return None
 
     def control(self, node: Node, what: str) -> ControlSection:

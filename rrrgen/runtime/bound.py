@@ -38,6 +38,13 @@ class BoundFunction:
         self.inputs: Mapping[str, Array] = MappingProxyType(inputs)  # other arrays in their place would go unseen
         self.outputs: Mapping[str, Array] = MappingProxyType(outputs)
 
+    def __repr__(self) -> str:
+        taken, given = (
+            ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+            for arrays in (self.inputs, self.outputs)
+        )
+        return f"<bound {self.name}: {taken} -> {given}>"
+
     def __call__(self, *values: Any) -> Array:
         """Evaluate; ``values``, if any, are first copied into the inputs in order. Returns the (first) output array.
 

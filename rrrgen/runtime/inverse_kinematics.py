@@ -50,7 +50,10 @@ class IKResult:
 
 @dataclass(frozen=True)
 class IKBatch:
-    """Solutions of N targets: ``q`` (N, rows, n) with ``counts`` (N,) valid rows each; the rest of ``q`` is NaN."""
+    """Solutions of a batch of targets of shape (...): ``counts`` (...) of the ``q`` (..., rows, n) are solutions.
+
+    The rest of ``q`` is NaN. ``flags`` and ``branches`` are (..., rows); ``statuses`` and ``distances`` (...).
+    """
 
     q: NDArray[np.float64]
     counts: NDArray[np.int32]
@@ -110,9 +113,12 @@ class InverseKinematics:
         sort: Literal["branch", "nearest"] = "branch",
         redundancy: ArrayLike | None = None,
     ) -> IKBatch:
-        """:meth:`solve` for targets (N, 4, 4) or (N, 3) in one call of C; ``redundancy`` is (N,) or one number."""
+        """:meth:`solve` for targets (..., 4, 4) or (..., 3) in one call of C; ``redundancy`` is (...) or one number."""
         chosen = options(limits, sort)
-        goals = self._targets(real_array("targets", targets))
+        given_targets = real_array("targets", targets)
+        core = 2 if given_targets.shape[-2:] == (4, 4) else 1
+        batch = given_targets.shape[:-core]
+        goals = self._targets(given_targets.reshape(-1, *given_targets.shape[-core:]))
         N, rows = len(goals), self.max_solutions
         q = np.full((N, rows, self.n), np.nan)
         counts, statuses = np.zeros(N, np.int32), np.zeros(N, np.int32)
@@ -123,9 +129,9 @@ class InverseKinematics:
         given = self._given(redundancy, q_ref)
         if self._locked:
             value = real_array("redundancy", given)
-            if value.shape not in ((), (N,)):
-                raise InputError(f"redundancy must be one number or {N} numbers, not shape {value.shape}")
-            prescribed = np.ascontiguousarray(np.broadcast_to(value, (N,)))
+            if value.shape not in ((), batch):
+                raise InputError(f"redundancy must be one number or of shape {batch}, not of shape {value.shape}")
+            prescribed = np.ascontiguousarray(np.broadcast_to(value, batch).reshape(N))
             extra = (self._pointer("double *", prescribed),)
         self._batch(
             N, self._pointer("double *", goals), self._pointer("double *", reference), *extra, chosen,
@@ -133,7 +139,14 @@ class InverseKinematics:
             self._pointer("unsigned *", branches), self._pointer("int *", statuses),
             self._pointer("double *", distances),
         )  # fmt: skip
-        return IKBatch(q, counts, flags, branches, statuses, distances)
+        return IKBatch(
+            q.reshape(*batch, rows, self.n),
+            counts.reshape(batch),
+            flags.reshape(*batch, rows),
+            branches.reshape(*batch, rows),
+            statuses.reshape(batch),
+            distances.reshape(batch),
+        )
 
     def sweep(
         self, target: ArrayLike, values: ArrayLike, q_ref: ArrayLike | None = None, *, limits: bool = True

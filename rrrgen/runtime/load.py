@@ -27,14 +27,18 @@ def load_model(
     backend: EngineName = "c",
     real: Real = "double",
     closed_form: Callable[[str], ClosedForm] | None = None,
+    remake: Callable[[], Model] | None = None,
 ) -> Model:
-    """A callable model; ``backend="numpy"`` needs no compiler. Raises BuildError where C cannot be built."""
+    """A callable model; ``backend="numpy"`` needs no compiler. Raises BuildError where C cannot be built.
+
+    ``closed_form`` gives the closed form of a function by its name; ``remake`` makes the same model in another process.
+    """
     if backend not in ("c", "numpy"):
         raise ValueError(f"backend must be 'c' or 'numpy', not {backend!r}")
     if backend == "numpy" and real != "double":
         raise ValueError("the NumPy backend computes in double only")
     engine: Engine = NumpyEngine(derived.programs) if backend == "numpy" else _compiled(derived, identity, real)
-    return Model(derived, engine, closed_form)
+    return Model(derived, engine, closed_form, remake)
 
 
 def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:

@@ -14,7 +14,14 @@ from rrrgen.program import Port, Role
 from rrrgen.runtime.arguments import prepare
 from rrrgen.runtime.bound import BoundFunction
 from rrrgen.runtime.engines import Engine
-from rrrgen.runtime.results import DynamicsTerms, ForwardDynamicsDerivatives, InverseDynamicsDerivatives, Kinematics
+from rrrgen.runtime.results import (
+    DynamicsTerms,
+    ForwardDynamicsDerivatives,
+    InverseDynamicsDerivatives,
+    JointLimits,
+    Kinematics,
+)
+from rrrgen.runtime.summary import html_summary
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -22,7 +29,7 @@ if TYPE_CHECKING:
     from rrrgen.derive.closed_forms.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.robotfile.robot_spec import RobotSpec
-    from rrrgen.runtime.inverse_kinematics import IKResult, InverseKinematics
+    from rrrgen.runtime.inverse_kinematics import IKBatch, IKResult, InverseKinematics
 
 Array = NDArray[Any]
 
@@ -37,11 +44,16 @@ class Model:
     """
 
     def __init__(
-        self, derived: DerivedModel, engine: Engine, closed_form: Callable[[str], ClosedForm] | None = None
+        self,
+        derived: DerivedModel,
+        engine: Engine,
+        closed_form: Callable[[str], ClosedForm] | None = None,
+        remake: Callable[[], Model] | None = None,
     ) -> None:
         self.derived = derived
         self.engine = engine
         self._closed_form = closed_form
+        self._remake = remake
         self.spec: RobotSpec = derived.spec
         self.n: int = derived.spec.n
         self.base_parameters: tuple[sp.Expr, ...] = tuple(p.expression for p in derived.base_parameters)
@@ -63,9 +75,46 @@ class Model:
             raise ValueError(f"threads must be at least 1, not {count}")
         self.engine.threads = count
 
+    @property
+    def name(self) -> str:
+        """The robot's name, the prefix of its emitted C."""
+        return self.spec.name
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """The names of the joints, in the order of q."""
+        return tuple(joint.name for joint in self.spec.joints)
+
+    @property
+    def limits(self) -> JointLimits:
+        """The limits of the robot file, each (n,), SI; -inf or inf where it is silent."""
+        each = [joint.limits for joint in self.spec.joints]
+        lower = [-np.inf if one.lower is None else one.lower for one in each]
+        above = {
+            key: [np.inf if getattr(one, key) is None else getattr(one, key) for one in each]
+            for key in JointLimits._fields[1:]
+        }
+        return JointLimits(*(_fixed(np.array(values, dtype=float)) for values in (lower, *above.values())))
+
     def __repr__(self) -> str:
-        structure = "".join("R" if joint.is_revolute else "P" for joint in self.spec.joints)
-        return f"<rrrgen.Model {self.spec.name}: {structure}, {len(self.base_parameters)} base parameters>"
+        return f"<rrrgen.Model {self.name}: {self._structure}, {len(self.base_parameters)} base parameters>"
+
+    def _repr_html_(self) -> str:
+        """The robot for notebooks: its joints, and its base parameters with their nominal values."""
+        return html_summary(self)
+
+    @property
+    def _structure(self) -> str:
+        return "".join("R" if joint.is_revolute else "P" for joint in self.spec.joints)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A model pickles and copies by its description: compiled code belongs to this process."""
+        if self._remake is None:
+            raise TypeError("this model was made without its description and cannot be copied; use rrrgen.compile")
+        return self._remake, (), {"threads": self.threads}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.threads = state["threads"]
 
     # -- kinematics ----------------------------------------------------------------------------------------------
 
@@ -104,15 +153,22 @@ class Model:
         q_ref: ArrayLike | None = None,
         limits: bool = True,
         sort: Literal["branch", "nearest"] = "branch",
-        redundancy: float | None = None,
-    ) -> IKResult:
+        redundancy: ArrayLike | None = None,
+    ) -> IKResult | IKBatch:
         """Every configuration that brings the tip to ``target``: a pose (4, 4), or a position (3,) for up to 3 joints.
 
-        The result has ``q`` (k, n), ``flags`` (k,), ``branches`` (k,), and without a row the ``reason``. ``q_ref`` (n,)
-        gives free angles, the turn of angles, and the order with ``sort="nearest"``. ``redundancy`` is the prescribed
-        joint or arm angle of a redundant arm, by default its value in ``q_ref``. Source: (14.45), all branches.
+        The result of one target has ``q`` (k, n), ``flags`` (k,), ``branches`` (k,), and without a solution the
+        ``reason``. A batch of targets (..., 4, 4) or (..., 3) gives an :class:`IKBatch` with ``q`` (..., rows, n) and
+        ``counts`` (...). ``q_ref`` (n,) gives free angles, the turn of angles, and the order with ``sort="nearest"``.
+        ``limits`` leaves out solutions outside the joint limits. ``redundancy`` is the prescribed joint or arm angle of
+        a redundant arm, one number or one for each target, by default its value in ``q_ref``. Source: (14.45), all
+        branches.
         """
-        return self.ik.solve(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
+        goals = np.asarray(target)
+        single = (goals.shape[-2:] == (4, 4) and goals.ndim == 2) or goals.shape == (3,)
+        if single or goals.shape[-1:] not in ((3,), (4,)):
+            return self.ik.solve(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)  # type: ignore[arg-type]
+        return self.ik.solve_batch(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
 
     # -- dynamics ------------------------------------------------------------------------------------------------
 

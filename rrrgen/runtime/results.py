@@ -7,6 +7,20 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 
+class JointLimits(NamedTuple):
+    """Limits of all joints, each (n,), SI: -inf or inf where the robot file is silent.
+
+    ``lower`` and ``upper`` bound q (rad, m); ``velocity``, ``acceleration`` and ``torque`` bound the magnitudes of dq,
+    ddq and tau (N m, N).
+    """
+
+    lower: NDArray[Any]
+    upper: NDArray[Any]
+    velocity: NDArray[Any]
+    acceleration: NDArray[Any]
+    torque: NDArray[Any]
+
+
 class Kinematics(NamedTuple):
     """Pose of the tip (..., 4, 4) and geometric Jacobian (..., 6, n)."""
 

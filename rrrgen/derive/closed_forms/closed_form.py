@@ -26,6 +26,10 @@ CLOSED = tuple(name for name in FUNCTIONS if name != "forward_dynamics_derivativ
 """Functions that are polynomials in sines and cosines; what divides by the pivots of M is not."""
 
 
+LONGEST_SHOWN = 200
+"""Largest program whose closed form is shown unasked: an RRR's regressor has 159 nodes, a Puma's M, pages long, 305."""
+
+
 class ClosedForm:
     """The closed form of one function: index it for single entries, or take the whole ``matrix()``."""
 
@@ -48,6 +52,15 @@ class ClosedForm:
                 raise IndexError(f"{self.program.name} has shape {self.shape}, got index {index}")
             flat = flat * size + k % size
         return self._expander.expression(self._nodes[flat])
+
+    def __repr__(self) -> str:
+        return f"<closed form of {self.program.name}, shape {self.shape}: index it for an entry, or take its matrix()>"
+
+    def _repr_latex_(self) -> str | None:
+        """The matrix for notebooks; nothing where it would fill pages."""
+        if len(self.program.nodes) > LONGEST_SHOWN:
+            return None
+        return f"$\\displaystyle {sp.latex(self.matrix())}$"
 
     def __iter__(self) -> Iterator[sp.Expr]:
         return (self._expander.expression(node) for node in self._nodes)

@@ -1,0 +1,44 @@
+"""A compiled model as a few rows of HTML, for notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rrrgen.runtime.model import Model
+
+
+def html_summary(model: Model) -> str:
+    """Joints with their Denavit-Hartenberg rows (nominal, rad and m) and limits, then the base parameters."""
+    limits = model.limits
+    joints = [
+        (name, kind, *map(_number, numbers), f"{_number(low)} .. {_number(high)}")
+        for name, (kind, *numbers), low, high in zip(
+            model.joint_names, model.spec.dh_table(), limits.lower, limits.upper, strict=True
+        )
+    ]
+    values = [""] * len(model.base_parameters) if model.beta is None else [_number(value) for value in model.beta]
+    parameters = [
+        (name, str(expression), value)
+        for name, expression, value in zip(model.base_parameter_names, model.base_parameters, values, strict=True)
+    ]
+    return (
+        f"<p><b>{escape(model.name)}</b>: {model.n} joints, {len(parameters)} base parameters, "
+        f"{escape(model.spec.convention)} Denavit-Hartenberg convention</p>"
+        + _table(("joint", "type", "alpha (rad)", "a (m)", "d (m)", "theta (rad)", "limits of q"), joints)
+        + _table(("base parameter", "expression", "nominal value"), parameters)
+    )
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}" if np.isfinite(value) else ("-" if value < 0 else "") + "&infin;"
+
+
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    titles = "".join(f"<th>{escape(title)}</th>" for title in head)
+    lines = ("".join(f"<td>{cell if cell.endswith('infin;') else escape(cell)}</td>" for cell in row) for row in rows)
+    return f"<table><tr>{titles}</tr>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
