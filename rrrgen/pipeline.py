@@ -111,10 +111,10 @@ def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> M
 
 def closed_form(spec: RobotSpec, function: str) -> ClosedForm:
     """Function ``function`` of the robot as exact expressions: index it for entries, or take its ``matrix()``."""
-    from rrrgen.derive import derive_model
+    from rrrgen.derive import prepare
     from rrrgen.derive.closed_forms.closed_form import closed_form as closed_form_of
 
-    return closed_form_of(derive_model(spec), function)
+    return closed_form_of(prepare(spec), function)
 
 
 @without_collection()

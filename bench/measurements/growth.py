@@ -57,8 +57,8 @@ def _one(spec: RobotSpec, toolchain: Toolchain, effort: Effort, rivals: Rivals) 
     from rrrgen.optimize import optimize
 
     start = time.perf_counter()
-    derived = derive_model(spec)
-    derived = optimize(replace(derived, alternatives={name: derived.alternatives[name] for name in COMPARED}))
+    recorded = derive_model(spec)
+    derived = optimize(replace(recorded, alternatives={name: recorded.alternatives[name] for name in COMPARED}))
     duration = time.perf_counter() - start
     case = make_case(spec)
     parties = [own_party(case, derived, libm=False), *rivals(case)]

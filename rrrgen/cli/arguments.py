@@ -60,13 +60,17 @@ def html_option(function: F) -> F:
 
 def write_html(file: Path, model: DerivedModel, report: Report | None = None) -> None:
     """The HTML report of ``model`` in ``file``, with closed forms up to :data:`SHORT` joints."""
+    from rrrgen.derive import prepare
     from rrrgen.derive.closed_forms.closed_form import closed_form
     from rrrgen.output.manifest import identify
     from rrrgen.output.writer import write_file
     from rrrgen.report import html_report
 
     identity = identify(model.spec)
-    forms = {name: closed_form(model, name).matrix() for name in USUAL} if model.spec.n <= SHORT else {}
+    forms = {}
+    if model.spec.n <= SHORT:
+        derivation = prepare(model.spec)
+        forms = {name: closed_form(derivation, name).matrix() for name in USUAL}
     notice = f"Written by rrrgen {identity.tool_version} from model {identity.model_hash}."
     write_file(file, html_report(model, forms, report, notice))
 

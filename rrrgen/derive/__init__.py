@@ -11,52 +11,57 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import sympy as sp
 
-    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.derive.derived_model import Derivation, RecordedModel
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 
-def derive_model(spec: RobotSpec) -> DerivedModel:
-    """All programs and the minimal base parameters of ``spec``, before optimization."""
-    import sympy as sp
-
-    from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.derive.functions.dynamic_functions import friction
-    from rrrgen.derive.functions.recording import Recording, parametrize
-    from rrrgen.derive.functions.table import FUNCTIONS
-    from rrrgen.derive.parameters.base_parameters import BaseParameter, base_set, linear_expression, standard_symbols
-    from rrrgen.derive.parameters.regrouping import regroupings
+def prepare(spec: RobotSpec) -> Derivation:
+    """The exact chain of ``spec`` and its minimal base parameters, from which every function is recorded."""
+    from rrrgen.derive.derived_model import Derivation
+    from rrrgen.derive.functions.recording import parametrize
+    from rrrgen.derive.parameters.base_parameters import base_set
     from rrrgen.derive.parameters.user_basis import change_basis
-    from rrrgen.derive.recursions.chain import rational
     from rrrgen.model import build_model
 
     model = build_model(spec)
     own = base_set(model)
     change = change_basis(spec, own) if spec.basis is not None else None
-    parametrization = parametrize(own, change)
+    return Derivation(spec, model, own, change, parametrize(own, change))
+
+
+def derive_model(spec: RobotSpec) -> RecordedModel:
+    """All functions and the minimal base parameters of ``spec``, before optimization."""
+    import sympy as sp
+
+    from rrrgen.derive.derived_model import RecordedModel
+    from rrrgen.derive.functions.dynamic_functions import friction
+    from rrrgen.derive.functions.table import FUNCTIONS
+    from rrrgen.derive.parameters.base_parameters import BaseParameter, linear_expression, standard_symbols
+    from rrrgen.derive.parameters.regrouping import regroupings
+    from rrrgen.derive.recursions.chain import rational
+
+    derivation = prepare(spec)
+    own, change, parametrization = derivation.own_basis, derivation.basis_change, derivation.parametrization
     alternatives = {
-        name: tuple(record(Recording(model, parametrization)) for record in recorders)
-        for name, recorders in FUNCTIONS.items()
+        name: tuple(record(derivation.recording()) for record in recorders) for name, recorders in FUNCTIONS.items()
     }
     if any(joint.friction is not None for joint in spec.joints):
-        alternatives["friction"] = (friction(Recording(model, parametrization)),)
+        alternatives["friction"] = (friction(derivation.recording()),)
     projection = _projection(own, change)
     symbols = standard_symbols(spec.n)
     expressions = change.expressions if change else [linear_expression(row, symbols) for row in projection]
     numeric = [[rational(spec.nominal(v)) for v in row] for row in projection]
     phi = _nominal_standard(spec)
-    return DerivedModel(
+    return RecordedModel(
         spec=spec,
-        model=model,
-        own_basis=own,
-        parametrization=parametrization,
-        basis_change=change,
+        derivation=derivation,
         alternatives=alternatives,
         base_parameters=tuple(
             BaseParameter(name, sp.S(expression), unit)
             for name, expression, unit in zip(parametrization.names, expressions, parametrization.units, strict=True)
         ),
         base_projection=tuple(tuple(float(v) for v in row) for row in numeric),
-        regrouping=tuple(regroupings(model, own, parametrization.names, projection)),
+        regrouping=tuple(regroupings(derivation.model, own, parametrization.names, projection)),
         beta_nominal=None if phi is None else tuple(_dot(row, phi) for row in numeric),
         drive_inertia_nominal=_nominal_drive_inertia(spec),
     )

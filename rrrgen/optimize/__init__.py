@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.derive.derived_model import DerivedModel, RecordedModel
 
 
-def optimize(derived: DerivedModel, jobs: int = 1) -> DerivedModel:
-    """``derived`` with every program at its cheapest, nominal twins added, and a report of each pass.
+def optimize(recorded: RecordedModel, jobs: int = 1) -> DerivedModel:
+    """The functions of ``recorded`` at their cheapest, nominal twins added, and a report of each pass.
 
     The result does not depend on ``jobs``, the processes at work.
     """
-    from rrrgen.optimize.passes import optimize_model
+    from rrrgen.optimize.optimizer import Optimizer
 
-    return optimize_model(derived, jobs)
+    return Optimizer()(recorded, jobs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TypeAlias
 
 from rrrgen.program import Builder, Op, Program, Value
@@ -17,14 +18,18 @@ Term: TypeAlias = tuple[int, Factors]
 """Sign and factors."""
 
 
-def collect(program: Program) -> Program:
-    """``program`` with common factors taken out of its sums, as long as that saves operations."""
-    while (collection := _Collection(program)).finds_any():
-        collected = collection.run()
-        if count_operations(collected).total >= count_operations(program).total:
-            break
-        program = collected
-    return program
+@dataclass(frozen=True)
+class Collect:
+    """Takes common factors out of sums, round after round, as long as that saves operations."""
+
+    def __call__(self, program: Program) -> Program:
+        """``program`` with common factors taken out."""
+        while (collection := _Collection(program)).finds_any():
+            collected = collection.run()
+            if count_operations(collected).total >= count_operations(program).total:
+                break
+            program = collected
+        return program
 
 
 class _Collection:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from rrrgen.program import Builder, Node, Op, Program, Scalar, Value
 from rrrgen.program.builder import replay
 
@@ -15,12 +17,16 @@ class _Doubling(Builder):
         return self.double(y) if doubles else super().mul(x, y)
 
 
-def double_by_addition(program: Program) -> Program:
-    """``program`` with products by two recorded as additions."""
-    if not any(node.op is Op.MUL and _is_two(program.nodes[node.args[0]]) for node in program.nodes):
-        return program
-    builder = _Doubling()
-    return builder.rewritten(program, replay(program, builder, [builder.input(port) for port in program.inputs]))
+@dataclass(frozen=True)
+class DoubleByAddition:
+    """Turns products by two into additions."""
+
+    def __call__(self, program: Program) -> Program:
+        """``program`` with products by two recorded as additions."""
+        if not any(node.op is Op.MUL and _is_two(program.nodes[node.args[0]]) for node in program.nodes):
+            return program
+        builder = _Doubling()
+        return builder.rewritten(program, replay(program, builder, [builder.input(port) for port in program.inputs]))
 
 
 def _is_two(node: Node) -> bool:

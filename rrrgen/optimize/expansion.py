@@ -12,9 +12,6 @@ from rrrgen.program.builder import settled
 from rrrgen.program.ir import uses
 from rrrgen.program.nodes import Node
 
-MAX_TERMS = 100
-"""Longest polynomial that is worth a search: its pairs of terms are what the search looks at."""
-
 
 class TooLargeError(Exception):
     """The expansion exceeds what the search can handle."""
@@ -37,8 +34,9 @@ class Expansion:
     are expanded on their own: other polynomials then have such parts as literals (``cuts``).
     """
 
-    def __init__(self, program: Program, cutting: Cutting) -> None:
+    def __init__(self, program: Program, cutting: Cutting, max_terms: int) -> None:
         self.program = program
+        self.max_terms = max_terms
         self._whole, self._scaled, self._local = (
             cutting is kind for kind in (Cutting.NOTHING, Cutting.SCALED, Cutting.LOCAL)
         )
@@ -94,10 +92,10 @@ class Expansion:
         return all(self.literals[literal] in self._roots for literal in self.cuts)
 
     def results(self) -> list[Polynomial]:
-        """One polynomial per result of the program."""
+        """One polynomial per result of the program; TooLargeError where one has more than ``max_terms`` terms."""
         for k, node in enumerate(self.program.nodes):
             self._values[k] = self._value(k, node)
-            if len(self._values[k]) > MAX_TERMS:
+            if len(self._values[k]) > self.max_terms:
                 raise TooLargeError
         for k in sorted(self._roots):
             self.cuts[self._literal(k)] = self._values[k]
@@ -149,7 +147,7 @@ class Expansion:
         return self.stages[self.literals[literal]] == 0
 
     def _product(self, x: Polynomial, y: Polynomial) -> Polynomial:
-        if len(x) * len(y) > 4 * MAX_TERMS:
+        if len(x) * len(y) > 4 * self.max_terms:
             raise TooLargeError
         total: Polynomial = {}
         for m, c in x.items():

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from rrrgen.program import Builder, Program, Role, Value
 from rrrgen.program.builder import replay
 
 
-def fold(program: Program, known: Mapping[Role, Sequence[Value]]) -> Program:
-    """``program`` with the inputs of the roles in ``known`` replaced by numbers; other inputs stay."""
-    builder = Builder()
-    inputs: list[Sequence[Value]] = []
-    for port in program.inputs:
-        inputs.append(known[port.role] if port.role in known else builder.input(port))
-    return builder.rewritten(program, replay(program, builder, inputs))
+@dataclass(frozen=True)
+class Fold:
+    """Replaces the inputs of the roles in ``known`` by numbers; the other inputs stay."""
+
+    known: Mapping[Role, Sequence[Value]]
+
+    def __call__(self, program: Program) -> Program:
+        """``program`` with the numbers in it."""
+        builder = Builder()
+        inputs: list[Sequence[Value]] = []
+        for port in program.inputs:
+            inputs.append(self.known[port.role] if port.role in self.known else builder.input(port))
+        return builder.rewritten(program, replay(program, builder, inputs))

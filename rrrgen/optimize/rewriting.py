@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TypeAlias
 
 from rrrgen.optimize.expansion import Cutting, Expansion, TooLargeError
 from rrrgen.optimize.factoring import Factoring, Polynomial
 from rrrgen.program import Builder, Op, Program, Value
 
-MAX_PAIRS = 1500
-"""Pairs of terms in all polynomials together that are worth a search of a whole expansion."""
-
 Expanded: TypeAlias = tuple[list[int], list[Polynomial], list[tuple[int, Polynomial]]]
 """Literals, results, parts that are cut off."""
 
 
-class Tried:
+class SeenExpansions:
     """Expansions of equivalent programs, so that none is factored twice."""
 
     def __init__(self) -> None:
         self._whole = False
         self._expanded: dict[int, list[Expanded]] = {}
 
-    def again(self, program: Program, expansion: Expansion, polynomials: list[Polynomial]) -> bool:
-        """Whether this expansion was tried before; it is now. Expanded as a whole, equivalent programs are equal."""
+    def check_and_add(self, program: Program, expansion: Expansion, polynomials: list[Polynomial]) -> bool:
+        """Whether this expansion was seen before. Expanded as a whole, equivalent programs are equal."""
         expanded = (expansion.literals, polynomials, list(expansion.cuts.items()))
         others = self._expanded.setdefault(id(program), [])
         if expanded in others or (expansion.whole and self._whole):
@@ -33,22 +31,38 @@ class Tried:
         return False
 
 
-def factored(program: Program, cutting: Cutting, tried: Tried | None = None) -> Program | None:
-    """``program`` expanded and factored, or None where the expansion is too large or ``tried`` before."""
-    expansion = Expansion(program, cutting)
-    try:
-        polynomials = expansion.results()
-    except TooLargeError:
-        return None
-    results = len(polynomials)
-    pairs = sum(len(p) * (len(p) - 1) // 2 for p in [*polynomials, *expansion.cuts.values()])
-    if cutting is not Cutting.LOCAL and pairs > MAX_PAIRS:
-        return None
-    if tried is not None and tried.again(program, expansion, polynomials):
-        return None
-    search = Factoring(polynomials + list(expansion.cuts.values()), len(expansion.literals))
-    search.run()
-    return _Recorder(expansion, search, results).program()
+@dataclass(frozen=True)
+class ExpandAndFactor:
+    """Expands a program into polynomials as far as ``cutting`` lets it, and factors those.
+
+    A polynomial of more than ``max_terms`` terms, or, unless the expansion is local, more than ``max_pairs`` pairs of
+    terms in all polynomials together, leave the program as it is: the search looks at every pair.
+    """
+
+    cutting: Cutting
+    max_terms: int = 100
+    max_pairs: int = 1500
+
+    def __call__(self, program: Program) -> Program:
+        """``program`` expanded and factored, which may take more operations than it did."""
+        return self.attempt(program) or program
+
+    def attempt(self, program: Program, seen: SeenExpansions | None = None) -> Program | None:
+        """The same, or None where the expansion is too large or was ``seen`` before."""
+        expansion = Expansion(program, self.cutting, self.max_terms)
+        try:
+            polynomials = expansion.results()
+        except TooLargeError:
+            return None
+        results = len(polynomials)
+        pairs = sum(len(p) * (len(p) - 1) // 2 for p in [*polynomials, *expansion.cuts.values()])
+        if self.cutting is not Cutting.LOCAL and pairs > self.max_pairs:
+            return None
+        if seen is not None and seen.check_and_add(program, expansion, polynomials):
+            return None
+        search = Factoring(polynomials + list(expansion.cuts.values()), len(expansion.literals))
+        search.run()
+        return _Recorder(expansion, search, results).program()
 
 
 class _Recorder:

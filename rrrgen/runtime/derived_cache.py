@@ -20,35 +20,21 @@ from rrrgen.runtime.derived_format import dumps, loads
 if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
 
-_KEPT = frozenset(
-    {
-        "programs",
-        "base_parameters",
-        "base_projection",
-        "regrouping",
-        "beta_nominal",
-        "drive_inertia_nominal",
-        "passes",
-    }
-)
-"""What backends and the runtime read of a derived model, beside the description, which the caller has."""
-
 
 def recall(spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel]) -> DerivedModel:
     """``derive(spec)``, or what an earlier run of the same compiler made of the same robot.
 
-    The records of the derivation itself are not kept; closed forms derive anew.
+    Everything is kept but the description, which the caller has.
     """
     name = f"{spec.name}-{digest(identity.model_hash, _compiler_hash())[:24]}.derived"
     found = _load(name)
     if found is None:
         derived = derive(spec)
-        found = {kept: getattr(derived, kept) for kept in _KEPT}
+        found = {field.name: getattr(derived, field.name) for field in fields(derived) if field.name != "spec"}
         # the cache may be full or read-only, and only saves time
         with contextlib.suppress(OSError, StorageError):
             keep(name, dumps(found))
-    absent = {field.name: None for field in fields(DerivedModel) if field.name not in _KEPT}
-    return DerivedModel(**{**absent, **found, "spec": spec})
+    return DerivedModel(spec=spec, **found)
 
 
 def _load(name: str) -> dict[str, Any] | None:

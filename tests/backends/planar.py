@@ -6,7 +6,6 @@ joint in front): b1 = inertia of link 1 and of m2 at a1, b2 = X1 + a1*m2, b3 = Y
 
 from __future__ import annotations
 
-from dataclasses import fields
 from fractions import Fraction
 
 import sympy as sp
@@ -227,18 +226,16 @@ def planar_model(name: str = "planar", links: bool = True, drives: bool = True) 
     programs = {**_kinematics(), **_dynamics(False, drives), **_regressors(projection()), "friction": _friction()}
     if links:
         programs |= _dynamics(True, drives)
-    known = {
-        "spec": spec(name, links, drives),
-        "programs": programs,
-        "base_parameters": tuple(
+    return DerivedModel(
+        spec=spec(name, links, drives),
+        programs=programs,
+        base_parameters=tuple(
             BaseParameter(f"b{k + 1}", expression, unit)
             for k, (expression, unit) in enumerate(zip(expressions, units, strict=True))
         ),
-        "base_projection": tuple(tuple(float(x) for x in row) for row in projection()),
-        "regrouping": (),
-        "beta_nominal": BETA_NOMINAL if links else None,
-        "drive_inertia_nominal": IA_NOMINAL if drives else None,
-        "passes": (),
-    }
-    records = {field.name: None for field in fields(DerivedModel)}  # the derivation's own; nothing behind it reads them
-    return DerivedModel(**{**records, **known})
+        base_projection=tuple(tuple(float(x) for x in row) for row in projection()),
+        regrouping=(),
+        beta_nominal=BETA_NOMINAL if links else None,
+        drive_inertia_nominal=IA_NOMINAL if drives else None,
+        passes=(),
+    )

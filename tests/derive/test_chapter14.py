@@ -44,7 +44,7 @@ def printed_torque(dq, ddq, g):
 
 
 def test_forward_kinematics_equals_1443_and_1444(rrr):
-    T = closed_form(rrr, "forward_kinematics")
+    T = closed_form(rrr.derivation, "forward_kinematics")
     printed = sp.eye(4)
     printed[:3, :3] = sp.Matrix(chapter14.orientation_1443(Q, xp=sp))
     printed[:3, 3] = sp.Matrix(chapter14.fk_1444(Q, A2, A3, D1, D2, D3, xp=sp))
@@ -56,7 +56,7 @@ def test_forward_kinematics_equals_1443_and_1444(rrr):
 
 def test_the_printed_orientation_is_the_text_itself(rrr):
     """Not only equal: collected over parallel axes as printed, with q2 + q3 and nothing expanded."""
-    T = closed_form(rrr, "forward_kinematics")
+    T = closed_form(rrr.derivation, "forward_kinematics")
     assert T[0, 0] == sp.cos(Q[0]) * sp.cos(Q[1] + Q[2])
     assert T[0, 2] == sp.sin(Q[0])
     assert T[2, 1] == sp.cos(Q[1] + Q[2])
@@ -64,7 +64,7 @@ def test_the_printed_orientation_is_the_text_itself(rrr):
 
 
 def test_regressor_with_the_users_basis_equals_1447(rrr):
-    Y = closed_form(rrr, "regressor")
+    Y = closed_form(rrr.derivation, "regressor")
     printed = printed_regressor()
     assert Y.shape == printed.shape == (N, 15)
     for r in range(N):
@@ -73,14 +73,14 @@ def test_regressor_with_the_users_basis_equals_1447(rrr):
 
 
 def test_the_thirteen_zeros_of_1447(rrr):
-    Y = closed_form(rrr, "regressor")
+    Y = closed_form(rrr.derivation, "regressor")
     zeros = {(r + 1, c + 1) for r in range(N) for c in range(15) if Y[r, c] == 0}
     first = {(1, k) for k in (12, 13, 14, 15)}
     assert zeros == first | {(2, 7)} | {(3, k) for k in (1, 2, 7, 10, 11, 12, 14, 15)}
 
 
 def test_mass_matrix_equals_the_one_of_1447(rrr):
-    M = closed_form(rrr, "mass_matrix")
+    M = closed_form(rrr.derivation, "mass_matrix")
     for k in range(N):
         column = printed_torque([0] * N, [int(i == k) for i in range(N)], 0)
         for i in range(N):
@@ -95,14 +95,14 @@ def test_gravity_and_velocity_torques_equal_those_of_1447(rrr):
         "inverse_dynamics": printed_torque(DQ, DDQ, G),
     }
     for function, torque in printed.items():
-        form = closed_form(rrr, function)
+        form = closed_form(rrr.derivation, function)
         for i in range(N):
             assert vanishes(form[i] - torque[i]), (function, i)
 
 
 def test_coriolis_matrix_belongs_to_1447(rrr):
     """C dq is the printed velocity torque, and C the matrix of the Christoffel symbols of the printed M."""
-    C = closed_form(rrr, "coriolis_matrix").matrix()
+    C = closed_form(rrr.derivation, "coriolis_matrix").matrix()
     velocity_torque = printed_torque(DQ, [0] * N, 0)
     for value in C * sp.Matrix(DQ) - velocity_torque:
         assert vanishes(value)
@@ -116,7 +116,7 @@ def test_coriolis_matrix_belongs_to_1447(rrr):
 
 
 def test_energy_belongs_to_1447(rrr):
-    kinetic, potential = closed_form(rrr, "energy")
+    kinetic, potential = closed_form(rrr.derivation, "energy")
     M = sp.Matrix(N, N, lambda i, k: printed_torque([0] * N, [int(j == k) for j in range(N)], 0)[i])
     assert vanishes(kinetic - (sp.Matrix([DQ]) * M * sp.Matrix(DQ))[0] / 2)
     gravity = printed_torque([0] * N, [0] * N, G)
@@ -162,7 +162,7 @@ def test_nominal_base_parameters_are_1446_in_numbers(rrr):
 
 def test_without_a_basis_the_torques_are_the_same(own):
     """The compiler's own regressor times its own parameters, against (14.47) times (14.46), in all link symbols."""
-    Y = closed_form(own, "regressor")
+    Y = closed_form(own.derivation, "regressor")
     own_parameters = [in_chapter_symbols(p.expression) for p in own.base_parameters]
     printed = printed_regressor()
     parameters = chapter14.base_parameters_1446(chapter_links(), A2, A3, D2, D3)
@@ -175,7 +175,7 @@ def test_without_a_basis_the_torques_are_the_same(own):
 
 def test_a_wrong_sign_would_be_seen(rrr):
     """The comparison itself: every entry of the printed regressor, negated, is noticed."""
-    Y = closed_form(rrr, "regressor")
+    Y = closed_form(rrr.derivation, "regressor")
     printed = printed_regressor()
     for r in range(N):
         for c in range(15):

@@ -8,6 +8,7 @@ import sympy as sp
 
 from pipeline.optimized import bundled
 from rrrgen import pipeline
+from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import CLOSED, closed_form
 from rrrgen.errors import DerivationError
 from rrrgen.program import evaluate
@@ -64,7 +65,7 @@ def test_whole_functions_have_the_values_of_the_programs(small, name):
     values = inputs(small, program)
     results = {port.name: v for port, v in zip(program.outputs, evaluate(program, *values), strict=True)}
     expected = np.atleast_1d(results[result] if result else next(iter(results.values())))
-    matrix = closed_form(small, name).matrix()
+    matrix = closed_form(prepare(small.spec), name).matrix()
     numbers = point(small, program, values)
     got = np.array([value(entry, numbers) for entry in matrix]).reshape(expected.shape)
     assert np.abs(got - expected).max() <= DIGITS * max(np.abs(expected).max(), 1e-3)
@@ -86,20 +87,20 @@ def test_one_entry_of_a_large_robot(name, function, entry):
     program = model.programs[function]
     values = inputs(model, program)
     expected = evaluate(program, *values)[-1]
-    got = value(closed_form(model, function)[entry], point(model, program, values))
+    got = value(closed_form(prepare(model.spec), function)[entry], point(model, program, values))
     assert abs(got - expected[entry]) <= DIGITS * np.abs(expected).max()
 
 
 def test_what_has_no_closed_form_and_wrong_entries_are_refused():
     model = pipeline.derive(load_spec("pendulum"))
     with pytest.raises(DerivationError, match="no closed form of 'forward_dynamics'; there is one of: forward_kinem"):
-        closed_form(model, "forward_dynamics")
+        closed_form(prepare(model.spec), "forward_dynamics")
     with pytest.raises(DerivationError, match="no closed form of 'forward_dynamics_derivatives'"):
-        closed_form(model, "forward_dynamics_derivatives")
+        closed_form(prepare(model.spec), "forward_dynamics_derivatives")
     for unclear in (*SEVERAL, "inverse_dynamics_derivatives.dtau", "mass_matrix.C"):
         with pytest.raises(DerivationError, match=r"name one result: \w+\.(tau|M|T)"):
-            closed_form(model, unclear)
-    form = closed_form(model, "mass_matrix")
+            closed_form(prepare(model.spec), unclear)
+    form = closed_form(prepare(model.spec), "mass_matrix")
     for wrong in ((0,), (0, 1), (1, 0), 0):
         with pytest.raises(IndexError, match="shape"):
             form[wrong]

@@ -138,7 +138,7 @@ def test_every_fault_is_reported_at_once():
 
 def test_names_order_and_units_are_the_users():
     derived = derive_model(load_spec("rrr"))
-    assert derived.parametrization.names == tuple(f"p{k}" for k in range(1, 16))
+    assert derived.derivation.parametrization.names == tuple(f"p{k}" for k in range(1, 16))
     units = {p.name: p.unit for p in derived.base_parameters}
     assert units["p3"] == units["p14"] == "kg m"
     assert units["p7"] == units["p13"] == "kg m^2"
@@ -177,9 +177,9 @@ def test_signs_of_products_change_the_parameters_not_the_torques():
 def test_a_basis_over_symbolic_lengths_is_inverted_exactly():
     derived = derive_model(load_spec("rrr"))
     S = sp.Matrix(
-        15, 15, lambda r, c: _expression(derived.basis_change.forward[r][c])
+        15, 15, lambda r, c: _expression(derived.derivation.basis_change.forward[r][c])
     )  # user = S own, over the constants
-    product = (S * sp.Matrix(derived.basis_change.inverse)).applyfunc(lambda v: sp.cancel(sp.expand(v)))
+    product = (S * sp.Matrix(derived.derivation.basis_change.inverse)).applyfunc(lambda v: sp.cancel(sp.expand(v)))
     assert product == sp.eye(15)
 
 

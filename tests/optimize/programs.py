@@ -96,6 +96,19 @@ STATE = [
 """One state with no small or equal numbers among its values."""
 
 
+def recorded(function) -> Program:
+    """A program over :data:`PORTS` with one output, the values that ``function(builder, q, dq, beta)`` returns."""
+    b = Builder()
+    values = function(b, *(b.input(port) for port in PORTS))
+    return b.program("f", [(Port("y", (len(values),)), values)])
+
+
+def body(program: Program) -> list[str]:
+    """The definitions, the output and the operations of a recorded program, as text."""
+    lines = [line.strip() for line in program.dump().splitlines()[1:]]
+    return [line for line in lines if not line.startswith(("in ", "out "))]
+
+
 def same_values(one: Program, two: Program, inputs: list[list[Fraction]] = STATE) -> bool:
     """Whether the results agree to 20 digits of the largest, far beyond chance, far above the error of 60 digits.
 

@@ -76,9 +76,12 @@ def model(name: str) -> Any:
 
 @cache
 def forms(name: str) -> dict[str, Any]:
+    from rrrgen.derive import prepare
     from rrrgen.derive.closed_forms.closed_form import closed_form
 
-    return {f: closed_form(model(name), f).matrix() for f in ("forward_kinematics", "mass_matrix", "gravity")}
+    return {
+        f: closed_form(prepare(model(name).spec), f).matrix() for f in ("forward_kinematics", "mass_matrix", "gravity")
+    }
 
 
 @pytest.mark.parametrize("name", ["rrr", "panda", "gantry", "pendulum"])
@@ -173,13 +176,14 @@ def test_sketch_stays_on_its_sheet(name: str) -> None:
 
 _HASH = """
 import hashlib
+from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import closed_form
 from rrrgen.pipeline import derive
 from rrrgen.report import html_report
 from rrrgen.backends.latex import latex
 from rrrgen.robotfile import load_spec
 m = derive(load_spec("rrr"))
-forms = {f: closed_form(m, f).matrix() for f in ("mass_matrix", "coriolis")}
+forms = {f: closed_form(prepare(m.spec), f).matrix() for f in ("mass_matrix", "coriolis")}
 print(hashlib.sha256((html_report(m, forms) + latex(forms, cse_limit=20)).encode()).hexdigest())
 """
 

@@ -22,7 +22,7 @@ from rrrgen.cli.arguments import (
 if TYPE_CHECKING:
     import sympy as sp
 
-    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.derive.derived_model import Derivation, DerivedModel
     from rrrgen.ik.report import ClosedForm as InverseForm
 
 INVERSE = "inverse_kinematics"
@@ -61,6 +61,7 @@ def show(
       rrrgen show ur10e --html ur10e.html
     """
     from rrrgen import pipeline
+    from rrrgen.derive import prepare
     from rrrgen.ik.report import ClosedForm
 
     if as_latex and as_json:
@@ -78,7 +79,8 @@ def show(
     )
     if html is not None:
         write_html(html, model)
-    forms = {_label(name, entry): _closed_form(model, name, entry) for name in wanted}
+    derivation = prepare(model.spec)
+    forms = {_label(name, entry): _closed_form(derivation, name, entry) for name in wanted}
     if as_json:
         from rrrgen.cli.model.description import as_data
 
@@ -147,10 +149,10 @@ def _label(name: str, entry: str | None) -> str:
     return name if entry is None else f"{name}[{entry}]"
 
 
-def _closed_form(model: DerivedModel, name: str, entry: str | None) -> sp.Expr | sp.Matrix:
+def _closed_form(derivation: Derivation, name: str, entry: str | None) -> sp.Expr | sp.Matrix:
     from rrrgen.derive.closed_forms.closed_form import closed_form
 
-    form = closed_form(model, name)
+    form = closed_form(derivation, name)
     if entry is None:
         return form.matrix()
     try:

@@ -14,7 +14,7 @@ import sympy as sp
 
 from rrrgen.derive.algebra.polynomials import Polynomial, PolynomialRing, to_expression
 from rrrgen.derive.closed_forms.fourier_form import shorter_form
-from rrrgen.derive.derived_model import DerivedModel
+from rrrgen.derive.derived_model import Derivation
 from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.functions.table import FUNCTIONS
 from rrrgen.derive.recursions.chain import exact_constants, joint_symbols
@@ -79,7 +79,7 @@ class ClosedForm:
         return self._expander.value(self._nodes[flat])
 
 
-def closed_form(derived: DerivedModel, function: str) -> ClosedForm:
+def closed_form(derivation: Derivation, function: str) -> ClosedForm:
     """The closed form of ``function`` with named parameters and base parameters as symbols.
 
     Of a function with several results, one is named: ``"inverse_dynamics_derivatives.dtau_dq"``.
@@ -87,7 +87,7 @@ def closed_form(derived: DerivedModel, function: str) -> ClosedForm:
     name, _, wanted = function.partition(".")
     if name not in CLOSED:
         raise DerivationError(f"no closed form of {function!r}; there is one of: {', '.join(CLOSED)}")
-    model, parametrization = derived.model, derived.parametrization
+    model, parametrization = derivation.model, derivation.parametrization
     further = [v for row in parametrization.inverse or () for v in row]
     free, pairs, roots = exact_constants(model, further)
     generators = [*free, *(g for pair in pairs for g in pair), *roots]

@@ -1,0 +1,18 @@
+"""What a pass is."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from rrrgen.program import Program
+
+
+class Pass(Protocol):
+    """A step from a program to one that computes the same with fewer operations, or to the program itself.
+
+    Passes are frozen dataclasses: their fields are their options. They know ports by role, never by name.
+    """
+
+    def __call__(self, program: Program) -> Program:
+        """The rewritten program; ``program`` itself where there is nothing to gain."""
+        ...
