@@ -119,7 +119,7 @@ def make_case(spec: RobotSpec, seed: int = 0) -> Case:
     """A case with random states and random dense bodies; drives are left out, because not every rival knows them."""
     rng = np.random.default_rng([seed, spec.n])
     chain = chain_of(spec)
-    chain = replace(chain, drive_inertia=np.zeros(chain.n))
+    chain = replace(chain, drive_inertia=np.zeros((chain.n, chain.n)))
     n = chain.n
     q, dq, ddq, e = (rng.uniform(-scale, scale, (STATES, n)) for scale in (np.pi, 3.0, 10.0, 1.0))
     return Case(spec, chain, dense_bodies(rng, n), nominal_parameters(spec), np.hstack([q, dq, ddq, e]))

@@ -34,7 +34,7 @@ def derive_model(spec: RobotSpec) -> RecordedModel:
     import sympy as sp
 
     from rrrgen.derive.derived_model import RecordedModel
-    from rrrgen.derive.functions.dynamic_functions import friction
+    from rrrgen.derive.functions.dynamic_functions import friction as friction_program
     from rrrgen.derive.functions.table import FUNCTIONS
     from rrrgen.derive.parameters.base_parameters import BaseParameter, linear_expression, standard_symbols
     from rrrgen.derive.parameters.regrouping import regroupings
@@ -45,8 +45,10 @@ def derive_model(spec: RobotSpec) -> RecordedModel:
     alternatives = {
         name: tuple(record(derivation.recording()) for record in recorders) for name, recorders in FUNCTIONS.items()
     }
-    if any(joint.friction is not None for joint in spec.joints):
-        alternatives["friction"] = (friction(derivation.recording()),)
+    frictions = [joint.friction for joint in spec.joints]
+    frictions += [] if spec.drives is None else [motor.friction for motor in spec.drives.motors]
+    if any(friction is not None for friction in frictions):
+        alternatives["friction"] = (friction_program(derivation.recording()),)
     projection = _projection(own, change)
     symbols = standard_symbols(spec.n)
     expressions = change.expressions if change else [linear_expression(row, symbols) for row in projection]
@@ -104,9 +106,9 @@ def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
 
 def _nominal_drive_inertia(spec: RobotSpec) -> tuple[Fraction, ...] | None:
     from rrrgen.derive.recursions.chain import rational_float
+    from rrrgen.model.drive_terms import inertia_terms
 
-    values = [None if joint.drive is None else joint.drive.inertia for joint in spec.joints]
-    return tuple(rational_float(v) for v in values) if any(v is not None for v in values) else None
+    return tuple(rational_float(term.value) for term in inertia_terms(spec)) or None
 
 
 def _dot(row: list[Fraction | int], phi: list[Fraction]) -> Fraction:

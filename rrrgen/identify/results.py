@@ -12,14 +12,15 @@ from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 from rrrgen.identify.estimation.consistency import ConsistentEstimate
 from rrrgen.identify.estimation.statistics import confidence_factor
+from rrrgen.model.drive_terms import SYMBOLS, drive_terms
 from rrrgen.model.estimated_terms import STANDARD, standard_names
 
 if TYPE_CHECKING:
     from rrrgen.identify.identification import Identification
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robotfile.robot_spec import FrictionSpec, RobotSpec
     from rrrgen.runs.run_folder import RunFolder
 
-FIELDS = {"fv": "viscous", "fc": "coulomb", "off": "offset"}
+FRICTION_SYMBOLS = {field: symbol for field, symbol in SYMBOLS.items() if field != "inertia"}
 CONFIDENCE = 0.95
 
 
@@ -107,26 +108,41 @@ def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Se
 
 
 def identified_spec(spec: RobotSpec, consistent: ConsistentEstimate, description: str = "") -> RobotSpec:
-    """``spec`` with the links, friction and drives of a physically consistent estimate.
+    """``spec`` with the links, friction and drives, coupled ones included, of a physically consistent estimate.
 
-    Inertia is written about the origin of the link frame, as it was estimated. Terms of coupled drives have no place
-    in a robot file and are left out.
+    Inertia is written about the origin of the link frame, as it was estimated. Raises :class:`DerivationError` for an
+    estimate that a robot file cannot hold: a link without mass, or drive terms that the file does not state.
     """
     phi = consistent.phi.reshape(spec.n, len(STANDARD))
     if np.any(phi[:, 0] <= 0):
         raise DerivationError("a link without mass cannot be written into a robot file")
+    unstated = sorted(set(consistent.drives) - {term.name for term in drive_terms(spec)})
+    if unstated:
+        raise DerivationError(f"the robot file has no place for {', '.join(unstated)}: state them there, as 0")
     joints = []
     for i, joint in enumerate(spec.joints):
-        friction, drive = joint.friction, joint.drive
-        given = {field: consistent.drives.get(f"{key}{i + 1}") for key, field in FIELDS.items()}
-        if friction is not None:
-            friction = replace(friction, **{field: value for field, value in given.items() if value is not None})
-        inertia = consistent.drives.get(f"Ia{i + 1}")
-        if drive is not None and inertia is not None:
-            drive = replace(drive, inertia=inertia)
+        friction, inertia = _identified(f"{i + 1}", joint.friction, consistent.drives)
+        drive = joint.drive if joint.drive is None or inertia is None else replace(joint.drive, inertia=inertia)
         joints.append(replace(joint, friction=friction, drive=drive))
+    drives = spec.drives
+    if drives is not None:
+        motors = []
+        for motor in drives.motors:
+            friction, inertia = _identified(f"_{motor.name}", motor.friction, consistent.drives)
+            motors.append(replace(motor, friction=friction, inertia=motor.inertia if inertia is None else inertia))
+        drives = replace(drives, motors=tuple(motors))
     links = tuple(_link(row) for row in phi)
-    return replace(spec, joints=tuple(joints), links=links, description=description or spec.description)
+    return replace(spec, joints=tuple(joints), drives=drives, links=links, description=description or spec.description)
+
+
+def _identified(
+    owner: str, friction: FrictionSpec | None, values: Mapping[str, float]
+) -> tuple[FrictionSpec | None, float | None]:
+    """Friction and inertia of the joint or motor whose parameters end in ``owner``."""
+    if friction is not None:
+        given = {field: values.get(f"{symbol}{owner}") for field, symbol in FRICTION_SYMBOLS.items()}
+        friction = replace(friction, **{field: value for field, value in given.items() if value is not None})
+    return friction, values.get(f"Ia{owner}")
 
 
 def _link(phi: Array) -> Any:
@@ -142,13 +158,6 @@ def _link(phi: Array) -> Any:
     com = (exact(mx / m), exact(my / m), exact(mz / m))
     inertia = tuple(exact(v) for v in (Ixx, Iyy, Izz, Ixy, Ixz, Iyz))
     return LinkSpec(mass=exact(m), com=com, inertia=inertia, about="origin", products="tensor")
-
-
-def coupled_terms(found: Identification) -> Mapping[str, float]:
-    """The estimated terms of coupled drives, which a robot file cannot hold."""
-    if found.consistent is None:
-        return {}
-    return {name: value for name, value in found.consistent.drives.items() if "_" in name}
 
 
 def write_identification(folder: RunFolder, found: Identification, spec: RobotSpec, points: int = 200) -> None:

@@ -19,7 +19,7 @@ from rrrgen.identify.estimation.observations import Observations, Recording, Row
 from rrrgen.identify.estimation.statistics import relative_error, rms
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.model.drive_columns import drive_columns
-from rrrgen.model.drive_terms import drive_terms
+from rrrgen.model.drive_terms import friction_terms
 from rrrgen.signals.decimation import Decimator
 from rrrgen.signals.processing import Processing
 
@@ -261,7 +261,7 @@ def robot_model(model: Any) -> TorqueModel:
 
     Friction comes from the columns of identification, in which the round-off speeds of a drive at rest have no sign.
     """
-    terms = [term for term in drive_terms(model.spec) if term.kind != "inertia"]
+    terms = friction_terms(model.spec)
     values = np.array([term.value for term in terms])
 
     def torque(q: Array, dq: Array, ddq: Array) -> Array:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from rrrgen.errors import InputError
-from rrrgen.model.drive_terms import KINDS, SYMBOLS, drive_terms, unit_direction
+from rrrgen.model.drive_terms import KINDS, SYMBOLS, drive_terms, unit
 from rrrgen.model.drive_terms import Kind as DriveKind
 
 Kind = Literal["rigid"] | DriveKind
@@ -29,7 +29,7 @@ class Column:
 
 @dataclass(frozen=True)
 class CoupledDrive:
-    """A drive that turns with ``s = w q``: adds the given terms along ``w``, named ``Ia_<name>``, ``fv_<name>``, ..."""
+    """A motor that turns with ``s = w q``: adds the given terms along ``w``, named ``Ia_<name>``, ``fv_<name>``, ..."""
 
     name: str
     direction: tuple[float, ...]
@@ -52,10 +52,17 @@ class DriveTerms:
         return cls(**{kind: tuple(range(n)) for kind in kinds}, coupled=tuple(coupled))
 
     @classmethod
-    def of_spec(cls, spec: Any, coupled: Sequence[CoupledDrive] = ()) -> DriveTerms:
-        """The terms that the robot file names: ``drive.inertia`` and ``friction.viscous``, ``coulomb``, ``offset``."""
+    def of_spec(cls, spec: Any) -> DriveTerms:
+        """The terms that the robot file states, at joints and at coupled motors."""
         terms = drive_terms(spec)
-        parts = {kind: tuple(term.joint for term in terms if term.kind == kind) for kind in KINDS}
+        parts = {
+            kind: tuple(term.joint for term in terms if term.kind == kind and term.joint is not None) for kind in KINDS
+        }
+        coupled = []
+        for k in dict.fromkeys(term.motor for term in terms if term.motor is not None):
+            own = [term for term in terms if term.motor == k]
+            direction = tuple(float(weight) for weight in own[0].direction)
+            coupled.append(CoupledDrive(spec.drives.motors[k].name, direction, tuple(term.kind for term in own)))
         return cls(**parts, coupled=tuple(coupled))
 
     def without(self, *kinds: DriveKind) -> DriveTerms:
@@ -70,7 +77,7 @@ class DriveTerms:
             for joint in getattr(self, kind):
                 if not 0 <= joint < n:
                     raise InputError(f"a drive term at joint {joint + 1} of a robot with {n} joints")
-                found.append(Column(f"{SYMBOLS[kind]}{joint + 1}", kind, unit_direction(joint, n)))
+                found.append(Column(f"{SYMBOLS[kind]}{joint + 1}", kind, unit(joint, n)))
         for drive in self.coupled:
             if len(drive.direction) != n or not any(drive.direction):
                 raise InputError(f"the coupled drive '{drive.name}' needs a direction of {n} weights, not all zero")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.backends import Identity, Real
 from rrrgen.derive.parameter_listing import listing
+from rrrgen.model.drive_text import drives_data
 from rrrgen.output.writer import MANIFEST, Contents, checksum
 from rrrgen.program import Port, Program, count_operations
 from rrrgen.robotfile.robot_spec import RobotSpec
@@ -24,7 +25,10 @@ _NOT_THE_ROBOT = frozenset({"file", "faults", "places", "description", "source",
 
 def identify(spec: RobotSpec) -> Identity:
     """The hash of the robot (normalised: SI, exact, without comments and spelling) and the version of this tool."""
-    text = json.dumps(_canonical(spec), sort_keys=True, separators=(",", ":"))
+    robot = _canonical(spec)
+    if spec.drives is None:  # robots without coupled drives keep the hash that they had before these were known
+        del robot["drives"]
+    text = json.dumps(robot, sort_keys=True, separators=(",", ":"))
     return Identity(hashlib.sha256(text.encode()).hexdigest(), VERSION)
 
 
@@ -56,6 +60,7 @@ def manifest(model: DerivedModel, identity: Identity, real: Real, files: Mapping
         "b": len(model.base_parameters),
         "joints": [{"name": joint.name, "type": joint.type} for joint in spec.joints],
         "gravity": [str(component) for component in spec.gravity],
+        **({} if spec.drives is None else {"drives": drives_data(spec)}),
         "link_parameters": parameters.statement,
         "base_parameters": [
             {"name": p.name, "expression": str(p.expression), "unit": p.unit, "nominal": p.nominal}

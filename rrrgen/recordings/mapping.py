@@ -17,7 +17,6 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import Fault, InputError
-from rrrgen.model.estimated_terms import CoupledDrive
 
 Side = Literal["joint", "motor"]
 Signal = Literal["position", "velocity", "acceleration", "torque"]
@@ -92,7 +91,6 @@ class LogMapping:
     time: TimeSource
     joints: tuple[JointChannels, ...]
     transmission: Array | None = None
-    coupled_drives: tuple[CoupledDrive, ...] = ()
     max_gap: float | None = None  # s; a longer hole splits the recording
     processing: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""

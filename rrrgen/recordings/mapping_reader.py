@@ -10,8 +10,6 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import Fault, InputError
-from rrrgen.model.drive_terms import KINDS, Kind
-from rrrgen.model.estimated_terms import CoupledDrive
 from rrrgen.recordings.mapping import SIGNALS, Channel, FileSource, JointChannels, LogMapping, Side, Signal, TimeSource
 from rrrgen.signals.processing import read_processing
 from rrrgen.yamltext import signal_units as log_units
@@ -25,7 +23,7 @@ FORMATS = ("csv", "npy", "npz", "mat", "hdf5", "parquet", "rosbag")
 KEYS = {
     "mapping": (
         *("schema", "name", "description", "files", "time", "units", "side", "joints", "transmission"),
-        *("coupled_drives", "max_gap", "processing"),
+        *("max_gap", "processing"),
     ),
     "file": ("path", "format", "separator", "decimal", "header", "skip", "comment", "encoding", "topic"),
     "time": ("rate", "period", "file", "column", "unit"),
@@ -34,14 +32,17 @@ KEYS = {
         *("file", "column", "unit", "sign", "zero", "side", "wraps_at", "resolution", "counts_per_turn", "constant"),
         *("rated", "limit"),
     ),
-    "coupled drive": ("name", "direction", "terms"),
 }
+MOVED = {
+    "coupled_drives": "friction and inertia of motors that turn with several joints are part of the robot file: "
+    "drives: {drive_from_joint: [[1, 0], [1, 1]], motors: [{name: m1}, {name: m2, inertia: 0, friction: {viscous: 0}}]}"
+}
+"""Keys that stand in another file, and where."""
 REQUIRED = {
     "mapping": ("schema", "files", "time", "joints"),
     "file": ("path",),
     "joint": ("name", "position"),
     "channel": ("column",),
-    "coupled drive": ("name", "direction"),
 }
 UNITS: dict[Signal, dict[str, float]] = {
     "position": log_units.POSITION | {log_units.COUNTS: 1.0},
@@ -92,14 +93,12 @@ class _Reader:
         if "side" in top:
             self.side = self.read_side(top["side"], "side")
         joints = self.read_joints(top.get("joints"))
-        coupled = self.read_coupled(top.get("coupled_drives"), len(joints))
         gap = top.get("max_gap")
         return LogMapping(
             files=tuple(self.files.values()),
             time=self.read_time(top.get("time")),
             joints=tuple(joints),
             transmission=self.read_transmission(top.get("transmission"), joints),
-            coupled_drives=coupled,
             max_gap=None if gap is None else self.quantity(gap, "max_gap", log_units.TIME, "s"),
             processing=read_processing(top.get("processing"), len(joints), self.faults),
             name=self.text(top["name"], "name") if "name" in top else "",
@@ -114,7 +113,9 @@ class _Reader:
             return None
         for name, (key, value) in entries.items():
             if name not in KEYS[kind]:
-                hint = f"{did_you_mean(name, KEYS[kind])} allowed are {', '.join(KEYS[kind])}".strip()
+                hint = (
+                    MOVED.get(name) or f"{did_you_mean(name, KEYS[kind])} allowed are {', '.join(KEYS[kind])}".strip()
+                )
                 self.faults.error(key, f"unknown key '{name}' in {what}", hint)
             elif isinstance(value, Scalar) and value.is_null:
                 self.faults.error(key, f"'{name}' has no value")
@@ -271,27 +272,6 @@ class _Reader:
             self.faults.error(node, f"{what} in {unit} needs the key '{key}'", hint)
         value = self.quantity(part.get(key), f"{what}.{key}", table, next(iter(table)))
         return log_units.DRIVE_SIGNALS[unit] * (1.0 if value is None else value)
-
-    def read_coupled(self, node: Node | None, joints: int) -> tuple[CoupledDrive, ...]:
-        if node is None:
-            return ()
-        if not isinstance(node, Sequence):
-            self.faults.error(node, f"coupled_drives is {describe(node)}, not a list")
-            return ()
-        drives = []
-        for index, item in enumerate(node.items):
-            what = f"coupled_drives[{index}]"
-            part = self.section(item, "coupled drive", what) or {}
-            weights = self.numbers(part.get("direction"), f"{what}.direction", joints)
-            terms: list[Kind] = []
-            listed = part.get("terms")
-            for term in listed.items if isinstance(listed, Sequence) else ():
-                chosen = self.choice(term, f"{what}.terms", KINDS)
-                terms += [kind for kind in KINDS if kind == chosen]
-            if weights and "name" in part:
-                chosen_terms = tuple(terms) or ("inertia", "viscous", "coulomb")
-                drives.append(CoupledDrive(self.text(part["name"], what), tuple(weights), chosen_terms))
-        return tuple(drives)
 
     def read_transmission(self, node: Node | None, joints: list[JointChannels]) -> Array | None:
         if node is None:

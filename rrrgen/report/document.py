@@ -55,6 +55,7 @@ def html_report(
             dh_si=tables.dh_numbers(spec, in_degrees=False),
             dh_degrees=tables.dh_numbers(spec, in_degrees=True),
             limits=tables.limits(spec),
+            drives=tables.drives(spec),
             convention=parameters.statement,
             base_parameters=tables.base_parameters(parameters, walk),
             regrouping=tables.regrouping(model),

@@ -11,6 +11,7 @@ import sympy as sp
 from markupsafe import Markup
 
 from rrrgen.backends.latex import Walk
+from rrrgen.model.drive_text import coupling_equations, motor_facts
 from rrrgen.program import OperationCount, count_operations
 from rrrgen.report.mathml import inline
 from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
@@ -93,6 +94,15 @@ def limits(spec: RobotSpec) -> Table | None:
 
     rows = tuple((joint.name, *(cell(joint, read(joint)) for _, read in used)) for joint in spec.joints)
     return Table(("joint", *(name for name, _ in used)), rows, frozenset(range(1, len(used) + 1)))
+
+
+def drives(spec: RobotSpec) -> tuple[Table, Table] | None:
+    """Coupled drives: the speeds of the joints, and the motors as the file states them."""
+    if spec.drives is None:
+        return None
+    equations = tuple((equation.replace("-", "−"),) for equation in coupling_equations(spec))
+    motors = tuple((motor.name, motor_facts(motor)) for motor in spec.drives.motors)
+    return Table(("speed of the joint from those of the drives",), equations), Table(("motor", "at its shaft"), motors)
 
 
 def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:

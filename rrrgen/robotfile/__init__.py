@@ -8,39 +8,45 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.robotfile.bundled import bundled_names, bundled_path
+from rrrgen.robotfile.robots import bundled_names, bundled_path
 
 if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import (
         BasisSpec,
         DriveSpec,
+        DrivesSpec,
         FixedTransform,
         FrictionSpec,
         JointSpec,
         Limits,
         LinkSpec,
+        MotorSpec,
         RobotSpec,
     )
 
 _TYPES = (
     "BasisSpec",
     "DriveSpec",
+    "DrivesSpec",
     "FixedTransform",
     "FrictionSpec",
     "JointSpec",
     "Limits",
     "LinkSpec",
+    "MotorSpec",
     "RobotSpec",
 )
 
 __all__ = [
     "BasisSpec",
     "DriveSpec",
+    "DrivesSpec",
     "FixedTransform",
     "FrictionSpec",
     "JointSpec",
     "Limits",
     "LinkSpec",
+    "MotorSpec",
     "RobotSpec",
     "bundled_names",
     "bundled_path",

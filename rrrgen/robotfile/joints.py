@@ -54,8 +54,8 @@ def _read_joint(node: Node, number: int, scope: Scope) -> JointSpec | None:
                 else sp.S.Zero
             )
     limits = _read_limits(values.get("limits"), joint_type, what, scope)
-    friction = _read_floats(values.get("friction"), FRICTION, "friction", joint_type, what, scope)
-    drive = _read_floats(values.get("drive"), DRIVE, "drive", joint_type, what, scope)
+    friction = read_floats(values.get("friction"), FRICTION, "friction", joint_type, what, scope)
+    drive = read_floats(values.get("drive"), DRIVE, "drive", joint_type, what, scope)
     if any(value is None for value in row.values()):
         return None
     return JointSpec(
@@ -112,7 +112,7 @@ def _check_scale(node: Node, scope: Scope) -> None:
 
 
 def _read_limits(node: Node | None, joint_type: str, what: str, scope: Scope) -> Limits:
-    values = _read_floats(node, LIMITS, "limits", joint_type, what, scope)
+    values = read_floats(node, LIMITS, "limits", joint_type, what, scope)
     if values is None:
         return Limits()
     limits = Limits(**values)
@@ -122,7 +122,7 @@ def _read_limits(node: Node | None, joint_type: str, what: str, scope: Scope) ->
     return limits
 
 
-def _read_floats(
+def read_floats(
     node: Node | None, table: tuple[Key, ...], section: str, joint_type: str, what: str, scope: Scope
 ) -> dict[str, float | None] | None:
     """The numbers of a mapping by key, None for a key that is missing; None without a mapping."""

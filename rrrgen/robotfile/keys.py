@@ -19,6 +19,7 @@ ROBOT = (
     Key("joints", "rows", "one Denavit-Hartenberg row per joint", True, section="joint", length=MAX_JOINTS),
     Key("tool", "mapping", "fixed transform after the last link frame", section="transform"),
     Key("links", "rows", "inertia of every link, in the axes of its link frame", section="link", length=MAX_JOINTS),
+    Key("drives", "mapping", "drives that move several joints each, as in a coupled wrist", section="drives"),
     Key("basis", "basis", "base parameters of the user's own choice"),
 )
 UNITS = (
@@ -74,6 +75,19 @@ DRIVE = (
         file_units=True,
     ),
 )
+DRIVES = (
+    Key("joint_from_drive", "square", "joint speeds = matrix * drive speeds; a row per joint, a column per drive"),
+    Key("drive_from_joint", "square", "drive speeds = matrix * joint speeds, in place of joint_from_drive"),
+    Key("motors", "rows", "one motor per drive, in the order of the matrix", True, section="motor", length=MAX_JOINTS),
+)
+MOTOR = (
+    Key("name", "name", "name of the motor; m1, m2, ... if missing"),
+    Key("type", "choice", "revolute (if missing), or prismatic for a linear motor", choices=("revolute", "prismatic")),
+    Key("gear_ratio", "value", "motor turns per turn of the drive; 1 if missing"),
+    Key("inertia", "value", "rotor inertia at the motor shaft", quantity="inertia", prismatic="mass"),
+    Key("friction", "mapping", "friction at the motor shaft; each key adds its column", section="friction"),
+    Key("torque_limit", "value", "largest torque or force of the motor", quantity="torque", prismatic="force"),
+)
 LINK = (
     Key("mass", "value", "mass, kg", True, quantity="mass"),
     Key("com", "vector", "centre of mass in the link frame, m", True, quantity="length"),
@@ -108,6 +122,8 @@ SECTIONS: dict[str, tuple[Key, ...]] = {
     "limits": LIMITS,
     "friction": FRICTION,
     "drive": DRIVE,
+    "drives": DRIVES,
+    "motor": MOTOR,
     "link": LINK,
     "inertia": INERTIA,
     "transform": TRANSFORM,
@@ -129,6 +145,12 @@ ALIASES: dict[str, str] = {
     "convention_dh": "convention",
     "effort": "torque",
     "gear": "gear_ratio",
+    "coupling": "joint_from_drive",
+    "matrix": "joint_from_drive",
+    "transmission": "drives",
+    "coupled_drives": "drives",
+    "rotor_inertia": "inertia",
+    "max_torque": "torque_limit",
     "max_velocity": "velocity",
     "max_acceleration": "acceleration",
     "min": "lower",

@@ -10,13 +10,14 @@ import sympy as sp
 
 from rrrgen.errors import Fault, InputError
 from rrrgen.robotfile.basis import read_basis
-from rrrgen.robotfile.bundled import bundled_names, bundled_path
+from rrrgen.robotfile.drives import read_drives
 from rrrgen.robotfile.joints import read_joints
 from rrrgen.robotfile.keys import ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robotfile.links import read_links
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, read_parameters, read_vector
 from rrrgen.robotfile.robot_spec import Convention, FixedTransform, LinkSpec, RobotSpec
+from rrrgen.robotfile.robots import bundled_names, bundled_path
 from rrrgen.robotfile.transforms import read_transform
 from rrrgen.yamltext.document import MAX_BYTES, FaultList, Node, Scalar, decode, parse_document
 from rrrgen.yamltext.sections import describe, read_choice, read_entries, read_section, read_text
@@ -75,6 +76,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     whole_links: list[LinkSpec] | None = None if links is None else [link for link in links if link is not None]
     base = read_transform(values["base"], "base", scope) if "base" in values else FixedTransform()
     tool = read_transform(values["tool"], "tool", scope) if "tool" in values else FixedTransform()
+    drives = read_drives(values["drives"], joints, scope) if "drives" in values else None
     basis = read_basis(values["basis"], len(joints), whole_links, scope) if "basis" in values and joints else None
     description, source = (read_text(values[k], k, faults) if k in values else "" for k in ("description", "source"))
     if faults.errors or gravity is None or base is None or tool is None:
@@ -89,6 +91,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         base=base,
         tool=tool,
         basis=basis,
+        drives=drives,
         angle_unit=scope.units.angle,
         length_unit=scope.units.length,
         description=description,

@@ -7,6 +7,7 @@ expression over rationals, pi, and the named parameters (real symbols of the sam
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import sympy as sp
@@ -54,6 +55,45 @@ class DriveSpec:
     gear_ratio: float | None = None
     torque_constant: float | None = None
     encoder_resolution: float | None = None
+
+
+@dataclass(frozen=True)
+class MotorSpec:
+    """One motor of coupled drives; everything is stated at its shaft, ``gear_ratio`` turns per turn of the drive.
+
+    Units as for a joint of the same ``type``: kg m^2, N m s/rad, N m, or kg, N s/m, N of a linear motor. A field that
+    is ``None`` is not part of the model; ``torque_limit`` is the largest torque or force of the motor.
+    """
+
+    name: str
+    type: JointType = "revolute"
+    gear_ratio: sp.Expr = sp.S.One
+    inertia: float | None = None
+    friction: FrictionSpec | None = None
+    torque_limit: float | None = None
+
+
+@dataclass(frozen=True)
+class DrivesSpec:
+    """Coupled drives: joint speeds are ``joint_from_drive`` (n x n, exact, regular) times the speeds of the drives.
+
+    With ``S = joint_from_drive diag(1/gear_ratio)``, ``dq = S dq_m`` and ``tau = S^-T tau_m``; the motors add
+    ``S^-T (Ia ddq_m + friction(dq_m))`` to the joint torques and ``S^-T diag(Ia) S^-1`` to the mass matrix.
+    """
+
+    joint_from_drive: tuple[tuple[sp.Expr, ...], ...]
+    motors: tuple[MotorSpec, ...]
+
+    @cached_property
+    def joint_from_motor(self) -> sp.ImmutableMatrix:
+        """S (n x n) of ``dq = S dq_m``."""
+        gears = sp.diag(*(1 / motor.gear_ratio for motor in self.motors))
+        return sp.ImmutableMatrix(sp.Matrix(self.joint_from_drive) * gears)
+
+    @cached_property
+    def motor_from_joint(self) -> sp.ImmutableMatrix:
+        """The inverse of S: row k is the direction ``w`` (n,) of motor k, ``dq_m = w dq``, ``tau = w' tau_m``."""
+        return sp.ImmutableMatrix(self.joint_from_motor.inv(method="LU"))
 
 
 @dataclass(frozen=True)
@@ -145,6 +185,7 @@ class RobotSpec:
     base: FixedTransform = field(default_factory=FixedTransform)
     tool: FixedTransform = field(default_factory=FixedTransform)
     basis: BasisSpec | None = None
+    drives: DrivesSpec | None = None  # None: every joint has its own
     angle_unit: str = "rad"  # units the file was written in, to print them back
     length_unit: str = "m"
     description: str = ""

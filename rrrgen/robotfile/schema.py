@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rrrgen.robotfile.keys import SECTIONS
+from rrrgen.robotfile.keys import MAX_JOINTS, SECTIONS
 from rrrgen.robotfile.names import IDENTIFIER
 from rrrgen.yamltext.keys import Key
 
@@ -22,6 +22,8 @@ def json_schema() -> dict[str, Any]:
         {"if": {"properties": {"type": {"const": kind}}}, "then": {"required": [needed]}}
         for kind, needed in (("revolute", "d"), ("prismatic", "theta"))
     ]
+    matrices = ("joint_from_drive", "drive_from_joint")
+    definitions["drives"]["oneOf"] = [{"required": [name]} for name in matrices]
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "rrrgen robot",
@@ -60,6 +62,9 @@ def _value(key: Key) -> dict[str, Any]:
             return _vector(expression)
         case "matrix":
             return _vector(_vector(expression))
+        case "square":
+            row = {"type": "array", "minItems": 1, "maxItems": MAX_JOINTS, "items": expression}
+            return {**row, "items": row}
         case "mapping":
             # an empty value reads as an empty mapping
             section = {"$ref": f"#/definitions/{key.section}"}

@@ -7,15 +7,17 @@ from dataclasses import fields
 
 import sympy as sp
 
-from rrrgen.robotfile.keys import DRIVE, FRICTION, LIMITS
+from rrrgen.robotfile.keys import DRIVE, FRICTION, LIMITS, MOTOR
 from rrrgen.robotfile.robot_spec import (
     BasisSpec,
     DriveSpec,
+    DrivesSpec,
     FixedTransform,
     FrictionSpec,
     JointSpec,
     Limits,
     LinkSpec,
+    MotorSpec,
     RobotSpec,
 )
 from rrrgen.yamltext.keys import Key
@@ -46,6 +48,8 @@ def dumps(spec: RobotSpec) -> str:
         lines.append("links:")
         for link in spec.links:
             lines += _link(link)
+    if spec.drives is not None:
+        lines += printer.drives(spec.drives)
     if spec.basis is not None:
         lines += _basis(spec.basis)
     return "\n".join(lines) + "\n"
@@ -145,6 +149,29 @@ class _Printer:
                 text = self.number(float(value), key.quantity_for(joint_type), key.file_units)
                 entries.append(f"{item.name}: {text}")
         return "{" + ", ".join(entries) + "}"
+
+    def drives(self, drives: DrivesSpec) -> list[str]:
+        lines = ["drives:", "  joint_from_drive:"]
+        lines += [f"    - [{', '.join(number_text(value) for value in row)}]" for row in drives.joint_from_drive]
+        lines.append("  motors:")
+        for motor in drives.motors:
+            lines += self.motor(motor)
+        return lines
+
+    def motor(self, motor: MotorSpec) -> list[str]:
+        keys = {key.name: key for key in MOTOR}
+        lines = [f"    - name: {motor.name}"]
+        if motor.type != "revolute":
+            lines.append(f"      type: {motor.type}")
+        if motor.gear_ratio != 1:
+            lines.append(f"      gear_ratio: {number_text(motor.gear_ratio)}")
+        for name in ("inertia", "torque_limit"):
+            value = getattr(motor, name)
+            if value is not None:
+                lines.append(f"      {name}: {self.number(value, keys[name].quantity_for(motor.type), False)}")
+        if motor.friction is not None:
+            lines.append(f"      friction: {self.section(motor.friction, FRICTION, motor.type)}")
+        return lines
 
     def transform(self, name: str, transform: FixedTransform) -> list[str]:
         if transform == FixedTransform():

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from rrrgen.robotfile.robot_spec import FrictionSpec, MotorSpec, RobotSpec
 from rrrgen.verify.comparison import Collector, Tolerances, rate, size
-from rrrgen.verify.references.chain import Array
+from rrrgen.verify.references.chain import Array, motor_speeds
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.subject import Model, Parameters, States, draw_states
 
@@ -63,13 +66,23 @@ def base_rank(ne: NewtonEuler) -> int:
 def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collector) -> None:
     """fv dq + fc sgn(dq) + offset (14.11), a field that the description leaves out being zero."""
 
-    def coefficients(kind: str) -> Array:
-        terms = [None if joint.friction is None else getattr(joint.friction, kind) for joint in model.spec.joints]
-        return np.array([term or 0.0 for term in terms], dtype=np.float64)
-
-    expected = coefficients("viscous") * s.dq + coefficients("coulomb") * np.sign(s.dq) + coefficients("offset")
+    spec = model.spec
+    expected = _linear_friction([joint.friction for joint in spec.joints], s.dq)
+    if spec.drives is not None:  # the power of a motor's friction is that of what it adds to the joint torques
+        at_motors = _linear_friction([motor.friction for motor in spec.drives.motors], motor_speeds(spec, s.dq))
+        expected = expected + at_motors @ motor_speeds(spec, np.eye(spec.n)).T
     check = rows.against("(14.11)", NO_PARAMETERS, tolerances.exact, s.count)
     check("friction", lambda: model.friction(s.dq), expected)
+
+
+def _linear_friction(given: Sequence[FrictionSpec | None], speeds: Array) -> Array:
+    """Torques (N, k) at ``speeds`` (N, k), an absent coefficient being zero."""
+
+    def coefficients(kind: str) -> Array:
+        terms = [None if friction is None else getattr(friction, kind) for friction in given]
+        return np.array([term or 0.0 for term in terms], dtype=np.float64)
+
+    return coefficients("viscous") * speeds + coefficients("coulomb") * np.sign(speeds) + coefficients("offset")
 
 
 def _extra_columns(model: Model, s: States) -> Array:
@@ -82,7 +95,23 @@ def _extra_columns(model: Model, s: States) -> Array:
             if owner is not None and getattr(owner, kind) is not None:
                 columns.append(np.zeros_like(s.q))
                 columns[-1][:, i] = signal[:, i]
+    if model.spec.drives is not None:
+        columns += _motor_columns(model.spec, model.spec.drives.motors, s)
     return np.stack(columns, axis=2) if columns else np.zeros((*s.q.shape, 0))
+
+
+def _motor_columns(spec: RobotSpec, motors: Sequence[MotorSpec], s: States) -> list[Array]:
+    """The same of coupled motors: what each term of a motor adds to the joint torques."""
+    speeds, accelerations = motor_speeds(spec, s.dq), motor_speeds(spec, s.ddq)
+    signals = {"inertia": accelerations, "viscous": speeds, "coulomb": np.sign(speeds), "offset": np.ones_like(speeds)}
+    lever = motor_speeds(spec, np.eye(spec.n))  # joint by motor
+    columns = []
+    for k, motor in enumerate(motors):
+        for kind, signal in signals.items():
+            owner = motor if kind == "inertia" else motor.friction
+            if owner is not None and getattr(owner, kind) is not None:
+                columns.append(signal[:, [k]] * lever[:, k])
+    return columns
 
 
 def _identification_columns(model: Model, K: Array, s: States, extra: Array) -> Array:

@@ -56,7 +56,7 @@ def _check_sums(
 
     def from_regressor() -> Array:
         base = np.asarray(model.beta if beta is None else beta)
-        return np.asarray(np.asarray(model.regressor(s.q, s.dq, s.ddq)) @ base + chain.drive_inertia * s.ddq)
+        return np.asarray(np.asarray(model.regressor(s.q, s.dq, s.ddq)) @ base + s.ddq @ chain.drive_inertia)
 
     def round_trip() -> Array:
         ddq = model.forward_dynamics(s.q, s.dq, own.tau, beta=beta)

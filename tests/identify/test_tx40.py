@@ -9,12 +9,14 @@ import rrrgen
 from rrrgen.identify.estimation.consistency import pseudo_inertia
 from rrrgen.identify.estimation.factoring import Split
 from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.estimation.observations import reconstruct
+from rrrgen.identify.estimation.observations import Observations, RowMaker, reconstruct
 from rrrgen.identify.estimation.regression import least_squares, weighted_least_squares
 from rrrgen.identify.estimation.structure import structure_of
 from rrrgen.identify.estimation.tsqr import Rows, factor_rows
 from rrrgen.identify.identification import Options, identify
-from rrrgen.identify.results import coupled_terms, identified_spec
+from rrrgen.identify.results import identified_spec
+from rrrgen.identify.validation import robot_model
+from rrrgen.model.drive_columns import STANDSTILL
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.log_stream import LogStream
 from rrrgen.recordings.logs import load_stream, open_log
@@ -37,7 +39,7 @@ def case():
     mapping = open_log(EXAMPLE / "log.yaml")
     log = load_stream(LogStream(mapping), [f"joint_{i}" for i in range(1, 7)])
     model = rrrgen.compile(EXAMPLE / "robot.yaml")
-    return model, log, mapping, DriveTerms.of_spec(model.spec, mapping.coupled_drives)
+    return model, log, mapping, DriveTerms.of_spec(model.spec)
 
 
 def found(case, split, **options):
@@ -167,4 +169,28 @@ def test_the_identified_robot_file_holds_the_identified_parameters(everything, c
         drives = everything.consistent.drives
         held = (joint.drive.inertia, joint.friction.viscous, joint.friction.coulomb, joint.friction.offset)
         assert held == tuple(drives[f"{key}{i + 1}"] for key in ("Ia", "fv", "fc", "off"))
-    assert set(coupled_terms(everything)) == {"Ia_m6", "fv_m6", "fc_m6"}
+    motor = spec.drives.motors[5]
+    held = (motor.inertia, motor.friction.viscous, motor.friction.coulomb)
+    assert held == tuple(drives[f"{key}_m6"] for key in ("Ia", "fv", "fc"))
+    assert min(held) > 0
+
+
+def test_the_identified_robot_file_is_the_model_that_was_scored(everything, case):
+    """The same rows, the same processing: the file's torque, and that of its C, give the figure of the estimate."""
+    model, log, mapping, _ = case
+    written = rrrgen.compile(rrrgen.loads_spec(dumps(identified_spec(model.spec, everything.consistent))))
+    torque = robot_model(written)
+    maker = RowMaker(lambda *motion: torque(*motion)[..., None], Processing(**mapping.processing), columns=1)
+    blocks = list(Observations((log,), maker))
+    error = np.concatenate([(rows.tau - rows.W[..., 0])[rows.use] for rows in blocks])
+    figure = np.linalg.norm(error) / np.linalg.norm(np.concatenate([rows.tau[rows.use] for rows in blocks]))
+    assert figure == pytest.approx(everything.consistent_fit["relative_error"], rel=1e-6)
+    assert figure <= ALL_DATA
+    motion = reconstruct(next(log.parts()), Processing(**mapping.processing))
+    emitted = written.inverse_dynamics(motion.q, motion.dq, motion.ddq) + written.friction(motion.dq)
+    fitted = FullRegressor(model, DriveTerms.of_spec(model.spec))(motion.q, motion.dq, motion.ddq)
+    difference = np.abs(emitted - fitted @ everything.consistent.theta)
+    speeds = np.column_stack([motion.dq, motion.dq[:, 4] + motion.dq[:, 5]])
+    moving = (np.abs(speeds) > STANDSTILL).all(axis=1)  # below it a reconstructed speed has no sign
+    assert difference[moving].max() <= 1e-9 * np.abs(emitted).max()
+    assert np.mean(moving) > 0.8  # the recording ends at rest

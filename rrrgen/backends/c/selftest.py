@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rrrgen.backends import Identity
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import function_name
+from rrrgen.model.drive_terms import inertia_terms
 from rrrgen.program import Program, Role, evaluate
 from rrrgen.resources import render
 
@@ -84,7 +85,8 @@ def selftest(model: DerivedModel, identity: Identity, dialect: Dialect) -> dict[
         parameters=vectors,
         golden=golden,
         functions=set(model.programs),
-        drives=model.drive_inertia_nominal is not None,
+        drives=len(model.drive_inertia_nominal or ()),
+        reflected=_reflected(model.spec),
         positive=_is_positive(model.programs, states, parameters),
         twins=_twins(model, dialect),
     )
@@ -146,6 +148,16 @@ def _plausible(n: int) -> list[Array]:
         places = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
         rows.append(np.array([m, *(m * c), *(tensor[place] for place in places)]))
     return rows
+
+
+def _reflected(spec: RobotSpec) -> tuple[str, ...]:
+    """What coupled drives add to the mass matrix, as rows for C; empty where every joint has its own drive."""
+    terms = inertia_terms(spec) if spec.drives is not None else ()
+    total = np.zeros((spec.n, spec.n))
+    for term in terms:
+        w = np.array([float(weight) for weight in term.direction])
+        total += term.value * np.outer(w, w)
+    return _rows(total) if terms else ()
 
 
 def _golden(programs: Mapping[str, Program], states: dict[str, Array], parameters: dict[str, Array]) -> list[Golden]:

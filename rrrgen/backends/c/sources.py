@@ -13,7 +13,9 @@ from rrrgen.backends.c.dialect import Dialect, decimal
 from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, prototype
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
+from rrrgen.derive.functions.recording import drive_inertia_meaning
 from rrrgen.derive.parameter_listing import listing
+from rrrgen.model.drive_text import coupling_equations, motor_facts
 from rrrgen.program import Builder, Port, Program, Role, Status, count_operations
 from rrrgen.resources import render
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 @dataclass(frozen=True)
@@ -46,8 +49,9 @@ def _nominal_parameters(model: DerivedModel) -> Program:
     port = Port("beta", (len(model.beta_nominal),), "mixed", "", meaning, Role.BASE_PARAMETERS)
     outputs = [(port, model.beta_nominal)]
     if model.drive_inertia_nominal is not None:
-        meaning = "drive inertia seen at the joints"
-        port = Port("Ia", (model.spec.n,), "kg m^2 | kg", "joint", meaning, Role.DRIVE_INERTIA)
+        meaning = drive_inertia_meaning(model.spec)
+        shape = (len(model.drive_inertia_nominal),)
+        port = Port("Ia", shape, "kg m^2 | kg", "joint", meaning, Role.DRIVE_INERTIA)
         outputs.append((port, model.drive_inertia_nominal))
     summary = "The nominal values of the parameters that the other functions take at run time."
     return Builder().program("nominal_parameters", outputs, summary)
@@ -141,6 +145,15 @@ def _sources(prefix: str, model: DerivedModel) -> str:
     )
 
 
+def _drive_facts(spec: RobotSpec) -> list[tuple[str, str]]:
+    """How coupled drives move the joints, and what is stated of their motors; nothing without coupling."""
+    if spec.drives is None:
+        return []
+    facts = [("Drives", f"coupled; speeds of joints and drives: {', '.join(coupling_equations(spec))}")]
+    stated = [f"{motor.name}: {text}" for motor in spec.drives.motors if (text := motor_facts(motor))]
+    return [*facts, ("Motors", "; ".join(stated))] if stated else facts
+
+
 def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: SinCos) -> list[str]:
     """The first comment of the header: what this is, the conventions, the rules, the base parameters."""
     spec, macro = model.spec, dialect.macro
@@ -162,6 +175,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
             "Frames",
             "base = before the first joint and the fixed base transform, link i = frame i, tip = after the tool",
         ),
+        *_drive_facts(spec),
         ("Precision", f"{dialect.real}; the typedef {dialect.real_type} is the only switch"),
         ("Sine, cosine", sincos.description(dialect)),
     ]

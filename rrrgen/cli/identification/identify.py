@@ -77,7 +77,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     columns, standard = _fixed(options["fix"])
     chosen = Options(
         method=options["estimator"],
-        terms=DriveTerms.of_spec(spec, mappings[0].coupled_drives),
+        terms=DriveTerms.of_spec(spec),
         fixed=columns,
         fixed_standard=standard,
         split=Split.parse(options["split"]),

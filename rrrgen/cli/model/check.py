@@ -37,7 +37,8 @@ def _check(file: str, strict: bool, quiet: bool) -> dict[str, Any]:
     try:
         spec = load_spec(file, strict=strict)
         faults = [fault for fault in spec.faults if isinstance(fault, Fault)]
-        summary = f"{spec.name}, {spec.n} joints, {spec.convention} DH"
+        coupled = "" if spec.drives is None else ", coupled drives"
+        summary = f"{spec.name}, {spec.n} joints, {spec.convention} DH{coupled}"
     except InputError as error:
         faults = list(error.faults)
     ok = bool(summary)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.derive.parameter_listing import ParameterListing, listing
+from rrrgen.model.drive_text import coupling_equations, drives_data, motor_facts
 from rrrgen.program import count_operations, evaluate
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ def as_text(model: DerivedModel) -> str:
     lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec), ""]
     lines += ["Denavit-Hartenberg table (exact; in parentheses the nominal value in m or rad, and in deg)"]
     lines += _table([("joint", "type", "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.joints)])
+    lines += _drives(spec)
     lines += ["", "Pose of the tip at q = 0, in the base frame"]
     lines += [f"  {'  '.join(f'{value:10.6f}' for value in row)}" for row in zero_pose(model)]
     parameters = listing(model)
@@ -55,6 +57,7 @@ def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseF
         "gravity": [str(component) for component in spec.gravity],
         "parameters": {name: str(value) for name, value in spec.parameters.items()},
         "joints": [_joint(spec, joint) for joint in spec.joints],
+        "drives": drives_data(spec),
         "zero_pose": [[float(value) for value in row] for row in zero_pose(model)],
         "link_parameters": parameters.statement,
         "base_parameters": [
@@ -116,6 +119,15 @@ def _row(spec: RobotSpec, joint: JointSpec) -> tuple[str, ...]:
         d or (_length(spec, joint.d) if joint.is_revolute else q),
         theta or (q if joint.is_revolute else _angle(spec, joint.theta)),
     )
+
+
+def _drives(spec: RobotSpec) -> list[str]:
+    """The equations of coupled drives, and their motors."""
+    if spec.drives is None:
+        return []
+    lines = ["", "Coupled drives: speeds of the joints from those of the drives; values of the motors at their shafts"]
+    lines += [f"  {equation}" for equation in coupling_equations(spec)]
+    return lines + _table([(motor.name, motor_facts(motor)) for motor in spec.drives.motors])
 
 
 def _angle(spec: RobotSpec, value: sp.Expr) -> str:

@@ -7,7 +7,7 @@ themselves. Any single entry can be expanded alone, for robots whose whole matri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import sympy as sp
@@ -19,6 +19,7 @@ from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.functions.table import FUNCTIONS
 from rrrgen.derive.recursions.chain import exact_constants, joint_symbols
 from rrrgen.errors import DerivationError
+from rrrgen.model.drive_terms import inertia_terms
 from rrrgen.program import Op, Program, Role, Value
 from rrrgen.program.nodes import reachable
 
@@ -33,10 +34,17 @@ LONGEST_SHOWN = 200
 class ClosedForm:
     """The closed form of one function: index it for single entries, or take the whole ``matrix()``."""
 
-    def __init__(self, program: Program, output: int, generators: Sequence[sp.Expr], roots: Sequence[sp.Expr],
-                 names: Sequence[str], pairs: Sequence[tuple[sp.Expr, sp.Expr]]) -> None:  # fmt: skip
+    def __init__(
+        self,
+        program: Program,
+        output: int,
+        generators: Sequence[sp.Expr],
+        roots: Sequence[sp.Expr],
+        parameters: Mapping[Role, Sequence[str]],
+        pairs: Sequence[tuple[sp.Expr, sp.Expr]],
+    ) -> None:
         self.program = program
-        self._inputs = _input_symbols(program, generators, names)
+        self._inputs = _input_symbols(program, generators, parameters)
         self._expander = _Expander(program, self._inputs, pairs, roots)
         self._nodes = program.results[output]
         self.shape: tuple[int, ...] = program.outputs[output].shape
@@ -94,7 +102,9 @@ def closed_form(derivation: Derivation, function: str) -> ClosedForm:
     recording = Recording(model, parametrization, generators or [sp.Symbol("one")])
     program = FUNCTIONS[name][0](recording)
     output = _output(program, wanted)
-    return ClosedForm(program, output, generators or [sp.Symbol("one")], roots, parametrization.names, pairs)
+    drives = [term.name for term in inertia_terms(model.spec)]
+    parameters = {Role.BASE_PARAMETERS: parametrization.names, Role.DRIVE_INERTIA: drives}
+    return ClosedForm(program, output, generators or [sp.Symbol("one")], roots, parameters, pairs)
 
 
 def _output(program: Program, wanted: str) -> int:
@@ -107,13 +117,15 @@ def _output(program: Program, wanted: str) -> int:
     return 0
 
 
-def _input_symbols(program: Program, generators: Sequence[sp.Expr], names: Sequence[str]) -> list[list[sp.Expr]]:
+def _input_symbols(
+    program: Program, generators: Sequence[sp.Expr], parameters: Mapping[Role, Sequence[str]]
+) -> list[list[sp.Expr]]:
     symbols: list[list[sp.Expr]] = []
     for port in program.inputs:
         if port.role is Role.GEOMETRY:
             symbols.append(list(generators))
-        elif port.role is Role.BASE_PARAMETERS:
-            symbols.append([sp.Symbol(name, real=True) for name in names])
+        elif port.role in parameters:
+            symbols.append([sp.Symbol(name, real=True) for name in parameters[port.role]])
         else:
             symbols.append(list(joint_symbols(port.size, port.name)))
     return symbols

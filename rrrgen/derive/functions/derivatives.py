@@ -51,14 +51,14 @@ def inverse_dynamics_derivatives(r: Recording) -> Program:
     inertias, drives = r.inertias(), r.drive_inertia()
     composition = compose(chain, dq, inertias, TWICE)
     tau, dtau_dq = torques_and_slopes(composition, dq, ddq, inertias)
-    tau = [t + Ia * a for t, Ia, a in zip(tau, drives, ddq, strict=True)]
+    tau = drives.added_to_torques(tau, ddq)
     ports = [
         (Port("tau", (r.n,), r.torque_unit, "", "joint torques, friction not included", Role.TORQUE), tau),
         (_matrix(r, "dtau_dq", "d tau_i / d q_j for given dq and ddq"), flat(dtau_dq)),
         (_matrix(r, "dtau_dv", "d tau_i / d dq_j"), flat(composition.coriolis_matrix())),
         (
             _matrix(r, "M", "d tau_i / d ddq_j: the mass matrix, drive inertia included"),
-            flat(_mass(composition, drives)),
+            flat(drives.added_to_mass(composition.mass_matrix())),
         ),
     ]
     return r.builder.program(
@@ -76,7 +76,7 @@ def forward_dynamics_derivatives(r: Recording) -> Program:
     inertias, drives = r.inertias(), r.drive_inertia()
     composition = compose(chain, dq, inertias, TWICE)
     dtau_dv = composition.coriolis_matrix()
-    factors = factorize(b, _mass(composition, drives))
+    factors = factorize(b, drives.added_to_mass(composition.mass_matrix()))
     inverse = factors.negative_inverse()
     half = [Fraction(1, 2) * rate for rate in dq]
     missing = [
@@ -191,11 +191,6 @@ def _slope_wrench(revolute: bool, body: Body, zdot: Vector, axis: Vector, lift: 
     force = add(add(cross(axis, h), cross(zdot, P)), scale(-J.m, lift))
     moment = add(add(bending, moving), scale(-1, cross(h, lift)))
     return add([-F[1], F[0], 0], force), add([-N[1], N[0], 0], moment)
-
-
-def _mass(composition: Composition, drives: Sequence[Any]) -> Matrix:
-    M = composition.mass_matrix()
-    return [[M[i][j] + (drives[i] if i == j else 0) for j in range(len(M))] for i in range(len(M))]
 
 
 def _matrix(r: Recording, name: str, meaning: str) -> Port:

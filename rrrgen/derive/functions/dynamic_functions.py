@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.algebra.positive_definite import STATUS, factorize
-from rrrgen.derive.algebra.vectors import Matrix, flat, rows
+from rrrgen.derive.algebra.vectors import flat, rows
+from rrrgen.derive.drive_inertia import along
 from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.recursions import composite, momentum, newton_euler
-from rrrgen.derive.recursions.chain import Chain, rational_float
+from rrrgen.derive.recursions.chain import Chain, rational, rational_float
 from rrrgen.derive.recursions.coriolis import compose
 from rrrgen.derive.recursions.motion import choose_frames
-from rrrgen.program import Port, Program, Role, Value
+from rrrgen.program import Port, Program, Role
 from rrrgen.program.builder import replay
+from rrrgen.robotfile.robot_spec import FrictionSpec
 
 
 def _weightless(chain: Chain) -> Chain:
@@ -24,14 +25,11 @@ def _weightless(chain: Chain) -> Chain:
 
 def mass_matrix(r: Recording) -> Program:
     """Mass matrix."""
-    M = _with_drives(composite.mass_matrix(r.chain(), r.inertias()), r.drive_inertia())
+    M = composite.mass_matrix(r.chain(), r.inertias())
+    M = r.drive_inertia().added_to_mass(M)
     return r.builder.program(
         "mass_matrix", [(_mass_port(r), flat(M))], "Mass matrix.", "tau = M(q) ddq + c(q, dq) + g(q)"
     )
-
-
-def _with_drives(M: Matrix, drives: list[Value]) -> Matrix:
-    return [[value + drives[i] if i == j else value for j, value in enumerate(row)] for i, row in enumerate(M)]
 
 
 def _mass_port(r: Recording) -> Port:
@@ -129,7 +127,7 @@ def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
 
     def record(r: Recording) -> Program:
         chain, dq, inertias = r.chain(), r.joints("dq"), r.inertias()
-        M = _with_drives(composite.mass_matrix(chain, inertias), r.drive_inertia())
+        M = r.drive_inertia().added_to_mass(composite.mass_matrix(chain, inertias))
         weightless = _weightless(chain)
         c = newton_euler.inverse_dynamics(weightless, dq, [0] * r.n, inertias, frames(chain))
         g = composite.gravity(chain, inertias)
@@ -150,7 +148,7 @@ def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
         chain = r.chain()
         dq, ddq = r.joints("dq"), r.joints("ddq")
         tau = newton_euler.inverse_dynamics(chain, dq, ddq, r.inertias(), frames(chain))
-        tau = [t + Ia * a for t, Ia, a in zip(tau, r.drive_inertia(), ddq, strict=True)]
+        tau = r.drive_inertia().added_to_torques(tau, ddq)
         port = _torque_port(r, "tau", "joint torques, friction not included")
         return r.builder.program(
             "inverse_dynamics",
@@ -195,8 +193,7 @@ def energy(r: Recording) -> Program:
     dq = r.joints("dq")
     inertias = r.inertias()
     kinetic = momentum.kinetic_energy(chain, dq, inertias)
-    for Ia, rate in zip(r.drive_inertia(), dq, strict=True):
-        kinetic = kinetic + Fraction(1, 2) * Ia * (rate * rate)
+    kinetic = r.drive_inertia().added_to_energy(kinetic, dq)
     potential = momentum.potential_energy(chain, inertias)
     port = Port("E", (2,), "J", "", "kinetic energy, potential energy (up to a constant)")
     return r.builder.program(
@@ -208,17 +205,23 @@ def energy(r: Recording) -> Program:
 
 
 def friction(r: Recording) -> Program:
-    """Joint friction torques from the file's coefficients."""
-    dq = r.joints("dq")
-    torques: list[Any] = []
-    for joint, rate in zip(r.model.spec.joints, dq, strict=True):
-        spec = joint.friction
-        torque: Value = 0
-        if spec is not None:
-            viscous, coulomb, offset = (rational_float(v) for v in (spec.viscous, spec.coulomb, spec.offset))
-            torque = viscous * rate + coulomb * r.builder.sign(rate) + offset
-        torques.append(torque)
+    """Friction torques from the file's coefficients, at the joints and at coupled motors."""
+    dq, spec = r.joints("dq"), r.model.spec
+    torques = [_linear_friction(r, joint.friction, rate) for joint, rate in zip(spec.joints, dq, strict=True)]
+    formula, notes = "tau_f = fv dq + fc sgn(dq) + offset   (14.11)", []
+    if spec.drives is not None:
+        for k, motor in enumerate(spec.drives.motors):
+            w = [rational(weight) for weight in spec.drives.motor_from_joint.row(k)]
+            torque = _linear_friction(r, motor.friction, along(w, dq))
+            torques = [value + weight * torque if weight else value for value, weight in zip(torques, w, strict=True)]
+        notes.append("Coupled motors add S^-T tau_fm, with the same law at their shafts: dq_m = S^-1 dq.")
     port = _torque_port(r, "tau_f", "friction torques, added to the rigid body's")
-    return r.builder.program(
-        "friction", [(port, torques)], "Joint friction.", "tau_f = fv dq + fc sgn(dq) + offset   (14.11)"
-    )
+    return r.builder.program("friction", [(port, torques)], "Joint friction.", formula, notes)
+
+
+def _linear_friction(r: Recording, given: FrictionSpec | None, rate: Any) -> Any:
+    """``viscous rate + coulomb sgn(rate) + offset``, zero where nothing is stated."""
+    if given is None:
+        return 0
+    viscous, coulomb, offset = (rational_float(v) for v in (given.viscous, given.coulomb, given.offset))
+    return viscous * rate + coulomb * r.builder.sign(rate) + offset

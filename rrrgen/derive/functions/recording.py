@@ -8,12 +8,15 @@ from typing import Any
 
 import sympy as sp
 
+from rrrgen.derive.drive_inertia import DriveInertia
 from rrrgen.derive.parameters.base_parameters import BaseSet
 from rrrgen.derive.parameters.user_basis import BasisChange
-from rrrgen.derive.recursions.chain import Chain, nominal_constant, program_chain, symbolic_constant
+from rrrgen.derive.recursions.chain import Chain, nominal_constant, program_chain, rational, symbolic_constant
 from rrrgen.derive.recursions.inertia import PseudoInertia
 from rrrgen.model import RobotModel
+from rrrgen.model.drive_terms import inertia_terms
 from rrrgen.program import Builder, Port, Program, Role, Value
+from rrrgen.robotfile.robot_spec import RobotSpec
 
 Constant = Callable[[sp.Expr], Value]
 
@@ -118,14 +121,20 @@ class Recording:
         """Declare the base parameters and return the inertias they stand for."""
         return self.parametrization.inertias(self.n, self.beta(), self.constant)
 
-    def drive_inertia(self) -> list[Value]:
-        """Declare Ia if any drive has inertia, else zeros."""
-        if not has_drive_inertia(self.model):
-            return [0] * self.n
+    def drive_inertia(self) -> DriveInertia:
+        """Declare Ia if any drive has inertia."""
+        terms = inertia_terms(self.model.spec)
+        if not terms:
+            return DriveInertia((), ())
         unit = "kg m^2" if self.position_unit == "rad" else "kg" if self.position_unit == "m" else "kg m^2 | kg"
-        return self._input(Port("Ia", (self.n,), unit, "", "drive inertia seen at the joints", Role.DRIVE_INERTIA))
+        meaning = drive_inertia_meaning(self.model.spec)
+        values = self._input(Port("Ia", (len(terms),), unit, "", meaning, Role.DRIVE_INERTIA))
+        return DriveInertia(values, [[w if type(w) is int else rational(w) for w in t.direction] for t in terms])
 
 
-def has_drive_inertia(model: RobotModel) -> bool:
-    """Whether the file gives the inertia of any drive."""
-    return any(joint.drive is not None and joint.drive.inertia is not None for joint in model.spec.joints)
+def drive_inertia_meaning(spec: RobotSpec) -> str:
+    """What the input Ia holds, in words."""
+    if spec.drives is None:
+        return "drive inertia seen at the joints"
+    names = ", ".join(term.name for term in inertia_terms(spec))
+    return f"drive inertia, seen at the joint or at the motor it is named after: {names}"

@@ -14,7 +14,10 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Chain:
-    """Joint rows (n,) in rad and m, fixed transforms (4, 4), gravity (3,) in the base frame, drive inertia (n,)."""
+    """Joint rows (n,) in rad and m, fixed transforms (4, 4), gravity (3,) in the base frame, drive inertia (n, n).
+
+    ``drive_inertia`` is what the drives add to the mass matrix: a diagonal, unless several drives move one joint.
+    """
 
     name: str
     convention: str
@@ -59,7 +62,6 @@ def chain_of(spec: RobotSpec) -> Chain:
         return T
 
     rows = spec.dh_table()
-    drives = [0.0 if j.drive is None or j.drive.inertia is None else float(j.drive.inertia) for j in spec.joints]
     return Chain(
         name=spec.name,
         convention=spec.convention,
@@ -71,8 +73,29 @@ def chain_of(spec: RobotSpec) -> Chain:
         gravity=np.array([float(spec.nominal(g)) for g in spec.gravity]),
         base=matrix(spec.base),
         tool=matrix(spec.tool),
-        drive_inertia=np.array(drives),
+        drive_inertia=_drive_inertia(spec),
     )
+
+
+def _drive_inertia(spec: RobotSpec) -> Array:
+    """Second derivatives of the kinetic energy of all drives with respect to the joint speeds (n, n).
+
+    Motors turn at ``dq_m``, which solves ``S dq_m = dq``.
+    """
+    own = [0.0 if j.drive is None or j.drive.inertia is None else float(j.drive.inertia) for j in spec.joints]
+    if spec.drives is None:
+        return np.diag(own)
+    rotors = [0.0 if motor.inertia is None else float(motor.inertia) for motor in spec.drives.motors]
+    speeds = motor_speeds(spec, np.eye(spec.n))  # row k: of all motors, while joint k alone moves at 1
+    return np.asarray(np.diag(own) + (speeds * rotors) @ speeds.T)
+
+
+def motor_speeds(spec: RobotSpec, dq: Array) -> Array:
+    """Speeds (N, n) of coupled motors at the joint speeds ``dq`` (N, n), by numerical solution."""
+    assert spec.drives is not None
+    gears = np.array([float(motor.gear_ratio) for motor in spec.drives.motors])
+    coupling = np.array([[float(value) for value in row] for row in spec.drives.joint_from_drive])
+    return np.asarray(np.linalg.solve(coupling, dq.T).T * gears)
 
 
 def nominal_parameters(spec: RobotSpec) -> Array | None:

@@ -30,6 +30,8 @@ class MujocoReference:
             raise ReferenceUnavailableError(f"refuses the model: {str(error).splitlines()[0]}") from error
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         self._data = mujoco.MjData(self._model)
+        # an armature is the diagonal alone; what couples joints is added to the answers
+        self._coupling = chain.drive_inertia - np.diag(np.diag(chain.drive_inertia))
 
     def _mjcf(self, chain: Chain, phi: Array) -> str:
         """The model as MJCF text."""
@@ -43,7 +45,7 @@ class MujocoReference:
             kind = "hinge" if chain.revolute[i] else "slide"
             bodies.append(
                 f"<body {self._place(offset @ before)}>"
-                f'<joint type="{kind}" axis="0 0 1" armature="{float(chain.drive_inertia[i])!r}"/>'
+                f'<joint type="{kind}" axis="0 0 1" armature="{float(chain.drive_inertia[i, i])!r}"/>'
                 f'<inertial mass="{float(phi[i, 0])!r}" pos="{_text(after[:3, 3] + R @ centre)}"'
                 f' fullinertia="{_text(entries)}"/>'
             )
@@ -65,7 +67,7 @@ class MujocoReference:
         """``mj_inverse``."""
         self._data.qpos[:], self._data.qvel[:], self._data.qacc[:] = q, dq, ddq
         self._mujoco.mj_inverse(self._model, self._data)
-        return np.array(self._data.qfrc_inverse)
+        return np.array(self._data.qfrc_inverse) + self._coupling @ ddq
 
     def mass_matrix(self, q: Array) -> Array:
         """Column by column with ``mj_mulM``, whose signature is the same in all versions."""
@@ -74,7 +76,7 @@ class MujocoReference:
         columns = np.zeros((n, n))
         for row, unit in zip(columns, np.eye(n), strict=True):
             self._mujoco.mj_mulM(self._model, self._data, row, unit)
-        return columns.T.copy()
+        return columns.T + self._coupling
 
     def forward_kinematics(self, q: Array) -> Array:
         """The site at the tip."""

@@ -133,7 +133,7 @@ class NewtonEuler:
         """tau (N, n) of the rigid body with drive inertia."""
         gravity = self.chain.gravity if with_gravity else np.zeros(3)
         out = self._outward(q, dq, ddq, gravity)
-        tau = ddq * self.chain.drive_inertia
+        tau = ddq @ self.chain.drive_inertia
         moment = force = np.zeros((len(q), 3))
         for i in reversed(range(self.chain.n)):
             m, h, inertia = self.phi[i, 0], self.phi[i, 1:4], self._tensors[i]
@@ -188,7 +188,7 @@ class NewtonEuler:
         """Kinetic energy with drive inertia, and potential energy counted from the base frame's origin, (N,) each."""
         out = self._outward(q, dq, np.zeros_like(dq), np.zeros(3))
         frames = self.link_frames(q)
-        kinetic = 0.5 * (dq * dq) @ self.chain.drive_inertia
+        kinetic = 0.5 * np.sum(dq * (dq @ self.chain.drive_inertia), axis=1)
         potential = np.zeros(len(q))
         for i in range(self.chain.n):
             m, h, w, v = self.phi[i, 0], self.phi[i, 1:4], out.w[i], out.v[i]

@@ -40,12 +40,12 @@ class PinocchioReference:
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Pinocchio's ``rnea``; drive inertia is added here because its meaning there changed between versions."""
         tau = self._pin.rnea(self._model, self._data, q, dq, ddq)
-        return np.array(tau) + self._drive_inertia * ddq
+        return np.array(tau) + self._drive_inertia @ ddq
 
     def mass_matrix(self, q: Array) -> Array:
         """Pinocchio's ``crba``, of which only the upper triangle is defined in some versions."""
         upper = np.triu(self._pin.crba(self._model, self._data, q))
-        return np.asarray(upper + np.triu(upper, 1).T + np.diag(self._drive_inertia))
+        return np.asarray(upper + np.triu(upper, 1).T + self._drive_inertia)
 
     def forward_kinematics(self, q: Array) -> Array:
         """The tip."""

@@ -38,13 +38,15 @@ class ToolboxReference:
                 "m": float(phi[i, 0]),
                 "r": centre,
             }
-            drive: dict[str, Any] = {"I": tensor, "Jm": float(chain.drive_inertia[i]), "G": 1.0}
+            drive: dict[str, Any] = {"I": tensor, "Jm": float(chain.drive_inertia[i, i]), "G": 1.0}
             if chain.revolute[i]:
                 joints.append(revolute(d=d, offset=theta, **common, **drive))
             else:
                 joints.append(prismatic(theta=theta, offset=d, **common, **drive))
         self._arm = rtb.DHRobot(joints, name=chain.name)
         self._gravity = chain.base[:3, :3].T @ chain.gravity
+        # rotors of the toolbox belong to one joint each; what couples joints is added to the answers
+        self._coupling = chain.drive_inertia - np.diag(np.diag(chain.drive_inertia))
         self._base, self._tool, self._n = chain.base, chain.tool, chain.n
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
@@ -52,7 +54,8 @@ class ToolboxReference:
         return self._rne(q, dq, ddq, self._gravity)
 
     def _rne(self, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
-        return np.asarray(self._arm.rne_python(q, dq, ddq, gravity=gravity), dtype=np.float64).reshape(-1)
+        tau = np.asarray(self._arm.rne_python(q, dq, ddq, gravity=gravity), dtype=np.float64).reshape(-1)
+        return tau + self._coupling @ ddq
 
     def mass_matrix(self, q: Array) -> Array:
         """Columns from unit accelerations."""

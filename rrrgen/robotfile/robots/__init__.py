@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rrrgen.errors import InputError
 
-_FOLDER = Path(__file__).parent / "robots"
+_FOLDER = Path(__file__).parent
 
 
 @cache

@@ -1,0 +1,61 @@
+"""What the inertia of the drives adds to the equation of motion: ``sum over k of Ia_k w_k w_k'`` in the mass matrix.
+
+``w_k`` is the direction of inertia k in joint space (:mod:`rrrgen.model.drive_terms`): a unit vector for a drive with a
+joint of its own, so that the sum is a diagonal; a row of ``motor_from_joint`` for a coupled one. The matrix is
+constant, so nothing is added to Coriolis or gravity torques.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from rrrgen.derive.algebra.vectors import Matrix
+from rrrgen.program import Value
+from rrrgen.program.builder import Number
+
+
+@dataclass(frozen=True)
+class DriveInertia:
+    """Inertias with their directions (n,) each."""
+
+    values: Sequence[Value]
+    directions: Sequence[Sequence[Number]]
+
+    def added_to_mass(self, M: Matrix) -> Matrix:
+        """``M + sum of Ia_k w_k w_k'``."""
+        result = [list(row) for row in M]
+        for Ia, w in zip(self.values, self.directions, strict=True):
+            moved = [i for i, weight in enumerate(w) if weight]
+            for i in moved:
+                for j in moved:
+                    result[i][j] = result[i][j] + (w[i] * w[j]) * Ia
+        return result
+
+    def added_to_torques(self, tau: Sequence[Any], ddq: Sequence[Any]) -> list[Any]:
+        """``tau + sum of w_k Ia_k (w_k ddq)``."""
+        result = list(tau)
+        for Ia, w in zip(self.values, self.directions, strict=True):
+            force = Ia * along(w, ddq)
+            for i, weight in enumerate(w):
+                if weight:
+                    result[i] = result[i] + weight * force
+        return result
+
+    def added_to_energy(self, kinetic: Any, dq: Sequence[Any]) -> Any:
+        """``kinetic + sum of Ia_k (w_k dq)^2 / 2``."""
+        for Ia, w in zip(self.values, self.directions, strict=True):
+            rate = along(w, dq)
+            kinetic = kinetic + Fraction(1, 2) * Ia * (rate * rate)
+        return kinetic
+
+
+def along(w: Sequence[Number], rates: Sequence[Any]) -> Any:
+    """``w rates``: what a joint vector is along a direction."""
+    total: Any = 0
+    for weight, rate in zip(w, rates, strict=True):
+        if weight:
+            total = total + weight * rate
+    return total

@@ -1,0 +1,64 @@
+"""Coupled drives in words and as plain data, as every page about a robot prints them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rrrgen.robotfile.robot_spec import MotorSpec, RobotSpec
+
+_UNITS = {
+    "revolute": {"inertia": "kg m^2", "viscous": "N m s/rad", "coulomb": "N m", "offset": "N m", "torque_limit": "N m"},
+    "prismatic": {"inertia": "kg", "viscous": "N s/m", "coulomb": "N", "offset": "N", "torque_limit": "N"},
+}
+
+
+def coupling_equations(spec: RobotSpec) -> list[str]:
+    """Every joint's speed as a sum of those of the drives, ``roll = -1/3*left + right``; empty without coupling."""
+    if spec.drives is None:
+        return []
+    names = [motor.name for motor in spec.drives.motors]
+    return [
+        f"{joint.name} = {_sum(names, [str(value) for value in row])}"
+        for joint, row in zip(spec.joints, spec.drives.joint_from_drive, strict=True)
+    ]
+
+
+def _sum(names: list[str], factors: list[str]) -> str:
+    text = ""
+    for name, factor in zip(names, factors, strict=True):
+        if factor == "0":
+            continue
+        negative = factor.startswith("-")
+        size = f"({factor.removeprefix('-')})" if "+" in factor[1:] else factor.removeprefix("-")
+        term = name if size == "1" else f"{size}*{name}"
+        sign = ("-" if negative else "") if not text else " - " if negative else " + "
+        text += sign + term
+    return text
+
+
+def motor_facts(motor: MotorSpec) -> str:
+    """What the file states of a motor, at its shaft, in SI."""
+    units = _UNITS[motor.type]
+    values = {name: value for name, value in _values(motor).items() if value is not None}
+    facts = ["linear motor"] if motor.type == "prismatic" else []
+    facts += [f"gear ratio {motor.gear_ratio}"] if motor.gear_ratio != 1 else []
+    facts += [f"{name.replace('_', ' ')} {value:.10g} {units[name]}" for name, value in values.items()]
+    return ", ".join(facts)
+
+
+def drives_data(spec: RobotSpec) -> dict[str, Any] | None:
+    """The coupling matrix (exact, as text) and the motors; None without coupling."""
+    if spec.drives is None:
+        return None
+    return {
+        "joint_from_drive": [[str(value) for value in row] for row in spec.drives.joint_from_drive],
+        "motors": [
+            {"name": motor.name, "type": motor.type, "gear_ratio": str(motor.gear_ratio), **_values(motor)}
+            for motor in spec.drives.motors
+        ],
+    }
+
+
+def _values(motor: MotorSpec) -> dict[str, float | None]:
+    friction = {name: getattr(motor.friction, name, None) for name in ("viscous", "coulomb", "offset")}
+    return {"inertia": motor.inertia, **friction, "torque_limit": motor.torque_limit}
