@@ -12,6 +12,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
+from rrrgen.identify.estimation.bandwidth import Tuning, reach, tune
 from rrrgen.identify.estimation.consistency import (
     DEFAULT_STRENGTH,
     ConsistentEstimate,
@@ -25,7 +26,6 @@ from rrrgen.identify.estimation.factoring import (
     Factors,
     FittedRows,
     Progress,
-    Split,
     factor_recordings,
     fits_in_memory,
     rows_of_recordings,
@@ -33,7 +33,7 @@ from rrrgen.identify.estimation.factoring import (
 )
 from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
 from rrrgen.identify.estimation.identifiability import Direction, unexcited, weak_directions
-from rrrgen.identify.estimation.observations import KnownTorque, Observations, Recording, RowMaker, tuned
+from rrrgen.identify.estimation.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.identify.estimation.parametrisation import Parametrisation, parametrise
 from rrrgen.identify.estimation.regression import (
     Estimate,
@@ -42,6 +42,8 @@ from rrrgen.identify.estimation.regression import (
     robust_least_squares,
     weighted_least_squares,
 )
+from rrrgen.identify.estimation.scoring import Score, score_models
+from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.estimation.statistics import Whiteness, residual_whiteness
 from rrrgen.identify.estimation.structure import Structure
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows
@@ -60,7 +62,9 @@ class Options:
     ``terms`` are the drive terms (those of the robot file by default). ``fixed`` are columns with known values, such
     as ``{"fv1": 3.2}`` or ``{"p4": 0}``; ``fixed_standard`` standard parameters, such as ``{"my2": 0}``.
     ``consistent`` adds the physically consistent estimate, with a ``prior`` (from the robot by default) of weight
-    ``prior_strength``. ``limits`` (2, n) bound the random poses at which M(q) is tested.
+    ``prior_strength``. ``guard`` (s) is the guard band on either side of the borders of ``split``, that of the filters
+    (:func:`~rrrgen.identify.estimation.bandwidth.reach`) where it is None. ``limits`` (2, n) bound the random
+    poses at which M(q) is tested.
     """
 
     method: Method = "weighted"
@@ -69,6 +73,7 @@ class Options:
     fixed_standard: Mapping[str, float] = field(default_factory=dict)
     known: KnownTorque | None = None
     split: Split = field(default_factory=Split)
+    guard: float | None = None
     consistent: bool = True
     prior: Prior | None = None
     prior_strength: float = DEFAULT_STRENGTH
@@ -86,8 +91,10 @@ class Identification:
     """The result: ``estimate`` of the identifiable combinations, ``theta`` (p,) of all columns, scores, and what is
     left open.
 
-    ``fit`` and ``held_out`` are the scores on the data that were fitted and on the others (0 rows without a split);
-    ``consistent_*`` those of the physically consistent estimate. ``indefinite`` maps an estimate to the share of random
+    ``fit`` and ``held_out`` are the scores on the rows that were fitted and on the same of the other part (0 rows
+    without a split); ``consistent_*`` those of the physically consistent estimate. ``scores`` has these and those on
+    all rows and on unfiltered torques, each with the share of rows it was measured on. ``tuning`` says what the filters
+    are and who chose them, ``split`` has its guard bands. ``indefinite`` maps an estimate to the share of random
     poses with an indefinite mass matrix. ``repairs`` tell what was put right in the recordings. ``notes`` say in words
     what the robot's structure and the motion leave open.
     """
@@ -97,8 +104,9 @@ class Identification:
     estimate: Estimate
     iid_std: Array
     theta: Array
-    processing: Processing
+    tuning: Tuning
     split: Split
+    scores: tuple[Score, ...]
     fit: dict[str, Any]
     held_out: dict[str, Any]
     whiteness: tuple[Whiteness, ...]
@@ -114,6 +122,11 @@ class Identification:
     blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
     held_out_blocks: Sequence[Rows] = field(repr=False, compare=False, default=())
     transform: Callable[[JointFactors], JointFactors] | None = field(repr=False, compare=False, default=None)
+
+    @property
+    def processing(self) -> Processing:
+        """How the recordings were made ready, with nothing left open."""
+        return self.tuning.processing
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -145,8 +158,11 @@ def identify(
     regressor = FullRegressor(model, options.terms or DriveTerms.of_spec(model.spec))
     chosen = parametrise(regressor, options.fixed, options.fixed_standard, options.seed)
     tell(0, 0, f"{chosen.structure.rank} identifiable parameters")
-    processing = tuned(processing, recordings)
-    maker = RowMaker(regressor, processing, len(regressor.columns), options.known)
+    tuning = tune(processing, recordings, options.split)
+    if options.split.kind != "none":
+        guard = reach(tuning) if options.guard is None else options.guard
+        options = replace(options, split=options.split.guarded(guard))
+    maker = RowMaker(regressor, tuning.processing, len(regressor.columns), options.known)
     observations = Observations(tuple(recordings), maker)
     blocks: Iterable[Rows]
     held_out: list[Rows] = []
@@ -165,7 +181,7 @@ def identify(
         )
     if int(np.sum(factors.fit.counts)) == 0:
         raise InputError("no row is left to fit: check the split of the data and the lowest speed")
-    found = _Run(model, regressor, chosen, processing, options, factors, blocks, held_out, tell).result()
+    found = _Run(model, regressor, chosen, recordings, tuning, options, factors, blocks, held_out, tell).result()
     return replace(found, repairs=tuple(recording.repairs for recording in recordings))
 
 
@@ -177,7 +193,8 @@ class _Run:
         model: RigidModel,
         regressor: FullRegressor,
         chosen: Parametrisation,
-        processing: Processing,
+        recordings: Sequence[Recording],
+        tuning: Tuning,
         options: Options,
         factors: Factors,
         blocks: Iterable[Rows],
@@ -185,7 +202,8 @@ class _Run:
         tell: Progress,
     ) -> None:
         self.model, self.regressor, self.chosen = model, regressor, chosen
-        self.processing, self.options, self.factors, self.tell = processing, options, factors, tell
+        self.recordings, self.tuning = recordings, tuning
+        self.options, self.factors, self.tell = options, factors, tell
         self.blocks, self.held_out = blocks, held_out
 
     def result(self) -> Identification:
@@ -212,8 +230,9 @@ class _Run:
             estimate=estimate,
             iid_std=iid_std,
             theta=theta,
-            processing=self.processing,
+            tuning=self.tuning,
             split=options.split,
+            scores=self.scores(theta, consistent),
             fit=score(self.factors.fit, theta),
             held_out=score(self.factors.score, theta),
             whiteness=white,
@@ -273,6 +292,25 @@ class _Run:
             fixed=fixed,
         )
         return replace(found, theta=T @ found.theta + known, names=self.regressor.names)
+
+    def scores(self, theta: Array, consistent: ConsistentEstimate | None) -> tuple[Score, ...]:
+        """Of every estimate on the rows fitted, on all rows, and on unfiltered torques; in sample and held out."""
+        self.tell(0, 0, "scores on all samples")
+        estimates = {self.options.method: theta} | ({} if consistent is None else {"consistent": consistent.theta})
+        stacked = np.column_stack(list(estimates.values()))
+
+        def torques(q: Array, dq: Array, ddq: Array) -> Array:
+            return np.asarray(self.regressor(q, dq, ddq) @ stacked)
+
+        return score_models(
+            tuple(estimates),
+            torques,
+            self.recordings,
+            self.tuning,
+            self.options.split,
+            known=self.options.known,
+            columns=len(self.regressor.columns),
+        )
 
     def indefinite(self, theta: Array, consistent: ConsistentEstimate | None) -> dict[str, float]:
         """Share of random poses with an indefinite M(q), by estimate."""

@@ -37,12 +37,15 @@ def as_record(found: Identification) -> dict[str, Any]:
         "relative_error_held_out": found.held_out["relative_error"],
         "fit": found.fit,
         "held_out": found.held_out,
+        "scores": [{"measured_on": score.where, **vars(score)} for score in found.scores],
         "condition": estimate.condition,
         "condition_scaled": estimate.scaled_condition,
         "rank": estimate.rank,
         "iterations": estimate.iterations,
         "joint_sigma": estimate.joint_sigma,
         "processing": found.processing.settings(),
+        "bandwidth": found.tuning.to_json(),
+        "guard_band": found.split.guard,
         "whiteness": [
             {
                 "durbin_watson": w.durbin_watson,

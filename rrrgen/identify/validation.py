@@ -7,7 +7,7 @@ other data than was fitted is the default; a fit that is scored on its own data 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker, tuned
+from rrrgen.identify.estimation.bandwidth import Tuning, tune
+from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
+from rrrgen.identify.estimation.scoring import Score, score_models
 from rrrgen.identify.estimation.statistics import relative_error, rms
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.model.drive_columns import drive_columns
@@ -71,7 +73,11 @@ class JointScore:
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """The score of a model on one recording, its verdict, and the curves behind it (N, n)."""
+    """The score of a model on one recording, its verdict, and the curves behind it (N, n).
+
+    ``relative_error`` is that of the ``used`` rows, ``scores`` has the errors on all rows and on unfiltered torques,
+    ``tuning`` the filters; without them the torques were given as they are.
+    """
 
     joints: tuple[JointScore, ...]
     relative_error: float
@@ -82,6 +88,13 @@ class Validation:
     measured: Array
     predicted: Array
     used: NDArray[np.bool_]
+    scores: tuple[Score, ...] = ()
+    tuning: Tuning | None = None
+
+    @property
+    def share(self) -> float:
+        """Which part of all rows ``relative_error`` was measured on."""
+        return float(np.mean(self.used))
 
     @property
     def passed(self) -> bool:
@@ -95,6 +108,9 @@ class Validation:
             "failures": list(self.failures),
             "scored_on": self.label,
             "relative_error": self.relative_error,
+            "share": self.share,
+            "scores": [{"measured_on": score.where, **vars(score)} for score in self.scores],
+            "bandwidth": None if self.tuning is None else self.tuning.to_json(),
             "indefinite_mass_matrix_share": self.indefinite_share,
             "joints": [vars(score) for score in self.joints],
         }
@@ -162,17 +178,19 @@ def validate_recordings(
 
     The motion is reconstructed, and the model's torque passes the same decimation filter as the measured one. Samples
     below the lowest speed or with invalid torque are left out, and those next to them that the filter mixes with them.
-    ``noise`` (n,) is the standard deviation of the *recorded* torque; what the filter leaves of it is known.
-    ``options`` are those of score_torques.
+    What the processing leaves open follows the rule of :mod:`rrrgen.identify.estimation.bandwidth`, from these
+    recordings. ``noise`` (n,) is the standard deviation of the *recorded* torque; what the filter leaves of it is
+    known. ``options`` are those of score_torques.
     """
 
     def as_column(q: Array, dq: Array, ddq: Array) -> Array:
         return np.asarray(torque_model(q, dq, ddq))[..., None]
 
-    chosen = tuned(processing, recordings)
+    tuning = tune(processing, recordings)
+    chosen = tuning.processing
     blocks = list(Observations(tuple(recordings), RowMaker(as_column, chosen, columns=1)))
     left = None if noise is None else [value * noise_gain(chosen.decimate or 1) for value in noise]
-    return score_torques(
+    result = score_torques(
         np.concatenate([rows.t for rows in blocks]),
         np.concatenate([rows.tau for rows in blocks]),
         np.concatenate([rows.W[..., 0] for rows in blocks]),
@@ -181,6 +199,8 @@ def validate_recordings(
         noise=left,
         **options,
     )
+    labels = (result.label, "held out")  # nothing is split off here
+    return replace(result, tuning=tuning, scores=score_models(("model",), as_column, recordings, tuning, labels=labels))
 
 
 def _undisturbed(blocks: Sequence[Rows], decimate: int) -> NDArray[np.bool_]:

@@ -14,6 +14,7 @@ Array = NDArray[np.floating[Any]]
 
 HALF_LENGTH = 10  # of the filter, in new samples
 BETA = 5.0  # of the Kaiser window
+PASSED = 0.8  # of the new half rate: where the filter is down to one half (-6 dB)
 GROUP = 16  # outputs computed at a time
 
 
@@ -53,11 +54,15 @@ class Decimator:
             out[start : start + rows] = (band @ padded[at : at + band.shape[1]])[:rows]
         return out.reshape(count, *x.shape[1:])
 
-    def _band(self) -> Array:
-        """The filter's rows for GROUP consecutive outputs: one product of matrices instead of many of vectors."""
+    def taps(self) -> Array:
+        """The filter's impulse response, ``2*memory + 1`` samples about its middle."""
         from scipy.signal import firwin
 
-        taps = firwin(2 * self.memory + 1, 0.8 / self.factor, window=("kaiser", BETA))
+        return np.asarray(firwin(2 * self.memory + 1, PASSED / self.factor, window=("kaiser", BETA)))
+
+    def _band(self) -> Array:
+        """The filter's rows for GROUP consecutive outputs: one product of matrices instead of many of vectors."""
+        taps = self.taps()
         band = np.zeros((GROUP, len(taps) + (GROUP - 1) * self.factor))
         for k in range(GROUP):
             band[k, k * self.factor : k * self.factor + len(taps)] = taps

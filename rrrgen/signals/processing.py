@@ -16,26 +16,44 @@ from rrrgen.yamltext.sections import describe, read_entries
 from rrrgen.yamltext.suggest import did_you_mean
 
 Method = Literal["butterworth", "kalman", "kalman_filter", "differences", "logged"]
+KALMAN: tuple[Method, ...] = ("kalman", "kalman_filter")
+DEFAULT_ORDER = 4  # of the Butterworth filter
 METHODS: tuple[Method, ...] = ("butterworth", "kalman", "kalman_filter", "differences", "logged")
+
+OWNERS: dict[str, tuple[Method, ...]] = {
+    "cutoff": ("butterworth",),
+    "order": ("butterworth",),
+    "var_eta": KALMAN,
+    "var_xi": KALMAN,
+}
+"""Settings that only some methods have."""
+
+FIELDS = {"position_resolution": "var_eta", "jerk": "var_xi"}
+"""Keys of a mapping file that are called otherwise than the setting they give."""
 
 
 @dataclass(frozen=True)
 class Processing:
     """Reconstruction ``method`` with its tuning, decimation, and speeds below which a joint's rows are left out.
 
-    ``cutoff`` (Hz) and ``order`` belong to the Butterworth filter; ``var_eta`` and ``var_xi`` to the Kalman filter,
-    found from the innovations where they are None. ``decimate`` is chosen from the motion where it is None.
-    ``low_speed`` (n,) is in rad/s (m/s), empty for none. ``logged`` takes the speeds and accelerations of the
-    recording as they are.
+    ``cutoff`` (Hz) and ``order`` belong to the Butterworth filter; ``var_eta`` and ``var_xi`` to the Kalman filter.
+    What is None is chosen by the rule of :mod:`rrrgen.identify.estimation.bandwidth`. ``low_speed`` (n,) is in rad/s
+    (m/s), empty for none. ``logged`` takes the speeds and accelerations of the recording as they are. Raises
+    :class:`InputError` for a setting that the method does not have.
     """
 
     method: Method = "kalman"
     cutoff: float | None = None
-    order: int = 4
+    order: int | None = None
     var_eta: tuple[float, ...] | None = None
     var_xi: tuple[float, ...] | None = None
     decimate: int | None = None
     low_speed: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, methods in OWNERS.items():
+            if getattr(self, name) is not None and self.method not in methods:
+                raise InputError(f"{name} belongs to the method {' or '.join(methods)}, not to {self.method}")
 
     def settings(self) -> dict[str, Any]:
         """Plain values, for records."""
@@ -45,11 +63,9 @@ class Processing:
         """The method with its tuning; the variances of a Kalman filter must be known."""
         if self.method == "butterworth":
             if self.cutoff is None:
-                raise InputError(
-                    "the Butterworth filter needs a cutoff (Hz): about 5 times the highest frequency of the motion"
-                )
-            return Butterworth(self.cutoff, self.order)
-        if self.method in ("kalman", "kalman_filter"):
+                raise InputError("the Butterworth filter needs a cutoff (Hz), above the bandwidth of the motion")
+            return Butterworth(self.cutoff, self.order or DEFAULT_ORDER)
+        if self.method in KALMAN:
             if self.var_eta is None or self.var_xi is None:
                 raise InputError("the Kalman filter needs its two variances; tune_by_innovations finds them")
             return KalmanSmoother(self.var_eta, self.var_xi, smooth=self.method == "kalman")
@@ -64,7 +80,8 @@ def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[s
     if node is None:
         return {}
     found: dict[str, Any] = {}
-    for name, (key, value) in (read_entries(node, "processing", faults) or {}).items():
+    entries = read_entries(node, "processing", faults) or {}
+    for name, (key, value) in entries.items():
         what = f"processing.{name}"
         if name not in _KEYS:
             hint = f"{did_you_mean(name, _KEYS)} allowed are {', '.join(_KEYS)}".strip()
@@ -88,7 +105,21 @@ def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[s
             found["var_eta"] = tuple(step**2 / 12.0 for step in steps)
         else:
             found["var_xi"] = tuple(j**2 for j in _per_joint(value, what, joints, {"rad/s^3": 1.0}, "rad/s^3", faults))
+    _settle_method(entries, found, faults)
     return found
+
+
+def _settle_method(entries: dict[str, tuple[Scalar, Node]], found: dict[str, Any], faults: FaultList) -> None:
+    """The method is the one that the settings belong to, where it is not named; settings of others are faults."""
+    owners = {name: OWNERS[field] for name in entries if (field := FIELDS.get(name, name)) in OWNERS}
+    if "method" not in entries and owners:
+        found["method"] = next(iter(owners.values()))[0]
+    method = found.get("method")
+    for name, methods in owners.items():
+        if method is not None and method not in methods:
+            chosen = f"method {method}" if "method" in entries else next(iter(owners))
+            hint = f"it belongs to the method {' or '.join(methods)}"
+            faults.error(entries[name][0], f"processing.{name} has no meaning beside {chosen}", hint)
 
 
 def _per_joint(

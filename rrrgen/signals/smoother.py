@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,24 +93,35 @@ def tune_by_innovations(t: Array, q: Array, reference: Reconstruction | None = N
     For a given ratio of the variances the likelihood is largest at ``var eta = mean(innovation^2) / (c P c' + 1)``, and
     what is left, ``log mean(innovation^2)``, is minimised over the ratio: the one-step prediction error.
     """
+    e = np.asarray(q, float) if reference is None else np.asarray(q, float) - reference.q
+    return tune_stretches([e], sampling_period(t))
+
+
+def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
+    """The same from several stretches of positions (N, n), at a common ``period`` (s), between which nothing is known.
+
+    The innovations of all stretches count alike.
+    """
     from scipy.optimize import minimize_scalar
 
-    period = sampling_period(t)
-    e = np.asarray(q, float) if reference is None else np.asarray(q, float) - reference.q
     etas, xis = [], []
-    for column in e.T:
-        if float(np.ptp(column)) == 0.0:
+    for joint in range(stretches[0].shape[1]):
+        columns = [np.asarray(stretch[:, joint], float) for stretch in stretches]
+        if all(float(np.ptp(column)) == 0.0 for column in columns):
             raise InputError("a joint does not move at all: its noise cannot be told from its motion")
 
-        def cost(log_ratio: float, column: Array = column) -> float:
-            return math.log(float(np.mean(innovations(_unit_noise(period, log_ratio), column) ** 2)))
+        def square(matrices: KalmanMatrices, columns: list[Array] = columns) -> float:
+            return float(np.mean(np.concatenate([innovations(matrices, column) for column in columns]) ** 2))
+
+        def cost(log_ratio: float, square: Callable[[KalmanMatrices], float] = square) -> float:
+            return math.log(square(_unit_noise(period, log_ratio)))
 
         grid = np.linspace(LOWEST_RATIO, HIGHEST_RATIO, 23)
         best = int(np.argmin([cost(value) for value in grid]))
         bracket = (grid[max(0, best - 1)], grid[min(len(grid) - 1, best + 1)])
         found = minimize_scalar(cost, bounds=bracket, method="bounded", options={"xatol": 1e-3})
         matrices = _unit_noise(period, float(found.x))
-        eta = float(np.mean(innovations(matrices, column) ** 2)) / matrices.innovation
+        eta = square(matrices) / matrices.innovation
         etas.append(eta)
         xis.append(eta * 10.0 ** (2.0 * float(found.x)) / period**6)
     return KalmanSmoother(tuple(etas), tuple(xis))

@@ -145,7 +145,7 @@ def test_a_wrist_arm_in_modified_parameters_with_drives(tmp_path):
     robot.write_text(SIX)
     log = recorded(tmp_path, robot, 6, 0.6, 0.05, 250, 3)
     out = tmp_path / "found"
-    settings = ["--no-consistent", "--split", "blocks:0.5"]
+    settings = ["--no-consistent", "--split", "blocks:0.5", "--guard", 0]
     assert run("identify", robot, "--log", log, *settings, "-o", out).return_value == 0
     found, estimate = deviations(out, robot)
     assert {"Ia3", "Ia4", "Ia5", "Ia6", "fv1", "fc6"} <= set(found)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.identify.estimation.factoring import Split
+from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.identification import Options, identify
 from rrrgen.recordings.logs import read_log
 from rrrgen.signals.processing import Processing

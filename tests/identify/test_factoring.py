@@ -11,17 +11,18 @@ import numpy as np
 import pytest
 
 from rrrgen.errors import InputError
+from rrrgen.identify.estimation.bandwidth import motion_bandwidth, tune
 from rrrgen.identify.estimation.factoring import (
     FittedRows,
-    Split,
     factor_recordings,
     fits_in_memory,
     rows_of_recordings,
     score,
 )
 from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.estimation.observations import Observations, RowMaker, motion_bandwidth, tuned
+from rrrgen.identify.estimation.observations import Observations, RowMaker
 from rrrgen.identify.estimation.regression import weighted_least_squares
+from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.estimation.tsqr import factor_rows
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.log_stream import LogStream
@@ -213,9 +214,11 @@ def test_rows_in_memory_and_rows_computed_anew_are_the_same(tmp_path):
 def test_the_kalman_filter_is_tuned_when_nothing_is_said(tmp_path):
     path, regressor, x = recording(tmp_path)
     log = read_log(path)
-    processing = tuned(Processing("kalman"), [log])
+    processing = tune(Processing("kalman"), [log]).processing
     assert len(processing.var_eta) == len(processing.var_xi) == 2
-    assert tuned(processing, [log]) is processing
+    again = tune(processing, [log])
+    assert again.processing is processing
+    assert again.by_rule == ()
     maker = RowMaker(regressor, processing, len(regressor.names))
     found = weighted_least_squares(factor_recordings(Observations((log,), maker)).fit, regressor.names)
     assert np.max(np.abs(found.x - x) / found.std) < 5
@@ -235,10 +238,10 @@ def test_the_bandwidth_of_a_motion_is_told_through_the_noise_of_its_encoder(reso
 def test_the_decimation_follows_the_motion_when_nothing_is_said(tmp_path):
     path, _, _ = recording(tmp_path)
     log = read_log(path)
-    found = tuned(Processing(), [log])
+    found = tune(Processing(), [log]).processing
     rate = 1.0 / (PERIOD * found.decimate)
     assert 8 * motion_bandwidth(log.q, PERIOD) < rate < 25 * motion_bandwidth(log.q, PERIOD)
-    assert tuned(Processing("butterworth", cutoff=20.0, decimate=3), [log]).decimate == 3
+    assert tune(Processing("butterworth", cutoff=20.0, decimate=3), [log]).processing.decimate == 3
 
 
 LIMITED = """
@@ -249,12 +252,9 @@ import scipy.signal, scipy.linalg
 sys.path[:0] = [{tests!r}, {identify!r}]
 from test_factoring import TERMS
 from samples.recordings import planar_arm
-from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.factoring import factor_recordings
-from rrrgen.recordings.log_stream import LogStream
 from rrrgen.recordings.mapping_reader import load_mapping
 from rrrgen.identify.estimation.observations import Observations, RowMaker, Window
-from rrrgen.signals.processing import Processing
 
 regressor = FullRegressor(planar_arm(), TERMS)
 maker = RowMaker(regressor, Processing("butterworth", cutoff=20.0, decimate=50), len(regressor.names))

@@ -8,8 +8,8 @@ import pytest
 import rrrgen
 from rrrgen.errors import InputError
 from rrrgen.identify.convergence import convergence
-from rrrgen.identify.estimation.factoring import Split
 from rrrgen.identify.estimation.full_regressor import FullRegressor
+from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.estimation_plots import bode_data, plot_bode, plot_whiteness
 from rrrgen.identify.identification import Options, identify
 from rrrgen.identify.results import as_record, write_identification

@@ -39,6 +39,12 @@ if TYPE_CHECKING:
     help="Least squares: plain, with residual weights per joint, or against outliers.",
 )
 @click.option("--split", default="none", show_default=True, help="Data to fit: none, first:0.6, blocks:0.5.")
+@click.option(
+    "--guard",
+    type=click.FloatRange(min=0),
+    metavar="S",
+    help="Left out on either side of a border of --split, seconds; the reach of the filters where nothing is said.",
+)
 @click.option("--fix", multiple=True, metavar="NAME=VALUE", help="A known column or standard parameter, as my2=0.")
 @click.option("--consistent/--no-consistent", default=True, help="Also the physically consistent estimate.")
 @click.option("--essential", is_flag=True, help="Also the reduction to essential parameters.")
@@ -60,7 +66,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     consistency = ("cvxpy", "clarabel") if options["consistent"] else ()
     require("rrrgen identify", "scipy", "matplotlib", *consistency, *parallel_packages(options))
     from rrrgen import pipeline
-    from rrrgen.identify.estimation.factoring import Split
+    from rrrgen.identify.estimation.split import Split
     from rrrgen.identify.identification import Options
     from rrrgen.identify.identification import identify as estimate
     from rrrgen.identify.results import as_record, write_identification
@@ -81,13 +87,15 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         fixed=columns,
         fixed_standard=standard,
         split=Split.parse(options["split"]),
+        guard=options["guard"],
         consistent=options["consistent"],
         essential=options["essential"],
         seed=options["seed"],
         jobs=options["jobs"],
         cluster=options["cluster"],
     )
-    settings = {**processing.settings(), **{k: options[k] for k in ("estimator", "split", "fix", "consistent")}}
+    named = ("estimator", "split", "guard", "fix", "consistent", "essential")
+    settings = {**processing.settings(), **{name: options[name] for name in named}}
     inputs = input_files(robot, logs, mappings)
     with (
         RunFolder(output, "identify", inputs, settings, options["seed"], options["fresh"]) as folder,
@@ -138,16 +146,18 @@ def _finite(value: Any) -> Any:
 
 
 def _report(found: Identification, output: Path) -> None:
+    from rrrgen.identify.estimation.scoring import score_table
+
     estimate = found.estimate
     click.echo(f"{'parameter':>14} {'estimate':>14} {'std':>10}")
     for name, value, std in zip(estimate.names, estimate.x, estimate.std, strict=True):
         click.echo(f"{name:>14} {value:14.6g} {std:10.2e}")
-    click.echo(f"fitted: relative error {100 * found.fit['relative_error']:.3g} % (its own data)")
+    for sentence in found.tuning.sentences():
+        click.echo(sentence)
     if found.split.kind != "none":
-        click.echo(f"held out: relative error {100 * found.held_out['relative_error']:.3g} %")
-        if found.consistent_held_out is not None:
-            error = 100 * found.consistent_held_out["relative_error"]
-            click.echo(f"held out, physically consistent: relative error {error:.3g} %")
+        click.echo(f"data: {found.split}")
+    for line in score_table(found.scores):
+        click.echo(line)
     for name, share in found.indefinite.items():
         click.echo(f"random poses with an indefinite mass matrix, {name}: {100 * share:.2f} %")
     for note in (*found.structural_notes, *found.motion_notes):

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
 from rrrgen.cli.arguments import json_option, print_json
-from rrrgen.cli.identification.workflow import chosen_processing, output_option, print_repairs, processing_options
+from rrrgen.cli.identification.workflow import chosen_processing, output_option, print_repairs, reconstruction_options
 from rrrgen.extras import require
 
 
 @click.command()
 @click.argument("log", type=click.Path(path_type=Path))
 @output_option
-@processing_options
+@reconstruction_options
 @click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
 @json_option
 def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: Any) -> int:
     """Reconstruct joint positions, speeds and accelerations from the recording LOG (or its mapping file).
 
-    The Kalman smoother is tuned by its innovations unless the mapping file says otherwise. DIR gets motion.csv, the
+    The Kalman smoother is tuned by its innovations, a Butterworth filter cuts at 5 times the bandwidth of the motion,
+    unless an option or the mapping file says otherwise; what was chosen is printed. DIR gets motion.csv, the
     tuning, and for the Kalman filter its Bode plot and the whiteness of its innovations.
 
     \b
@@ -29,34 +31,37 @@ def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: 
       rrrgen reconstruct runs/experiment/results/log.yaml --method kalman -o runs/motion
     """
     require("rrrgen reconstruct", "scipy", "matplotlib")
-    from rrrgen.identify.estimation.observations import tuned
+    from rrrgen.identify.estimation.bandwidth import tune
+    from rrrgen.identify.estimation.observations import reconstruct as reconstructed
     from rrrgen.identify.estimation_plots import plot_bode
     from rrrgen.recordings.logs import open_log, read_log
     from rrrgen.runs.run_folder import RunFolder, plain
     from rrrgen.signals.smoother import KalmanSmoother
 
     mapping = open_log(log)
-    processing = chosen_processing([mapping], options["reconstruction"], options["cutoff"], options["decimate"])
+    processing = chosen_processing([mapping], options["reconstruction"], options["cutoff"])
     inputs = {"log": log, **{source.name: Path(source.path) for source in mapping.files}}
     with RunFolder(output, "reconstruct", inputs, processing.settings(), 0, fresh) as folder:
         recording = read_log(mapping.source or log)
         print_repairs([recording.repairs], as_json)
-        processing = tuned(processing, [recording])
-        method = processing.reconstructor()
+        tuning = tune(replace(processing, decimate=1), [recording])  # every sample stays
+        processing = tuning.processing
         rows: list[list[float]] = []
         for part in recording.parts():
-            motion = method(part.t, part.q)
+            motion = reconstructed(part, processing)
             columns = [motion.t[:, None], motion.q, motion.dq, motion.ddq]
             rows += [[float(v) for block in row for v in block] for row in zip(*columns, strict=True)]
         header = ["t", *(f"{kind}_{joint}" for kind in ("q", "dq", "ddq") for joint in recording.joints)]
         folder.write_csv("motion.csv", header, rows)
         folder.write_json("tuning.json", processing.settings())
         folder.write_json("repairs.json", {"repairs": [recording.repairs.to_json()]})
+        method = None if processing.method == "logged" else processing.reconstructor()
         if isinstance(method, KalmanSmoother):
             matrices = method.matrices(recording.period, len(recording.joints))
             folder.figure("bode", plot_bode(matrices, recording.joints))
     if as_json:
         print_json(plain({"samples": len(rows), "processing": processing.settings()}))
     else:
+        click.echo(tuning.sentences()[0])
         click.echo(f"{len(rows)} samples by {processing.method}; motion in {output / 'results' / 'motion.csv'}")
     return 0

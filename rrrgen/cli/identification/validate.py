@@ -44,6 +44,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     require("rrrgen validate", "scipy", "matplotlib")
     from rrrgen import pipeline
     from rrrgen.identify.estimation.definiteness import indefinite_share, pose_limits
+    from rrrgen.identify.estimation.scoring import score_table
     from rrrgen.identify.validation import (
         Thresholds,
         data_label,
@@ -91,6 +92,10 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         for row in rows:
             shown = {key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()}
             click.echo("  ".join(f"{key}: {value}" for key, value in shown.items() if value is not None))
+        for sentence in () if result.tuning is None else result.tuning.sentences():
+            click.echo(sentence)
+        for line in score_table(result.scores):
+            click.echo(line)
         click.echo(
             f"scored on {result.label}; {'passed' if result.passed else 'FAILED: ' + '; '.join(result.failures)}"
         )

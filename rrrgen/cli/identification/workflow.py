@@ -92,25 +92,54 @@ def seed_option(default: int | None) -> Callable[[F], F]:
 
 
 def processing_options(function: F) -> F:
-    """How recordings are made ready; a mapping file's own ``processing`` is the default."""
+    """How recordings are made ready for a comparison of torques; a mapping file's own ``processing`` is the default."""
     function = click.option("--decimate", type=click.IntRange(min=1), help="Keep every k-th row, filtered.")(function)
-    function = click.option("--cutoff", type=float, metavar="HZ", help="Of the Butterworth filter.")(function)
-    methods = click.Choice(["butterworth", "kalman", "kalman_filter", "logged"])
-    return click.option("--method", "reconstruction", type=methods, help="How the motion is reconstructed.")(function)
+    return reconstruction_options(function)
+
+
+def reconstruction_options(function: F) -> F:
+    """How the motion is reconstructed."""
+    told = "Of the Butterworth filter, which it chooses where no method is named."
+    positive = click.FloatRange(min=0, min_open=True)
+    function = click.option("--cutoff", type=positive, metavar="HZ", help=told)(function)
+    methods = click.Choice(["butterworth", "kalman", "kalman_filter", "differences", "logged"])
+    told = "How the motion is reconstructed; kalman where nothing is said."
+    return click.option("--method", "reconstruction", type=methods, help=told)(function)
 
 
 def chosen_processing(
-    mappings: list[LogMapping], reconstruction: str | None, cutoff: float | None, decimate: int | None
+    mappings: list[LogMapping], reconstruction: str | None, cutoff: float | None, decimate: int | None = None
 ) -> Processing:
-    """The processing of the first mapping file that names one, with the command line's own words on top."""
-    from rrrgen.signals.processing import Processing
+    """What the mapping files say, with the command line's own words on top; the rest is left to the rule.
 
-    settings: dict[str, Any] = dict(next((m.processing for m in mappings if m.processing), {}))
+    Raises UsageError for words that contradict one another, InputError where mapping files do.
+    """
+    from rrrgen.errors import InputError
+    from rrrgen.signals.processing import OWNERS, Processing
+
     given = {"method": reconstruction, "cutoff": cutoff, "decimate": decimate}
-    settings |= {name: value for name, value in given.items() if value is not None}
-    if not settings:
-        settings = {"method": "kalman", "decimate": 10}
-    return Processing(**settings)
+    named: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    settings: dict[str, Any] = {}
+    sources: dict[str, str] = {}
+    for mapping in mappings:
+        for name, value in mapping.processing.items():
+            if name not in named and settings.setdefault(name, value) != value:
+                raise InputError(
+                    f"{sources[name]} and {mapping.source} disagree on {name} of their processing, and recordings "
+                    "that are used together are made ready alike: let them agree, or name it on the command line"
+                )
+            sources.setdefault(name, mapping.source)
+    if cutoff is not None and reconstruction is None:
+        method = settings.setdefault("method", "butterworth")
+        if method != "butterworth":
+            where = f"{sources['method']} says {method}"
+            raise click.UsageError(f"--cutoff belongs to the Butterworth filter, and {where}: add --method butterworth")
+    method = named.get("method", settings.get("method", "kalman"))
+    if method not in OWNERS["cutoff"] and cutoff is not None:
+        raise click.UsageError(f"--cutoff belongs to --method butterworth, not to {method}")
+    # what a mapping file says of a method falls with the method, where the command line names another
+    settings = {name: value for name, value in settings.items() if method in OWNERS.get(name, (method,))}
+    return Processing(**{**settings, **named})
 
 
 def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.identify.estimation.observations import Observations, RowMaker, Window
+from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows
 from rrrgen.runs.ordered_map import ordered_map
 
@@ -23,51 +22,6 @@ IN_MEMORY = 64_000_000
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, message)``; total 0: not known."""
-
-
-@dataclass(frozen=True)
-class Split:
-    """Which instants are fitted; the others are there to score.
-
-    ``none``: all are fitted. ``first``: the first share ``value`` of the duration. ``blocks``: every other block of
-    ``value`` seconds, the first one included.
-    """
-
-    kind: Literal["none", "first", "blocks"] = "none"
-    value: float = 0.0
-
-    @classmethod
-    def parse(cls, text: str) -> Split:
-        """``none``, ``first:0.6`` or ``blocks:0.5``."""
-        match = re.fullmatch(r"\s*(none|first|blocks)\s*(?::\s*([0-9.eE+-]+)\s*)?", text)
-        try:
-            value = float(match.group(2) or 0.0) if match else 0.0
-        except ValueError:
-            match = None
-        if match is None or (match.group(1) == "none") != (match.group(2) is None):
-            raise InputError(f"'{text}' is not a way to split the data; write none, first:0.6 or blocks:0.5")
-        kind: Any = match.group(1)
-        if kind == "first" and not 0.0 < value < 1.0:
-            raise InputError(f"the first {value:g} of the data; the share must lie between 0 and 1")
-        if kind == "blocks" and not value > 0.0:
-            raise InputError(f"blocks of {value:g} s; their length must be positive")
-        return cls(kind, value)
-
-    def fitted(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Which of the instants ``t`` of a recording from ``start`` on are fitted."""
-        since = t - start
-        if self.kind == "first":
-            return np.asarray(since < self.value * duration)
-        if self.kind == "blocks":
-            return np.asarray(np.floor(since / self.value) % 2 == 0)
-        return np.ones(len(t), bool)
-
-    def __str__(self) -> str:
-        return {
-            "none": "fitted and scored on the same data",
-            "first": f"fitted on the first {100 * self.value:g} %, scored on the rest",
-            "blocks": f"fitted on every other block of {self.value:g} s, scored on the blocks between",
-        }[self.kind]
 
 
 @dataclass(frozen=True)
@@ -90,9 +44,8 @@ class _Task:
         start, duration = self.spans[window.recording]
         total: list[JointFactors | None] = [None, None]
         for rows in self.maker.rows(window):
-            mask = self.split.fitted(rows.t, start, duration)
-            for i, chosen in enumerate((mask, ~mask)):
-                part = factor_rows(rows.chosen(chosen))
+            for i, chosen in enumerate((self.split.fitted, self.split.scored)):
+                part = factor_rows(rows.chosen(chosen(rows.t, start, duration)))
                 before = total[i]
                 total[i] = part if before is None else before.merged(part)
         fit, score = total
@@ -217,9 +170,8 @@ def rows_of_recordings(
     for window in observations.windows():
         start, duration = observations.recordings[window.recording].span
         for rows in observations.maker.rows(window):
-            mask = split.fitted(rows.t, start, duration)
-            fitted.append(rows.chosen(mask))
-            scored.append(rows.chosen(~mask))
+            fitted.append(rows.chosen(split.fitted(rows.t, start, duration)))
+            scored.append(rows.chosen(split.scored(rows.t, start, duration)))
             state.add(factor_rows(fitted[-1]), factor_rows(scored[-1]), 0)
         state.samples += window.stop - window.start
         if progress is not None:

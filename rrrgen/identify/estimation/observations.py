@@ -6,7 +6,7 @@ reaches as far beyond it as the filters remember, so that it does not depend on 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -23,9 +23,6 @@ from rrrgen.signals.reconstruction import Reconstruction, Reconstructor
 
 BLOCK_BYTES = 4_000_000  # of the regressor that is held at a time
 SHORTEST_BLOCK = 500  # samples
-TUNING_SAMPLES = 50_000
-MOTION_POWER = 0.999
-RATE_OVER_BANDWIDTH = 10.0  # of the rows that are kept, over the bandwidth of the motion
 
 Regressor = Callable[[Array, Array, Array], Array]
 KnownTorque = Callable[[Reconstruction], Array]
@@ -93,6 +90,7 @@ class RowMaker:
             tau=decimate(tau * part.valid, first)[kept],
             use=use,
             segment=np.zeros(len(t), np.int64),
+            valid=sound,
         )
 
 
@@ -180,47 +178,3 @@ def _reconstruction_memory(processing: Processing, period: float) -> int:
         return 0
     method: Reconstructor = processing.reconstructor()
     return method.memory(period)
-
-
-def tuned(processing: Processing, recordings: Sequence[Recording]) -> Processing:
-    """``processing`` with what it leaves open taken from the first long stretch.
-
-    The variances of a Kalman filter come from its innovations, the decimation from the motion's bandwidth.
-    """
-    from rrrgen.signals.smoother import tune_by_innovations
-
-    kalman = processing.method.startswith("kalman") and not (processing.var_eta and processing.var_xi)
-    if not kalman and processing.decimate is not None:
-        return processing
-    part = next(recordings[0].parts())
-    q = part.q[: min(len(part), TUNING_SAMPLES)]
-    period = recordings[0].period
-    if processing.decimate is None:
-        rate = RATE_OVER_BANDWIDTH * motion_bandwidth(q, period)
-        processing = replace(processing, decimate=max(1, int(1.0 / (period * rate))))
-    if kalman:
-        found = tune_by_innovations(np.arange(len(q)) * period, q)
-        eta, xi = (tuple(float(x) for x in np.atleast_1d(v)) for v in (found.var_eta, found.var_xi))
-        processing = replace(processing, var_eta=processing.var_eta or eta, var_xi=processing.var_xi or xi)
-    return processing
-
-
-def motion_bandwidth(q: Array, period: float) -> float:
-    """The frequency (Hz) below which 99.9 % of the power of every joint's speed lies, measuring noise taken off.
-
-    White noise of the position has the power ``4 sin^2(pi f Ts)`` in its differences; its level is read off the upper
-    half of the spectrum.
-    """
-    speed = np.diff(q, axis=0) * np.hanning(len(q) - 1)[:, None]
-    power = np.abs(np.fft.rfft(speed, axis=0)) ** 2
-    power = power[:, np.sum(power, axis=0) > 0]
-    if power.shape[1] == 0:
-        raise InputError("no joint moves in the recording")
-    shape = 4.0 * np.sin(np.pi * np.arange(len(power)) / len(speed))[:, None] ** 2
-    upper = slice(len(power) // 2, None)
-    noise = np.median(power[upper] / shape[upper], axis=0) / np.log(
-        2.0
-    )  # the median of a squared modulus is ln 2 of its mean
-    total = np.cumsum(power - noise * shape, axis=0)
-    last = np.max(np.argmax(total >= MOTION_POWER * np.max(total, axis=0), axis=0))
-    return float((last + 1) / (period * (len(q) - 1)))

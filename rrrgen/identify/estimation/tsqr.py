@@ -8,7 +8,7 @@ depend on the length of the recording, and ``W' W``, whose condition number is s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,8 @@ class Rows:
     """Rows of the estimation problem at N instants: ``tau = W theta``.
 
     ``t`` (N,) s, ``W`` (N, n, p), ``tau`` (N, n) N m (N), ``use`` (N, n): False where a joint's row is left out.
-    ``segment`` (N,) counts the uninterrupted stretches of the recording, for statistics over time.
+    ``segment`` (N,) counts the uninterrupted stretches of the recording, for statistics over time. ``valid`` (N, n) is
+    False only where the torque cannot be used, and True for slow rows that are left out; None: as ``use``.
     """
 
     t: Array
@@ -30,10 +31,16 @@ class Rows:
     tau: Array
     use: NDArray[np.bool_]
     segment: NDArray[np.int64]
+    valid: NDArray[np.bool_] | None = None
+
+    @property
+    def sound(self) -> NDArray[np.bool_]:
+        """All rows with a valid torque, slow ones included (N, n)."""
+        return self.use if self.valid is None else self.valid
 
     def chosen(self, mask: NDArray[np.bool_]) -> Rows:
         """The same with only the instants of ``mask`` (N,) in use; the others stay, out of use, to keep time."""
-        return Rows(self.t, self.W, self.tau, self.use & mask[:, None], self.segment)
+        return replace(self, use=self.use & mask[:, None])
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,273 @@
+"""The one rule for what the filters let through, applied to whatever nobody has named.
+
+The *bandwidth* B of the motion is the frequency below which 99.9 % of the power of every joint's speed lies, measuring
+noise taken off. Rows come at 10 B: the decimation filter then passes torque and regressor up to 4 B, where the products
+of the motion (speeds squared: 2 B; with the sines of gravity and inertia: 3 B and some) are still there and the noise
+of the torque is not. A Butterworth filter of the position cuts at 5 B, above the filter of the torque, so that it does
+not decide what is compared. The variances of a Kalman filter maximise the likelihood of its innovations.
+
+All of it is taken from positions of the part of the data that is fitted, never from torques or from held-out data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.identify.estimation.observations import Recording
+from rrrgen.identify.estimation.split import Split
+from rrrgen.signals.decimation import PASSED, Decimator
+from rrrgen.signals.processing import DEFAULT_ORDER, KALMAN, Processing
+
+TUNING_SAMPLES = 50_000
+SHORTEST = 64
+"""Samples of an uninterrupted fitted stretch that filters can be tuned on."""
+MOTION_POWER = 0.999
+RATE_OVER_BANDWIDTH = 10.0  # of the rows that are kept, over the bandwidth of the motion
+CUTOFF_OVER_BANDWIDTH = 5.0  # of the Butterworth filter of the position
+HIGHEST_CUTOFF = 0.4  # of the sampling rate
+FINER = 4  # frequencies at which a spectrum is looked at, over those it tells apart
+OF_THE_WINDOW = 1.5  # cycles per window: where 99.9 % of the power of a Hann window itself lies
+AT_AN_END = 7  # samples that tell the speed at the end of a stretch
+ENERGY = 0.99  # of an impulse response, within what counts as its width
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """``processing`` with nothing left open, and where its numbers come from.
+
+    ``by_rule`` names what the rule chose (``decimate``, ``cutoff``, ``variances``); ``motion`` is the bandwidth B (Hz)
+    it was chosen by, None where it was not needed; ``period`` (s) is that of the samples, ``on`` (s) the duration of
+    what was looked at.
+    """
+
+    processing: Processing
+    period: float
+    by_rule: tuple[str, ...] = ()
+    motion: float | None = None
+    on: float = 0.0
+
+    @property
+    def row_rate(self) -> float:
+        """Of the rows that are kept, Hz."""
+        return 1.0 / (self.period * (self.processing.decimate or 1))
+
+    @property
+    def torque_cutoff(self) -> float | None:
+        """Where the filter of torque and regressor is down to one half (-6 dB), Hz; None where there is none."""
+        factor = self.processing.decimate or 1
+        return None if factor == 1 else PASSED * 0.5 * self.row_rate
+
+    def sentences(self) -> tuple[str, ...]:
+        """What the filters are, and who chose them."""
+        return (self._motion_sentence(), self._torque_sentence())
+
+    def _motion_sentence(self) -> str:
+        method, chosen = self.processing.method, self.processing
+        if method == "logged":
+            return "motion: speeds and accelerations as recorded"
+        if method == "differences":
+            return "motion: central differences, unfiltered"
+        if method == "butterworth":
+            times = f"{CUTOFF_OVER_BANDWIDTH:g} times the bandwidth of the motion"
+            reason = times if "cutoff" in self.by_rule else "as named"
+            order = chosen.order or DEFAULT_ORDER
+            return f"motion: zero-phase Butterworth of order {order}, cut-off {chosen.cutoff:.3g} Hz ({reason})"
+        name = "Kalman smoother" if method == "kalman" else "Kalman filter"
+        reason = "tuned by its innovations" if "variances" in self.by_rule else "variances as named"
+        return f"motion: {name}, {reason}"
+
+    def _torque_sentence(self) -> str:
+        factor, rate = self.processing.decimate or 1, 1.0 / self.period
+        if self.torque_cutoff is None:
+            what = f"torque and regressor: unfiltered, rows at {rate:.4g} Hz"
+        else:
+            what = (
+                f"torque and regressor: filtered at {self.torque_cutoff:.3g} Hz, a row for {factor} samples of "
+                f"{rate:.4g} Hz"
+            )
+        if "decimate" not in self.by_rule:
+            return f"{what} (as named)"
+        return f"{what} ({RATE_OVER_BANDWIDTH:g} rows for a cycle of {self.motion:.3g} Hz, the bandwidth of the motion)"
+
+    def to_json(self) -> dict[str, object]:
+        """The same as plain data."""
+        return {
+            "sampling_rate": 1.0 / self.period,
+            "row_rate": self.row_rate,
+            "torque_cutoff": self.torque_cutoff,
+            "motion_bandwidth": self.motion,
+            "chosen_by_rule": list(self.by_rule),
+            "chosen_on_seconds": self.on,
+            "in_words": list(self.sentences()),
+        }
+
+
+def tune(processing: Processing, recordings: Sequence[Recording], split: Split | None = None) -> Tuning:
+    """What ``processing`` leaves open, by the rule of this module, from the fitted part of ``recordings``.
+
+    Recordings sampled at different rates share one decimation, that of the slowest. Raises :class:`InputError` where
+    the fitted stretches are too short or nothing moves.
+    """
+    from rrrgen.signals.smoother import tune_stretches
+
+    period = max(recording.period for recording in recordings)
+    kalman = processing.method in KALMAN and not (processing.var_eta and processing.var_xi)
+    cutoff = processing.method == "butterworth" and processing.cutoff is None
+    open_ = [("decimate", processing.decimate is None), ("cutoff", cutoff), ("variances", kalman)]
+    by_rule = tuple(name for name, left in open_ if left)
+    if not by_rule:
+        return Tuning(processing, period)
+    each = TUNING_SAMPLES // len(recordings)
+    found = [(recording.period, fitted_stretches(recording, split or Split(), each)) for recording in recordings]
+    on = sum(step * len(stretch.q) for step, stretches in found for stretch in stretches)
+    motion = None
+    if processing.decimate is None or cutoff:
+        motion = max(bandwidth_of(stretches, step) for step, stretches in found)
+    if processing.decimate is None and motion is not None:
+        processing = replace(processing, decimate=max(1, int(1.0 / (period * RATE_OVER_BANDWIDTH * motion))))
+    if cutoff and motion is not None:
+        processing = replace(processing, cutoff=min(CUTOFF_OVER_BANDWIDTH * motion, HIGHEST_CUTOFF / period))
+    if kalman:
+        smoother = tune_stretches([stretch.q for stretch in found[0][1]], found[0][0])
+        eta, xi = (tuple(float(x) for x in np.atleast_1d(v)) for v in (smoother.var_eta, smoother.var_xi))
+        processing = replace(processing, var_eta=processing.var_eta or eta, var_xi=processing.var_xi or xi)
+    return Tuning(processing, period, by_rule, motion, on)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Uninterrupted positions ``q`` (N, n), from the sample ``first`` on of the recording's stretch ``segment``."""
+
+    q: Array
+    segment: int
+    first: int
+
+    @property
+    def end(self) -> int:
+        """Of its stretch of the recording, the sample after the last one."""
+        return self.first + len(self.q)
+
+
+def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAMPLES) -> list[Stretch]:
+    """The positions that are fitted, from the beginning of a recording on, some ``limit`` samples in all.
+
+    Raises :class:`InputError` where no stretch is long enough to tune filters on it.
+    """
+    start, duration = recording.span
+    found: list[Stretch] = []
+    count = 0
+    for part in recording.parts():
+        fitted = split.fitted(part.t, start, duration)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], fitted.astype(np.int8), [0]])))
+        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+            taken = Stretch(part.q[begin : min(end, begin + limit - count)], part.segment, part.first + int(begin))
+            if found and (found[-1].segment, found[-1].end) == (taken.segment, taken.first):
+                taken = Stretch(np.concatenate([found[-1].q, taken.q]), taken.segment, found.pop().first)
+            found.append(taken)
+            count = sum(len(stretch.q) for stretch in found)
+            if count >= limit:
+                break
+        if count >= limit:
+            break
+    long = [stretch for stretch in found if len(stretch.q) >= SHORTEST]
+    if not long:
+        raise InputError(
+            f"no fitted stretch has the {SHORTEST} samples that filters are tuned on: split the data otherwise, or "
+            "name method, cutoff and decimate"
+        )
+    return long
+
+
+def bandwidth_of(stretches: Sequence[Stretch], period: float) -> float:
+    """The bandwidth of the motion (Hz) from its fitted stretches.
+
+    Short blocks by themselves tell no slow motion, and bridging the gaps between them adds kinks; both can only make
+    the bandwidth larger, and the smaller figure counts.
+    """
+    apart = motion_bandwidth([stretch.q for stretch in stretches], period)
+    return min(apart, motion_bandwidth(bridged(stretches), period)) if len(stretches) > 1 else apart
+
+
+def bridged(stretches: Sequence[Stretch]) -> list[Array]:
+    """Positions of whole stretches of the recording: held-out gaps are cubics with the positions and speeds at both
+    ends, so that blocks do not hide how slow a motion is.
+    """
+    whole: list[list[Array]] = []
+    before: Stretch | None = None
+    for stretch in stretches:
+        if before is not None and before.segment == stretch.segment:
+            whole[-1] += [_cubic(before.q, stretch.q, stretch.first - before.end), stretch.q]
+        else:
+            whole.append([stretch.q])
+        before = stretch
+    return [np.concatenate(pieces) for pieces in whole]
+
+
+def _cubic(before: Array, after: Array, gap: int) -> Array:
+    """``gap`` samples between two stretches; the speeds are those of parabolas through the samples at their ends."""
+    instants = np.arange(float(AT_AN_END))[:, None] ** np.arange(3)
+    slope = np.linalg.pinv(instants)[1]  # of the parabola, at the first of its samples
+    start, end = -slope @ before[: -AT_AN_END - 1 : -1], slope @ after[:AT_AN_END]
+    length = gap + 1
+    s = np.arange(1, length)[:, None] / length
+    inside = (2 * s + 1) * (1 - s) ** 2 * before[-1] + s**2 * (3 - 2 * s) * after[0]
+    return np.asarray(inside + length * (s * (1 - s) ** 2 * start - s**2 * (1 - s) * end))
+
+
+def motion_bandwidth(q: Array | Sequence[Array], period: float) -> float:
+    """The frequency (Hz) below which 99.9 % of the power of every joint's speed lies, measuring noise taken off.
+
+    ``q`` (N, n), or several stretches: the power is then averaged over those at least half as long as the longest.
+    White noise of the position has the power ``4 sin^2(pi f Ts)`` in its differences; its level is read off the upper
+    half of the spectrum. What a window of length T adds by itself, 1.5/T, is taken off too.
+    """
+    stretches = [q] if isinstance(q, np.ndarray) else list(q)
+    longest = max(map(len, stretches))
+    alike = [stretch for stretch in stretches if 2 * len(stretch) >= longest]
+    length = min(map(len, alike)) - 1
+    window, padded = np.hanning(length)[:, None], FINER * length
+    speeds = (np.diff(x[: length + 1], axis=0) * window for x in alike)
+    power = np.sum([np.abs(np.fft.rfft(speed, padded, axis=0)) ** 2 for speed in speeds], axis=0)
+    power = power[:, np.sum(power, axis=0) > 0]
+    if power.shape[1] == 0:
+        raise InputError("no joint moves in the recording")
+    shape = 4.0 * np.sin(np.pi * np.arange(len(power)) / padded)[:, None] ** 2
+    upper = slice(len(power) // 2, None)
+    # the median of a squared modulus is ln 2 of its mean
+    noise = np.median(power[upper] / shape[upper], axis=0) / np.log(2.0)
+    total = np.cumsum(power - noise * shape, axis=0)
+    last = np.max(np.argmax(total >= MOTION_POWER * np.max(total, axis=0), axis=0))
+    resolution = 1.0 / (period * length)
+    return float(max((last + 1) / FINER - OF_THE_WINDOW, 1.0) * resolution)
+
+
+def reach(tuning: Tuning) -> float:
+    """Half the width (s) of the impulse response from samples to rows, by which guard bands are measured.
+
+    The reach within which 99 % of the energy of the reconstructed acceleration's response lies, plus the same of the
+    decimation filter.
+    """
+    processing, decimate = tuning.processing, Decimator(tuning.processing.decimate or 1)
+    samples = 0 if decimate.factor == 1 else _energy_radius(decimate.taps()[:, None])
+    if processing.method != "logged":
+        method = processing.reconstructor()
+        half = method.memory(tuning.period)
+        joints = len(processing.var_eta or (0.0,))
+        impulse = np.zeros((2 * half + 1, joints))
+        impulse[half] = 1.0
+        samples += _energy_radius(method(np.arange(len(impulse)) * tuning.period, impulse).ddq)
+    return samples * tuning.period
+
+
+def _energy_radius(response: Array) -> int:
+    """Samples on either side of the middle of ``response`` (2 h + 1, k) that hold 99 % of the energy of each column."""
+    half = len(response) // 2
+    energy = np.square(response)
+    both = np.concatenate([energy[half : half + 1], energy[half + 1 :] + energy[:half][::-1]])
+    total = np.cumsum(both, axis=0)
+    return int(np.max(np.argmax(total >= ENERGY * total[-1], axis=0)))

@@ -1,0 +1,93 @@
+"""Which part of a recording is fitted, which is only scored, and the guard band between the two."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+
+
+@dataclass(frozen=True)
+class Split:
+    """Which instants are fitted; the others are there to score.
+
+    ``none``: all are fitted. ``first``: the first share ``value`` of the duration. ``blocks``: every other block of
+    ``value`` seconds, the first one included. Instants nearer than ``guard`` (s) to a border belong to neither part:
+    the filters mix samples from both sides of the border into their rows.
+    """
+
+    kind: Literal["none", "first", "blocks"] = "none"
+    value: float = 0.0
+    guard: float = 0.0
+
+    @classmethod
+    def parse(cls, text: str) -> Split:
+        """``none``, ``first:0.6`` or ``blocks:0.5``."""
+        match = re.fullmatch(r"\s*(none|first|blocks)\s*(?::\s*([0-9.eE+-]+)\s*)?", text)
+        try:
+            value = float(match.group(2) or 0.0) if match else 0.0
+        except ValueError:
+            match = None
+        if match is None or (match.group(1) == "none") != (match.group(2) is None):
+            raise InputError(f"'{text}' is not a way to split the data; write none, first:0.6 or blocks:0.5")
+        kind: Any = match.group(1)
+        if kind == "first" and not 0.0 < value < 1.0:
+            raise InputError(f"the first {value:g} of the data; the share must lie between 0 and 1")
+        if kind == "blocks" and not value > 0.0:
+            raise InputError(f"blocks of {value:g} s; their length must be positive")
+        return cls(kind, value)
+
+    def guarded(self, guard: float) -> Split:
+        """The same with a guard band of ``guard`` seconds on either side of every border.
+
+        Raises :class:`InputError` where nothing would be left between two guard bands.
+        """
+        if self.kind == "none":
+            return self
+        if self.kind == "blocks" and self.value <= 2.0 * guard:
+            raise InputError(
+                f"blocks of {self.value:g} s leave nothing between guard bands of {guard:.3g} s at either end, "
+                "which the filters need; make the blocks longer, or filter less"
+            )
+        return Split(self.kind, self.value, guard)
+
+    def fitted(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
+        """Which of the instants ``t`` of a recording from ``start`` on are fitted."""
+        return self._first(t - start, duration) & ~self.between(t, start, duration)
+
+    def scored(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
+        """Which of the instants are held out, to be scored."""
+        return ~self._first(t - start, duration) & ~self.between(t, start, duration)
+
+    def between(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
+        """Which of the instants lie in a guard band."""
+        since = np.asarray(t) - start
+        if self.kind == "none" or self.guard == 0.0:
+            return np.zeros(len(since), bool)
+        if self.kind == "first":
+            return np.asarray(np.abs(since - self.value * duration) < self.guard)
+        border = np.round(since / self.value)  # the nearest one; neither end of the recording is a border
+        near = np.abs(since - border * self.value) < self.guard
+        return np.asarray(near & (border > 0) & (border * self.value < duration))
+
+    def _first(self, since: Array, duration: float) -> NDArray[np.bool_]:
+        """Without the guard bands: which instants, counted from the start, are on the fitted side."""
+        if self.kind == "first":
+            return np.asarray(since < self.value * duration)
+        if self.kind == "blocks":
+            return np.asarray(np.floor(since / self.value) % 2 == 0)
+        return np.ones(len(since), bool)
+
+    def __str__(self) -> str:
+        text = {
+            "none": "fitted and scored on the same data",
+            "first": f"fitted on the first {100 * self.value:g} %, scored on the rest",
+            "blocks": f"fitted on every other block of {self.value:g} s, scored on the blocks between",
+        }[self.kind]
+        return f"{text}, without {self.guard:.3g} s on either side of a border" if self.guard else text

@@ -1,0 +1,222 @@
+"""One rule for the filters, from the fitted part alone; named settings win; figures say what they were measured on."""
+
+import json
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import rrrgen
+from rrrgen.cli.identification.workflow import chosen_processing
+from rrrgen.cli.main import cli
+from rrrgen.errors import InputError
+from rrrgen.identify.estimation.bandwidth import bandwidth_of, fitted_stretches, motion_bandwidth, reach, tune
+from rrrgen.identify.estimation.factoring import factor_recordings
+from rrrgen.identify.estimation.full_regressor import FullRegressor
+from rrrgen.identify.estimation.observations import Observations, RowMaker
+from rrrgen.identify.estimation.scoring import score_table
+from rrrgen.identify.estimation.split import Split
+from rrrgen.identify.identification import Options, identify
+from rrrgen.model.estimated_terms import DriveTerms
+from rrrgen.recordings.logs import Log, write_log
+from rrrgen.recordings.mapping_reader import loads_mapping
+from rrrgen.signals.processing import Processing
+from samples.recordings import fourier_motion, planar_arm
+
+TERMS = DriveTerms.everywhere(2, "viscous", "coulomb", "offset")
+NOISE = 0.3
+
+
+def recording(rate=1000.0, seconds=20.0, seed=0, noise=NOISE):
+    """The planar arm on a motion of up to 1 Hz; parameters 1, noise on the torque."""
+    t = np.arange(round(rate * seconds)) / rate
+    q, dq, ddq = fourier_motion(t, 2, seed)
+    regressor = FullRegressor(planar_arm(), TERMS)
+    tau = regressor(q, dq, ddq) @ np.ones(len(regressor.names))
+    rng = np.random.default_rng(seed)
+    return Log(("a", "b"), t, np.round(q, 6), tau + noise * rng.normal(size=tau.shape), period=1.0 / rate)
+
+
+@pytest.mark.parametrize("rate", [30.0, 100.0, 1000.0])
+def test_rows_come_at_ten_times_the_bandwidth_whatever_the_rate_of_the_recording(rate):
+    log = recording(rate)
+    found = tune(Processing(), [log])
+    assert 0.8 < found.motion < 1.4
+    assert found.row_rate >= 10 * found.motion
+    assert found.row_rate < 2 * 10 * found.motion
+    assert found.by_rule == ("decimate", "variances")
+    sentence = " ".join(found.sentences())
+    assert f"cycle of {found.motion:.3g} Hz" in sentence
+    assert "tuned by its innovations" in sentence
+
+
+def test_a_butterworth_filter_without_a_cutoff_follows_the_same_rule():
+    found = tune(Processing("butterworth"), [recording()])
+    assert found.processing.cutoff == pytest.approx(5 * found.motion)
+    named = tune(Processing("butterworth", cutoff=7.0, decimate=3), [recording()])
+    assert (named.processing.cutoff, named.processing.decimate, named.by_rule) == (7.0, 3, ())
+    assert "(as named)" in " ".join(named.sentences())
+
+
+@pytest.mark.parametrize("split", ["first:0.6", "blocks:2"])
+def test_filters_do_not_look_at_held_out_data(split):
+    log = recording(200.0)
+    chosen = Split.parse(split)
+    held_out = ~chosen.fitted(log.t, *log.span)
+    spoiled = log.q + held_out[:, None] * np.sin(2 * np.pi * 30 * log.t)[:, None]
+    other = Log(log.joints, log.t, spoiled, log.tau, period=log.period)
+    for processing in (Processing(), Processing("butterworth")):
+        assert tune(processing, [other], chosen) == tune(processing, [log], chosen)
+        assert tune(processing, [other]) != tune(processing, [log])
+
+
+@pytest.mark.parametrize("length", [0.4, 1, 4])
+def test_blocks_do_not_hide_how_slow_the_motion_is(length):
+    """A block of 0.4 s by itself tells no frequency below some Hz; the motion ends at 1 Hz."""
+    log = recording(500.0)
+    blocks = fitted_stretches(log, Split.parse(f"blocks:{length}"))
+    assert {abs(len(stretch.q) - 500 * length) for stretch in blocks[:-1]} <= {0, 1}  # instants at a border
+    assert 0.95 < bandwidth_of(blocks, log.period) < 1.8
+    assert 0.95 < motion_bandwidth(log.q, log.period) < 1.1
+    with pytest.raises(InputError, match="no fitted stretch"):
+        fitted_stretches(log, Split.parse("blocks:0.1"))
+
+
+def mapping(processing=""):
+    joints = "".join(f"  - {{name: {j}, position: q_{j}, torque: tau_{j}}}\n" for j in "ab")
+    return (
+        "schema: rrrgen-log/1\nfiles: log.csv\ntime: {column: t, unit: s}\n"
+        f"units: {{position: rad, torque: N*m}}\njoints:\n{joints}{processing}"
+    )
+
+
+def chosen(processing="", method=None, cutoff=None, decimate=None):
+    return chosen_processing([loads_mapping(mapping(processing))], method, cutoff, decimate)
+
+
+def test_every_word_on_the_command_line_changes_what_it_names_and_nothing_else():
+    assert chosen() == chosen(method="kalman") == Processing("kalman")
+    assert chosen(cutoff=20.0) == Processing("butterworth", cutoff=20.0)
+    assert chosen(decimate=7) == Processing("kalman", decimate=7)
+    file = "processing: {method: butterworth, cutoff: 12 Hz, decimate: 5, low_speed: 0.1}\n"
+    of_file = Processing("butterworth", cutoff=12.0, decimate=5, low_speed=(0.1, 0.1))
+    assert chosen(file) == of_file
+    assert chosen(file, cutoff=20.0) == Processing("butterworth", cutoff=20.0, decimate=5, low_speed=(0.1, 0.1))
+    assert chosen(file, method="kalman") == Processing("kalman", decimate=5, low_speed=(0.1, 0.1))
+    assert chosen("processing: {cutoff: 12 Hz}\n") == Processing("butterworth", cutoff=12.0)
+    assert chosen("processing: {position_resolution: 0.001}\n").method == "kalman"
+
+
+def test_words_that_would_be_ignored_are_refused():
+    with pytest.raises(click.UsageError, match="add --method butterworth"):
+        chosen("processing: {method: kalman}\n", cutoff=20.0)
+    with pytest.raises(click.UsageError, match="belongs to --method butterworth"):
+        chosen(method="kalman", cutoff=20.0)
+    with pytest.raises(InputError) as caught:
+        loads_mapping(mapping("processing: {method: kalman, cutoff: 20 Hz}\n"))
+    fault = caught.value.faults[0]
+    assert (fault.line, fault.column) == (8, 30)
+    assert "cutoff has no meaning beside method kalman" in fault.message
+    with pytest.raises(InputError, match="cutoff belongs to the method butterworth"):
+        Processing("kalman", cutoff=3.0)
+    two = [loads_mapping(mapping(f"processing: {{cutoff: {f} Hz}}\n"), f"{f}.yaml") for f in (10, 20)]
+    with pytest.raises(InputError, match=r"10\.yaml and 20\.yaml disagree on cutoff"):
+        chosen_processing(two, None, None)
+    assert chosen_processing(two, None, 15.0).cutoff == 15.0
+
+
+@pytest.fixture(scope="module")
+def found():
+    processing = Processing("butterworth", cutoff=20.0, decimate=20, low_speed=(0.2, 0.2))
+    options = Options(terms=TERMS, split=Split.parse("blocks:2"), consistent=False, poses=10, correlated=False)
+    return identify(planar_arm(), [recording()], processing, options)
+
+
+def test_the_score_names_its_rows_its_share_and_its_filter(found):
+    log = recording()
+    size = float(np.sqrt(np.mean(log.tau**2)))
+    where = [(s.data, s.torque, s.rows) for s in found.scores]
+    kinds = [("filtered at 20 Hz", "moving"), ("filtered at 20 Hz", "all"), ("unfiltered", "all")]
+    assert where == [(data, *kind) for data in ("in sample", "held out") for kind in kinds]
+    moving, everything, unfiltered = found.scores[:3]
+    assert moving.relative_error == pytest.approx(found.fit["relative_error"], rel=1e-9)
+    assert found.scores[3].relative_error == pytest.approx(found.held_out["relative_error"], rel=1e-9)
+    assert 0.5 < moving.share < 0.95
+    assert moving.count == found.fit["rows"]
+    assert everything.share == unfiltered.share == 1.0
+    # on every sample: the noise as it is, and where the speed changes sign that of its sign
+    assert unfiltered.relative_error == pytest.approx(NOISE / size, rel=0.03)
+    assert moving.relative_error < 0.5 * unfiltered.relative_error
+    table = score_table(found.scores)
+    assert table[1].startswith(
+        f"in sample, {100 * moving.share:.0f} % of the rows, slow ones left out, filtered at 20 Hz"
+    )
+    assert len({len(line) for line in table}) == 1
+
+
+def test_no_figure_is_shown_twice():
+    options = Options(terms=TERMS, consistent=False, poses=10, correlated=False)
+    plain = identify(planar_arm(), [recording(100.0)], Processing("butterworth", cutoff=10.0, decimate=1), options)
+    assert [(s.data, s.torque, s.rows) for s in plain.scores] == [("in sample", "unfiltered", "all")]
+
+
+def test_a_guard_band_keeps_either_part_out_of_the_others_rows(found):
+    """A step in the torque of the held-out part is felt by fitted rows at its borders, unless these are left out."""
+    log, split = recording(noise=0.0), Split.parse("blocks:2")
+    assert found.split.guard == reach(found.tuning)
+    assert 0.05 < found.split.guard < 0.2  # 20 Hz: some cycles
+    held_out = ~split.fitted(log.t, *log.span)
+    maker = RowMaker(FullRegressor(planar_arm(), TERMS), found.processing, 10)
+    stepped = Log(log.joints, log.t, log.q, 0 * log.tau + held_out[:, None], period=log.period)
+    rows = list(Observations((stepped,), maker))
+    t, tau = (np.concatenate([getattr(part, name) for part in rows]) for name in ("t", "tau"))
+    largest = [np.abs(tau[used.fitted(t, *log.span)]).max() for used in (split, found.split)]
+    assert largest[0] > 0.4
+    assert largest[1] < 0.05
+    counts = [factor_recordings(Observations((log,), maker), used) for used in (split, found.split)]
+    assert np.all(counts[1].fit.counts < counts[0].fit.counts)
+    assert np.all(counts[1].score.counts < counts[0].score.counts)
+    with pytest.raises(InputError, match="leave nothing between guard bands"):
+        Split.parse("blocks:0.1").guarded(0.06)
+
+
+def test_guard_bands_lie_at_borders_and_at_no_end():
+    t = np.arange(0, 10, 0.01) + 5.0
+    split = Split.parse("blocks:2.5").guarded(0.1)
+    between = t[split.between(t, 5.0, 10.0)] - 5.0
+    np.testing.assert_allclose([between.min(), between.max()], [2.41, 7.59], atol=0.011)
+    parts = np.stack([f(t, 5.0, 10.0) for f in (split.fitted, split.scored, split.between)])
+    assert np.all(parts.sum(axis=0) == 1)
+    first = Split.parse("first:0.6").guarded(0.1)
+    assert "0.1 s on either side" in str(first)
+    assert np.sum(first.between(t, 5.0, 10.0)) == pytest.approx(20, abs=1)
+    assert Split().guarded(0.1) == Split()
+
+
+def test_the_command_line_uses_one_rule_and_stores_it(tmp_path):
+    """The friction of this log is not in the robot file, which changes nothing here."""
+    t = np.arange(4000) / 500.0
+    q, dq, ddq = fourier_motion(t, 2, 1)
+    tau = rrrgen.compile("planar2r").inverse_dynamics(q, dq, ddq) + 0.5 * np.random.default_rng(1).normal(size=q.shape)
+    write_log(tmp_path / "log.csv", Log(("q1", "q2"), t, np.round(q, 5), tau, period=2e-3))
+
+    def run(*arguments):
+        found = CliRunner().invoke(cli, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
+        assert found.return_value == 0, found.output
+        return found.output
+
+    text = run("identify", "planar2r", "--log", tmp_path / "log.csv", "--no-consistent", "-o", tmp_path / "found")
+    record = json.loads((tmp_path / "found" / "results" / "identification.json").read_text())
+    assert "in sample, 100 % of the rows, filtered at" in text
+    assert "in sample, 100 % of the rows, unfiltered" in text
+    assert "the bandwidth of the motion" in text
+    band = record["bandwidth"]
+    assert band["chosen_by_rule"] == ["decimate", "variances"]
+    assert band["row_rate"] >= 10 * band["motion_bandwidth"]
+    filters = [score["torque"] for score in record["scores"]]
+    assert filters == [f"filtered at {band['torque_cutoff']:.3g} Hz", "unfiltered"]
+    words = ("--cutoff", 20, "--decimate", 10)
+    validated = run("validate", "planar2r", "--log", tmp_path / "log.csv", *words, "-o", tmp_path / "validated")
+    assert "cut-off 20 Hz (as named)" in validated
+    assert "a row for 10 samples" in validated
