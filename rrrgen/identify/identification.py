@@ -12,7 +12,6 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.estimation.bandwidth import Tuning, reach, tune
 from rrrgen.identify.estimation.consistency import (
     DEFAULT_STRENGTH,
     ConsistentEstimate,
@@ -42,11 +41,12 @@ from rrrgen.identify.estimation.regression import (
     robust_least_squares,
     weighted_least_squares,
 )
-from rrrgen.identify.estimation.scoring import Score, score_models
-from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.estimation.statistics import Whiteness, residual_whiteness
 from rrrgen.identify.estimation.structure import Structure
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows
+from rrrgen.identify.scoring.bandwidth import Tuning, reach, tune
+from rrrgen.identify.scoring.scores import Score, score_models
+from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import Column, DriveTerms, standard_names
 from rrrgen.recordings.repairs import Repairs
 from rrrgen.signals.processing import Processing
@@ -63,7 +63,7 @@ class Options:
     as ``{"fv1": 3.2}`` or ``{"p4": 0}``; ``fixed_standard`` standard parameters, such as ``{"my2": 0}``.
     ``consistent`` adds the physically consistent estimate, with a ``prior`` (from the robot by default) of weight
     ``prior_strength``. ``guard`` (s) is the guard band on either side of the borders of ``split``, that of the filters
-    (:func:`~rrrgen.identify.estimation.bandwidth.reach`) where it is None. ``limits`` (2, n) bound the random
+    (:func:`~rrrgen.identify.scoring.bandwidth.reach`) where it is None. ``limits`` (2, n) bound the random
     poses at which M(q) is tested.
     """
 

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.estimation.bandwidth import Tuning, tune
 from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
-from rrrgen.identify.estimation.scoring import Score, score_models
 from rrrgen.identify.estimation.statistics import relative_error, rms
 from rrrgen.identify.estimation.tsqr import Rows
+from rrrgen.identify.scoring.bandwidth import Tuning, tune
+from rrrgen.identify.scoring.scores import Score, score_models
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import friction_terms
 from rrrgen.signals.decimation import Decimator
@@ -178,7 +178,7 @@ def validate_recordings(
 
     The motion is reconstructed, and the model's torque passes the same decimation filter as the measured one. Samples
     below the lowest speed or with invalid torque are left out, and those next to them that the filter mixes with them.
-    What the processing leaves open follows the rule of :mod:`rrrgen.identify.estimation.bandwidth`, from these
+    What the processing leaves open follows the rule of :mod:`rrrgen.identify.scoring.bandwidth`, from these
     recordings. ``noise`` (n,) is the standard deviation of the *recorded* torque; what the filter leaves of it is
     known. ``options`` are those of score_torques.
     """

@@ -37,7 +37,7 @@ class Processing:
     """Reconstruction ``method`` with its tuning, decimation, and speeds below which a joint's rows are left out.
 
     ``cutoff`` (Hz) and ``order`` belong to the Butterworth filter; ``var_eta`` and ``var_xi`` to the Kalman filter.
-    What is None is chosen by the rule of :mod:`rrrgen.identify.estimation.bandwidth`. ``low_speed`` (n,) is in rad/s
+    What is None is chosen by the rule of :mod:`rrrgen.identify.scoring.bandwidth`. ``low_speed`` (n,) is in rad/s
     (m/s), empty for none. ``logged`` takes the speeds and accelerations of the recording as they are. Raises
     :class:`InputError` for a setting that the method does not have.
     """

@@ -11,13 +11,13 @@ import rrrgen
 from rrrgen.cli.identification.workflow import chosen_processing
 from rrrgen.cli.main import cli
 from rrrgen.errors import InputError
-from rrrgen.identify.estimation.bandwidth import bandwidth_of, fitted_stretches, motion_bandwidth, reach, tune
 from rrrgen.identify.estimation.factoring import factor_recordings
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.observations import Observations, RowMaker
-from rrrgen.identify.estimation.scoring import score_table
-from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.identification import Options, identify
+from rrrgen.identify.scoring.bandwidth import bandwidth_of, fitted_stretches, motion_bandwidth, reach, tune
+from rrrgen.identify.scoring.scores import score_table
+from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.logs import Log, write_log
 from rrrgen.recordings.mapping_reader import loads_mapping

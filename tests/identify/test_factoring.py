@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from rrrgen.errors import InputError
-from rrrgen.identify.estimation.bandwidth import motion_bandwidth, tune
 from rrrgen.identify.estimation.factoring import (
     FittedRows,
     factor_recordings,
@@ -22,8 +21,9 @@ from rrrgen.identify.estimation.factoring import (
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.observations import Observations, RowMaker
 from rrrgen.identify.estimation.regression import weighted_least_squares
-from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.estimation.tsqr import factor_rows
+from rrrgen.identify.scoring.bandwidth import motion_bandwidth, tune
+from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.log_stream import LogStream
 from rrrgen.recordings.logs import Log, open_log, read_log, write_log

@@ -10,11 +10,11 @@ from rrrgen.identify.estimation.consistency import pseudo_inertia
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.observations import Observations, RowMaker, reconstruct
 from rrrgen.identify.estimation.regression import least_squares, weighted_least_squares
-from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.estimation.structure import structure_of
 from rrrgen.identify.estimation.tsqr import Rows, factor_rows
 from rrrgen.identify.identification import Options, identify
 from rrrgen.identify.results import identified_spec
+from rrrgen.identify.scoring.split import Split
 from rrrgen.identify.validation import robot_model
 from rrrgen.model.drive_columns import STANDSTILL
 from rrrgen.model.estimated_terms import DriveTerms

@@ -66,10 +66,10 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     consistency = ("cvxpy", "clarabel") if options["consistent"] else ()
     require("rrrgen identify", "scipy", "matplotlib", *consistency, *parallel_packages(options))
     from rrrgen import pipeline
-    from rrrgen.identify.estimation.split import Split
     from rrrgen.identify.identification import Options
     from rrrgen.identify.identification import identify as estimate
     from rrrgen.identify.results import as_record, write_identification
+    from rrrgen.identify.scoring.split import Split
     from rrrgen.model.estimated_terms import DriveTerms
     from rrrgen.recordings.log_stream import LogStream
     from rrrgen.recordings.logs import check_joints, open_log
@@ -146,7 +146,7 @@ def _finite(value: Any) -> Any:
 
 
 def _report(found: Identification, output: Path) -> None:
-    from rrrgen.identify.estimation.scoring import score_table
+    from rrrgen.identify.scoring.scores import score_table
 
     estimate = found.estimate
     click.echo(f"{'parameter':>14} {'estimate':>14} {'std':>10}")

@@ -31,9 +31,9 @@ def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: 
       rrrgen reconstruct runs/experiment/results/log.yaml --method kalman -o runs/motion
     """
     require("rrrgen reconstruct", "scipy", "matplotlib")
-    from rrrgen.identify.estimation.bandwidth import tune
     from rrrgen.identify.estimation.observations import reconstruct as reconstructed
     from rrrgen.identify.estimation_plots import plot_bode
+    from rrrgen.identify.scoring.bandwidth import tune
     from rrrgen.recordings.logs import open_log, read_log
     from rrrgen.runs.run_folder import RunFolder, plain
     from rrrgen.signals.smoother import KalmanSmoother

@@ -44,7 +44,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     require("rrrgen validate", "scipy", "matplotlib")
     from rrrgen import pipeline
     from rrrgen.identify.estimation.definiteness import indefinite_share, pose_limits
-    from rrrgen.identify.estimation.scoring import score_table
+    from rrrgen.identify.scoring.scores import score_table
     from rrrgen.identify.validation import (
         Thresholds,
         data_label,

@@ -13,8 +13,8 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.identify.estimation.observations import Observations, RowMaker, Window
-from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows
+from rrrgen.identify.scoring.split import Split
 from rrrgen.runs.ordered_map import ordered_map
 
 IN_MEMORY = 64_000_000

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
-from rrrgen.identify.estimation.bandwidth import Tuning
 from rrrgen.identify.estimation.observations import KnownTorque, Observations, Recording, RowMaker
-from rrrgen.identify.estimation.split import Split
 from rrrgen.identify.estimation.tsqr import Rows
+from rrrgen.identify.scoring.bandwidth import Tuning
+from rrrgen.identify.scoring.split import Split
 
 TorqueModels = Callable[[Array, Array, Array], Array]
 """Motion (q, dq, ddq), (N, n) each, to the joint torques (N, n, k) of k models."""

@@ -19,7 +19,7 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.identify.estimation.observations import Recording
-from rrrgen.identify.estimation.split import Split
+from rrrgen.identify.scoring.split import Split
 from rrrgen.signals.decimation import PASSED, Decimator
 from rrrgen.signals.processing import DEFAULT_ORDER, KALMAN, Processing
 
