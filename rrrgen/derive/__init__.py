@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.derive.derived_model import Derivation, RecordedModel
-    from rrrgen.robotfile.robot_spec import RobotSpec
+from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 def prepare(spec: RobotSpec) -> Derivation:
@@ -95,12 +95,11 @@ def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
     """Standard parameters of all links from the file, in the order of emission."""
     if spec.links is None:
         return None
+    from rrrgen.model.standard_parameters import standard_parameters
+
     phi: list[Fraction] = []
     for link in spec.links:
-        xx, yy, zz, xy, xz, yz = link.inertia_about_origin()
-        first = [link.mass * c for c in link.com]
-        values = [link.mass, *first, xx, xy, yy, xz, yz, zz]
-        phi += [Fraction(int(v.p), int(v.q)) for v in values]
+        phi += [Fraction(int(v.p), int(v.q)) for v in standard_parameters(link)]
     return phi
 
 

@@ -47,7 +47,8 @@ from rrrgen.identify.estimation.tsqr import JointFactors, Rows
 from rrrgen.identify.scoring.bandwidth import Tuning, reach, tune
 from rrrgen.identify.scoring.scores import Score, score_models
 from rrrgen.identify.scoring.split import Split
-from rrrgen.model.estimated_terms import Column, DriveTerms, standard_names
+from rrrgen.model.estimated_terms import Column, DriveTerms
+from rrrgen.model.standard_parameters import standard_names
 from rrrgen.recordings.repairs import Repairs
 from rrrgen.signals.processing import Processing
 

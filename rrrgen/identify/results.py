@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 from rrrgen.identify.estimation.consistency import ConsistentEstimate
 from rrrgen.identify.estimation.statistics import confidence_factor
 from rrrgen.model.drive_terms import SYMBOLS, drive_terms
-from rrrgen.model.estimated_terms import STANDARD, standard_names
+from rrrgen.model.standard_parameters import STANDARD, link_of, standard_names
 
 if TYPE_CHECKING:
     from rrrgen.identify.identification import Identification
@@ -134,7 +133,7 @@ def identified_spec(spec: RobotSpec, consistent: ConsistentEstimate, description
             friction, inertia = _identified(f"_{motor.name}", motor.friction, consistent.drives)
             motors.append(replace(motor, friction=friction, inertia=motor.inertia if inertia is None else inertia))
         drives = replace(drives, motors=tuple(motors))
-    links = tuple(_link(row) for row in phi)
+    links = tuple(link_of(row) for row in phi)
     return replace(spec, joints=tuple(joints), drives=drives, links=links, description=description or spec.description)
 
 
@@ -146,21 +145,6 @@ def _identified(
         given = {field: values.get(f"{symbol}{owner}") for field, symbol in FRICTION_SYMBOLS.items()}
         friction = replace(friction, **{field: value for field, value in given.items() if value is not None})
     return friction, values.get(f"Ia{owner}")
-
-
-def _link(phi: Array) -> Any:
-    """One link; every number the exact decimal of its double."""
-    import sympy as sp
-
-    from rrrgen.robotfile.robot_spec import LinkSpec
-
-    def exact(value: float) -> Any:
-        return sp.Rational(repr(float(value)))
-
-    m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz = (float(v) for v in phi)
-    com = (exact(mx / m), exact(my / m), exact(mz / m))
-    inertia = tuple(exact(v) for v in (Ixx, Iyy, Izz, Ixy, Ixz, Iyz))
-    return LinkSpec(mass=exact(m), com=com, inertia=inertia, about="origin", products="tensor")
 
 
 def write_identification(folder: RunFolder, found: Identification, spec: RobotSpec, points: int = 200) -> None:

@@ -14,8 +14,6 @@ from rrrgen.model.drive_terms import KINDS, SYMBOLS, drive_terms, unit
 from rrrgen.model.drive_terms import Kind as DriveKind
 
 Kind = Literal["rigid"] | DriveKind
-STANDARD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-"""Standard parameters of one link, in their order: first moments and inertia tensor about the origin of the frame."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +81,3 @@ class DriveTerms:
                 raise InputError(f"the coupled drive '{drive.name}' needs a direction of {n} weights, not all zero")
             found += [Column(f"{SYMBOLS[kind]}_{drive.name}", kind, drive.direction) for kind in drive.terms]
         return tuple(found)
-
-
-def standard_names(n: int) -> tuple[str, ...]:
-    """Names of the 10 n standard parameters: ``m1, mx1, ..., Izz1, m2, ...``."""
-    return tuple(f"{name}{link + 1}" for link in range(n) for name in STANDARD)

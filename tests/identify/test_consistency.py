@@ -6,12 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rrrgen.errors import InputError
-from rrrgen.identify.estimation.consistency import Prior, consistent_estimate, pseudo_inertia, standard_parameters
+from rrrgen.identify.estimation.consistency import Prior, consistent_estimate, parameters_of, pseudo_inertia
 from rrrgen.identify.estimation.definiteness import indefinite_share, mass_matrix
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.regression import least_squares
 from rrrgen.identify.estimation.tsqr import Rows, factor_rows
-from rrrgen.model.estimated_terms import DriveTerms, standard_names
+from rrrgen.model.estimated_terms import DriveTerms
+from rrrgen.model.standard_parameters import standard_names
 from samples.recordings import fourier_motion, point_masses
 from samples.stand_in import RRR_ROWS, NumericModel
 
@@ -43,7 +44,7 @@ def test_pseudo_inertia_of_point_masses(seed):
     S = sum(mk * ((rk @ rk) * np.eye(3) - np.outer(rk, rk)) for mk, rk in zip(m, r, strict=True))
     phi = np.array([m.sum(), *(m @ r), S[0, 0], S[0, 1], S[1, 1], S[0, 2], S[1, 2], S[2, 2]])
     np.testing.assert_allclose(pseudo_inertia(phi), J, atol=1e-12)
-    np.testing.assert_allclose(standard_parameters(J), phi, atol=1e-12)
+    np.testing.assert_allclose(parameters_of(J), phi, atol=1e-12)
 
 
 def test_exact_torques_of_a_possible_robot_are_matched():

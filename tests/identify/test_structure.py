@@ -8,7 +8,8 @@ from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.identifiability import fix_standard
 from rrrgen.identify.estimation.structure import combination, structure_of, structure_of_matrix
 from rrrgen.model.drive_columns import drive_columns
-from rrrgen.model.estimated_terms import CoupledDrive, DriveTerms, standard_names
+from rrrgen.model.estimated_terms import CoupledDrive, DriveTerms
+from rrrgen.model.standard_parameters import standard_names
 from samples.stand_in import HALF_PI, RRR_ROWS, TX40_ROWS, NumericModel, Row
 
 PUMA = [

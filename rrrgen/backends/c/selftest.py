@@ -13,12 +13,13 @@ from rrrgen.backends import Identity
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import function_name
 from rrrgen.model.drive_terms import inertia_terms
+from rrrgen.model.standard_parameters import standard_parameters
 from rrrgen.program import Program, Role, evaluate
 from rrrgen.resources import render
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.robotfile.robot_spec import LinkSpec, RobotSpec
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 Array = NDArray[np.float64]
 
@@ -123,20 +124,14 @@ def _scattered(rows: int, columns: int, seed: int = 1) -> Array:
 def _parameters(model: DerivedModel) -> dict[str, Array]:
     """phi, beta and Ia: of the robot file, or of plausible links where it has none."""
     links = model.spec.links
-    phi = np.concatenate([standard_parameters(link) for link in links] if links else _plausible(model.spec.n))
+    known = [np.array(standard_parameters(link), float) for link in links or ()]
+    phi = np.concatenate(known or _plausible(model.spec.n))
     K = np.array(model.base_projection, dtype=float).reshape(-1, len(phi))
     nominal = model.beta_nominal
     parameters = {"phi": phi, "beta": K @ phi if nominal is None else np.array([float(x) for x in nominal])}
     if model.drive_inertia_nominal is not None:
         parameters["Ia"] = np.array([float(value) for value in model.drive_inertia_nominal])
     return parameters
-
-
-def standard_parameters(link: LinkSpec) -> Array:
-    """m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz of a link, about the origin of its frame."""
-    xx, yy, zz, xy, xz, yz = (float(value) for value in link.inertia_about_origin())
-    m = float(link.mass)
-    return np.array([m, *(m * float(x) for x in link.com), xx, xy, yy, xz, yz, zz])
 
 
 def _plausible(n: int) -> list[Array]:

@@ -13,9 +13,10 @@ from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.parameter_listing import TENSOR
 from rrrgen.derive.recursions import composite
 from rrrgen.derive.recursions.chain import Chain
-from rrrgen.derive.recursions.inertia import STANDARD, from_standard
+from rrrgen.derive.recursions.inertia import from_standard
 from rrrgen.derive.recursions.motion import LinkMotion, forward
 from rrrgen.derive.recursions.regressor import all_parameters, columns_by_axes, virtual_power
+from rrrgen.model.standard_parameters import STANDARD
 from rrrgen.program import Port, Program
 
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import sympy as sp
 
 from rrrgen.derive.parameters.base_parameters import BaseSet, Regrouping, standard_symbols
-from rrrgen.derive.recursions.inertia import STANDARD
 from rrrgen.model import RobotModel
+from rrrgen.model.standard_parameters import STANDARD
 
 
 def regroupings(

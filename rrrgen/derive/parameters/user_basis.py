@@ -18,8 +18,8 @@ from rrrgen.derive.algebra.finite_field import Residue, row_echelon
 from rrrgen.derive.algebra.polynomials import Polynomial, PolynomialRing, to_expression
 from rrrgen.derive.parameters.base_parameters import BaseSet, linear_expression, standard_symbols
 from rrrgen.derive.recursions.chain import ResidueConstants
-from rrrgen.derive.recursions.inertia import STANDARD
 from rrrgen.errors import Fault, InputError
+from rrrgen.model.standard_parameters import STANDARD
 from rrrgen.robotfile.robot_spec import BasisSpec, RobotSpec
 
 INERTIA_SIGN = {"Ixy": -1, "Ixz": -1, "Iyz": -1}

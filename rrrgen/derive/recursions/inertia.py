@@ -21,9 +21,6 @@ ENTRIES = ("Jxx", "Jxy", "Jxz", "Jyy", "Jyz", "Jzz", "hx", "hy", "hz", "m")
 PLACES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2), (0, 3), (1, 3), (2, 3), (3, 3))
 """Where each entry stands in the 4x4 matrix."""
 
-STANDARD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-"""Order of the standard parameters of a link: mass, first moments, inertia tensor about the link frame's origin."""
-
 
 @dataclass(frozen=True)
 class PseudoInertia:
@@ -85,7 +82,7 @@ class PseudoInertia:
 
 
 def from_standard(phi: tuple[Any, ...] | list[Any]) -> PseudoInertia:
-    """Standard parameters (order :data:`STANDARD`) as a pseudo-inertia of the same frame."""
+    """Standard parameters, in the order of ``STANDARD``, as a pseudo-inertia of the same frame."""
     m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz = phi
     half = Fraction(1, 2)
     return PseudoInertia(

@@ -21,6 +21,7 @@ from rrrgen.identify.estimation.full_regressor import RigidModel
 from rrrgen.identify.estimation.regression import Estimate
 from rrrgen.identify.estimation.tsqr import JointFactors
 from rrrgen.model.estimated_terms import Column
+from rrrgen.model.standard_parameters import standard_parameters
 
 NON_NEGATIVE = ("inertia", "viscous", "coulomb")
 ATTEMPTS = 3  # with a stronger prior, where the solver fails
@@ -80,7 +81,7 @@ def pseudo_inertia(phi: Array) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def standard_parameters(J: Array) -> Array:
+def parameters_of(J: Array) -> Array:
     """Standard parameters (..., 10) of pseudo-inertias (..., 4, 4), the inverse of :func:`pseudo_inertia`."""
     xx, yy, zz = J[..., 0, 0], J[..., 1, 1], J[..., 2, 2]
     entries = [
@@ -106,7 +107,7 @@ def default_prior(spec: Any, torque_rms: float, strength: float = DEFAULT_STRENG
     """
     n = spec.n
     if spec.links is not None:
-        phi = np.array([_link_parameters(link) for link in spec.links])
+        phi = np.array([standard_parameters(link) for link in spec.links], float)
         P0 = pseudo_inertia(phi)
         if np.all(np.linalg.eigvalsh(P0) > 0):
             return Prior(P0, strength)
@@ -122,12 +123,6 @@ def link_lengths(spec: Any) -> Array:
     sizes = [max(abs(a), abs(d)) for _, _, a, d, _ in spec.dh_table()]
     after = [*sizes[1:], 0.0]
     return np.maximum(SMALLEST_LENGTH, np.maximum(sizes, after))
-
-
-def _link_parameters(link: Any) -> Array:
-    m = float(link.mass)
-    xx, yy, zz, xy, xz, yz = (float(v) for v in link.inertia_about_origin())
-    return np.array([m, *(m * float(c) for c in link.com), xx, xy, yy, xz, yz, zz])
 
 
 def consistent_estimate(
@@ -186,7 +181,7 @@ class _Program:
         self.to_phi = np.zeros((10 * n, 10 * n))
         for j, L in enumerate(self.L):
             J = L @ basis @ L.T
-            self.to_phi[10 * j : 10 * j + 10, 10 * j : 10 * j + 10] = standard_parameters(J).T
+            self.to_phi[10 * j : 10 * j + 10, 10 * j : 10 * j + 10] = parameters_of(J).T
         drives = columns[b:]
         size = np.linalg.norm(R[:, b:-1], axis=0)
         self.drive_size = np.where(size > 0, 1.0 / np.where(size > 0, size, 1.0), 1.0)

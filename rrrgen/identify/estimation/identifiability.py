@@ -11,7 +11,7 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.identify.estimation.structure import combination, structure_of_matrix
 from rrrgen.identify.estimation.tsqr import JointFactors
-from rrrgen.model.estimated_terms import STANDARD, standard_names
+from rrrgen.model.standard_parameters import STANDARD, standard_names
 from rrrgen.yamltext.suggest import did_you_mean
 
 WEAK = 1e-4
