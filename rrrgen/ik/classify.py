@@ -53,13 +53,14 @@ def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
         if special == seen:
             continue
         seen = special
-        simpler, nearby = _best(chain, special, redundancy)
-        if simpler >= cost:
+        beside = general.solvable and tolerance != SPECIAL
+        simpler, nearby = _best(chain, special, general.locked if beside else redundancy)
+        if simpler >= cost or (beside and nearby.locked != general.locked):
             continue
         nearby = replace(nearby, snapped=True)
-        if tolerance == SPECIAL or not general.solvable:
-            return nearby
-        return replace(general, companion=nearby)
+        if beside:
+            return replace(general, companion=nearby)
+        return nearby if tolerance == SPECIAL else replace(nearby, incomplete=_only_nearby(general))
     return general
 
 
@@ -144,6 +145,14 @@ def _dependent(chain: Chain, rank: int, redundancy: int | None) -> str:
     return (
         f"the {chain.n} joints move the tip in only {rank} independent directions, so every target that can be reached "
         f"is reached by a {free}-dimensional continuum; at most one joint can be prescribed"
+    )
+
+
+def _only_nearby(general: SolverPlan) -> str:
+    """Why rows may be missing where no complete solver exists and an arm near by is solved instead."""
+    return (
+        "the arm has no complete solver; the configurations of a special arm that is nearly this one are refined on it, "
+        f"and those that only this arm has are not found ({general.reason})"
     )
 
 

@@ -16,7 +16,7 @@ from rrrgen.ik.recording.c_builder import CBuilder
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.singularities import described
 from rrrgen.ik.solutions.elbow7 import is_elbow7
-from rrrgen.ik.solutions.general6r import MAX_SOLUTIONS, tables_of
+from rrrgen.ik.solutions.general6r import MAX_SOLUTIONS, is_general, tables_of
 from rrrgen.ik.solutions.parallel import Frame, better
 from rrrgen.ik.solutions.planar import triple_of
 from rrrgen.ik.solutions.position import Arm, simplest
@@ -50,18 +50,22 @@ def pose_plans(chain: Chain, locked: int | None = None) -> Options:
     """Plans for the pose of the tip with the joints of ``chain`` (without the locked one), each with its cost."""
     loop = structure(chain, locked)
     yield from _structured_plans(chain, loop, locked, None)
-    if (
-        locked is None
-        and chain.types == "RRRRRR"
-        and not any(joint.name.startswith("virtual") for joint in chain.joints)
-    ):
-        title = "six revolute joints without special structure: the roots of a polynomial of degree 16"
-        yield 40, SolverPlan("general6r", title, "pose", chain, chain)
+    if is_general(chain, locked):
+        yield _general_plan(chain, locked)
     for i, joint in enumerate(loop.joints):
         for direction in (1, -1) if not joint.revolute else ():
             moved = commuted(loop, i, direction)
             if moved is not None:
                 yield from _structured_plans(chain, moved, locked, (i, direction))
+
+
+def _general_plan(chain: Chain, locked: int | None) -> tuple[int, SolverPlan]:
+    """The elimination for six joints: revolute ones rather than one that slides, the first of seven rather not locked."""
+    slides = any(not joint.revolute for k, joint in enumerate(chain.joints) if k != locked)
+    joints = "five revolute joints and a prismatic one" if slides else "six revolute joints"
+    title = f"{joints} without special structure: the roots of a polynomial of degree 16"
+    plan = SolverPlan("general5r1p" if slides else "general6r", title, "pose", chain, chain, locked=locked)
+    return 40 + 2 * slides + (locked == 0), plan
 
 
 def _structured_plans(chain: Chain, loop: Loop, locked: int | None, commute: tuple[int, int] | None) -> Options:
@@ -127,8 +131,8 @@ def works(plan: SolverPlan, trials: int) -> bool:
     import numpy as np
 
     chain, rng = plan.solving, np.random.default_rng(11)
-    if plan.family == "general6r":
-        return _eliminates(chain)
+    if plan.general:
+        return _eliminates(chain, plan.locked)
     size = 1 + max(joint.index for joint in chain.joints)
     for _ in range(trials):
         q = rng.uniform(-1.4, 1.4, size)
@@ -154,10 +158,10 @@ def works(plan: SolverPlan, trials: int) -> bool:
     return True
 
 
-def _eliminates(chain: Chain) -> bool:
+def _eliminates(chain: Chain, locked: int | None) -> bool:
     """Whether some elimination for six joints is regular on this chain; its judges have tried it on sample poses."""
     try:
-        tables_of(chain)
+        tables_of(chain, locked)
     except DerivationError:
         return False
     return True
@@ -185,8 +189,9 @@ def _same(chain: Chain, row: list[float], q: Any) -> bool:
 
 def counted(plan: SolverPlan) -> SolverPlan | None:
     """``plan`` with its number of rows and its singularities; nothing where the equations degenerate on this chain."""
-    if plan.family == "general6r":
-        words = "det J(q) = 0: two or more of the up to sixteen rows meet"
+    if plan.general:
+        words = "det J(q) = 0" + (", J without the prescribed joint" if plan.locked is not None else "")
+        words += ": two or more of the up to sixteen rows meet"
         return replace(plan, max_solutions=MAX_SOLUTIONS, singularities=(Singularity(words),))
     builder = CBuilder("x", plan.chain.joints, plan.chain.reach, position_only=plan.task == "position")
     try:

@@ -12,7 +12,17 @@ if TYPE_CHECKING:
 
 Task = Literal["position", "pose"]
 Family = Literal[
-    "position", "point", "spherical", "parallel", "planar", "lift", "orientation", "elbow7", "general6r", "none"
+    "position",
+    "point",
+    "spherical",
+    "parallel",
+    "planar",
+    "lift",
+    "orientation",
+    "elbow7",
+    "general6r",
+    "general5r1p",
+    "none",
 ]
 
 
@@ -33,7 +43,8 @@ class SolverPlan:
     and virtual joints added. ``first`` is the place (from 0) of the special triple in its loop, ``commute`` the place
     and direction in which a prismatic joint was moved past a parallel axis before, ``locked`` the prescribed joint.
     ``companion`` solves a special arm that is nearly this one: its rows, refined on the true chain, are added because
-    the general equations lose digits there.
+    the general equations lose digits there. ``snapped`` says that ``solving`` is a special arm near ``chain``, and
+    ``incomplete`` why configurations may be missing where that is all there is (empty: none are).
     """
 
     family: Family
@@ -49,8 +60,14 @@ class SolverPlan:
     virtual: int = 0
     companion: SolverPlan | None = None
     snapped: bool = False
+    incomplete: str = ""
     singularities: tuple[Singularity, ...] = field(default=())
     reason: str = ""
+
+    @property
+    def general(self) -> bool:
+        """Whether an elimination solves the chain, in numbers: there is no closed form per branch."""
+        return self.family in ("general6r", "general5r1p")
 
     @property
     def solvable(self) -> bool:

@@ -88,7 +88,7 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
     plan = make_plan(spec, redundancy)
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: {plan.reason}")
-    if plan.family == "general6r":
+    if plan.general:
         return summary(plan)
     chain, values = symbolic_chain(spec, plan)
     builder = TextBuilder(chain.n, position=plan.task == "position")

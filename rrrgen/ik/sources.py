@@ -87,8 +87,8 @@ def _parts(plan: SolverPlan) -> list[SolverPlan]:
 
 def _body(spec: RobotSpec, plan: SolverPlan, *, banded: bool) -> CBody:
     chain = plan.chain
-    if plan.family == "general6r":
-        return branches(plan.solving, f"{spec.name}_ik")
+    if plan.general:
+        return branches(plan.solving, f"{spec.name}_ik", plan.locked)
     builder = CBuilder(
         f"{spec.name}_ik",
         chain.joints,
@@ -137,7 +137,7 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
         "functions": functions, "needs": needs, "fragment": _fragment(plan, prefix, real), "banded": banded,
         "rows": max(body.rows for body in bodies), "single": single,
         "sound": single and not needs & {"near", "unknown"},
-        "aspects": plan.family == "general6r",
+        "aspects": plan.general,
         # numbers
         "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
         "steps": 200 if banded else 12, "starts": 6, "spread": "2.0",
@@ -150,9 +150,9 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
 
 def _fragment(plan: SolverPlan, prefix: str, real: str) -> str:
     """Functions that the candidates need beside the usual ones."""
-    if plan.family != "general6r":
+    if not plan.general:
         return ""
-    return render_general6r(tables_of(plan.solving), prefix, real, shorthand=True)
+    return render_general6r(tables_of(plan.solving, plan.locked), prefix, real, shorthand=True)
 
 
 def _mask(mask: int, index: str) -> str:

@@ -180,7 +180,7 @@ def _plan(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
     plan = make_plan(spec, redundancy)
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: {plan.reason}")
-    if plan.family == "general6r":
+    if plan.general:
         raise DerivationError(f"{spec.name}: {plan.title}; its roots have no closed form per branch, use the emitted C")
     if plan.snapped:
         raise DerivationError(f"{spec.name}: nearly special geometry has no exact closed form; use the emitted C")

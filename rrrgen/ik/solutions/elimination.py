@@ -1,4 +1,4 @@
-"""Which elimination solves a chain of six revolute joints best: the Raghavan-Roth pencil, judged on sample poses.
+"""Which elimination solves a chain of six joints best: the Raghavan-Roth pencil, judged on sample poses.
 
 Loop Z1 E1 Z2 E2 .. Z6 E6 = 1 (Zi turns about z by joint i, the pose sits in one of the constant transforms Ei),
 begun at any joint and run in either direction: 12 labellings. The line of axis 6 (point p, direction l) has 15
@@ -8,6 +8,10 @@ features (1, p, p.p, l, p x l, p.l, (p.p) l - 2 (p.l) p) on which a rigid transf
 whose determinant has degree 8 in the kept angle. Which of the 36 choices are usable depends on the chain: most are
 identically singular on industrial arms (M. Raghavan and B. Roth, 1990, and the remarks of later authors on its
 conditioning).
+
+One joint may slide. Its displacement x moves the features by 1, x, x^2, as the half angle's tangent of a turning joint
+does, so it stands among joints 3, 4, 5 and takes the part of a half angle; the kept angle is that of a turning joint,
+and the determinant has degree 8 in it again (where the last of the three is kept, it has more and is not used).
 """
 
 from __future__ import annotations
@@ -31,7 +35,10 @@ SHALLOW = 1e-9  # determinant over the product of row norms below which rounding
 
 @dataclass(frozen=True)
 class Elimination:
-    """A labelling of the loop and the roles of its joints 3, 4, 5 (as 0, 1, 2); ``score``: decimal digits it costs."""
+    """A labelling of the loop and the roles of its joints 3, 4, 5 (as 0, 1, 2); ``score``: decimal digits it costs.
+
+    A joint that slides is always the ``other`` one.
+    """
 
     start: int
     direction: int
@@ -47,35 +54,47 @@ class Elimination:
         return (self.start + self.direction * (2 + self.kept)) % 6
 
 
-def eliminations(rows: Array) -> list[Elimination]:
-    """Usable eliminations, best first, for DH rows (6, 3) of alpha (rad), a, d with lengths of the order of one."""
+def eliminations(rows: Array, slide: int | None = None, turn: float = 0.0) -> list[Elimination]:
+    """Usable eliminations, best first, for DH rows (6, 3) of alpha (rad), a, d with lengths of the order of one.
+
+    Joint ``slide`` (0 .. 5) is prismatic and its axes stand at the angle ``turn`` (rad); its d is zero.
+    """
     rng = np.random.default_rng(6)
     q = rng.uniform(-np.pi, np.pi, (POSES, 6))
     links = [_shift([a, 0.0, d]) @ _rx(alpha) for alpha, a, d in rows]
+    if slide is not None:
+        links[slide] = _rz(np.array([turn]))[0] @ links[slide]
     pose = np.broadcast_to(np.eye(4), (POSES, 4, 4))
     for k in range(6):
-        pose = pose @ _rz(q[:, k]) @ links[k]
+        pose = pose @ (_tz(q[:, k]) if k == slide else _rz(q[:, k])) @ links[k]
     loop = [np.broadcast_to(link, (POSES, 4, 4)) for link in links]
     loop[5] = loop[5] @ _inverse(pose)
     found = []
     for start in range(6):
         for direction in (1, -1):
             order = [(start + direction * k) % 6 for k in range(6)]
+            place = None if slide is None else order.index(slide) - 2
+            if place is not None and not 0 <= place <= 2:
+                continue
             e = [loop[i] if direction > 0 else _inverse(loop[(i - 1) % 6]) for i in order]
-            pencil = _pencil(e)
+            pencil = _pencil(e, place)
             for kept in range(3):
                 shifted, other = (kept + 1) % 3, (kept + 2) % 3
+                if place == kept:
+                    continue
+                if place == shifted:
+                    shifted, other = other, shifted
                 turned = np.moveaxis(pencil, (2 + kept, 2 + shifted, 2 + other), (2, 3, 4))
-                score, depth = _judge(turned, direction * q[:, order[2 + kept]])
+                score, depth = _judge(turned, direction * q[:, order[2 + kept]], slides=place is not None)
                 if score < USABLE:
                     found.append(Elimination(start, direction, kept, shifted, other, score, depth))
     return sorted(found, key=lambda e: (e.score, e.start, e.direction, e.kept))
 
 
-def _judge(pencil: Array, angle: Array) -> tuple[float, float]:
+def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float]:
     """Digits that a root costs (0.9 quantile over the poses) and log10 of the depth, both free of rounding errors."""
     powers = np.array([[1, 0, 1], [1, 0, -1], [0, 2, 0.0]])  # 1, cos, sin times 1 + x^2 -> powers of x = tan(angle/2)
-    h = np.einsum("nkabc,bi,cj->nakij", pencil, powers, powers).reshape(len(pencil), 3, 6, 9)
+    h = np.einsum("nkabc,bi,cj->nakij", pencil, powers, np.eye(3) if slides else powers).reshape(len(pencil), 3, 6, 9)
     turns = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
     basis = np.stack([np.ones(SAMPLES), np.cos(turns), np.sin(turns)])
     m = np.einsum("nakj,as->nskj", h, basis)
@@ -97,13 +116,16 @@ def _judge(pencil: Array, angle: Array) -> tuple[float, float]:
     return round(lost, 2), round(float(np.log10(depth)), 1)
 
 
-def _pencil(e: list[Array]) -> Array:
-    """The six equations, shape (poses, 6, 3, 3, 3): row; then 1, cos, sin of joints 3, 4, 5."""
+def _pencil(e: list[Array], slide: int | None) -> Array:
+    """The six equations, shape (poses, 6, 3, 3, 3): row; then 1, cos, sin of joints 3, 4, 5.
+
+    For the one of them that slides (0, 1, 2) it is 1, x, x^2.
+    """
     line = np.zeros(15)
     line[[0, 7]] = 1.0  # the point 0 and the direction z
     near = (_features(e[4]) @ line)[..., None]
-    for transform in (e[3], e[2], e[1]):
-        near = _features(transform) @ _spread(near, 1.0)
+    for joint, transform in ((2, e[3]), (1, e[2]), (0, e[1])):
+        near = _features(transform) @ (_stretch(near) if joint == slide else _spread(near, 1.0))
     near = near.reshape(*near.shape[:2], 3, 3, 3).transpose(0, 1, 4, 3, 2)
     far = (_features(_inverse(e[5])) @ line)[..., None]
     far = _spread(_features(_inverse(e[0])) @ _spread(far, -1.0), -1.0)
@@ -122,6 +144,18 @@ def _spread(f: Array, sense: float) -> Array:
         out[:, x : x + 2, :, 0] = 0.0
         out[:, x : x + 2, :, 1] = f[:, x : x + 2]
         out[:, x, :, 2], out[:, x + 1, :, 2] = -sense * f[:, x + 1], sense * f[:, x]
+    return out.reshape(*f.shape[:2], -1)
+
+
+def _stretch(f: Array) -> Array:
+    """Columns (poses, 15, m) -> (poses, 15, 3 m), m fastest last: the parts 1, x, x^2 of a displacement x along z."""
+    out = np.zeros((*f.shape, 3))
+    out[..., 0] = f
+    linear, square = out[..., 1], out[..., 2]
+    linear[:, 3], linear[:, 4], square[:, 4] = f[:, 0], 2 * f[:, 3], f[:, 0]
+    linear[:, 8], linear[:, 9], linear[:, 11] = -f[:, 6], f[:, 5], f[:, 7]
+    linear[:, 12], linear[:, 13], linear[:, 14] = 2 * f[:, 9], -2 * f[:, 8], -2 * f[:, 11]
+    square[:, 12], square[:, 13], square[:, 14] = f[:, 5], f[:, 6], -f[:, 7]
     return out.reshape(*f.shape[:2], -1)
 
 
@@ -159,6 +193,12 @@ def _rz(angle: Array) -> Array:
     out[:, 1, 0] = np.sin(angle)
     out[:, 0, 1] = -out[:, 1, 0]
     out[:, 2, 2] = out[:, 3, 3] = 1.0
+    return out
+
+
+def _tz(x: Array) -> Array:
+    out = np.tile(np.eye(4), (len(x), 1, 1))
+    out[:, 2, 3] = x
     return out
 
 

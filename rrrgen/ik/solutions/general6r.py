@@ -1,4 +1,4 @@
-"""General six revolute joints: tables and C code of the solver for any chain without special structure.
+"""Six joints in general, at most one of them prismatic: tables and C code of the solver for any such chain.
 
 Up to 16 solutions, the real roots of a polynomial of degree 16 (Raghavan and Roth, 1990): see
 :mod:`rrrgen.ik.solutions.elimination` for the equations, ``templates/c/ik/general6r.c.j2`` for the solver. What is
@@ -10,6 +10,8 @@ special here:
 * the compiler chooses the labelling of the joints; a second choice and poses nearby rescue what the first one leaves in
   doubt: a root without a row of its own, or an odd number of rows;
 * rows are polished on the pose, so that their error is that of forward kinematics.
+
+Seven joints whose first or last one is prescribed are such a chain, whose base or tool moves with that joint.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from functools import cache
 import numpy as np
 
 from rrrgen.errors import DerivationError
-from rrrgen.ik.geometry.chain import Chain, Matrix
+from rrrgen.ik.geometry.chain import Chain, Joint, Link, Matrix
 from rrrgen.ik.recording.c_statements import CBody, Stage
 from rrrgen.ik.solutions.elimination import SHALLOW, Elimination, eliminations
 from rrrgen.ik.solutions.trig_roots import literals, spelled, trig_roots
@@ -53,55 +55,105 @@ class General6RTables:
     """What the solver of one chain needs.
 
     ``rows`` of (cos alpha, sin alpha, a, d) with lengths in units of ``length`` (m), and the eliminations to use, best
-    first (one or two).
+    first (one or two). Joint ``slide`` (0 .. 5) is prismatic; ``turn`` is the cosine and sine of its constant angle.
     """
 
     rows: tuple[tuple[float, float, float, float], ...]
     length: float
     eliminations: tuple[Elimination, ...]
+    slide: int | None = None
+    turn: tuple[float, float] = (1.0, 0.0)
 
 
-def general6r_tables(alpha: Sequence[float], a: Sequence[float], d: Sequence[float]) -> General6RTables:
+def general6r_tables(
+    alpha: Sequence[float], a: Sequence[float], d: Sequence[float], slide: int | None = None, theta: float = 0.0
+) -> General6RTables:
     """Tables for the chain Rz(q1) Tz(d1) Tx(a1) Rx(alpha1) .. Rz(q6) Tz(d6) Tx(a6) Rx(alpha6), in rad and m.
+
+    Joint ``slide`` (0 .. 5) slides instead: Tz(q) Rz(theta) Tx(a) Rx(alpha), d = 0.
 
     Raises :class:`DerivationError` when every elimination is singular, as on chains with a spherical triple of axes,
     which are solved in simpler ways.
     """
     length = 0.25 * float(sum(abs(x) for x in (*a, *d)))
     if not length > 0:
-        raise DerivationError("six revolute joints without any length between them do not move the tip")
-    choices = eliminations(np.array([alpha, [x / length for x in a], [x / length for x in d]], dtype=float).T)
+        raise DerivationError("six joints without any length between them are no general chain")
+    rows6 = np.array([alpha, [x / length for x in a], [x / length for x in d]], dtype=float).T
+    choices = eliminations(rows6, slide, theta)
     if not choices:
         raise DerivationError(
-            "every elimination for six revolute joints is singular on this chain: its axes have a special structure "
+            "every elimination for six joints is singular on this chain: its axes have a special structure "
             "(three through one point, or more parallel ones) that the general solver cannot take"
         )
     second = [e for e in choices if e.kept_joint != choices[0].kept_joint]
     rows = tuple((*_turn(x), y / length, z / length) for x, y, z in zip(alpha, a, d, strict=True))
-    return General6RTables(rows, length, (choices[0], *second[:1]))
+    return General6RTables(rows, length, (choices[0], *second[:1]), slide, _turn(theta))
 
 
 @cache
-def tables_of(chain: Chain) -> General6RTables:
-    """:func:`general6r_tables` of six joints in normal form; angles about the joint axes are left to the caller."""
-    alpha = [math.atan2(float(link.sa), float(link.ca)) for link in chain.links]
-    a, d = ([float(getattr(link, name)) for link in chain.links] for name in ("a", "d"))
-    return general6r_tables([*alpha, 0.0], [*a, 0.0], [*d, 0.0])
+def tables_of(chain: Chain, locked: int | None = None) -> General6RTables:
+    """:func:`general6r_tables` of the six joints that are not ``locked`` (the first or last of seven).
+
+    Angles about the axes of revolute joints are left to the caller.
+    """
+    joints, links = _free(chain, locked)
+    alpha = [math.atan2(float(link.sa), float(link.ca)) for link in links]
+    a, d = ([float(getattr(link, name)) for link in links] for name in ("a", "d"))
+    slides = [k for k, joint in enumerate(joints) if not joint.revolute]
+    if not slides:
+        return general6r_tables([*alpha, 0.0], [*a, 0.0], [*d, 0.0])
+    turns = [*_turns(links), 0.0]
+    return general6r_tables([*alpha, 0.0], [*a, 0.0], [*d, 0.0], slides[0], turns[slides[0]])
 
 
-def branches(chain: Chain, prefix: str) -> CBody:
+def is_general(chain: Chain, locked: int | None) -> bool:
+    """Whether six joints are left when ``locked``, the first or the last of seven, is prescribed, one sliding at most."""
+    if locked not in (None, 0, chain.n - 1) or any(joint.name.startswith("virtual") for joint in chain.joints):
+        return False
+    joints, _ = _free(chain, locked)
+    return len(joints) == 6 and sum(not joint.revolute for joint in joints) <= 1
+
+
+def _free(chain: Chain, locked: int | None) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
+    """The joints that are not prescribed, and the links between them."""
+    if locked is None:
+        return chain.joints, chain.links
+    return (chain.joints[1:], chain.links[1:]) if locked == 0 else (chain.joints[:-1], chain.links[:-1])
+
+
+def _turns(links: Sequence[Link]) -> list[float]:
+    return [math.atan2(float(link.st), float(link.ct)) for link in links]
+
+
+def branches(chain: Chain, prefix: str, locked: int | None = None) -> CBody:
     """The body of the function that lists candidates: base, tool and offsets are taken off for ``PREFIX_solve6r``."""
-    turns = [math.atan2(float(link.st), float(link.ct)) for link in chain.links] + [0.0]
-    shifts = [-float(joint.offset) - turn for joint, turn in zip(chain.joints, turns, strict=True)]
+    joints, links = _free(chain, locked)
+    turns = [turn if joint.revolute else 0.0 for joint, turn in zip(joints, [*_turns(links), 0.0], strict=True)]
+    shifts = [-float(joint.offset) - turn for joint, turn in zip(joints, turns, strict=True)]
+    tables = tables_of(chain, locked)
     text = render_template(
         "c/ik/general6r_branches.c.j2",
         P=prefix,
         before=literals(_inverse(chain.base)),
         after=literals(_inverse(chain.tip)),
         shifts=literals(shifts) if any(shifts) else "",
+        slide=tables.slide,
+        locked=locked,
+        given=None if locked is None else _given(chain, locked),
     )
-    kept = tables_of(chain).eliminations[0].kept_joint
+    kept = joints[tables.eliminations[0].kept_joint].index
     return CBody(text, MAX_SOLUTIONS, (Stage(kept, "degree-16"),), frozenset({"near"}), (ASPECT,))
+
+
+def _given(chain: Chain, locked: int) -> dict[str, object]:
+    """What takes a prescribed joint off: its offset, whether it slides, and the inverse of the link beside it."""
+    joint, link = chain.joints[locked], chain.links[0 if locked == 0 else -1]
+    offset = float(joint.offset)
+    return {
+        "offset": literals([offset]) if offset else "",
+        "slides": not joint.revolute,
+        "link": literals(_inverse(link.matrix())),
+    }
 
 
 def _inverse(matrix: Matrix) -> list[float]:
@@ -134,6 +186,8 @@ def render(tables: General6RTables, prefix: str, real: str = "double", *, shorth
         odd=literals([0.28, -0.96, 0, 0.96, 0.28, 0, 0, 0, 1, 0, 0, 0]),
         form=literals([-0.5, 1, 1, 1, -0.5, 1, 1, 1, -2, -2, -2, 2, 1, 1, 1]),
         wave=[literals(row) for row in _wave(17)],
+        slide=tables.slide,
+        turn=literals(tables.turn),
     )
     return text if shorthand else spelled(text, real)
 
