@@ -81,7 +81,7 @@ def _best(chain: Chain, special: Chain, redundancy: int | None) -> tuple[int, So
         complete = families.counted(candidate) if families.works(candidate, TRIALS) else None
         if complete is not None:
             return cost, complete
-    return UNSOLVED, _none(chain, families.reason(special, pose_rank))
+    return UNSOLVED, _none(chain, families.reason(special, pose_rank, redundancy))
 
 
 def _pose_plans(chain: Chain) -> list[tuple[int, SolverPlan]]:
@@ -151,8 +151,8 @@ def _dependent(chain: Chain, rank: int, redundancy: int | None) -> str:
 def _only_nearby(general: SolverPlan) -> str:
     """Why rows may be missing where no complete solver exists and an arm near by is solved instead."""
     return (
-        "the arm has no complete solver; the configurations of a special arm that is nearly this one are refined on it, "
-        f"and those that only this arm has are not found ({general.reason})"
+        "the arm has no complete solver; the configurations of a special arm that is nearly this one are refined on "
+        f"it, and those that only this arm has are not found ({general.reason})"
     )
 
 

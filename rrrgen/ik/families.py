@@ -60,7 +60,7 @@ def pose_plans(chain: Chain, locked: int | None = None) -> Options:
 
 
 def _general_plan(chain: Chain, locked: int | None) -> tuple[int, SolverPlan]:
-    """The elimination for six joints: revolute ones rather than one that slides, the first of seven rather not locked."""
+    """The elimination for six joints, with its cost: rather without a sliding one, rather with the last one locked."""
     slides = any(not joint.revolute for k, joint in enumerate(chain.joints) if k != locked)
     joints = "five revolute joints and a prismatic one" if slides else "six revolute joints"
     title = f"{joints} without special structure: the roots of a polynomial of degree 16"
@@ -202,8 +202,10 @@ def counted(plan: SolverPlan) -> SolverPlan | None:
     return described(replace(plan, max_solutions=body.rows), body.stages)
 
 
-def reason(chain: Chain, rank: int) -> str:
+def reason(chain: Chain, rank: int, redundancy: int | None = None) -> str:
     """Why no family fits a chain whose joints move the tip in ``rank`` independent directions."""
+    if redundancy is not None:
+        return f"with joint {redundancy + 1} prescribed, the others fit none of the families"
     if rank < chain.n:
         return (
             f"the {chain.n} joints move the tip in only {rank} independent directions, and no joint can be prescribed "
@@ -212,8 +214,8 @@ def reason(chain: Chain, rank: int) -> str:
     if "P" in chain.types and chain.n in (5, 6, 7):
         return (
             f"the joints {chain.types} have no three revolute axes through one point, no planar triple and no rotation "
-            "decided by three joints alone; six joints with a prismatic one and no such structure need an elimination "
-            "that is not offered"
+            "decided by three joints alone; without such a structure six joints are solved, or seven with the first or "
+            "last one prescribed, of which one slides at most"
         )
     if chain.n <= 3:
         return (

@@ -64,6 +64,8 @@ class ClosedForm:
         head = [f"inverse kinematics: {self.plan.title}", f"at most {self.plan.max_solutions} solutions"]
         if self.plan.redundancy:
             head.append(f"redundancy parameter: {self.plan.redundancy}")
+        if self.plan.incomplete:
+            head.append(f"incomplete: {self.plan.incomplete}")
         head += [f"singular: {_said(singularity)}" for singularity in self.singularities]
         if self.values:
             head.append("with " + ", ".join(f"{symbol} = {value}" for symbol, value in self.values))

@@ -56,6 +56,7 @@ def manifest(spec: RobotSpec, redundancy: int | None = None) -> dict[str, Any]:
         "max_solutions": plan.max_solutions,
         "redundancy": plan.redundancy or None,
         "reason": plan.reason or None,
+        "incomplete": plan.incomplete or None,
         "singular": [singularity.words for singularity in plan.singularities],
     }
     if plan.solvable:
@@ -142,7 +143,8 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
         "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
         "steps": 200 if banded else 12, "starts": 6, "spread": "2.0",
         # words
-        "reasons": reasons, "far_stage": len(reasons) - 1, "branch_text": _branch_text(bodies[0].labels),
+        "reasons": reasons, "far_stage": len(reasons) - 1 - bool(plan.incomplete), "outside_stage": len(reasons) - 1,
+        "incomplete": bool(plan.incomplete), "branch_text": _branch_text(bodies[0].labels),
         "explanation": _explanation(plan), "opening": _opening(spec, plan, real), "version": VERSION,
         "hash": model,
     }  # fmt: skip
@@ -174,14 +176,22 @@ def _tables(plan: SolverPlan) -> list[str]:
 
 
 def _reasons(plan: SolverPlan, stages: tuple[Stage, ...]) -> tuple[str, ...]:
-    """One text per stage; the last two are for rows that fail the check and for targets out of range."""
+    """One text per stage; then one for rows that fail the check and one for targets out of range.
+
+    Where the solver is incomplete, no text claims that there is no configuration; the last one is for the limits.
+    """
+    near = bool(plan.incomplete)
     texts = ["no reason"]
     for stage in stages:
         names = {j.index: j.name for j in plan.solving.joints}
         joint = names.get(stage.joint) or f"joint {stage.joint + 1}"
-        texts.append(f"the {stage.label} equation of {joint} has no real root: the target is out of reach")
-    texts.append("no candidate meets the whole target: it lies off the set that the arm can reach")
+        so = " on the special arm that is nearly this one" if near else ": the target is out of reach"
+        texts.append(f"the {stage.label} equation of {joint} has no real root{so}")
+    so = ", and there may be others" if near else ": it lies off the set that the arm can reach"
+    texts.append(f"no candidate meets the whole target{so}")
     texts.append("the target is farther than a million reaches: its coordinates drown the arm")
+    if near:
+        texts.append("every configuration that was found lies outside the joint limits, and there may be others")
     return tuple(texts)
 
 
@@ -201,14 +211,22 @@ def _explanation(plan: SolverPlan) -> list[str]:
         + ("the position (m)" if plan.task == "position" else "the row-major 4x4 pose (m)")
         + " of the tip in the base frame. `q_ref` (may be null: zeros, no turns added) gives free angles at singular "
         "configurations and the turn to which angles are taken. Every row satisfies forward kinematics. With no row "
-        "the status says why, and `distance` how far the target is from the nearest that can be reached."
     )
+    if plan.incomplete:
+        text += (
+            "`stage` says what was found out, and `distance` how far the target is from the nearest configuration "
+            f"that was found. INCOMPLETE: {plan.incomplete}."
+        )
+    else:
+        text += "the status says why, and `distance` how far the target is from the nearest that can be reached."
     return textwrap.wrap(text, 116)
 
 
 def _opening(spec: RobotSpec, plan: SolverPlan, real: str) -> list[str]:
     lines = [f"{spec.name}_ik.h: inverse kinematics of {spec.name}, joints {' '.join(plan.chain.types)}", ""]
     lines += textwrap.wrap(f"Family: {plan.title}.", 116)
+    if plan.incomplete:
+        lines += textwrap.wrap(f"Incomplete: {plan.incomplete}.", 116)
     for singularity in plan.singularities:
         lines += textwrap.wrap(f"Singular: {singularity.words}", 116)
     lines += [

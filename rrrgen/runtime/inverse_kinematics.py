@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 MULTIPLE, FREE, OUTSIDE, INEXACT = 1, 2, 4, 8
 """Bits of :attr:`IKResult.flags`; see the emitted header."""
 
-STATUS = ("ok", "unreachable", "outside limits", "not finite", "not a rotation")
+STATUS = ("ok", "unreachable", "outside limits", "not finite", "not a rotation", "incomplete")
+"""What the numbers of :attr:`IKBatch.statuses` mean. Where an arm has no complete solver, ``plan.incomplete`` says why
+and "incomplete" is the status with rows and without them, but for targets farther than a million reaches."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,8 @@ class IKResult:
     ``q`` (k, n) in rad or m; ``flags`` (k,) sums of MULTIPLE, FREE, OUTSIDE, INEXACT; ``branches`` (k,) numbers that
     stay the same along a path without singularities (see :meth:`InverseKinematics.branch_names`); ``residual`` (k,)
     what is left of the task error. With no row, ``status`` and ``reason`` say why and ``distance`` (m) how far the
-    target is from what can be reached (negative if unknown).
+    target is from what can be reached (negative if unknown). The status "incomplete" says that there may be more
+    configurations than these, none perhaps.
     """
 
     q: NDArray[np.float64]
@@ -181,7 +184,7 @@ class InverseKinematics:
         residual = np.frombuffer(self._ffi.buffer(out.residual), float, rows)[:k].copy()
         status = STATUS[code]
         reason = "" if code == 0 else self._text(self._status_string(code))
-        if code == 1:
+        if code == 1 or (code == 5 and k == 0):
             reason = self._text(self._reason(out.stage))
         return IKResult(q, flags, branches, residual, status, reason, float(out.distance))
 

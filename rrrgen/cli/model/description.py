@@ -80,6 +80,7 @@ def _inverse_kinematics(found: InverseForm | str | None) -> dict[str, Any] | Non
         "title": found.plan.title,
         "max_solutions": found.plan.max_solutions,
         "redundancy": found.plan.redundancy or None,
+        "incomplete": found.plan.incomplete or None,
         "singular": [item.words if item.expression is None else str(item.expression) for item in found.singularities],
         "steps": [step.text() for step in found.steps],
     }

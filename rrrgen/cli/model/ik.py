@@ -86,6 +86,7 @@ def _record(solver: InverseKinematics, found: IKResult) -> dict[str, Any]:
     return {
         "family": str(solver.plan.family),
         "max_solutions": solver.max_solutions,
+        "incomplete": solver.plan.incomplete or None,
         "status": found.status,
         "reason": found.reason,
         "distance": found.distance,
@@ -109,3 +110,5 @@ def _print(solver: InverseKinematics, found: IKResult) -> None:
     if not len(found):
         distance = f", {found.distance:.6g} m from reach" if found.distance > 0 else ""
         click.echo(f"no solution: {found.status}{': ' + found.reason if found.reason else ''}{distance}")
+    if solver.plan.incomplete:
+        click.echo(f"there may be more: {solver.plan.incomplete}")

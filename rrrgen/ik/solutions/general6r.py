@@ -107,7 +107,7 @@ def tables_of(chain: Chain, locked: int | None = None) -> General6RTables:
 
 
 def is_general(chain: Chain, locked: int | None) -> bool:
-    """Whether six joints are left when ``locked``, the first or the last of seven, is prescribed, one sliding at most."""
+    """Whether six joints, one of them sliding at most, are left beside ``locked``, the first or the last of seven."""
     if locked not in (None, 0, chain.n - 1) or any(joint.name.startswith("virtual") for joint in chain.joints):
         return False
     joints, _ = _free(chain, locked)
@@ -167,9 +167,9 @@ def render(tables: General6RTables, prefix: str, real: str = "double", *, shorth
     """C text with ``static int PREFIX_solve6r(const REAL T[16], REAL q[][6], int mult[])``, PREFIX_6R_MAX rows.
 
     ``T`` is the row-major pose of the product of :func:`general6r_tables`; rows of ``q`` are angles in (-pi, pi],
-    ``mult`` is 1, or 2 for a double solution. C99 and C++, needs ``<math.h>`` only. ``real`` is ``"double"`` or
-    ``"float"``; with ``shorthand`` the words of :data:`~rrrgen.ik.solutions.trig_roots.WORDS` are left for the
-    caller to replace.
+    displacements in m, ``mult`` is 1, or 2 for a double solution. C99 and C++, needs ``<math.h>`` only. ``real`` is
+    ``"double"`` or ``"float"``; with ``shorthand`` the words of :data:`~rrrgen.ik.solutions.trig_roots.WORDS` are
+    left for the caller to replace.
     """
     passes = _passes(tables)
     noise = [max(_NOISE[real], x) for _, x in passes]
