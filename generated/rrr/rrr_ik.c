@@ -7,6 +7,7 @@
 #define RRR_IK_TOL_REACH (rrr_real)1.3536469121517312
 #define RRR_IK_TOL_EPS (rrr_real)2.220446049250313e-16
 #define RRR_IK_TOL_FREE (rrr_real)1e-13 /* a direction shorter than this is none: the joint is free */
+#define RRR_IK_TOL_DOUBT (rrr_real)1e-5 /* a direction shorter than this may be none, as accurate as the target is */
 #define RRR_IK_TOL_MERGE (rrr_real)1e-13 /* square of the half angle between roots that may be one */
 #define RRR_IK_TOL_SAME (rrr_real)5e-7 /* rows nearer than this are one */
 #define RRR_IK_TOL_SLACK (rrr_real)1e-5 /* a discriminant this far below zero is still tried */
@@ -16,6 +17,7 @@
 #define RRR_IK_TOL_DONE (rrr_real)1e-31
 #define RRR_IK_TOL_ORTHONORMAL (rrr_real)1e-7
 #define RRR_IK_TOL_LIMIT (rrr_real)1e-10
+#define RRR_IK_PUBLIC 15u /* the flags that are handed out */
 #define RRR_IK_NEAR 16u /* inner flag: a root of this row may be double */
 
 /* x in (-pi, pi] */
@@ -81,20 +83,24 @@ static int rrr_ik_cosine(rrr_real *k, rrr_real w2, rrr_real slack, rrr_real *w, 
 }
 
 /* a cos(x) + b sin(x) = k: on return cos(x) = a k -+ b w and sin(x) = b k +- a w, w >= 0. w2 >= 0 is a better expression of
- * a^2 + b^2 - k^2. Every x solves 0 = 0: then x is the reference. */
-static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr_real unit, rrr_real ref, rrr_real slack, rrr_real *w, unsigned *flags)
+ * a^2 + b^2 - k^2. Every x solves 0 = 0: then x is the reference. `open` is flagged where that
+ * may be so, `none` where it is. */
+static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr_real unit, rrr_real ref, rrr_real least, unsigned open, unsigned none, rrr_real slack, rrr_real *w, unsigned *flags)
 {
     const rrr_real h2 = *a * *a + *b * *b;
-    if (h2 <= RRR_IK_TOL_FREE * unit * (RRR_IK_TOL_FREE * unit)) {
-        *w = (rrr_real)0;
-        *flags |= (unsigned)RRR_IK_FREE;
-        if (!(*k * *k <= slack * unit * unit)) {
-            return 0;
+    if (h2 <= RRR_IK_TOL_DOUBT * unit * (RRR_IK_TOL_DOUBT * unit)) {
+        *flags |= open;
+        if (h2 <= least * unit * (least * unit)) {
+            *w = (rrr_real)0;
+            *flags |= none;
+            if (!(*k * *k <= slack * unit * unit)) {
+                return 0;
+            }
+            *a = cos(ref);
+            *b = sin(ref);
+            *k = (rrr_real)1;
+            return 1;
         }
-        *a = cos(ref);
-        *b = sin(ref);
-        *k = (rrr_real)1;
-        return 1;
     }
     { /* the root does not wait for the quotient */
         const rrr_real i = (rrr_real)1 / h2;
@@ -128,8 +134,9 @@ static void rrr_ik_advance(rrr_real x[12], const rrr_real f[12])
     }
 }
 
-/* Task error e = target - forward kinematics (lengths by the reach) and its Jacobian; returns the squared error. */
-static rrr_real rrr_ik_error(const rrr_real *T, const rrr_real *q, rrr_real e[3], rrr_real J[3][3])
+/* Task error e = target - forward kinematics (lengths by the reach) and its Jacobian, without the columns of the joints
+ * that are held (bits); returns the squared error. */
+static rrr_real rrr_ik_error(const rrr_real *T, const rrr_real *q, rrr_real e[3], rrr_real J[3][3], unsigned held)
 {
     rrr_real x[12], axis[3][6], cost = (rrr_real)0;
     int i, k;
@@ -164,6 +171,11 @@ static rrr_real rrr_ik_error(const rrr_real *T, const rrr_real *q, rrr_real e[3]
         J[0][k] = (z[1] * r2 - z[2] * r1) / RRR_IK_TOL_REACH;
         J[1][k] = (z[2] * r0 - z[0] * r2) / RRR_IK_TOL_REACH;
         J[2][k] = (z[0] * r1 - z[1] * r0) / RRR_IK_TOL_REACH;
+    }
+    for (k = 0; k < 3; ++k) {
+        for (i = 0; i < 3 && ((held >> k) & 1u) != 0u; ++i) {
+            J[i][k] = (rrr_real)0;
+        }
     }
     return cost;
 }
@@ -214,15 +226,16 @@ static void rrr_ik_step(rrr_real J[3][3], const rrr_real e[3], rrr_real damping,
 
 /* At most `steps` Levenberg-Marquardt steps on the task error, damped in proportion to what is left of it (which keeps
  * them fast at singular configurations too). Up to three steps in a row may make it worse: the bottom of a curved valley
- * is followed by stepping off and back. Returns the least error found, squared, and its configuration. */
-static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_real damping)
+ * is followed by stepping off and back. Joints in `held` (bits) stay. Returns the least error found, squared, and its
+ * configuration. */
+static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_real damping, unsigned held)
 {
     rrr_real x[3], e[3], J[3][3], d[3] = {(rrr_real)0}, best, cost;
     int i, step, worse = 0;
     for (i = 0; i < 3; ++i) {
         x[i] = q[i];
     }
-    best = cost = rrr_ik_error(T, x, e, J);
+    best = cost = rrr_ik_error(T, x, e, J, held);
     for (step = 0; step < steps && best > RRR_IK_TOL_DONE && damping < (rrr_real)1e6; ++step) {
         rrr_real most = (rrr_real)1;
         rrr_ik_step(J, e, damping * sqrt(cost) + RRR_IK_TOL_EPS, d);
@@ -232,7 +245,7 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
         for (i = 0; i < 3; ++i) { /* never more than a radian or a reach at once */
             x[i] += d[i] / most;
         }
-        cost = rrr_ik_error(T, x, e, J);
+        cost = rrr_ik_error(T, x, e, J, held);
         if (cost < best) {
             const int stuck = cost > (rrr_real)0.999999999 * best && damping > (rrr_real)1; /* the least-squares answer */
             for (i = 0; i < 3; ++i) {
@@ -248,7 +261,7 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
             for (i = 0; i < 3; ++i) {
                 x[i] = q[i];
             }
-            cost = rrr_ik_error(T, x, e, J);
+            cost = rrr_ik_error(T, x, e, J, held);
             worse = 0;
             damping *= (rrr_real)100;
         }
@@ -258,9 +271,10 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
 
 
 /* The candidates of every branch. A larger slack clamps discriminants that are below zero. Residuals
- * are still squared, and negative where they are not known yet. */
+ * are still squared, and negative where they are not known yet. A joint whose direction is shorter than `least` is free
+ * and takes its value from ref. */
 static int rrr_ik_branches(
-    const rrr_real *T, const rrr_real *ref, rrr_real slack, rrr_ik_solutions *found, int *stage)
+    const rrr_real *T, const rrr_real *ref, rrr_real slack, rrr_real least, rrr_ik_solutions *found, int *stage)
 {
     int rows = 0;
     rrr_real sine[8] = {(rrr_real)0}, cosine[8] = {(rrr_real)0}, angle[8];
@@ -268,7 +282,7 @@ static int rrr_ik_branches(
     const rrr_real pz = T[2] - (rrr_real)0.56;
     rrr_real a1 = -T[1], b1 = T[0], k1 = (rrr_real)0.259, w1;
     unsigned f1 = 0u;
-    const int n1 = rrr_ik_linear(&a1, &b1, &k1, (rrr_real)-1, (rrr_real)1.3536469121517312, ref[0], slack, &w1, &f1);
+    const int n1 = rrr_ik_linear(&a1, &b1, &k1, (rrr_real)-1, (rrr_real)1.3536469121517312, ref[0], least, 256u, (unsigned)RRR_IK_FREE | 65792u, slack, &w1, &f1);
     if (n1 == 0) { *stage = *stage < 1 ? 1 : *stage; return 0; }
     const rrr_real t1 = a1 * k1;
     const rrr_real t2 = b1 * k1;
@@ -301,8 +315,8 @@ static int rrr_ik_branches(
             const rrr_real from2 = sqrt(t4 + vy * vy);
             const rrr_real size2 = from2 * onto2;
             rrr_real a2 = t5 + pz * vy, b2 = t6 - ux * vy;
-            const unsigned f2 = size2 > (RRR_IK_TOL_FREE * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_FREE * (rrr_real)1.3536469121517312) ? 0u : (unsigned)RRR_IK_FREE;
-            if (f2 != 0u) {
+            const unsigned f2 = size2 > (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312) ? 0u : size2 > (least * (rrr_real)1.3536469121517312) * (least * (rrr_real)1.3536469121517312) ? 512u : (unsigned)RRR_IK_FREE | 131584u;
+            if ((f2 & (unsigned)RRR_IK_FREE) != 0u) {
                 const rrr_real x2 = ref[1];
                 a2 = cos(x2); b2 = sin(x2);
             }
@@ -329,6 +343,7 @@ static int rrr_ik_branches(
     (void)T;
     (void)ref;
     (void)slack;
+    (void)least;
     (void)stage;
     return rows;
 }
@@ -420,8 +435,9 @@ static int rrr_ik_repeated(rrr_ik_solutions *out, int i)
     return 0;
 }
 
-/* What is wrong with the numbers of a target, and a copy of it with an exact rotation in T. */
-static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref, rrr_real T[3])
+/* What is wrong with the numbers of a target, and a copy of it with an exact rotation in T. Its numbers are taken to be as
+ * accurate as its rotation is orthonormal, and never better than some units of rounding. */
+static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref, rrr_real T[3], rrr_real *accuracy)
 {
     rrr_real sum = (rrr_real)0;
     int i;
@@ -435,6 +451,7 @@ static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref,
     if (!(sum <= (rrr_real)0)) {
         return RRR_IK_NOT_FINITE;
     }
+    *accuracy = (rrr_real)64.0 * RRR_IK_TOL_EPS;
     return RRR_IK_OK;
 }
 
@@ -453,7 +470,7 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
     rrr_ik_solutions found;
     rrr_real best = (rrr_real)1e30; /* no start has been tried */
     int stage = 0, start, i, kept = 0;
-    const int rows = rrr_ik_branches(T, ref, (rrr_real)1e30, &found, &stage);
+    const int rows = rrr_ik_branches(T, ref, (rrr_real)1e30, RRR_IK_TOL_FREE, &found, &stage);
     for (start = 0; start < rows + 6 && kept < 4; ++start) {
         rrr_real x[3], cost;
         if (start == rows && kept > 0) {
@@ -462,7 +479,7 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
         for (i = 0; i < 3; ++i) {
             x[i] = start < rows ? found.q[start][i] : ref[i] + (start > rows ? (rrr_real)2.0 * sin((rrr_real)(start * (i + 1))) : (rrr_real)0);
         }
-        cost = rrr_ik_refine(T, x, 200, (rrr_real)0.1);
+        cost = rrr_ik_refine(T, x, 200, (rrr_real)0.1, 0u);
         if (cost < best || (cost <= RRR_IK_TOL_ACCEPT && kept > 0)) {
             best = cost < best ? cost : best;
             for (i = 0; i < 3; ++i) {
@@ -480,7 +497,94 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
     return kept;
 }
 
-/* Whether all candidates can be taken as they are: none is inexact, none may be one of a double. */
+#define RRR_IK_OPEN 768u /* inner flags, 256 << joint: the vector that decides the joint is short; 65536 << joint: free */
+#define RRR_IK_HELD(flags) (((flags) >> 16) & 0x7fu) /* the joints that are free */
+#define RRR_IK_GONE 32u /* inner flag: another row stands for this one */
+#define RRR_IK_FIXED 64u /* inner flag: refined already, with the free joint held */
+
+static void rrr_ik_take(const rrr_ik_solutions *from, int i, rrr_ik_solutions *out, int to)
+{
+    int k;
+    for (k = 0; k < 3; ++k) {
+        out->q[to][k] = from->q[i][k];
+    }
+    out->flags[to] = from->flags[i];
+    out->branch[to] = from->branch[i];
+    out->residual[to] = from->residual[i];
+}
+
+/* Which joints of row i the target leaves open: turned by 0.01 rad and held there, one of them still lets the others meet
+ * the target to its own accuracy. */
+static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_solutions *found, int i)
+{
+    unsigned held = RRR_IK_HELD(found->flags[i]);
+    int j, k, side;
+    if (held == 0u && !(found->residual[i] <= RRR_IK_TOL_TIGHT && found->residual[i] >= (rrr_real)0)) {
+        found->residual[i] = rrr_ik_refine(T, found->q[i], 12, (rrr_real)0.01, 0u);
+    }
+    for (j = 0; j < 3; ++j) {
+        for (side = -1; side <= 1 && ((found->flags[i] >> (8 + j)) & ~(held >> j) & 1u) != 0u; side += 2) {
+            rrr_real q[3];
+            for (k = 0; k < 3; ++k) {
+                q[k] = found->q[i][k] + (k == j ? (rrr_real)side * (rrr_real)0.01 : (rrr_real)0);
+            }
+            held |= rrr_ik_refine(T, q, 12, (rrr_real)0.01, 1u << j) <= accuracy * accuracy ? 1u << j : 0u;
+        }
+    }
+    found->flags[i] |= held != 0u ? (held << 16) | (unsigned)RRR_IK_FREE : 0u;
+    return held;
+}
+
+/* The choices of a branch that fall together where these joints are free. */
+static unsigned rrr_ik_merged_branches(unsigned held)
+{
+    unsigned bits = 0u;
+    bits |= (held >> 0) & 1u ? 1u : 0u;
+    (void)held;
+    return bits;
+}
+
+/* Candidates in which a vector that decides a joint is short. Where the target does not decide the joint, the row with the
+ * joint at its reference (with limits: the nearest that brings all joints inside) stands for them, if it meets the target.
+ * The vectors are taken for none from ever greater lengths on, until the joints are free that the target leaves open. */
+static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsigned options, rrr_real accuracy, rrr_ik_solutions *found, int rows)
+{
+    const rrr_real own = (rrr_real)16 * accuracy * accuracy, tolerance = own > RRR_IK_TOL_ACCEPT ? own : RRR_IK_TOL_ACCEPT;
+    rrr_real least = RRR_IK_TOL_FREE;
+    int pending = 0, i, w;
+    for (i = 0; i < rows; ++i) {
+        pending += (found->flags[i] & RRR_IK_OPEN) != 0u && rrr_ik_loose(T, accuracy, found, i) != 0u;
+    }
+    for (; pending > 0 && least < (rrr_real)2 * RRR_IK_TOL_DOUBT; least *= (rrr_real)10) {
+        rrr_ik_solutions wide;
+        int stage = 0;
+        const int count = rrr_ik_branches(T, at, RRR_IK_TOL_SLACK, least, &wide, &stage);
+        for (w = 0; w < count; ++w) {
+            const unsigned held = RRR_IK_HELD(wide.flags[w]), other = ~rrr_ik_merged_branches(held);
+            int first = -1, fits = -1;
+            for (i = 0; i < rows; ++i) {
+                if (held != 0u && RRR_IK_HELD(found->flags[i]) == held && ((found->branch[i] ^ wide.branch[w]) & other) == 0u) {
+                    if (fits < 0) {
+                        wide.residual[w] = rrr_ik_refine(T, wide.q[w], 12, (rrr_real)0.01, held);
+                        fits = wide.residual[w] <= tolerance;
+                    }
+                    if (fits > 0) {
+                        found->flags[i] = RRR_IK_GONE;
+                        first = first < 0 ? i : first;
+                        --pending;
+                    }
+                }
+            }
+            if (first >= 0) {
+                wide.flags[w] = (wide.flags[w] & (unsigned)RRR_IK_MULTIPLE) | (unsigned)RRR_IK_FREE | RRR_IK_FIXED;
+                rrr_ik_take(&wide, w, found, first);
+            }
+        }
+    }
+    (void)options;
+}
+
+/* Whether all candidates can be taken as they are: none is inexact, may be one of a double, or has a joint left open. */
 static int rrr_ik_sound(const rrr_ik_solutions *found, int rows)
 {
     unsigned flags = 0u;
@@ -489,15 +593,22 @@ static int rrr_ik_sound(const rrr_ik_solutions *found, int rows)
         flags |= found->flags[i];
         tight &= found->residual[i] <= RRR_IK_TOL_TIGHT;
     }
-    return tight & ((flags & (RRR_IK_NEAR | (unsigned)RRR_IK_MULTIPLE)) == 0u);
+    return tight & (flags == 0u);
 }
 
 /* Refines row i of the answer where it needs that; 0 if it does not meet the task or says the same as an earlier one. */
 static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *out, int i)
 {
     const rrr_real error = out->residual[i];
+    if ((out->flags[i] & RRR_IK_GONE) != 0u) {
+        return 0;
+    }
+    if ((out->flags[i] & RRR_IK_FIXED) != 0u) {
+        out->flags[i] &= RRR_IK_PUBLIC;
+        return !rrr_ik_repeated(out, i);
+    }
     if (!(error <= RRR_IK_TOL_TIGHT && error >= (rrr_real)0)) {
-        out->residual[i] = rrr_ik_refine(T, out->q[i], 12, (rrr_real)0.01);
+        out->residual[i] = rrr_ik_refine(T, out->q[i], 12, (rrr_real)0.01, 0u);
         if (!(out->residual[i] <= RRR_IK_TOL_ACCEPT)) {
             if (!(options & RRR_IK_RESIDUAL) || !(out->residual[i] <= (rrr_real)1e6)) {
                 return 0;
@@ -505,7 +616,7 @@ static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *
             out->flags[i] |= (unsigned)RRR_IK_INEXACT;
         }
     }
-    out->flags[i] &= ~RRR_IK_NEAR;
+    out->flags[i] &= RRR_IK_PUBLIC;
     return !rrr_ik_repeated(out, i);
 }
 
@@ -537,9 +648,9 @@ rrr_ik_status rrr_inverse_kinematics(
 {
     static const rrr_real zero[3] = {(rrr_real)0};
     const rrr_real *const ref = q_ref ? q_ref : zero;
-    rrr_real T[3];
+    rrr_real T[3], accuracy;
     rrr_ik_solutions *const found = out;
-    const rrr_ik_status status = rrr_ik_check(target, q_ref, T);
+    const rrr_ik_status status = rrr_ik_check(target, q_ref, T, &accuracy);
     int rows, i, outside;
     out->count = 0;
     out->stage = 0;
@@ -552,10 +663,11 @@ rrr_ik_status rrr_inverse_kinematics(
         out->distance = (rrr_real)-1;
         return RRR_IK_UNREACHABLE;
     }
-    rows = rrr_ik_branches(T, ref, RRR_IK_TOL_SLACK, found, &out->stage);
+    rows = rrr_ik_branches(T, ref, RRR_IK_TOL_SLACK, RRR_IK_TOL_FREE, found, &out->stage);
     if (rrr_ik_sound(found, rows)) {
         out->count = rows;
     } else {
+        rrr_ik_reopen_branches(T, ref, options, accuracy, found, rows);
         for (i = 0; i < rows; ++i) {
             rrr_ik_keep(T, options, found, i, out);
         }
@@ -564,7 +676,7 @@ rrr_ik_status rrr_inverse_kinematics(
     if (out->count == 0 && !outside) {
         if (rows > 0) { /* candidates from discriminants a little below zero, perhaps: which one is it? */
             out->stage = 0;
-            rows = rrr_ik_branches(T, ref, (rrr_real)0, found, &out->stage);
+            rows = rrr_ik_branches(T, ref, (rrr_real)0, RRR_IK_TOL_FREE, found, &out->stage);
             out->stage = rows > 0 ? 3 : out->stage;
         }
         out->count = rows = rrr_ik_descend(T, ref, out);
@@ -618,8 +730,8 @@ rrr_ik_status rrr_closest(
 {
     static const rrr_real zero[3] = {(rrr_real)0};
     const rrr_real *const ref = q_ref ? q_ref : zero;
-    rrr_real T[3];
-    rrr_ik_status status = rrr_ik_check(target, q_ref, T);
+    rrr_real T[3], accuracy;
+    rrr_ik_status status = rrr_ik_check(target, q_ref, T, &accuracy);
     out->count = 0;
     out->stage = 0;
     out->distance = (rrr_real)0;

@@ -48,7 +48,8 @@ enum {
 /* Flags of a row; 0 is a regular solution. */
 enum {
     RRR_IK_MULTIPLE = 1, /* a multiple root: two branches meet, angles are good to the root of the precision */
-    RRR_IK_FREE = 2, /* a joint was free (singular) and stands at its value in q_ref, or the nearest that works */
+    RRR_IK_FREE = 2, /* the target does not decide a joint to 0.01 rad (singular): it stands at its value in q_ref, or at the
+                           * nearest that works (with RRR_IK_LIMITS: that brings every joint inside its limits) */
     RRR_IK_OUTSIDE = 4, /* outside the joint limits */
     RRR_IK_INEXACT = 8 /* the residual is not zero (only with RRR_IK_RESIDUAL and from rrr_closest) */
 };

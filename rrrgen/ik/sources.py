@@ -110,7 +110,7 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
     needs = frozenset().union(*(body.needs for body in bodies))
     comments = ("The candidates of every branch.", "The candidates of a simpler arm that is nearly this one.")
     functions = [
-        {"name": name, "comment": comment, "body": body.text}
+        {"name": name, "comment": comment, "body": body.text, "opens": body.opens}
         for name, comment, body in zip(("branches", "nearby"), comments, bodies, strict=False)
     ]
     mask = sum(1 << k for k, joint in enumerate(chain.joints) if not joint.revolute)
@@ -135,11 +135,14 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
         "lower": ", ".join(_limit(low, -1) for low, _ in limits),
         "upper": ", ".join(_limit(high, 1) for _, high in limits),
         # the equations
-        "functions": functions, "needs": needs, "fragment": _fragment(plan, prefix, real), "banded": banded,
+        "functions": functions, "opened": any(body.opens for body in bodies),
+        "open_bits": sum({256 << joint for body in bodies for joint, _ in body.opens}),
+        "needs": needs, "fragment": _fragment(plan, prefix, real), "banded": banded,
         "rows": max(body.rows for body in bodies), "single": single,
         "sound": single and not needs & {"near", "unknown"},
         "aspects": plan.general,
         # numbers
+        "rounding": repr(64.0 * chain.scale / chain.reach),
         "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
         "steps": 200 if banded else 12, "starts": 6, "spread": "2.0",
         # words

@@ -23,17 +23,20 @@ NEARLY = (1e-6, 1e-3, 1e-2)
 def runtime(real: str) -> dict[str, str]:
     """The tolerances of emitted code, as C literals, for ``"double"`` or ``"float"``.
 
-    free: a unit direction known no better than this is none; tight: rows are refined above it; accept: rows are dropped
-    above it (a target out of reach by less counts as reachable); same: two rows nearer than this are one, since angles
-    at a double root are only good to the root of the precision; merge = (same / 2)^2; slack: how far below zero a
-    discriminant may fall and still give a candidate; orthonormal: largest defect of R' R - 1 and of the handedness that
-    is repaired; tiny: below every length that matters, keeps quotients finite; rounding:
-    1.5 * 2^52 (2^23), which leaves a whole number when it is added and taken away.
+    free: a unit direction known no better than this is none; doubt: one shorter than this may be none, if the target is
+    as inaccurate as is accepted; turn: a joint that the target does not decide to this angle (rad) is free; tight: rows
+    are refined above it; accept: rows are dropped above it (a target out of reach by less counts as reachable); same:
+    two rows nearer than this are one, since angles at a double root are only good to the root of the precision; merge =
+    (same / 2)^2; slack: how far below zero a discriminant may fall and still give a candidate; orthonormal: largest
+    defect of R' R - 1 and of the handedness that is repaired; tiny: below every length that matters, keeps quotients
+    finite; rounding: 1.5 * 2^52 (2^23), which leaves a whole number when it is added and taken away.
     """
     if real == "float":
         return {
             "eps": "1.1920929e-07",
             "free": "2e-6",
+            "doubt": "1e-2",
+            "turn": "0.01",
             "merge": "2e-6",
             "same": "2e-3",
             "slack": "1e-3",
@@ -51,6 +54,8 @@ def runtime(real: str) -> dict[str, str]:
     return {
         "eps": "2.220446049250313e-16",
         "free": "1e-13",
+        "doubt": "1e-5",
+        "turn": "0.01",
         "merge": "1e-13",
         "same": "5e-7",
         "slack": "1e-5",

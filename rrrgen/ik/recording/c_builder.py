@@ -35,7 +35,7 @@ class CBuilder(Scaffold):
                 f"REAL a{tag} = {{0}}, b{tag} = {{1}}, k{tag} = {{2}}, w{tag};",
                 f"unsigned f{tag} = 0u;",
                 f"const int n{tag} = {self.prefix}_linear(&a{tag}, &b{tag}, &k{tag}, {w2}, {self._real(unit)}, {{3}}, "
-                f"{self._slack}, &w{tag}, &f{tag});",
+                f"least, {self._open_bit(joint)}, {self._free_bits(joint)}, {self._slack}, &w{tag}, &f{tag});",
             ),
             (a, b, k, self.reference(joint), *extra),
         )
@@ -43,7 +43,13 @@ class CBuilder(Scaffold):
         a, b, k = (self.pool.var(f"{letter}{tag}", level) for letter in "abk")
         self._flags.append(f"f{tag}")
         w = self._loop(joint, tag, level, label, f"v{tag}")
+        self._decides(joint)
         return self._angle(joint, self._turned(tag, a * k - b * w, b * k + a * w), level)
+
+    def _decides(self, joint: Joint) -> None:
+        """The last choice of a root is that of ``joint``: it falls away where the joint is free."""
+        if joint.index in self._opens:
+            self._opens[joint.index] = len(self._branch) - 1
 
     def _fixed_pair(
         self, joint: Joint, a: float, b: float, k: Scalar, label: Label, tag: str, radicand: S | None
@@ -182,15 +188,16 @@ class CBuilder(Scaffold):
         if feasible is not None:
             reference = f"{self.prefix}_feasible({{3}}, {{4}}, {{5}}, {{6}}, {{7}}, {{8}})"
             self._needs.add("feasible")
-        free = f"{self.prefix.upper()}_TOL_FREE"
-        least = f"{free} * {free}" if unit == 1.0 else f"({free} * {self._real(unit)}) * ({free} * {self._real(unit)})"
+        bit, scale = self._open_bit(joint), "" if unit == 1.0 else f" * {self._real(unit)}"
+        doubt, free = f"({self.prefix.upper()}_TOL_DOUBT{scale})", f"(least{scale})"
         self._flags.append(f"f{tag}")
         self._add(
             level,
             (
                 f"REAL a{tag} = {{0}}, b{tag} = {{1}};",
-                f"const unsigned f{tag} = {{2}} > {least} ? 0u : FREE;",
-                f"if (f{tag} != 0u) {{",
+                f"const unsigned f{tag} = {{2}} > {doubt} * {doubt} ? 0u : "
+                f"{{2}} > {free} * {free} ? {bit} : {self._free_bits(joint)};",
+                f"if ((f{tag} & FREE) != 0u) {{",
                 f"    const REAL x{tag} = {reference};",
                 f"    a{tag} = COS(x{tag}); b{tag} = SIN(x{tag});",
                 "}",
@@ -198,7 +205,7 @@ class CBuilder(Scaffold):
             (*direction, size, self.reference(joint), *bounds),
         )
         a, b, g = (self.pool.var(f"{letter}{tag}", level) for letter in "abg")
-        whole = (f"const REAL g{tag} = f{tag} != 0u ? (REAL)1 : (REAL)1 / {{0}};",)
+        whole = (f"const REAL g{tag} = (f{tag} & FREE) != 0u ? (REAL)1 : (REAL)1 / {{0}};",)
         self._items.append(Statement(level, whole, (size,), g))
         turn = self._turned(tag, a * g, b * g)
         self._angle(joint, Turn(a, b) if joint.index in self._joints else turn)
@@ -223,8 +230,9 @@ class CBuilder(Scaffold):
         self._flags.append(f"f{tag}")
         return (
             *([keep] if keep else []),
-            f"const unsigned f{tag} = {self.prefix}_unit(&c{tag}, &s{tag}) ? 0u : FREE;",
-            f"if (f{tag} != 0u) {{",
+            f"const unsigned f{tag} = {self.prefix}_unit(&c{tag}, &s{tag}, least, "
+            f"{self._open_bit(joint)}, {self._free_bits(joint)});",
+            f"if ((f{tag} & FREE) != 0u) {{",
             f"    const REAL x{tag} = {reference};",
             f"    c{tag} = COS(x{tag}); s{tag} = SIN(x{tag});",
             *([f"    {keep}"] if keep else []),
@@ -273,7 +281,7 @@ class CBuilder(Scaffold):
         c6, s6 = self._turned(last, self.pool.of(dot(column0, mx)), self.pool.of(dot(column1, mx)))
         built = tuple(total(c6 * u, s6 * v) for u, v in zip(column0, column1, strict=True))
         self.residual((), minus(built, mx))
-        self._add(level, (f"const int n{first}f = f{first} == 0u ? 2 : 1;",), ())
+        self._add(level, (f"const int n{first}f = (f{first} & FREE) == 0u ? 2 : 1;",), ())
         return self._flipped(joints, (Turn(c4, s4), Turn(c5, s5), Turn(self.pool.of(c6), self.pool.of(s6))), first)
 
     def _flipped(
@@ -290,6 +298,7 @@ class CBuilder(Scaffold):
         inner = self._open(middle, f"{first}f", f"n{first}f", 2, Label("wrist"), level, sure=True)
         choice = f"i{first}f"
         self._branch.append(("wrist", f"(unsigned){choice}", 1))
+        self._decides(joints[0])
         for joint in joints:
             slot = self._arcs.joints.get(joint.index)
             if slot is None:

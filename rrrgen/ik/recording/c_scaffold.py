@@ -44,6 +44,7 @@ class Scaffold:
         self._arcs = Arcs()
         self._flags: list[str] = []
         self._branch: list[tuple[str, str, int]] = []  # label, expression, bits
+        self._opens: dict[int, int | None] = {}  # joint that can be free -> the choice that it decides
         self._residual: list[Scalar] = []
         self._taken: set[str] = set(RESERVED)
         self._needs: set[str] = set()
@@ -157,9 +158,11 @@ class Scaffold:
         leaf.append(f"found->flags[rows] = {flags};")
         branch, bit = [], 0
         labels = []
+        masks: list[int] = []
         for name, text, bits in self._branch:
             branch.append(f"({text} << {bit})" if bit else text)
             labels.append((name, bit, bits))
+            masks.append(((1 << bits) - 1) << bit)
             bit += bits
         leaf.append(f"found->branch[rows] = {' | '.join(branch) or '0u'};")
         leaf.append(f"found->residual[rows] = {{{len(operands)}}};")
@@ -173,6 +176,7 @@ class Scaffold:
             tuple(self._stages),
             frozenset(self._needs),
             tuple(labels),
+            tuple((j, 0 if k is None else masks[k]) for j, k in sorted(self._opens.items())),
         )
 
     # -- small change -------------------------------------------------------------------------------------------------
@@ -191,6 +195,19 @@ class Scaffold:
             self._add(level, (f"{kept_count(loop)}[{' + '.join(position(self._loops[:level])[0])}] = {count};",), ())
         self._loops.append(loop)
         return len(self._loops)
+
+    def _open_bit(self, joint: Joint) -> str:
+        """The inner flag of a joint that may be free; 0 for a virtual one, which stands at zero then."""
+        if joint.index not in self._joints:
+            return "0u"
+        self._opens.setdefault(joint.index, None)
+        return f"{256 << joint.index}u"
+
+    def _free_bits(self, joint: Joint) -> str:
+        """The flags of a joint that is free."""
+        if joint.index not in self._joints:
+            return "FREE"
+        return f"FREE | {257 * 256 << joint.index}u"
 
     def _add(self, level: int, lines: tuple[str, ...], operands: tuple[Scalar, ...]) -> None:
         self._items.append(Statement(level, lines, operands))

@@ -58,6 +58,8 @@ class CBody:
     needs: frozenset[str]
     labels: tuple[tuple[str, int, int], ...] = field(default=())
     """Name, lowest bit and number of bits of each part of a branch label."""
+    opens: tuple[tuple[int, int], ...] = ()
+    """Joints that can be free, with the bits of the branch label that mean nothing then."""
 
 
 def opening(loop: Loop, count: str = "") -> str:
