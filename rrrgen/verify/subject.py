@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.robotfile.robot_spec import RobotSpec
 from rrrgen.verify.references.chain import Array, Chain, is_physical, nominal_parameters
@@ -46,6 +47,8 @@ class Model(Protocol):
     def dynamics_terms(self, q: Array, dq: Array, *, beta: Array | None = None) -> tuple[Array, Array, Array]: ...
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array, *, beta: Array | None = None) -> Array: ...
     def forward_dynamics(self, q: Array, dq: Array, tau: Array, *, beta: Array | None = None) -> Array: ...
+    def inverse_dynamics_derivatives(self, q: Array, dq: Array, ddq: Array, *, beta: Array | None = None) -> Any: ...
+    def forward_dynamics_derivatives(self, q: Array, dq: Array, tau: Array, *, beta: Array | None = None) -> Any: ...
     def energy(self, q: Array, dq: Array, *, beta: Array | None = None) -> tuple[Array, Array]: ...
     def friction(self, dq: Array) -> Array: ...
     def regressor(self, q: Array, dq: Array, ddq: Array) -> Array: ...
@@ -99,6 +102,10 @@ class States:
     def count(self) -> int:
         """N."""
         return len(self.q)
+
+    def at(self, chosen: NDArray[np.bool_]) -> States:
+        """Those where the mask ``chosen`` (N,) is true."""
+        return States(self.q[chosen], self.dq[chosen], self.ddq[chosen], self.e[chosen])
 
     def first(self, count: int) -> States:
         """At most ``count`` of them."""

@@ -194,7 +194,29 @@ class OracleModel:
 
     @batched
     def forward_dynamics(self, q, dq, tau, phi):
-        return np.linalg.solve(self._mass(q, phi), tau - self._bias(q, dq, phi))
+        return self._accelerations(q, dq, tau, phi)
+
+    def _accelerations(self, q, dq, tau, phi) -> np.ndarray:
+        M = self._mass(q, phi)
+        np.linalg.cholesky(M)  # refuses what is not positive definite
+        return np.linalg.solve(M, tau - self._bias(q, dq, phi))
+
+    def _slopes(self, q, dq, ddq, phi) -> tuple[np.ndarray, np.ndarray]:
+        """d tau / dq and d tau / d dq by complex steps."""
+        by_q = [self._regressor(q + 1j * STEP * unit, dq, ddq) @ phi for unit in np.eye(self.n)]
+        by_dq = [self._regressor(q, dq + 1j * STEP * unit, ddq) @ phi for unit in np.eye(self.n)]
+        return np.imag(by_q).T / STEP, np.imag(by_dq).T / STEP
+
+    @batched
+    def inverse_dynamics_derivatives(self, q, dq, ddq, phi):
+        M = self._mass(q, phi)
+        return M @ ddq + self._bias(q, dq, phi), *self._slopes(q, dq, ddq, phi), M
+
+    @batched
+    def forward_dynamics_derivatives(self, q, dq, tau, phi):
+        ddq, inverse = self._accelerations(q, dq, tau, phi), np.linalg.inv(self._mass(q, phi))
+        by_q, by_dq = self._slopes(q, dq, ddq, phi)
+        return ddq, -inverse @ by_q, -inverse @ by_dq, inverse
 
     @batched
     def energy(self, q, dq, phi):

@@ -204,16 +204,83 @@ def test_a_model_that_raises_or_answers_nonsense_fails_without_ending_the_run(co
     row = next(r for r in json.loads(undefined.to_json())["rows"] if r["verdict"] == "fail")
     assert row["max_relative_difference"] is None
     silent = verify(Broken(complete, "mass_matrix", refuse), samples=2, libraries=False)
-    assert not silent.ok
-    assert any(name == "identity" for name, _ in silent.skipped)
+    assert {"mass_matrix", "identities"} <= {row.function for row in silent.failures}
+    assert not silent.skipped
 
 
-def test_unphysical_nominal_links_do_not_ask_for_accelerations():
+class Without:
+    """A model that lacks one function, or answers to every other name through ``__getattr__`` as a wrapper does."""
+
+    def __init__(self, model: OracleModel, name: str) -> None:
+        self._model, self._name = model, name
+
+    def __getattr__(self, name: str):
+        if name == self._name:
+            raise AttributeError(f"no function {name}")
+        return getattr(self._model, name)
+
+
+@pytest.fixture(scope="module")
+def whole(complete) -> Report:
+    return verify(Without(complete, "nothing"), samples=1, libraries=False)
+
+
+DERIVATIVES = ["inverse_dynamics_derivatives", "forward_dynamics_derivatives"]
+
+
+SOME = ["forward_kinematics", "kinematics", "mass_matrix", "regressor", "energy", "friction", *DERIVATIVES]
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_a_function_that_is_not_there_fails_and_nothing_of_ours_is_left_out(complete, whole, name):
+    """A check of our own that cannot be made is a failure; only libraries may be left out."""
+    report = verify(Without(complete, name), samples=1, libraries=False)
+    assert not report.ok
+    assert any(name in row.function for row in report.failures), report.to_text()
+    assert f"no function {name}" in report.to_text()
+    assert not report.skipped
+    assert {row.function for row in whole.rows if row.reference != "identity"} <= {row.function for row in report.rows}
+
+
+def test_derivatives_are_checked_behind_a_wrapper(whole):
+    """An object that answers through ``__getattr__`` has no attributes for a static look, as from Python 3.12 on."""
+    assert whole.ok, whole.to_text()
+    for name in DERIVATIVES:
+        assert sum(row.function.startswith(name) for row in whole.rows) == 2 * 4
+
+
+@pytest.mark.parametrize("part", range(4))
+@pytest.mark.parametrize("name", DERIVATIVES)
+def test_one_wrong_sign_in_a_derivative_fails(complete, name, part):
+    def distort(values):
+        return tuple(flip_largest(value) if k == part else value for k, value in enumerate(values))
+
+    report = verify(Broken(complete, name, distort), samples=1, libraries=False)
+    assert {row.function.split(":")[0] for row in report.failures} == {name}
+
+
+def indefinite_arm() -> OracleModel:
     links = (*chapter14.rrr(random_robot(1, 3).links).links[:2], Link(1.0, np.zeros(3), -2.0 * np.eye(3)))
-    report = verify(OracleModel(chapter14.rrr(links)), samples=SAMPLES)
+    return OracleModel(chapter14.rrr(links))
+
+
+def test_an_indefinite_mass_matrix_must_be_refused():
+    report = verify(indefinite_arm(), samples=SAMPLES)
     assert report.ok, report.to_text()
-    assert any(name == "forward_dynamics" for name, _ in report.skipped)
-    assert any(name == "MuJoCo" for name, _ in report.skipped)
+    asked = {row.function for row in report.rows if row.parameters == "nominal"}
+    assert {f"{name} refuses an indefinite M" for name in ("forward_dynamics", DERIVATIVES[1])} <= asked
+    assert {name for name, _ in report.skipped} <= {"Pinocchio", "MuJoCo", "Robotics Toolbox"}
+
+
+@pytest.mark.parametrize("name", ["forward_dynamics", "forward_dynamics_derivatives"])
+def test_accelerations_from_an_indefinite_mass_matrix_fail(name):
+    class Careless(OracleModel):
+        def _accelerations(self, q, dq, tau, phi):
+            return np.linalg.solve(self._mass(q, phi), tau - self._bias(q, dq, phi))
+
+    model = indefinite_arm()
+    report = verify(Careless(model.robot), samples=SAMPLES, libraries=False)
+    assert f"{name} refuses an indefinite M" in {row.function for row in report.failures}
 
 
 def test_massless_link_is_left_to_the_built_in_reference():
@@ -230,6 +297,7 @@ def test_missing_library_is_reported_and_is_no_failure(monkeypatch, complete, mo
     report = verify(complete, samples=1)
     assert report.ok
     assert any("not installed" in reason for _, reason in report.skipped)
+    assert len(report.skipped) == 1
     assert "not asked" in report.to_text()
 
 

@@ -19,7 +19,7 @@ class MujocoReference:
         try:
             import mujoco
         except ImportError as error:
-            raise ReferenceUnavailableError("not installed (pip install mujoco)") from error
+            raise ReferenceUnavailableError.at_import(error, "mujoco") from error
         self._mujoco = mujoco
         self.name = f"MuJoCo {mujoco.__version__}"
         if np.any(phi[:, 0] <= 0.0):

@@ -15,7 +15,7 @@ class PinocchioReference:
         try:
             import pinocchio as pin
         except ImportError as error:
-            raise ReferenceUnavailableError("not installed (pip install pin)") from error
+            raise ReferenceUnavailableError.at_import(error, "pin") from error
         if np.any(phi[:, 0] <= 0.0):
             raise ReferenceUnavailableError("a link has no mass, so it has no centre of mass")
         self._pin = pin

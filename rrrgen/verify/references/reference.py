@@ -27,3 +27,10 @@ class Reference(Protocol):
 
 class ReferenceUnavailableError(Exception):
     """The library is missing, or cannot represent this robot; the text says which."""
+
+    @classmethod
+    def at_import(cls, error: ImportError, package: str) -> ReferenceUnavailableError:
+        """Not there, or there and broken: the text of ``error`` tells."""
+        if isinstance(error, ModuleNotFoundError):
+            return cls(f"not installed (pip install {package}): {error}")
+        return cls(f"installed, but its import fails: {error}")

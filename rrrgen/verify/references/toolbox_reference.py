@@ -21,7 +21,7 @@ class ToolboxReference:
         try:
             import roboticstoolbox as rtb
         except ImportError as error:
-            raise ReferenceUnavailableError("not installed (pip install roboticstoolbox-python)") from error
+            raise ReferenceUnavailableError.at_import(error, "roboticstoolbox-python") from error
         if np.any(phi[:, 0] <= 0.0):
             raise ReferenceUnavailableError("a link has no mass, so it has no centre of mass")
         self.name = f"Robotics Toolbox {rtb.__version__}"

@@ -1,0 +1,48 @@
+"""Forward dynamics where the mass matrix is not positive definite: the model has to say so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.verify.comparison import Check, Tolerances
+from rrrgen.verify.references.chain import Array
+from rrrgen.verify.subject import States
+
+ASKED = 5  # states where M is not positive definite that the model is asked at, one by one
+INDEFINITE = 1e-3
+"""An eigenvalue of M below minus this share of the largest is negative in any arithmetic; nearer to zero M is as good
+as singular, and round-off decides whether it is refused."""
+
+
+def is_definite(M: Array, tolerances: Tolerances) -> NDArray[np.bool_]:
+    """Mask (N,) of the states where M (N, n, n) is positive definite by more than round-off."""
+    eigenvalues = np.linalg.eigvalsh(M)
+    return np.asarray(eigenvalues[:, 0] > 0.1 * tolerances.exact * np.abs(eigenvalues[:, -1]), dtype=bool)
+
+
+Ask = Callable[[Array, Array, Array], Array]
+
+
+def check_refusal(function: str, check: Check, ask: Ask, s: States, M: Array) -> None:
+    """At no state with an indefinite M (N, n, n) may ``ask(q, dq, tau)`` return accelerations.
+
+    Where M is singular to round-off it may refuse or answer, in finite numbers.
+    """
+
+    def wrong() -> Array:
+        return np.array([_answers_wrongly(ask, s, M, k) for k in range(min(ASKED, s.count))], dtype=np.float64)
+
+    check(f"{function} refuses an indefinite M", wrong, np.zeros(min(ASKED, s.count)), scale=1.0)
+
+
+def _answers_wrongly(ask: Ask, s: States, M: Array, k: int) -> bool:
+    eigenvalues = np.linalg.eigvalsh(M[k])
+    try:
+        ddq = ask(s.q[k : k + 1], s.dq[k : k + 1], np.ones_like(s.q[k : k + 1]))
+    except (np.linalg.LinAlgError, ArithmeticError):
+        return False
+    indefinite = eigenvalues[0] < -INDEFINITE * np.max(np.abs(eigenvalues))
+    return bool(indefinite) or not np.all(np.isfinite(ddq))
