@@ -107,7 +107,7 @@ def _check_scale(node: Node, scope: Scope) -> None:
     longest = max(scope.bare_lengths, default=0.0)
     if 0.0 < longest < _SHORTEST_ARM:
         message = f"the longest length of the robot is {longest * 1000:g} mm"
-        hint = "units say mm; for metres write units: {..., length: m}, and for mm indeed e.g. 0.4 mm"
+        hint = f"units say mm; for metres write units: {{..., length: m}}, and for mm indeed {longest * 1000:g} mm"
         scope.faults.error(node, message, hint)
 
 

@@ -11,6 +11,7 @@ import sympy as sp
 from rrrgen.robotfile.keys import INERTIA, MAX_JOINTS, ROBOT_FILE
 from rrrgen.robotfile.quantities import Scope, read_rational, read_vector
 from rrrgen.robotfile.robot_spec import LinkSpec
+from rrrgen.yamltext.advice import with_unit
 from rrrgen.yamltext.document import Node, Scalar, Sequence
 from rrrgen.yamltext.sections import read_choice, read_list, read_section
 
@@ -66,9 +67,10 @@ def _read_com(node: Node, what: str, scope: Scope) -> tuple[sp.Rational, sp.Rati
         scope.faults.error(node, f"{what} is not rational", "write decimal numbers")
         return None
     for item, value in zip(node.items if isinstance(node, Sequence) else (), (x, y, z), strict=False):
-        bare = isinstance(item, Scalar) and not any(letter.isalpha() for letter in item.text)
-        if bare and scope.units.length == "mm" and abs(value) > FARTHEST_COM:
-            hint = f"links are in SI units whatever the units of the file; write e.g. {value} mm"
+        if not isinstance(item, Scalar) or any(letter.isalpha() for letter in item.text):
+            continue
+        if scope.units.length == "mm" and abs(value) > FARTHEST_COM:
+            hint = f"links are in SI units whatever the units of the file; write {with_unit(item.text, 'mm')}"
             scope.faults.error(item, f"{what} is {value} m", hint)
     return x, y, z
 

@@ -15,6 +15,7 @@ from itertools import pairwise
 import sympy as sp
 
 from rrrgen.robotfile.robot_spec import parameter_symbol
+from rrrgen.yamltext.advice import added_number, comma_advice, number_cut_by_comma, with_unit
 from rrrgen.yamltext.document import FaultList, Node, Scalar
 from rrrgen.yamltext.expressions import ExpressionError, Name, Value, parse_expression
 from rrrgen.yamltext.sections import describe, read_list
@@ -112,8 +113,9 @@ def _warn_about_commas(node: Node, items: list[Node], what: str, scope: Scope) -
     tight = [right.place.column - left.place.column - len(left.text) == 1 for left, right in pairs]
     if any(tight) and not all(tight):
         left, right = pairs[tight.index(True)]
-        if left.text.lstrip("+-").isdecimal() and right.text.isdecimal() and right.text != "0":
-            hint = f"decimal comma? write {left.text}.{right.text}; if these are two entries, put a blank between them"
+        number = number_cut_by_comma(left, right)
+        if number and right.text != "0":
+            hint = f"{comma_advice(number)}; if these are two entries, put a blank between them"
             scope.faults.warning(right, f"{what} contains {left.text},{right.text}", hint)
 
 
@@ -170,13 +172,16 @@ def _is_ambiguous(node: Scalar, value: Value, what: str, target: Quantity, unit:
     elif value.open_names and value.dimension != target.dimension:
         for name in sorted(value.open_names):
             message = f"the parameter '{name}' has no unit, and bare values of this file are in {unit.name}"
-            hint = f"declare it with its unit, e.g. {name}: 300 {unit.name}, or {name}: 2 one for a plain number"
+            number = f"{float(scope.nominal[name]):.12g}" if name in scope.nominal else "..."
+            hint = f"declare it with its unit: {name}: {number} {unit.name}, or {name}: {number} one for a plain number"
             faults.error(scope.declared_at[name], message, hint)
     elif value.adds_bare_number:
-        hint = f"declare the number as a parameter with its unit, e.g. offset: 30 {unit.name}"
+        number = added_number(node.text) or "..."
+        hint = f"declare the number as a parameter with its unit, e.g. offset: {number} {unit.name}"
         faults.error(node, f"{what} adds a bare number to a parameter", hint)
     elif value.dimension is None and value.uses_pi and target.dimension[3]:
-        faults.error(node, f"{what} uses pi, but bare values of this file are in {unit.name}", "write 90 or pi/2 rad")
+        message = f"{what} uses pi, but bare values of this file are in {unit.name}"
+        faults.error(node, message, f"write {_in_degrees(value.expr)}{with_unit(node.text, 'rad')}")
     elif value.bare_trigonometry and scope.units.angle == "deg":
         message = f"{what} takes the sine or cosine of a bare number in a file in deg"
         faults.error(node, message, "write its argument in radians with pi, as in cos(pi/6)")
@@ -192,12 +197,24 @@ def _confusion(
     written = node.text.strip()
     largest = LARGEST_BARE_ANGLE.get(target.name, cmath.inf)
     if unit.name == "rad" and not value.uses_pi and abs(number) > largest:
-        return f"{what} is {written} rad", f"write {written} deg; if it is meant in radians, {written} rad"
-    if target.name == "an angle" and unit.name == "deg" and _right_angle(float(value.expr), value.decimals):
-        return f"{what} is {written} deg", f"write {written} rad or 90; if it is meant in degrees, {written} deg"
+        meant, literal = with_unit(written, "deg"), with_unit(written, "rad")
+        return f"{what} is {written} rad", f"write {meant}; if it is meant in radians, {literal}"
+    if target.name == "an angle" and unit.name == "deg":
+        quarters = _right_angle(float(value.expr), value.decimals)
+        meant, literal = with_unit(written, "rad"), with_unit(written, "deg")
+        hint = f"write {meant} or {90 * quarters}; if it is meant in degrees, {literal}"
+        return (f"{what} is {written} deg", hint) if quarters else None
     if target.name == "a length" and unit.name == "m" and abs(number) > LARGEST_BARE_LENGTH:
-        return f"{what} is {written} m", f"write {written} mm; if it is meant in metres, {written} m"
+        meant, literal = with_unit(written, "mm"), with_unit(written, "m")
+        return f"{what} is {written} m", f"write {meant}; if it is meant in metres, {literal}"
     return None
+
+
+def _in_degrees(radians: sp.Expr) -> str:
+    """``"-45 or "`` for -pi/4; nothing where it is no short decimal number of degrees."""
+    degrees = sp.nsimplify(radians * 180 / sp.pi)
+    text = f"{float(degrees):.6g}" if degrees.is_Rational else ""
+    return f"{text} or " if text and sp.Rational(text) == degrees else ""
 
 
 def _right_angle(radians: float, decimals: int | None) -> int:
@@ -217,9 +234,10 @@ def _warn_about_right_angle(node: Scalar, value: Value, number: float, what: str
     if not multiple:
         return
     exact = str(sp.Rational(multiple, 2) * sp.pi)
+    meant = exact if scope.units.angle == "rad" else f"{90 * multiple} deg"
     distance = abs(number - multiple * cmath.pi / 2)
     message = f"{what} is {node.text.strip()}, which is {exact} only to {distance:.0e} rad"
-    scope.faults.warning(node, message, f"write {exact}, so that sines and cosines vanish exactly")
+    scope.faults.warning(node, message, f"write {meant}, so that sines and cosines vanish exactly")
 
 
 def read_parameters(entries: dict[str, tuple[Scalar, Node]], scope: Scope) -> None:

@@ -134,8 +134,11 @@ def _read_gravity(node: Node | None, scope: Scope) -> tuple[sp.Expr, sp.Expr, sp
     x, y, z = (scope.substitute(value) for value in vector)
     size = float(sp.sqrt(x * x + y * y + z * z))
     if size > LARGEST_GRAVITY:
-        scope.faults.error(node, f"gravity is {size:g} m/s^2", "gravity is in m/s^2, e.g. [0, 0, -9.81]")
+        meant = ", ".join(f"{float(v) / 1000:g}" for v in (x, y, z))
+        hint = f"gravity is in m/s^2; if mm/s^2 were meant, write [{meant}]"
+        scope.faults.error(node, f"gravity is {size:g} m/s^2", hint)
     if x == 0 and y == 0 and 9.7 < float(z) < 9.9:
-        hint = "gravity is the acceleration of a falling body, not its reaction: [0, 0, -9.81] for an upright robot"
+        hint = "gravity is the acceleration of a falling body, not its reaction"
+        hint += f": [0, 0, {-float(z):g}] for an upright robot"
         scope.faults.warning(node, "gravity points along +z of the base", hint)
     return x, y, z

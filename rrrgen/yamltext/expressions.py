@@ -17,6 +17,7 @@ from fractions import Fraction
 import sympy as sp
 
 from rrrgen.errors import Fault, InputError
+from rrrgen.yamltext.advice import added_number, comma_advice, with_point, without_leading_zeros
 from rrrgen.yamltext.suggest import did_you_mean
 from rrrgen.yamltext.units import ANGLE, UNITS, Dimension, Unit, find_unit, quantity_name
 
@@ -33,6 +34,7 @@ FUNCTIONS = {"sqrt": sp.sqrt, "sin": sp.sin, "cos": sp.cos}
 
 _NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _ILLEGAL = re.compile(r"[^A-Za-z0-9_ .+\-*/()^,\t\n]")
+_SIGNS = re.compile(rf"([+-]\s*){{{MAX_DEPTH // 2},}}")  # Python 3.13 would parse any number of them
 _UNIT_START = re.compile(r"(?<=[\s\d.)])(?=[A-Za-z°µμ])")
 
 
@@ -83,9 +85,9 @@ def parse_expression(text: str, names: Mapping[str, Name] | None = None, units: 
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the value is longer than {MAX_LENGTH} characters", text)
     body, unit = _split_unit(text, units)
-    _check_characters(body)
+    _check_characters(body, text[len(body) :])
     walker = _Walker(body, names or {})
-    tree = _parse(body).body
+    tree = _parse(body, text[len(body) :]).body
     term = walker.walk(tree, 0)
     if unit is not None:
         _check_unit_reach(text, body, unit, tree, walker)
@@ -108,7 +110,8 @@ def _check_unit_reach(text: str, body: str, unit: Unit, tree: ast.expr, walker: 
     behind = len(body)
     if walker.names:
         message = f"the unit {unit.name} stands behind the parameter '{min(walker.names)}', which has its own unit"
-        hint = f"declare the number as a parameter too, e.g. offset: 30 {unit.name}, and drop the unit here"
+        number = added_number(body) or "..."
+        hint = f"declare the number as a parameter too, e.g. offset: {number} {unit.name}, and drop the unit here"
         raise ExpressionError(message, text, behind, hint)
     start = len(body) - len(body.lstrip())
     is_sum = isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.Add | ast.Sub)
@@ -121,7 +124,7 @@ def exact_number(text: str) -> sp.Rational:
     """The decimal number ``text`` as an exact rational: ``0.35`` -> 7/20, ``1e-3`` -> 1/1000."""
     match = _NUMBER.fullmatch(text)
     if match is None:
-        hint = "write 1000" if "_" in text else "write numbers as 12, 0.35 or 1e-3"
+        hint = f"write {text.replace('_', '')}" if "_" in text else "write numbers as 12, 0.35 or 1e-3"
         raise ExpressionError(f"'{text[:40]}' is not a decimal number", text, 0, hint)
     exponent = match.group(2)
     if len(match.group(1)) > MAX_NUMBER_LENGTH or (exponent and len(exponent) > 5):
@@ -156,8 +159,8 @@ def _split_unit(text: str, units: bool) -> tuple[str, Unit | None]:
     return text, None
 
 
-def _check_characters(body: str) -> None:
-    """Refuse what Python must not even see."""
+def _check_characters(body: str, unit: str) -> None:
+    """Refuse what Python must not even see; ``unit`` is what stood behind it, for advice."""
     if not body.strip():
         raise ExpressionError("a value is missing", body, 0, f"allowed are {ALLOWED}")
     lowered = body.strip().lower().lstrip("+-.")
@@ -165,10 +168,11 @@ def _check_characters(body: str) -> None:
         raise ExpressionError(f"'{body.strip()}' is not a finite number", body, 0, "write a finite number")
     comma = re.search(r"\d,\d", body)
     if comma and "(" not in body:
-        shown = body.strip().replace(",", ".")
-        raise ExpressionError("a comma inside a number", body, comma.start() + 1, f"decimal comma? write {shown}")
+        meant = with_point(body + unit)
+        raise ExpressionError("a comma inside a number", body, comma.start() + 1, comma_advice(meant))
     if "^" in body:
-        raise ExpressionError("'^' is not allowed", body, body.index("^"), "a power is written with **, as in a2**2")
+        meant = _shorten((body + unit).replace("^", "**"))
+        raise ExpressionError("'^' is not allowed", body, body.index("^"), f"a power is written with **: {meant}")
     illegal = _ILLEGAL.search(body)
     if illegal:
         raise ExpressionError(
@@ -177,6 +181,11 @@ def _check_characters(body: str) -> None:
             illegal.start(),
             f"allowed are {ALLOWED}",
         )
+    signs = _SIGNS.search(body)
+    if signs:
+        raise ExpressionError(
+            f"'{_shorten(body)}' is not an expression", body, signs.start(), "too many signs in a row"
+        )
     depth = 0
     for offset, character in enumerate(body):
         depth += (character == "(") - (character == ")")
@@ -184,10 +193,11 @@ def _check_characters(body: str) -> None:
             raise ExpressionError("too many nested parentheses", body, offset, f"at most {MAX_DEPTH // 2}")
 
 
-def _parse(body: str) -> ast.Expression:
+def _parse(body: str, unit: str) -> ast.Expression:
     glued = re.search(r"(?<![\w.])\d+\.?\d*(?![eE][+-]?\d)(?=[A-Za-z_(])", body) or re.search(r"\)(?=\s*[\w(])", body)
     if glued:
-        raise ExpressionError("an operator is missing", body, glued.end(), "write products with *, as in 2*pi")
+        meant = _shorten(f"{body[: glued.end()]}*{body[glued.end() :].lstrip()}{unit}")
+        raise ExpressionError("an operator is missing", body, glued.end(), f"write products with *: {meant}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -198,7 +208,9 @@ def _parse(body: str) -> ast.Expression:
         if getattr(error, "lineno", 1) != 1 or offset > len(body):
             offset = len(body.rstrip())
         leading = re.search(r"(?<![\w.])0\d", body)
-        hint = "numbers have no leading zero" if leading else f"allowed are {ALLOWED}"
+        hint = f"allowed are {ALLOWED}"
+        if leading:
+            hint = f"numbers have no leading zero: {_shorten(without_leading_zeros(body + unit))}"
         raise ExpressionError(f"'{_shorten(body)}' is not an expression", body, offset, hint) from None
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import re
+from itertools import pairwise
 
+from rrrgen.yamltext.advice import comma_advice, key_cut_by_comma, number_cut_by_comma
 from rrrgen.yamltext.document import FaultList, Mapping, Node, Scalar, Sequence
 from rrrgen.yamltext.keys import Format, Key
 from rrrgen.yamltext.suggest import did_you_mean
@@ -30,9 +31,11 @@ def read_entries(node: Node, what: str, faults: FaultList) -> dict[str, tuple[Sc
         )
         return None
     entries: dict[str, tuple[Scalar, Node]] = {}
-    for key, value in node.entries:
+    for place, (key, value) in enumerate(node.entries):
         if not isinstance(key, Scalar):
             faults.error(key, f"{describe(key)} as a key of {what}", "keys are plain words")
+        elif number := key_cut_by_comma(node, place):
+            faults.error(key, f"unknown key '{shorten(key.text)}' in {what}", comma_advice(number))
         elif key.text in entries:
             first = entries[key.text][0].place
             faults.error(key, f"duplicate key '{shorten(key.text)}'", f"first given at line {first.line}")
@@ -53,7 +56,7 @@ def read_section(node: Node, section: str, what: str, faults: FaultList, form: F
     values: dict[str, Node] = {}
     for name, (key, value) in entries.items():
         if name not in table:
-            faults.error(key, f"unknown key '{shorten(name)}' in {what}", _unknown_hint(name, value, table, form))
+            faults.error(key, f"unknown key '{shorten(name)}' in {what}", _unknown_hint(name, table, form))
         elif isinstance(value, Scalar) and value.is_null and table[name].kind != "mapping":
             faults.error(key, f"'{name}' has no value", table[name].meaning)
         else:
@@ -64,9 +67,7 @@ def read_section(node: Node, section: str, what: str, faults: FaultList, form: F
     return values
 
 
-def _unknown_hint(name: str, value: Node, table: dict[str, Key], form: Format) -> str:
-    if re.fullmatch(r"[+-]?\d+\s*[a-z]*", name) and isinstance(value, Scalar) and value.is_null:
-        return f"decimal comma? the number before it must read e.g. 0.{name.lstrip('+-').split()[0]}"
+def _unknown_hint(name: str, table: dict[str, Key], form: Format) -> str:
     if name == "<<":
         return "merge keys are not supported; write the keys out"
     also = {word: key for word, key in form.aliases.items() if key in table}
@@ -115,8 +116,23 @@ def read_list(node: Node, what: str, length: int | None, faults: FaultList) -> l
         return None
     if length is not None and len(node.items) != length:
         hint = f"{what} takes {length} values"
-        if len(node.items) > length and all(isinstance(item, Scalar) for item in node.items):
-            hint += "; decimal comma? write 0.35, not 0,35"
+        if len(node.items) > length:
+            hint += _decimal_commas(node.items, len(node.items) - length)
         faults.error(node, f"{what} has {len(node.items)} values instead of {length}", hint)
         return None
     return node.items
+
+
+def _decimal_commas(items: list[Node], surplus: int) -> str:
+    """Advice where a list has ``surplus`` entries too many because numbers have commas."""
+    pairs = list(pairwise(items))
+    cut = [number_cut_by_comma(*pair) for pair in pairs]
+    tight = [
+        number if right.place.column == left.place.column + len(left.text) + 1 else None
+        for number, (left, right) in zip(cut, pairs, strict=True)
+        if isinstance(left, Scalar)
+    ]
+    meant = [number for number in tight if number]
+    if len(meant) == surplus:
+        return "; " + (comma_advice(meant[0]) if surplus == 1 else f"decimal comma? write {' and '.join(meant)}")
+    return "; decimal comma? numbers are written with a point" if any(cut) else ""
