@@ -250,7 +250,7 @@ STANDARD = re.compile(r"(m|m[xyz]|[xyz]|I[xyz]{2})\d+")
 def test_no_base_parameter_has_the_name_of_a_standard_one(robot):
     from rrrgen.derive import derive_model
 
-    names = derive_model(load_spec(robot)).parametrization.names
+    names = [p.name for p in derive_model(load_spec(robot)).base_parameters]
     assert all(re.fullmatch(r"(m|h[xyz]|J[xyz]{2}|Izz)\d+R", name) for name in names)
     assert not any(STANDARD.fullmatch(name) for name in names)
     assert len(set(names)) == len(names)
