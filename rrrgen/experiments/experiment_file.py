@@ -18,13 +18,12 @@ from rrrgen.friction.models import FrictionModel
 from rrrgen.identify.excitation.problem import OBJECTIVES, ExcitationLimits
 from rrrgen.yamltext import signal_units as units
 from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
+from rrrgen.yamltext.reader import PLAIN, Reader
 from rrrgen.yamltext.sections import describe, read_entries
-from rrrgen.yamltext.suggest import did_you_mean
 
 SCHEMA = "rrrgen-experiment/1"
 
 EFFORT = units.TORQUE | units.FORCE
-PLAIN = {"one": 1.0}
 
 
 @dataclass(frozen=True)
@@ -84,11 +83,12 @@ def loads_experiment(text: str, joints: int, file: str = "experiment.yaml") -> E
 Take = Callable[[Node, str], Any]
 
 
-class _Reader:
-    """Reads one file; faults go to one list, and reading goes on."""
+class _Reader(Reader):
+    """Reads one experiment file."""
 
     def __init__(self, faults: FaultList, joints: int) -> None:
-        self.faults, self.n = faults, joints
+        super().__init__(faults)
+        self.n = joints
 
     def experiment(self, root: Node) -> Experiment:
         top = self.section(
@@ -100,8 +100,8 @@ class _Reader:
                 "writing": self.writing,
                 "virtual_robot": self.virtual_robot,
                 "control": self.control,
-                "period": self.number(units.TIME, "s", positive=True),
-                "seed": self.whole,
+                "period": self.one(units.TIME, "s", positive=True),
+                "seed": self.count,
             },
         )
         if "schema" not in top:
@@ -126,13 +126,13 @@ class _Reader:
             node,
             what,
             {
-                "harmonics": self.whole,
-                "base_frequency": self.number(units.RATE, "Hz", positive=True),
+                "harmonics": self.count,
+                "base_frequency": self.one(units.RATE, "Hz", positive=True),
                 "objective": lambda n, w: self.choice(n, w, OBJECTIVES),
                 "at_rest": self.yes_or_no,
-                "starts": self.whole,
-                "max_iterations": self.whole,
-                "row_weights": self.per_joint(PLAIN, "one"),
+                "starts": self.count,
+                "max_iterations": self.count,
+                "row_weights": self.each(PLAIN, "one"),
                 "limits": self.limits,
             },
         )
@@ -142,11 +142,11 @@ class _Reader:
             node,
             what,
             {
-                "lower": self.per_joint(units.POSITION, "rad"),
-                "upper": self.per_joint(units.POSITION, "rad"),
-                "speed": self.per_joint(units.VELOCITY, "rad/s"),
-                "acceleration": self.per_joint(units.ACCELERATION, "rad/s^2"),
-                "torque": self.per_joint(EFFORT, "N*m"),
+                "lower": self.each(units.POSITION, "rad"),
+                "upper": self.each(units.POSITION, "rad"),
+                "speed": self.each(units.VELOCITY, "rad/s"),
+                "acceleration": self.each(units.ACCELERATION, "rad/s^2"),
+                "torque": self.each(EFFORT, "N*m"),
                 "box": self.box,
             },
         )
@@ -170,18 +170,18 @@ class _Reader:
             what,
             {
                 "text": self.text,
-                "duration": self.number(units.TIME, "s", positive=True),
-                "peak_speed": self.number(units.VELOCITY, "m/s", positive=True),
-                "pace": self.numbers,
-                "margin": self.number(units.LENGTH, "m"),
-                "start": self.per_joint(units.POSITION, "rad"),
+                "duration": self.one(units.TIME, "s", positive=True),
+                "peak_speed": self.one(units.VELOCITY, "m/s", positive=True),
+                "pace": self.pace,
+                "margin": self.one(units.LENGTH, "m"),
+                "start": self.each(units.POSITION, "rad"),
                 "plane": self.plane,
             },
         )
         return found
 
     def plane(self, node: Node, what: str) -> WritingPlane | None:
-        length = self.number(units.LENGTH, "m")
+        length = self.one(units.LENGTH, "m")
         sides = self.section(node, what, {"x": self.pair, "y": length, "z": self.pair})
         if any(value is None or (isinstance(value, tuple) and None in value) for value in sides.values()):
             return None  # a fault was found in it
@@ -192,28 +192,28 @@ class _Reader:
             return None
 
     def virtual_robot(self, node: Node, what: str) -> dict[str, Any]:
-        torque = self.per_joint(EFFORT, "N*m")
+        torque = self.each(EFFORT, "N*m")
         return self.section(
             node,
             what,
             {
                 "friction": self.friction,
-                "encoder_resolution": self.per_joint(units.POSITION, "rad"),
+                "encoder_resolution": self.each(units.POSITION, "rad"),
                 "torque_limit": torque,
                 "torque_resolution": torque,
                 "torque_noise": torque,
                 "disturbance": torque,
                 "torque_record": lambda n, w: self.choice(n, w, ("centred", "command")),
                 "flexible_joints": lambda n, w: self.section(
-                    n, w, dict.fromkeys(("rotor_inertia", "stiffness", "damping"), self.per_joint(PLAIN, "one")), True
+                    n, w, dict.fromkeys(("rotor_inertia", "stiffness", "damping"), self.each(PLAIN, "one")), True
                 ),
                 "flexible_base": lambda n, w: self.section(
                     n,
                     w,
                     {
-                        "inertia": self.number(PLAIN, "one", positive=True),
-                        "frequency": self.number(units.RATE, "Hz", positive=True),
-                        "damping_ratio": self.number(PLAIN, "one"),
+                        "inertia": self.one(PLAIN, "one", positive=True),
+                        "frequency": self.one(units.RATE, "Hz", positive=True),
+                        "damping_ratio": self.one(PLAIN, "one"),
                     },
                 ),
             },
@@ -229,7 +229,7 @@ class _Reader:
         rows = []
         for i, item in enumerate(listed.items):
             values = read_entries(item, f"{what}.joints[{i}]", self.faults) or {}
-            take = self.number(PLAIN, "one")
+            take = self.one(PLAIN, "one")
             rows.append({key: take(value, f"{what}.joints[{i}].{key}") for key, (_, value) in values.items()})
         try:
             return FrictionModel.from_mapping({"law": law, "joints": rows})
@@ -243,12 +243,12 @@ class _Reader:
             what,
             {
                 "kind": lambda n, w: self.choice(n, w, ("pd", "computed_torque")),
-                "bandwidth": self.number(units.RATE, "Hz", positive=True),
-                "damping": self.number(PLAIN, "one"),
-                "kp": self.per_joint(PLAIN, "one"),
-                "kd": self.per_joint(PLAIN, "one"),
+                "bandwidth": self.one(units.RATE, "Hz", positive=True),
+                "damping": self.one(PLAIN, "one"),
+                "kp": self.each(PLAIN, "one"),
+                "kd": self.each(PLAIN, "one"),
                 "observer": lambda n, w: self.choice(n, w, ("kalman", "difference")),
-                "jerk": self.per_joint({"rad/s^3": 1.0, "m/s^3": 1.0}, "rad/s^3"),
+                "jerk": self.each({"rad/s^3": 1.0, "m/s^3": 1.0}, "rad/s^3"),
             },
         )
         if ("kp" in found) != ("kd" in found):
@@ -259,43 +259,23 @@ class _Reader:
 
     def section(self, node: Node, what: str, table: Mapping[str, Take], complete: bool = False) -> dict[str, Any]:
         """The values of a mapping, each read as its key asks; unknown keys are faults, absent ones are absent."""
-        entries = read_entries(node, what, self.faults) or {}
-        found: dict[str, Any] = {}
-        for name, (key, value) in entries.items():
-            if name not in table:
-                hint = f"{did_you_mean(name, tuple(table))} allowed are {', '.join(table)}".strip()
-                self.faults.error(key, f"unknown key '{name}' in {what}", hint)
-            elif isinstance(value, Scalar) and value.is_null:
-                self.faults.error(key, f"'{name}' has no value")
-            else:
-                found[name] = table[name](value, name)
-        missing = [name for name in table if complete and name not in entries]
-        if missing:
-            self.faults.error(node, f"{what} needs {', '.join(missing)}")
-        return found
+        values = self.values(node, what, table, table if complete else ()) or {}
+        return {name: table[name](value, name) for name, value in values.items()}
 
-    def number(self, table: Mapping[str, float], bare: str, positive: bool = False) -> Take:
-        def take(node: Node, what: str) -> float | None:
-            value = units.read_quantity(node, what, table, bare, self.faults)
-            if positive and value is not None and value <= 0.0:
-                self.faults.error(node, f"{what} must be positive")
-                return None
-            return value
+    def one(self, table: Mapping[str, float], bare: str, positive: bool = False) -> Take:
+        """Takes one value with a unit."""
+        return lambda node, what: self.quantity(node, what, table, bare, positive)
 
-        return take
+    def each(self, table: Mapping[str, float], bare: str) -> Take:
+        """Takes one value for each joint."""
+        return lambda node, what: self.per_joint(node, what, self.n, table, bare)
 
-    def per_joint(self, table: Mapping[str, float], bare: str) -> Take:
-        def take(node: Node, what: str) -> tuple[float | None, ...]:
-            items = node.items if isinstance(node, Sequence) else [node] * self.n
-            if len(items) != self.n:
-                self.faults.error(node, f"{what} has {len(items)} entries for {self.n} joints")
-            return tuple(units.read_quantity(item, what, table, bare, self.faults) for item in items)
+    def count(self, node: Node, what: str) -> int:
+        return self.whole(node, what, 0)
 
-        return take
-
-    def numbers(self, node: Node, what: str) -> tuple[float | None, ...]:
+    def pace(self, node: Node, what: str) -> tuple[float | None, ...]:
         items = node.items if isinstance(node, Sequence) else [node]
-        return tuple(units.read_quantity(item, what, PLAIN, "one", self.faults) for item in items)
+        return tuple(self.number(item, what) for item in items)
 
     def pair(self, node: Node, what: str, open_side: bool = False) -> tuple[float | None, float | None]:
         if not isinstance(node, Sequence) or len(node.items) != 2:
@@ -312,26 +292,6 @@ class _Reader:
     def open_pair(self, node: Node, what: str) -> tuple[float | None, float | None]:
         """A pair of which either side may be left open: ``[0.2, ~]``."""
         return self.pair(node, what, open_side=True)
-
-    def text(self, node: Node, what: str) -> str:
-        if isinstance(node, Scalar):
-            return node.text
-        self.faults.error(node, f"{what} is {describe(node)}, not a text")
-        return ""
-
-    def choice(self, node: Node, what: str, allowed: tuple[str, ...]) -> str:
-        value = self.text(node, what)
-        if value and value not in allowed:
-            hint = f"{did_you_mean(value, allowed)} allowed are {', '.join(allowed)}".strip()
-            self.faults.error(node, f"{what} is '{value}'", hint)
-        return value
-
-    def whole(self, node: Node, what: str) -> int:
-        text = self.text(node, what)
-        if text.isdecimal():
-            return int(text)
-        self.faults.error(node, f"{what} is '{text}', not a whole number")
-        return 0
 
     def yes_or_no(self, node: Node, what: str) -> bool:
         return self.choice(node, what, ("true", "false")) == "true"

@@ -14,8 +14,8 @@ from rrrgen.recordings.mapping import SIGNALS, Channel, FileSource, JointChannel
 from rrrgen.signals.processing import read_processing
 from rrrgen.yamltext import signal_units as log_units
 from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
+from rrrgen.yamltext.reader import Reader
 from rrrgen.yamltext.sections import describe, read_entries
-from rrrgen.yamltext.suggest import did_you_mean
 
 SCHEMA = "rrrgen-log/1"
 FORMATS = ("csv", "npy", "npz", "mat", "hdf5", "parquet", "rosbag")
@@ -72,11 +72,12 @@ def loads_mapping(text: str, file: str = "log.yaml") -> LogMapping:
     return mapping
 
 
-class _Reader:
-    """Reads one mapping file; faults go to one list, and reading goes on."""
+class _Reader(Reader):
+    """Reads one mapping file."""
 
     def __init__(self, faults: FaultList, folder: Path) -> None:
-        self.faults, self.folder = faults, folder
+        super().__init__(faults, MOVED)
+        self.folder = folder
         self.units: dict[str, str] = {}
         self.files: dict[str, FileSource] = {}
         self.side: Side = "joint"
@@ -108,25 +109,7 @@ class _Reader:
     # -- sections ------------------------------------------------------------------------------------------------
 
     def section(self, node: Node, kind: str, what: str) -> dict[str, Node] | None:
-        entries = read_entries(node, what, self.faults)
-        if entries is None:
-            return None
-        for name, (key, value) in entries.items():
-            if name not in KEYS[kind]:
-                hint = (
-                    MOVED.get(name) or f"{did_you_mean(name, KEYS[kind])} allowed are {', '.join(KEYS[kind])}".strip()
-                )
-                self.faults.error(key, f"unknown key '{name}' in {what}", hint)
-            elif isinstance(value, Scalar) and value.is_null:
-                self.faults.error(key, f"'{name}' has no value")
-        for name in REQUIRED.get(kind, ()):
-            if name not in entries:
-                self.faults.error(node, f"{what} needs the key '{name}'")
-        return {
-            name: value
-            for name, (_, value) in entries.items()
-            if name in KEYS[kind] and not (isinstance(value, Scalar) and value.is_null)
-        }
+        return self.values(node, what, KEYS[kind], REQUIRED.get(kind, ()))
 
     def read_files(self, node: Node | None) -> None:
         if node is None:
@@ -301,19 +284,6 @@ class _Reader:
 
     # -- values --------------------------------------------------------------------------------------------------
 
-    def text(self, node: Node, what: str) -> str:
-        if isinstance(node, Scalar) and not node.is_null:
-            return node.text
-        self.faults.error(node, f"{what} is {describe(node)}, not a text")
-        return ""
-
-    def choice(self, node: Node, what: str, allowed: tuple[str, ...]) -> str:
-        value = self.text(node, what)
-        if value and value not in allowed:
-            hint = f"{did_you_mean(value, allowed)} allowed are {', '.join(allowed)}".strip()
-            self.faults.error(node, f"{what} is '{value}'", hint)
-        return value
-
     def read_side(self, node: Node, what: str) -> Side:
         return "motor" if self.choice(node, f"{what} (side)", ("joint", "motor")) == "motor" else "joint"
 
@@ -336,37 +306,7 @@ class _Reader:
         quoted = isinstance(node, Scalar) and node.quoted
         return int(text) if text.isdecimal() and not quoted else text
 
-    def number(self, node: Node | None, what: str) -> float | None:
-        return None if node is None else log_units.read_quantity(node, what, {"one": 1.0}, "one", self.faults)
-
-    def numbers(self, node: Node | None, what: str, length: int) -> list[float]:
-        if not isinstance(node, Sequence) or len(node.items) != length:
-            self.faults.error(node, f"{what} needs a list of {length} numbers")
-            return []
-        values = [self.number(item, f"{what}[{i}]") for i, item in enumerate(node.items)]
-        return [value for value in values if value is not None] if None not in values else []
-
-    def whole(self, node: Node | None, what: str, default: int | None) -> int | None:
-        if node is None:
-            return default
-        text = self.text(node, what)
-        if text.isdecimal():
-            return int(text)
-        self.faults.error(node, f"{what} is '{text}', not a whole number")
-        return default
-
     def limit(self, node: Node | None, what: str) -> float | None:
         if node is None:
             return None
         return self.quantity(node, f"{what}.limit", log_units.TORQUE | log_units.FORCE, "N*m", positive=True)
-
-    def quantity(
-        self, node: Node | None, what: str, table: dict[str, float], bare: str, positive: bool = False
-    ) -> float | None:
-        if node is None:
-            return None
-        value = log_units.read_quantity(node, what, table, bare, self.faults)
-        if value is not None and positive and value <= 0.0:
-            self.faults.error(node, f"{what} must be positive")
-            return None
-        return value

@@ -11,9 +11,8 @@ from rrrgen.errors import InputError
 from rrrgen.signals.reconstruction import Butterworth, CentralDifferences, Reconstructor
 from rrrgen.signals.smoother import KalmanSmoother
 from rrrgen.yamltext import signal_units as log_units
-from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence
-from rrrgen.yamltext.sections import describe, read_entries
-from rrrgen.yamltext.suggest import did_you_mean
+from rrrgen.yamltext.document import FaultList, Node
+from rrrgen.yamltext.reader import Reader
 
 Method = Literal["butterworth", "kalman", "kalman_filter", "differences", "logged"]
 KALMAN: tuple[Method, ...] = ("kalman", "kalman_filter")
@@ -79,37 +78,39 @@ def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[s
     """The keys of ``processing`` that are given, as arguments of :class:`Processing`; faults are recorded."""
     if node is None:
         return {}
+    reader = Reader(faults)
+
+    def per_joint(value: Node, what: str, table: dict[str, float], bare: str) -> tuple[float, ...]:
+        values = reader.per_joint(value, what, joints, table, bare)
+        return tuple(number for number in values if number is not None)
+
     found: dict[str, Any] = {}
-    entries = read_entries(node, "processing", faults) or {}
-    for name, (key, value) in entries.items():
+    values = reader.values(node, "processing", _KEYS) or {}
+    for name, value in values.items():
         what = f"processing.{name}"
-        if name not in _KEYS:
-            hint = f"{did_you_mean(name, _KEYS)} allowed are {', '.join(_KEYS)}".strip()
-            faults.error(key, f"unknown key '{name}' in processing", hint)
-        elif name == "method":
-            if not isinstance(value, Scalar) or value.text not in METHODS:
-                faults.error(value, f"{what} is {describe(value)}", f"allowed are {', '.join(METHODS)}")
-            else:
-                found[name] = value.text
+        if name == "method":
+            word = reader.choice(value, what, METHODS)
+            if word in METHODS:
+                found[name] = word
         elif name in ("order", "decimate"):
-            if isinstance(value, Scalar) and value.text.isdecimal() and int(value.text) > 0:
-                found[name] = int(value.text)
-            else:
-                faults.error(value, f"{what} is {describe(value)}, not a whole number above 0")
+            whole = reader.whole(value, what, None)
+            if whole == 0:
+                faults.error(value, f"{what} is 0, not a whole number above 0")
+            elif whole:
+                found[name] = whole
         elif name == "cutoff":
-            found[name] = log_units.read_quantity(value, what, log_units.RATE, "Hz", faults)
+            found[name] = reader.quantity(value, what, log_units.RATE, "Hz")
         elif name == "low_speed":
-            found[name] = _per_joint(value, what, joints, log_units.VELOCITY, "rad/s", faults)
+            found[name] = per_joint(value, what, log_units.VELOCITY, "rad/s")
         elif name == "position_resolution":
-            steps = _per_joint(value, what, joints, log_units.POSITION, "rad", faults)
-            found["var_eta"] = tuple(step**2 / 12.0 for step in steps)
+            found["var_eta"] = tuple(s**2 / 12.0 for s in per_joint(value, what, log_units.POSITION, "rad"))
         else:
-            found["var_xi"] = tuple(j**2 for j in _per_joint(value, what, joints, {"rad/s^3": 1.0}, "rad/s^3", faults))
-    _settle_method(entries, found, faults)
+            found["var_xi"] = tuple(j**2 for j in per_joint(value, what, {"rad/s^3": 1.0}, "rad/s^3"))
+    _settle_method(values, found, faults)
     return found
 
 
-def _settle_method(entries: dict[str, tuple[Scalar, Node]], found: dict[str, Any], faults: FaultList) -> None:
+def _settle_method(entries: dict[str, Node], found: dict[str, Any], faults: FaultList) -> None:
     """The method is the one that the settings belong to, where it is not named; settings of others are faults."""
     owners = {name: OWNERS[field] for name in entries if (field := FIELDS.get(name, name)) in OWNERS}
     if "method" not in entries and owners:
@@ -119,14 +120,4 @@ def _settle_method(entries: dict[str, tuple[Scalar, Node]], found: dict[str, Any
         if method is not None and method not in methods:
             chosen = f"method {method}" if "method" in entries else next(iter(owners))
             hint = f"it belongs to the method {' or '.join(methods)}"
-            faults.error(entries[name][0], f"processing.{name} has no meaning beside {chosen}", hint)
-
-
-def _per_joint(
-    node: Node, what: str, joints: int, table: dict[str, float], bare: str, faults: FaultList
-) -> tuple[float, ...]:
-    items = node.items if isinstance(node, Sequence) else [node] * joints
-    if len(items) != joints:
-        faults.error(node, f"{what} has {len(items)} entries for {joints} joints")
-    values = [log_units.read_quantity(item, what, table, bare, faults) for item in items]
-    return tuple(value for value in values if value is not None)
+            faults.error(entries[name], f"processing.{name} has no meaning beside {chosen}", hint)

@@ -143,7 +143,7 @@ control: {bandwidth: 4 Hz, jerk: 50}
     still = FourierTrajectory(np.array([0.1, 0.2, 0.3]), np.zeros((3, 1)), np.zeros((3, 1)), 1.0)
     recording, _ = simulate_motion(loads_experiment(text, 3), model, still.evaluate, 0.02)
     assert np.all(np.isfinite(recording.true_q))
-    with pytest.raises(InputError, match="flexible_joints needs stiffness, damping"):
+    with pytest.raises(InputError, match="flexible_joints needs the keys 'stiffness', 'damping'"):
         loads_experiment("schema: rrrgen-experiment/1\nvirtual_robot: {flexible_joints: {rotor_inertia: 1}}\n", 3)
 
 
