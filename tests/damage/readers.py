@@ -35,7 +35,6 @@ joints:
   - {name: a, position: {column: q1, zero: 0.1, sign: -1, wraps_at: 360}, torque: {column: tau1, constant: 0.12 N*m/A}}
   - {name: b, position: {column: q2, unit: counts, counts_per_turn: 4096}, torque: {column: 5, unit: '%', rated: 9 N*m}}
 transmission: {matrix: [[10, 0], [1, 20]]}
-coupled_drives: [{name: wrist, direction: [1, -1], terms: [inertia, viscous]}]
 max_gap: 0.2 s
 processing: {method: butterworth, cutoff: 20 Hz, order: 4, decimate: 2, low_speed: [0.01, 0.02]}
 """
