@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import gc
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -89,12 +90,19 @@ def cli() -> None:
 
 def main(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: click.Command = cli) -> NoReturn:
     """Run the command line, or another command with the same messages and exit codes, and exit."""
+    _unwind_when_terminated()
     code = run(args, prog_name, command)
     if "generate" in (sys.argv[1:] if args is None else args)[:1]:
         # its many programs make Python's last search for cycles take 0.2 s; other commands may load libraries that
         # count what was not collected as leaks, and say so
         gc.freeze()
     sys.exit(code)
+
+
+def _unwind_when_terminated() -> None:
+    """Let SIGTERM end the run like an exception, so that what is unfinished is removed at once."""
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:  # not where it is ignored
+        signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
 
 
 def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: click.Command = cli) -> int:

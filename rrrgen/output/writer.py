@@ -3,87 +3,174 @@
 from __future__ import annotations
 
 import difflib
+import errno
 import hashlib
 import json
 import os
-import shutil
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
-from rrrgen.errors import InputError, InternalError
+from rrrgen.errors import InputError, InternalError, RrrgenError, storage_error
+from rrrgen.output.exchange import CannotExchangeError, replace_directory
+from rrrgen.output.journal import FILES, complete, move_in
+from rrrgen.output.staging import locked, remove, remove_abandoned, staging_directory, staging_file
 
 MANIFEST = "manifest.json"
+
+INSIDE = "new"
+"""What a staging directory inside the directory is called after."""
 
 Contents = str | bytes
 
 
 def write(files: Mapping[str, Contents], directory: Path) -> None:
-    """Write ``files`` (relative path -> contents) below ``directory``.
+    """Write ``files`` (relative path -> contents) below ``directory``, all or none.
 
-    Everything is first written to a temporary directory beside the target. A target that does not exist yet appears
-    complete; in one that exists, files are replaced one by one, each whole, the manifest last. Files that an earlier
-    manifest lists and that are no longer emitted are removed; other files stay. Raises InputError where the place
-    cannot be written.
+    Whatever ends the process, the directory is in its old state or in its new one, where the system can exchange two
+    directories (:mod:`rrrgen.output.exchange`). Where it cannot, or where a process works in the directory and would
+    be left in the old one, files move in one by one and the next run completes what was interrupted
+    (:mod:`rrrgen.output.journal`). Files that an earlier manifest lists and that are no longer emitted are removed;
+    other files stay. What ended processes have left unfinished is removed. Raises InputError where the place cannot be
+    written, StorageError where the disk is full.
     """
-    directory = Path(os.path.abspath(directory))
+    for name in files:
+        _checked(name)
+    directory = Path(os.path.realpath(directory))
     if directory.exists() and not directory.is_dir():
         raise InputError(f"cannot write to {directory}: it is not a directory")
     try:
         directory.parent.mkdir(parents=True, exist_ok=True)
-        # inside a directory that exists: it may be a mount point, and files cannot be moved between file systems
-        place = directory if directory.exists() else directory.parent
-        staging = Path(tempfile.mkdtemp(dir=place, prefix=f".{directory.name}-"))
+        remove_abandoned(directory.parent, directory.name)
+        if not directory.exists() and _appear(files, directory):
+            return
+        with _settled(directory):
+            if not os.access(directory, os.W_OK | os.X_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+            remove_abandoned(directory, INSIDE)
+            complete(directory, MANIFEST)
+            if not _is_up_to_date(files, directory):
+                _check_way(files, directory)
+                _replace(files, directory)
     except OSError as error:
-        raise InputError(f"cannot write {directory}: {error.strerror}") from error
+        raise _cannot_write(directory, error) from error
+
+
+def _appear(files: Mapping[str, Contents], directory: Path) -> bool:
+    """Make a directory that does not exist yet, complete; False where another process was faster."""
+    with _staging(directory.parent, directory.name) as staging:
+        _fill(staging, files)
+        staging.chmod(0o777 & ~_umask())  # it was made private
+        try:
+            os.rename(staging, directory)
+        except OSError:
+            if directory.is_dir():
+                return False
+            raise
+    return True
+
+
+def _check_way(files: Mapping[str, Contents], directory: Path) -> None:
+    """Raise InputError where a directory of the user has the name of a file to write, or the other way round."""
+    for name in files:
+        place = directory / name
+        if place.is_dir():
+            raise InputError(f"cannot write {place}: a directory of that name is in the way")
+        for folder in PurePosixPath(name).parents:
+            if (directory / folder).exists() and not (directory / folder).is_dir():
+                raise InputError(f"cannot write {place}: {directory / folder} is a file, not a directory")
+
+
+@contextmanager
+def _settled(directory: Path) -> Iterator[None]:
+    """Keep other runs of rrrgen from writing to ``directory``; it may be another one when its lock comes free."""
+    while True:
+        with locked(directory) as held:
+            if held is None or os.path.samestat(os.stat(directory), os.fstat(held)):
+                yield
+                return
+
+
+def _replace(files: Mapping[str, Contents], directory: Path) -> None:
+    """Bring a directory that exists to its new state."""
+    stale = set(listed_files(directory)) - set(files)
     try:
-        for name, contents in files.items():
-            place = staging / _checked(name)
-            place.parent.mkdir(parents=True, exist_ok=True)
-            place.write_bytes(as_bytes(contents))
-        _move(staging, directory, list(files))
+        with _staging(directory.parent, directory.name) as staging:
+            _fill(staging, files)
+            replace_directory(staging, directory, stale | set(files))
+            return
+    except CannotExchangeError:
+        pass
     except OSError as error:
-        raise InputError(f"cannot write {directory}: {error.strerror}") from error
+        # the parent may be closed to this user
+        if storage_error(directory, error):
+            raise
+    with _staging(directory, INSIDE) as staging:
+        _fill(staging / FILES, files)
+        move_in(staging, directory, stale, MANIFEST)
+
+
+@contextmanager
+def _staging(place: Path, name: str) -> Iterator[Path]:
+    """A locked staging directory, which goes in the end, unless it has been renamed."""
+    staging = staging_directory(place, name)
+    try:
+        with locked(staging):
+            yield staging
     finally:
-        shutil.rmtree(staging, ignore_errors=True)
+        remove(staging)
+
+
+def _fill(folder: Path, files: Mapping[str, Contents]) -> None:
+    for name, contents in files.items():
+        place = folder / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(as_bytes(contents))
+
+
+def _is_up_to_date(files: Mapping[str, Contents], directory: Path) -> bool:
+    """Whether every file is there with its contents, and none that is no longer emitted."""
+    if set(listed_files(directory)) - set(files):
+        return False
+    return all(_read(directory / name) == as_bytes(contents) for name, contents in files.items())
+
+
+def _read(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None
 
 
 def write_file(file: Path, contents: Contents) -> None:
     """Write one file, whole or not at all, with the permissions that the umask leaves.
 
-    Unlike :func:`write` it concerns nothing else in the directory. Raises InputError where the place cannot be written.
+    Unlike :func:`write` it concerns nothing else in the directory. Raises InputError where the place cannot be written,
+    StorageError where the disk is full.
     """
     file = Path(os.path.abspath(file))
     if file.is_dir():
         raise InputError(f"cannot write {file}: it is a directory")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        handle, staged = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}-")
+        remove_abandoned(file.parent, file.name)
+        handle, staged = staging_file(file.parent, file.name)
     except OSError as error:
-        raise InputError(f"cannot write {file}: {error.strerror}") from error
+        raise _cannot_write(file, error) from error
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(as_bytes(contents))
-        os.chmod(staged, 0o666 & ~_umask())  # mkstemp made it private
-        os.replace(staged, file)
+            stream.flush()
+            os.chmod(staged, 0o666 & ~_umask())  # it was made private
+            os.replace(staged, file)
     except OSError as error:
-        raise InputError(f"cannot write {file}: {error.strerror}") from error
+        raise _cannot_write(file, error) from error
     finally:
-        Path(staged).unlink(missing_ok=True)
+        staged.unlink(missing_ok=True)
 
 
-def _move(staging: Path, directory: Path, names: list[str]) -> None:
-    if not directory.exists():
-        staging.chmod(0o777 & ~_umask())  # mkdtemp made it private
-        os.replace(staging, directory)
-        return
-    stale = set(listed_files(directory)) - set(names)
-    for name in sorted(names, key=lambda each: (each == MANIFEST, each)):
-        place = directory / name
-        place.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(staging / name, place)
-    for name in sorted(stale):
-        (directory / name).unlink(missing_ok=True)
+def _cannot_write(place: Path, error: OSError) -> RrrgenError:
+    return storage_error(place, error) or InputError(f"cannot write {place}: {error.strerror or error}")
 
 
 def differences(files: Mapping[str, Contents], directory: Path) -> str:

@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from rrrgen.errors import InputError, InternalError
+from rrrgen.errors import InputError, InternalError, StorageError
 from rrrgen.output import writer as emit
 from rrrgen.output.writer import differences, listed_files, write, write_file
 
@@ -44,13 +44,14 @@ def test_an_existing_directory_keeps_what_is_not_ours_and_loses_what_is_stale(tm
 
 def test_a_directory_is_enough_where_nothing_beside_it_can_be_written(tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
-    original = emit.tempfile.mkdtemp
+    original = emit.staging_directory
 
-    def only_inside(dir, prefix):
-        assert emit.Path(dir) == tmp_path / "out"
-        return original(dir=dir, prefix=prefix)
+    def only_inside(place, name):
+        if place != tmp_path / "out":
+            raise PermissionError(13, "Permission denied")
+        return original(place, name)
 
-    monkeypatch.setattr(emit.tempfile, "mkdtemp", only_inside)
+    monkeypatch.setattr(emit, "staging_directory", only_inside)
     write(files(), tmp_path / "out")
     assert len(tree(tmp_path / "out")) == 4
 
@@ -71,9 +72,9 @@ def test_when_writing_fails_nothing_changes(tmp_path, monkeypatch):
         return original(self, data)
 
     monkeypatch.setattr(emit.Path, "write_bytes", full)
-    with pytest.raises(InputError, match="No space left"):
+    with pytest.raises(StorageError, match="disk is full"):
         write(files(**{"a.h": "new\n"}), tmp_path / "out")
-    with pytest.raises(InputError, match="No space left"):
+    with pytest.raises(StorageError, match="disk is full"):
         write(files(), tmp_path / "fresh")
     monkeypatch.undo()
     assert tree(tmp_path / "out") == before
@@ -141,7 +142,7 @@ def test_one_file_appears_whole_with_usual_permissions_or_not_at_all(tmp_path, m
     assert file.read_bytes() == "ü\n".encode()
     assert file.stat().st_mode & 0o777 == 0o640
     monkeypatch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
-    with pytest.raises(InputError, match="No space left"):
+    with pytest.raises(StorageError, match="disk is full"):
         write_file(file, "new")
     assert [path.name for path in file.parent.iterdir()] == ["report.html"]
     assert file.read_bytes() == "ü\n".encode()

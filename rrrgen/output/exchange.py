@@ -1,0 +1,145 @@
+"""Replaces a directory in one step: the new state is completed beside the old one, and the two change places.
+
+The system call that exchanges two directories (Linux ``renameat2``, macOS ``renamex_np``) either happens or does not,
+so whatever ends the process, the directory is the old state or the new one. Files of the user in it become hard links
+in the new state: the same files under a second name, of which the old one goes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import shutil
+import stat
+import sys
+from collections.abc import Set
+from pathlib import Path
+
+from rrrgen.output.staging import remove
+
+AT_FDCWD = -100
+RENAME_EXCHANGE = 2  # Linux, <linux/fs.h>
+RENAME_SWAP = 2  # macOS, <sys/stdio.h>
+MOST_FOREIGN = 20_000  # files of the user; linking more would take longer than generating
+
+
+class CannotExchangeError(Exception):
+    """This directory cannot be replaced as a whole; nothing has been changed."""
+
+
+def exchange(one: Path, other: Path) -> None:
+    """Let two directories change places in one step. Raises OSError where the system or the file system cannot."""
+    library = ctypes.CDLL(None, use_errno=True)
+    names = os.fsencode(one), os.fsencode(other)
+    if sys.platform == "linux" and hasattr(library, "renameat2"):
+        failed = library.renameat2(AT_FDCWD, names[0], AT_FDCWD, names[1], RENAME_EXCHANGE)
+    elif sys.platform == "darwin" and hasattr(library, "renamex_np"):
+        failed = library.renamex_np(names[0], names[1], RENAME_SWAP)
+    else:
+        raise OSError("this system cannot exchange directories")
+    if failed:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+
+
+def replace_directory(staging: Path, directory: Path, replaced: Set[str]) -> None:
+    """Let ``staging``, a complete new state, take the place of ``directory``, whose old state is removed.
+
+    ``replaced`` are the files of the old state (relative, with /) that are rrrgen's own; all others go over to the new
+    state. Raises CannotExchangeError where that cannot be done, before anything has been changed.
+    """
+    if _in_use(directory):
+        raise CannotExchangeError("a process works in it, and would stay behind in the old state")
+    try:
+        linked = _link_foreign(directory, staging, replaced)
+        _copy_rights(directory, staging)
+        os.utime(staging)
+        exchange(staging, directory)
+    except (OSError, NotImplementedError) as error:
+        raise CannotExchangeError(str(error)) from None
+    # from here on ``staging`` is the old state
+    _rescue(staging, directory, replaced, linked)
+    remove(staging)
+
+
+def _in_use(directory: Path) -> bool:
+    """Whether a process that can be asked has its working directory in ``directory``: a shell, an editor, make.
+
+    Directories are compared by number, so a process in a container is found under whatever name it has for them.
+    """
+    own = {_number(folder) for folder, _, _ in os.walk(directory)}
+    places = ["."]
+    with contextlib.suppress(OSError), os.scandir("/proc") as entries:
+        places += [f"{entry.path}/cwd" for entry in entries if entry.name.isdecimal()]
+    return any(number is not None and number in own for number in map(_number, places))
+
+
+def _number(path: str) -> tuple[int, int] | None:
+    """Device and inode; None for processes of other users and ended ones."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _link_foreign(directory: Path, staging: Path, replaced: Set[str]) -> dict[str, int]:
+    """Give every file of the user a second name in ``staging``; returns the numbers of these files (inodes)."""
+    linked: dict[str, int] = {}
+    device = directory.stat().st_dev
+    for entry in _foreign(directory, replaced):
+        name = entry.relative_to(directory).as_posix()
+        status = entry.lstat()
+        place = staging / name
+        if stat.S_ISDIR(status.st_mode):
+            if status.st_dev != device:
+                raise OSError(f"{entry} is a file system of its own")
+            place.mkdir(parents=True, exist_ok=True)
+            continue
+        if len(linked) >= MOST_FOREIGN:
+            raise OSError(f"more than {MOST_FOREIGN} other files")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        os.link(entry, place, follow_symlinks=False)
+        linked[name] = status.st_ino
+    return linked
+
+
+def _foreign(directory: Path, replaced: Set[str]) -> list[Path]:
+    """All directories and files below ``directory`` but those replaced, in order."""
+    found = []
+    for folder, folders, files in os.walk(directory):
+        folders.sort()
+        # a link to a directory is listed among the directories, and is not followed
+        for name in [*folders, *sorted(files)]:
+            path = Path(folder, name)
+            if path.relative_to(directory).as_posix() not in replaced:
+                found.append(path)
+    return found
+
+
+def _copy_rights(directory: Path, staging: Path) -> None:
+    """Owner, mode and times of every directory, from the bottom up."""
+    for folder, _, _ in os.walk(directory, topdown=False):
+        target = staging / os.path.relpath(folder, directory)
+        if not target.is_dir():
+            continue
+        before, now = os.stat(folder), os.stat(target)
+        if (before.st_uid, before.st_gid) != (now.st_uid, now.st_gid):
+            os.chown(target, before.st_uid, before.st_gid)
+        shutil.copystat(folder, target)
+
+
+def _rescue(old: Path, directory: Path, replaced: Set[str], linked: dict[str, int]) -> None:
+    """Take along what was made or replaced in the old state since its files were linked."""
+    for path in _foreign(old, replaced):
+        name = path.relative_to(old).as_posix()
+        try:
+            status = path.lstat()
+            if not stat.S_ISDIR(status.st_mode) and linked.get(name) != status.st_ino:
+                target = directory / name
+                if name in linked or not target.exists():
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    os.replace(path, target)
+        except OSError:
+            continue
