@@ -10,9 +10,11 @@ import contextlib
 import glob
 import hashlib
 import os
+import shutil
 import stat
 import sys
 import tempfile
+import time
 from functools import cache
 from pathlib import Path
 
@@ -23,6 +25,9 @@ TRUSTED_OWNERS = {os.geteuid(), 0} if hasattr(os, "geteuid") else set()
 
 OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 CHECKSUM_BYTES = 32
+
+ABANDONED = 86400.0
+"""Seconds after which an unfinished file or build directory belongs to a process that was killed."""
 
 
 @cache
@@ -69,7 +74,13 @@ def _wanted_directory() -> Path:
 
 
 def prune(most: int = 500) -> None:
-    """Forget the results that were not used for longest when there are more than ``most``."""
+    """Forget the results not used for longest when there are more than ``most``, and what killed builds have left."""
+    for path in cache_directory().glob(".*"):
+        if time.time() - _last_use(path) > ABANDONED:
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
     entries = [path for path in cache_directory().iterdir() if path.is_file()]
     if len(entries) <= most:
         return

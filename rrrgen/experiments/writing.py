@@ -106,6 +106,8 @@ def writing_task(
     """
     window = plane if plane is not None else WritingPlane()
     size = (window.x[1] - window.x[0] - 2.0 * margin, window.z[1] - window.z[0] - 2.0 * margin)
+    if margin < 0.0 or min(size) <= 0.0:
+        raise InputError(f"a margin of {margin:g} m around the text leaves no room in the writing window")
     path = text_path(text, (window.x[0] + margin, window.z[0] + margin), size)
     segments, ink = tuple(s for s, _ in path), tuple(i for _, i in path)
     if not pace or min(pace) <= 0.0:

@@ -57,11 +57,15 @@ def _try_lock(handle: int, wait: bool = False) -> bool:
     return True
 
 
-def remove_abandoned(place: Path, name: str) -> None:
-    """Remove what ended processes have left in ``place`` of an unfinished ``name``."""
-    prefix = f".{name}{MARK}"
+def is_staged(path: Path, name: str | None = None) -> bool:
+    """Whether ``path`` is called like something unfinished: of ``name``, or of anything."""
+    return path.name.startswith(f".{name}{MARK}") if name is not None else path.name[:1] == "." and MARK in path.name
+
+
+def remove_abandoned(place: Path, name: str | None = None) -> None:
+    """Remove what ended processes have left unfinished in ``place``: of ``name``, or of anything."""
     with contextlib.suppress(OSError):
-        for path in [entry for entry in place.iterdir() if entry.name.startswith(prefix)]:
+        for path in [entry for entry in place.iterdir() if is_staged(entry, name)]:
             with locked(path, wait=False) as abandoned:
                 if abandoned is not None:
                     remove(path)

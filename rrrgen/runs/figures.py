@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from rrrgen.output.writer import write_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,12 +41,14 @@ def save_figure(figure: Figure, stem: Path) -> list[Path]:
     """Write ``stem.svg`` and ``stem.png`` without dates, so that the same data give the same bytes."""
     import matplotlib
 
-    stem.parent.mkdir(parents=True, exist_ok=True)
     paths = [stem.with_name(stem.name + suffix) for suffix in (".svg", ".png")]
     with matplotlib.rc_context({"svg.hashsalt": "rrrgen", "svg.fonttype": "none"}):
         if figure.get_layout_engine() is not None:  # arranging the axes is the slow part: once for both files
             figure.draw_without_rendering()
             figure.set_layout_engine("none")
-        figure.savefig(paths[0], metadata={"Date": None, "Creator": None})
-        figure.savefig(paths[1], dpi=120, metadata={"Software": None})
+        vectors, pixels = BytesIO(), BytesIO()
+        figure.savefig(vectors, format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(pixels, format="png", dpi=120, metadata={"Software": None})
+    for path, content in zip(paths, (vectors, pixels), strict=True):
+        write_file(path, content.getvalue())
     return paths

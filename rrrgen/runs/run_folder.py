@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from rrrgen.errors import InputError
+from rrrgen.output.staging import is_staged, remove_abandoned
 from rrrgen.output.writer import write_file
 
 if TYPE_CHECKING:
@@ -34,7 +35,9 @@ if TYPE_CHECKING:
 SCHEMA = "rrrgen-run/1"
 PACKAGES = ("rrrgen", "numpy", "scipy", "casadi", "cvxpy", "clarabel")
 
-Status = Literal["running", "interrupted", "failed", "finished"]
+PARTS = ("results", "figures", "checkpoints")
+
+Status = Literal["clearing", "running", "interrupted", "failed", "finished"]
 
 
 class RunFolder:
@@ -65,13 +68,17 @@ class RunFolder:
         }
         essence = [command, {name: entry["sha256"] for name, entry in hashed.items()}, self.record["settings"], seed]
         self.digest = hashlib.sha256(json.dumps(essence, sort_keys=True).encode()).hexdigest()
+        self._remove_abandoned()
         before = self._before()
         if before is not None and before.get("digest") != self.digest and not fresh:
             raise InputError(
                 f"{self.path} holds a run of '{before.get('command')}' with other inputs, settings or seed; "
                 "name another folder, or ask for a fresh start"
             )
-        if fresh:
+        cleared = before is None or before.get("status") != "clearing"
+        if fresh or not cleared:
+            # results of another run never stand beside this run's record, whatever ends the process in between
+            self._set_status("clearing")
             self._clear()
         self.resumed = before is not None and not fresh
         self._set_status("running")
@@ -85,7 +92,8 @@ class RunFolder:
         if kind is None:
             self._set_status("finished")
         else:
-            self._set_status("interrupted" if issubclass(kind, KeyboardInterrupt) else "failed")
+            interrupted = issubclass(kind, (KeyboardInterrupt, SystemExit))
+            self._set_status("interrupted" if interrupted else "failed")
 
     def checkpoint(self, name: str) -> Path:
         """Where unfinished work may keep its state."""
@@ -135,7 +143,7 @@ class RunFolder:
     def _before(self) -> dict[str, Any] | None:
         place = self.path / "run.json"
         if not place.exists():
-            if self.path.is_dir() and any(self.path.iterdir()):
+            if self.path.is_dir() and not all(is_staged(entry) for entry in self.path.iterdir()):
                 raise InputError(f"{self.path} is not empty and holds no run; name another folder")
             return None
         try:
@@ -144,9 +152,14 @@ class RunFolder:
         except (OSError, ValueError, AttributeError):
             return {}
 
+    def _remove_abandoned(self) -> None:
+        """Remove the unfinished files of killed runs."""
+        for place in (self.path, *(self.path / part for part in PARTS)):
+            remove_abandoned(place)
+
     def _clear(self) -> None:
         """Remove what earlier runs wrote, and only that."""
-        for part in ("results", "figures", "checkpoints"):
+        for part in PARTS:
             for file in sorted((self.path / part).glob("*")):
                 if file.is_file():
                     file.unlink()

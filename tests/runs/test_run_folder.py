@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 
 import numpy as np
 import pytest
@@ -115,3 +116,70 @@ def test_files_have_the_permissions_that_the_umask_leaves(tmp_path):
         os.umask(before)
     for file in (folder.path / "run.json", folder.path / "results" / "found.json"):
         assert file.stat().st_mode & 0o777 == 0o640
+
+
+def killed_at(step, action):
+    """Run ``action`` in a process that is killed before its ``step``-th rename or removal; False if it has fewer."""
+    process = os.fork()
+    if not process:
+        status, count = 9, 0
+
+        def counting(original):
+            def call(*arguments, **options):
+                nonlocal count
+                count += 1
+                if count == step:
+                    os.kill(os.getpid(), signal.SIGKILL)
+                return original(*arguments, **options)
+
+            return call
+
+        try:
+            for name in ("replace", "rename", "unlink", "rmdir"):
+                setattr(os, name, counting(getattr(os, name)))
+            action()
+            status = 0
+        finally:
+            os._exit(status)
+    code = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    assert code in (0, -signal.SIGKILL)
+    return code != 0
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the run is killed in a forked process")
+def test_killed_anywhere_results_never_stand_beside_the_record_of_another_run(tmp_path):
+    def run(place, seed):
+        with opened(place, seed=seed, fresh=seed == 2) as folder:
+            folder.write_json(f"of_{seed}.json", {"seed": seed})
+            folder.write_json("common.json", {"seed": seed})
+
+    for step in range(1, 100):
+        place = tmp_path / str(step)
+        place.mkdir()
+        run(place, 1)
+        killed = killed_at(step, lambda place=place: run(place, 2))
+        record = json.loads((place / "run" / "run.json").read_text())
+        seeds = {json.loads(file.read_text())["seed"] for file in (place / "run" / "results").glob("*.json")}
+        assert seeds <= {record["seed"]} or record["status"] == "clearing", step
+        if record["seed"] == 2:  # resumed without being asked to start over
+            with opened(place, seed=2) as folder:
+                folder.write_json("common.json", {"seed": 2})
+            assert not (place / "run" / "results" / "of_1.json").exists()
+        assert not [path for path in (place / "run").rglob(".*") if record["seed"] == 2]
+        if not killed:
+            break
+    assert step > 6
+
+
+def test_a_run_that_was_killed_at_its_very_beginning_can_be_started_again(tmp_path):
+    assert killed_at(1, lambda: opened(tmp_path))
+    assert [path.name[:10] for path in (tmp_path / "run").iterdir()] == [".run.json."]
+    with opened(tmp_path) as folder:
+        assert status(folder) == "running"
+    assert [path.name for path in (tmp_path / "run").iterdir()] == ["run.json"]
+
+
+def test_a_run_that_is_told_to_end_is_interrupted(tmp_path):
+    with pytest.raises(SystemExit), opened(tmp_path) as folder:
+        raise SystemExit(143)
+    assert status(folder) == "interrupted"

@@ -5,11 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import time
 
 import pytest
 
 from rrrgen import cache as cache_module
-from rrrgen.cache import cache_directory, keep, keep_library, recall, recall_library
+from rrrgen.cache import cache_directory, keep, keep_library, prune, recall, recall_library
 from rrrgen.cli.main import run
 from rrrgen.errors import StorageError
 from rrrgen.runtime import build as build_module
@@ -85,6 +86,16 @@ def test_what_is_kept_is_private_and_checked(cache):
     assert recall("model") is None
     assert recall_library("lib") is None
     assert not library.exists()
+
+
+def test_what_killed_builds_have_left_goes_after_a_day(cache):
+    for name, age in (("old", 2 * 86400), ("young", 60)):
+        (cache_directory() / f".build-{name}").mkdir()
+        (cache / f".file-{name}").write_text("")
+        for path in (cache / f".build-{name}", cache / f".file-{name}"):
+            os.utime(path, (time.time() - age,) * 2)
+    prune()
+    assert {path.name for path in cache.iterdir()} == {".build-young", ".file-young"}
 
 
 def full(*_):
