@@ -18,7 +18,7 @@ from .readers import READERS, Reader, outcome
 
 COUNT = int(os.environ.get("RRRGEN_FUZZ", "0"))
 FIRST = int(os.environ.get("RRRGEN_FUZZ_FROM", "0"))
-FEW, FEW_NATIVE = 60, 25
+FEW, FEW_NATIVE = 40, 16
 ALLOWED = (0, 3, 4)
 SLOWEST = 30.0  # s, for files of some kilobytes
 

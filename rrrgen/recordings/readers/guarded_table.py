@@ -135,7 +135,8 @@ class _Process:
         waited = time.monotonic() - self._asked
         status = self._popen.wait()
         if waited >= 0.9 * seconds_for(self._path):
-            return table_fault(self._path, f"reading was given up after {waited:.0f} s", "the file is damaged")
+            hint = "the file is damaged; if its disk is slow, set RRRGEN_READ_SECONDS to more than 60"
+            return table_fault(self._path, f"reading was given up after {waited:.0f} s", hint)
         how = f"exit status {status}"
         if status < 0:
             with contextlib.suppress(ValueError):
