@@ -12,6 +12,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
+from rrrgen.identify.diagnosis.cause import Cause
 from rrrgen.identify.estimation.consistency import (
     DEFAULT_STRENGTH,
     ConsistentEstimate,
@@ -96,7 +97,8 @@ class Identification:
     without a split); ``consistent_*`` those of the physically consistent estimate. ``scores`` has these and those on
     all rows and on unfiltered torques, each with the share of rows it was measured on. ``tuning`` says what the filters
     are and who chose them, ``split`` has its guard bands. ``indefinite`` maps an estimate to the share of random
-    poses with an indefinite mass matrix. ``repairs`` tell what was put right in the recordings. ``notes`` say in words
+    poses with an indefinite mass matrix. ``repairs`` tell what was put right in the recordings,
+    ``diagnoses`` what is probably wrong with them (see :mod:`rrrgen.identify.diagnosis`). ``notes`` say in words
     what the robot's structure and the motion leave open.
     """
 
@@ -120,6 +122,7 @@ class Identification:
     motion_notes: tuple[str, ...]
     weak: tuple[Direction, ...]
     repairs: tuple[Repairs, ...] = ()
+    diagnoses: tuple[Cause, ...] = ()
     blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
     held_out_blocks: Sequence[Rows] = field(repr=False, compare=False, default=())
     transform: Callable[[JointFactors], JointFactors] | None = field(repr=False, compare=False, default=None)

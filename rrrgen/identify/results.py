@@ -29,6 +29,7 @@ def as_record(found: Identification) -> dict[str, Any]:
     return {
         "method": estimate.method,
         "data": str(found.split),
+        "diagnoses": [cause.to_json() for cause in found.diagnoses],
         "repairs": [repairs.to_json() for repairs in found.repairs],
         "identifiable_parameters": found.structure.rank,
         "columns": len(found.columns),

@@ -15,6 +15,7 @@ from rrrgen.cli.identification.workflow import (
     log_option,
     output_option,
     parallel_packages,
+    print_causes,
     print_repairs,
     processing_options,
     seed_option,
@@ -65,7 +66,11 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     """
     consistency = ("cvxpy", "clarabel") if options["consistent"] else ()
     require("rrrgen identify", "scipy", "matplotlib", *consistency, *parallel_packages(options))
+    from dataclasses import replace
+
     from rrrgen import pipeline
+    from rrrgen.identify.diagnosis.cause import merged
+    from rrrgen.identify.diagnosis.report import diagnose_fit, diagnose_recordings
     from rrrgen.identify.identification import Options
     from rrrgen.identify.identification import identify as estimate
     from rrrgen.identify.results import as_record, write_identification
@@ -103,8 +108,11 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     ):
         recordings = [LogStream(mapping) for mapping in mappings]
         print_repairs((recording.repairs for recording in recordings), as_json)
+        before = diagnose_recordings(spec, recordings)
+        print_causes(before, as_json)
+        model = pipeline.compile(spec)
         found = estimate(
-            pipeline.compile(spec),
+            model,
             recordings,
             processing,
             chosen,
@@ -112,11 +120,14 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             digest=folder.digest,
             progress=tell,
         )
+        tell(0, 0, "diagnosis")
+        found = replace(found, diagnoses=merged([*before, *diagnose_fit(model, recordings, found)]))
         write_identification(folder, found, spec)
     if as_json:
         print_json(_finite(as_record(found)))
     else:
         _report(found, output)
+    print_causes([cause for cause in found.diagnoses if cause not in before], as_json)
     return 0
 
 

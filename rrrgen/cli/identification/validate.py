@@ -13,6 +13,7 @@ from rrrgen.cli.identification.workflow import (
     input_files,
     log_option,
     output_option,
+    print_causes,
     print_repairs,
     processing_options,
 )
@@ -43,6 +44,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     """
     require("rrrgen validate", "scipy", "matplotlib")
     from rrrgen import pipeline
+    from rrrgen.identify.diagnosis.report import diagnose_recordings
     from rrrgen.identify.estimation.definiteness import indefinite_share, pose_limits
     from rrrgen.identify.scoring.scores import score_table
     from rrrgen.identify.validation import (
@@ -74,6 +76,8 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     with RunFolder(output, "validate", input_files(robot, logs, mappings), settings, 0, options["fresh"]) as folder:
         recordings = [LogStream(mapping) for mapping in mappings]
         print_repairs((recording.repairs for recording in recordings), as_json)
+        causes = diagnose_recordings(spec, recordings)
+        print_causes(causes, as_json)
         result = validate_recordings(
             robot_model(model),
             recordings,
@@ -82,7 +86,10 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             label=label,
             thresholds=thresholds,
         )
-        record = result.to_json() | {"repairs": [recording.repairs.to_json() for recording in recordings]}
+        record = result.to_json() | {
+            "repairs": [recording.repairs.to_json() for recording in recordings],
+            "diagnoses": [cause.to_json() for cause in causes],
+        }
         folder.write_json("validation.json", record)
         folder.figure("torques", plot_torques(result))
     if as_json:

@@ -10,6 +10,7 @@ import click
 
 if TYPE_CHECKING:
     from rrrgen.experiments.experiment_file import Experiment
+    from rrrgen.identify.diagnosis.cause import Cause
     from rrrgen.recordings.mapping import LogMapping
     from rrrgen.recordings.repairs import Repairs
     from rrrgen.signals.fourier import FourierTrajectory
@@ -149,6 +150,13 @@ def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:
             click.echo(line)
         for line in each.warnings():
             click.echo(line, err=True)
+
+
+def print_causes(causes: Iterable[Cause], as_json: bool = False) -> None:
+    """Likely causes of trouble, their evidence and what to write instead; on stderr beside JSON."""
+    for cause in causes:
+        for line in cause.lines():
+            click.echo(line, err=as_json)
 
 
 def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping]) -> dict[str, Path]:

@@ -1,0 +1,114 @@
+"""Rule: the mass that the torques imply, from gravity and from inertia: units of all torques, and of the clock.
+
+A common factor of all torques changes no error: it multiplies every parameter. It shows in the mass itself.
+Against the links of the robot file, where it has them, a factor of 1000 is told apart from 1 at their geometric mean,
+31.6. Without links, the mass over the cube of the reach: 5 to 60 kg/m^3 for arms from the Puma 560 to the Staubli TX40;
+0.01 to 1000 is allowed. A wrong clock leaves gravity as it is and multiplies inertia by the square of its factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.identify.diagnosis.cause import Cause, Wording
+from rrrgen.identify.diagnosis.sample import Sample
+from rrrgen.identify.diagnosis.trial import AllTerms
+from rrrgen.identify.estimation.consistency import SMALLEST_LENGTH
+
+BETWEEN = 1000.0**0.5
+DENSITY = (0.01, 1000.0)  # kg/m^3; toy models are lighter than arms, nothing is heavier
+SQUARED = 1000.0  # between 1 and the square of 1000: gravity and inertia tell masses of other clocks
+POSES = 60  # of the recording, at which gravity and inertia are compared
+LEVEL = 1e-6  # gravity torques over those of the same mass by inertia: below, gravity acts on no joint
+
+
+def gravity_and_inertia(regressor: AllTerms, sample: Sample, theta: Array) -> tuple[Array, Array]:
+    """Gravity torques and diagonal of M(q), drive inertia included, at POSES of the recording: (K, n) each."""
+    q = sample.q[np.linspace(0, len(sample.q) - 1, min(POSES, len(sample.q))).astype(int)]
+    beta, zero = theta[: len(regressor.model.base_parameter_names)], np.zeros_like(q)
+    g = np.asarray(regressor.model.regressor(q, zero, zero)) @ beta
+    M = np.empty_like(g)
+    for i in range(sample.n):
+        unit = zero.copy()
+        unit[:, i] = 1.0
+        M[:, i] = (np.asarray(regressor.model.regressor(q, zero, unit)) @ beta - g)[:, i]
+    return g, M + regressor.inertia(theta)
+
+
+def magnitude(spec: Any, regressor: AllTerms, sample: Sample, theta: Array, words: Wording) -> Iterator[Cause]:
+    """The unit of all torques, or the clock, where the masses cannot be."""
+    g, M = gravity_and_inertia(regressor, sample, theta)
+    nominal = getattr(regressor.model, "beta", None)
+    if nominal is not None:
+        inertia = [0.0 if j.drive is None or j.drive.inertia is None else float(j.drive.inertia) for j in spec.joints]
+        known = np.zeros(len(theta))
+        known[: len(nominal)] = nominal
+        g0, M0 = gravity_and_inertia(regressor, sample, known)
+        yield from _against_links(g, M, g0, M0 + np.asarray(inertia), words)
+    else:
+        yield from _against_reach(spec, g, M, sample, words)
+
+
+def _against_links(g: Array, M: Array, g0: Array, M0: Array, words: Wording) -> Iterator[Cause]:
+    pull = float(np.sqrt(np.sum(g0**2)))
+    by_gravity = float(np.sqrt(np.sum(g**2))) / pull if pull > 0.0 else np.nan
+    # sums, which the heavy joints rule: in a wrist, drives that the file does not state weigh more than the links
+    like = np.array(words.revolute) if any(words.revolute) else np.ones(len(words.joints), bool)
+    total, own = float(np.sum(np.abs(np.mean(M, axis=0))[like])), float(np.sum(np.mean(M0, axis=0)[like]))
+    if not (total > 0.0 and own > 0.0):
+        return
+    by_inertia = total / own
+    told = f"inertia {by_inertia:.3g} times that of the robot file's links"
+    told += "" if np.isnan(by_gravity) else f", gravity torques {by_gravity:.3g} times theirs"
+    each = np.abs(np.mean(M, axis=0)) / np.maximum(np.mean(M0, axis=0), np.finfo(float).tiny)
+    off = [i for i, ratio in enumerate(each) if not 1.0 / BETWEEN <= ratio <= BETWEEN]
+    joints = off or list(range(len(each)))
+    yield from _judged(by_gravity, by_inertia, (1.0 / BETWEEN, BETWEEN), told, joints, words)
+
+
+def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording) -> Iterator[Cause]:
+    """The same without links: a mass at the reach of every joint, over the cube of the reach."""
+    # an offset along the first axis does not take the arm away from it
+    sizes = [abs(a) if i == 0 else max(abs(a), abs(d)) for i, (_, _, a, d, _) in enumerate(spec.dh_table())]
+    travel = np.ptp(sample.q, axis=0)
+    own = np.array([size if words.revolute[i] else max(size, travel[i]) for i, size in enumerate(sizes)])
+    reach = np.maximum(np.cumsum(own[::-1])[::-1], SMALLEST_LENGTH)
+    turning = np.array(words.revolute)
+    if not turning.any() or float(np.sum(own)) <= SMALLEST_LENGTH:
+        return
+    arm = np.where(turning, reach, 1.0)
+    pull = float(np.linalg.norm([float(v) for v in spec.gravity]))
+    by_gravity = float(np.max(_rms(g) / arm)) / pull if pull > 0.0 else 0.0
+    by_inertia = float(np.max(np.abs(np.mean(M, axis=0)) / arm**2))
+    volume = float(reach[0]) ** 3
+    told = f"the inertia is that of {by_inertia:.3g} kg at a reach of {reach[0]:.3g} m"
+    upright = by_gravity > LEVEL / SQUARED * by_inertia
+    told += f", the gravity torques that of {by_gravity:.3g} kg" if upright else ""
+    gravity = by_gravity / volume if upright else np.nan
+    yield from _judged(gravity, by_inertia / volume, DENSITY, told, range(len(words.joints)), words)
+
+
+def _judged(
+    gravity: float, inertia: float, allowed: tuple[float, float], told: str, joints: Sequence[int], words: Wording
+) -> Iterator[Cause]:
+    """Both far off by the same factor: the torques of ``joints``; inertia far off by more: the clock."""
+    low, high = allowed
+    if np.isnan(gravity):
+        clock = inertia > SQUARED * high or inertia < low / SQUARED
+    else:
+        clock = inertia > SQUARED * gravity or inertia < gravity / SQUARED
+    if clock:
+        faster = inertia > (high if np.isnan(gravity) else gravity)
+        yield words.clock(1e-3 if faster else 1e3).because(told)
+        return
+    size = inertia if np.isnan(gravity) else gravity
+    if size > high or size < low:
+        yield words.wrong_unit("torque", joints, 1e-3 if size > high else 1e3).because(told)
+
+
+def _rms(x: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(x**2, axis=0)))

@@ -1,0 +1,51 @@
+"""Rule: a friction, offset or drive inertia that the robot file does not ask for, but the torques show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.identify.diagnosis.cause import Cause, Wording
+from rrrgen.identify.diagnosis.trial import AllTerms, Fit, Trial
+
+CLEAR = 6.0  # standard deviations, as for signs
+FALL = 0.95  # of the joint's residual: a term that explains less than a tenth of its power is no cause of trouble
+WORTH = 0.005  # of the joint's RMS torque: smaller residuals need no explanation
+
+
+TERMS = (
+    ("friction", {"fv": "viscous", "fc": "coulomb"}, "friction"),
+    ("friction", {"off": "offset"}, "a constant torque (offset)"),
+    ("drive", {"Ia": "inertia"}, "the drive inertia"),
+)
+
+
+def missing_terms(
+    regressor: AllTerms, estimated: Sequence[str], trial: Trial, mix: Array, words: Wording
+) -> Iterator[Cause]:
+    """``estimated`` are the names of the columns in the model; ``regressor`` has all terms at all joints."""
+    names = list(regressor.names)
+    inside = [k for k, name in enumerate(names) if name in estimated]
+    before = trial.fit(mix, inside)
+    for i, joint in enumerate(words.joints):
+        for section, keys, what in TERMS:
+            lacking = {f"{symbol}{i + 1}": key for symbol, key in keys.items() if f"{symbol}{i + 1}" not in estimated}
+            if not lacking or before.error[i] <= WORTH:
+                continue
+            columns = [names.index(name) for name in lacking]
+            after = trial.fit(mix, sorted([*inside, *columns]))
+            if after.error[i] < FALL * before.error[i] and _clear(after, columns):
+                values = ", ".join(f"{name} = {after.theta[k]:.3g}" for name, k in zip(lacking, columns, strict=True))
+                yield words.missing(i, section, list(lacking.values()), what).because(
+                    f"with {values} the torque error of {joint} falls from {100 * before.error[i]:.3g} % to "
+                    f"{100 * after.error[i]:.2g} %"
+                )
+                inside, before = sorted([*inside, *columns]), after
+
+
+def _clear(fit: Fit, columns: Sequence[int]) -> bool:
+    """Whether one of the coefficients is told from zero beyond doubt."""
+    std = np.sqrt(np.maximum(np.diag(fit.covariance)[list(columns)], 0.0))
+    return bool(np.any(np.abs(fit.theta[list(columns)]) > CLEAR * std))

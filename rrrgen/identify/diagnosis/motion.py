@@ -1,0 +1,69 @@
+"""Rule: a clock that is a thousand times off, from sampling and motion alone; what rules without a model look at."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.identify.diagnosis.cause import Cause, Wording
+from rrrgen.identify.estimation.observations import Recording
+from rrrgen.identify.scoring.bandwidth import TUNING_SAMPLES, motion_bandwidth
+from rrrgen.recordings.log_stream import Part
+
+SLOW_PERIOD, SLOW_MOTION = 0.05, 0.1
+"""A period above 50 ms (s) with a motion below 0.1 Hz: arms are sampled faster, and move faster."""
+FAST_PERIOD, FAST_MOTION = 5e-5, 200.0
+"""A period below 50 us (s) with a motion above 200 Hz: no arm moves so fast."""
+LAG = 10  # samples over which positions are differenced: encoder noise is a tenth of that of single steps
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The first stretch of a recording, with the robot's spec and the words for its faults."""
+
+    spec: Any
+    words: Wording
+    part: Part
+    period: float
+
+    @classmethod
+    def of(cls, spec: Any, words: Wording, recording: Recording) -> Motion:
+        """The first stretch, up to some seconds."""
+        part = next(iter(recording.parts()))
+        return cls(spec, words, part.sliced(0, min(len(part), TUNING_SAMPLES)), recording.period)
+
+    @cached_property
+    def bandwidth(self) -> float:
+        """Of the motion, Hz; NaN where no joint moves."""
+        try:
+            return motion_bandwidth(self.part.q, self.period)
+        except InputError:
+            return math.nan
+
+    def speeds(self) -> Array:
+        """Mean speeds over LAG samples, (N - LAG, n)."""
+        return np.asarray((self.part.q[LAG:] - self.part.q[:-LAG]) / (LAG * self.period))
+
+
+def clock_factor(motion: Motion) -> float:
+    """What the instants must be multiplied by: 1, or 1000 or 1/1000 where sampling and motion are both out of range."""
+    slow = motion.period >= SLOW_PERIOD and motion.bandwidth < SLOW_MOTION
+    fast = motion.period <= FAST_PERIOD and motion.bandwidth > FAST_MOTION
+    return 1e-3 if slow else 1e3 if fast else 1.0
+
+
+def clock(motion: Motion) -> Iterator[Cause]:
+    """Sampling and motion that are both a thousand times off what arms do."""
+    factor = clock_factor(motion)
+    if factor != 1.0:
+        yield motion.words.clock(factor).because(
+            f"a period of {motion.period:.4g} s and a motion of {motion.bandwidth:.3g} Hz bandwidth; "
+            f"with the other unit {factor * motion.period:.4g} s and {motion.bandwidth / factor:.3g} Hz"
+        )

@@ -1,0 +1,83 @@
+"""All rules on all recordings: before the fit those that need no model, after it the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrrgen.identify.diagnosis.cause import Cause, Wording, merged
+from rrrgen.identify.diagnosis.dissipation import dissipation
+from rrrgen.identify.diagnosis.limits import limits
+from rrrgen.identify.diagnosis.magnitude import magnitude
+from rrrgen.identify.diagnosis.missing_terms import missing_terms
+from rrrgen.identify.diagnosis.motion import Motion, clock, clock_factor
+from rrrgen.identify.diagnosis.recorded_speed import recorded_speed
+from rrrgen.identify.diagnosis.sample import Sample, sample_of
+from rrrgen.identify.diagnosis.trial import AllTerms
+from rrrgen.identify.diagnosis.unexplained import unexplained
+from rrrgen.identify.diagnosis.wiring import Corrected, corrected
+from rrrgen.identify.estimation.full_regressor import RigidModel
+from rrrgen.identify.estimation.observations import Recording
+
+if TYPE_CHECKING:
+    from rrrgen.identify.identification import Identification
+
+BEFORE: tuple[Callable[[Motion], Any], ...] = (clock, recorded_speed, limits)
+
+
+def wording(spec: Any, recording: Recording) -> Wording:
+    """Words for the faults of one recording of a robot."""
+    return Wording(
+        joints=tuple(recording.joints),
+        revolute=tuple(joint.is_revolute for joint in spec.joints),
+        mapping=getattr(recording, "mapping", None),
+        robot="the robot file",
+    )
+
+
+def diagnose_recordings(spec: Any, recordings: Sequence[Recording]) -> tuple[Cause, ...]:
+    """What the recordings show by themselves: clock, speeds, limits."""
+    found = []
+    for recording in recordings:
+        motion = Motion.of(spec, wording(spec, recording), recording)
+        for rule in BEFORE:
+            found += list(rule(motion))
+    return merged(found)
+
+
+def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Identification) -> tuple[Cause, ...]:
+    """What the torques show: signs, exchanged columns, units, the clock, missing terms, and what nothing explains."""
+    regressor = AllTerms(model, found.columns)
+    causes: list[Cause] = []
+    for recording in recordings:
+        sample = sample_of(recording, found.processing)
+        if sample is not None and int(np.sum(sample.use)) > len(regressor.names):
+            words = wording(model.spec, recording)
+            # a clock that is known to be wrong must not hide what else is
+            sample = sample.slowed(clock_factor(Motion.of(model.spec, words, recording)))
+            causes += _of_sample(regressor, sample, words, found)
+    return merged(causes)
+
+
+def _of_sample(regressor: AllTerms, sample: Sample, words: Wording, found: Identification) -> list[Cause]:
+    """Wiring first; masses, signs and missing terms on what it put right; and if none of it, what is left."""
+    names = regressor.names
+    estimated = [column.name for column in found.columns]
+    inside = [k for k, name in enumerate(names) if name in estimated]
+    # friction at every joint; an offset or a drive inertia that is not in the model may stand for gravity or a link
+    plain = [k for k, name in enumerate(names) if name in estimated or name.startswith(("fv", "fc"))]
+
+    def impossible(best: Corrected) -> list[Cause]:
+        fit, put_right = best.trial.fit(best.mix, plain), best.sample
+        return [
+            *magnitude(regressor.model.spec, regressor, put_right, fit.theta, words),
+            *dissipation(regressor, put_right, fit, words),
+        ]
+
+    best = corrected(sample, regressor, words, lambda each: len(impossible(each)))
+    causes = [*best.causes, *impossible(best)]
+    if len(causes) == len(best.causes):
+        causes += missing_terms(regressor, estimated, best.trial, best.mix, words)
+    return causes or list(unexplained(best.trial.fit(best.mix, inside).error, found.whiteness, words))

@@ -1,0 +1,113 @@
+"""Fits of a sample, quick enough to try many: what if this column had the other sign, or that unit?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.identify.diagnosis.sample import Sample
+from rrrgen.identify.estimation.full_regressor import RigidModel
+from rrrgen.model.drive_columns import drive_columns
+from rrrgen.model.estimated_terms import Column, DriveTerms
+
+NULL = 1e-9  # of the largest eigenvalue of W'W with columns of unit length: below are what the motion cannot tell
+FLOOR = 1e-3  # relative error of a joint below which differences do not count
+PASSES = 3  # of the weights
+
+Regressor = Callable[[Array, Array, Array], Array]
+
+
+@dataclass(frozen=True)
+class AllTerms:
+    """``W(q, dq, ddq)`` (N, n, p) with the columns ``estimated`` and the drive terms of single joints not in them."""
+
+    model: RigidModel
+    estimated: tuple[Column, ...]
+
+    @property
+    def drives(self) -> tuple[Column, ...]:
+        """The drive columns, those of the estimate first."""
+        own = tuple(column for column in self.estimated if column.kind != "rigid")
+        every = DriveTerms.everywhere(self.model.n, "inertia", "viscous", "coulomb", "offset").columns(self.model.n)
+        names = {column.name for column in own}
+        return own + tuple(column for column in every if column.name not in names)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameter of every column."""
+        return (*self.model.base_parameter_names, *(column.name for column in self.drives))
+
+    def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Evaluate at N instants; ``q``, ``dq``, ``ddq`` are (N, n)."""
+        rigid = np.asarray(self.model.regressor(q, dq, ddq))
+        return np.concatenate([rigid, drive_columns(self.drives, dq, ddq)], axis=-1)
+
+    def inertia(self, theta: Sequence[float] | Array) -> Array:
+        """What the drives add to the diagonal of M, (n,)."""
+        values = np.asarray(theta)[len(self.model.base_parameter_names) :]
+        found = np.zeros(self.model.n)
+        for column, value in zip(self.drives, values, strict=True):
+            if column.kind == "inertia":
+                found += value * np.asarray(column.direction) ** 2
+        return found
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Relative error of every joint (n,), parameters ``theta`` (p,) and their covariance for white residuals (p, p)."""
+
+    error: Array
+    theta: Array
+    covariance: Array
+
+    @property
+    def score(self) -> float:
+        """Sum of log squared errors: twice the log-likelihood of a row of every joint, up to sign and a constant."""
+        return float(np.sum(np.log(self.error**2 + FLOOR**2)))
+
+
+class Trial:
+    """Weighted least squares of one sample by its normal equations; torques may be recombined without new rows."""
+
+    def __init__(self, regressor: Regressor, sample: Sample) -> None:
+        self.sample = sample
+        W = np.asarray(regressor(sample.q, sample.dq, sample.ddq))
+        use = [sample.use[:, j] for j in range(sample.n)]
+        self.counts = np.array([max(1, int(np.sum(u))) for u in use])
+        self.G = np.stack([W[u, j].T @ W[u, j] for j, u in enumerate(use)])
+        self.c = np.stack([W[u, j].T @ sample.tau[u] for j, u in enumerate(use)])
+        self.T = np.stack([sample.tau[u].T @ sample.tau[u] for u in use])
+
+    def fit(self, mix: Array | None = None, columns: Sequence[int] | None = None) -> Fit:
+        """The fit of torques ``tau @ mix`` (as they are by default) by some ``columns`` (all by default)."""
+        n = self.sample.n
+        A = np.eye(n) if mix is None else mix
+        kept = list(range(self.G.shape[1])) if columns is None else list(columns)
+        G = self.G[:, kept][:, :, kept]
+        c = np.stack([self.c[j][kept] @ A[:, j] for j in range(n)])
+        total = np.maximum([A[:, j] @ self.T[j] @ A[:, j] for j in range(n)], np.finfo(float).tiny)
+        size = np.sqrt(total / self.counts)
+        sigma = size
+        for _ in range(PASSES):
+            w2 = 1.0 / sigma**2
+            x, inverse = _solved(np.tensordot(w2, G, 1), w2 @ c)
+            left = np.array([total[j] - 2.0 * x @ c[j] + x @ G[j] @ x for j in range(n)])
+            sigma = np.sqrt(np.maximum(left, 0.0) / self.counts)
+            sigma = np.maximum(sigma, FLOOR * size)
+        theta, covariance = np.zeros(self.G.shape[1]), np.zeros(self.G.shape[1:])
+        theta[kept] = x
+        covariance[np.ix_(kept, kept)] = inverse
+        return Fit(np.sqrt(np.maximum(left, 0.0) / total), theta, covariance)
+
+
+def _solved(G: Array, c: Array) -> tuple[Array, Array]:
+    """The shortest solution of ``G x = c`` in columns of unit length, and the inverse of G over the same directions."""
+    size = np.sqrt(np.diag(G))
+    safe = np.where(size > 0.0, size, 1.0)
+    values, V = np.linalg.eigh(G / np.outer(safe, safe))
+    V = V[:, values > NULL * values[-1]] / safe[:, None]
+    values = values[values > NULL * values[-1]]
+    return np.asarray(V @ ((V.T @ c) / values)), np.asarray((V / values) @ V.T)

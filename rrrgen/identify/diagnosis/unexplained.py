@@ -1,0 +1,31 @@
+"""Rule: an error that is large and is no noise, where no other rule knows the cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from rrrgen.identify.diagnosis.cause import Cause, Wording
+from rrrgen.identify.estimation.statistics import Whiteness
+
+LARGE = 0.3  # of the joint's torque: models of sound recordings leave some percent, light wrists up to 20
+COLOURED = 1.0
+"""Durbin-Watson: 2 for noise, below 1 where neighbouring residuals correlate by more than a half."""
+
+
+def unexplained(joint_errors: Any, whiteness: tuple[Whiteness, ...], words: Wording) -> Iterator[Cause]:
+    """``joint_errors`` (n,) are relative; ``whiteness`` of the residuals of the estimate."""
+    for i, (error, white) in enumerate(zip(np.asarray(joint_errors), whiteness, strict=False)):
+        if error > LARGE and white.durbin_watson < COLOURED:
+            name = words.joints[i]
+            yield Cause(
+                f"the model does not describe joint {name}",
+                f"check column, unit, sign and zero of {name} in the mapping, and its row of the Denavit-Hartenberg "
+                f"table, limits and friction in {words.robot}",
+                (
+                    f"{100 * error:.3g} % of its torque is left, and that is no noise: Durbin-Watson "
+                    f"{white.durbin_watson:.2f}, 2 for noise",
+                ),
+            )

@@ -1,0 +1,185 @@
+"""Rule: a sign, a unit, an exchange of columns, or the clock, with which the same rows fit far better.
+
+Every hypothesis is undone on the motion or the torques and the model fitted anew, with friction, offset and drive
+inertia at every joint, so that a term that the robot file lacks is not taken for a fault of wiring. Accepted are
+changes that at least halve the error of some joint and divide the product of all squared errors by four or more
+(a likelihood ratio no noise reaches: its differences between hypotheses are some percent); taken one after the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.identify.diagnosis.cause import Cause, Wording
+from rrrgen.identify.diagnosis.sample import Sample
+from rrrgen.identify.diagnosis.trial import Fit, Regressor, Trial
+from rrrgen.recordings.mapping import Signal
+
+SMALL = 0.03
+"""Relative error of every joint below which nothing is tried: the faults sought leave tens of percent."""
+HALVED = 0.5
+SCORE = math.log(4.0)
+EXPLAINED = 0.35  # error that must be left at most at the joints that a change has helped
+TIE = 0.3  # in the score: hypotheses that the data cannot tell apart
+SIGNALS: tuple[Signal, ...] = ("position", "torque")
+CHOICES = 3  # among changes as good, tried one after the other while impossible signs or masses are left
+MOST = 8  # changes, one after the other
+ANGLES = (math.pi / 180.0, 180.0 / math.pi)
+THOUSANDS = (1e-3, 1e3)
+
+
+@dataclass(frozen=True)
+class Change:
+    """One hypothesis: recorded positions or torques times ``matrix`` (n, n), or time times ``slower``, are right."""
+
+    cause: Cause
+    signal: Signal | None  # None: the clock
+    matrix: Array
+    slower: float = 1.0
+    turned: int | None = None  # the joint whose sign is turned
+
+
+Doubts = Callable[["Corrected"], int]
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """A sample with the accepted changes undone, its torques' recombination ``mix``, and the causes found."""
+
+    trial: Trial
+    mix: Array
+    fit: Fit
+    causes: tuple[Cause, ...] = ()
+
+    @property
+    def sample(self) -> Sample:
+        """Motion and torques as they should have been recorded."""
+        return replace(self.trial.sample, tau=self.trial.sample.tau @ self.mix)
+
+
+def corrected(sample: Sample, regressor: Regressor, words: Wording, doubts: Doubts = lambda found: 0) -> Corrected:
+    """Try all changes, accept the best, and again, until none helps.
+
+    Of changes that the errors cannot tell apart those are taken that leave the fewest ``doubts``: impossible signs and
+    masses. Torques of an arm with the opposite sign at one joint, say, may be explained by turning all others.
+    """
+    start = Trial(regressor, sample)
+    first = Corrected(start, np.eye(sample.n), start.fit())
+    runs = []
+    for choice in range(CHOICES):
+        found, choices = _descent(first, regressor, words, doubts, choice)
+        runs.append((doubts(found), choice, found))
+        if runs[-1][0] == 0 or choice + 1 >= choices:
+            break
+    now = min(runs, key=lambda run: run[:2])[2]
+    helped = now.fit.error <= HALVED * first.fit.error
+    return now if helped.any() and np.max(now.fit.error[helped]) <= EXPLAINED else first
+
+
+def _descent(
+    now: Corrected, regressor: Regressor, words: Wording, doubts: Doubts, choice: int
+) -> tuple[Corrected, int]:
+    """Accept the best change until none helps; at the first step with several as good, the one numbered ``choice``.
+
+    Returns the result and how many there were to choose from.
+    """
+    choices = 1
+    while len(now.causes) < MOST and np.max(now.fit.error) > SMALL:
+        tried = [(change, _tried(change, now, regressor, words)) for change in changes(now.trial.sample, words)]
+        best = min(after.fit.score for _, after in tried)
+        if now.fit.score - best < SCORE:
+            break
+        alike = [(change, after, doubts(after)) for change, after in tried if after.fit.score - best < TIE]
+        fewest = min(doubt for *_, doubt in alike)
+        alike = sorted((each for each in alike if each[2] == fewest), key=lambda each: each[1].fit.score)
+        at = choice if choices == 1 and choice < len(alike) else 0
+        choices = max(choices, len(alike))
+        alike.insert(0, alike.pop(at))
+        chosen = alike[0][1]
+        if not np.any(chosen.fit.error <= HALVED * now.fit.error):
+            break
+        cause = _told([change for change, *_ in alike], now.fit, chosen.fit, words)
+        now = replace(chosen, causes=(*now.causes, cause))
+    return now, choices
+
+
+def changes(sample: Sample, words: Wording) -> Iterator[Change]:
+    """All hypotheses."""
+    n = sample.n
+    unit = np.eye(n)
+    turning = [i for i in range(n) if words.revolute[i]]
+    if len(turning) > 1:
+        for factor in ANGLES:
+            D = np.diag([factor if i in turning else 1.0 for i in range(n)])
+            yield Change(words.wrong_unit("position", turning, factor), "position", D)
+    for i in range(n):
+        for signal in SIGNALS:
+            D = unit.copy()
+            D[i, i] = -1.0
+            yield Change(words.wrong_sign([signal], i), signal, D, turned=i)
+        for factor in ANGLES if words.revolute[i] else THOUSANDS:
+            D = unit.copy()
+            D[i, i] = factor
+            yield Change(words.wrong_unit("position", [i], factor), "position", D)
+        for factor in THOUSANDS if n > 1 else ():
+            D = unit.copy()
+            D[i, i] = factor
+            yield Change(words.wrong_unit("torque", [i], factor), "torque", D)
+        for k in range(i + 1, n):
+            P = unit.copy()
+            P[[i, k]] = P[[k, i]]
+            if words.revolute[i] == words.revolute[k]:
+                yield Change(words.swapped("position", i, k), "position", P)
+            yield Change(words.swapped("torque", i, k), "torque", P)
+    for factor in THOUSANDS:
+        yield Change(words.clock(factor), None, unit, slower=factor)
+
+
+def _tried(change: Change, now: Corrected, regressor: Regressor, words: Wording) -> Corrected:
+    """The fit with one more change undone."""
+    trial, mix, n = now.trial, now.mix, now.trial.sample.n
+    if change.signal == "torque":
+        N = _transmission(words, "torque", n)
+        # rows: tau = tau_m N, so a change D of the motors' torques is inv(N) D' N on the right
+        new = np.asarray(mix @ np.linalg.solve(N, change.matrix.T @ N))
+        return Corrected(trial, new, trial.fit(new))
+    if change.signal == "position":
+        N = _transmission(words, "position", n)
+        zero = np.zeros(n) if words.mapping is None else np.array([joint.zero for joint in words.mapping.joints])
+        moved = trial.sample.moved(np.asarray(np.linalg.solve(N, change.matrix @ N)), zero)
+    else:
+        moved = trial.sample.slowed(change.slower)
+    other = Trial(regressor, moved)
+    return Corrected(other, mix, other.fit(mix))
+
+
+def _transmission(words: Wording, signal: Signal, n: int) -> Array:
+    """Motor angles over joint angles where a signal is recorded at the motors."""
+    mapping = words.mapping
+    if mapping is None or mapping.transmission is None:
+        return np.eye(n)
+    side = [c is not None and c.side == "motor" for c in (joint.channel(signal) for joint in mapping.joints)]
+    if all(side):
+        return np.asarray(mapping.transmission)
+    return np.diag(np.where(side, np.diag(mapping.transmission), 1.0))
+
+
+def _told(alike: list[Change], before: Fit, after: Fit, words: Wording) -> Cause:
+    """The cause behind changes that explain the data alike, with the fall of the error."""
+    joints = [i for i in range(len(words.joints)) if after.error[i] <= HALVED * before.error[i]]
+    fall = ", ".join(
+        f"{words.joints[i]} from {100 * before.error[i]:.3g} % to {100 * after.error[i]:.2g} %" for i in joints
+    )
+    turned = {change.turned for change in alike}
+    first = alike[0].turned
+    if len(alike) == 2 and len(turned) == 1 and first is not None:
+        cause = words.wrong_sign(["torque", "position"], first)
+        return cause.because(f"with either of them turned the torque error of the fit falls: {fall}")
+    cause = alike[0].cause.because(f"with it put right the torque error of the fit falls: {fall}")
+    others = "; ".join(change.cause.cause for change in alike[1:])
+    return cause.because(f"as well explained by: {others}") if others else cause
