@@ -12,7 +12,7 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.experiments.experiment_file import Experiment
 from rrrgen.experiments.writing import JointPath, newton_inverse_kinematics, solver_inverse_kinematics, writing_task
-from rrrgen.friction.models import robot_friction
+from rrrgen.friction.models import motor_friction, robot_friction
 from rrrgen.identify.excitation.problem import ExcitationProblem
 from rrrgen.identify.excitation.robot import limits_of, robot_problem
 from rrrgen.signals.kalman import kalman_matrices
@@ -65,7 +65,8 @@ def simulate_motion(
     """Run the virtual robot along ``reference(t) -> (q, dq, ddq)``; returns its recording and its instruments.
 
     Links, drive inertia, friction, encoders and torque limits are those of the robot file where the experiment states
-    no others. Rotors of flexible joints take the place of the robot file's drive inertia.
+    no others; motors of coupled drives keep their friction and their torque limits beside what it states of joints.
+    Rotors of flexible joints take the place of the robot file's drive inertia.
     """
     from rrrgen.simulate.experiment import VirtualRobot
 
@@ -89,7 +90,7 @@ def _plant(experiment: Experiment, model: Any) -> Any:
     from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints, make_plant
 
     parts = experiment.virtual_robot
-    friction = parts.get("friction") or robot_friction(model.spec)
+    friction = _friction(experiment, model)
     joints, base = parts.get("flexible_joints"), parts.get("flexible_base")
     if base is not None and "inertia" not in base:
         base = {**base, "inertia": BASE_TO_ARM * float(model.mass_matrix(np.zeros(model.n))[0, 0])}
@@ -101,12 +102,28 @@ def _plant(experiment: Experiment, model: Any) -> Any:
     )
 
 
+def _friction(experiment: Experiment, model: Any) -> Any:
+    """That of the experiment at the joints, else that of the robot file; coupled motors keep their own."""
+    from rrrgen.simulate.friction import MotorFriction
+
+    joints = experiment.virtual_robot.get("friction") or robot_friction(model.spec)
+    motors = motor_friction(model.spec)
+    if motors is None:
+        return joints
+    return MotorFriction(joints, motors, np.array(model.spec.drives.motor_from_joint, dtype=float))
+
+
 def _instruments(experiment: Experiment, model: Any) -> Any:
-    from rrrgen.simulate.experiment import Instruments
+    from rrrgen.simulate.experiment import Instruments, MotorLimits
 
     names = {entry.name for entry in fields(Instruments)}
     steps = [joint.drive and joint.drive.encoder_resolution for joint in model.spec.joints]
     stated: dict[str, Any] = {"torque_limit": _drives(model)}
+    drives = model.spec.drives
+    limits = [] if drives is None else [motor.torque_limit for motor in drives.motors]
+    if any(limit is not None for limit in limits):
+        largest = np.array([np.inf if limit is None else limit for limit in limits])
+        stated["motors"] = MotorLimits(largest, np.array(drives.motor_from_joint, dtype=float))
     if any(steps):
         stated["encoder_resolution"] = tuple(float(step or 0.0) for step in steps)
     return Instruments(**{**stated, **{k: v for k, v in experiment.virtual_robot.items() if k in names}})
@@ -127,7 +144,7 @@ def _controller(experiment: Experiment, model: Any, reference: Motion, duration:
         omega = 2.0 * np.pi * control.bandwidth
         kp = control.kp if control.kp is not None else (omega**2,) * n
         kd = control.kd if control.kd is not None else (2.0 * control.damping * omega,) * n
-        friction = experiment.virtual_robot.get("friction") or robot_friction(model.spec)
+        friction = _friction(experiment, model)
         return ComputedTorque(RigidBody(model), kp, kd, friction=friction)
     poses = reference(np.linspace(0.0, duration, POSES))[0]
     whole, felt = _moved(experiment, model, np.asarray(model.mass_matrix(poses)))

@@ -31,7 +31,7 @@ class _NumPy:
 class _Smooth(_NumPy):
     """The same with sgn(x) replaced by tanh(x/width)."""
 
-    def __init__(self, width: float) -> None:
+    def __init__(self, width: Array) -> None:
         self.width = width
 
     def sign(self, x: Array) -> Array:  # type: ignore[override]
@@ -87,13 +87,13 @@ class FrictionModel:
         """Whether the torque is linear in the parameters."""
         return self.law.columns is not None
 
-    def torque(self, dq: ArrayLike, width: float = 0.0) -> Array:
+    def torque(self, dq: ArrayLike, width: ArrayLike = 0.0) -> Array:
         """Friction torque at the speeds ``dq``; in steady sliding if the law has a state.
 
-        ``width`` > 0 replaces sgn(x) by the smooth tanh(x/width).
+        ``width`` > 0, a number or one per joint, replaces sgn(x) by the smooth tanh(x/width).
         """
         speeds = np.asarray(dq, dtype=float)
-        ops = _Smooth(width) if width > 0.0 else NUMPY
+        ops = _Smooth(np.asarray(width)) if np.all(np.asarray(width) > 0.0) else NUMPY
         return np.asarray(self.law.torque(ops, speeds, self._columns) + 0.0 * speeds)
 
     def columns(self, dq: ArrayLike) -> Array:
@@ -202,7 +202,15 @@ def coulomb_viscous(
 
 def robot_friction(spec: Any) -> FrictionModel | None:
     """The linear friction that a robot file states (missing numbers count as 0), None where it states none."""
-    given = [joint.friction for joint in spec.joints]
+    return _linear_friction([joint.friction for joint in spec.joints])
+
+
+def motor_friction(spec: Any) -> FrictionModel | None:
+    """The same of coupled motors, at their shafts; None without coupled drives too."""
+    return None if spec.drives is None else _linear_friction([motor.friction for motor in spec.drives.motors])
+
+
+def _linear_friction(given: Sequence[Any]) -> FrictionModel | None:
     if all(friction is None for friction in given):
         return None
     rows = [

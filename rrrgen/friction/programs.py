@@ -2,28 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rrrgen.errors import InputError
 from rrrgen.friction.laws import FrictionLaw
 from rrrgen.program import Builder, Port, Program, Role, Value
+from rrrgen.program.builder import Number
+
+Surfaces = Mapping[str, Sequence[Number]]
+"""Where friction acts among coupled drives, by name of joint or motor: the direction ``w`` (joints,) of each, with the
+speed ``w dq`` and the joint torques ``w' f``."""
 
 
-def _ports(builder: Builder, law: FrictionLaw, joints: int, names: Sequence[str]) -> tuple[list[list[Any]], list[Any]]:
-    """The vector inputs ``names`` in order, then the parameters (joints, k) row by row."""
+def _ports(
+    builder: Builder, law: FrictionLaw, joints: int, names: Sequence[str], surfaces: Surfaces | None = None
+) -> tuple[list[list[Any]], list[Any]]:
+    """The vector inputs ``names`` in order, speeds as those of the surfaces; then the parameters row by row."""
+    count, frame = (joints, "joint") if surfaces is None else (len(surfaces), "joint or motor")
     described = {
-        "dq": ("rad/s | m/s", "joint velocities", Role.VELOCITY),
-        "z": ("rad | m", "bristle deflections, one per joint", Role.OTHER),
+        "dq": (joints, "rad/s | m/s", "joint velocities", Role.VELOCITY),
+        "z": (count, "rad | m", f"bristle deflections, one per {frame}", Role.OTHER),
     }
     vectors = []
     for name in names:
-        unit, meaning, role = described[name]
-        vectors.append(list[Any](builder.input(Port(name, (joints,), unit, "joint", meaning, role))))
+        size, unit, meaning, role = described[name]
+        vectors.append(list[Any](builder.input(Port(name, (size,), unit, "joint", meaning, role))))
+    if surfaces is not None:
+        vectors[0] = [_along(w, vectors[0]) for w in surfaces.values()]
     size = len(law.parameters)
-    meaning = "row per joint: " + ", ".join(p.name for p in law.parameters)
-    values = builder.input(Port("friction", (joints, size), "mixed", "joint", meaning, Role.FRICTION))
-    return vectors, [values[i * size : (i + 1) * size] for i in range(joints)]
+    rows = "row per joint" if surfaces is None else f"rows {', '.join(surfaces)}"
+    meaning = f"{rows}: " + ", ".join(p.name for p in law.parameters)
+    values = builder.input(Port("friction", (count, size), "mixed", "joint", meaning, Role.FRICTION))
+    return vectors, [values[i * size : (i + 1) * size] for i in range(count)]
+
+
+def _along(w: Sequence[Number], values: Sequence[Any]) -> Any:
+    total: Any = 0
+    for weight, value in zip(w, values, strict=True):
+        total = total + weight * value
+    return total
+
+
+def _at_joints(torques: list[Any], joints: int, surfaces: Surfaces | None) -> list[Any]:
+    """Joint torques from the friction of every surface."""
+    if surfaces is None:
+        return torques
+    return [_along([w[i] for w in surfaces.values()], torques) for i in range(joints)]
 
 
 def _torque_port(joints: int) -> Port:
@@ -32,17 +57,18 @@ def _torque_port(joints: int) -> Port:
     )
 
 
-def friction_program(law: FrictionLaw, joints: int) -> Program:
+def friction_program(law: FrictionLaw, joints: int, surfaces: Surfaces | None = None) -> Program:
     """Friction torques (joints,) from ``dq`` (joints,) and the parameters ``friction`` (joints, k).
 
-    A law with a state is taken in sliding, dz/dt = 0. Source: (14.11)-(14.14).
+    With ``surfaces`` there is a row of parameters for each of them instead of each joint. A law with a state is taken
+    in sliding, dz/dt = 0. Source: (14.11)-(14.14).
     """
     builder = Builder()
-    (dq,), rows = _ports(builder, law, joints, ["dq"])
-    torques = [law.torque(builder, dq[i], rows[i]) for i in range(joints)]
+    (speeds,), rows = _ports(builder, law, joints, ["dq"], surfaces)
+    torques = [law.torque(builder, speed, row) for speed, row in zip(speeds, rows, strict=True)]
     return builder.program(
         f"friction_{law.name}",
-        [(_torque_port(joints), torques)],
+        [(_torque_port(joints), _at_joints(torques, joints, surfaces))],
         summary="Friction torques of all joints." if law.rate is None else "Friction torques in steady sliding.",
         formula=f"{law.formula}   {law.equation}",
         notes=("sgn(0) = 0.",),
@@ -69,22 +95,24 @@ def friction_columns_program(law: FrictionLaw, joints: int) -> Program:
     )
 
 
-def friction_step_program(law: FrictionLaw, joints: int) -> Program:
+def friction_step_program(law: FrictionLaw, joints: int, surfaces: Surfaces | None = None) -> Program:
     """One period of a law with a state: from ``dq``, ``z`` and the period ``Ts`` to the next z and the torque.
 
-    Exact for a constant speed, so that no period makes it unstable. Source: (14.13).
+    With ``surfaces`` each of them has a state and a row of parameters instead of each joint. Exact for a constant
+    speed, so that no period makes it unstable. Source: (14.13).
     Raises InputError for a law without a state.
     """
     if law.step is None:
         raise InputError(f"friction law '{law.name}' has no state to step")
     builder = Builder()
-    (dq, z), rows = _ports(builder, law, joints, ["dq", "z"])
+    (speeds, z), rows = _ports(builder, law, joints, ["dq", "z"], surfaces)
     period = builder.input(Port("Ts", (), "s", "", "period"))[0]
-    steps = [law.step(builder, z[i], dq[i], rows[i], period) for i in range(joints)]
-    following = Port("z_next", (joints,), "rad | m", "joint", "bristle deflections at the end of the period")
+    steps = [law.step(builder, *each, period) for each in zip(z, speeds, rows, strict=True)]
+    torques = _at_joints([torque for _, torque in steps], joints, surfaces)
+    following = Port("z_next", (len(z),), "rad | m", "joint", "bristle deflections at the end of the period")
     return builder.program(
         f"friction_step_{law.name}",
-        [(following, [s[0] for s in steps]), (_torque_port(joints), [s[1] for s in steps])],
+        [(following, [s[0] for s in steps]), (_torque_port(joints), torques)],
         summary="One period of friction with a state, stable for every period.",
         formula=f"{law.formula}   {law.equation}, exact for constant dq",
         notes=("sgn(0) = 0.",),

@@ -61,6 +61,19 @@ def friction_terms(spec: RobotSpec) -> tuple[DriveTerm, ...]:
     return tuple(term for term in drive_terms(spec) if term.kind != "inertia")
 
 
+def friction_surfaces(spec: RobotSpec) -> dict[str, tuple[Any, ...]] | None:
+    """Where friction acts among coupled drives: names and directions; None where every joint has its own drive.
+
+    The joints and motors for which the file states friction, or all motors where it states none.
+    """
+    if spec.drives is None:
+        return None
+    motors = {motor.name: tuple(spec.drives.motor_from_joint.row(k)) for k, motor in enumerate(spec.drives.motors)}
+    joints = {f"joint {joint.name}": unit(i, spec.n) for i, joint in enumerate(spec.joints) if joint.friction}
+    moved = {motor.name for motor in spec.drives.motors if motor.friction}
+    return {**joints, **{name: w for name, w in motors.items() if name in moved}} or motors
+
+
 def unit(joint: int, n: int) -> tuple[int, ...]:
     """The direction of one joint (from 0) of ``n``."""
     return tuple(int(i == joint) for i in range(n))

@@ -20,6 +20,25 @@ Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
+class MotorLimits:
+    """Torque limits (m,) of coupled motors, infinite where there is none, and ``motor_from_joint`` W (m, n)."""
+
+    torque: Array
+    W: Array
+
+    def clipped(self, tau: Array) -> Array:
+        """Joint torques (n,) that motors within their limits make of ``tau``: ``tau = W' tau_m``."""
+        own = np.linalg.solve(self.W.T, tau)
+        held = np.clip(own, -self.torque, self.torque)
+        return tau if np.array_equal(held, own) else np.asarray(self.W.T @ held)
+
+    def saturates(self, tau: Array) -> NDArray[np.bool_]:
+        """The joints that a motor at its limit acts on."""
+        full = np.abs(np.linalg.solve(self.W.T, tau)) >= self.torque
+        return np.asarray((self.W[full] != 0.0).any(axis=0))
+
+
+@dataclass(frozen=True)
 class Instruments:
     """Encoders and drives, joint by joint; ``None`` where they are ideal.
 
@@ -29,7 +48,7 @@ class Instruments:
 
     ``torque_record``: a drive holds its torque over a sample. "command" records it at the sample's begin, and so is
     half a sample ahead of the motion it causes; "centred" is the mean over the sample around the instant, as a drive
-    reports that integrates its current.
+    reports that integrates its current. ``motors`` are the limits of coupled motors.
     """
 
     encoder_resolution: tuple[float, ...] | None = None
@@ -38,6 +57,7 @@ class Instruments:
     torque_noise: tuple[float, ...] | None = None
     disturbance: tuple[float, ...] | None = None
     torque_record: Literal["centred", "command"] = "centred"
+    motors: MotorLimits | None = None
 
     def read(self, q: Array) -> Array:
         """Encoder readings of the positions ``q``."""
@@ -47,7 +67,14 @@ class Instruments:
         """The torque that the drives make of a command."""
         tau = _rounded(tau, self.torque_resolution)
         limit = self.torque_limit
-        return tau if limit is None else np.clip(tau, -np.asarray(limit), np.asarray(limit))
+        held = tau if limit is None else np.clip(tau, -np.asarray(limit), np.asarray(limit))
+        return held if self.motors is None else self.motors.clipped(held)
+
+    def saturates(self, command: Array) -> NDArray[np.bool_]:
+        """At which joints a limit of joint or motors changes the command."""
+        limit = np.inf if self.torque_limit is None else np.asarray(self.torque_limit)
+        at_joint = np.abs(command) >= limit
+        return at_joint if self.motors is None else at_joint | self.motors.saturates(command)
 
 
 def _rounded(values: Array, resolution: tuple[float, ...] | None) -> Array:
@@ -150,8 +177,7 @@ class _Loop:
         seen = self.observer.update(self.reading[k], reference)
         command = self.controller.torque(*seen, reference, injected)
         self.held[k] = instruments.drive(command)
-        if instruments.torque_limit is not None:
-            self.saturated[k] = np.abs(command) >= np.asarray(instruments.torque_limit)
+        self.saturated[k] = instruments.saturates(command)
         return np.asarray(self.held[k] + self.disturbance[k])
 
     def recording(self, t: Array, reference: Array, reference_dq: Array) -> Recording:

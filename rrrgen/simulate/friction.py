@@ -21,8 +21,8 @@ class FrictionLike(Protocol):
         """Whether there is a bristle deflection z per joint."""
         ...
 
-    def torque(self, dq: Array, width: float = 0.0) -> Array:
-        """Torque at the speeds ``dq``, sgn smoothed over ``width``."""
+    def torque(self, dq: Array, width: Any = 0.0) -> Array:
+        """Torque at the speeds ``dq``, sgn smoothed over ``width``, a number or one per joint."""
         ...
 
     def directed(self, dq: Array, direction: Array) -> Array:
@@ -45,6 +45,7 @@ class Friction:
         self.model = model
         self.width = width
         self.has_state = model.has_state
+        self.couples_joints = isinstance(model, MotorFriction)
         self.directed = model.directed
         self.rate = model.rate
         self.state_torque = model.state_torque
@@ -52,6 +53,41 @@ class Friction:
     def smooth_torque(self, dq: Array) -> Array:
         """The torque with sgn(x) replaced by tanh(x/width)."""
         return self.model.torque(dq, self.width)
+
+
+class MotorFriction:
+    """Friction of the joints together with that of coupled motors, which slide at ``W dq``: ``tau = tau_j + W' tau_m``.
+
+    ``joints`` and ``motors`` are models of n joints and m motors, ``W`` (m, n) is the matrix ``motor_from_joint``.
+    Where several motors hold one joint, which of them slides does not follow from the joint speeds: in integration the
+    signs of the motors' speeds are smooth, over ``width`` at the joints. The motors' law has no state.
+    """
+
+    def __init__(
+        self, joints: FrictionLike | None, motors: FrictionLike, W: Array, width: float = SMOOTH_WIDTH
+    ) -> None:
+        self.joints: FrictionLike = joints if joints is not None else _Frictionless(W.shape[1])
+        self.motors, self.W, self.width = motors, W, width
+        self.has_state = self.joints.has_state
+        self.rate = self.joints.rate
+
+    def torque(self, dq: Array, width: float = 0.0) -> Array:
+        """See :class:`FrictionLike`."""
+        speeds = np.asarray(dq) @ self.W.T
+        at_motors = self.motors.torque(speeds, width * np.linalg.norm(self.W, axis=1) if width else 0.0)
+        return np.asarray(self.joints.torque(dq, width) + at_motors @ self.W)
+
+    def directed(self, dq: Array, direction: Array) -> Array:
+        """See :class:`FrictionLike`; the motors' signs are smooth."""
+        return np.asarray(self.joints.directed(dq, direction) + self._motors(dq))
+
+    def state_torque(self, z: Array, dq: Array) -> Array:
+        """See :class:`FrictionLike`; the motors' signs are smooth."""
+        return np.asarray(self.joints.state_torque(z, dq) + self._motors(dq))
+
+    def _motors(self, dq: Array) -> Array:
+        widths = self.width * np.linalg.norm(self.W, axis=1)
+        return np.asarray(self.motors.torque(np.asarray(dq) @ self.W.T, widths) @ self.W)
 
 
 class NoFriction(Friction):

@@ -128,8 +128,9 @@ class Plant:
 
     @property
     def needs_stiff_solver(self) -> bool:
-        """Whether the state has more in it than q and dq."""
-        return self.joints is not None or self.base is not None or self.friction.has_state
+        """Whether the state has more in it than q and dq, or friction that joint speeds alone do not switch."""
+        flexible = self.joints is not None or self.base is not None
+        return flexible or self.friction.has_state or self.friction.couples_joints
 
     @property
     def layout(self) -> dict[str, slice]:
@@ -232,6 +233,11 @@ def make_plant(
     joints take the place of both.
     """
     if joints is not None:
+        if getattr(getattr(model, "spec", None), "drives", None) is not None:
+            raise InputError(
+                "flexible joints have a rotor each, but the drives of this robot are coupled (`drives` of its file): "
+                "leave out flexible_joints, or describe the robot without coupled drives"
+            )
         if drive_inertia is not None:
             raise InputError("flexible joints have rotors: give the drive inertia as rotor_inertia")
         if len(joints.rotor_inertia) != model.n:

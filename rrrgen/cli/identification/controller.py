@@ -12,6 +12,7 @@ from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, re
 
 if TYPE_CHECKING:
     from rrrgen.program import Program
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 LAWS = ("coulomb_viscous", "asymmetric", "stribeck", "lugre", "neural")
 
@@ -48,7 +49,7 @@ def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
         step = _kalman(options["tuning"], options["rate"], spec.n)
         parts.append(("kalman", f"reconstruction of the joint motion of {spec.name}", [step]))
     if options["friction"]:
-        programs = [program for law in options["friction"] for program in _friction(law, spec.n)]
+        programs = [program for law in options["friction"] for program in _friction(law, spec)]
         parts.append(("friction", f"friction in the joints of {spec.name}", programs))
     if not parts:
         raise click.UsageError("nothing to write: give --trajectory, --tuning or --friction")
@@ -95,13 +96,18 @@ def _kalman(path: Path, rate: float, joints: int) -> Program:
     return step.described(name="step")
 
 
-def _friction(law: str, joints: int) -> list[Program]:
-    """Torques, and the step of a law with a state."""
+def _friction(law: str, spec: RobotSpec) -> list[Program]:
+    """Torques, and the step of a law with a state; of joints and motors where drives are coupled."""
+    from rrrgen.derive.recursions.chain import rational
     from rrrgen.friction.laws import LAWS as KNOWN
     from rrrgen.friction.programs import friction_program, friction_step_program
+    from rrrgen.model.drive_terms import friction_surfaces
 
-    chosen = KNOWN[law]
-    programs = [friction_program(chosen, joints).described(name=law)]
+    chosen, found = KNOWN[law], friction_surfaces(spec)
+    surfaces = None
+    if found is not None:
+        surfaces = {name: [w if type(w) is int else rational(w) for w in found[name]] for name in found}
+    programs = [friction_program(chosen, spec.n, surfaces).described(name=law)]
     if chosen.step is not None:
-        programs.append(friction_step_program(chosen, joints).described(name=f"{law}_step"))
+        programs.append(friction_step_program(chosen, spec.n, surfaces).described(name=f"{law}_step"))
     return programs

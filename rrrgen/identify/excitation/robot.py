@@ -27,8 +27,9 @@ def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
 def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings: Any) -> ExcitationProblem:
     """The excitation problem of a compiled robot (:class:`rrrgen.Model`), by default within the limits of its file.
 
-    Torque limits use the nominal base parameters, a Cartesian box the tip. ``settings`` are the fields of
-    :class:`~rrrgen.identify.excitation.problem.ExcitationProblem`. Raises InputError where a limit lacks what it needs.
+    Torque limits are those of the joints, of the nominal parameters with drive inertia; a Cartesian box bounds the tip.
+    ``settings`` are the fields of :class:`~rrrgen.identify.excitation.problem.ExcitationProblem`. Raises InputError
+    where a limit lacks what it needs.
     """
     import casadi
 
@@ -39,7 +40,10 @@ def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings
         if model.beta is None:
             raise InputError("torque limits need nominal parameters: the robot file has no links")
         q, dq, ddq = (casadi.SX.sym(name, model.n) for name in ("q", "dq", "ddq"))
-        tau = casadi.mtimes(regressor(q, dq, ddq), casadi.DM(model.beta))
+        if model.drive_inertia is None:
+            tau = casadi.mtimes(regressor(q, dq, ddq), casadi.DM(model.beta))
+        else:
+            tau = model.casadi_function("inverse_dynamics_nominal")(q, dq, ddq)
         torque = casadi.Function("torque", [q, dq, ddq], [tau])
     if chosen.box_lower is not None or chosen.box_upper is not None:
         q = casadi.SX.sym("q", model.n)
