@@ -22,6 +22,7 @@ from rrrgen.yamltext.signal_units import ANGLE, FORCE, LENGTH, TORQUE
 
 MAPPING_SUFFIXES = (".yaml", ".yml")
 IN_MEMORY = 2_000_000  # rows
+SAME_DIRECTION = 1e-6  # 1 - cosine between two statements of one motor: rounded gear ratios
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ def open_recording(
 
 
 def check_robot(mapping: LogMapping, spec: Any) -> None:
-    """Raise :class:`InputError` unless a recording has the robot's joints, with units that suit their types."""
+    """Raise :class:`InputError` unless a recording has the robot's joints, suiting units, and its coupling."""
     check_joints(mapping.names, [joint.name for joint in spec.joints])
     faults = []
     for joint, channels in zip(spec.joints, mapping.joints, strict=True):
@@ -175,8 +176,24 @@ def check_robot(mapping: LogMapping, spec: Any) -> None:
             if channel is not None and channel.unit in table:
                 message = f"joint {joint.name} is {joint.type}, but its {signal} is in {channel.unit}"
                 faults.append(Fault(mapping.source or "recording", 0, 0, message))
+    place = mapping.source or "recording"
+    faults += [Fault(place, 0, 0, message, hint=hint) for message, hint in _coupling_faults(mapping, spec)]
     if faults:
         raise InputError(faults)
+
+
+def _coupling_faults(mapping: LogMapping, spec: Any) -> Iterator[tuple[str, str]]:
+    """Message and hint for every motor whose row of the transmission is no multiple of that in the robot file."""
+    if spec.drives is None or mapping.transmission is None:
+        return
+    stated = np.array(spec.drives.motor_from_joint, dtype=float)
+    for motor, own, row in zip(spec.drives.motors, stated, mapping.transmission, strict=True):
+        cosine = abs(own @ row) / (np.linalg.norm(own) * np.linalg.norm(row))
+        if cosine < 1.0 - SAME_DIRECTION:
+            moved = [" and ".join(mapping.names[i] for i in np.flatnonzero(each)) for each in (row, own)]
+            message = f"motor {motor.name} turns with {moved[0]} by the transmission, with {moved[1]} by the robot file"
+            rows = "; ".join(f"[{', '.join(f'{w:g}' for w in each)}]" for each in stated)
+            yield message, f"rows of the robot's drives, each up to a factor: {rows}"
 
 
 def check_joints(recorded: Sequence[str], robot: Sequence[str]) -> None:

@@ -39,7 +39,8 @@ class Model:
 
     Every function takes a state (n,) or a batch (..., n) of any strides and returns dense float64 arrays (float32 if
     compiled with ``real="float"``). Positions are rad or m, SI throughout. ``beta`` (b,) or (..., b) are the base
-    parameters and ``Ia`` (n,) or (..., n) the drive inertias; both default to the nominal values of the robot file.
+    parameters and ``Ia`` (n,) or (..., n) the drive inertias (with coupled drives one for each that the file states, at
+    its joint or motor: Ia1, .., Ia_m1, ..); both default to the nominal values of the robot file.
     Wrong shapes raise ValueError, wrong kinds of numbers TypeError.
     """
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -263,3 +265,22 @@ def test_coulomb_viscous_shorthand() -> None:
     friction = coulomb_viscous([0.1, 0.2], [1.0, 2.0])
     assert np.allclose(friction.torque([2.0, -2.0]), [1.2, -2.4])
     assert friction.passivity_margin().tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("name", list(LAWS))
+def test_friction_at_joints_and_coupled_motors(name: str) -> None:
+    """A surface with the direction w slides at w dq and loads the joints with w' f; power is kept."""
+    friction = model(name)
+    surfaces = {"joint roll": (0, 1), "right": (Fraction(-32, 3), 32)}
+    W = np.array([[0.0, 1.0], [-32 / 3, 32.0]])
+    dq = np.column_stack([SPEEDS, -0.7 * SPEEDS]) / 40
+    given = np.broadcast_to(friction.parameters, (len(dq), *friction.parameters.shape))
+    (tau,) = evaluate(friction_program(friction.law, 2, surfaces), dq, given)
+    expected = friction.torque(dq @ W.T) @ W
+    np.testing.assert_allclose(tau, expected, atol=1e-12 * np.abs(expected).max())
+    if friction.law.step is not None:
+        z, period = np.full((len(dq), 2), 1e-5), np.full(len(dq), 1e-3)
+        following, tau = evaluate(friction_step_program(friction.law, 2, surfaces), dq, z, given, period)
+        after, torque = friction.step(z, dq @ W.T, 1e-3)
+        np.testing.assert_allclose(following, after, rtol=1e-12)
+        np.testing.assert_allclose(tau, torque @ W, atol=1e-12 * np.abs(tau).max())

@@ -1,12 +1,15 @@
 """The mapping file: what it says is what is meant, and every fault is reported at once, in its place."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rrrgen.errors import InputError
+from rrrgen.recordings.logs import check_robot
 from rrrgen.recordings.mapping_reader import load_mapping, loads_mapping
+from rrrgen.robotfile import load_spec
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -96,3 +99,17 @@ joints: [{{name: a, position: {{column: q, unit: °}}, torque: {{column: u, unit
         assert mapping.joints[0].torque.factor == 1.0
         assert mapping.joints[0].position.factor == pytest.approx(np.pi / 180)
         assert mapping.time.factor == 1e-6
+
+
+def test_a_transmission_that_is_not_the_robots_is_refused():
+    """Motors may be counted in other gears and signs, but they turn with the joints that the robot file names."""
+    mapping = load_mapping(EXAMPLES / "tx40" / "log.yaml")
+    spec = load_spec(EXAMPLES / "tx40" / "robot.yaml")
+    check_robot(mapping, spec)
+    check_robot(replace(mapping, transmission=-2.0 * mapping.transmission), spec)
+    uncoupled = replace(mapping, transmission=np.diag(np.diag(mapping.transmission)))
+    with pytest.raises(
+        InputError, match="motor m6 turns with joint_6 by the transmission, with joint_5 and joint_6 by"
+    ):
+        check_robot(uncoupled, spec)
+    check_robot(uncoupled, replace(spec, drives=None))

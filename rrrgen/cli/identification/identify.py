@@ -77,13 +77,13 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     from rrrgen.identify.scoring.split import Split
     from rrrgen.model.estimated_terms import DriveTerms
     from rrrgen.recordings.log_stream import LogStream
-    from rrrgen.recordings.logs import check_joints, open_log
+    from rrrgen.recordings.logs import check_robot, open_log
     from rrrgen.runs.run_folder import RunFolder
 
     spec = read_with_warnings(robot)
     mappings = [open_log(path) for path in logs]
     for mapping in mappings:
-        check_joints(mapping.names, [joint.name for joint in spec.joints])
+        check_robot(mapping, spec)
     processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
     columns, standard = _fixed(options["fix"])
     chosen = Options(
