@@ -77,6 +77,13 @@ def test_one_wrong_byte_in_a_text_is_located_however_late_it_comes(tmp_path, row
     assert "not text in utf-8-sig: byte 0xfc" in fault.message
 
 
+@pytest.mark.parametrize("text", ["1_0", "１", "0x10", "1e", "--1", "1 2", "1,5"])
+def test_what_only_python_takes_for_a_number_is_none(tmp_path, text):
+    (tmp_path / "log.csv").write_text(f"t;q\n1.5;2\n3;{text}\n", encoding="utf-8")
+    with pytest.raises(InputError, match=rf"log.csv:3:3: error: '{text}' is not a number"):
+        read(tmp_path / "log.csv", ["t", "q"])
+
+
 def test_an_unending_line_is_refused_without_reading_it_all(tmp_path):
     (tmp_path / "log.csv").write_bytes(b"t,q\n1,2\n" + b"3" * 2_000_000)
     with pytest.raises(InputError, match="a line of more than 1000000 characters"):

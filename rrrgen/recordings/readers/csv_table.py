@@ -17,7 +17,7 @@ from rrrgen.recordings.mapping import FileSource
 from rrrgen.recordings.readers.tables import named_column, table_fault
 
 SEPARATORS = (";", "\t", ",", "|")
-MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "?", "inf", "-inf", "+inf")
+MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "?", "inf", "-inf", "+inf", "infinity", "-infinity")
 SAMPLE_LINES = 60
 LONGEST_LINE = 1_000_000
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
@@ -142,8 +142,11 @@ class CsvTable:
         text = cells[place].strip().strip('"')
         if text.lower() in MISSING:
             return np.nan
+        plain = text.replace(",", ".") if self.decimal == "," else text
         try:
-            return float((text.replace(",", ".") if self.decimal == "," else text).replace("D", "e").replace("d", "e"))
+            if not (plain.isascii() and _NUMBER.fullmatch(plain)):  # Python also takes 1_0 and digits of any script
+                raise ValueError
+            return float(plain.replace("D", "e").replace("d", "e"))
         except ValueError:
             hint = "decimal comma? name it with decimal: ','" if "," in text else f"column {self.columns[place]}"
             at = line.find(cells[place]) + 1
