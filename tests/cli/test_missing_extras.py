@@ -6,7 +6,6 @@ import sys
 
 import numpy as np
 import pytest
-from rrrgen.robotfile.bundled import bundled_path
 
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.cli.main import run
@@ -15,6 +14,7 @@ from rrrgen.extras import EXTRAS
 from rrrgen.recordings.logs import Log, write_log
 from rrrgen.recordings.mapping import FileSource
 from rrrgen.recordings.readers.table_formats import open_here
+from rrrgen.robotfile.robots import bundled_path
 from rrrgen.signals.fourier import FourierTrajectory
 
 

@@ -77,7 +77,7 @@ def test_one_wrong_byte_in_a_text_is_located_however_late_it_comes(tmp_path, row
     assert "not text in utf-8-sig: byte 0xfc" in fault.message
 
 
-@pytest.mark.parametrize("text", ["1_0", "１", "0x10", "1e", "--1", "1 2", "1,5"])
+@pytest.mark.parametrize("text", ["1_0", "１", "0x10", "1e", "--1", "1 2"])
 def test_what_only_python_takes_for_a_number_is_none(tmp_path, text):
     (tmp_path / "log.csv").write_text(f"t;q\n1.5;2\n3;{text}\n", encoding="utf-8")
     with pytest.raises(InputError, match=rf"log.csv:3:3: error: '{text}' is not a number"):
