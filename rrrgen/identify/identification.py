@@ -46,6 +46,7 @@ from rrrgen.identify.estimation.statistics import Whiteness, residual_whiteness
 from rrrgen.identify.estimation.structure import Structure
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows
 from rrrgen.identify.scoring.bandwidth import Tuning, reach, tune
+from rrrgen.identify.scoring.fingerprint import Fingerprint, fingerprint
 from rrrgen.identify.scoring.scores import Score, score_models
 from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import Column, DriveTerms
@@ -96,9 +97,10 @@ class Identification:
     ``fit`` and ``held_out`` are the scores on the rows that were fitted and on the same of the other part (0 rows
     without a split); ``consistent_*`` those of the physically consistent estimate. ``scores`` has these and those on
     all rows and on unfiltered torques, each with the share of rows it was measured on. ``tuning`` says what the filters
-    are and who chose them, ``split`` has its guard bands. ``indefinite`` maps an estimate to the share of random
-    poses with an indefinite mass matrix. ``repairs`` tell what was put right in the recordings,
-    ``diagnoses`` what is probably wrong with them (see :mod:`rrrgen.identify.diagnosis`). ``notes`` say in words
+    are and who chose them, ``split`` has its guard bands, ``fitted`` tells the samples that were fitted from others.
+    ``indefinite`` maps an estimate to the share of random poses with an indefinite mass matrix. ``repairs`` tell what
+    was put right in the recordings, ``diagnoses`` what is probably wrong with them (see
+    :mod:`rrrgen.identify.diagnosis`). ``notes`` say in words
     what the robot's structure and the motion leave open.
     """
 
@@ -109,6 +111,7 @@ class Identification:
     theta: Array
     tuning: Tuning
     split: Split
+    fitted: Fingerprint
     scores: tuple[Score, ...]
     fit: dict[str, Any]
     held_out: dict[str, Any]
@@ -236,6 +239,7 @@ class _Run:
             theta=theta,
             tuning=self.tuning,
             split=options.split,
+            fitted=fingerprint(self.recordings, options.split),
             scores=self.scores(theta, consistent),
             fit=score(self.factors.fit, theta),
             held_out=score(self.factors.score, theta),

@@ -13,10 +13,11 @@ from rrrgen.identify.estimation.consistency import ConsistentEstimate
 from rrrgen.identify.estimation.statistics import confidence_factor
 from rrrgen.model.drive_terms import SYMBOLS, drive_terms
 from rrrgen.model.standard_parameters import STANDARD, link_of, standard_names
+from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
     from rrrgen.identify.identification import Identification
-    from rrrgen.robotfile.robot_spec import FrictionSpec, RobotSpec
+    from rrrgen.robotfile.robot_spec import FitSpec, FrictionSpec, RobotSpec
     from rrrgen.runs.run_folder import RunFolder
 
 FRICTION_SYMBOLS = {field: symbol for field, symbol in SYMBOLS.items() if field != "inertia"}
@@ -148,8 +149,18 @@ def _identified(
     return friction, values.get(f"Ia{owner}")
 
 
-def write_identification(folder: RunFolder, found: Identification, spec: RobotSpec, points: int = 200) -> None:
-    """Write an identification into a run folder.
+def fitted_data(found: Identification, recordings: str = "") -> FitSpec:
+    """What a robot file tells of the samples that its parameters were fitted to; ``recordings`` are their names."""
+    from rrrgen.robotfile.robot_spec import FitSpec
+
+    data = "all" if found.split.kind == "none" else str(found.split)
+    return FitSpec(found.fitted.hashes, found.fitted.windows, f"rrrgen {VERSION}", recordings, data)
+
+
+def write_identification(
+    folder: RunFolder, found: Identification, spec: RobotSpec, points: int = 200, recordings: str = ""
+) -> None:
+    """Write an identification into a run folder; ``recordings`` are the names for the provenance of the robot file.
 
     ``identification.json``, ``parameters.csv``, ``robot.yaml`` (of the physically consistent estimate),
     ``convergence.csv``, and the figures ``torques``, ``convergence`` and ``whiteness``.
@@ -161,7 +172,9 @@ def write_identification(folder: RunFolder, found: Identification, spec: RobotSp
     folder.write_json("identification.json", as_record(found))
     folder.write_csv("parameters.csv", *parameter_table(found))
     if found.consistent is not None:
-        folder.write_text("robot.yaml", dumps(identified_spec(spec, found.consistent)))
+        fits = {fit.hashes: fit for fit in (*spec.provenance, fitted_data(found, recordings))}
+        identified = replace(identified_spec(spec, found.consistent), provenance=tuple(fits.values()))
+        folder.write_text("robot.yaml", dumps(identified))
     blocks = found.blocks if isinstance(found.blocks, list) else []
     joints = [joint.name for joint in spec.joints]
     if blocks:

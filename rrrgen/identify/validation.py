@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from rrrgen.identify.estimation.observations import Observations, Recording, Row
 from rrrgen.identify.estimation.statistics import relative_error, rms
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.identify.scoring.bandwidth import Tuning, tune
+from rrrgen.identify.scoring.fingerprint import UNKNOWN, Label
 from rrrgen.identify.scoring.scores import Score, score_models
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import friction_terms
@@ -30,8 +31,6 @@ TorqueModel = Callable[[Array, Array, Array], Array]
 
 MAIN_LOBE = 2
 """Decimated samples on either side with which the decimation filter mixes a sample."""
-
-Label = Literal["held-out data", "partly its own data", "its own data"]
 
 
 @dataclass(frozen=True)
@@ -116,17 +115,6 @@ class Validation:
         }
 
 
-def data_label(fitted: Sequence[str], scored: Sequence[str], split: bool = False) -> Label:
-    """Whether a model is scored on its own data, from the hashes of the files it was fitted to and is scored on.
-
-    ``split`` says that fit and score are different stretches of the same files.
-    """
-    common = set(fitted) & set(scored)
-    if not common or (split and set(scored) <= set(fitted)):
-        return "held-out data"
-    return "its own data" if set(scored) <= set(fitted) else "partly its own data"
-
-
 def score_torques(
     t: Array,
     measured: Array,
@@ -135,7 +123,7 @@ def score_torques(
     joints: Sequence[str],
     used: NDArray[np.bool_] | None = None,
     noise: Sequence[float] | None = None,
-    label: Label = "held-out data",
+    label: Label = UNKNOWN,
     indefinite: float | None = None,
     thresholds: Thresholds | None = None,
 ) -> Validation:

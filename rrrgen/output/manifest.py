@@ -19,7 +19,9 @@ from rrrgen.version import VERSION
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
 
-_NOT_THE_ROBOT = frozenset({"file", "faults", "places", "description", "source", "angle_unit", "length_unit"})
+_NOT_THE_ROBOT = frozenset(
+    {"file", "faults", "places", "description", "source", "angle_unit", "length_unit", "provenance"}
+)
 """Fields of a description that do not change the robot: two files of one robot have one hash."""
 
 

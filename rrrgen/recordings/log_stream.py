@@ -137,6 +137,17 @@ class LogStream:
                 "holes split the recording; max_gap in the mapping bridges longer ones",
             )
 
+    def samples(self) -> Iterator[Part]:
+        """The rows as recorded, at the joints, in order of time: not moved to uniform instants, not cut at holes.
+
+        A torque that is missing is NaN; ``valid`` says nothing here.
+        """
+        for rows in self._rows():
+            q, tau = rows.signals["position"], rows.signals.get("torque")
+            torque = None if tau is None else self.mapping.joint_side("torque", tau)
+            at_joints = self.mapping.joint_side("position", q)
+            yield Part(rows.t, at_joints, None, None, torque, np.ones(q.shape, bool), 0, 0)
+
     def _rows(self) -> Iterator[RawRows]:
         return iter(self._short) if self._short is not None else ordered_rows(self.mapping, self.chunk, Findings())
 

@@ -79,6 +79,11 @@ class Log:
             part = whole.sliced(int(start), int(stop))
             yield Part(part.t, part.q, part.dq, part.ddq, part.tau, part.valid, number, 0)
 
+    def samples(self) -> Iterator[Part]:
+        """All samples as they are, whatever holes there are between them."""
+        valid = np.ones(self.q.shape, bool) if self.valid is None else self.valid
+        yield Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0)
+
 
 def open_log(path: str | os.PathLike[str], mapping: LogMapping | str | os.PathLike[str] | None = None) -> LogMapping:
     """The mapping that reads ``path``: a recording with its ``mapping`` (or mapping file), or a mapping file alone.

@@ -5,6 +5,8 @@ from __future__ import annotations
 from rrrgen.yamltext.keys import Format, Key
 
 MAX_JOINTS = 20
+MAX_FITS = 50
+HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 
 ROBOT = (
     Key("schema", "choice", "version of this format", True, ("rrrgen/1",)),
@@ -21,6 +23,15 @@ ROBOT = (
     Key("links", "rows", "inertia of every link, in the axes of its link frame", section="link", length=MAX_JOINTS),
     Key("drives", "mapping", "drives that move several joints each, as in a coupled wrist", section="drives"),
     Key("basis", "basis", "base parameters of the user's own choice"),
+    Key("provenance", "rows", "recorded samples the parameters were fitted to", section="fit", length=MAX_FITS),
+)
+FIT = (
+    Key("program", "text", "what fitted them"),
+    Key("recordings", "text", "names of the recordings"),
+    Key("data", "text", "which part of the recordings was fitted"),
+    Key("method", "choice", "how the samples were hashed", True, ("rrrgen-samples/1",)),
+    Key("windows", "count", "how many windows of samples were hashed", True),
+    Key("fingerprint", "texts", "the smallest hashes in rising order, hexadecimal, several to a line", True),
 )
 UNITS = (
     Key("angle", "choice", "unit of bare angles", True, ("rad", "deg")),
@@ -128,6 +139,7 @@ SECTIONS: dict[str, tuple[Key, ...]] = {
     "inertia": INERTIA,
     "transform": TRANSFORM,
     "basis": BASIS,
+    "fit": FIT,
 }
 
 # words that users bring along from other formats

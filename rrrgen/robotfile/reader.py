@@ -15,6 +15,7 @@ from rrrgen.robotfile.joints import read_joints
 from rrrgen.robotfile.keys import ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robotfile.links import read_links
 from rrrgen.robotfile.names import name_fault
+from rrrgen.robotfile.provenance import read_provenance
 from rrrgen.robotfile.quantities import Scope, read_parameters, read_vector
 from rrrgen.robotfile.robot_spec import Convention, FixedTransform, LinkSpec, RobotSpec
 from rrrgen.robotfile.robots import bundled_names, bundled_path
@@ -78,6 +79,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     tool = read_transform(values["tool"], "tool", scope) if "tool" in values else FixedTransform()
     drives = read_drives(values["drives"], joints, scope) if "drives" in values else None
     basis = read_basis(values["basis"], len(joints), whole_links, scope) if "basis" in values and joints else None
+    provenance = read_provenance(values["provenance"], faults) if "provenance" in values else ()
     description, source = (read_text(values[k], k, faults) if k in values else "" for k in ("description", "source"))
     if faults.errors or gravity is None or base is None or tool is None:
         return None
@@ -99,6 +101,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         file=file,
         faults=tuple(sorted(faults.warnings)),
         parameter_units=dict(scope.parameter_units),
+        provenance=provenance,
     )
 
 

@@ -172,6 +172,21 @@ class BasisSpec:
 
 
 @dataclass(frozen=True)
+class FitSpec:
+    """A fingerprint of recorded samples that the parameters were fitted to.
+
+    ``hashes`` are the smallest of the hashes of ``windows`` windows of samples, in rising order, as computed by
+    :mod:`rrrgen.identify.scoring.fingerprint`; the rest is for people.
+    """
+
+    hashes: tuple[int, ...]
+    windows: int
+    program: str = ""
+    recordings: str = ""
+    data: str = ""
+
+
+@dataclass(frozen=True)
 class RobotSpec:
     """One robot, as validated by :func:`rrrgen.robotfile.load_spec`."""
 
@@ -194,6 +209,7 @@ class RobotSpec:
     faults: tuple[Fault, ...] = field(default=(), compare=False)  # warnings (severity "warning")
     # parameter name -> unit it was declared in, "one" for a plain number; silent for bare SI values
     parameter_units: dict[str, str] = field(default_factory=dict)
+    provenance: tuple[FitSpec, ...] = ()  # what the parameters were fitted to; changes nothing about the robot
 
     @property
     def n(self) -> int:

@@ -74,6 +74,10 @@ def _value(key: Key) -> dict[str, Any]:
             return {"type": "array", "minItems": 1, "maxItems": key.length, "items": items}
         case "names":
             return {"type": "object", "propertyNames": {"pattern": IDENTIFIER}, "additionalProperties": expression}
+        case "count":
+            return {"type": "integer", "minimum": 0}
+        case "texts":
+            return {"type": "array", "minItems": 1, "items": {"type": "string"}}
         case "basis":
             entry = {"type": "object", "minProperties": 1, "maxProperties": 1, "additionalProperties": expression}
             entries = {"type": "array", "minItems": 1, "items": {"anyOf": [{"type": "string"}, entry]}}

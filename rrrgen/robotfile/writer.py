@@ -7,11 +7,12 @@ from dataclasses import fields
 
 import sympy as sp
 
-from rrrgen.robotfile.keys import DRIVE, FRICTION, LIMITS, MOTOR
+from rrrgen.robotfile.keys import DRIVE, FIT, FRICTION, HASH_DIGITS, LIMITS, MOTOR
 from rrrgen.robotfile.robot_spec import (
     BasisSpec,
     DriveSpec,
     DrivesSpec,
+    FitSpec,
     FixedTransform,
     FrictionSpec,
     JointSpec,
@@ -24,6 +25,8 @@ from rrrgen.yamltext.keys import Key
 from rrrgen.yamltext.units import ANGLE, LENGTH, NUMBER, QUANTITIES, UNITS, FileUnits, Quantity, Unit
 
 _CERTAIN = 5  # rad, m or mm: bare numbers on the wrong side of it look like another unit, so the unit is written
+
+_HASHES = 8  # on a line
 
 _SMALL = 1e-3  # rad; smaller angles, such as encoder steps, are printed in radians
 
@@ -52,6 +55,10 @@ def dumps(spec: RobotSpec) -> str:
         lines += printer.drives(spec.drives)
     if spec.basis is not None:
         lines += _basis(spec.basis)
+    if spec.provenance:
+        lines.append("provenance:")
+        for fit in spec.provenance:
+            lines += _fit(fit)
     return "\n".join(lines) + "\n"
 
 
@@ -213,3 +220,12 @@ def _basis(basis: BasisSpec) -> list[str]:
     pairs = zip(basis.names, basis.expressions, strict=True)
     lines = ["basis:", f"  products: {basis.products}", "  parameters:"]
     return lines + [f"    - {name} = {number_text(expression)}" for name, expression in pairs]
+
+
+def _fit(fit: FitSpec) -> list[str]:
+    method = next(key.choices[0] for key in FIT if key.name == "method")
+    words = [f"{word:0{HASH_DIGITS}x}" for word in fit.hashes]
+    texts = [f"{name}: {quoted(text)}" for name in ("program", "recordings", "data") if (text := getattr(fit, name))]
+    lines = [*texts, f"method: {method}", f"windows: {fit.windows}", "fingerprint:"]
+    lines += [f'  - "{"".join(words[i : i + _HASHES])}"' for i in range(0, len(words), _HASHES)]
+    return [f"  - {lines[0]}", *(f"    {line}" for line in lines[1:])]

@@ -6,7 +6,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["text", "name", "choice", "value", "vector", "matrix", "square", "mapping", "rows", "names", "basis"]
+Kind = Literal[
+    "text",
+    "name",
+    "choice",
+    "value",
+    "vector",
+    "matrix",
+    "square",
+    "mapping",
+    "rows",
+    "names",
+    "basis",
+    "count",
+    "texts",
+]
 
 
 @dataclass(frozen=True)

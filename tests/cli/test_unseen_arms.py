@@ -135,9 +135,9 @@ def test_a_prismatic_drive(tmp_path):
     fitted = tmp_path / "found" / "results" / "robot.yaml"
     for log, label in ((second, "held-out data"), (first, "its own data")):  # the mapping files are alike, the data not
         out = tmp_path / f"validated {label}"
-        result = run("validate", fitted, "--log", log, "--fitted-on", first, "--relative-error", 0.02, "-o", out)
+        result = run("validate", fitted, "--log", log, "--relative-error", 0.02, "-o", out)
         assert result.return_value == 0, result.output
-        assert f"scored on {label}; passed" in result.output
+        assert f"scored on {label} (" in result.output
 
 
 def test_a_wrist_arm_in_modified_parameters_with_drives(tmp_path):
@@ -191,8 +191,8 @@ def test_a_seven_joint_arm_in_standard_parameters_from_matlab(tmp_path):
     )
     assert run("identify", robot, "--log", first, "-o", tmp_path / "found").return_value == 0
     result = run(
-        *("validate", tmp_path / "found" / "results" / "robot.yaml", "--log", second, "--fitted-on", first),
+        *("validate", tmp_path / "found" / "results" / "robot.yaml", "--log", second),
         *("--relative-error", 0.03, "--require-held-out", "-o", tmp_path / "validated"),
     )
     assert result.return_value == 0, result.output
-    assert "scored on held-out data; passed" in result.output
+    assert "scored on held-out data (0 % of its windows of samples were fitted); passed" in result.output

@@ -11,7 +11,6 @@ from rrrgen.errors import InputError
 from rrrgen.identify.validation import (
     Thresholds,
     column_model,
-    data_label,
     noise_gain,
     plot_torques,
     robot_model,
@@ -128,19 +127,13 @@ def test_nan_never_passes() -> None:
     assert not validate(bad, motion, measured, joints=NAMES).passed
 
 
-@pytest.mark.parametrize(
-    ("fitted", "scored", "split", "label"),
-    [
-        (["a"], ["b"], False, "held-out data"),
-        (["a"], ["a"], False, "its own data"),
-        (["a", "b"], ["a"], False, "its own data"),
-        (["a"], ["a", "b"], False, "partly its own data"),
-        (["a"], ["a"], True, "held-out data"),
-        (["a"], ["a", "b"], True, "partly its own data"),
-    ],
-)
-def test_labels(fitted: list[str], scored: list[str], split: bool, label: str) -> None:
-    assert data_label(fitted, scored, split) == label
+def test_only_data_known_to_be_held_out_pass_as_such() -> None:
+    strict = Thresholds(require_held_out=True)
+    assert validate(*case(), joints=NAMES, thresholds=strict, label="held-out data").passed
+    for label in ("its own data", "partly its own data", "data of unknown origin"):
+        failed = validate(*case(), joints=NAMES, thresholds=strict, label=label)
+        assert failed.failures == (f"the model is scored on {label}",)
+    assert validate(*case(), joints=NAMES).label == "data of unknown origin"
 
 
 def test_shapes_that_do_not_match_are_faults() -> None:

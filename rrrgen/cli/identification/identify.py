@@ -18,6 +18,7 @@ from rrrgen.cli.identification.workflow import (
     print_causes,
     print_repairs,
     processing_options,
+    recording_names,
     seed_option,
 )
 from rrrgen.cli.progress import progress_bar
@@ -122,7 +123,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         )
         tell(0, 0, "diagnosis")
         found = replace(found, diagnoses=merged([*before, *diagnose_fit(model, recordings, found)]))
-        write_identification(folder, found, spec)
+        write_identification(folder, found, spec, recordings=", ".join(recording_names(mappings)))
     if as_json:
         print_json(_finite(as_record(found)))
     else:

@@ -19,6 +19,9 @@ from rrrgen.cli.identification.workflow import (
 )
 from rrrgen.extras import require
 
+NO_RECORDING = Path("none")
+"""What ``--fitted-on`` says of a model that was fitted to no recording."""
+
 
 @click.command()
 @robot_argument
@@ -26,17 +29,21 @@ from rrrgen.extras import require
 @output_option
 @processing_options
 @click.option(
-    "--fitted-on", multiple=True, type=click.Path(path_type=Path), help="Recording the model was fitted to; repeat."
+    "--fitted-on",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Recording the model was fitted to, where the robot file does not tell; repeat. Or none.",
 )
 @click.option("--relative-error", type=float, default=0.1, show_default=True, help="Largest share of the RMS torque.")
-@click.option("--require-held-out", is_flag=True, help="Fail a model that is scored on data it was fitted to.")
+@click.option("--require-held-out", is_flag=True, help="Fail unless the data are known to be held out.")
 @click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
 @json_option
 def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **options: Any) -> int:
     """Score a robot file's torques (rigid body, drives, friction) against recordings.
 
     Prints N m RMS per joint, relative errors, the share of random poses with an indefinite mass matrix, and a verdict;
-    exits with 1 if a threshold is missed. Scores on data that the model was fitted to are labelled so.
+    exits with 1 if a threshold is missed. A robot file of `rrrgen identify` tells which samples it was fitted to: their
+    share in the recordings is printed, whatever the format of these. For other robot files --fitted-on tells.
 
     \b
     Example:
@@ -46,10 +53,10 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     from rrrgen import pipeline
     from rrrgen.identify.diagnosis.report import diagnose_recordings
     from rrrgen.identify.estimation.definiteness import indefinite_share, pose_limits
+    from rrrgen.identify.scoring.fingerprint import UNKNOWN, Common, Fingerprint, common_share, fingerprint
     from rrrgen.identify.scoring.scores import score_table
     from rrrgen.identify.validation import (
         Thresholds,
-        data_label,
         plot_torques,
         robot_model,
         summary,
@@ -57,7 +64,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     )
     from rrrgen.recordings.log_stream import LogStream
     from rrrgen.recordings.logs import check_robot, open_log
-    from rrrgen.runs.run_folder import RunFolder, hash_of, plain
+    from rrrgen.runs.run_folder import RunFolder, plain
 
     spec = read_with_warnings(robot)
     mappings = [open_log(path) for path in logs]
@@ -67,26 +74,31 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     model = pipeline.compile(spec)
     if model.beta is None:
         raise click.UsageError(f"{robot} has no links: there are no torques to score")
-    # the data decide, not the mapping files: two recordings may have the same mapping
-    fitted = [open_log(path) for path in options["fitted_on"]]
-    hashes = [[hash_of(source.path) for mapping in each for source in mapping.files] for each in (fitted, mappings)]
-    label = data_label(hashes[0], hashes[1])
+    named = [path for path in options["fitted_on"] if path != NO_RECORDING]
+    fitted = [open_log(path) for path in named]
     thresholds = Thresholds(relative_error=options["relative_error"], require_held_out=options["require_held_out"])
     settings = {**processing.settings(), **{k: options[k] for k in ("relative_error", "require_held_out")}}
-    with RunFolder(output, "validate", input_files(robot, logs, mappings), settings, 0, options["fresh"]) as folder:
+    settings["fitted_on"] = [str(path) for path in options["fitted_on"]]
+    inputs = input_files(robot, logs, mappings) | input_files("", tuple(named), fitted, "fitted")
+    with RunFolder(output, "validate", inputs, settings, 0, options["fresh"]) as folder:
         recordings = [LogStream(mapping) for mapping in mappings]
         print_repairs((recording.repairs for recording in recordings), as_json)
         causes = diagnose_recordings(spec, recordings)
         print_causes(causes, as_json)
+        known = [Fingerprint(fit.hashes, fit.windows) for fit in spec.provenance]
+        known += [fingerprint([LogStream(mapping)]) for mapping in fitted]
+        told = bool(known) or NO_RECORDING in options["fitted_on"]
+        common = common_share(known, recordings) if told else Common(0.0, 0)
         result = validate_recordings(
             robot_model(model),
             recordings,
             processing,
             indefinite=indefinite_share(model.mass_matrix, *pose_limits(spec, model.n))[0],
-            label=label,
+            label=common.label,
             thresholds=thresholds,
         )
         record = result.to_json() | {
+            "share_of_own_data": common.share if common.looked else None,
             "repairs": [recording.repairs.to_json() for recording in recordings],
             "diagnoses": [cause.to_json() for cause in causes],
         }
@@ -103,7 +115,9 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             click.echo(sentence)
         for line in score_table(result.scores):
             click.echo(line)
-        click.echo(
-            f"scored on {result.label}; {'passed' if result.passed else 'FAILED: ' + '; '.join(result.failures)}"
-        )
+        own = f" ({100 * common.share:.0f} % of its windows of samples were fitted)" if common.looked and known else ""
+        verdict = "passed" if result.passed else "FAILED: " + "; ".join(result.failures)
+        click.echo(f"scored on {result.label}{own}; {verdict}")
+        if result.label == UNKNOWN and not told:
+            click.echo("the robot file does not tell what it was fitted to: say it with --fitted-on LOG, or none")
     return 0 if result.passed else 1

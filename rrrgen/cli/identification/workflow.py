@@ -159,14 +159,19 @@ def print_causes(causes: Iterable[Cause], as_json: bool = False) -> None:
             click.echo(line, err=as_json)
 
 
-def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping]) -> dict[str, Path]:
+def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping], role: str = "log") -> dict[str, Path]:
     """Everything that a run reads, for its record: the robot (if it is a file), mapping files and data files."""
     files = {"robot": Path(robot)} if Path(robot).is_file() else {}
     for k, (log, mapping) in enumerate(zip(logs, mappings, strict=True)):
-        files[f"log{k + 1}"] = log
+        files[f"{role}{k + 1}"] = log
         for source in mapping.files:
-            files[f"log{k + 1}.{source.name}"] = Path(source.path)
+            files[f"{role}{k + 1}.{source.name}"] = Path(source.path)
     return files
+
+
+def recording_names(mappings: list[LogMapping]) -> list[str]:
+    """The names of the files that recordings are read from."""
+    return [source.path.name for mapping in mappings for source in mapping.files]
 
 
 def described_files(**paths: Path | None) -> dict[str, Path]:

@@ -29,10 +29,11 @@ from rrrgen.identify.excitation.design import ExcitationDesign, design_excitatio
 from rrrgen.identify.excitation.robot import limits_of, robot_problem
 from rrrgen.identify.excitation.starts import Progress
 from rrrgen.identify.identification import Identification, Options, identify
-from rrrgen.identify.validation import Thresholds, Validation, column_model, data_label, validate_recordings
+from rrrgen.identify.scoring.fingerprint import common_share, fingerprint
+from rrrgen.identify.validation import Thresholds, Validation, column_model, validate_recordings
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.logs import Log, read_log
-from rrrgen.runs.run_folder import RunFolder, hash_of
+from rrrgen.runs.run_folder import RunFolder
 from rrrgen.signals.kalman import KalmanMatrices, kalman_matrices
 from rrrgen.signals.processing import Processing
 
@@ -292,13 +293,7 @@ class _Work:
             [log],
             replace(self.processing, var_eta=found.processing.var_eta, var_xi=found.processing.var_xi),
             noise=self.settings.torque_noise,
-            label=data_label(_hashes(fitted), _hashes(log)),
+            label=common_share([fingerprint([fitted])], [log]).label,
             indefinite=found.indefinite.get(found.estimate.method, next(iter(found.indefinite.values()))),
             thresholds=Thresholds(relative_error=0.1, beyond_noise=LARGEST_ERROR, indefinite_share=0.0),
         )
-
-
-def _hashes(log: Log) -> list[str]:
-    """SHA-256 of the files behind a recording."""
-    assert log.mapping is not None
-    return [hash_of(source.path) for source in log.mapping.files]

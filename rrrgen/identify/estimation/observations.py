@@ -40,6 +40,7 @@ class Recording(Protocol):
     @property
     def repairs(self) -> Repairs: ...  # noqa: D102
     def parts(self) -> Iterator[Part]: ...  # noqa: D102
+    def samples(self) -> Iterator[Part]: ...  # noqa: D102
     def __len__(self) -> int: ...
 
 
