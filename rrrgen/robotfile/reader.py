@@ -9,17 +9,17 @@ from typing import cast
 import sympy as sp
 
 from rrrgen.errors import Fault, InputError
-from rrrgen.robotfile.basis import read_basis
 from rrrgen.robotfile.drives import read_drives
 from rrrgen.robotfile.joints import read_joints
 from rrrgen.robotfile.keys import ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robotfile.links import read_links
 from rrrgen.robotfile.names import name_fault
-from rrrgen.robotfile.provenance import read_provenance
 from rrrgen.robotfile.quantities import Scope, read_parameters, read_vector
 from rrrgen.robotfile.robot_spec import Convention, FixedTransform, LinkSpec, RobotSpec
 from rrrgen.robotfile.robots import bundled_names, bundled_path
-from rrrgen.robotfile.transforms import read_transform
+from rrrgen.robotfile.sections.basis import read_basis
+from rrrgen.robotfile.sections.provenance import read_provenance
+from rrrgen.robotfile.sections.transforms import read_transform
 from rrrgen.yamltext.document import MAX_BYTES, FaultList, Node, Scalar, decode, parse_document
 from rrrgen.yamltext.sections import describe, read_choice, read_entries, read_section, read_text
 from rrrgen.yamltext.suggest import did_you_mean
