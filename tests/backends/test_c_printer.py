@@ -10,11 +10,12 @@ import pytest
 
 from backends.casadi_cases import arguments, random_program
 from rrrgen.backends.c.batches.loops import declarations
-from rrrgen.backends.c.comments import plain
-from rrrgen.backends.c.dialect import Dialect, decimal
+from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, prototype
 from rrrgen.backends.c.trigonometry import LibmSinCos
+from rrrgen.backends.comments import plain
+from rrrgen.backends.printing import decimal
 from rrrgen.errors import BackendError
 from rrrgen.program import Builder, Port, Program, Role, Status, evaluate
 from rrrgen.runtime.build import build_extension

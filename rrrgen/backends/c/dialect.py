@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rrrgen.backends import Real
+from rrrgen.backends.printing import decimal
 from rrrgen.errors import BackendError
 from rrrgen.program import Status
 from rrrgen.robotfile.names import KEYWORDS
@@ -64,15 +65,3 @@ class Dialect:
         """-1, 0 or 1; NaN stays NaN."""
         zero, one = self.literal(Fraction(0)), self.literal(Fraction(1))
         return f"({x} > {zero}) ? {one} : (({x} < {zero}) ? -{one} : {x})"
-
-
-def decimal(value: Fraction | int) -> str:
-    """A C floating literal that reads back to the nearest double: the exact decimal where 17 digits hold it."""
-    try:
-        number = float(value)
-    except OverflowError:
-        number = float("inf")
-    if abs(number) == float("inf") or (number == 0.0 and value != 0):
-        raise BackendError(f"a constant of the model does not fit a double: {value}")
-    text = repr(number) if Fraction(repr(number)) == value else f"{number:.17g}"
-    return text if any(mark in text for mark in ".e") else f"{text}.0"

@@ -6,10 +6,10 @@ import hashlib
 from collections.abc import Sequence
 
 from rrrgen.backends import Identity, Real
-from rrrgen.backends.c.comments import columns, wrapped
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.sources import naming, preamble, print_functions
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
+from rrrgen.backends.comments import columns, wrapped
 from rrrgen.program import Program
 from rrrgen.resources import render
 from rrrgen.version import VERSION

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rrrgen.backends.c.comments import columns, plain, wrapped
 from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.comments import columns, plain, wrapped
 from rrrgen.program import Port, Program, Status, count_operations
 
 _LONGEST_LINE = 118

@@ -8,11 +8,12 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from rrrgen.backends import Identity
-from rrrgen.backends.c.comments import columns, plain, wrapped
-from rrrgen.backends.c.dialect import Dialect, decimal
+from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, prototype
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
+from rrrgen.backends.comments import columns, plain, wrapped
+from rrrgen.backends.printing import decimal
 from rrrgen.derive.functions.recording import drive_inertia_meaning
 from rrrgen.derive.parameter_listing import listing
 from rrrgen.model.drive_text import coupling_equations, motor_facts

@@ -12,7 +12,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rrrgen.backends.casadi.derivatives import Matrix, Routine, forward, jacobian, reverse, routine
-from rrrgen.backends.casadi.printing import Dialect, Listing, Names, listing
+from rrrgen.backends.casadi.printing import RESERVED, Listing, listing
+from rrrgen.backends.comments import plain
+from rrrgen.backends.interface import CHOICE, PRODUCT, SUM, Text
+from rrrgen.backends.names import Names
+from rrrgen.backends.printing import decimal
 from rrrgen.program import Op, Program
 from rrrgen.resources import render
 
@@ -51,7 +55,7 @@ class Definition:
     inputs: tuple[Matrix, ...]
     outputs: tuple[Matrix, ...]
     loads: tuple[str, ...]
-    assignments: tuple[str, ...]
+    statements: tuple[str, ...]
     results: tuple[tuple[str, ...], ...]
     maths: frozenset[Op]
 
@@ -86,7 +90,7 @@ def external_files(robot: str, definitions: Sequence[Definition], header: Sequen
     context = {
         "robot": robot,
         "prefix": f"{robot.upper()}_CASADI",
-        "header": [_harmless(line) for line in header],
+        "header": [plain(line) for line in header],
         "definitions": definitions,
         "patterns_of": {item.name: (numbered(item.inputs), numbered(item.outputs)) for item in definitions},
         "patterns": [", ".join(map(str, pattern)) for pattern in patterns],
@@ -98,33 +102,55 @@ def external_files(robot: str, definitions: Sequence[Definition], header: Sequen
     }
 
 
-def _dialect(robot: str) -> Dialect:
-    return Dialect(
-        constant=_constant,
-        functions={op: f"{robot}_casadi_{name}" for op, (name, _) in _MATHS.items()},
-        select="({condition} > 0 ? {positive} : {otherwise})",
-    )
+@dataclass(frozen=True)
+class _ExternalC:
+    """C in CasADi's real type, with the functions that the file defines for one argument."""
 
+    robot: str
 
-def _constant(value: Fraction) -> str:
-    whole = value.denominator == 1 and abs(value.numerator) < 2**24
-    magnitude = str(abs(value.numerator)) if whole else f"{float(abs(value)):.17g}"
-    if not whole and not set(magnitude) & set(".en"):
-        magnitude += ".0"
-    return f"{'-' if value < 0 else ''}(casadi_real){magnitude}"
+    @property
+    def reserved(self) -> frozenset[str]:
+        """Keywords, library functions, and the arguments that CasADi passes."""
+        return RESERVED
+
+    def literal(self, value: Fraction | int) -> str:
+        """With a cast to CasADi's real type."""
+        return f"(casadi_real){decimal(value)}"
+
+    def declaration(self, name: str, value: str) -> str:
+        """A constant of the real type."""
+        return f"const casadi_real {name} = {value};"
+
+    def call(self, op: Op, argument: str) -> str:
+        """One of the functions of the file."""
+        return f"{self.robot}_casadi_{_MATHS[op][0]}({argument})"
+
+    def sign(self, x: Text) -> Text:
+        """One of the functions of the file."""
+        return Text(self.call(Op.SIGN, x.code))
+
+    def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
+        """One comparison."""
+        yes, no = positive.within(SUM), otherwise.within(SUM)
+        return Text(f"({condition.within(PRODUCT)} > 0) ? {yes} : {no}", CHOICE)
+
+    def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
+        """One call for each."""
+        wanted = ((Op.SIN, sine), (Op.COS, cosine))
+        return [self.declaration(name, self.call(op, angle)) for op, name in wanted if name is not None]
 
 
 def _definition(robot: str, item: Routine, source: Program | None) -> Definition:
-    names = Names()
+    names = Names(RESERVED)
     elements = [_element_names(names, matrix) for matrix in item.inputs]
-    written = listing(item.program, elements, names, _dialect(robot))
+    written = listing(item.program, elements, names, _ExternalC(robot))
     return Definition(
         name=item.name,
-        comment=tuple(_harmless(line) for line in _comment(item, source)),
+        comment=tuple(plain(line) for line in _comment(item, source)),
         inputs=item.inputs,
         outputs=item.outputs,
         loads=tuple(_loads(elements, written)),
-        assignments=tuple(f"const casadi_real {name} = {text};" for name, text in written.assignments),
+        statements=written.statements,
         results=written.results,
         maths=frozenset(node.op for node in item.program.nodes if node.op in _MATHS),
     )
@@ -140,10 +166,10 @@ def _loads(elements: Sequence[Sequence[str]], written: Listing) -> Iterable[str]
 
 def _element_names(names: Names, matrix: Matrix) -> list[str]:
     if matrix.rows == matrix.cols == 1:
-        return [names.claim(matrix.name) for _ in matrix.entries]
+        return [names.suggested(matrix.name) for _ in matrix.entries]
     if matrix.cols == 1:
-        return [names.claim(f"{matrix.name}{r + 1}") for r, _ in matrix.entries]
-    return [names.claim(f"{matrix.name}_{r + 1}_{c + 1}") for r, c in matrix.entries]
+        return [names.suggested(f"{matrix.name}{r + 1}") for r, _ in matrix.entries]
+    return [names.suggested(f"{matrix.name}_{r + 1}_{c + 1}") for r, c in matrix.entries]
 
 
 def _pattern(matrix: Matrix) -> tuple[int, ...]:
@@ -156,11 +182,6 @@ def _pattern(matrix: Matrix) -> tuple[int, ...]:
     for column in range(matrix.cols):
         starts[column + 1] += starts[column]
     return (matrix.rows, matrix.cols, *starts, *(row for row, _ in matrix.entries))
-
-
-def _harmless(line: str) -> str:
-    """A line that cannot end the comment it stands in."""
-    return line.replace("*/", "* /").replace("/*", "/ *")
 
 
 def _comment(item: Routine, source: Program | None) -> Iterable[str]:

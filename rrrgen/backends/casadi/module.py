@@ -9,7 +9,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rrrgen.backends.casadi.derivatives import matrix_size
-from rrrgen.backends.casadi.printing import Dialect, Names, listing
+from rrrgen.backends.casadi.printing import RESERVED, listing
+from rrrgen.backends.interface import PRODUCT, Text
+from rrrgen.backends.names import Names
+from rrrgen.backends.printing import decimal
 from rrrgen.derive.parameter_listing import ParameterListing
 from rrrgen.program import Op, Port, Program
 from rrrgen.resources import render
@@ -18,23 +21,42 @@ _LINE = 116
 _GLUED = "\0=\0"
 
 
-def _constant(value: Fraction) -> str:
-    return str(value.numerator) if value.denominator == 1 and abs(value.numerator) < 2**53 else repr(float(value))
+_FUNCTIONS = {Op.SQRT: "ca.sqrt", Op.ABS: "ca.fabs", Op.EXP: "ca.exp", Op.TANH: "ca.tanh"}
 
 
-PYTHON = Dialect(
-    constant=_constant,
-    functions={
-        Op.SIN: "ca.sin",
-        Op.COS: "ca.cos",
-        Op.SQRT: "ca.sqrt",
-        Op.ABS: "ca.fabs",
-        Op.SIGN: "ca.sign",
-        Op.EXP: "ca.exp",
-        Op.TANH: "ca.tanh",
-    },
-    select="ca.if_else({condition} > 0, {positive}, {otherwise})",
-)
+class _Python:
+    """Python over CasADi's symbols."""
+
+    @property
+    def reserved(self) -> frozenset[str]:
+        """Keywords and the names that the module uses itself."""
+        return RESERVED
+
+    def literal(self, value: Fraction | int) -> str:
+        """An integer, or the nearest double."""
+        whole = value.denominator == 1 and abs(value.numerator) < 2**53
+        return str(value.numerator) if whole else decimal(value)
+
+    def declaration(self, name: str, value: str) -> str:
+        """An assignment."""
+        return f"{name} = {value}"
+
+    def call(self, op: Op, argument: str) -> str:
+        """A function of CasADi."""
+        return f"{_FUNCTIONS[op]}({argument})"
+
+    def sign(self, x: Text) -> Text:
+        """A function of CasADi."""
+        return Text(f"ca.sign({x.code})")
+
+    def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
+        """A function of CasADi."""
+        return Text(f"ca.if_else({condition.within(PRODUCT)} > 0, {positive.code}, {otherwise.code})")
+
+    def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
+        """One call for each."""
+        wanted = ((f"ca.sin({angle})", sine), (f"ca.cos({angle})", cosine))
+        return [self.declaration(name, call) for call, name in wanted if name is not None]
 
 
 @dataclass(frozen=True)
@@ -71,19 +93,20 @@ def rebuild_module(
 
 
 def _definition(robot: str, public: str, program: Program) -> _Definition:
-    names = Names(["_rows", "_matrix", "ca", public, *(p.name for p in (*program.inputs, *program.outputs))])
+    names = Names(RESERVED, ["_rows", "_matrix", "ca", public, *(p.name for p in (*program.inputs, *program.outputs))])
     elements: list[list[str]] = []
-    opening, body = [], []
+    opening: list[str] = []
+    body: list[str] = []
     for port in program.inputs:
         rows, cols = matrix_size(port)
         opening.append(f'{port.name} = ca.SX.sym("{port.name}", {rows}, {cols})')
         elements.append([port.name] if port.size == 1 else _element_names(names, port))
-    written = listing(program, elements, names, PYTHON)
+    written = listing(program, elements, names, _Python())
     used_ports = {port for port, _ in written.used_inputs}
     for index, (port, given) in enumerate(zip(program.inputs, elements, strict=True)):
         if index in used_ports and port.size > 1:
             opening += _wrapped(f"[{', '.join(given)}] = _rows({port.name})")
-    body += [f"{name} = {text}" for name, text in written.assignments]
+    body += written.statements
     for port, row in zip(program.outputs, written.results, strict=True):
         body += _output(port, row)
     returned = (
@@ -97,8 +120,8 @@ def _definition(robot: str, public: str, program: Program) -> _Definition:
 def _element_names(names: Names, port: Port) -> list[str]:
     rows, cols = matrix_size(port)
     if cols == 1:
-        return [names.claim(f"{port.name}{k + 1}") for k in range(rows)]
-    return [names.claim(f"{port.name}_{r + 1}_{c + 1}") for r in range(rows) for c in range(cols)]
+        return [names.suggested(f"{port.name}{k + 1}") for k in range(rows)]
+    return [names.suggested(f"{port.name}_{r + 1}_{c + 1}") for r in range(rows) for c in range(cols)]
 
 
 def _output(port: Port, row: Sequence[str]) -> list[str]:

@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rrrgen.backends.c.dialect import Dialect, decimal
+from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.trigonometry import kernel_values
+from rrrgen.backends.printing import decimal
 from rrrgen.program import Program
 from rrrgen.resources import render
 

@@ -1,18 +1,16 @@
-"""Names of local variables: readable, unique in their function, valid in C and C++."""
+"""Names of local variables: readable, unique in their function, and no words of the language."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
 
-from rrrgen.backends.c.dialect import RESERVED
-
 
 class Names:
-    """Hands out the local names of one function."""
+    """Hands out the local names of one function; ``reserved`` and ``taken`` are not among them."""
 
-    def __init__(self, taken: Iterable[str]) -> None:
-        self._taken = {*RESERVED, *taken}
+    def __init__(self, reserved: frozenset[str], taken: Iterable[str] = ()) -> None:
+        self._taken = {*reserved, *taken}
         self._temporaries = 0
         self._serials: dict[str, int] = {}
 

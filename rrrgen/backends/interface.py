@@ -1,0 +1,91 @@
+"""What a back end is, and what a language tells the shared printer: protocols, checked by mypy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, Protocol
+
+from rrrgen.program import Op, Port, Status
+
+if TYPE_CHECKING:
+    from rrrgen.backends import Identity, Real
+    from rrrgen.derive.derived_model import DerivedModel
+
+CHOICE, SUM, PRODUCT, UNARY, ATOM = range(5)
+"""How tightly printed text binds, weakest first."""
+
+
+@dataclass(frozen=True)
+class Text:
+    """A printed expression: its characters and how tightly they bind. ``quotient``: a division is at its top."""
+
+    code: str
+    strength: int = ATOM
+    quotient: bool = False
+
+    def within(self, strength: int) -> str:
+        """The characters, in parentheses unless they bind at least as tightly as ``strength``."""
+        return self.code if self.strength >= strength else f"({self.code})"
+
+
+class Target(Protocol):
+    """A language with infix arithmetic, as :mod:`rrrgen.backends.printing` asks for it."""
+
+    @property
+    def reserved(self) -> frozenset[str]:
+        """Words that no local may be called."""
+        ...
+
+    def literal(self, value: Fraction | int) -> str:
+        """A constant that reads back to the nearest number of the file's real type."""
+        ...
+
+    def declaration(self, name: str, value: str) -> str:
+        """The statement that gives ``value`` a name."""
+        ...
+
+    def call(self, op: Op, argument: str) -> str:
+        """``op``, one of SQRT, ABS, EXP, TANH, applied to ``argument``."""
+        ...
+
+    def sign(self, x: Text) -> Text:
+        """-1, 0 or 1 after the sign of ``x``, which is a name."""
+        ...
+
+    def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
+        """``positive`` where ``condition > 0``, else ``otherwise``."""
+        ...
+
+    def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
+        """Statements that declare ``sine`` and ``cosine``, each if it is not None, of the expression ``angle``."""
+        ...
+
+
+class FunctionTarget(Target, Protocol):
+    """A language whose functions read and write ports by name."""
+
+    def element(self, port: Port, element: int, output: bool = False) -> str:
+        """Element number ``element``, row-major, of an input or output."""
+        ...
+
+    def unused(self, port: Port) -> str:
+        """The statement by which an input that is not read raises no warning."""
+        ...
+
+    def outcome(self, status: Status, value: Text) -> list[str]:
+        """What ends a function that can fail: ``value`` is 0 after success and 1 after failure; NaN is a failure."""
+        ...
+
+
+class Backend(Protocol):
+    """Prints a derived model as files of one language."""
+
+    def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> Sequence[Callable[[], Any]]:
+        """Independent pieces of the work, which may run in processes of their own."""
+        ...
+
+    def files(self, model: DerivedModel, identity: Identity, real: Real, results: Sequence[Any]) -> dict[str, str]:
+        """Relative path -> text, from what the tasks returned, in their order."""
+        ...

@@ -1,0 +1,244 @@
+"""Program -> statements, for every language with infix arithmetic.
+
+Every node is visited once, in order. A value that is used once and has no name of its own is written into the
+expression that uses it, as long as the line stays readable; everything else becomes a local. The order and association
+of the arithmetic is exactly the program's (operands of a sum or product may change sides, which no rounding sees), so
+the emitted code rounds as the reference evaluation does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from fractions import Fraction
+from itertools import chain
+
+from rrrgen.backends.interface import ATOM, PRODUCT, SUM, UNARY, FunctionTarget, Target, Text
+from rrrgen.backends.names import Names
+from rrrgen.errors import BackendError
+from rrrgen.program import Op, Port, Program, Role
+
+_LONGEST = 88  # characters of one expression; with the declaration in front a line stays below 120
+
+
+def print_body(program: Program, target: FunctionTarget) -> list[str]:
+    """The statements of a function as lines without indentation; the last ones report the status, if there is any."""
+    return _Body(program, target).lines
+
+
+class Statements:
+    """The definitions of a program as statements (``lines``), and a text for every node.
+
+    ``read`` gives the text of an element of an input port, by their numbers.
+    """
+
+    def __init__(self, program: Program, target: Target, names: Names, read: Callable[[int, int], str]) -> None:
+        self.program, self.target, self.names = program, target, names
+        self.lines: list[str] = []
+        self.texts: dict[int, Text] = {}
+        self._read = read
+        self._readers = _count(chain.from_iterable(node.args for node in program.nodes), len(program.nodes))
+        self._wanted = _count(chain.from_iterable(program.results), len(program.nodes))
+        self._trigonometry = _trigonometry(program)
+        self._angles = _joint_sums(program, set(self._trigonometry))
+
+    def write(self) -> None:
+        """Visit every node."""
+        for index in range(len(self.program.nodes)):
+            self._visit(index)
+
+    # -- statements ----------------------------------------------------------------------------------------------
+
+    def _declare(self, index: int, text: Text) -> Text:
+        """Give the value of node ``index`` a local of its own."""
+        hint = self.program.labels.get(index) or _named("q", self._angles.get(index))
+        name = self.names.suggested(hint) if hint else self.names.temporary()
+        self.lines.append(self.target.declaration(name, text.code))
+        self.texts[index] = Text(name)
+        return self.texts[index]
+
+    def _visit(self, index: int) -> None:
+        node = self.program.nodes[index]
+        if node.op in (Op.SIN, Op.COS):
+            self._declare_trigonometry(index)
+        elif node.op is Op.INPUT:
+            self.texts[index] = Text(self._read(*node.place))
+            return
+        elif node.op is Op.CONST:
+            code = self.target.literal(node.number)
+            self.texts[index] = Text(code, SUM if code.startswith("-") else UNARY)
+            return
+        else:
+            self.texts[index] = self._expression(index)
+            if self._deserves_name(index):
+                self._declare(index, self.texts[index])
+        self._computed(index)
+
+    def _deserves_name(self, index: int) -> bool:
+        readers = self._readers[index]
+        return readers > 1 or (readers == 1 and (self._wanted[index] > 0 or index in self.program.labels))
+
+    def _computed(self, index: int) -> None:
+        """What happens as soon as node ``index`` has a text; inputs and constants always have."""
+
+    def _declare_trigonometry(self, index: int) -> None:
+        if index in self.texts:
+            return  # declared together with the other of the pair
+        angle = self.program.nodes[index].args[0]
+        names: dict[Op, str] = {}
+        for op, node in self._trigonometry[angle].items():
+            names[op] = self.names.suggested(self.program.labels.get(node) or self._trigonometric_name(op, angle))
+            self.texts[node] = Text(names[op])
+        self.lines += self.target.sincos(self.texts[angle].code, names.get(Op.SIN), names.get(Op.COS))
+
+    def _trigonometric_name(self, op: Op, angle: int) -> str:
+        """s2 for sin(q2), c23 for cos(q2 + q3), else a name after the angle's own."""
+        letter = "s" if op is Op.SIN else "c"
+        code = self.texts[angle].code
+        named = _named(letter, self._angles.get(angle))
+        return named or (f"{letter}_{code}" if code.isidentifier() else f"{letter}_angle")
+
+    # -- expressions ---------------------------------------------------------------------------------------------
+
+    def _expression(self, index: int) -> Text:
+        """Print node ``index``, moving the longest operands into locals until the line is short enough."""
+        args = self.program.nodes[index].args
+        if self.program.nodes[index].op is Op.SIGN:  # some languages write the operand several times
+            self._settle(args[0])
+        while True:
+            text = self._compose(index)
+            if len(text.code) <= _LONGEST:
+                return text
+            longest = max(args, key=lambda arg: len(self.texts[arg].code))
+            if not self._settle(longest):
+                return text
+
+    def _settle(self, index: int) -> bool:
+        """Move an operand into a local; False if it is an atom already."""
+        text = self.texts[index]
+        if (text.strength == ATOM and "(" not in text.code) or self.program.nodes[index].op is Op.CONST:
+            return False
+        self._declare(index, text)
+        return True
+
+    def _compose(self, index: int) -> Text:
+        node = self.program.nodes[index]
+        args = [self.texts[arg] for arg in node.args]
+        match node.op:
+            case Op.ADD:
+                left, right = args
+                if right.strength == SUM and left.strength > SUM:
+                    left, right = right, left  # (a + b) + c needs no parentheses
+                return Text(f"{left.within(SUM)} + {right.within(PRODUCT)}", SUM)
+            case Op.SUB:
+                return Text(f"{args[0].within(SUM)} - {args[1].within(PRODUCT)}", SUM)
+            case Op.MUL:
+                return self._product(node.args, args)
+            case Op.DIV:
+                return Text(f"{args[0].within(PRODUCT)}/{args[1].within(UNARY)}", PRODUCT, quotient=True)
+            case Op.NEG:
+                return Text(f"-{args[0].within(PRODUCT)}", SUM)  # in parentheses wherever it is an operand
+            case Op.SIGN:
+                return self.target.sign(args[0])
+            case Op.SELECT:
+                return self.target.select(*args)
+            case _:
+                return Text(self.target.call(node.op, args[0].code))
+
+    def _product(self, indices: tuple[int, ...], args: list[Text]) -> Text:
+        left, right = args
+        constant_first = self.program.nodes[indices[0]].op is Op.CONST
+        if right.strength == PRODUCT and left.strength > PRODUCT and not right.quotient and not constant_first:
+            left, right = right, left  # (a*b)*c needs no parentheses
+        first = left.within(UNARY) if left.quotient else left.within(PRODUCT)
+        return Text(f"{first}*{right.within(UNARY)}", PRODUCT)
+
+
+class _Body(Statements):
+    """A whole function: outputs are written as soon as they are known, which keeps few values alive at a time."""
+
+    def __init__(self, program: Program, target: FunctionTarget) -> None:
+        ports = (*program.inputs, *program.outputs)
+        names = Names(target.reserved, [port.name for port in ports])
+        super().__init__(program, target, names, lambda port, k: target.element(program.inputs[port], k))
+        self._function = target
+        self._places = _places_of_outputs(program)
+        read = {node.place[0] for node in program.nodes if node.op is Op.INPUT}
+        self.lines += [target.unused(port) for k, port in enumerate(program.inputs) if k not in read]
+        self.write()
+        self._finish()
+
+    def _deserves_name(self, index: int) -> bool:
+        readers = self._readers[index]
+        return readers > 1 or (readers == 1 and (index in self._places or index in self.program.labels))
+
+    def _computed(self, index: int) -> None:
+        first = ""
+        for port, element in self._places.pop(index, ()):
+            place = self._function.element(port, element, output=True)
+            self.lines.append(f"{place} = {first or self.texts[index].code};")
+            first = first or place
+
+    def _finish(self) -> None:
+        """Outputs that copy an input or a constant, in order, then the status."""
+        for k, (port, elements) in enumerate(zip(self.program.outputs, self.program.results, strict=True)):
+            for element, index in enumerate(elements):
+                if index in self._places and not self.program.is_status(k):
+                    place = self._function.element(port, element, output=True)
+                    self.lines.append(f"{place} = {self.texts[index].code};")
+        if (status := self.program.status) is not None:
+            (index,) = self.program.results[status.output]
+            self.lines += self._function.outcome(status, self.texts[index])
+
+
+def decimal(value: Fraction | int) -> str:
+    """A floating literal that reads back to the nearest double: the exact decimal where 17 digits hold it."""
+    try:
+        number = float(value)
+    except OverflowError:
+        number = float("inf")
+    if abs(number) == float("inf") or (number == 0.0 and value != 0):
+        raise BackendError(f"a constant of the model does not fit a double: {value}")
+    text = repr(number) if Fraction(repr(number)) == value else f"{number:.17g}"
+    return text if any(mark in text for mark in ".e") else f"{text}.0"
+
+
+def _count(indices: Iterable[int], size: int) -> list[int]:
+    """How often each number occurs."""
+    count = [0] * size
+    for index in indices:
+        count[index] += 1
+    return count
+
+
+def _places_of_outputs(program: Program) -> dict[int, list[tuple[Port, int]]]:
+    """Where each node is stored; the status is returned, not stored."""
+    places: dict[int, list[tuple[Port, int]]] = {}
+    for k, (port, elements) in enumerate(zip(program.outputs, program.results, strict=True)):
+        for element, index in enumerate(elements):
+            if not program.is_status(k):
+                places.setdefault(index, []).append((port, element))
+    return places
+
+
+def _trigonometry(program: Program) -> dict[int, dict[Op, int]]:
+    """Angle node -> its sine and cosine nodes."""
+    found: dict[int, dict[Op, int]] = {}
+    for index, node in enumerate(program.nodes):
+        if node.op in (Op.SIN, Op.COS):
+            found.setdefault(node.args[0], {})[node.op] = index
+    return {angle: dict(sorted(pair.items(), key=lambda item: item[0] is Op.COS)) for angle, pair in found.items()}
+
+
+def _joint_sums(program: Program, angles: set[int]) -> dict[int, tuple[int, ...]]:
+    """Joint numbers (from 1) of the angles that are a joint variable or a sum of some."""
+    sums: dict[int, tuple[int, ...]] = {}
+    for index, node in enumerate(program.nodes):
+        if node.op is Op.INPUT and program.inputs[node.place[0]].role is Role.POSITION:
+            sums[index] = (node.place[1] + 1,)
+        elif node.op is Op.ADD and node.args[0] in sums and node.args[1] in sums:
+            sums[index] = tuple(sorted(sums[node.args[0]] + sums[node.args[1]]))
+    return {index: joints for index, joints in sums.items() if index in angles}
+
+
+def _named(letter: str, joints: tuple[int, ...] | None) -> str:
+    return letter + "".join(map(str, joints)) if joints else ""
