@@ -9,6 +9,10 @@ Real = Literal["double", "float"]
 """The floating-point type of emitted code."""
 
 
+Language = Literal["rust"]
+"""Languages that are printed when asked for, beside C and CasADi."""
+
+
 @dataclass(frozen=True)
 class Identity:
     """What ties emitted code to its model: hash of the normalised robot description, and who wrote the code."""

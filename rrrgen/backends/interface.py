@@ -86,6 +86,6 @@ class Backend(Protocol):
         """Independent pieces of the work, which may run in processes of their own."""
         ...
 
-    def files(self, model: DerivedModel, identity: Identity, real: Real, results: Sequence[Any]) -> dict[str, str]:
+    def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[Any]) -> dict[str, str]:
         """Relative path -> text, from what the tasks returned, in their order."""
         ...

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from fractions import Fraction
 from itertools import chain
 
+from rrrgen.backends import Real
 from rrrgen.backends.interface import ATOM, PRODUCT, SUM, UNARY, FunctionTarget, Target, Text
 from rrrgen.backends.names import Names
 from rrrgen.errors import BackendError
@@ -190,8 +191,16 @@ class _Body(Statements):
             self.lines += self._function.outcome(status, self.texts[index])
 
 
-def decimal(value: Fraction | int) -> str:
-    """A floating literal that reads back to the nearest double: the exact decimal where 17 digits hold it."""
+_SMALLEST_FLOAT, _LARGEST_FLOAT = Fraction(2) ** -126, Fraction(2) ** 127  # normalised numbers of single precision
+
+
+def decimal(value: Fraction | int, real: Real = "double") -> str:
+    """A floating literal that reads back to the nearest double: the exact decimal where 17 digits hold it.
+
+    Raises BackendError for a constant that does not fit a number of type ``real``.
+    """
+    if real == "float" and value and not _SMALLEST_FLOAT <= abs(Fraction(value)) <= _LARGEST_FLOAT:
+        raise BackendError(f"a constant of the model does not fit a float: {float(value):.3g}")
     try:
         number = float(value)
     except OverflowError:

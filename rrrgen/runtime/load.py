@@ -45,8 +45,9 @@ def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> Compiled
     from rrrgen.backends.c.batches.loops import declarations
     from rrrgen.backends.c.dialect import Dialect
     from rrrgen.backends.c.signature import function_name
-    from rrrgen.backends.c.sources import header_and_sources, programs_of
+    from rrrgen.backends.c.sources import header_and_sources
     from rrrgen.backends.c.trigonometry import InlineSinCos
+    from rrrgen.backends.description import programs_of
     from rrrgen.runtime.build import NATIVE, build_extension
 
     dialect = Dialect(derived.spec.name, real)

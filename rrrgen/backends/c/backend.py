@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from rrrgen.backends import Identity, Real
@@ -13,23 +15,39 @@ from rrrgen.backends.c.trigonometry import Trig, sincos_strategy
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
 
+Files = dict[str, str]
+
+
+def _nothing() -> Files:
+    return {}
+
 
 @dataclass(frozen=True)
 class CBackend:
-    """Prints header, sources and self-test; ``trig`` says where sines and cosines come from."""
+    """Prints header, sources and self-test; ``trig`` says where sines and cosines come from.
+
+    ``beside`` makes further C files of the robot, in the process that makes the self-test: both load NumPy.
+    """
 
     trig: Trig = "inline"
+    beside: Callable[[], Files] = _nothing
 
-    def files(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
+    def files(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
         """``<name>.h``, ``<name>.c`` with the sources beside it, and ``<name>_selftest.c``."""
-        return self.sources(model, identity, real) | self.selftest(model, identity, real)
+        return self.assemble(model, identity, [task() for task in self.tasks(model, identity, real)])
 
-    def sources(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
-        """``<name>.h`` and the sources."""
+    def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], Files]]:
+        """The sources; the self-test."""
+        return [partial(self._sources, model, identity, real), partial(self._selftest, model, identity, real)]
+
+    def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[Files]) -> Files:
+        """All files, side by side."""
+        return {name: text for files in results for name, text in files.items()}
+
+    def _sources(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
         return header_and_sources(model, identity, Dialect(model.spec.name, real), sincos_strategy(self.trig))
 
-    def selftest(self, model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
-        """``<name>_selftest.c``, whose golden vectors NumPy computes."""
-        from rrrgen.backends.c.selftest import selftest
+    def _selftest(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
+        from rrrgen.backends.c.selftest import selftest  # its golden vectors need NumPy
 
-        return selftest(model, identity, Dialect(model.spec.name, real))
+        return selftest(model, identity, Dialect(model.spec.name, real)) | self.beside()

@@ -7,15 +7,12 @@ from fractions import Fraction
 
 from rrrgen.backends import Real
 from rrrgen.backends.printing import decimal
-from rrrgen.errors import BackendError
 from rrrgen.program import Status
 from rrrgen.robotfile.names import KEYWORDS
 
 _LIBRARY = """sin cos tan asin acos atan atan2 sinh cosh tanh exp log log10 pow sqrt ceil floor fabs fmod frexp ldexp
 modf abs hypot cbrt erf erfc gamma lgamma tgamma j0 j1 jn y0 y1 yn signbit isnan isinf rint round trunc nan fma fmin
 fmax signgam index time clock div labs main near far small linux unix i386"""
-
-_SMALLEST_FLOAT, _LARGEST_FLOAT = Fraction(2) ** -126, Fraction(2) ** 127  # normalised numbers of single precision
 
 RESERVED = KEYWORDS | frozenset(_LIBRARY.split())
 """What a local variable must not be called: keywords, functions of the C library, macros of common compilers."""
@@ -49,9 +46,7 @@ class Dialect:
 
     def literal(self, value: Fraction | int) -> str:
         """A constant with a cast, so that no conversion is implicit in either precision."""
-        if self.real == "float" and value and not _SMALLEST_FLOAT <= abs(Fraction(value)) <= _LARGEST_FLOAT:
-            raise BackendError(f"a constant of the model does not fit a float: {float(value):.3g}")
-        return f"({self.real_type}){decimal(value)}"
+        return f"({self.real_type}){decimal(value, self.real)}"
 
     def function(self, name: str) -> str:
         """Name of a function of math.h in the file's precision."""

@@ -14,7 +14,7 @@ from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, re
 from rrrgen.parallel_map import usual_jobs
 
 if TYPE_CHECKING:
-    from rrrgen.backends import Real
+    from rrrgen.backends import Language, Real
     from rrrgen.backends.c.trigonometry import Trig
     from rrrgen.derive.derived_model import DerivedModel
 
@@ -31,6 +31,13 @@ if TYPE_CHECKING:
     default="inline",
     show_default=True,
     help="Sines and cosines from a kernel in the emitted code, or from the C library.",
+)
+@click.option(
+    "--with",
+    "languages",
+    type=click.Choice(["rust"]),
+    multiple=True,
+    help="A further language, beside C and CasADi: rust, a crate that needs no standard library.",
 )
 @click.option(
     "--check", "only_check", is_flag=True, help="Write nothing; print a diff and exit with 1 if DIR would change."
@@ -55,6 +62,7 @@ def generate(
     output: Path,
     real: Real,
     trig: Trig,
+    languages: tuple[Language, ...],
     only_check: bool,
     casadi_files: bool | None,
     jobs: int,
@@ -72,6 +80,7 @@ def generate(
       rrrgen generate rrr -o generated/rrr
       rrrgen generate my_robot.yaml -o firmware/model --real float
       rrrgen generate rrr -o generated/rrr --check      (in continuous integration)
+      rrrgen generate rrr -o generated/rrr --with rust
     """
     from rrrgen.output import writer as emit
 
@@ -80,7 +89,7 @@ def generate(
     model = pipeline.derive(read_with_warnings(robot), jobs)
     if verbose:
         _report_passes(model)
-    files = pipeline.emit(model, real, with_casadi and not only_check, trig, jobs)
+    files = pipeline.emit(model, real, with_casadi and not only_check, trig, jobs, languages)
     if only_check:
         diff = emit.differences(files, output)
         if as_json:

@@ -1,0 +1,208 @@
+"""The Rust backend: a crate without dependencies, heap or standard library, for rustc 1.63 or newer.
+
+Every function of the model is an associated function of ``Model<F>``, where ``F`` brings the sines, cosines and roots
+that Rust's core lacks. Arrays have the shapes of the ports; what can fail returns a ``Result``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from typing import TYPE_CHECKING
+
+from rrrgen.backends import Identity, Real
+from rrrgen.backends.comments import plain, wrapped
+from rrrgen.backends.description import facts, programs_of, title
+from rrrgen.backends.interface import CHOICE, PRODUCT, SUM, Text
+from rrrgen.backends.printing import decimal, print_body
+from rrrgen.derive.parameter_listing import listing
+from rrrgen.program import Op, Port, Program, Status, count_operations
+from rrrgen.resources import render
+
+if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
+
+_WORDS = """as async await become box break const continue crate do dyn else enum extern false final fn for gen if impl
+in let loop macro match mod move mut override priv pub ref return self static struct super trait true try type typeof
+union unsafe unsized use virtual where while yield abstract
+abs sign core std F N B Math Model Std Real Failure Self Ok Err Some None Result MODEL_HASH"""
+
+_RESERVED = frozenset(_WORDS.split())
+"""Keywords, and names of the crate and of the prelude."""
+
+_LONGEST_LINE = 110
+
+_MATHS = {Op.SQRT: "F::sqrt", Op.ABS: "abs", Op.EXP: "F::exp", Op.TANH: "F::tanh"}
+_HELPERS = {"abs": Op.ABS, "sign": Op.SIGN}
+
+
+@dataclass(frozen=True)
+class RustBackend:
+    """Prints ``rust/Cargo.toml`` and ``rust/src/lib.rs``."""
+
+    def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], str]]:
+        """The source, which is all there is to do."""
+        return [partial(_source, model, identity, real)]
+
+    def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[str]) -> dict[str, str]:
+        """The crate."""
+        robot = model.spec.name
+        cargo = render("rust/Cargo.toml.j2", robot=robot, crate=crate_name(robot), identity=identity)
+        return {"rust/Cargo.toml": cargo, "rust/src/lib.rs": results[0]}
+
+
+def crate_name(robot: str) -> str:
+    """Rust's lints want crates in lower case, and the ending keeps clear of its keywords."""
+    return f"{robot.lower()}_model"
+
+
+@dataclass(frozen=True)
+class _Function:
+    """One function, ready for the template."""
+
+    signature: str
+    explanation: tuple[str, ...]
+    body: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Rust:
+    """Rust as a target of the shared printer."""
+
+    real: Real
+
+    @property
+    def reserved(self) -> frozenset[str]:
+        """Keywords, and names of the crate and of the prelude."""
+        return _RESERVED
+
+    def literal(self, value: Fraction | int) -> str:
+        """Without a type, which Rust infers."""
+        return decimal(value, self.real)
+
+    def declaration(self, name: str, value: str) -> str:
+        """A local that never changes."""
+        return f"let {name} = {value};"
+
+    def call(self, op: Op, argument: str) -> str:
+        """A function of the crate or of its mathematics."""
+        return f"{_MATHS[op]}({argument})"
+
+    def sign(self, x: Text) -> Text:
+        """A function of the crate."""
+        return Text(f"sign({x.code})")
+
+    def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
+        """An expression with if."""
+        test = f"{condition.within(PRODUCT)} > 0.0"
+        return Text(f"if {test} {{ {positive.code} }} else {{ {otherwise.code} }}", CHOICE)
+
+    def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
+        """One call for both."""
+        return [f"let ({sine or '_'}, {cosine or '_'}) = F::sin_cos({angle});"]
+
+    def element(self, port: Port, element: int, output: bool = False) -> str:
+        """``M[1][2]``."""
+        indices: list[int] = []
+        for size in reversed(port.shape):
+            element, index = divmod(element, size)
+            indices.insert(0, index)
+        return port.name + "".join(f"[{index}]" for index in indices)
+
+    def unused(self, port: Port) -> str:
+        """A pattern that takes anything."""
+        return f"let _ = {port.name};"
+
+    def outcome(self, status: Status, value: Text) -> list[str]:
+        """An early return; NaN is no success."""
+        return [f"if !({value.within(SUM)} < 0.5) {{", f"    return Err(Failure::{_variant(status)});", "}"]
+
+
+def _variant(status: Status) -> str:
+    return "".join(word.capitalize() for word in status.failure.split())
+
+
+def _source(model: DerivedModel, identity: Identity, real: Real) -> str:
+    programs = programs_of(model)
+    used = {node.op for program in programs.values() for node in program.nodes}
+    failures = {_variant(p.status): p.status for p in programs.values() if p.status is not None}
+    return render(
+        "rust/lib.rs.j2",
+        identity=identity,
+        real="f64" if real == "double" else "f32",
+        n=model.spec.n,
+        b=model.b,
+        opening=_opening(model, identity),
+        failures=list(failures.items()),
+        helpers=[name for name, op in _HELPERS.items() if op in used],
+        functions=[_function(program, _Rust(real)) for program in programs.values()],
+    )
+
+
+def _opening(model: DerivedModel, identity: Identity) -> list[str]:
+    spec = model.spec
+    heading = title(spec)
+    lines = [*wrapped(f"{heading[0].upper()}{heading[1:]}."), ""]
+    lines += [*wrapped(spec.description), ""] if spec.description else []
+    lines += [f"* {name}: {plain(text)}" for name, text in facts(model, identity).items()]
+    parameters = listing(model)
+    lines += ["", *wrapped("Matrices are arrays of rows. No function has state, allocates or panics.")]
+    lines += ["", *wrapped(f"Base parameters `beta: [Real; B]`. {parameters.statement}"), "", "```text"]
+    lines += [
+        f"beta[{k}]  {p.name}  {p.unit or '-'}  {plain(str(p.expression))}" for k, p in enumerate(parameters.rows)
+    ]
+    return [*lines, "```"]
+
+
+def _type(port: Port) -> str:
+    shape = "Real"
+    for size in reversed(port.shape):
+        shape = f"[{shape}; {size}]"
+    return shape
+
+
+def _function(program: Program, target: _Rust) -> _Function:
+    inputs = [f"{port.name}: {'&' if port.shape else ''}{_type(port)}" for port in program.inputs]
+    outputs = program.data_outputs
+    types, names = [_type(port) for port in outputs], [port.name for port in outputs]
+    result, value = (types[0], names[0]) if len(outputs) == 1 else (f"({', '.join(types)})", f"({', '.join(names)})")
+    if program.status is not None:
+        result, value = f"Result<{result}, Failure>", f"Ok({value})"
+    return _Function(
+        signature=_signature(program.name, inputs, result),
+        explanation=tuple(_explanation(program)),
+        body=(*map(_initial, outputs), *print_body(program, target), value),
+    )
+
+
+def _signature(name: str, inputs: Sequence[str], result: str) -> str:
+    """On one line where that is short, else one argument a line."""
+    line = f"pub fn {name}({', '.join(inputs)}) -> {result}"
+    if len(line) <= _LONGEST_LINE or not inputs:
+        return line
+    return "\n".join([f"pub fn {name}(", *(f"        {each}," for each in inputs), f"    ) -> {result}"])
+
+
+def _initial(port: Port) -> str:
+    """The output before it is computed."""
+    zeros = "0.0"
+    for size in reversed(port.shape):
+        zeros = f"[{zeros}; {size}]"
+    return f"let mut {port.name} = {zeros};" if port.shape else f"let {port.name}: Real;"
+
+
+def _explanation(program: Program) -> list[str]:
+    lines = wrapped(program.summary or program.name.replace("_", " "))
+    if program.formula:
+        lines += ["", "```text", *(plain(line) for line in program.formula.splitlines()), "```"]
+    rows = [("argument", port) for port in program.inputs] + [("result", port) for port in program.data_outputs]
+    lines += [""] if rows else []
+    for word, port in rows:
+        told = ", ".join(plain(part) for part in (port.meaning, port.unit, port.frame) if part)
+        lines.append(f"* {word} `{port.name}`: {told}")
+    if program.status is not None:
+        lines += ["", f"Fails with [`Failure::{_variant(program.status)}`] where {program.status.meaning}."]
+    lines += ["", f"Operations: {count_operations(program)}."]
+    return lines + [line for note in program.notes for line in wrapped(note)]

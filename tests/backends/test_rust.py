@@ -1,0 +1,161 @@
+"""Rust: warning-free without the standard library, and the same numbers as the C."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backends.c_tools import IDENTITY
+from backends.planar import planar_model
+from pipeline.optimized import bundled
+from rrrgen import pipeline
+from rrrgen.backends.description import programs_of
+from rrrgen.backends.rust import RustBackend, _function, _Rust
+from rrrgen.errors import BackendError
+from rrrgen.program import Builder, Port
+
+RUSTC = shutil.which("rustc") or shutil.which("rustc", path=Path.home() / ".cargo" / "bin")
+needs_rustc = pytest.mark.skipif(RUSTC is None, reason="rustc is not installed")
+
+ROUNDING = {"double": 2e-13, "float": 2e-4}
+"""Relative to the largest element of an output: another sine and cosine, and fused operations, in the C."""
+
+STATES = 3
+
+
+def crate(model, real="double") -> dict[str, str]:
+    backend = RustBackend()
+    return backend.assemble(model, IDENTITY, [task() for task in backend.tasks(model, IDENTITY, real)])
+
+
+def compiled(folder: Path, source: str, *options: str) -> None:
+    """Compile ``source`` with the language of 2018 and every warning an error."""
+    command = [RUSTC, "--edition", "2018", "-D", "warnings", *options, "--out-dir", str(folder), str(folder / source)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+
+
+def literal(array) -> str:
+    """An array of any rank as Rust writes it."""
+    return f"{float(array)!r}" if np.ndim(array) == 0 else f"[{', '.join(map(literal, array))}]"
+
+
+def call(program, values) -> str:
+    arguments = [literal(x) if np.ndim(x) == 0 else f"&{literal(x)}" for x in values]
+    return f"Robot::{program.name}({', '.join(arguments)})"
+
+
+def numbers(line: str) -> np.ndarray:
+    return np.array([float(text) for text in re.findall(r"-?\d+(?:\.\d+)?(?:e-?\d+)?|NaN", line)])
+
+
+@needs_rustc
+@pytest.mark.parametrize(("name", "real"), [("rrr", "double"), ("scara", "double"), ("planar2r", "float")])
+def test_every_function_agrees_with_the_c(name, real, tmp_path):
+    model, programs = pipeline.compile(name, real=real), programs_of(bundled(name))
+    (tmp_path / "lib.rs").write_text(crate(bundled(name), real)["rust/src/lib.rs"], encoding="utf-8")
+    compiled(tmp_path, "lib.rs", "--crate-type", "rlib", "--crate-name", "robot", "--cfg", 'feature="std"')
+    rng = np.random.default_rng(5)
+    cases, lines = [], []
+    for program in programs.values():
+        for _ in range(STATES if program.inputs else 1):
+            values = [rng.uniform(-1, 1, port.shape).astype(model.engine.dtype) for port in program.inputs]
+            if program.status is not None:  # parameters for which M is positive definite
+                nominal = bundled(name).nominal
+                values = [
+                    np.array([float(x) for x in nominal[port.role]]) if port.role in nominal else value
+                    for port, value in zip(program.inputs, values, strict=True)
+                ]
+            cases.append((program, values))
+            lines.append(f'    println!("{{:?}}", {call(program, values)}{".unwrap()" if program.status else ""});')
+    main = ["type Robot = robot::Model<robot::Std>;", "fn main() {", *lines, "}", ""]
+    (tmp_path / "main.rs").write_text("\n".join(main), encoding="utf-8")
+    compiled(tmp_path, "main.rs", "-L", str(tmp_path), "--extern", f"robot={tmp_path}/librobot.rlib")
+    printed = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True).stdout.splitlines()
+    assert len(printed) == len(cases)
+    for (program, values), line in zip(cases, printed, strict=True):
+        if not program.inputs:  # constants, which the runtime takes from the model
+            expected = [np.array([float(x) for x in row]) for row in bundled(name).nominal.values()]
+        else:
+            results = model.engine.call(program.name, values)
+            expected = [each for k, each in enumerate(results) if not program.is_status(k)]
+        wanted = np.concatenate([np.ravel(each) for each in expected])
+        scale = max(1.0, float(np.abs(wanted).max()))
+        assert np.abs(numbers(line) - wanted).max() <= ROUNDING[real] * scale, program.name
+
+
+@needs_rustc
+def test_without_the_standard_library_and_with_failures(tmp_path):
+    """The crate compiles on core alone; a singular mass matrix is an error that says so."""
+    model = planar_model()
+    (tmp_path / "lib.rs").write_text(crate(model)["rust/src/lib.rs"], encoding="utf-8")
+    compiled(tmp_path, "lib.rs", "--crate-type", "rlib", "--crate-name", "bare", "--emit", "metadata")
+    compiled(tmp_path, "lib.rs", "--crate-type", "rlib", "--crate-name", "robot", "--cfg", 'feature="std"')
+    program = model.programs["forward_dynamics"]
+    singular = call(program, [np.zeros(port.shape) for port in program.inputs])
+    main = f'type Robot = robot::Model<robot::Std>;\nfn main() {{\n    println!("{{}}", {singular}.unwrap_err());\n}}\n'
+    (tmp_path / "main.rs").write_text(main, encoding="utf-8")
+    compiled(tmp_path, "main.rs", "-L", str(tmp_path), "--extern", f"robot={tmp_path}/librobot.rlib")
+    printed = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True).stdout
+    assert printed == "the mass matrix is not positive definite\n"
+
+
+def test_a_function_in_full():
+    b = Builder()
+    x = b.input(Port("x", (2, 2), "m", "base", "corners"))
+    b.input(Port("k", ()))
+    y = b.select(x[0], b.sin(x[1]) - 2, b.abs(x[3]))
+    program = b.program("corner", [(Port("y", (1, 2), "m"), [y, Fraction(1, 3)])], "The corner.", "y = [sin, 1/3]")
+    function = _function(program, _Rust("double"))
+    assert function.signature == "pub fn corner(x: &[[Real; 2]; 2], k: Real) -> [[Real; 2]; 1]"
+    assert function.explanation == (
+        "The corner.",
+        "",
+        "```text",
+        "y = [sin, 1/3]",
+        "```",
+        "",
+        "* argument `x`: corners, m, base",
+        "* argument `k`: ",
+        "* result `y`: m",
+        "",
+        "Operations: 0 mul, 1 add, 1 sincos, 2 other.",
+    )
+    assert function.body == (
+        "let mut y = [[0.0; 2]; 1];",
+        "let _ = k;",
+        "let (s_angle, _) = F::sin_cos(x[0][1]);",
+        "y[0][0] = if x[0][0] > 0.0 { s_angle - 2.0 } else { abs(x[1][1]) };",
+        "y[0][1] = 0.33333333333333331;",
+        "y",
+    )
+
+
+def test_constants_that_no_float_holds_are_refused():
+    with pytest.raises(BackendError, match="does not fit a float"):
+        _Rust("float").literal(Fraction(10) ** 39)
+
+
+def test_generate_prints_rust_when_asked():
+    model = bundled("planar2r")
+    files = pipeline.emit(model, languages=("rust",))
+    assert {"rust/Cargo.toml", "rust/src/lib.rs"} <= files.keys()
+    assert files["rust/src/lib.rs"] == crate_of(model, files)
+    assert 'name = "planar2r_model"' in files["rust/Cargo.toml"]
+    assert not any(name.startswith("rust/") for name in pipeline.emit(model))
+
+
+def crate_of(model, files) -> str:
+    """The same source with the identity that ``generate`` writes."""
+    from rrrgen.output.manifest import identify
+
+    backend = RustBackend()
+    (text,) = [task() for task in backend.tasks(model, identify(model.spec), "double")]
+    assert '"rust/src/lib.rs"' in files["manifest.json"]
+    return text
