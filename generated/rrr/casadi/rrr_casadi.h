@@ -56,7 +56,7 @@ extern "C" {
 
 /*
  * Pose of the tip.
- * T = T_base A_1(q_1) ... A_n(q_n) T_tool   (14.5)
+ * T = T_base A_1(q_1) ... A_n(q_n) T_tool (14.5)
  * arg[0] q: 3, rad, joint positions
  * res[0] T: 4x4, -, m, base frame, homogeneous transform of the tip
  */
@@ -250,7 +250,7 @@ RRR_CASADI_DECLARE(adj1_rrr_casadi_gravity_nominal);
 
 /*
  * Joint torques of the rigid body with drive inertia.
- * tau = M(q) ddq + c(q, dq) + g(q)   (14.6)
+ * tau = M(q) ddq + c(q, dq) + g(q) (14.6)
  * arg[0] q: 3, rad, joint positions
  * arg[1] dq: 3, rad/s, joint velocities
  * arg[2] ddq: 3, rad/s^2, joint accelerations
@@ -276,7 +276,7 @@ RRR_CASADI_DECLARE(adj1_rrr_casadi_inverse_dynamics);
 
 /*
  * Joint torques of the rigid body with drive inertia, with the parameters of the robot file.
- * tau = M(q) ddq + c(q, dq) + g(q)   (14.6)
+ * tau = M(q) ddq + c(q, dq) + g(q) (14.6)
  * arg[0] q: 3, rad, joint positions
  * arg[1] dq: 3, rad/s, joint velocities
  * arg[2] ddq: 3, rad/s^2, joint accelerations
@@ -364,7 +364,7 @@ RRR_CASADI_DECLARE(fwd1_adj1_rrr_casadi_forward_dynamics_nominal);
 
 /*
  * Kinetic and potential energy.
- * E = [dq' M dq / 2, U(q)],  g = dU/dq
+ * E = [dq' M dq / 2, U(q)], g = dU/dq
  * arg[0] q: 3, rad, joint positions
  * arg[1] dq: 3, rad/s, joint velocities
  * arg[2] beta: 15, SI, base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
@@ -389,7 +389,7 @@ RRR_CASADI_DECLARE(adj1_rrr_casadi_energy);
 
 /*
  * Kinetic and potential energy, with the parameters of the robot file.
- * E = [dq' M dq / 2, U(q)],  g = dU/dq
+ * E = [dq' M dq / 2, U(q)], g = dU/dq
  * arg[0] q: 3, rad, joint positions
  * arg[1] dq: 3, rad/s, joint velocities
  * res[0] E: 2, J, kinetic energy, potential energy (up to a constant)

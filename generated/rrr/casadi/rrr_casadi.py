@@ -80,17 +80,17 @@ def forward_kinematics():
     """
     q = ca.SX.sym("q", 3, 1)
     [q1, q2, q3] = _rows(q)
-    c1 = ca.cos(q1)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
     s1 = ca.sin(q1)
-    c2 = ca.cos(q2)
-    t2 = 0.2*c2 + 0.415*c23
+    c1 = ca.cos(q1)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
     s2 = ca.sin(q2)
+    c2 = ca.cos(q2)
+    t1 = 0.2*c2 + 0.415*c23
     T = _matrix(4, 4, [
-        c1*c23, -c1*s23, s1, c1*t2 + 0.259*s1,
-        c23*s1, -s23*s1, -c1, s1*t2 - 0.259*c1,
+        c1*c23, -c1*s23, s1, c1*t1 + 0.259*s1,
+        c23*s1, -s23*s1, -c1, s1*t1 - 0.259*c1,
         s23, c23, 0, 0.2*s2 + 0.56 + 0.415*s23,
         0, 0, 0, 1,
     ])
@@ -108,18 +108,18 @@ def link_frames():
     """
     q = ca.SX.sym("q", 3, 1)
     [q1, q2, q3] = _rows(q)
-    c1 = ca.cos(q1)
     s1 = ca.sin(q1)
+    c1 = ca.cos(q1)
     t1 = -c1
+    s2 = ca.sin(q2)
     c2 = ca.cos(q2)
     t2 = c1*c2
-    s2 = ca.sin(q2)
     t3 = s1*c2
     t4 = 0.2*s2 + 0.56
-    t5 = q2 + q3
-    c23 = ca.cos(t5)
-    s23 = ca.sin(t5)
-    t6 = 0.2*(c2 + 2.075*c23)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t5 = 0.2*(c2 + 2.075*c23)
     T = _matrix(12, 4, [
         c1, 0, s1, 0,
         s1, 0, t1, 0,
@@ -129,8 +129,8 @@ def link_frames():
         t3, -s1*s2, t1, 0.2*t3 - 0.169*c1,
         s2, c2, 0, t4,
         0, 0, 0, 1,
-        c1*c23, -c1*s23, s1, c1*t6 + 0.259*s1,
-        s1*c23, -s1*s23, t1, s1*t6 - 0.259*c1,
+        c1*c23, -c1*s23, s1, c1*t5 + 0.259*s1,
+        s1*c23, -s1*s23, t1, s1*t5 - 0.259*c1,
         s23, c23, 0, t4 + 0.415*s23,
         0, 0, 0, 1,
     ])
@@ -148,25 +148,25 @@ def jacobian():
     """
     q = ca.SX.sym("q", 3, 1)
     [q1, q2, q3] = _rows(q)
-    c1 = ca.cos(q1)
-    c2 = ca.cos(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    t2 = c2 + 2.075*c23
     s1 = ca.sin(q1)
-    t3 = 0.2*s1
+    c1 = ca.cos(q1)
     s2 = ca.sin(q2)
-    s23 = ca.sin(t1)
-    t4 = s2 + 2.075*s23
-    t5 = 0.2*c1
-    t6 = 0.415*s23
-    t7 = -c1
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = c2 + 2.075*c23
+    t2 = 0.2*s1
+    t3 = s2 + 2.075*s23
+    t4 = 0.2*c1
+    t5 = 0.415*s23
+    t6 = -c1
     J = _matrix(6, 3, [
-        0.259*c1 - t2*t3, -t4*t5, -c1*t6,
-        0.259*s1 + t2*t5, -t3*t4, -s1*t6,
-        0, 0.2*t2, 0.415*c23,
+        0.259*c1 - t1*t2, -t3*t4, -c1*t5,
+        0.259*s1 + t1*t4, -t2*t3, -s1*t5,
+        0, 0.2*t1, 0.415*c23,
         0, s1, s1,
-        0, t7, t7,
+        0, t6, t6,
         1, 0, 0,
     ])
     return ca.Function("rrr_casadi_jacobian", [q], [J], ["q"], ["J"])
@@ -184,32 +184,32 @@ def kinematics():
     """
     q = ca.SX.sym("q", 3, 1)
     [q1, q2, q3] = _rows(q)
-    c1 = ca.cos(q1)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = c1*s23
     s1 = ca.sin(q1)
-    c2 = ca.cos(q2)
-    t3 = 0.2*(c2 + 2.075*c23)
-    t4 = c1*t3 + 0.259*s1
-    t5 = s23*s1
-    t6 = -c1
-    t7 = s1*t3 - 0.259*c1
+    c1 = ca.cos(q1)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = c1*s23
     s2 = ca.sin(q2)
-    t8 = 0.2*(s2 + 2.075*s23)
+    c2 = ca.cos(q2)
+    t2 = 0.2*(c2 + 2.075*c23)
+    t3 = c1*t2 + 0.259*s1
+    t4 = s23*s1
+    t5 = -c1
+    t6 = s1*t2 - 0.259*c1
+    t7 = 0.2*(s2 + 2.075*s23)
     T = _matrix(4, 4, [
-        c1*c23, -t2, s1, t4,
-        c23*s1, -t5, t6, t7,
-        s23, c23, 0, t8 + 0.56,
+        c1*c23, -t1, s1, t3,
+        c23*s1, -t4, t5, t6,
+        s23, c23, 0, t7 + 0.56,
         0, 0, 0, 1,
     ])
     J = _matrix(6, 3, [
-        -t7, -c1*t8, -0.415*t2,
-        t4, -s1*t8, -0.415*t5,
-        0, t3, 0.415*c23,
+        -t6, -c1*t7, -0.415*t1,
+        t3, -s1*t7, -0.415*t4,
+        0, t2, 0.415*c23,
         0, s1, s1,
-        0, t6, t6,
+        0, t5, t5,
         1, 0, 0,
     ])
     return ca.Function("rrr_casadi_kinematics", [q], [T, J], ["q"], ["T", "J"])
@@ -229,27 +229,27 @@ def jacobian_dot_dq():
     dq = ca.SX.sym("dq", 3, 1)
     [q1, q2, q3] = _rows(q)
     [dq1, dq2, dq3] = _rows(dq)
+    s1 = ca.sin(q1)
     c1 = ca.cos(q1)
+    s2 = ca.sin(q2)
     c2 = ca.cos(q2)
     t1 = dq1*dq1
     t2 = dq2*dq2
-    t3 = q2 + q3
-    c23 = ca.cos(t3)
-    t4 = dq2 + dq3
-    t5 = t4*t4
-    t6 = 0.2*(c2*(t1 + t2) + 2.075*c23*(t1 + t5))
-    s1 = ca.sin(q1)
-    t7 = dq1*s1
-    s2 = ca.sin(q2)
-    s23 = ca.sin(t3)
-    t8 = 0.259*(dq1 - 1.5444015444015444*(dq2*s2 + t4*(2.075*s23)))
-    t9 = dq1*c1
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t3 = dq2 + dq3
+    t4 = t3*t3
+    t5 = 0.2*(c2*(t1 + t2) + 2.075*c23*(t1 + t4))
+    t6 = dq1*s1
+    t7 = 0.259*(dq1 - 1.5444015444015444*(dq2*s2 + 2.075*s23*t3))
+    t8 = dq1*c1
     a = _matrix(6, 1, [
-        -(c1*t6 + t7*t8),
-        t8*t9 - t6*s1,
-        -(t2*(0.2*s2) + t5*(0.415*s23)),
-        t4*t9,
-        t4*t7,
+        -(c1*t5 + t6*t7),
+        t7*t8 - t5*s1,
+        -(0.2*s2*t2 + 0.415*s23*t4),
+        t3*t8,
+        t3*t6,
         0,
     ])
     return ca.Function("rrr_casadi_jacobian_dot_dq", [q, dq], [a], ["q", "dq"], ["a"])
@@ -270,21 +270,20 @@ def mass_matrix():
     [q1, q2, q3] = _rows(q)
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = beta7 + (c2*(beta1*c2 + beta2*s2) + c23*(beta5*c23 - beta6*s23))
-    t3 = c2*(beta3*c23 - beta4*s23)
-    t4 = beta8*c23 + beta9*s23
-    t5 = t4 + (beta10*c2 + beta11*s2)
-    t6 = t3 + s2*(beta4*c23 + beta3*s23)
-    t7 = beta13 + 0.2*t6
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = c2*(beta3*c23 - beta4*s23)
+    t2 = beta8*c23 + beta9*s23
+    t3 = beta10*c2 + beta11*s2 + t2
+    t4 = t1 + s2*(beta4*c23 + beta3*s23)
+    t5 = beta13 + 0.2*t4
     M = _matrix(3, 3, [
-        t2 + 0.4*t3, t5, t4,
-        t5, beta12 + 0.4*t6, t7,
-        t4, t7, beta13,
+        c2*(beta1*c2 + beta2*s2) + c23*(beta5*c23 - beta6*s23) + beta7 + 0.4*t1, t3, t2,
+        t3, beta12 + 0.4*t4, t5,
+        t2, t5, beta13,
     ])
     return ca.Function("rrr_casadi_mass_matrix", [q, beta], [M], ["q", "beta"], ["M"])
 
@@ -300,21 +299,21 @@ def mass_matrix_nominal():
     """
     q = ca.SX.sym("q", 3, 1)
     [q1, q2, q3] = _rows(q)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = 0.2696*c2*(c2 + 0.02967359050445104*s2) + 0.8531086 - 0.001*c23*(s23 - 67.2*(c2 + 0.4739583333333333*c23))
-    t3 = c23 + 33.526153846153846*s23
-    t4 = -0.0013*(t3 + 3.076923076923077*(c2 + 74.861*s2))
-    t5 = -0.0013*t3
-    t6 = c2*c23 + s2*s23
-    t7 = 0.0336*t6 + 0.03637
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = 0.001*c23*(s23 - 67.2*(c2 + 0.47395833333333331*c23))
+    t2 = c23 + 33.526153846153846*s23
+    t3 = -0.0013*(t2 + 3.0769230769230771*(c2 + 74.861*s2))
+    t4 = -0.0013*t2
+    t5 = c2*c23 + s2*s23
+    t6 = 0.0336*t5 + 0.03637
     M = _matrix(3, 3, [
-        t2, t4, t5,
-        t4, 0.0672*t6 + 0.38897, t7,
-        t5, t7, 0.03637,
+        0.2696*c2*(c2 + 0.02967359050445104*s2) + 0.8531086 - t1, t3, t4,
+        t3, 0.0672*t5 + 0.38897, t6,
+        t4, t6, 0.03637,
     ])
     return ca.Function("rrr_casadi_mass_matrix_nominal", [q], [M], ["q"], ["M"])
 
@@ -337,24 +336,24 @@ def coriolis_matrix():
     [dq1, dq2, dq3] = _rows(dq)
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = s2*(beta3*c23 - beta4*s23)
-    t3 = beta2*(c2*c2 - 0.5) - (0.2*t2 + beta1*(c2*s2))
-    t4 = dq2 + dq3
-    t5 = c2*(beta4*c23 + beta3*s23)
-    t6 = c23*(beta6*c23 + beta5*s23) + 0.2*(t5 - 2.5*beta6)
-    t7 = dq1*t6
-    t8 = t4*(beta9*c23 - beta8*s23) - t7
-    t9 = dq1*t3
-    t10 = 0.2*(t5 - t2)
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = s2*(beta3*c23 - beta4*s23)
+    t2 = beta2*(c2*c2 - 0.5) - (0.2*t1 + c2*s2*beta1)
+    t3 = dq2 + dq3
+    t4 = c2*(beta4*c23 + beta3*s23)
+    t5 = c23*(beta6*c23 + beta5*s23) + 0.2*(t4 - 2.5*beta6)
+    t6 = dq1*t5
+    t7 = t3*(beta9*c23 - beta8*s23) - t6
+    t8 = dq1*t2
+    t9 = 0.2*(t4 - t1)
     C = _matrix(3, 3, [
-        dq2*t3 - t4*t6, t9 + (t8 + dq2*(beta11*c2 - beta10*s2)), t8,
-        t7 - t9, t10*(dq2 - t4), -t4*t10,
-        t7, dq2*t10, 0,
+        dq2*t2 - t3*t5, t7 + dq2*(beta11*c2 - beta10*s2) + t8, t7,
+        t6 - t8, t9*(dq2 - t3), -t3*t9,
+        t6, dq2*t9, 0,
     ])
     return ca.Function("rrr_casadi_coriolis_matrix", [q, dq, beta], [C], ["q", "dq", "beta"], ["C"])
 
@@ -373,24 +372,24 @@ def coriolis_matrix_nominal():
     dq = ca.SX.sym("dq", 3, 1)
     [q1, q2, q3] = _rows(q)
     [dq1, dq2, dq3] = _rows(dq)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = s2*(0.168*c23)
-    t3 = 0.008*(c2*c2 - 0.5) - (0.2*t2 + 0.2696*(c2*s2))
-    t4 = dq2 + dq3
-    t5 = c2*(0.168*s23)
-    t6 = c23*(0.001*c23 + 0.03185*s23) + 0.2*(t5 - 0.0025)
-    t7 = dq1*t6
-    t8 = t4*(0.0013*s23 - 0.043584*c23) - t7
-    t9 = dq1*t3
-    t10 = 0.2*(t5 - t2)
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = 0.168*c23*s2
+    t2 = 0.008*(c2*c2 - 0.5) - (0.2*t1 + 0.2696*(c2*s2))
+    t3 = dq2 + dq3
+    t4 = 0.168*s23*c2
+    t5 = c23*(0.001*c23 + 0.03185*s23) + 0.2*(t4 - 0.0025)
+    t6 = dq1*t5
+    t7 = t3*(0.0013*s23 - 0.043584*c23) - t6
+    t8 = dq1*t2
+    t9 = 0.2*(t4 - t1)
     C = _matrix(3, 3, [
-        dq2*t3 - t4*t6, t9 + (t8 + dq2*(0.004*s2 - 0.299444*c2)), t8,
-        t7 - t9, t10*(dq2 - t4), -t4*t10,
-        t7, dq2*t10, 0,
+        dq2*t2 - t3*t5, t7 + dq2*(0.004*s2 - 0.299444*c2) + t8, t7,
+        t6 - t8, t9*(dq2 - t3), -t3*t9,
+        t6, dq2*t9, 0,
     ])
     return ca.Function("rrr_casadi_coriolis_matrix_nominal", [q, dq], [C], ["q", "dq"], ["C"])
 
@@ -413,26 +412,26 @@ def coriolis():
     [dq1, dq2, dq3] = _rows(dq)
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = s2*(beta3*c23 - beta4*s23)
-    t3 = 0.2*(2.5*beta2 + t2) - c2*(beta2*c2 - beta1*s2)
-    t4 = dq2 + dq3
-    t5 = c2*(beta4*c23 + beta3*s23)
-    t6 = c23*(beta6*c23 + beta5*s23) + 0.2*(t5 - 2.5*beta6)
-    t7 = dq2*dq2
-    t8 = (dq1 + dq1)*(dq2*t3 + t4*t6) + (beta10*s2 - beta11*c2)*t7
-    t9 = t4*t4
-    t10 = dq1*dq1
-    t11 = 0.2*(t5 - t2)
-    t12 = t6*t10 + t7*t11
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = s2*(beta3*c23 - beta4*s23)
+    t2 = 0.2*(2.5*beta2 + t1) - c2*(beta2*c2 - beta1*s2)
+    t3 = dq2 + dq3
+    t4 = c2*(beta4*c23 + beta3*s23)
+    t5 = c23*(beta6*c23 + beta5*s23) + 0.2*(t4 - 2.5*beta6)
+    t6 = dq2*dq2
+    t7 = t3*t3
+    t8 = (dq1 + dq1)*(dq2*t2 + t3*t5) + (beta10*s2 - beta11*c2)*t6 + (beta8*s23 - beta9*c23)*t7
+    t9 = dq1*dq1
+    t10 = 0.2*(t4 - t1)
+    t11 = t5*t9 + t6*t10
     c = _matrix(3, 1, [
-        -(t8 + (beta8*s23 - beta9*c23)*t9),
-        t12 + t3*t10 - t9*t11,
-        t12,
+        -t8,
+        t11 + t2*t9 - t7*t10,
+        t11,
     ])
     return ca.Function("rrr_casadi_coriolis", [q, dq, beta], [c], ["q", "dq", "beta"], ["c"])
 
@@ -451,26 +450,26 @@ def coriolis_nominal():
     dq = ca.SX.sym("dq", 3, 1)
     [q1, q2, q3] = _rows(q)
     [dq1, dq2, dq3] = _rows(dq)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = s2*(0.168*c23)
-    t3 = 0.2*(t2 + 0.02) - c2*(0.008*c2 - 0.2696*s2)
-    t4 = dq2 + dq3
-    t5 = c2*(0.168*s23)
-    t6 = c23*(0.001*c23 + 0.03185*s23) + 0.2*(t5 - 0.0025)
-    t7 = dq2*dq2
-    t8 = (dq1 + dq1)*(dq2*t3 + t4*t6) + (0.299444*c2 - 0.004*s2)*t7
-    t9 = t4*t4
-    t10 = dq1*dq1
-    t11 = 0.2*(t5 - t2)
-    t12 = t6*t10 + t7*t11
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = 0.168*c23*s2
+    t2 = 0.2*(t1 + 0.02) - c2*(0.008*c2 - 0.2696*s2)
+    t3 = dq2 + dq3
+    t4 = 0.168*s23*c2
+    t5 = c23*(0.001*c23 + 0.03185*s23) + 0.2*(t4 - 0.0025)
+    t6 = dq2*dq2
+    t7 = t3*t3
+    t8 = (dq1 + dq1)*(dq2*t2 + t3*t5) + (0.299444*c2 - 0.004*s2)*t6
+    t9 = dq1*dq1
+    t10 = 0.2*(t4 - t1)
+    t11 = t5*t9 + t6*t10
     c = _matrix(3, 1, [
-        -(t8 + (0.043584*c23 - 0.0013*s23)*t9),
-        t12 + t3*t10 - t9*t11,
-        t12,
+        -(t8 + (0.043584*c23 - 0.0013*s23)*t7),
+        t11 + t2*t9 - t7*t10,
+        t11,
     ])
     return ca.Function("rrr_casadi_coriolis_nominal", [q, dq], [c], ["q", "dq"], ["c"])
 
@@ -493,20 +492,20 @@ def coriolis_transpose():
     [dq1, dq2, dq3] = _rows(dq)
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = s2*(beta3*c23 - beta4*s23)
-    t3 = c2*(beta4*c23 + beta3*s23)
-    t4 = dq2 + dq3
-    t5 = dq1*(c23*(beta6*c23 + beta5*s23) + 0.2*(t3 - 2.5*beta6)) - t4*(beta9*c23 - beta8*s23)
-    t6 = dq1*(c2*(beta2*c2 - beta1*s2) - 0.2*(2.5*beta2 + t2)) + (dq2*(beta11*c2 - beta10*s2) - t5)
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = s2*(beta3*c23 - beta4*s23)
+    t2 = c2*(beta4*c23 + beta3*s23)
+    t3 = dq2 + dq3
+    t4 = dq1*(c23*(beta6*c23 + beta5*s23) + 0.2*(t2 - 2.5*beta6)) - t3*(beta9*c23 - beta8*s23)
+    t5 = dq2*(beta11*c2 - beta10*s2) - t4 + dq1*(c2*(beta2*c2 - beta1*s2) - 0.2*(2.5*beta2 + t1))
     p = _matrix(3, 1, [
         0,
-        dq1*t6,
-        -(dq1*t5 + t4*(0.2*dq2)*(t3 - t2)),
+        dq1*t5,
+        -(dq1*t4 + 0.2*dq2*t3*(t2 - t1)),
     ])
     return ca.Function("rrr_casadi_coriolis_transpose", [q, dq, beta], [p], ["q", "dq", "beta"], ["p"])
 
@@ -525,20 +524,20 @@ def coriolis_transpose_nominal():
     dq = ca.SX.sym("dq", 3, 1)
     [q1, q2, q3] = _rows(q)
     [dq1, dq2, dq3] = _rows(dq)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = s2*(0.168*c23)
-    t3 = c2*(0.168*s23)
-    t4 = dq2 + dq3
-    t5 = dq1*(c23*(0.001*c23 + 0.03185*s23) + 0.2*(t3 - 0.0025)) - t4*(0.0013*s23 - 0.043584*c23)
-    t6 = dq1*(c2*(0.008*c2 - 0.2696*s2) - 0.2*(t2 + 0.02)) + (dq2*(0.004*s2 - 0.299444*c2) - t5)
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = 0.168*c23*s2
+    t2 = 0.168*s23*c2
+    t3 = dq2 + dq3
+    t4 = dq1*(c23*(0.001*c23 + 0.03185*s23) + 0.2*(t2 - 0.0025)) - t3*(0.0013*s23 - 0.043584*c23)
+    t5 = dq2*(0.004*s2 - 0.299444*c2) - t4 + dq1*(c2*(0.008*c2 - 0.2696*s2) - 0.2*(t1 + 0.02))
     p = _matrix(3, 1, [
         0,
-        dq1*t6,
-        -(dq1*t5 + t4*(0.2*dq2)*(t3 - t2)),
+        dq1*t5,
+        -(dq1*t4 + 0.2*dq2*t3*(t2 - t1)),
     ])
     return ca.Function("rrr_casadi_coriolis_transpose_nominal", [q, dq], [p], ["q", "dq"], ["p"])
 
@@ -558,16 +557,16 @@ def gravity():
     [q1, q2, q3] = _rows(q)
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = c23*beta3 - s23*beta4
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = c23*beta3 - s23*beta4
     g = _matrix(3, 1, [
         0,
-        9.81*(t2 + (c2*beta14 - s2*beta15)),
-        9.81*t2,
+        9.81*(c2*beta14 - s2*beta15 + t1),
+        9.81*t1,
     ])
     return ca.Function("rrr_casadi_gravity", [q, beta], [g], ["q", "beta"], ["g"])
 
@@ -613,27 +612,25 @@ def bias():
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
     t1 = dq2 + dq3
-    t2 = q2 + q3
-    c23 = ca.cos(t2)
-    s23 = ca.sin(t2)
-    c2 = ca.cos(q2)
-    t3 = 0.2*c2*(beta4*c23 + beta3*s23)
-    t4 = c23*(beta6*c23 + beta5*s23) + t3
-    t5 = beta6 - (t4 + t4)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
     s2 = ca.sin(q2)
-    t6 = beta3*c23 - beta4*s23
-    t7 = 0.2*s2*t6
-    t8 = t7 - c2*(beta2*c2 - beta1*s2)
-    t9 = beta2 + (t8 + t8)
-    t10 = t1*(dq1*t5 - t1*(beta8*s23 - beta9*c23)) - dq2*(dq1*t9 + dq2*(beta10*s2 - beta11*c2))
-    t11 = t3 - t7
-    t12 = dq2*dq2*t11 + 9.81*t6
-    t13 = 0.5*(dq1*dq1)
-    t14 = 9.81*(beta14*c2 - beta15*s2) + t12 - t11*(t1*t1) - (t5 - t9)*t13
+    c2 = ca.cos(q2)
+    t2 = 0.2*c2*(beta4*c23 + beta3*s23)
+    t3 = c23*(beta6*c23 + beta5*s23) + t2
+    t4 = beta6 - (t3 + t3)
+    t5 = beta3*c23 - beta4*s23
+    t6 = 0.2*s2*t5
+    t7 = t6 - c2*(beta2*c2 - beta1*s2)
+    t8 = t7 + t7 + beta2
+    t9 = t2 - t6
+    t10 = dq2*dq2*t9 + 9.81*t5
+    t11 = 0.5*(dq1*dq1)
     h = _matrix(3, 1, [
-        t10,
-        t14,
-        t12 - t5*t13,
+        t1*(dq1*t4 - t1*(beta8*s23 - beta9*c23)) - dq2*(dq1*t8 + dq2*(beta10*s2 - beta11*c2)),
+        9.81*(beta14*c2 - beta15*s2) + t10 - t1*t1*t9 - (t4 - t8)*t11,
+        t10 - t4*t11,
     ])
     return ca.Function("rrr_casadi_bias", [q, dq, beta], [h], ["q", "dq", "beta"], ["h"])
 
@@ -653,25 +650,25 @@ def bias_nominal():
     [q1, q2, q3] = _rows(q)
     [dq1, dq2, dq3] = _rows(dq)
     t1 = dq2 + dq3
-    t2 = q2 + q3
-    c23 = ca.cos(t2)
-    s23 = ca.sin(t2)
-    c2 = ca.cos(q2)
-    t3 = 0.2*c2*(0.168*s23)
-    t4 = c23*(0.001*c23 + 0.03185*s23) + t3
-    t5 = 0.001 - (t4 + t4)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
     s2 = ca.sin(q2)
-    t6 = 0.2*s2*(0.168*c23)
-    t7 = t6 - c2*(0.008*c2 - 0.2696*s2)
-    t8 = 0.008 + (t7 + t7)
-    t9 = t1*(dq1*t5 - t1*(0.043584*c23 - 0.0013*s23)) - dq2*(dq1*t8 + dq2*(0.299444*c2 - 0.004*s2))
-    t10 = t3 - t6
-    t11 = dq2*dq2*t10 + 1.64808*c23
-    t12 = 0.5*(dq1*dq1)
+    c2 = ca.cos(q2)
+    t2 = 0.2*c2*(0.168*s23)
+    t3 = c23*(0.001*c23 + 0.03185*s23) + t2
+    t4 = 0.001 - (t3 + t3)
+    t5 = 0.2*s2*(0.168*c23)
+    t6 = t5 - c2*(0.008*c2 - 0.2696*s2)
+    t7 = t6 + t6 + 0.008
+    t8 = t1*(dq1*t4 - t1*(0.043584*c23 - 0.0013*s23))
+    t9 = t2 - t5
+    t10 = dq2*dq2*t9 + 1.64808*c23
+    t11 = 0.5*(dq1*dq1)
     h = _matrix(3, 1, [
-        t9,
-        15.06816*c2 + t11 - t10*(t1*t1) - (t5 - t8)*t12,
-        t11 - t5*t12,
+        t8 - dq2*(dq1*t7 + dq2*(0.299444*c2 - 0.004*s2)),
+        15.06816*c2 + t10 - t1*t1*t9 - (t4 - t7)*t11,
+        t10 - t4*t11,
     ])
     return ca.Function("rrr_casadi_bias_nominal", [q, dq], [h], ["q", "dq"], ["h"])
 
@@ -696,49 +693,49 @@ def dynamics_terms():
     [dq1, dq2, dq3] = _rows(dq)
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
+    c2 = ca.cos(q2)
     t1 = beta1*c2 + beta2*s2
-    t2 = q2 + q3
-    c23 = ca.cos(t2)
-    s23 = ca.sin(t2)
-    t3 = beta5*c23 - beta6*s23
-    t4 = c2*t1 + c23*t3
-    t5 = beta3*c23 - beta4*s23
-    t6 = 0.2*c2
-    t7 = t5*t6
-    t8 = t4 + (t7 + t7)
-    t9 = beta8*c23 + beta9*s23
-    t10 = t9 + (beta10*c2 + beta11*s2)
-    t11 = beta4*c23 + beta3*s23
-    t12 = 0.2*s2
-    t13 = t11*t12
-    t14 = beta13 + (t7 + t13)
-    t15 = t5*t12
-    t16 = s2*t1 + t15
-    t17 = beta2 - (t16 + t16)
-    t18 = dq2 + dq3
-    t19 = t6*t11
-    t20 = s23*t3 + t19
-    t21 = beta6 + (t20 + t20)
-    t22 = dq2*(dq1*t17 - dq2*(beta10*s2 - beta11*c2)) - t18*(dq1*t21 + t18*(beta8*s23 - beta9*c23))
-    t23 = t15 - t19
-    t24 = dq1*dq1
-    t25 = t21*t24 - t23*(dq2*(dq2 + dq2))
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t2 = beta5*c23 - beta6*s23
+    t3 = c2*t1 + c23*t2
+    t4 = beta3*c23 - beta4*s23
+    t5 = 0.2*c2
+    t6 = t4*t5
+    t7 = t6 + t6 + t3
+    t8 = beta8*c23 + beta9*s23
+    t9 = beta10*c2 + beta11*s2 + t8
+    t10 = beta4*c23 + beta3*s23
+    t11 = 0.2*s2
+    t12 = t10*t11
+    t13 = t6 + t12 + beta13
+    t14 = t4*t11
+    t15 = s2*t1 + t14
+    t16 = beta2 - (t15 + t15)
+    t17 = dq2 + dq3
+    t18 = t5*t10
+    t19 = s23*t2 + t18
+    t20 = t19 + t19 + beta6
+    t21 = dq2*(dq1*t16 - dq2*(beta10*s2 - beta11*c2))
+    t22 = t14 - t18
+    t23 = dq1*dq1
+    t24 = t20*t23 - dq2*(dq2 + dq2)*t22
     M = _matrix(3, 3, [
-        beta7 + t8, t10, t9,
-        t10, beta12 + t8 + (t13 + t13) - t4, t14,
-        t9, t14, beta13,
+        beta7 + t7, t9, t8,
+        t9, beta12 + t7 + (t12 + t12) - t3, t13,
+        t8, t13, beta13,
     ])
     c = _matrix(3, 1, [
-        t22,
-        t18*t18*t23 - 0.5*(t17*t24 - t25),
-        0.5*t25,
+        t21 - t17*(dq1*t20 + t17*(beta8*s23 - beta9*c23)),
+        t17*t17*t22 - 0.5*(t16*t23 - t24),
+        0.5*t24,
     ])
     g = _matrix(3, 1, [
         0,
-        9.81*(t5 + (beta14*c2 - beta15*s2)),
-        9.81*t5,
+        9.81*(beta14*c2 - beta15*s2 + t4),
+        9.81*t4,
     ])
     return ca.Function("rrr_casadi_dynamics_terms", [q, dq, beta], [M, c, g], ["q", "dq", "beta"], ["M", "c", "g"])
 
@@ -759,52 +756,51 @@ def dynamics_terms_nominal():
     dq = ca.SX.sym("dq", 3, 1)
     [q1, q2, q3] = _rows(q)
     [dq1, dq2, dq3] = _rows(dq)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
+    c2 = ca.cos(q2)
     t1 = 0.2696*c2 + 0.008*s2
-    t2 = q2 + q3
-    c23 = ca.cos(t2)
-    s23 = ca.sin(t2)
-    t3 = 0.03185*c23 - 0.001*s23
-    t4 = c2*t1 + c23*t3
-    t5 = 0.168*c23
-    t6 = 0.2*c2
-    t7 = t5*t6
-    t8 = t4 + (t7 + t7)
-    t9 = 0.0013*c23 + 0.043584*s23
-    t10 = -(t9 + 0.004*(c2 + 74.861*s2))
-    t11 = -t9
-    t12 = 0.168*s23
-    t13 = 0.2*s2
-    t14 = t12*t13
-    t15 = t7 + t14 + 0.03637
-    t16 = t5*t13
-    t17 = s2*t1 + t16
-    t18 = dq2 + dq3
-    t19 = t6*t12
-    t20 = s23*t3 + t19
-    t21 = (dq1 + dq1)*(dq2*t17 + t18*t20 - 0.004*(dq2 - 0.125*t18))
-    t22 = dq2*dq2
-    t23 = t18*t18
-    t24 = t21 + (0.299444*c2 - 0.004*s2)*t22 + (0.043584*c23 - 0.0013*s23)*t23
-    t25 = t16 - t19
-    t26 = dq1*dq1
-    t27 = t20*t26 - t22*t25
-    t28 = 1.64808*c23
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t2 = 0.03185*c23 - 0.001*s23
+    t3 = c2*t1 + c23*t2
+    t4 = 0.168*c23
+    t5 = 0.2*c2
+    t6 = t4*t5
+    t7 = t6 + t6 + t3
+    t8 = 0.0013*c23 + 0.043584*s23
+    t9 = -(t8 + 0.004*(c2 + 74.861*s2))
+    t10 = -t8
+    t11 = 0.168*s23
+    t12 = 0.2*s2
+    t13 = t11*t12
+    t14 = t6 + t13 + 0.03637
+    t15 = t4*t12
+    t16 = s2*t1 + t15
+    t17 = dq2 + dq3
+    t18 = t5*t11
+    t19 = s23*t2 + t18
+    t20 = dq2*dq2
+    t21 = t17*t17
+    t22 = (dq1 + dq1)*(dq2*t16 + t17*t19 - 0.004*(dq2 - 0.125*t17)) + (0.299444*c2 - 0.004*s2)*t20
+    t23 = t15 - t18
+    t24 = dq1*dq1
+    t25 = t19*t24 - t20*t23
+    t26 = 1.64808*c23
     M = _matrix(3, 3, [
-        t8 + 0.8531086, t10, t11,
-        t10, t8 + 0.38897 + (t14 + t14) - t4, t15,
-        t11, t15, 0.03637,
+        t7 + 0.8531086, t9, t10,
+        t9, t7 + 0.38897 + (t13 + t13) - t3, t14,
+        t10, t14, 0.03637,
     ])
     c = _matrix(3, 1, [
-        -t24,
-        t23*t25 + t27 + t26*(t17 - 0.0035),
-        t27 + 0.0005*t26,
+        -(t22 + (0.043584*c23 - 0.0013*s23)*t21),
+        t21*t23 + t25 + t24*(t16 - 0.0035),
+        t25 + 0.0005*t24,
     ])
     g = _matrix(3, 1, [
         0,
-        15.06816*c2 + t28,
-        t28,
+        15.06816*c2 + t26,
+        t26,
     ])
     return ca.Function("rrr_casadi_dynamics_terms_nominal", [q, dq], [M, c, g], ["q", "dq"], ["M", "c", "g"])
 
@@ -834,35 +830,34 @@ def inverse_dynamics():
     c2 = ca.cos(q2)
     t1 = beta1*c2 + beta2*s2
     t2 = 0.2*s2
-    t3 = q2 + q3
-    c23 = ca.cos(t3)
-    s23 = ca.sin(t3)
-    t4 = beta3*c23 - beta4*s23
-    t5 = t2*t4
-    t6 = s2*t1 + t5
-    t7 = beta2 - (t6 + t6)
-    t8 = beta5*c23 - beta6*s23
-    t9 = 0.2*c2
-    t10 = t4*t9
-    t11 = dq2*(dq1*t7 - dq2*(beta10*s2 - beta11*c2)) + ddq1*(c2*t1 + c23*t8 + (beta7 + (t10 + t10)))
-    t12 = beta10*c2 + beta11*s2
-    t13 = ddq2 + ddq3
-    t14 = beta8*c23 + beta9*s23
-    t15 = dq2 + dq3
-    t16 = beta4*c23 + beta3*s23
-    t17 = t9*t16
-    t18 = s23*t8 + t17
-    t19 = beta6 + (t18 + t18)
-    t20 = t11 + ddq2*t12 + t13*t14 - t15*(dq1*t19 + t15*(beta8*s23 - beta9*c23))
-    t21 = t10 + t2*t16
-    t22 = ddq1*t12 + ddq2*(beta12 - beta13) + t13*t21 + 9.81*(beta14*c2 - beta15*s2)
-    t23 = t17 - t5
-    t24 = dq1*dq1
-    t25 = ddq2*t21 + beta13*t13 + (dq2*dq2*t23 + ddq1*t14 + 0.5*(19.62*t4 + t19*t24))
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t3 = beta3*c23 - beta4*s23
+    t4 = t2*t3
+    t5 = s2*t1 + t4
+    t6 = beta2 - (t5 + t5)
+    t7 = beta5*c23 - beta6*s23
+    t8 = 0.2*c2
+    t9 = t3*t8
+    t10 = beta10*c2 + beta11*s2
+    t11 = dq2*(dq1*t6 - dq2*(beta10*s2 - beta11*c2)) + ddq1*(c2*t1 + c23*t7 + (t9 + t9 + beta7))
+    t12 = ddq2 + ddq3
+    t13 = beta8*c23 + beta9*s23
+    t14 = dq2 + dq3
+    t15 = beta4*c23 + beta3*s23
+    t16 = t8*t15
+    t17 = s23*t7 + t16
+    t18 = t17 + t17 + beta6
+    t19 = t9 + t2*t15
+    t20 = t16 - t4
+    t21 = dq1*dq1
+    t22 = ddq2*t19 + beta13*t12 + (dq2*dq2*t20 + ddq1*t13 + 0.5*(19.62*t3 + t18*t21))
+    t23 = ddq1*t10 + ddq2*(beta12 - beta13) + t12*t19 + 9.81*(beta14*c2 - beta15*s2) + t22
     tau = _matrix(3, 1, [
-        t20,
-        t22 + t25 - t23*(t15*t15) - t24*(0.5*t7),
-        t25,
+        t11 + ddq2*t10 + t12*t13 - t14*(dq1*t18 + t14*(beta8*s23 - beta9*c23)),
+        t23 - t14*t14*t20 - 0.5*t6*t21,
+        t22,
     ])
     return ca.Function("rrr_casadi_inverse_dynamics", [q, dq, ddq, beta], [tau], ["q", "dq", "ddq", "beta"], ["tau"])
 
@@ -888,35 +883,34 @@ def inverse_dynamics_nominal():
     c2 = ca.cos(q2)
     t1 = 0.2696*c2 + 0.008*s2
     t2 = 0.2*s2
-    t3 = q2 + q3
-    c23 = ca.cos(t3)
-    t4 = 0.168*c23
-    s23 = ca.sin(t3)
-    t5 = t2*t4
-    t6 = s2*t1 + t5
-    t7 = 0.008 - (t6 + t6)
-    t8 = 0.03185*c23 - 0.001*s23
-    t9 = 0.2*c2
-    t10 = t4*t9
-    t11 = dq2*(dq1*t7 - dq2*(0.299444*c2 - 0.004*s2)) + ddq1*(c2*t1 + c23*t8 + (t10 + t10 + 0.8531086))
-    t12 = 0.004*c2 + 0.299444*s2
-    t13 = ddq2 + ddq3
-    t14 = 0.0013*c23 + 0.043584*s23
-    t15 = dq2 + dq3
-    t16 = 0.168*s23
-    t17 = t9*t16
-    t18 = s23*t8 + t17
-    t19 = 0.001 + (t18 + t18)
-    t20 = t11 - ddq2*t12 - t13*t14 - t15*(dq1*t19 + t15*(0.043584*c23 - 0.0013*s23))
-    t21 = t10 + t2*t16
-    t22 = t17 - t5
-    t23 = dq1*dq1
-    t24 = ddq2*t21 + 0.03637*t13 + (dq2*dq2*t22 - ddq1*t14 + 0.5*(3.29616*c23 + t19*t23))
-    t25 = 0.3526*ddq2 - ddq1*t12 + t13*t21 + 15.06816*c2 + t24 - t22*(t15*t15)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t3 = 0.168*c23
+    t4 = t2*t3
+    t5 = s2*t1 + t4
+    t6 = 0.008 - (t5 + t5)
+    t7 = 0.03185*c23 - 0.001*s23
+    t8 = 0.2*c2
+    t9 = t3*t8
+    t10 = ddq1*(c2*t1 + c23*t7 + (t9 + t9 + 0.8531086))
+    t11 = 0.004*c2 + 0.299444*s2
+    t12 = ddq2 + ddq3
+    t13 = 0.0013*c23 + 0.043584*s23
+    t14 = dq2 + dq3
+    t15 = 0.168*s23
+    t16 = t8*t15
+    t17 = s23*t7 + t16
+    t18 = t17 + t17 + 0.001
+    t19 = dq2*(dq1*t6 - dq2*(0.299444*c2 - 0.004*s2)) + t10 - ddq2*t11 - t12*t13
+    t20 = t9 + t2*t15
+    t21 = t16 - t4
+    t22 = dq1*dq1
+    t23 = ddq2*t20 + 0.03637*t12 + (dq2*dq2*t21 - ddq1*t13 + 0.5*(3.29616*c23 + t18*t22))
     tau = _matrix(3, 1, [
-        t20,
-        t25 - t23*(0.5*t7),
-        t24,
+        t19 - t14*(dq1*t18 + t14*(0.043584*c23 - 0.0013*s23)),
+        0.3526*ddq2 - ddq1*t11 + t12*t20 + 15.06816*c2 + t23 - t14*t14*t21 - 0.5*t6*t22,
+        t23,
     ])
     return ca.Function("rrr_casadi_inverse_dynamics_nominal", [q, dq, ddq], [tau], ["q", "dq", "ddq"], ["tau"])
 
@@ -945,52 +939,50 @@ def forward_dynamics():
     [tau1, tau2, tau3] = _rows(tau)
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    s23 = ca.sin(t1)
-    t2 = beta7 + (c2*(beta1*c2 + beta2*s2) + c23*(beta5*c23 - beta6*s23))
-    t3 = beta3*c23 - beta4*s23
-    t4 = c2*t3
-    t5 = t2 + 0.4*t4
-    t6 = beta8*c23 + beta9*s23
-    t7 = t6 + (beta10*c2 + beta11*s2)
-    t8 = beta4*c23 + beta3*s23
-    t9 = t4 + s2*t8
-    t10 = beta12 + 0.4*t9
-    t11 = dq2 + dq3
-    t12 = t8*(0.2*c2)
-    t13 = beta6 - 2*(c23*(beta6*c23 + beta5*s23) + t12)
-    t14 = t3*(0.2*s2)
-    t15 = beta2 + 2*(t14 - c2*(beta2*c2 - beta1*s2))
-    t16 = t11*(dq1*t13 - t11*(beta8*s23 - beta9*c23)) - dq2*(dq1*t15 + dq2*(beta10*s2 - beta11*c2))
-    t17 = t12 - t14
-    t18 = dq2*dq2*t17 + 9.81*t3
-    t19 = 0.5*(dq1*dq1)
-    t20 = 9.81*(beta14*c2 - beta15*s2) + t18 - t17*(t11*t11) - (t13 - t15)*t19
-    t21 = 1/ca.if_else(t5 > 0, t5, 1)
-    t22 = t7*t21
-    t23 = t10 - t7*t22
-    t24 = t23 - 9.094947017729282e-13*t10
-    t25 = 1/ca.if_else(t24 > 0, t23, 1)
-    t26 = beta13 + 0.2*t9 - t6*t22
-    t27 = t6*t21
-    t28 = t25*t26
-    t29 = beta13 - t6*t27 - t26*t28
-    t30 = t29 - 9.094947017729282e-13*beta13
-    t31 = ca.if_else(t5 > 0, ca.if_else(t24 > 0, ca.if_else(t30 > 0, 0, 1), 1), 1)
-    t32 = tau1 - t16
-    t33 = tau2 - t20 - t22*t32
-    t34 = 1/ca.if_else(t30 > 0, t29, 1)*(tau3 - (t18 - t13*t19) - t27*t32 - t28*t33)
-    t35 = t25*t33 - t28*t34
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = beta3*c23 - beta4*s23
+    t2 = c2*t1
+    t3 = c2*(beta1*c2 + beta2*s2) + c23*(beta5*c23 - beta6*s23) + beta7 + 0.4*t2
+    t4 = beta8*c23 + beta9*s23
+    t5 = beta10*c2 + beta11*s2 + t4
+    t6 = beta4*c23 + beta3*s23
+    t7 = t2 + s2*t6
+    t8 = beta12 + 0.4*t7
+    t9 = dq2 + dq3
+    t10 = 0.2*c2*t6
+    t11 = beta6 - 2*(c23*(beta6*c23 + beta5*s23) + t10)
+    t12 = 0.2*s2*t1
+    t13 = beta2 + 2*(t12 - c2*(beta2*c2 - beta1*s2))
+    t14 = t10 - t12
+    t15 = dq2*dq2*t14 + 9.81*t1
+    t16 = 0.5*(dq1*dq1)
+    t17 = 1/ca.if_else(t3 > 0, t3, 1)
+    t18 = t5*t17
+    t19 = t8 - t5*t18
+    t20 = t19 - 9.0949470177292824e-13*t8
+    t21 = 1/ca.if_else(t20 > 0, t19, 1)
+    t22 = beta13 + 0.2*t7 - t4*t18
+    t23 = t4*t17
+    t24 = t21*t22
+    t25 = beta13 - t4*t23 - t22*t24
+    t26 = t25 - 9.0949470177292824e-13*beta13
+    t27 = ca.if_else(t3 > 0, ca.if_else(t20 > 0, ca.if_else(t26 > 0, 0, 1), 1), 1)
+    t28 = t9*(dq1*t11 - t9*(beta8*s23 - beta9*c23)) - dq2*(dq1*t13 + dq2*(beta10*s2 - beta11*c2))
+    t29 = tau1 - t28
+    t30 = tau2 - (9.81*(beta14*c2 - beta15*s2) + t15 - t9*t9*t14 - (t11 - t13)*t16) - t18*t29
+    t31 = (1/ca.if_else(t26 > 0, t25, 1))*(tau3 - (t15 - t11*t16) - t23*t29 - t24*t30)
+    t32 = t21*t30 - t24*t31
     status = _matrix(1, 1, [
-        t31,
+        t27,
     ])
     ddq = _matrix(3, 1, [
-        ca.if_else(t31 > 0, 0, t21*t32 - t22*t35 - t27*t34),
-        ca.if_else(t31 > 0, 0, t35),
-        ca.if_else(t31 > 0, 0, t34),
+        ca.if_else(t27 > 0, 0, t17*t29 - t18*t32 - t23*t31),
+        ca.if_else(t27 > 0, 0, t32),
+        ca.if_else(t27 > 0, 0, t31),
     ])
     return ca.Function("rrr_casadi_forward_dynamics", [q, dq, tau, beta], [status, ddq], ["q", "dq", "tau", "beta"],
         ["status", "ddq"])
@@ -1016,31 +1008,32 @@ def forward_dynamics_nominal():
     [q1, q2, q3] = _rows(q)
     [dq1, dq2, dq3] = _rows(dq)
     [tau1, tau2, tau3] = _rows(tau)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t1 = q2 + q3
-    c23 = ca.cos(t1)
-    t2 = 0.001*c23
-    s23 = ca.sin(t1)
-    t3 = 0.2696*c2*(c2 + 0.02967359050445104*s2) + 0.8531086 - t2*(s23 - 67.2*(c2 + 0.4739583333333333*c23))
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t1 = 0.001*c23
+    t2 = 0.2696*c2*(c2 + 0.02967359050445104*s2) + 0.8531086
+    t3 = t2 - t1*(s23 - 67.2*(c2 + 0.47395833333333331*c23))
     t4 = c23 + 33.526153846153846*s23
-    t5 = 0.0013*(t4 + 3.076923076923077*(c2 + 74.861*s2))
+    t5 = 0.0013*(t4 + 3.0769230769230771*(c2 + 74.861*s2))
     t6 = 0.0013*t4
     t7 = c2*c23 + s2*s23
     t8 = 0.0672*t7 + 0.38897
     t9 = dq2 + dq3
     t10 = 0.2*c2*(0.168*s23)
-    t11 = 0.001 - 2*(c23*(t2 + 0.03185*s23) + t10)
+    t11 = 0.001 - 2*(c23*(t1 + 0.03185*s23) + t10)
     t12 = 0.2*s2*(0.168*c23)
     t13 = 0.008 + 2*(t12 - c2*(0.008*c2 - 0.2696*s2))
-    t14 = t9*(dq1*t11 - t9*(0.043584*c23 - 0.0013*s23)) - dq2*(dq1*t13 + dq2*(0.299444*c2 - 0.004*s2))
+    t14 = t9*(dq1*t11 - t9*(0.043584*c23 - 0.0013*s23))
     t15 = t10 - t12
     t16 = dq2*dq2*t15 + 1.64808*c23
     t17 = 0.5*(dq1*dq1)
     t18 = 1/ca.if_else(t3 > 0, t3, 1)
     t19 = t5*t18
     t20 = t8 - t5*t19
-    t21 = t20 - 9.094947017729282e-13*t8
+    t21 = t20 - 9.0949470177292824e-13*t8
     t22 = 1/ca.if_else(t21 > 0, t20, 1)
     t23 = 0.0336*t7 + 0.03637 - t6*t19
     t24 = t6*t18
@@ -1048,18 +1041,17 @@ def forward_dynamics_nominal():
     t26 = 0.03637 - t6*t24 - t23*t25
     t27 = t26 - 3.30783223034814e-14
     t28 = ca.if_else(t3 > 0, ca.if_else(t21 > 0, ca.if_else(t27 > 0, 0, 1), 1), 1)
-    t29 = tau1 - t14
-    t30 = tau2 - (15.06816*c2 + t16 - t15*(t9*t9) - (t11 - t13)*t17)
-    t31 = t30 + t19*t29
-    t32 = 1/ca.if_else(t27 > 0, t26, 1)*(tau3 - (t16 - t11*t17) + t24*t29 - t25*t31)
-    t33 = t22*t31 - t25*t32
+    t29 = tau1 - (t14 - dq2*(dq1*t13 + dq2*(0.299444*c2 - 0.004*s2)))
+    t30 = tau2 - (15.06816*c2 + t16 - t9*t9*t15 - (t11 - t13)*t17) + t19*t29
+    t31 = (1/ca.if_else(t27 > 0, t26, 1))*(tau3 - (t16 - t11*t17) + t24*t29 - t25*t30)
+    t32 = t22*t30 - t25*t31
     status = _matrix(1, 1, [
         t28,
     ])
     ddq = _matrix(3, 1, [
-        ca.if_else(t28 > 0, 0, t18*t29 + t19*t33 + t24*t32),
-        ca.if_else(t28 > 0, 0, t33),
+        ca.if_else(t28 > 0, 0, t18*t29 + t19*t32 + t24*t31),
         ca.if_else(t28 > 0, 0, t32),
+        ca.if_else(t28 > 0, 0, t31),
     ])
     return ca.Function("rrr_casadi_forward_dynamics_nominal", [q, dq, tau], [status, ddq], ["q", "dq", "tau"],
         ["status", "ddq"])
@@ -1090,85 +1082,84 @@ def inverse_dynamics_derivatives():
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
     s2 = ca.sin(q2)
-    t1 = 0.2*s2
-    t2 = q2 + q3
-    c23 = ca.cos(t2)
-    s23 = ca.sin(t2)
-    t3 = beta3*c23 - beta4*s23
-    t4 = t1*t3
     c2 = ca.cos(q2)
-    t5 = beta1*c2 + beta2*s2
-    t6 = s2*t5
-    t7 = t4 + t6
-    t8 = beta2 - (t7 + t7)
-    t9 = dq1*t8
-    t10 = c2*t5
-    t11 = beta5*c23 - beta6*s23
-    t12 = c23*t11
-    t13 = 0.2*c2
-    t14 = 0.4*c2
-    t15 = t3*t14
-    t16 = beta7 + (t10 + t12 + t15)
-    t17 = beta10*c2 + beta11*s2
-    t18 = ddq2 + ddq3
-    t19 = beta8*c23 + beta9*s23
-    t20 = beta10*s2 - beta11*c2
-    t21 = dq2*dq2
-    t22 = dq2 + dq3
-    t23 = beta4*c23 + beta3*s23
-    t24 = t14*t23
-    t25 = s23*t11
-    t26 = beta6 + (t24 + (t25 + t25))
-    t27 = dq1*t26
-    t28 = dq2*t9 + ddq1*t16 + ddq2*t17 + t18*t19 - t20*t21 - t22*t27
-    t29 = beta8*s23 - beta9*c23
-    t30 = t22*t22
-    t31 = t1*t23
-    t32 = t3*t13
-    t33 = t31 + t32
-    t34 = ddq1*t17 + ddq2*(beta12 - beta13) + t18*t33 + 9.81*(beta14*c2 - beta15*s2)
-    t35 = t13*t23 - t4
-    t36 = dq1*dq1
-    t37 = 0.5*t36
-    t38 = t21*t35 + t26*t37 + (ddq1*t19 + ddq2*t33 + (beta13*t18 + 9.81*t3))
-    t39 = beta2*c2 - beta1*s2
-    t40 = beta6*c23 + beta5*s23
-    t41 = t24 + (t25 + c23*t40)
-    t42 = t32 - t31
-    t43 = t12 - s23*t40
-    t44 = t42 + t43
-    t45 = t44 + t44
-    t46 = t10 + (t42 + s2*t39)
-    t47 = dq2 + dq2
-    t48 = ddq1*(c2*t39 - (t4 + t4) - t6 - t41) - dq1*(t22*t45 + t46*t47)
-    t49 = t18*t29 + t19*t30
-    t50 = t15 + (t43 + t43)
-    t51 = ddq1*t29 + 9.81*t23
-    t52 = t37*t45 - t51
-    t53 = ddq2*t35 - t37*t50 - (t21*t33 - t51)
-    t54 = t22 + t22
-    t55 = t27 + t29*t54
-    t56 = t17 + t19
-    t57 = beta13 + t33
+    t1 = 0.2*s2
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t2 = beta3*c23 - beta4*s23
+    t3 = t1*t2
+    t4 = beta1*c2 + beta2*s2
+    t5 = s2*t4
+    t6 = t3 + t5
+    t7 = beta2 - (t6 + t6)
+    t8 = dq1*t7
+    t9 = c2*t4
+    t10 = beta5*c23 - beta6*s23
+    t11 = c23*t10
+    t12 = 0.2*c2
+    t13 = 0.4*c2
+    t14 = t2*t13
+    t15 = t9 + t11 + t14 + beta7
+    t16 = beta10*c2 + beta11*s2
+    t17 = ddq2 + ddq3
+    t18 = beta8*c23 + beta9*s23
+    t19 = beta10*s2 - beta11*c2
+    t20 = dq2*dq2
+    t21 = dq2 + dq3
+    t22 = beta4*c23 + beta3*s23
+    t23 = t13*t22
+    t24 = s23*t10
+    t25 = t24 + t24 + t23 + beta6
+    t26 = dq1*t25
+    t27 = beta8*s23 - beta9*c23
+    t28 = t21*t21
+    t29 = t1*t22
+    t30 = t2*t12
+    t31 = t29 + t30
+    t32 = t12*t22 - t3
+    t33 = dq1*dq1
+    t34 = 0.5*t33
+    t35 = t20*t32 + t25*t34 + (ddq1*t18 + ddq2*t31 + (beta13*t17 + 9.81*t2))
+    t36 = ddq1*t16 + ddq2*(beta12 - beta13) + t17*t31 + 9.81*(beta14*c2 - beta15*s2) + t35
+    t37 = beta2*c2 - beta1*s2
+    t38 = beta6*c23 + beta5*s23
+    t39 = t24 + c23*t38 + t23
+    t40 = t30 - t29
+    t41 = t11 - s23*t38
+    t42 = t40 + t41
+    t43 = t42 + t42
+    t44 = t40 + s2*t37 + t9
+    t45 = dq2 + dq2
+    t46 = t17*t27 + t18*t28
+    t47 = ddq1*(c2*t37 - (t3 + t3) - t5 - t39) - dq1*(t21*t43 + t44*t45) - ddq2*t19 - t16*t20
+    t48 = t41 + t41 + t14
+    t49 = ddq1*t27 + 9.81*t22
+    t50 = t34*t43 - t49
+    t51 = ddq2*t32 - t34*t48 - (t20*t31 - t49)
+    t52 = t21 + t21
+    t53 = t26 + t27*t52
+    t54 = t16 + t18
+    t55 = beta13 + t31
     tau = _matrix(3, 1, [
-        t28 - t29*t30,
-        t34 + t38 - beta2*t37 - t30*t35 + t7*t36,
-        t38,
+        dq2*t8 + ddq1*t15 + ddq2*t16 + t17*t18 - t19*t20 - t21*t26 - t27*t28,
+        t36 - beta2*t34 - t28*t32 + t6*t33,
+        t35,
     ])
     dtau_dq = _matrix(3, 3, [
-        0, t48 - ddq2*t20 - t17*t21 - t49, -(t49 + (dq1*(t22*t50 - t31*t47) + ddq1*t41)),
-        0, t36*t46 + t52 - ddq1*t20 - 9.81*(beta15*c2 + beta14*s2), -(t18*t35 + t30*t33 + t31*t36 + t53),
-        0, t52, -t53,
+        0, t47 - t46, -(dq1*(t21*t48 - t29*t45) + ddq1*t39 + t46),
+        0, t33*t44 + t50 - ddq1*t19 - 9.81*(beta15*c2 + beta14*s2), -(t17*t32 + t28*t31 + t29*t33 + t51),
+        0, t50, -t51,
     ])
     dtau_dv = _matrix(3, 3, [
-        dq2*t8 - t22*t26, t9 - t20*t47 - t55, -t55,
-        t27 - t9, t35*(t47 - t54), -t35*t54,
-        t27, t35*t47, 0,
+        dq2*t7 - t21*t25, t8 - t19*t45 - t53, -t53,
+        t26 - t8, t32*(t45 - t52), -t32*t52,
+        t26, t32*t45, 0,
     ])
     M = _matrix(3, 3, [
-        t16, t56, t19,
-        t56, beta12 + (t33 + t33), t57,
-        t19, t57, beta13,
+        t15, t54, t18,
+        t54, t31 + t31 + beta12, t55,
+        t18, t55, beta13,
     ])
     return ca.Function("rrr_casadi_inverse_dynamics_derivatives", [q, dq, ddq, beta], [tau, dtau_dq, dtau_dv, M],
         ["q", "dq", "ddq", "beta"], ["tau", "dtau_dq", "dtau_dv", "M"])
@@ -1195,86 +1186,84 @@ def inverse_dynamics_derivatives_nominal():
     [dq1, dq2, dq3] = _rows(dq)
     [ddq1, ddq2, ddq3] = _rows(ddq)
     s2 = ca.sin(q2)
-    t1 = 0.2*s2
-    t2 = q2 + q3
-    c23 = ca.cos(t2)
-    t3 = 0.168*c23
-    s23 = ca.sin(t2)
-    t4 = t1*t3
     c2 = ca.cos(q2)
-    t5 = 0.2696*c2 + 0.008*s2
-    t6 = s2*t5
-    t7 = t4 + t6
-    t8 = 0.008 - (t7 + t7)
-    t9 = dq1*t8
-    t10 = c2*t5
-    t11 = 0.03185*c23 - 0.001*s23
-    t12 = c23*t11
-    t13 = 0.2*c2
-    t14 = 0.4*c2
-    t15 = t3*t14
-    t16 = t15 + (t10 + t12) + 0.8531086
-    t17 = 0.004*c2 + 0.299444*s2
-    t18 = ddq2 + ddq3
-    t19 = 0.0013*c23 + 0.043584*s23
-    t20 = -t19
-    t21 = 0.299444*c2 - 0.004*s2
-    t22 = dq2*dq2
-    t23 = dq2 + dq3
-    t24 = 0.168*s23
-    t25 = t14*t24
-    t26 = s23*t11
-    t27 = 0.001 + t25 + (t26 + t26)
-    t28 = dq1*t27
-    t29 = 0.043584*c23 - 0.0013*s23
-    t30 = t23*t23
-    t31 = dq2*t9 + ddq1*t16 - ddq2*t17 - t18*t19 - t21*t22 - t23*t28
-    t32 = t1*t24
-    t33 = t3*t13
-    t34 = t32 + t33
-    t35 = t13*t24 - t4
-    t36 = dq1*dq1
-    t37 = 0.5*t36
-    t38 = t22*t35 + t27*t37 + ddq2*t34 + 0.03637*t18 + 1.64808*c23 - ddq1*t19
-    t39 = t38 + (0.3526*ddq2 + t18*t34 + 15.06816*c2) - ddq1*t17 - t30*t35
-    t40 = 0.008*c2 - 0.2696*s2
-    t41 = 0.001*c23 + 0.03185*s23
-    t42 = t25 + t26 + c23*t41
-    t43 = t33 - t32
-    t44 = t12 - s23*t41
-    t45 = t43 + t44
-    t46 = t45 + t45
-    t47 = t10 + t43 + s2*t40
-    t48 = dq2 + dq2
-    t49 = t18*t29 - t19*t30
-    t50 = ddq1*(c2*t40 - (t4 + t4) - t6 - t42) + t17*t22 - dq1*(t23*t46 + t47*t48)
-    t51 = t15 + (t44 + t44)
-    t52 = ddq1*t29 + 1.64808*s23
-    t53 = t37*t46 - t52
-    t54 = t52 + ddq2*t35 - t37*t51 - t22*t34
-    t55 = t23 + t23
-    t56 = t28 + t29*t55
-    t57 = -(t17 + t19)
-    t58 = t34 + 0.03637
+    t1 = 0.2*s2
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t2 = 0.168*c23
+    t3 = t1*t2
+    t4 = 0.2696*c2 + 0.008*s2
+    t5 = s2*t4
+    t6 = t3 + t5
+    t7 = 0.008 - (t6 + t6)
+    t8 = dq1*t7
+    t9 = c2*t4
+    t10 = 0.03185*c23 - 0.001*s23
+    t11 = c23*t10
+    t12 = 0.2*c2
+    t13 = 0.4*c2
+    t14 = t2*t13
+    t15 = t9 + t11 + t14 + 0.8531086
+    t16 = 0.004*c2 + 0.299444*s2
+    t17 = ddq2 + ddq3
+    t18 = 0.0013*c23 + 0.043584*s23
+    t19 = -t18
+    t20 = 0.299444*c2 - 0.004*s2
+    t21 = dq2*dq2
+    t22 = dq2 + dq3
+    t23 = 0.168*s23
+    t24 = t13*t23
+    t25 = s23*t10
+    t26 = 0.001 + t24 + (t25 + t25)
+    t27 = dq1*t26
+    t28 = 0.043584*c23 - 0.0013*s23
+    t29 = t22*t22
+    t30 = t1*t23
+    t31 = t2*t12
+    t32 = t30 + t31
+    t33 = t12*t23 - t3
+    t34 = dq1*dq1
+    t35 = 0.5*t34
+    t36 = t21*t33 + t26*t35 + ddq2*t32 + 0.03637*t17 + 1.64808*c23 - ddq1*t18
+    t37 = 0.008*c2 - 0.2696*s2
+    t38 = 0.001*c23 + 0.03185*s23
+    t39 = t24 + t25 + c23*t38
+    t40 = t31 - t30
+    t41 = t11 - s23*t38
+    t42 = t40 + t41
+    t43 = t42 + t42
+    t44 = t9 + t40 + s2*t37
+    t45 = dq2 + dq2
+    t46 = t17*t28 - t18*t29
+    t47 = ddq1*(c2*t37 - (t3 + t3) - t5 - t39) + t16*t21 - dq1*(t22*t43 + t44*t45) - ddq2*t20
+    t48 = t41 + t41 + t14
+    t49 = ddq1*t28 + 1.64808*s23
+    t50 = t35*t43 - t49
+    t51 = t49 + ddq2*t33 - t35*t48 - t21*t32
+    t52 = t22 + t22
+    t53 = t27 + t28*t52
+    t54 = -(t16 + t18)
+    t55 = t32 + 0.03637
     tau = _matrix(3, 1, [
-        t31 - t29*t30,
-        t36*(t7 - 0.004) + t39,
-        t38,
+        dq2*t8 + ddq1*t15 - ddq2*t16 - t17*t18 - t20*t21 - t22*t27 - t28*t29,
+        0.3526*ddq2 + t17*t32 + 15.06816*c2 + t36 - ddq1*t16 - t29*t33 + t34*(t6 - 0.004),
+        t36,
     ])
     dtau_dq = _matrix(3, 3, [
-        0, t50 - ddq2*t21 - t49, -(t49 + dq1*(t23*t51 - t32*t48) + ddq1*t42),
-        0, t53 + t36*t47 - ddq1*t21 - 15.06816*s2, -(t54 + (t18*t35 + t30*t34 + t32*t36)),
-        0, t53, -t54,
+        0, t47 - t46, -(t46 + dq1*(t22*t48 - t30*t45) + ddq1*t39),
+        0, t50 + t34*t44 - ddq1*t20 - 15.06816*s2, -(t17*t33 + t29*t32 + t30*t34 + t51),
+        0, t50, -t51,
     ])
     dtau_dv = _matrix(3, 3, [
-        dq2*t8 - t23*t27, t9 - t21*t48 - t56, -t56,
-        t28 - t9, t35*(t48 - t55), -t35*t55,
-        t28, t35*t48, 0,
+        dq2*t7 - t22*t26, t8 - t20*t45 - t53, -t53,
+        t27 - t8, t33*(t45 - t52), -t33*t52,
+        t27, t33*t45, 0,
     ])
     M = _matrix(3, 3, [
-        t16, t57, t20,
-        t57, t34 + t34 + 0.38897, t58,
-        t20, t58, 0.03637,
+        t15, t54, t19,
+        t54, t32 + t32 + 0.38897, t55,
+        t19, t55, 0.03637,
     ])
     return ca.Function("rrr_casadi_inverse_dynamics_derivatives_nominal", [q, dq, ddq], [tau, dtau_dq, dtau_dv, M],
         ["q", "dq", "ddq"], ["tau", "dtau_dq", "dtau_dv", "M"])
@@ -1308,124 +1297,122 @@ def forward_dynamics_derivatives():
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
     s2 = ca.sin(q2)
-    t1 = 0.2*s2
-    t2 = q2 + q3
-    c23 = ca.cos(t2)
-    s23 = ca.sin(t2)
-    t3 = beta3*c23 - beta4*s23
-    t4 = t1*t3
     c2 = ca.cos(q2)
-    t5 = beta1*c2 + beta2*s2
-    t6 = s2*t5
-    t7 = t4 + t6
-    t8 = beta2 - (t7 + t7)
-    t9 = dq1*t8
-    t10 = c2*t5
-    t11 = beta5*c23 - beta6*s23
-    t12 = c23*t11
-    t13 = 0.2*c2
-    t14 = 0.4*c2
-    t15 = t3*t14
-    t16 = beta7 + (t10 + t12 + t15)
-    t17 = beta10*c2 + beta11*s2
-    t18 = beta8*c23 + beta9*s23
-    t19 = beta10*s2 - beta11*c2
-    t20 = dq2*dq2
-    t21 = dq2 + dq3
-    t22 = beta4*c23 + beta3*s23
-    t23 = t14*t22
-    t24 = s23*t11
-    t25 = beta6 + (t23 + (t24 + t24))
-    t26 = dq1*t25
-    t27 = beta8*s23 - beta9*c23
-    t28 = t21*t21
-    t29 = t1*t22
-    t30 = t3*t13
-    t31 = t29 + t30
-    t32 = t13*t22 - t4
-    t33 = dq1*dq1
-    t34 = 0.5*t33
-    t35 = t20*t32 + t25*t34 + 9.81*t3
-    t36 = 9.81*(beta14*c2 - beta15*s2) + t35 - beta2*t34 - t28*t32 + t7*t33
-    t37 = beta2*c2 - beta1*s2
-    t38 = beta6*c23 + beta5*s23
-    t39 = t23 + (t24 + c23*t38)
-    t40 = t30 - t29
-    t41 = t12 - s23*t38
-    t42 = t40 + t41
-    t43 = t42 + t42
-    t44 = t10 + (t40 + s2*t37)
-    t45 = dq2 + dq2
-    t46 = t15 + (t41 + t41)
-    t47 = dq2*t8 - t21*t25
-    t48 = t21 + t21
-    t49 = t26 + t27*t48
-    t50 = t9 - t19*t45 - t49
-    t51 = t26 - t9
-    t52 = t32*(t45 - t48)
-    t53 = t32*t48
-    t54 = t32*t45
-    t55 = t17 + t18
-    t56 = beta12 + (t31 + t31)
-    t57 = 1/ca.if_else(t16 > 0, t16, 1)
-    t58 = t55*t57
-    t59 = t56 - t55*t58
-    t60 = t59 - 9.094947017729282e-13*t56
-    t61 = 1/ca.if_else(t60 > 0, t59, 1)
-    t62 = beta13 + t31 - t18*t58
-    t63 = t18*t57
-    t64 = t61*t62
-    t65 = beta13 - t18*t63 - t62*t64
-    t66 = t65 - 9.094947017729282e-13*beta13
-    t67 = ca.if_else(t16 > 0, ca.if_else(t60 > 0, ca.if_else(t66 > 0, 0, 1), 1), 1)
-    t68 = ca.if_else(t67 > 0, 0, -t61)
-    t69 = ca.if_else(t67 > 0, 0, -1/ca.if_else(t66 > 0, t65, 1))
-    t70 = t63 - t58*t64
-    t71 = t58*t68
-    t72 = t69*t70
-    t73 = t64*t69
-    t74 = ca.if_else(t67 > 0, 0, -t57) + t58*t71 + t70*t72
-    t75 = t70*t73 - t71
-    t76 = t68 + t64*t73
-    t77 = dq2*t9 - t19*t20 - t21*t26 - t27*t28 - tau1
-    t78 = t36 - tau2
-    t79 = t35 - tau3
-    t80 = t74*t77 + t75*t78 - t72*t79
-    t81 = t75*t77 + t76*t78 - t73*t79
-    t82 = t69*t79 - (t72*t77 + t73*t78)
-    t83 = t81 + t82
-    t84 = (c2*t37 - (t4 + t4) - t6 - t39)*t80 - dq1*(t21*t43 + t44*t45)
-    t85 = t18*t28 + t27*t83
-    t86 = t84 - t19*t81 - t17*t20 - t85
-    t87 = t85 + (dq1*(t21*t46 - t29*t45) + t39*t80)
-    t88 = 9.81*t22 + t27*t80
-    t89 = t34*t43 - t88
-    t90 = t33*t44 + t89 - t19*t80 - 9.81*(beta15*c2 + beta14*s2)
-    t91 = t32*t81 - t34*t46 - (t20*t31 - t88)
-    t92 = t29*t33 + (t28*t31 + t32*t83) + t91
-    t93 = -t75
+    t1 = 0.2*s2
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t2 = beta3*c23 - beta4*s23
+    t3 = t1*t2
+    t4 = beta1*c2 + beta2*s2
+    t5 = s2*t4
+    t6 = t3 + t5
+    t7 = beta2 - (t6 + t6)
+    t8 = dq1*t7
+    t9 = c2*t4
+    t10 = beta5*c23 - beta6*s23
+    t11 = c23*t10
+    t12 = 0.2*c2
+    t13 = 0.4*c2
+    t14 = t2*t13
+    t15 = t9 + t11 + t14 + beta7
+    t16 = beta10*c2 + beta11*s2
+    t17 = beta8*c23 + beta9*s23
+    t18 = beta10*s2 - beta11*c2
+    t19 = dq2*dq2
+    t20 = dq2 + dq3
+    t21 = beta4*c23 + beta3*s23
+    t22 = t13*t21
+    t23 = s23*t10
+    t24 = t23 + t23 + t22 + beta6
+    t25 = dq1*t24
+    t26 = beta8*s23 - beta9*c23
+    t27 = t20*t20
+    t28 = t1*t21
+    t29 = t2*t12
+    t30 = t28 + t29
+    t31 = t12*t21 - t3
+    t32 = dq1*dq1
+    t33 = 0.5*t32
+    t34 = t19*t31 + t24*t33 + 9.81*t2
+    t35 = beta2*c2 - beta1*s2
+    t36 = beta6*c23 + beta5*s23
+    t37 = t23 + c23*t36 + t22
+    t38 = t29 - t28
+    t39 = t11 - s23*t36
+    t40 = t38 + t39
+    t41 = t40 + t40
+    t42 = t38 + s2*t35 + t9
+    t43 = dq2 + dq2
+    t44 = t39 + t39 + t14
+    t45 = dq2*t7 - t20*t24
+    t46 = t20 + t20
+    t47 = t25 + t26*t46
+    t48 = t8 - t18*t43 - t47
+    t49 = t25 - t8
+    t50 = t31*(t43 - t46)
+    t51 = t31*t46
+    t52 = t31*t43
+    t53 = t16 + t17
+    t54 = t30 + t30 + beta12
+    t55 = 1/ca.if_else(t15 > 0, t15, 1)
+    t56 = t53*t55
+    t57 = t54 - t53*t56
+    t58 = t57 - 9.0949470177292824e-13*t54
+    t59 = 1/ca.if_else(t58 > 0, t57, 1)
+    t60 = beta13 + t30 - t17*t56
+    t61 = t17*t55
+    t62 = t59*t60
+    t63 = beta13 - t17*t61 - t60*t62
+    t64 = t63 - 9.0949470177292824e-13*beta13
+    t65 = ca.if_else(t15 > 0, ca.if_else(t58 > 0, ca.if_else(t64 > 0, 0, 1), 1), 1)
+    t66 = ca.if_else(t65 > 0, 0, -t59)
+    t67 = ca.if_else(t65 > 0, 0, -1/ca.if_else(t64 > 0, t63, 1))
+    t68 = t61 - t56*t62
+    t69 = t56*t66
+    t70 = t67*t68
+    t71 = t62*t67
+    t72 = ca.if_else(t65 > 0, 0, -t55) + t56*t69 + t68*t70
+    t73 = t68*t71 - t69
+    t74 = t66 + t62*t71
+    t75 = dq2*t8 - t18*t19 - t20*t25 - t26*t27 - tau1
+    t76 = 9.81*(beta14*c2 - beta15*s2) + t34 - beta2*t33 - t27*t31 + t6*t32 - tau2
+    t77 = t34 - tau3
+    t78 = t72*t75 + t73*t76 - t70*t77
+    t79 = t73*t75 + t74*t76 - t71*t77
+    t80 = t67*t77 - (t70*t75 + t71*t76)
+    t81 = t79 + t80
+    t82 = t17*t27 + t26*t81
+    t83 = (c2*t35 - (t3 + t3) - t5 - t37)*t78 - dq1*(t20*t41 + t42*t43) - t18*t79 - t16*t19 - t82
+    t84 = dq1*(t20*t44 - t28*t43) + t37*t78 + t82
+    t85 = 9.81*t21 + t26*t78
+    t86 = t33*t41 - t85
+    t87 = t32*t42 + t86 - t18*t78 - 9.81*(beta15*c2 + beta14*s2)
+    t88 = t31*t79 - t33*t44 - (t19*t30 - t85)
+    t89 = t27*t30 + t31*t81 + t28*t32 + t88
+    t90 = -t73
     status = _matrix(1, 1, [
-        t67,
+        t65,
     ])
     ddq = _matrix(3, 1, [
+        t78,
+        t79,
         t80,
-        t81,
-        t82,
     ])
     dddq_dq = _matrix(3, 3, [
-        0, t74*t86 + t75*t90 - t72*t89, t72*t91 - (t74*t87 + t75*t92),
-        0, t75*t86 + t76*t90 - t73*t89, t73*t91 - (t75*t87 + t76*t92),
-        0, t69*t89 - (t72*t86 + t73*t90), t72*t87 + t73*t92 - t69*t91,
+        0, t72*t83 + t73*t87 - t70*t86, t70*t88 - (t72*t84 + t73*t89),
+        0, t73*t83 + t74*t87 - t71*t86, t71*t88 - (t73*t84 + t74*t89),
+        0, t67*t86 - (t70*t83 + t71*t87), t70*t84 + t71*t89 - t67*t88,
     ])
     dddq_dv = _matrix(3, 3, [
-        t47*t74 + t51*t75 - t26*t72, t50*t74 + t52*t75 - t54*t72, -(t49*t74 + t53*t75),
-        t47*t75 + t51*t76 - t26*t73, t50*t75 + t52*t76 - t54*t73, -(t49*t75 + t53*t76),
-        t26*t69 - (t47*t72 + t51*t73), t54*t69 - (t50*t72 + t52*t73), t49*t72 + t53*t73,
+        t45*t72 + t49*t73 - t25*t70, t48*t72 + t50*t73 - t52*t70, -(t47*t72 + t51*t73),
+        t45*t73 + t49*t74 - t25*t71, t48*t73 + t50*t74 - t52*t71, -(t47*t73 + t51*t74),
+        t25*t67 - (t45*t70 + t49*t71), t52*t67 - (t48*t70 + t50*t71), t47*t70 + t51*t71,
     ])
     dddq_dtau = _matrix(3, 3, [
-        -t74, t93, t72,
-        t93, -t76, t73,
-        t72, t73, -t69,
+        -t72, t90, t70,
+        t90, -t74, t71,
+        t70, t71, -t67,
     ])
     return ca.Function("rrr_casadi_forward_dynamics_derivatives", [q, dq, tau, beta], [status, ddq, dddq_dq,
         dddq_dv, dddq_dtau], ["q", "dq", "tau", "beta"], ["status", "ddq", "dddq_dq", "dddq_dv", "dddq_dtau"])
@@ -1455,123 +1442,122 @@ def forward_dynamics_derivatives_nominal():
     [dq1, dq2, dq3] = _rows(dq)
     [tau1, tau2, tau3] = _rows(tau)
     s2 = ca.sin(q2)
-    t1 = 0.2*s2
-    t2 = q2 + q3
-    c23 = ca.cos(t2)
-    t3 = 0.168*c23
-    s23 = ca.sin(t2)
-    t4 = t1*t3
     c2 = ca.cos(q2)
-    t5 = 0.2696*c2 + 0.008*s2
-    t6 = s2*t5
-    t7 = t4 + t6
-    t8 = 0.008 - (t7 + t7)
-    t9 = dq1*t8
-    t10 = c2*t5
-    t11 = 0.03185*c23 - 0.001*s23
-    t12 = c23*t11
-    t13 = 0.2*c2
-    t14 = 0.4*c2
-    t15 = t3*t14
-    t16 = t15 + (t10 + t12) + 0.8531086
-    t17 = 0.004*c2 + 0.299444*s2
-    t18 = 0.0013*c23 + 0.043584*s23
-    t19 = 0.299444*c2 - 0.004*s2
-    t20 = dq2*dq2
-    t21 = dq2 + dq3
-    t22 = 0.168*s23
-    t23 = t14*t22
-    t24 = s23*t11
-    t25 = 0.001 + t23 + (t24 + t24)
-    t26 = dq1*t25
-    t27 = 0.043584*c23 - 0.0013*s23
-    t28 = t21*t21
-    t29 = t1*t22
-    t30 = t3*t13
-    t31 = t29 + t30
-    t32 = t13*t22 - t4
-    t33 = dq1*dq1
-    t34 = 0.5*t33
-    t35 = t20*t32 + t25*t34 + 1.64808*c23
-    t36 = 0.008*c2 - 0.2696*s2
-    t37 = 0.001*c23 + 0.03185*s23
-    t38 = t23 + t24 + c23*t37
-    t39 = t30 - t29
-    t40 = t12 - s23*t37
-    t41 = t39 + t40
-    t42 = t41 + t41
-    t43 = t10 + t39 + s2*t36
-    t44 = dq2 + dq2
-    t45 = t15 + (t40 + t40)
-    t46 = dq2*t8 - t21*t25
-    t47 = t21 + t21
-    t48 = t26 + t27*t47
-    t49 = t9 - t19*t44 - t48
-    t50 = t26 - t9
-    t51 = t32*(t44 - t47)
-    t52 = t32*t47
-    t53 = t32*t44
-    t54 = t17 + t18
-    t55 = t31 + t31 + 0.38897
-    t56 = 1/ca.if_else(t16 > 0, t16, 1)
-    t57 = t54*t56
-    t58 = t55 - t54*t57
-    t59 = t58 - 9.094947017729282e-13*t55
-    t60 = 1/ca.if_else(t59 > 0, t58, 1)
-    t61 = t31 + 0.03637 - t18*t57
-    t62 = t18*t56
-    t63 = t60*t61
-    t64 = 0.03637 - t18*t62 - t61*t63
-    t65 = t64 - 3.30783223034814e-14
-    t66 = ca.if_else(t16 > 0, ca.if_else(t59 > 0, ca.if_else(t65 > 0, 0, 1), 1), 1)
-    t67 = ca.if_else(t66 > 0, 0, -t60)
-    t68 = ca.if_else(t66 > 0, 0, -1/ca.if_else(t65 > 0, t64, 1))
-    t69 = t57*t63 - t62
-    t70 = t57*t67
-    t71 = t68*t69
-    t72 = t63*t68
-    t73 = ca.if_else(t66 > 0, 0, -t56) + t57*t70 + t69*t71
-    t74 = t70 + t69*t72
-    t75 = t67 + t63*t72
-    t76 = dq2*t9 - t19*t20 - t21*t26 - t27*t28 - tau1
-    t77 = t33*(t7 - 0.004) + (t35 + 15.06816*c2 - t28*t32 - tau2)
-    t78 = t35 - tau3
-    t79 = t73*t76 + t74*t77 - t71*t78
-    t80 = t74*t76 + t75*t77 - t72*t78
-    t81 = t68*t78 - t71*t76 - t72*t77
-    t82 = t80 + t81
-    t83 = t27*t82 - t18*t28
-    t84 = t17*t20 + (c2*t36 - (t4 + t4) - t6 - t38)*t79 - dq1*(t21*t42 + t43*t44)
-    t85 = t84 - t19*t80 - t83
-    t86 = t83 + dq1*(t21*t45 - t29*t44) + t38*t79
-    t87 = 1.64808*s23 + t27*t79
-    t88 = t34*t42 - t87
-    t89 = t88 + t33*t43 - t19*t79 - 15.06816*s2
-    t90 = t87 + t32*t80 - t34*t45 - t20*t31
-    t91 = t90 + (t29*t33 + t28*t31 + t32*t82)
-    t92 = -t74
+    t1 = 0.2*s2
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t2 = 0.168*c23
+    t3 = t1*t2
+    t4 = 0.2696*c2 + 0.008*s2
+    t5 = s2*t4
+    t6 = t3 + t5
+    t7 = 0.008 - (t6 + t6)
+    t8 = dq1*t7
+    t9 = c2*t4
+    t10 = 0.03185*c23 - 0.001*s23
+    t11 = c23*t10
+    t12 = 0.2*c2
+    t13 = 0.4*c2
+    t14 = t2*t13
+    t15 = t9 + t11 + t14 + 0.8531086
+    t16 = 0.004*c2 + 0.299444*s2
+    t17 = 0.0013*c23 + 0.043584*s23
+    t18 = 0.299444*c2 - 0.004*s2
+    t19 = dq2*dq2
+    t20 = dq2 + dq3
+    t21 = 0.168*s23
+    t22 = t13*t21
+    t23 = s23*t10
+    t24 = 0.001 + t22 + (t23 + t23)
+    t25 = dq1*t24
+    t26 = 0.043584*c23 - 0.0013*s23
+    t27 = t20*t20
+    t28 = t1*t21
+    t29 = t2*t12
+    t30 = t28 + t29
+    t31 = t12*t21 - t3
+    t32 = dq1*dq1
+    t33 = 0.5*t32
+    t34 = t19*t31 + t24*t33 + 1.64808*c23
+    t35 = 0.008*c2 - 0.2696*s2
+    t36 = 0.001*c23 + 0.03185*s23
+    t37 = t22 + t23 + c23*t36
+    t38 = t29 - t28
+    t39 = t11 - s23*t36
+    t40 = t38 + t39
+    t41 = t40 + t40
+    t42 = t9 + t38 + s2*t35
+    t43 = dq2 + dq2
+    t44 = t39 + t39 + t14
+    t45 = dq2*t7 - t20*t24
+    t46 = t20 + t20
+    t47 = t25 + t26*t46
+    t48 = t8 - t18*t43 - t47
+    t49 = t25 - t8
+    t50 = t31*(t43 - t46)
+    t51 = t31*t46
+    t52 = t31*t43
+    t53 = t16 + t17
+    t54 = t30 + t30 + 0.38897
+    t55 = 1/ca.if_else(t15 > 0, t15, 1)
+    t56 = t53*t55
+    t57 = t54 - t53*t56
+    t58 = t57 - 9.0949470177292824e-13*t54
+    t59 = 1/ca.if_else(t58 > 0, t57, 1)
+    t60 = t30 + 0.03637 - t17*t56
+    t61 = t17*t55
+    t62 = t59*t60
+    t63 = 0.03637 - t17*t61 - t60*t62
+    t64 = t63 - 3.30783223034814e-14
+    t65 = ca.if_else(t15 > 0, ca.if_else(t58 > 0, ca.if_else(t64 > 0, 0, 1), 1), 1)
+    t66 = ca.if_else(t65 > 0, 0, -t59)
+    t67 = ca.if_else(t65 > 0, 0, -1/ca.if_else(t64 > 0, t63, 1))
+    t68 = t56*t62 - t61
+    t69 = t56*t66
+    t70 = t67*t68
+    t71 = t62*t67
+    t72 = ca.if_else(t65 > 0, 0, -t55) + t56*t69 + t68*t70
+    t73 = t69 + t68*t71
+    t74 = t66 + t62*t71
+    t75 = dq2*t8 - t18*t19 - t20*t25 - t26*t27 - tau1
+    t76 = t34 + 15.06816*c2 - t27*t31 - tau2 + t32*(t6 - 0.004)
+    t77 = t34 - tau3
+    t78 = t72*t75 + t73*t76 - t70*t77
+    t79 = t73*t75 + t74*t76 - t71*t77
+    t80 = t67*t77 - t70*t75 - t71*t76
+    t81 = t79 + t80
+    t82 = t26*t81 - t17*t27
+    t83 = t16*t19 + (c2*t35 - (t3 + t3) - t5 - t37)*t78 - dq1*(t20*t41 + t42*t43) - t18*t79 - t82
+    t84 = t82 + dq1*(t20*t44 - t28*t43) + t37*t78
+    t85 = 1.64808*s23 + t26*t78
+    t86 = t33*t41 - t85
+    t87 = t86 + t32*t42 - t18*t78 - 15.06816*s2
+    t88 = t85 + t31*t79 - t33*t44 - t19*t30
+    t89 = t28*t32 + t27*t30 + t31*t81 + t88
+    t90 = -t73
     status = _matrix(1, 1, [
-        t66,
+        t65,
     ])
     ddq = _matrix(3, 1, [
+        t78,
         t79,
         t80,
-        t81,
     ])
     dddq_dq = _matrix(3, 3, [
-        0, t73*t85 + t74*t89 - t71*t88, t71*t90 - t73*t86 - t74*t91,
-        0, t74*t85 + t75*t89 - t72*t88, t72*t90 - t74*t86 - t75*t91,
-        0, t68*t88 - t71*t85 - t72*t89, t71*t86 + t72*t91 - t68*t90,
+        0, t72*t83 + t73*t87 - t70*t86, t70*t88 - t72*t84 - t73*t89,
+        0, t73*t83 + t74*t87 - t71*t86, t71*t88 - t73*t84 - t74*t89,
+        0, t67*t86 - t70*t83 - t71*t87, t70*t84 + t71*t89 - t67*t88,
     ])
     dddq_dv = _matrix(3, 3, [
-        t46*t73 + t50*t74 - t26*t71, t49*t73 + t51*t74 - t53*t71, -(t48*t73 + t52*t74),
-        t46*t74 + t50*t75 - t26*t72, t49*t74 + t51*t75 - t53*t72, -(t48*t74 + t52*t75),
-        t26*t68 - t46*t71 - t50*t72, t53*t68 - t49*t71 - t51*t72, t48*t71 + t52*t72,
+        t45*t72 + t49*t73 - t25*t70, t48*t72 + t50*t73 - t52*t70, -(t47*t72 + t51*t73),
+        t45*t73 + t49*t74 - t25*t71, t48*t73 + t50*t74 - t52*t71, -(t47*t73 + t51*t74),
+        t25*t67 - t45*t70 - t49*t71, t52*t67 - t48*t70 - t50*t71, t47*t70 + t51*t71,
     ])
     dddq_dtau = _matrix(3, 3, [
-        -t73, t92, t71,
-        t92, -t75, t72,
-        t71, t72, -t68,
+        -t72, t90, t70,
+        t90, -t74, t71,
+        t70, t71, -t67,
     ])
     return ca.Function("rrr_casadi_forward_dynamics_derivatives_nominal", [q, dq, tau], [status, ddq, dddq_dq,
         dddq_dv, dddq_dtau], ["q", "dq", "tau"], ["status", "ddq", "dddq_dq", "dddq_dv", "dddq_dtau"])
@@ -1594,48 +1580,48 @@ def regressor():
     [q1, q2, q3] = _rows(q)
     [dq1, dq2, dq3] = _rows(dq)
     [ddq1, ddq2, ddq3] = _rows(ddq)
+    s2 = ca.sin(q2)
     c2 = ca.cos(q2)
     t1 = ddq1*c2
     t2 = dq1 + dq1
-    s2 = ca.sin(q2)
     t3 = dq2*s2
     t4 = t1 - t2*t3
     t5 = c2*c2 - 0.5
     t6 = 0.2*c2
-    t7 = q2 + q3
-    c23 = ca.cos(t7)
-    t8 = ddq1*c23
-    s23 = ca.sin(t7)
-    t9 = dq2 + dq3
-    t10 = t8 - t2*(s23*t9)
-    t11 = 0.2*c23
-    t12 = dq1*t9
-    t13 = ddq1*s23
-    t14 = c23*t12 + 0.5*t13
-    t15 = t14 + t14
-    t16 = 0.2*s23
-    t17 = ddq2 + ddq3
-    t18 = t9*t9
-    t19 = ddq2*c2 - dq2*t3
-    t20 = dq2*(dq2*c2) + ddq2*s2
-    t21 = dq1*dq1
-    t22 = c2*t21
-    t23 = 0.2*s2
-    t24 = t6*c23 + s23*t23
-    t25 = c23*t21
-    t26 = t20 + t22
-    t27 = t24*t25 + 0.2*t26
-    t28 = t6*s23 - c23*t23
-    t29 = 9.81*(0.020387359836901122*t19 + 1)
-    t30 = t25*t28 - t29
-    t31 = s23*t25
-    t32 = c23*t25 - 0.5*t21
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t7 = ddq1*c23
+    t8 = dq2 + dq3
+    t9 = t7 - s23*t8*t2
+    t10 = 0.2*c23
+    t11 = dq1*t8
+    t12 = ddq1*s23
+    t13 = c23*t11 + 0.5*t12
+    t14 = t13 + t13
+    t15 = 0.2*s23
+    t16 = ddq2 + ddq3
+    t17 = t8*t8
+    t18 = ddq2*c2 - dq2*t3
+    t19 = dq2*c2*dq2 + ddq2*s2
+    t20 = dq1*dq1
+    t21 = c2*t20
+    t22 = 0.2*s2
+    t23 = t6*c23 + s23*t22
+    t24 = c23*t20
+    t25 = t19 + t21
+    t26 = t23*t24 + 0.2*t25
+    t27 = t6*s23 - c23*t22
+    t28 = 9.81*(0.020387359836901122*t18 + 1)
+    t29 = t24*t27 - t28
+    t30 = s23*t24
+    t31 = c23*t24 - 0.5*t20
     Y = _matrix(3, 15, [
-        c2*t4, t1*s2 + t2*(dq2*t5), t6*t10 + t4*t11, -(t6*t15 + t4*t16), c23*t10, t12 - c23*t15, ddq1, c23*t17 -
-            s23*t18, c23*t18 + s23*t17, t19, t20, 0, 0, 0, 0,
-        s2*t22, -t5*t21, s23*t27 + t17*t24 - c23*t30 - t18*t28, c23*t27 + s23*t30 - t17*t28 - t24*(t18 + t21), t31,
-            t32, 0, t8, t13, t1, ddq1*s2, ddq2, ddq3, 9.81*c2, -9.81*s2,
-        0, 0, c23*t29 + t16*t26, t11*t26 - s23*t29, t31, t32, 0, t8, t13, 0, 0, 0, t17, 0, 0,
+        c2*t4, t1*s2 + dq2*t5*t2, t6*t9 + t4*t10, -(t6*t14 + t4*t15), c23*t9, t11 - c23*t14, ddq1, c23*t16 -
+            s23*t17, c23*t17 + s23*t16, t18, t19, 0, 0, 0, 0,
+        s2*t21, -t5*t20, s23*t26 + t16*t23 - c23*t29 - t17*t27, c23*t26 + s23*t29 - t16*t27 - t23*(t17 + t20), t30,
+            t31, 0, t7, t12, t1, ddq1*s2, ddq2, ddq3, 9.81*c2, -9.81*s2,
+        0, 0, c23*t28 + t15*t25, t10*t25 - s23*t28, t30, t31, 0, t7, t12, 0, 0, 0, t16, 0, 0,
     ])
     return ca.Function("rrr_casadi_regressor", [q, dq, ddq], [Y], ["q", "dq", "ddq"], ["Y"])
 
@@ -1660,48 +1646,48 @@ def regressor_transpose():
     [dq1, dq2, dq3] = _rows(dq)
     [ddq1, ddq2, ddq3] = _rows(ddq)
     [e1, e2, e3] = _rows(e)
+    s2 = ca.sin(q2)
     c2 = ca.cos(q2)
     t1 = ddq1*e1
     t2 = c2*t1
-    s2 = ca.sin(q2)
     t3 = dq2*e1
     t4 = dq1*(dq1*e2 - (t3 + t3))
     t5 = s2*t4
-    t6 = q2 + q3
-    c23 = ca.cos(t6)
-    t7 = e2 + e3
-    t8 = ddq2 + ddq3
-    t9 = ddq2*t7 + e2*t8
-    t10 = dq2 + dq3
-    t11 = t7*(dq2*dq2) - e2*(t10*t10)
-    t12 = c2*t9 - s2*t11 + 49.05*(t7 + 0.040774719673802244*(t2 + 0.5*t5))
-    s23 = ca.sin(t6)
-    t13 = e1*t10
-    t14 = dq1*(dq1*t7 - (t13 + t13))
-    t15 = c2*(t11 + t14) + s2*t9
-    t16 = t1*c23
-    t17 = ddq1*t7 + e1*t8
-    t18 = t10*t13
-    t19 = ddq1*e2 + ddq2*e1
-    t20 = dq2*t3
-    t21 = ddq2*e2
-    t22 = 9.81*e2
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t6 = e2 + e3
+    t7 = ddq2 + ddq3
+    t8 = ddq2*t6 + e2*t7
+    t9 = dq2 + dq3
+    t10 = dq2*dq2*t6 - t9*t9*e2
+    t11 = c2*t8 - s2*t10 + 49.05*(t6 + 0.040774719673802244*(t2 + 0.5*t5))
+    t12 = e1*t9
+    t13 = dq1*(dq1*t6 - (t12 + t12))
+    t14 = c2*(t10 + t13) + s2*t8
+    t15 = t1*c23
+    t16 = ddq1*t6 + e1*t7
+    t17 = t9*t12
+    t18 = ddq1*e2 + ddq2*e1
+    t19 = dq2*t3
+    t20 = ddq2*e2
+    t21 = 9.81*e2
     r = _matrix(15, 1, [
         c2*(t2 + t5),
         t2*s2 - t4*(c2*c2 - 0.5),
-        0.2*(c23*t12 + s23*t15),
-        0.2*(c23*t15 - t12*s23),
-        c23*(s23*t14 + t16),
-        t14*(c23*c23 - 0.5) - s23*t16,
+        0.2*(c23*t11 + s23*t14),
+        0.2*(c23*t14 - t11*s23),
+        c23*(s23*t13 + t15),
+        t13*(c23*c23 - 0.5) - s23*t15,
         t1,
-        c23*t17 - s23*t18,
-        c23*t18 + s23*t17,
-        c2*t19 - s2*t20,
-        c2*t20 + s2*t19,
-        t21,
-        t7*t8 - t21,
-        c2*t22,
-        -s2*t22,
+        c23*t16 - s23*t17,
+        c23*t17 + s23*t16,
+        c2*t18 - s2*t19,
+        c2*t19 + s2*t18,
+        t20,
+        t6*t7 - t20,
+        c2*t21,
+        -s2*t21,
     ])
     return ca.Function("rrr_casadi_regressor_transpose", [q, dq, ddq, e], [r], ["q", "dq", "ddq", "e"], ["r"])
 
@@ -1725,71 +1711,70 @@ def standard_regressor():
     [q1, q2, q3] = _rows(q)
     [dq1, dq2, dq3] = _rows(dq)
     [ddq1, ddq2, ddq3] = _rows(ddq)
+    s2 = ca.sin(q2)
     c2 = ca.cos(q2)
     t1 = ddq1*c2
     t2 = dq1 + dq1
-    s2 = ca.sin(q2)
     t3 = dq2*s2
     t4 = c2*(t1 - t2*t3)
     t5 = 0.04*t4
-    t6 = dq2*(dq2*c2) + ddq2*s2
+    t6 = dq2*c2*dq2 + ddq2*s2
     t7 = ddq2*c2 - dq2*t3
     t8 = c2*c2 - 0.5
-    t9 = t1*s2 + t2*(dq2*t8)
-    t10 = q2 + q3
-    c23 = ca.cos(t10)
-    t11 = ddq1*c23
-    s23 = ca.sin(t10)
-    t12 = dq2 + dq3
-    t13 = s23*t12
-    t14 = c23*(t11 - t2*t13)
-    t15 = dq1*c2
-    t16 = t1 - dq1*t3
-    t17 = t13*t15 - c23*t16
-    t18 = t12*t12
-    t19 = ddq2 + ddq3
-    t20 = c23*t18 + s23*t19
-    t21 = t6 + 2.075*t20
-    t22 = t5 + 0.067081*ddq1 + 0.172225*t14 - 0.166*t17 - 0.0518*t21
-    t23 = c23*t19 - s23*t18
-    t24 = ddq1*s23
-    t25 = c23*c23 - 0.5
-    t26 = c23*t24 + t2*(t12*t25)
-    t27 = dq1*dq1
-    t28 = c2*t27
-    t29 = s2*t28
-    t30 = ddq2 + t29
-    t31 = ddq1*s2
-    t32 = c2 - 0.01722731906218145*t31
-    t33 = t8*t27
-    t34 = 0.2*(c2*s23 - s2*c23)
-    t35 = c23*t27
-    t36 = c23*t35
-    t37 = t18 + t36
-    t38 = ddq1 - 0.7722007722007722*(t6 + t28)
-    t39 = 0.02640163098878695*(c23*t38 + t7*(0.7722007722007722*s23))
-    t40 = s23 + t39
-    t41 = 0.2*(c2*c23 + s2*s23)
-    t42 = t41 + 0.415
-    t43 = s23*t35
-    t44 = t19 + t43
-    t45 = c23 + 0.020387359836901122*(t7*c23 - t38*(1.295*s23))
-    t46 = t44 + 23.63855421686747*t45
-    t47 = 0.83*(t44 + 11.819277108433734*t45)
-    t48 = t25*t27
-    t49 = 9.81*(t40 - 0.08460754332313965*t48)
-    t50 = -t43
-    t51 = -(t48 + t48)
+    t9 = t1*s2 + dq2*t8*t2
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t10 = ddq1*c23
+    t11 = dq2 + dq3
+    t12 = s23*t11
+    t13 = c23*(t10 - t2*t12)
+    t14 = dq1*c2
+    t15 = t1 - dq1*t3
+    t16 = t12*t14 - c23*t15
+    t17 = t11*t11
+    t18 = ddq2 + ddq3
+    t19 = c23*t17 + s23*t18
+    t20 = t6 + 2.075*t19
+    t21 = c23*t18 - s23*t17
+    t22 = ddq1*s23
+    t23 = c23*c23 - 0.5
+    t24 = c23*t22 + t11*t23*t2
+    t25 = dq1*dq1
+    t26 = c2*t25
+    t27 = s2*t26
+    t28 = ddq2 + t27
+    t29 = ddq1*s2
+    t30 = c2 - 0.017227319062181449*t29
+    t31 = t8*t25
+    t32 = 0.2*(c2*s23 - s2*c23)
+    t33 = c23*t25
+    t34 = c23*t33
+    t35 = t17 + t34
+    t36 = ddq1 - 0.77220077220077221*(t6 + t26)
+    t37 = s23 + 0.02640163098878695*(c23*t36 + 0.77220077220077221*s23*t7)
+    t38 = 0.2*(c2*c23 + s2*s23)
+    t39 = t38 + 0.415
+    t40 = s23*t33
+    t41 = t18 + t40
+    t42 = c23 + 0.020387359836901122*(t7*c23 - 1.295*s23*t36)
+    t43 = t41 + 23.638554216867469*t42
+    t44 = 0.83*(t41 + 11.819277108433734*t42)
+    t45 = t23*t25
+    t46 = 9.81*(t37 - 0.084607543323139647*t45)
+    t47 = -t40
+    t48 = -(t45 + t45)
     Y = _matrix(3, 30, [
         0, 0, 0, 0, 0, 0, ddq1, 0, 0, 0, 0.028561*ddq1 + t5 - 0.0338*t6, 0.4*t4 - 0.169*t6, -(0.169*t7 + 0.4*t9),
-            0.338*ddq1 - 0.2*t6, ddq1 - t4, t9 + t9, t4, t6, t7, 0, t22, 0.83*t14 - 0.259*t20 - 0.4*t17, -(0.259*t23 +
-            0.83*t26 + 0.4*(t15*(c23*t12) + s23*t16)), 0.518*ddq1 - 0.2*t21, ddq1 - t14, t26 + t26, t14, t20, t23, 0,
-        0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.04*t30 + 1.962*t32, 0.4*t30 + 9.81*t32, 0.4*t33 - 9.81*s2 - 0.169*t1,
-            -0.2*t31, -t29, -(t33 + t33), t29, t31, t1, ddq2, -0.415*(t34*(t37 - 23.63855421686747*t40) - t42*t46),
-            t41*t44 + t47 - t34*t37, -(t34*(t19 - t43) + t41*(t18 - (t36 - t27)) + t49), t11*t34 - t24*t42, t50, t51,
-            t43, t24, t11, t19,
-        0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.172225*t46, t47, -t49, -0.415*t24, t50, t51,
-            t43, t24, t11, t19,
+            0.338*ddq1 - 0.2*t6, ddq1 - t4, t9 + t9, t4, t6, t7, 0, t5 + 0.067081*ddq1 + 0.172225*t13 - 0.166*t16 -
+            0.0518*t20, 0.83*t13 - 0.259*t19 - 0.4*t16, -(0.259*t21 + 0.83*t24 + 0.4*(c23*t11*t14 + s23*t15)),
+            0.518*ddq1 - 0.2*t20, ddq1 - t13, t24 + t24, t13, t19, t21, 0,
+        0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.04*t28 + 1.962*t30, 0.4*t28 + 9.81*t30, 0.4*t31 - 9.81*s2 - 0.169*t1,
+            -0.2*t29, -t27, -(t31 + t31), t27, t29, t1, ddq2, -0.415*(t32*(t35 - 23.638554216867469*t37) - t39*t43),
+            t38*t41 + t44 - t32*t35, -(t32*(t18 - t40) + t38*(t17 - (t34 - t25)) + t46), t10*t32 - t22*t39, t47, t48,
+            t40, t22, t10, t18,
+        0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.172225*t43, t44, -t46, -0.415*t22, t47, t48,
+            t40, t22, t10, t18,
     ])
     return ca.Function("rrr_casadi_standard_regressor", [q, dq, ddq], [Y], ["q", "dq", "ddq"], ["Y"])
 
@@ -1812,20 +1797,20 @@ def energy():
     [dq1, dq2, dq3] = _rows(dq)
     [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
         beta15] = _rows(beta)
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
+    c2 = ca.cos(q2)
     t1 = dq2 + dq3
-    t2 = q2 + q3
-    c23 = ca.cos(t2)
-    s23 = ca.sin(t2)
-    t3 = dq1*(dq2*(beta10*c2 + beta11*s2) + t1*(beta8*c23 + beta9*s23))
-    t4 = beta7 + (c2*(beta1*c2 + beta2*s2) + c23*(beta5*c23 - beta6*s23))
-    t5 = dq1*dq1
-    t6 = beta4*c23 + beta3*s23
-    t7 = c2*(beta3*c23 - beta4*s23)*(t5 + dq2*t1) + t1*(dq2*s2*t6 + t1*(2.5*beta13))
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t2 = dq1*dq1
+    t3 = (c2*(beta1*c2 + beta2*s2) + c23*(beta5*c23 - beta6*s23) + beta7)*t2
+    t4 = dq1*(dq2*(beta10*c2 + beta11*s2) + t1*(beta8*c23 + beta9*s23))
+    t5 = beta4*c23 + beta3*s23
+    t6 = 0.2*(c2*(beta3*c23 - beta4*s23)*(t2 + dq2*t1) + t1*(dq2*s2*t5 + 2.5*beta13*t1))
     E = _matrix(2, 1, [
-        t3 + 0.5*(dq2*dq2*(beta12 - beta13) + t4*t5) + 0.2*t7,
-        9.81*(t6 + (beta15*c2 + beta14*s2)),
+        t4 + 0.5*(dq2*dq2*(beta12 - beta13) + t3) + t6,
+        9.81*(beta15*c2 + beta14*s2 + t5),
     ])
     return ca.Function("rrr_casadi_energy", [q, dq, beta], [E], ["q", "dq", "beta"], ["E"])
 
@@ -1846,17 +1831,16 @@ def energy_nominal():
     [dq1, dq2, dq3] = _rows(dq)
     t1 = dq2 + dq3
     t2 = dq1*dq1
-    c2 = ca.cos(q2)
     s2 = ca.sin(q2)
-    t3 = q2 + q3
-    c23 = ca.cos(t3)
-    s23 = ca.sin(t3)
-    t4 = 0.2696*c2*(c2 + 0.02967359050445104*s2) + 0.03185*c23*(c23 - 0.03139717425431711*s23)
-    t5 = c2*c23*(t2 + dq2*t1) + dq2*(t1*(s2*s23) + 5.247023809523809*dq2)
-    t6 = dq2*(0.004*c2 + 0.299444*s2) + t1*(0.0013*c23 + 0.043584*s23)
-    t7 = t1*(0.018185*t1) + 0.5*t2*(t4 + 0.8531086) + 0.0336*t5 - dq1*t6
+    c2 = ca.cos(q2)
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t3 = 0.2696*c2*(c2 + 0.02967359050445104*s2) + 0.03185*c23*(c23 - 0.031397174254317109*s23)
+    t4 = 0.0336*(c2*c23*(t2 + dq2*t1) + dq2*(s2*s23*t1 + 5.2470238095238093*dq2))
+    t5 = dq1*(dq2*(0.004*c2 + 0.299444*s2) + t1*(0.0013*c23 + 0.043584*s23))
     E = _matrix(2, 1, [
-        t7,
+        0.018185*t1*t1 + 0.5*t2*(t3 + 0.8531086) + t4 - t5,
         15.06816*s2 + 1.64808*s23,
     ])
     return ca.Function("rrr_casadi_energy_nominal", [q, dq], [E], ["q", "dq"], ["E"])
