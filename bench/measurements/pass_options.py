@@ -13,6 +13,8 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import click
+
 from rrrgen.derive import derive_model
 from rrrgen.derive.derived_model import DerivedModel, RecordedModel
 from rrrgen.optimize.choosing import Weights
@@ -77,7 +79,7 @@ def main(robots: Sequence[str]) -> None:
     """Print the table."""
     recorded = [derive_model(load_spec(name)) for name in robots]
     programs = [way for model in recorded for ways in model.alternatives.values() for way in ways]
-    print(f"{', '.join(robots)}: {sum(count_operations(way).total for way in programs)} operations as recorded")
+    click.echo(f"{', '.join(robots)}: {sum(count_operations(way).total for way in programs)} operations as recorded")
     usual: dict[str, int] = {}
     for name, optimizer in variants():
         found, seconds = measured(recorded, optimizer)
@@ -89,7 +91,7 @@ def main(robots: Sequence[str]) -> None:
         line = f"{name:32} {100 * (total - 1):+7.3f} %  {seconds:6.1f} s  {changed:3} changed"
         if changed:
             line += f"  {ratios[best]:.3f} {best}, {ratios[worst]:.3f} {worst}"
-        print(line, flush=True)
+        click.echo(line)
 
 
 if __name__ == "__main__":
