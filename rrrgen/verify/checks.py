@@ -10,6 +10,7 @@ from rrrgen.verify.against_newton_euler import check_dynamics, check_friction, c
 from rrrgen.verify.comparison import DOUBLE, SINGLE, Collector, Tolerances
 from rrrgen.verify.derivatives import check_derivatives
 from rrrgen.verify.identities import check_identities
+from rrrgen.verify.inverse_kinematics import Tell, check_inverse_kinematics
 from rrrgen.verify.references.chain import Chain, chain_of
 from rrrgen.verify.references.libraries import LIBRARIES
 from rrrgen.verify.references.newton_euler import NewtonEuler
@@ -26,6 +27,7 @@ def verify(
     seed: int = 0,
     *,
     libraries: bool = True,
+    tell: Tell | None = None,
 ) -> Report:
     """Compare every function of a model with independent references at random states.
 
@@ -40,10 +42,15 @@ def verify(
     ill-conditioned M does not count against the model. Potential energies are compared up to their value at q = 0,
     because base parameters do not determine the constant. A model that answers in float32 is held to the tolerances of
     single precision, at states that float32 represents exactly.
+
+    The inverse kinematics, which is evaluated in double, is compared with forward kinematics of the verifier's own and
+    with a numerical search; see :func:`rrrgen.verify.inverse_kinematics.check_inverse_kinematics`. ``tell(done, total,
+    message)`` hears of its progress.
     """
     if samples < 1:
         raise ValueError(f"samples must be at least 1, got {samples}")
     rng = np.random.default_rng(seed)
+    single_model = model
     model = cast(Model, BothWays(model))
     chain = chain_of(model.spec)
     states = draw_states(chain, samples, rng)
@@ -62,6 +69,7 @@ def verify(
         check_dynamics(model, reference, parameters, states, tolerances, rows)
         check_derivatives(model, reference, parameters, states, tolerances, rows)
         check_identities(model, chain, parameters, states, tolerances, rows)
+    check_inverse_kinematics(single_model, chain, samples, rng, rows, tell)
     if libraries:
         for name in LIBRARIES:
             for parameters in sets:

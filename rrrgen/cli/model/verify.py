@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.cli.arguments import html_option, json_option, read_with_warnings, real_option, robot_argument, write_html
+from rrrgen.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
@@ -42,7 +43,9 @@ def verify(
     """Compare every function of a model with independent dynamics at random states.
 
     The built-in Newton-Euler shares no code with the compiler and is always asked; Pinocchio, MuJoCo and the Robotics
-    Toolbox when they are installed. Prints the largest relative differences and a verdict; exits with 1 on failure.
+    Toolbox when they are installed. The inverse kinematics is compared with forward kinematics of the verifier's own
+    and, for --samples / 20 targets, with a numerical search. Prints the largest relative differences and a verdict;
+    exits with 1 on failure.
 
     \b
     Examples:
@@ -54,7 +57,8 @@ def verify(
     from rrrgen.verify import verify as compare
 
     spec = read_with_warnings(robot)
-    report = compare(pipeline.compile(spec, backend, real), samples, seed, libraries=libraries)
+    with progress_bar() as tell:
+        report = compare(pipeline.compile(spec, backend, real), samples, seed, libraries=libraries, tell=tell)
     if html is not None:
         write_html(html, pipeline.derive(spec), report)
     click.echo(report.to_json() if as_json else report.to_text(), nl=False)

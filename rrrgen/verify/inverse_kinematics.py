@@ -1,0 +1,244 @@
+"""The inverse kinematics against forward kinematics of the verifier's own, and against a numerical search.
+
+Nothing is shared with the solver: the chain comes from the description's numbers, and solutions are looked for by
+damped Gauss-Newton steps from random configurations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.errors import BuildError, DerivationError
+from rrrgen.verify.comparison import ANSWERED_WITH_AN_ERROR, Collector
+from rrrgen.verify.references.chain import Array, Chain
+from rrrgen.verify.report import Row
+from rrrgen.verify.subject import STROKE
+
+FUNCTION = "inverse_kinematics"
+OWN_CHAIN, SEARCH = "forward kinematics (own)", "numerical search"
+
+STARTS = 64
+"""Random starts of the numerical search per target."""
+
+STEPS = 60
+FOUND = 1e-11
+"""Error (rad, reaches) at which a start has converged."""
+
+EXACT = 4e-12
+"""What the error of a row may be, in rad and reaches."""
+
+SHARP = 1e-3
+"""Solutions whose Jacobian has a smaller singular value are left out: near a multiple root they are not determined."""
+
+APART = 1e-5
+"""Two configurations nearer than this (rad, reaches) are one."""
+
+Tell = Callable[[int, int, str], None]
+
+
+class Arm:
+    """Forward kinematics and the geometric Jacobian of a chain, for batches of configurations (N, n)."""
+
+    def __init__(self, chain: Chain, *, position: bool) -> None:
+        self.around, self.revolute, self.n = chain.around_joints(), np.array(chain.revolute), chain.n
+        self.base, self.tool, self.position = chain.base, chain.tool, position
+        size = float(np.sum(np.abs(chain.a)) + np.sum(np.abs(chain.d)) + np.linalg.norm(chain.tool[:3, 3]))
+        self.reach = size if size > 0.0 else 1.0
+
+    def poses(self, q: Array) -> Array:
+        """The tip (N, 4, 4)."""
+        return self._walk(q)[0]
+
+    def _walk(self, q: Array) -> tuple[Array, list[Array], list[Array]]:
+        T = np.broadcast_to(self.base, (len(q), 4, 4))
+        axes, points = [], []
+        for k, (before, after) in enumerate(self.around):
+            T = T @ before
+            axes.append(T[:, :3, 2])
+            points.append(T[:, :3, 3])
+            motion = np.broadcast_to(np.eye(4), (len(q), 4, 4)).copy()
+            if self.revolute[k]:
+                c, s = np.cos(q[:, k]), np.sin(q[:, k])
+                motion[:, 0, 0], motion[:, 0, 1], motion[:, 1, 0], motion[:, 1, 1] = c, -s, s, c
+            else:
+                motion[:, 2, 3] = q[:, k]
+            T = T @ motion @ after
+        return T @ self.tool, axes, points
+
+    def error(self, goals: Array, q: Array) -> tuple[Array, Array]:
+        """What is left to the goals, lengths in reaches (N, 3 or 6), and its Jacobian by q in rad and reaches."""
+        T, axes, points = self._walk(q)
+        tip = T[:, :3, 3]
+        linear, angular = [], []
+        for k, (z, o) in enumerate(zip(axes, points, strict=True)):
+            linear.append(np.cross(z, tip - o) / self.reach if self.revolute[k] else z)
+            angular.append(z if self.revolute[k] else np.zeros_like(z))
+        e, J = (goals[:, :3, 3] - tip) / self.reach, np.stack(linear, axis=2)
+        if self.position:
+            return e, J
+        turn = 0.5 * np.sum(np.cross(T[:, :3, :3], goals[:, :3, :3], axis=1), axis=2)
+        return np.concatenate([e, turn], axis=1), np.concatenate([J, np.stack(angular, axis=2)], axis=1)
+
+    def distance(self, goals: Array, q: Array) -> Array:
+        """The largest entry of the difference of pose, lengths in reaches (N,)."""
+        D = np.abs(self.poses(q) - goals)
+        D[:, :3, 3] /= self.reach
+        return np.asarray((D[:, :3, 3:] if self.position else D).reshape(len(q), -1).max(axis=1, initial=0.0))
+
+    def apart(self, a: Array, b: Array) -> Array:
+        """The largest difference of configurations, angles without whole turns, displacements in reaches (...)."""
+        d = a - b
+        turned = np.abs(np.mod(d + np.pi, 2 * np.pi) - np.pi)
+        return np.asarray(np.where(self.revolute, turned, np.abs(d) / self.reach).max(axis=-1))
+
+    def sharpness(self, goals: Array, q: Array) -> Array:
+        """The smallest singular value of the Jacobian (N,)."""
+        return np.asarray(np.linalg.svd(self.error(goals, q)[1], compute_uv=False)[:, -1])
+
+    def drawn(self, count: int, rng: np.random.Generator) -> Array:
+        """Configurations over the whole turn, displacements up to ``STROKE``."""
+        return rng.uniform(-1, 1, (count, self.n)) * np.where(self.revolute, np.pi, STROKE)
+
+    def search(self, goals: Array, q: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Configurations that damped Gauss-Newton steps reach from ``q``, and whether each meets its goal."""
+        identity, scale = np.eye(self.n), np.where(self.revolute, 1.0, self.reach)
+        for _ in range(STEPS):
+            e, J = self.error(goals, q)
+            cost = np.sum(e * e, axis=1)
+            H = np.einsum("nij,nik->njk", J, J) + (1e-2 * cost + 1e-14)[:, None, None] * identity
+            step = np.linalg.solve(H, np.einsum("nij,ni->nj", J, e)[..., None])[..., 0]
+            step /= np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True))
+            q = q + step * scale
+        return q, self.distance(goals, q) <= FOUND
+
+
+def check_inverse_kinematics(
+    model: Any, chain: Chain, samples: int, rng: np.random.Generator, rows: Collector, tell: Tell | None = None
+) -> None:
+    """Rows of the solver at random, singular and unreachable targets.
+
+    Every row must meet its target; the configuration that made a target must be among the rows; so must every solution
+    that the search finds from ``STARTS`` random starts for each of samples / 20 targets; a target out of reach has
+    none. A robot without a solver is named among what was not asked, with the reason.
+    """
+    try:
+        solver = model.ik
+    except (DerivationError, BuildError) as reason:
+        rows.skipped.append((FUNCTION, str(reason)))
+        return
+    except AttributeError:
+        rows.skipped.append((FUNCTION, "the model offers none"))
+        return
+    checks = _Checks(solver, Arm(chain, position=solver.plan.task == "position"), rng, rows)
+    try:
+        checks.at_random(samples)
+        checks.at_singular(max(samples // 4, 10))
+        checks.against_search(max(samples // 20, 2), tell)
+        checks.out_of_reach()
+    except ANSWERED_WITH_AN_ERROR as error:
+        rows.rows.append(_row("no answer", OWN_CHAIN, samples, np.inf, 0.0, f"{type(error).__name__}: {error}"))
+
+
+def _row(what: str, reference: str, samples: int, difference: float, tolerance: float, note: str = "") -> Row:
+    return Row(f"{FUNCTION}: {what}", reference, "-", samples, float(difference), tolerance, note)
+
+
+class _Checks:
+    def __init__(self, solver: Any, arm: Arm, rng: np.random.Generator, rows: Collector) -> None:
+        self.solver, self.arm, self.rng, self.rows = solver, arm, rng, rows
+
+    def _add(self, *entry: Any) -> None:
+        self.rows.rows.append(_row(*entry))
+
+    def _solved(self, goals: Array, q: Array) -> list[Array]:
+        """The rows of every goal; a redundant arm is asked at the redundancy parameter of ``q``."""
+        locked = self.solver.plan.locked is not None
+        given = {"redundancy": np.array([self.solver.parameter(x) for x in q])} if locked else {}
+        targets = goals[:, :3, 3] if self.arm.position else goals
+        batch = self.solver.solve_batch(targets, limits=False, **given)
+        return [found[:count] for found, count in zip(batch.q, batch.counts, strict=True)]
+
+    def _worst(self, goals: Array, found: list[Array]) -> float:
+        owner = np.repeat(np.arange(len(goals)), [len(each) for each in found])
+        every = np.concatenate(found)
+        if not np.all(np.isfinite(every)):
+            return float("nan")
+        return float(self.arm.distance(goals[owner], every).max(initial=0.0))
+
+    def _missed(self, q: Array, found: list[Array]) -> NDArray[np.bool_]:
+        """Which configurations are not among the rows of their goal (N,)."""
+        return np.array([not np.any(self.arm.apart(each, x) < APART) for x, each in zip(q, found, strict=True)])
+
+    def at_random(self, samples: int) -> None:
+        """Rows against forward kinematics, the seed among them, no row twice."""
+        q = self.arm.drawn(samples, self.rng)
+        goals = self.arm.poses(q)
+        found = self._solved(goals, q)
+        self._add("FK(row) = target", OWN_CHAIN, samples, self._worst(goals, found), EXACT)
+        sharp = self.arm.sharpness(goals, q) > SHARP
+        missed = self._missed(q, found) & sharp
+        note = f"seed lost at q = {np.round(q[np.argmax(missed)], 6).tolist()}" if missed.any() else ""
+        self._add(
+            "share of seeds not found", OWN_CHAIN, int(sharp.sum()), missed.sum() / max(sharp.sum(), 1), 0.0, note
+        )
+        twice = sum(
+            bool(np.any(self.arm.apart(each[i], each[:i]) < 1e-7)) for each in found for i in range(1, len(each))
+        )
+        self._add("rows that come twice", OWN_CHAIN, samples, twice, 0.0)
+
+    def at_singular(self, samples: int) -> None:
+        """Configurations of eighths of a turn, where axes are aligned and arms stretched: rows, and right ones."""
+        eighths = np.pi / 4 * self.rng.integers(-4, 5, (samples, self.arm.n))
+        q = np.where(self.arm.revolute, eighths, 0.1 * eighths)
+        q[0] = 0.0
+        goals = self.arm.poses(q)
+        found = self._solved(goals, q)
+        self._add("FK(row) = target, singular", OWN_CHAIN, samples, self._worst(goals, found), EXACT)
+        empty = np.array([len(each) == 0 for each in found])
+        note = f"no row at q = {np.round(q[np.argmax(empty)], 6).tolist()}" if empty.any() else ""
+        self._add("share of singular targets without a row", OWN_CHAIN, samples, empty.mean(), 0.0, note)
+
+    def against_search(self, targets: int, tell: Tell | None) -> None:
+        """Every solution that the search finds is a row; the note says how many of the rows the search found."""
+        solutions = found_too = rows = missed = 0
+        where = ""
+        for k, seed in enumerate(self.arm.drawn(targets, self.rng)):
+            if tell is not None:
+                tell(k, targets, "inverse kinematics: numerical search")
+            goals = np.repeat(self.arm.poses(seed[None]), STARTS, axis=0)
+            q, met = self.arm.search(goals, self.arm.drawn(STARTS, self.rng))
+            q = self._distinct(q[met & (self.arm.sharpness(goals, q) > SHARP)])
+            if not len(q):
+                continue
+            found = self._solved(goals[: len(q)], q)
+            lost = self._missed(q, found)
+            solutions, missed = solutions + len(q), missed + int(lost.sum())
+            if self.solver.plan.locked is None:
+                rows += len(found[0])
+                found_too += sum(bool(np.any(self.arm.apart(q, row) < APART)) for row in found[0])
+            if lost.any() and not where:
+                where = f"; not among the rows: q = {np.round(q[np.argmax(lost)], 6).tolist()}"
+        counted = f"; the search found {found_too} of {rows} rows" if rows else ""
+        note = f"{solutions} solutions of {targets} targets by {STARTS} starts each{counted}{where}"
+        share = missed / solutions if solutions else float("nan")
+        self._add("share of other solutions not among the rows", SEARCH, targets, share, 0.0, note)
+
+    def _distinct(self, q: Array) -> Array:
+        kept: list[Array] = []
+        for x in q:
+            if not kept or not np.any(self.arm.apart(np.array(kept), x) < APART):
+                kept.append(x)
+        return np.array(kept).reshape(-1, self.arm.n)
+
+    def out_of_reach(self) -> None:
+        """A tip beyond everything that the arm can reach."""
+        if not np.all(self.arm.revolute):
+            return
+        q = np.zeros((1, self.arm.n))
+        goals = self.arm.poses(q)
+        goals[:, :3, 3] += 3.0 * self.arm.reach
+        self._add("rows of a target out of reach", OWN_CHAIN, 1, len(self._solved(goals, q)[0]), 0.0)
