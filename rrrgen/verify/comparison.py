@@ -65,7 +65,8 @@ class Check(Protocol):
 @dataclass
 class Collector:
     """Gathers rows. Nothing of ours is left out: where a model raises instead of answering, or has no such function,
-    the row fails with the message. ``skipped`` is for other people's libraries alone.
+    the row fails with the message. ``skipped`` is for other people's libraries, and for functions that
+    cannot exist for a robot (a chain without a solver of its inverse kinematics).
     """
 
     rows: list[Row] = field(default_factory=list)

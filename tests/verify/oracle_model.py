@@ -9,6 +9,7 @@ from oracles import newton_euler as ne
 from oracles.lagrange import STEP
 from oracles.newton_euler import Robot
 from oracles.numeric_rank import stacked_regressor
+from rrrgen.errors import DerivationError
 from rrrgen.robotfile.robot_spec import DriveSpec, FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
 
 
@@ -99,6 +100,11 @@ class OracleModel:
         self._friction_terms = [kind for kind in ("viscous", "coulomb", "offset") if getattr(friction, kind, None)]
         frictions = [f"{kind}{i + 1}" for i in range(self.n) for kind in self._friction_terms]
         self.identification_parameter_names = (*self.base_parameter_names, *drives, *frictions)
+
+    @property
+    def ik(self):
+        """The oracles solve no inverse kinematics, as a chain for which there is no family."""
+        raise DerivationError("the oracle has no inverse kinematics")
 
     def _phi(self, beta) -> np.ndarray | None:
         chosen = self.beta if beta is None else np.asarray(beta)

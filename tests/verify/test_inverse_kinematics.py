@@ -96,6 +96,9 @@ def test_what_cannot_be_asked_is_named():
     check_inverse_kinematics(Without(), chain_of(pipeline.read("rrr")), 4, np.random.default_rng(0), rows)
     assert rows.skipped == [("inverse_kinematics", "no family fits")]
     rows = Collector()
+    check_inverse_kinematics(SimpleNamespace(), chain_of(pipeline.read("rrr")), 4, np.random.default_rng(0), rows)
+    assert not rows.rows[0].ok
+    rows = Collector()
     broken = SimpleNamespace(ik=SimpleNamespace(plan=SimpleNamespace(task="pose", locked=None)))
     broken.ik.solve_batch = lambda *a, **k: (_ for _ in ()).throw(ValueError("refused"))
     check_inverse_kinematics(broken, chain_of(pipeline.read("rrr")), 4, np.random.default_rng(0), rows)
