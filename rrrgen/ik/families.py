@@ -26,6 +26,13 @@ from rrrgen.ik.solutions.spherical import arm_of, is_spherical
 FOUND = 1e-5
 """How near (rad, reaches) the configuration that made a trial pose must be found; double roots cost half the digits."""
 
+DEPENDENT = 1e-7
+"""Six joints whose Jacobian has a smallest singular value (lengths in reaches, over the largest) below this move the
+tip in five directions only: prescribing the seventh leaves a pose without a solution or with a continuum."""
+
+SHALLOW = 1e-3
+"""Below this they nearly do. Usual ratios are 3e-3 to 3e-2."""
+
 Options = Iterator[tuple[int, SolverPlan]]
 
 
@@ -51,7 +58,7 @@ def pose_plans(chain: Chain, locked: int | None = None) -> Options:
     loop = structure(chain, locked)
     yield from _structured_plans(chain, loop, locked, None)
     if is_general(chain, locked):
-        yield _general_plan(chain, locked)
+        yield from _general_plans(chain, locked)
     for i, joint in enumerate(loop.joints):
         for direction in (1, -1) if not joint.revolute else ():
             moved = commuted(loop, i, direction)
@@ -59,13 +66,34 @@ def pose_plans(chain: Chain, locked: int | None = None) -> Options:
                 yield from _structured_plans(chain, moved, locked, (i, direction))
 
 
-def _general_plan(chain: Chain, locked: int | None) -> tuple[int, SolverPlan]:
-    """The elimination for six joints, with its cost: rather without a sliding one, rather with the last one locked."""
+def _general_plans(chain: Chain, locked: int | None) -> Options:
+    """The elimination for six joints that move the tip in six directions.
+
+    Rather without a sliding one, rather with the last one locked, and rather with six that are not nearly dependent.
+    """
+    steepness = 1.0 if locked is None else _steepness(chain, locked)
+    if steepness < DEPENDENT:
+        return
     slides = any(not joint.revolute for k, joint in enumerate(chain.joints) if k != locked)
     joints = "five revolute joints and a prismatic one" if slides else "six revolute joints"
     title = f"{joints} without special structure: the roots of a polynomial of degree 16"
     plan = SolverPlan("general5r1p" if slides else "general6r", title, "pose", chain, chain, locked=locked)
-    return 40 + 2 * slides + (locked == 0), plan
+    yield 40 + 2 * slides + (locked == 0) + 4 * (steepness < SHALLOW), plan
+
+
+def _steepness(chain: Chain, locked: int) -> float:
+    """Median ratio of the smallest to the largest singular value of the Jacobian without the prescribed joint."""
+    import numpy as np
+
+    rng = np.random.default_rng(5)
+    scale = np.array([1 / chain.reach if joint.revolute else 1.0 for joint in chain.joints])
+    ratios = []
+    for _ in range(9):
+        J = chain.jacobian(rng.uniform(-np.pi, np.pi, chain.n))
+        J[:3] *= scale
+        values = np.linalg.svd(np.delete(J, locked, axis=1), compute_uv=False)
+        ratios.append(values[-1] / values[0])
+    return float(np.median(ratios))
 
 
 def _structured_plans(chain: Chain, loop: Loop, locked: int | None, commute: tuple[int, int] | None) -> Options:

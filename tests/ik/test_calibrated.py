@@ -102,6 +102,17 @@ def test_exact_special_arms_keep_their_family():
             assert (found.family, found.locked, found.companion, found.incomplete) == (family, locked, None, "")
 
 
+def test_no_joint_is_prescribed_that_leaves_six_dependent_ones():
+    """Two joints on one axis: only what prescribes one of them leaves six that move the tip in six directions."""
+    rows = arm("PRRRRRR", 3)
+    rows[5] = ("R", 0.0, 0.0, 0.2, 0.4)
+    assert plan(make("arm", rows)).locked == 6
+    rows = arm("RRRRRRR", 3)
+    rows[3] = ("R", 0.0, 0.0, 0.2, 0.4)
+    found = plan(make("arm", rows))
+    assert (found.family, "no joint can be prescribed" in found.reason) == ("none", True)
+
+
 def test_a_sliding_joint_is_never_the_kept_one():
     rows = np.array([row[1:4] for row in arm("RRPRRR", 1)])
     rows[2, 2] = 0.0
