@@ -88,7 +88,7 @@ class DerivedModel(ParametrizedRobot):
     """Everything that back ends, the runtime and reports need: every function at its cheapest.
 
     ``programs`` maps public function names to programs, in the order of emission. With inertias in the file every
-    function that takes base parameters has a twin ``<function>_nominal`` with the file's numbers folded in.
+    function that takes base parameters has a specialization ``<function>_nominal`` with the file's numbers folded in.
     """
 
     programs: dict[str, Program]

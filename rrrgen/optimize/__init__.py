@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def optimize(recorded: RecordedModel, jobs: int = 1) -> DerivedModel:
-    """The functions of ``recorded`` at their cheapest, nominal twins added, and a report of each pass.
+    """The functions of ``recorded`` at their cheapest, nominal specializations added, and a report of each pass.
 
     The result does not depend on ``jobs``, the processes at work.
     """

@@ -1,4 +1,4 @@
-"""Folding known numbers into a program: the nominal twins, and re-recording as the simplest pass."""
+"""Folding known numbers into a program: the nominal specializations, and re-recording as the simplest pass."""
 
 from __future__ import annotations
 

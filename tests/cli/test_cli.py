@@ -245,6 +245,19 @@ def test_generate_writes_checks_and_notices_changes(rrrgen):
     assert not Path("nowhere").exists()
 
 
+def test_generate_with_another_language(rrrgen, tmp_path):
+    place = str(tmp_path / "pendulum")
+    assert rrrgen("generate", "pendulum", "-o", place, "--with", "rust", "--no-casadi-files")[0] == 0
+    assert "pub fn gravity" in (tmp_path / "pendulum/rust/src/lib.rs").read_text(encoding="utf-8")
+    assert rrrgen("generate", "pendulum", "-o", place, "--with", "rust", "--check")[0] == 0
+    code, out, _ = rrrgen("generate", "pendulum", "-o", place, "--check")
+    assert code == 1
+    assert "--- a/rust/src/lib.rs" in out
+    code, _, err = rrrgen("generate", "pendulum", "-o", place, "--with", "basic")
+    assert code == 2
+    assert "'basic' is not 'rust'" in err
+
+
 def test_generate_as_json_with_messages_on_stderr(rrrgen):
     code, out, err = rrrgen("generate", "pendulum", "-o", "out", "--real", "float", "--json", "-v", "--no-casadi-files")
     assert code == 0

@@ -24,19 +24,19 @@ def by_chain_rule(recorded: RecordedModel, function: str, source: Program) -> Pr
 
 
 def with_forward_dynamics(derivation: Derivation, programs: Mapping[str, Program]) -> dict[str, Program]:
-    """``forward_dynamics``, and its nominal twin where the others have one, from the mass matrix and the bias torques.
+    """``forward_dynamics`` from the programs of the mass matrix and the bias torques, and its nominal specialization.
 
-    Forward dynamics factors whatever program of M it is given, so it is made last, from the cheapest.
+    The latter only where those two have one. Both programs are used as they are, so the cheapest ones are wanted.
     """
     program = forward_dynamics(derivation.recording(), programs["mass_matrix"], programs["bias"])
     found = {"forward_dynamics": program}
     if "mass_matrix_nominal" in programs:
-        twin = forward_dynamics(derivation.recording(), programs["mass_matrix_nominal"], programs["bias_nominal"])
-        found["forward_dynamics_nominal"] = as_nominal(twin, "forward_dynamics", program.summary)
+        nominal = forward_dynamics(derivation.recording(), programs["mass_matrix_nominal"], programs["bias_nominal"])
+        found["forward_dynamics_nominal"] = as_nominal(nominal, "forward_dynamics", program.summary)
     return found
 
 
 def as_nominal(program: Program, function: str, summary: str) -> Program:
-    """``program``, which has the file's numbers in it, described as the nominal twin of ``function``."""
+    """``program``, which has the file's numbers in it, described as the nominal specialization of ``function``."""
     words = summary.rstrip(".") + ", with the parameters of the robot file."
     return program.described(name=f"{function}_nominal", summary=words)
