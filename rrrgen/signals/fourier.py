@@ -71,6 +71,8 @@ class FourierTrajectory:
             object.__setattr__(self, name, value)
         if self.a.ndim != 2 or self.a.shape != self.b.shape or self.q0.shape != (self.a.shape[0],):
             raise InputError(f"Fourier series: a and b must be (n, N), q0 (n,); got {self.a.shape}, {self.b.shape}")
+        if not all(np.isfinite(x).all() for x in (self.q0, self.a, self.b, self.base_frequency)):
+            raise InputError("Fourier series: a coefficient or the base frequency is not a finite number")
         if not self.base_frequency > 0.0:
             raise InputError(f"Fourier series: the base frequency must be positive, got {self.base_frequency} Hz")
 

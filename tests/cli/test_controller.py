@@ -10,6 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from rrrgen.cli.main import cli
+from rrrgen.cli.main import run as run_command
+from rrrgen.errors import InputError
 from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel
 from rrrgen.signals.fourier import FourierTrajectory
@@ -131,3 +133,19 @@ def test_tunings_and_motions_that_do_not_fit_are_refused(inputs, tmp_path):
         run("controller", "planar2r", "--tuning", folder / "trajectory.json", "-o", tmp_path)
     with pytest.raises(Exception, match="nothing to write"):
         run("controller", "planar2r", "-o", tmp_path)
+
+
+@pytest.mark.parametrize("variance", ["NaN", "1e999", "0", "-1e-8"])
+def test_a_tuning_with_impossible_variances_is_refused(tmp_path, variance):
+    (tmp_path / "tuning.json").write_text(f'{{"var_eta": [{variance}], "var_xi": [1.0]}}')
+    result = run_command(
+        ["controller", "pendulum", "--tuning", str(tmp_path / "tuning.json"), "-o", str(tmp_path / "out")]
+    )
+    assert result == InputError.exit_code
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_motion_with_an_infinite_coefficient_is_refused(tmp_path):
+    (tmp_path / "motion.json").write_text('{"q0": [0], "a": [[1e999]], "b": [[1]], "base_frequency_hz": 0.1}')
+    arguments = ["controller", "pendulum", "--trajectory", str(tmp_path / "motion.json"), "-o", str(tmp_path / "out")]
+    assert run_command(arguments) == InputError.exit_code

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -89,6 +90,8 @@ def _kalman(path: Path, rate: float, joints: int) -> Program:
         pairs = [(float(eta), float(xi)) for eta, xi in zip(tuning["var_eta"], tuning["var_xi"], strict=True)]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is no tuning of a Kalman filter by `rrrgen reconstruct`: {error!r}") from None
+    if not all(math.isfinite(value) and value > 0.0 for pair in pairs for value in pair):
+        raise InputError(f"{path} is no tuning of a Kalman filter: variances are positive numbers")
     if len(pairs) != joints:
         raise InputError(f"{path} tunes {len(pairs)} joints, the robot has {joints}")
     matrices = [kalman_matrices(1.0 / rate, eta, xi) for eta, xi in pairs]
