@@ -82,11 +82,6 @@ class FrictionModel:
         """Whether the law remembers (LuGre): one state z per joint, rad or m."""
         return self.law.rate is not None
 
-    @property
-    def is_linear(self) -> bool:
-        """Whether the torque is linear in the parameters."""
-        return self.law.columns is not None
-
     def torque(self, dq: ArrayLike, width: ArrayLike = 0.0) -> Array:
         """Friction torque at the speeds ``dq``; in steady sliding if the law has a state.
 

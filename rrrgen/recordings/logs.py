@@ -21,7 +21,6 @@ from rrrgen.signals.reconstruction import sampling_period
 from rrrgen.yamltext.signal_units import ANGLE, FORCE, LENGTH, TORQUE
 
 MAPPING_SUFFIXES = (".yaml", ".yml")
-IN_MEMORY = 2_000_000  # rows
 SAME_DIRECTION = 1e-6  # 1 - cosine between two statements of one motor: rounded gear ratios
 
 
@@ -154,22 +153,6 @@ def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
     )
 
 
-def open_recording(
-    path: str | os.PathLike[str],
-    mapping: LogMapping | str | os.PathLike[str] | None = None,
-    spec: Any = None,
-    in_memory: int = IN_MEMORY,
-) -> Log | LogStream:
-    """A recording, in memory if it has at most ``in_memory`` rows, else as a stream; see :func:`open_log`.
-
-    With the robot's ``spec`` its joints and units are checked against the robot's.
-    """
-    stream = LogStream(open_log(path, mapping))
-    if spec is not None:
-        check_robot(stream.mapping, spec)
-    return load_stream(stream) if len(stream) <= in_memory else stream
-
-
 def check_robot(mapping: LogMapping, spec: Any) -> None:
     """Raise :class:`InputError` unless a recording has the robot's joints, suiting units, and its coupling."""
     check_joints(mapping.names, [joint.name for joint in spec.joints])
@@ -210,15 +193,3 @@ def check_joints(recorded: Sequence[str], robot: Sequence[str]) -> None:
             f"the joints of the recording ({', '.join(recorded)}) are not those of the robot ({', '.join(robot)}); "
             "name them alike, in the same order"
         )
-
-
-def write_log(path: str | os.PathLike[str], log: Log) -> None:
-    """Write a recording as CSV in rrrgen's own columns, with 17 digits: what is read back is equal."""
-    columns, names = [log.t], ["t"]
-    for key, values in (("q", log.q), ("dq", log.dq), ("ddq", log.ddq), ("tau", log.tau)):
-        if values is not None:
-            columns += list(values.T)
-            names += [f"{key}_{joint}" for joint in log.joints]
-    with open(path, "w", encoding="utf-8", newline="\n") as stream:
-        stream.write(",".join(names) + "\n")
-        np.savetxt(stream, np.column_stack(columns), fmt="%.17g", delimiter=",")

@@ -118,13 +118,6 @@ class FourierTrajectory:
         count = round(cycles * self.period / sample_period)
         return np.arange(count) * sample_period
 
-    def starts_at_rest(self, tolerance: float = 1e-9) -> bool:
-        """Whether speed and acceleration vanish at t = 0 and at the end of every cycle, relative to their peaks."""
-        grid = self.times(self.period / (8 * self.harmonics))
-        peaks = [np.abs(self.derivative(grid, k)).max() for k in (1, 2)]
-        starts = [np.abs(self.derivative(0.0, k)).max() for k in (1, 2)]
-        return all(start <= tolerance * peak for start, peak in zip(starts, peaks, strict=True))
-
     def to_json(self) -> dict[str, object]:
         """The coefficients as plain lists; floats survive the round trip through JSON exactly."""
         return {

@@ -63,20 +63,6 @@ def quantisation_variance(resolution: float) -> float:
     return resolution * resolution / 12.0
 
 
-def jerk_variance(t: Array, q: Array, cutoff: float = 10.0) -> tuple[float, ...]:
-    """``var xi = max jerk^2`` of every joint ((rad/s^3)^2), the chapter's starting value.
-
-    ``q`` (N, n) is the reference motion, or the measured one, which is low-passed at ``cutoff`` (Hz) before it is
-    differentiated three times.
-    """
-    from rrrgen.signals.reconstruction import Butterworth
-
-    motion = Butterworth(cutoff, order=6)(t, q)
-    jerk = np.gradient(motion.ddq, sampling_period(t), axis=0)
-    edge = min(len(t) // 4, math.ceil(1.0 / (cutoff * sampling_period(t))))
-    return tuple(float(np.max(np.abs(column)) ** 2) for column in jerk[edge : len(jerk) - edge].T)
-
-
 def innovations(matrices: KalmanMatrices, e: Array) -> Array:
     """Innovations ``y(k) - c x_hat(k)`` of one joint (N - 1,), from the second sample on.
 

@@ -11,11 +11,12 @@ from rrrgen.cli.commands import COMMANDS
 from rrrgen.cli.main import run
 from rrrgen.errors import MissingExtraError
 from rrrgen.extras import EXTRAS
-from rrrgen.recordings.logs import Log, write_log
+from rrrgen.recordings.logs import Log
 from rrrgen.recordings.mapping import FileSource
 from rrrgen.recordings.readers.table_formats import open_here
 from rrrgen.robotfile.robots import bundled_path
 from rrrgen.signals.fourier import FourierTrajectory
+from samples.recordings import write_log
 
 
 class Hider:

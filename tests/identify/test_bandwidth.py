@@ -19,10 +19,10 @@ from rrrgen.identify.scoring.bandwidth import bandwidth_of, fitted_stretches, mo
 from rrrgen.identify.scoring.scores import score_table
 from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.recordings.logs import Log, write_log
+from rrrgen.recordings.logs import Log
 from rrrgen.recordings.mapping_reader import loads_mapping
 from rrrgen.signals.processing import Processing
-from samples.recordings import fourier_motion, planar_arm
+from samples.recordings import fourier_motion, planar_arm, write_log
 
 TERMS = DriveTerms.everywhere(2, "viscous", "coulomb", "offset")
 NOISE = 0.3

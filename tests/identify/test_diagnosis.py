@@ -15,10 +15,10 @@ from rrrgen.identify.diagnosis.report import diagnose_fit, diagnose_recordings
 from rrrgen.identify.identification import Options, identify
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, open_log, write_log
+from rrrgen.recordings.logs import Log, open_log
 from rrrgen.recordings.mapping_reader import loads_mapping
 from rrrgen.signals.processing import Processing
-from samples.recordings import SHARED, fourier_motion
+from samples.recordings import SHARED, fourier_motion, write_log
 
 PERIOD, N = 2e-3, 2500
 KALMAN = Processing("kalman", decimate=5)

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -240,7 +241,7 @@ def test_search_resumes_from_checkpoints_and_ignores_damaged_ones(tmp_path) -> N
     )
     assert seen == [(1, 3), (2, 3), (3, 3)]  # one read back, two solved
     assert all(same(a, b) and a.history == b.history and a.check == b.check for a, b in zip(first, again, strict=True))
-    other = problem.with_changes(max_iterations=61)
+    other = replace(problem, max_iterations=61)
     run_starts(other, range(1), checkpoints=tmp_path)
     assert len(list(tmp_path.iterdir())) == 4  # another problem never reads these
 

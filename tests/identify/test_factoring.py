@@ -26,9 +26,9 @@ from rrrgen.identify.scoring.bandwidth import motion_bandwidth, tune
 from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, open_log, read_log, write_log
+from rrrgen.recordings.logs import Log, open_log, read_log
 from rrrgen.signals.processing import Processing
-from samples.recordings import fourier_motion, planar_arm
+from samples.recordings import fourier_motion, planar_arm, write_log
 
 SAME = 1e-9  # relative: the accuracy promised for streams against recordings in memory
 

@@ -13,10 +13,10 @@ from rrrgen.identify.scoring.fingerprint import SMALLEST, common_share, fingerpr
 from rrrgen.identify.scoring.split import Split
 from rrrgen.output.manifest import identify
 from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, open_log, write_log
+from rrrgen.recordings.logs import Log, open_log
 from rrrgen.robotfile import dumps
 from rrrgen.robotfile.robot_spec import FitSpec
-from samples.recordings import fourier_motion
+from samples.recordings import fourier_motion, write_log
 
 
 def recording(joints=2, seed=0, rate=500.0, seconds=20.0, noise=0.02, resolution=1e-5):

@@ -15,11 +15,11 @@ from rrrgen.identify.results import as_record, write_identification
 from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, load_stream, open_log, open_recording, write_log
+from rrrgen.recordings.logs import Log, check_robot, load_stream, open_log
 from rrrgen.runs.run_folder import RunFolder, plain
 from rrrgen.signals.kalman import kalman_matrices
 from rrrgen.signals.processing import Processing
-from samples.recordings import fourier_motion
+from samples.recordings import fourier_motion, write_log
 
 PERIOD, N = 2e-3, 4000
 ENCODER = 1e-5
@@ -213,9 +213,9 @@ def test_a_prismatic_drive_never_seen_before(tmp_path, kind):
         text = SLIDE_LOG.format(file="log.mat", t="data(1)", q="data(2)", i="data(3)")
     (tmp_path / "log.yaml").write_text(text)
     model = rrrgen.compile(tmp_path / "slide.yaml", backend="numpy")
-    log = open_recording(tmp_path / "log.yaml", spec=model.spec)
-    mapping = log.mapping
-    assert isinstance(open_recording(tmp_path / "log.yaml", in_memory=10), LogStream)
+    mapping = open_log(tmp_path / "log.yaml")
+    check_robot(mapping, model.spec)
+    log = load_stream(LogStream(mapping))
     found = identify(model, [log], Processing(**mapping.processing), Options(poses=100))
     assert [column.name for column in found.columns][1:] == ["Ia1", "fv1", "fc1", "off1"]
     truth = found.structure.G @ np.array([12.0, 3.0, 40.0, 9.0, 0.0])
@@ -235,7 +235,7 @@ def test_units_that_do_not_suit_the_joints_are_refused(arm, logs, tmp_path):
     text = "schema: rrrgen-log/1\nfiles: log.csv\ntime: {column: t, unit: s}\njoints:\n" + rows
     (tmp_path / "log.yaml").write_text(text)
     with pytest.raises(InputError) as caught:
-        open_recording(tmp_path / "log.yaml", spec=arm.spec)
+        check_robot(open_log(tmp_path / "log.yaml"), arm.spec)
     assert len(caught.value.faults) == 6
     assert "is revolute, but its position is in mm" in str(caught.value)
 

@@ -1,5 +1,7 @@
 """Estimators against textbook solutions and their promised statistics."""
 
+from functools import reduce
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ from rrrgen.identify.estimation.regression import (
     weighted_least_squares,
 )
 from rrrgen.identify.estimation.statistics import confidence_factor, relative_error, residual_whiteness, rms, whiteness
-from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows, factor_stream, merge_tree
+from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows
 from rrrgen.model.estimated_terms import DriveTerms
 from samples.recordings import fourier_motion
 from samples.stand_in import RRR_ROWS, NumericModel
@@ -89,8 +91,8 @@ def test_reported_standard_deviations_are_those_of_repeated_experiments():
 def test_factors_arrive_in_any_pieces_and_order():
     rows, _ = problem()
     whole = weighted_least_squares(factor_rows(rows), NAMES)
-    parts = [factor_rows(part) for part in pieces(rows, 3)]
-    for factors in (factor_stream(pieces(rows, 57)), merge_tree(parts), merge_tree(parts[::-1])):
+    many, few = ([factor_rows(part) for part in pieces(rows, count)] for count in (57, 3))
+    for factors in (reduce(JointFactors.merged, many), reduce(JointFactors.merged, few[::-1])):
         found = weighted_least_squares(factors, NAMES)
         np.testing.assert_allclose(found.x, whole.x, rtol=EXACT)
         np.testing.assert_allclose(found.std, whole.std, rtol=1e-8)

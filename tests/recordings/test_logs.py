@@ -5,9 +5,9 @@ import pytest
 
 from rrrgen.errors import InputError
 from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, load_stream, open_log, read_log, write_log
+from rrrgen.recordings.logs import Log, load_stream, open_log, read_log
 from rrrgen.recordings.mapping_reader import loads_mapping
-from samples.recordings import fourier_motion
+from samples.recordings import fourier_motion, write_log
 
 ROUND_OFF = 1e-12  # relative: one multiplication and one addition per number
 TEXT = 1e-9  # numbers written with ten decimals

@@ -40,3 +40,15 @@ def point_masses(links, seed, points=8):
 
 def planar_arm(gravity=9.81):
     return NumericModel([Row(0.0, 0.4, 0.0), Row(0.0, 0.3, 0.0)], gravity=(0.0, -gravity, 0.0))
+
+
+def write_log(path, log):
+    """Write a recording as CSV in rrrgen's own columns, with 17 digits: what is read back is equal."""
+    columns, names = [log.t], ["t"]
+    for key, values in (("q", log.q), ("dq", log.dq), ("ddq", log.ddq), ("tau", log.tau)):
+        if values is not None:
+            columns += list(values.T)
+            names += [f"{key}_{joint}" for joint in log.joints]
+    with open(path, "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(",".join(names) + "\n")
+        np.savetxt(stream, np.column_stack(columns), fmt="%.17g", delimiter=",")

@@ -93,13 +93,6 @@ def test_json_round_trip_is_exact(tmp_path) -> None:
     )
 
 
-def test_rest_is_recognised() -> None:
-    assert not random_trajectory(6).starts_at_rest()
-    a = np.array([[1.0, -1.0, 0.0]])
-    b = np.array([[2.0, -1.0, 0.0]])  # sum of j b_j = 0
-    assert FourierTrajectory(np.zeros(1), a, b, 0.2).starts_at_rest()
-
-
 @pytest.mark.parametrize(
     "data",
     [

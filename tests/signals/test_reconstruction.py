@@ -13,7 +13,6 @@ from rrrgen.signals.reconstruction import Butterworth, CentralDifferences, Recon
 from rrrgen.signals.smoother import (
     KalmanSmoother,
     innovations,
-    jerk_variance,
     quantisation_variance,
     tune_by_innovations,
 )
@@ -142,12 +141,8 @@ def test_innovations_find_the_variances_and_are_white():
     assert whiteness(coarse).p_value < 1e-6
 
 
-def test_tuning_rules_of_the_chapter():
+def test_the_variance_of_rounding_is_that_of_the_chapter():
     assert quantisation_variance(1e-5) == pytest.approx(8.3e-12, rel=0.01)
-    t = 1e-3 * np.arange(5000)
-    q = np.sin(2 * np.pi * t)[:, None]
-    (found,) = jerk_variance(t, q)
-    assert np.sqrt(found) == pytest.approx((2 * np.pi) ** 3, rel=0.01)
 
 
 @pytest.mark.parametrize("method", ["butterworth", "kalman"])

@@ -7,7 +7,7 @@ depend on the length of the recording, and ``W' W``, whose condition number is s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,27 +119,3 @@ def factor_rows(rows: Rows, weights: Array | None = None) -> JointFactors:
     if not np.all(np.isfinite(R)):
         raise InputError("the rows of the regressor are not finite: check the recording for missing samples")
     return JointFactors(R, np.sum(rows.use, axis=0).astype(np.int64))
-
-
-def factor_stream(blocks: Iterable[Rows], each: Callable[[Rows], None] | None = None) -> JointFactors:
-    """Factors of a stream of blocks, in constant memory; ``each`` is called after every block (progress)."""
-    total: JointFactors | None = None
-    for rows in blocks:
-        part = factor_rows(rows)
-        total = part if total is None else total.merged(part)
-        if each is not None:
-            each(rows)
-    if total is None:
-        raise InputError("the recording holds no samples")
-    return total
-
-
-def merge_tree(parts: Sequence[JointFactors]) -> JointFactors:
-    """All parts merged pairwise in their order, so that the result does not depend on who finished first."""
-    if not parts:
-        raise InputError("the recording holds no samples")
-    level = list(parts)
-    while len(level) > 1:
-        pairs = [level[i : i + 2] for i in range(0, len(level), 2)]
-        level = [pair[0].merged(pair[1]) if len(pair) == 2 else pair[0] for pair in pairs]
-    return level[0]

@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, get_args
 
 from rrrgen.errors import Fault, InputError
@@ -87,10 +87,6 @@ class ExcitationProblem:
     def digest(self) -> str:
         """SHA-256 of the whole problem, functions included."""
         return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
-
-    def with_changes(self, **changes: Any) -> ExcitationProblem:
-        """The same problem with some fields replaced."""
-        return replace(self, **changes)
 
     @property
     def samples_per_period(self) -> int:
