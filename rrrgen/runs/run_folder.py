@@ -28,12 +28,13 @@ import numpy as np
 from rrrgen.errors import InputError
 from rrrgen.output.staging import is_staged, remove_abandoned
 from rrrgen.output.writer import write_file
+from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SCHEMA = "rrrgen-run/1"
-PACKAGES = ("rrrgen", "numpy", "scipy", "casadi", "cvxpy", "clarabel")
+PACKAGES = ("numpy", "scipy", "casadi", "cvxpy", "clarabel")
 
 PARTS = ("results", "figures", "checkpoints")
 
@@ -43,8 +44,8 @@ Status = Literal["clearing", "running", "interrupted", "failed", "finished"]
 class RunFolder:
     """One run on disk; a context manager that records how the run ended.
 
-    A folder with the same command, inputs, settings and seed is taken up again; with others it is refused, unless
-    ``fresh`` asks to start over.
+    A folder with the same command, inputs, settings and seed of the same version of rrrgen is taken up again; with
+    others it is refused, unless ``fresh`` asks to start over.
     """
 
     def __init__(
@@ -61,18 +62,19 @@ class RunFolder:
         self.record = {
             "schema": SCHEMA,
             "command": command,
-            "versions": {name: found for name in PACKAGES if (found := _version(name))},
+            "versions": {"rrrgen": VERSION} | {name: found for name in PACKAGES if (found := _version(name))},
             "inputs": hashed,
             "settings": plain(settings),
             "seed": seed,
         }
-        essence = [command, {name: entry["sha256"] for name, entry in hashed.items()}, self.record["settings"], seed]
+        contents = {name: entry["sha256"] for name, entry in hashed.items()}
+        essence = [VERSION, command, contents, self.record["settings"], seed]
         self.digest = hashlib.sha256(json.dumps(essence, sort_keys=True).encode()).hexdigest()
         self._remove_abandoned()
         before = self._before()
         if before is not None and before.get("digest") != self.digest and not fresh:
             raise InputError(
-                f"{self.path} holds a run of '{before.get('command')}' with other inputs, settings or seed; "
+                f"{self.path} holds a run of '{before.get('command')}' with {self._difference(before)}; "
                 "name another folder, or ask for a fresh start"
             )
         cleared = before is None or before.get("status") != "clearing"
@@ -139,6 +141,14 @@ class RunFolder:
         from rrrgen.runs.figures import save_figure
 
         return save_figure(figure, self.path / "figures" / name)
+
+    def _difference(self, before: Mapping[str, Any]) -> str:
+        """In what a run that is there differs from this one."""
+        versions = before.get("versions")
+        made_by = versions.get("rrrgen", "") if isinstance(versions, Mapping) else ""
+        if made_by != VERSION and all(before.get(key) == self.record[key] for key in ("command", "inputs", "settings")):
+            return f"rrrgen {made_by or 'of another version'}, and this is {VERSION}"
+        return "other inputs, settings or seed"
 
     def _before(self) -> dict[str, Any] | None:
         place = self.path / "run.json"

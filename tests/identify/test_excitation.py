@@ -8,10 +8,12 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 
@@ -353,3 +355,77 @@ def test_a_cluster_that_does_not_answer_is_an_input_error(monkeypatch) -> None:
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         run_starts(pendulum_problem(), range(1), cluster="tcp://127.0.0.1:9")
     assert time.monotonic() - began < 60
+
+
+@pytest.fixture
+def ctrl_c():
+    """Sends what a terminal sends at Ctrl-C, after so many seconds."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have told us to ignore it
+    timers = []
+
+    def send(after: float) -> None:
+        timers.append(threading.Timer(after, os.kill, (os.getpid(), signal.SIGINT)))
+        timers[-1].start()
+
+    yield send
+    for timer in timers:
+        timer.cancel()
+    signal.signal(signal.SIGINT, before)
+
+
+def test_no_interruption_is_lost_inside_the_solver(ctrl_c) -> None:
+    """Where one hits an evaluation, IPOPT goes on from another point: the result would be that of no search at all."""
+    problem = pendulum_problem()
+    began = time.monotonic()
+    solve_start(problem, 0)
+    duration = time.monotonic() - began
+
+    def search_again_and_again() -> None:
+        for _ in range(100):  # a busy machine may take longer to get there
+            solve_start(problem, 0)
+
+    for share in (0.2, 0.4, 0.6):
+        ctrl_c(share * duration)
+        with pytest.raises(KeyboardInterrupt):
+            search_again_and_again()
+
+
+SMALL = """
+schema: rrrgen-experiment/1
+period: 10 ms
+excitation: {harmonics: 3, base_frequency: 0.25, limits: {speed: 4, acceleration: 30}}
+"""
+
+
+def test_an_interrupted_and_resumed_excite_gives_the_same_bytes(tmp_path, monkeypatch, ctrl_c) -> None:
+    from click.testing import CliRunner
+
+    from rrrgen.cli.main import cli
+    from rrrgen.identify.excitation import starts
+
+    (tmp_path / "experiment.yaml").write_text(SMALL)
+
+    def excite(folder: str) -> None:
+        words = ["excite", "planar2r", "--experiment", str(tmp_path / "experiment.yaml"), "--starts", "2"]
+        CliRunner().invoke(cli, [*words, "-o", str(tmp_path / folder)], standalone_mode=False, catch_exceptions=False)
+
+    def disturbed(problem, seed):
+        if seed == 1:
+            ctrl_c(0.02)
+        return solve_start(problem, seed)
+
+    excite("undisturbed")
+    with monkeypatch.context() as patch:
+        patch.setattr(starts, "solve_start", disturbed)
+        with pytest.raises((KeyboardInterrupt, click.Abort)):
+            excite("resumed")
+    folder = tmp_path / "resumed"
+    assert json.loads((folder / "run.json").read_text())["status"] == "interrupted"
+    assert len(list((folder / "checkpoints" / "starts").iterdir())) == 1
+    excite("resumed")
+    contents = [
+        {file.relative_to(place): file.read_bytes() for file in sorted(place.rglob("*")) if file.is_file()}
+        for place in (tmp_path / "undisturbed", folder)
+    ]
+    assert len(contents[0]) > 8
+    assert contents[0] == contents[1]

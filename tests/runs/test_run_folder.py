@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from rrrgen.errors import InputError
 from rrrgen.runs.run_folder import RunFolder, hash_of, plain, write_atomically
+from rrrgen.version import VERSION
 
 
 def opened(tmp_path, settings=None, seed=0, fresh=False, text="a"):
@@ -64,6 +66,19 @@ def test_a_run_of_something_else_is_refused_unless_asked_for(tmp_path, change):
         assert not folder.resumed
         assert not (folder.path / "results" / "result.json").exists()
         assert folder.stage("first", lambda: 2) == 2
+
+
+def test_a_run_of_another_version_is_refused_and_says_so(tmp_path, monkeypatch):
+    with opened(tmp_path) as folder:
+        folder.stage("first", lambda: 1)
+    digest = folder.digest
+    with monkeypatch.context() as patch:
+        patch.setattr("rrrgen.runs.run_folder.VERSION", "99.1")
+        with pytest.raises(InputError, match=rf"with rrrgen {re.escape(VERSION)}, and this is 99\.1"):
+            opened(tmp_path)
+        with opened(tmp_path, fresh=True) as other:
+            assert other.digest != digest
+            assert other.stage("first", lambda: 2) == 2
 
 
 def test_a_folder_with_foreign_files_is_left_alone(tmp_path):

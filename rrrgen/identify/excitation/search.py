@@ -14,6 +14,7 @@ import numpy as np
 
 from rrrgen.errors import InputError
 from rrrgen.identify.excitation.check import ExcitationCheck, ProblemFunctions, check_trajectory, limited_quantities
+from rrrgen.identify.excitation.interrupts import heard_interrupts
 from rrrgen.identify.excitation.nlp import MARGIN, ExcitationProgram
 from rrrgen.identify.excitation.problem import ExcitationProblem
 from rrrgen.signals.fourier import FourierTrajectory
@@ -177,10 +178,11 @@ def _solve(
     objective = program.objective(stage, p, eigenvalue)
     nlp = {"x": program.x, "f": objective, "g": casadi.vertcat(*constraints.values)}
     solver = casadi.nlpsol("excitation", "ipopt", nlp, options)
-    solution = solver(x0=program.variables(trajectory), lbg=constraints.lower, ubg=constraints.upper)
+    with heard_interrupts():  # the solver takes one for a failed evaluation and goes on, elsewhere than undisturbed
+        solution = solver(x0=program.variables(trajectory), lbg=constraints.lower, ubg=constraints.upper)
     statistics = solver.stats()
     if statistics["return_status"] == "User_Requested_Stop":
-        raise KeyboardInterrupt  # the solver heard it and gave what it had; half a search is no result
+        raise KeyboardInterrupt  # half a search is no result
     path = tuple(float(v) for v in statistics.get("iterations", {}).get("obj", ()))
     history.append((f"{stage}{p or ''}", path))
     x = np.asarray(solution["x"]).ravel()
