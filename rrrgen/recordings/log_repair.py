@@ -36,8 +36,11 @@ class RawRows:
         return RawRows(self.t[chosen], {k: v[chosen] for k, v in self.signals.items()}, self.first)
 
 
-def raw_rows(mapping: LogMapping, size: int) -> Iterator[RawRows]:
-    """The columns of all files side by side, ``size`` rows at a time, scaled to SI."""
+def raw_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator[RawRows]:
+    """The columns of all files side by side, ``size`` rows at a time, scaled to SI.
+
+    Where lines that are cut off are skipped, the file that has one more row than the others loses it as well.
+    """
     signals = [signal for signal in SIGNALS if mapping.has(signal)]
     wanted: dict[str, list[str | int]] = {source.name: [] for source in mapping.files}
     for signal in signals:
@@ -46,17 +49,23 @@ def raw_rows(mapping: LogMapping, size: int) -> Iterator[RawRows]:
     if mapping.time.period is None:
         wanted[mapping.time.file].append(mapping.time.column)
     sources = [source for source in mapping.files if wanted[source.name]]
-    streams = [open_table(source).chunks(wanted[source.name], size) for source in sources]
+    tables = [open_table(source) for source in sources]
+    streams = [table.chunks(wanted[source.name], size) for table, source in zip(tables, sources, strict=True)]
     first = 0
     while True:
         blocks = [next(stream, np.zeros((0, 1))) for stream in streams]
         lengths = [len(block) for block in blocks]
+        cut = sum(getattr(table, "truncated", 0) for table in tables)
+        if cut and max(lengths) - min(lengths) == 1:
+            blocks = [block[: min(lengths)] for block in blocks]
+            lengths = [min(lengths)] * len(blocks)
         if len(set(lengths)) > 1:
             rows = ", ".join(f"{source.path.name}: {first + k}" for source, k in zip(sources, lengths, strict=True))
             raise table_fault(
                 sources[0].path, f"the files of the recording are not equally long (rows: {rows} or more)"
             )
         if lengths[0] == 0:
+            findings.add("truncated last line", cut, rows=1)
             return
         by_file = {source.name: block for source, block in zip(sources, blocks, strict=True)}
         yield _scaled(mapping, by_file, wanted, signals, first)
@@ -93,7 +102,7 @@ def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator
     pending: RawRows | None = None
     emitted = -np.inf
     unwrap = _Unwrap(mapping, findings)
-    for raw in raw_rows(mapping, size):
+    for raw in raw_rows(mapping, size, findings):
         findings.read += len(raw.t)
         rows = _complete(raw, findings)
         pending = rows if pending is None else _joined(pending, rows)

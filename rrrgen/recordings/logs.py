@@ -84,11 +84,21 @@ class Log:
         yield Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0)
 
 
-def open_log(path: str | os.PathLike[str], mapping: LogMapping | str | os.PathLike[str] | None = None) -> LogMapping:
+def open_log(
+    path: str | os.PathLike[str],
+    mapping: LogMapping | str | os.PathLike[str] | None = None,
+    skip_truncated: bool = False,
+) -> LogMapping:
     """The mapping that reads ``path``: a recording with its ``mapping`` (or mapping file), or a mapping file alone.
 
-    Without a mapping, a recording must have rrrgen's own columns, ``t, q_<joint>, [dq_<joint>,] tau_<joint>``.
+    Without a mapping, a recording must have rrrgen's own columns, ``t, q_<joint>, [dq_<joint>,] tau_<joint>``. With
+    ``skip_truncated`` the last line of a text file is left out where the recording was cut off in the middle of it.
     """
+    found = _mapping_of(path, mapping)
+    return found.without_truncated_lines() if skip_truncated else found
+
+
+def _mapping_of(path: str | os.PathLike[str], mapping: LogMapping | str | os.PathLike[str] | None) -> LogMapping:
     from rrrgen.recordings.mapping_reader import load_mapping
 
     place = Path(path)

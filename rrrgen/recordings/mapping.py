@@ -37,6 +37,7 @@ class FileSource:
     comment: str = "#"
     encoding: str = "utf-8-sig"
     topic: str | None = None
+    skip_truncated: bool = False  # a last line that is cut off: left out, where it is a fault otherwise
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,10 @@ class LogMapping:
 
     def _fault(self, message: str) -> InputError:
         return InputError([Fault(self.source or "mapping", 0, 0, message)])
+
+    def without_truncated_lines(self) -> LogMapping:
+        """The same, but a last line that is cut off is left out of every text file."""
+        return replace(self, files=tuple(replace(source, skip_truncated=True) for source in self.files))
 
     def with_file(self, path: Path) -> LogMapping:
         """The same mapping on another recording: its only file replaced by ``path``."""

@@ -20,6 +20,7 @@ HARMLESS = ("encoder wraps",)
 MESSAGES = {
     "rows without time": "{count} rows without a time were left out",
     "rows without all positions": "{count} rows without all positions were left out",
+    "truncated last line": "{count} last lines were cut off in the middle and were left out",
     "rows out of order": "{count} rows were out of order (by up to {worst:.3g} s) and were sorted",
     "duplicate instants": "{count} rows are there twice, value by value; the first stays",
     "repeated stamps": "{count} rows repeat an instant with other values (positions up to {worst:.3g} apart); "

@@ -20,6 +20,7 @@ from rrrgen.cli.identification.workflow import (
     processing_options,
     recording_names,
     seed_option,
+    truncated_option,
 )
 from rrrgen.cli.progress import progress_bar
 from rrrgen.extras import require
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 @click.command()
 @robot_argument
 @log_option
+@truncated_option
 @output_option
 @processing_options
 @click.option(
@@ -82,7 +84,8 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     from rrrgen.runs.run_folder import RunFolder
 
     spec = read_with_warnings(robot)
-    mappings = [open_log(path) for path in logs]
+    skip = options["skip_truncated_line"]
+    mappings = [open_log(path, skip_truncated=skip) for path in logs]
     for mapping in mappings:
         check_robot(mapping, spec)
     processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
@@ -100,7 +103,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         jobs=options["jobs"],
         cluster=options["cluster"],
     )
-    named = ("estimator", "split", "guard", "fix", "consistent", "essential")
+    named = ("estimator", "split", "guard", "fix", "consistent", "essential", "skip_truncated_line")
     settings = {**processing.settings(), **{name: options[name] for name in named}}
     inputs = input_files(robot, logs, mappings)
     with (

@@ -9,7 +9,13 @@ from typing import Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json
-from rrrgen.cli.identification.workflow import chosen_processing, output_option, print_repairs, reconstruction_options
+from rrrgen.cli.identification.workflow import (
+    chosen_processing,
+    output_option,
+    print_repairs,
+    reconstruction_options,
+    truncated_option,
+)
 from rrrgen.extras import require
 
 
@@ -17,6 +23,7 @@ from rrrgen.extras import require
 @click.argument("log", type=click.Path(path_type=Path))
 @output_option
 @reconstruction_options
+@truncated_option
 @click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
 @json_option
 def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: Any) -> int:
@@ -34,15 +41,17 @@ def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: 
     from rrrgen.identify.estimation.observations import reconstruct as reconstructed
     from rrrgen.identify.estimation_plots import plot_bode
     from rrrgen.identify.scoring.bandwidth import tune
-    from rrrgen.recordings.logs import open_log, read_log
+    from rrrgen.recordings.log_stream import LogStream
+    from rrrgen.recordings.logs import load_stream, open_log
     from rrrgen.runs.run_folder import RunFolder, plain
     from rrrgen.signals.smoother import KalmanSmoother
 
-    mapping = open_log(log)
+    mapping = open_log(log, skip_truncated=options["skip_truncated_line"])
     processing = chosen_processing([mapping], options["reconstruction"], options["cutoff"])
     inputs = {"log": log, **{source.name: Path(source.path) for source in mapping.files}}
-    with RunFolder(output, "reconstruct", inputs, processing.settings(), 0, fresh) as folder:
-        recording = read_log(mapping.source or log)
+    settings = {**processing.settings(), "skip_truncated_line": options["skip_truncated_line"]}
+    with RunFolder(output, "reconstruct", inputs, settings, 0, fresh) as folder:
+        recording = load_stream(LogStream(mapping))
         print_repairs([recording.repairs], as_json)
         tuning = tune(replace(processing, decimate=1), [recording])  # every sample stays
         processing = tuning.processing

@@ -16,6 +16,7 @@ from rrrgen.cli.identification.workflow import (
     print_causes,
     print_repairs,
     processing_options,
+    truncated_option,
 )
 from rrrgen.extras import require
 
@@ -26,6 +27,7 @@ NO_RECORDING = Path("none")
 @click.command()
 @robot_argument
 @log_option
+@truncated_option
 @output_option
 @processing_options
 @click.option(
@@ -67,7 +69,8 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     from rrrgen.runs.run_folder import RunFolder, plain
 
     spec = read_with_warnings(robot)
-    mappings = [open_log(path) for path in logs]
+    skip = options["skip_truncated_line"]
+    mappings = [open_log(path, skip_truncated=skip) for path in logs]
     for mapping in mappings:
         check_robot(mapping, spec)
     processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
@@ -75,9 +78,10 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     if model.beta is None:
         raise click.UsageError(f"{robot} has no links: there are no torques to score")
     named = [path for path in options["fitted_on"] if path != NO_RECORDING]
-    fitted = [open_log(path) for path in named]
+    fitted = [open_log(path, skip_truncated=skip) for path in named]
     thresholds = Thresholds(relative_error=options["relative_error"], require_held_out=options["require_held_out"])
     settings = {**processing.settings(), **{k: options[k] for k in ("relative_error", "require_held_out")}}
+    settings["skip_truncated_line"] = skip
     settings["fitted_on"] = [str(path) for path in options["fitted_on"]]
     inputs = input_files(robot, logs, mappings) | input_files("", tuple(named), fitted, "fitted")
     with RunFolder(output, "validate", inputs, settings, 0, options["fresh"]) as folder:

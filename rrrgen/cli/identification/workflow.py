@@ -38,6 +38,12 @@ def log_option(function: F) -> F:
     )(function)
 
 
+def truncated_option(function: F) -> F:
+    """``--skip-truncated-line``."""
+    told = "Leave out the last line of a text file where the recording was cut off in the middle of it."
+    return click.option("--skip-truncated-line", is_flag=True, help=told)(function)
+
+
 def jobs_options(function: F) -> F:
     """``--jobs`` and ``--cluster``."""
     function = click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to share the work with.")(function)

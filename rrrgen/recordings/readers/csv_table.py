@@ -53,6 +53,7 @@ class CsvTable:
                 "the decimal comma and the separator are the same sign",
                 "name them: separator: ';', decimal: ','",
             )
+        self.width, self.truncated = max(len(row) for row in data), 0
         names = [cell.strip().strip('"') for cell in rows[0]] if self.header else []
         self.columns = tuple(names) if names else tuple(str(i + 1) for i in range(len(data[0])))
 
@@ -64,8 +65,15 @@ class CsvTable:
             rows = ((n, line) for n, line in numbered if line.strip())
             for _ in range(self.header):
                 next(rows, None)
-            while block := self._block(rows, size):
-                yield self._parse(block, places)
+            block = self._block(rows, size)
+            while block:
+                following = self._block(rows, size)
+                if not following and self._is_cut(*block[-1], places):
+                    self.truncated = 1
+                    block.pop()
+                if block:
+                    yield self._parse(block, places)
+                block = following
 
     # -- reading -------------------------------------------------------------------------------------------------
 
@@ -121,6 +129,29 @@ class CsvTable:
                 return np.loadtxt(lines, delimiter=delimiter, usecols=places, ndmin=2, comments=None)
         except (ValueError, UserWarning, DeprecationWarning):
             return np.array([self._row(number, line, places) for number, line in block])
+
+    def _is_cut(self, number: int, line: str, places: list[int]) -> bool:
+        """Whether the last line is left out: the recording ended in the middle of it. A fault unless it is asked for.
+
+        Such a line has too few entries, or none of numbers at its end; where lines that are cut off are to be skipped,
+        one without a line end counts too: its last number may have lost digits.
+        """
+        with self.path.open("rb") as stream:
+            stream.seek(-min(4, self.path.stat().st_size), 2)
+            ended = stream.read().rstrip(b"\x00").endswith((b"\n", b"\r"))
+        cells = self._cells(line)
+        last = cells[-1].strip().strip('"') if cells else ""
+        plain = last.replace(",", ".") if self.decimal == "," else last
+        broken = not ended and plain.lower() not in MISSING[1:] and not _NUMBER.fullmatch(plain)
+        entries = len(cells) if self.separator == " " else max(len(cells), line.count(self.separator) + 1)
+        short = entries < self.width and (not ended or max(places) >= entries)
+        if self.source.skip_truncated:
+            return short or broken or not ended
+        if short or broken:
+            what = f"the last line is cut off: {len(cells)} entries, the last one '{last[:20]}', of {self.width}"
+            hint = "the recording ended in the middle of it; --skip-truncated-line leaves it out"
+            raise table_fault(self.path, what, hint, number, len(line) + 1, line)
+        return False
 
     def _row(self, number: int, line: str, places: list[int]) -> list[float]:
         """One line, entry by entry, to say where it is wrong."""
