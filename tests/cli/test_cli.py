@@ -109,6 +109,7 @@ def test_the_table_of_commands_points_at_commands():
         (["generate", "rrr", "-o", "x", "--real", "half"], "'half' is not one of 'double', 'float'"),
         (["show", "rrr", "--latex", "--json"], "give one of --latex and --json"),
         (["show", "rrr", "--program", "--latex"], "--program goes with --function and --json only"),
+        (["show", "rrr", "--recorded"], "--recorded goes with --program"),
         (["show", "rrr", "--program", "-f", "gravit"], "no program 'gravit'; there are forward_kinematics, "),
         (["show", "rrr", "--entry", "1,1"], "--entry needs exactly one --function"),
         (["show", "pendulum", "-f", "gravity", "--entry", "2"], "has shape (1,)"),
@@ -182,7 +183,16 @@ def test_show_a_program(rrrgen):
     assert gravity.endswith("\n  operations: 6 mul, 4 add, 2 sincos")
     assert mass.startswith("mass_matrix_nominal: ")
     code, out, _ = rrrgen("show", "planar2r", "-f", "gravity", "--program", "--json")
-    assert json.loads(out) == {"programs": {"gravity": gravity + "\n"}}
+    assert json.loads(out) == {"programs": {"gravity": [gravity + "\n"]}}
+
+
+def test_show_programs_before_any_pass(rrrgen):
+    code, out, _ = rrrgen("show", "planar2r", "-f", "inverse_dynamics", "--program", "--recorded")
+    assert code == 0
+    ways = out.split("\n\n")
+    assert len(ways) == 2
+    assert all(way.startswith("inverse_dynamics: Joint torques") for way in ways)
+    assert rrrgen("show", "planar2r", "-f", "gravity_nominal", "--program", "--recorded")[0] == 2  # the passes make it
 
 
 def test_show_as_latex_and_single_entries(rrrgen):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from rrrgen.derive.derived_model import Derivation, DerivedModel
     from rrrgen.ik.report import ClosedForm as InverseForm
+    from rrrgen.program import Program
 
 INVERSE = "inverse_kinematics"
 
@@ -34,6 +35,7 @@ INVERSE = "inverse_kinematics"
 @click.option("--entry", help="Only this entry of the function, e.g. 1,2 (from 1); for large robots.")
 @click.option("--closed-forms/--no-closed-forms", default=None, help="Closed forms; the default is yes up to 3 joints.")
 @click.option("--program", "as_program", is_flag=True, help="The program that the functions are printed from.")
+@click.option("--recorded", is_flag=True, help="With --program: every way to it, before any pass.")
 @click.option("--latex", "as_latex", is_flag=True, help="Print the closed forms as LaTeX.")
 @html_option
 @json_option
@@ -43,6 +45,7 @@ def show(
     entry: str | None,
     closed_forms: bool | None,
     as_program: bool,
+    recorded: bool,
     as_latex: bool,
     html: Path | None,
     as_json: bool,
@@ -58,6 +61,7 @@ def show(
       rrrgen show panda -f mass_matrix --entry 7,7
       rrrgen show ur10e -f inverse_kinematics
       rrrgen show rrr -f gravity --program
+      rrrgen show rrr -f gravity --program --recorded
       rrrgen show ur10e --html ur10e.html
     """
     from rrrgen import pipeline
@@ -68,8 +72,12 @@ def show(
         raise click.UsageError("give one of --latex and --json")
     if entry is not None and len(functions) != 1:
         raise click.UsageError("--entry needs exactly one --function")
+    if recorded and not as_program:
+        raise click.UsageError("--recorded goes with --program")
     if as_program:
-        _show_programs(robot, functions, other=as_latex or html is not None or entry is not None, as_json=as_json)
+        if as_latex or html is not None or entry is not None:
+            raise click.UsageError("--program goes with --function and --json only")
+        _show_programs(robot, functions, recorded, as_json)
         return
     model = pipeline.derive(read_with_warnings(robot))
     short = closed_forms or (closed_forms is None and model.spec.n <= SHORT)
@@ -100,20 +108,24 @@ def show(
         click.echo("\n\n".join(part.rstrip("\n") for part in (text, said) if part))
 
 
-def _show_programs(robot: str, functions: tuple[str, ...], other: bool, as_json: bool) -> None:
-    """The optimized programs of ``functions``, of all where none is named."""
+def _show_programs(robot: str, functions: tuple[str, ...], recorded: bool, as_json: bool) -> None:
+    """The programs of ``functions``, of all where none is named: as they are printed, or as they were recorded."""
     from rrrgen import pipeline
+    from rrrgen.derive import derive_model
 
-    if other:
-        raise click.UsageError("--program goes with --function and --json only")
-    programs = pipeline.derive(read_with_warnings(robot)).programs
+    spec = read_with_warnings(robot)
+    programs: Mapping[str, Sequence[Program]]
+    if recorded:
+        programs = derive_model(spec).alternatives
+    else:
+        programs = {name: (program,) for name, program in pipeline.derive(spec).programs.items()}
     if missing := [name for name in functions if name not in programs]:
         raise click.BadParameter(f"no program '{missing[0]}'; there are {', '.join(programs)}", param_hint="--function")
-    texts = {name: programs[name].dump() for name in functions or programs}
+    texts = {name: [program.dump() for program in programs[name]] for name in functions or programs}
     if as_json:
         print_json({"programs": texts})
     else:
-        click.echo("\n".join(texts.values()), nl=False)
+        click.echo("\n".join(text for each in texts.values() for text in each), nl=False)
 
 
 def _inverse_kinematics(model: DerivedModel, asked: bool, short: bool) -> InverseForm | str:
