@@ -15,6 +15,9 @@
  * Precision     double; the typedef rrr_real is the only switch
  * Sine, cosine  inline kernel, absolute error below 2.3e-16 for |angle| <= 1.0e6 rad; the C library beyond, and
  *               with -ffast-math
+ * Range of q    joint angles are added before sine and cosine; each addition is rounded by up to 1.1e-16 times the
+ *               sum of their magnitudes. Results are exact to round-off within a few turns; 1e6 rad cost about
+ *               1e-10 rad
  *
  * Matrices are row-major. Outputs are fully written and must not overlap each other or the inputs; inputs may
  * overlap each other. No function has state, allocates, or fails silently; all may be called from several threads

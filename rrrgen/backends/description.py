@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -9,12 +10,12 @@ from rrrgen.backends.comments import plain
 from rrrgen.backends.printing import decimal
 from rrrgen.derive.functions.recording import drive_inertia_meaning
 from rrrgen.model.drive_text import coupling_equations, motor_facts
-from rrrgen.program import Builder, Port, Program, Role
+from rrrgen.program import Builder, Op, Port, Program, Role
 
 if TYPE_CHECKING:
     import sympy as sp
 
-    from rrrgen.backends import Identity
+    from rrrgen.backends import Identity, Real
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.robotfile.robot_spec import RobotSpec
 
@@ -53,6 +54,20 @@ def facts(model: DerivedModel, identity: Identity) -> dict[str, str]:
         "Frames": "base = before the first joint and the fixed base transform, link i = frame i, tip = after the tool",
         **dict(_drive_facts(spec)),
     }
+
+
+def large_angles(programs: Mapping[str, Program], real: Real) -> dict[str, str]:
+    """For which q round-off is all that is lost, where sines and cosines are of sums; nothing where they are not."""
+    nodes = [(program.nodes, node) for program in programs.values() for node in program.nodes]
+    angles = [within[node.args[0]] for within, node in nodes if node.op in (Op.SIN, Op.COS)]
+    if all(angle.op is Op.INPUT for angle in angles):
+        return {}
+    unit, far, lost = ("1.1e-16", "1e6", "1e-10") if real == "double" else ("6e-8", "1e3", "6e-5")
+    text = (
+        f"joint angles are added before sine and cosine; each addition is rounded by up to {unit} times the sum of "
+        f"their magnitudes. Results are exact to round-off within a few turns; {far} rad cost about {lost} rad"
+    )
+    return {"Range of q": text}
 
 
 def _number(value: sp.Expr) -> str:

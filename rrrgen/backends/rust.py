@@ -6,7 +6,7 @@ that Rust's core lacks. Arrays have the shapes of the ports; what can fail retur
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.comments import plain, wrapped
-from rrrgen.backends.description import facts, programs_of, title
+from rrrgen.backends.description import facts, large_angles, programs_of, title
 from rrrgen.backends.interface import CHOICE, PRODUCT, SUM, Text
 from rrrgen.backends.printing import decimal, print_body
 from rrrgen.derive.parameter_listing import listing
@@ -134,19 +134,19 @@ def _source(model: DerivedModel, identity: Identity, real: Real) -> str:
         real="f64" if real == "double" else "f32",
         n=model.spec.n,
         b=model.b,
-        opening=_opening(model, identity),
+        opening=_opening(model, identity, large_angles(programs, real)),
         failures=list(failures.items()),
         helpers=[name for name, op in _HELPERS.items() if op in used],
         functions=[_function(program, _Rust(real)) for program in programs.values()],
     )
 
 
-def _opening(model: DerivedModel, identity: Identity) -> list[str]:
+def _opening(model: DerivedModel, identity: Identity, precision: Mapping[str, str]) -> list[str]:
     spec = model.spec
     heading = title(spec)
     lines = [*wrapped(f"{heading[0].upper()}{heading[1:]}."), ""]
     lines += [*wrapped(spec.description), ""] if spec.description else []
-    lines += [f"* {name}: {plain(text)}" for name, text in facts(model, identity).items()]
+    lines += [f"* {name}: {plain(text)}" for name, text in {**facts(model, identity), **precision}.items()]
     parameters = listing(model)
     lines += ["", *wrapped("Matrices are arrays of rows. No function has state, allocates or panics.")]
     lines += ["", *wrapped(f"Base parameters `beta: [Real; B]`. {parameters.statement}"), "", "```text"]

@@ -12,7 +12,7 @@ from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, prototype
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
 from rrrgen.backends.comments import columns, wrapped
-from rrrgen.backends.description import facts, programs_of, title
+from rrrgen.backends.description import facts, large_angles, programs_of, title
 from rrrgen.derive.parameter_listing import listing
 from rrrgen.program import Program, Status, count_operations
 from rrrgen.resources import render
@@ -119,6 +119,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
         *others,
         ("Precision", f"{dialect.real}; the typedef {dialect.real_type} is the only switch"),
         ("Sine, cosine", sincos.description(dialect)),
+        *large_angles(programs_of(model), dialect.real).items(),
     ]
     lines += [*columns(rows, indent=""), ""]
     lines += wrapped(
