@@ -13,7 +13,7 @@ import os
 import shutil
 import stat
 import sys
-from collections.abc import Set
+from collections.abc import Iterator, Set
 from pathlib import Path
 
 from rrrgen.output.staging import remove
@@ -30,6 +30,8 @@ class CannotExchangeError(Exception):
 
 def exchange(one: Path, other: Path) -> None:
     """Let two directories change places in one step. Raises OSError where the system or the file system cannot."""
+    if sys.platform not in ("linux", "darwin"):
+        raise OSError("this system cannot exchange directories")
     library = ctypes.CDLL(None, use_errno=True)
     names = os.fsencode(one), os.fsencode(other)
     if sys.platform == "linux" and hasattr(library, "renameat2"):
@@ -37,7 +39,7 @@ def exchange(one: Path, other: Path) -> None:
     elif sys.platform == "darwin" and hasattr(library, "renamex_np"):
         failed = library.renamex_np(names[0], names[1], RENAME_SWAP)
     else:
-        raise OSError("this system cannot exchange directories")
+        raise OSError("the C library of this system cannot exchange directories")
     if failed:
         number = ctypes.get_errno()
         raise OSError(number, os.strerror(number))
@@ -64,15 +66,22 @@ def replace_directory(staging: Path, directory: Path, replaced: Set[str]) -> Non
 
 
 def _in_use(directory: Path) -> bool:
-    """Whether a process that can be asked has its working directory in ``directory``: a shell, an editor, make.
-
-    Directories are compared by number, so a process in a container is found under whatever name it has for them.
-    """
-    own = {_number(folder) for folder, _, _ in os.walk(directory)}
-    places = ["."]
+    """Whether a process that can be asked has its working directory in ``directory``: a shell, an editor, make."""
+    target, places = _number(str(directory)), ["."]
     with contextlib.suppress(OSError), os.scandir("/proc") as entries:
         places += [f"{entry.path}/cwd" for entry in entries if entry.name.isdecimal()]
-    return any(number is not None and number in own for number in map(_number, places))
+    return any(target == number for place in places for number in _upwards(place))
+
+
+def _upwards(place: str) -> Iterator[tuple[int, int]]:
+    """The directory ``place`` and those around it up to the root, by number.
+
+    Names would not do: a process in a container has others for the same directories.
+    """
+    last = None
+    while (number := _number(place)) is not None and number != last:
+        yield number
+        last, place = number, f"{place}/.."
 
 
 def _number(path: str) -> tuple[int, int] | None:
@@ -105,17 +114,13 @@ def _link_foreign(directory: Path, staging: Path, replaced: Set[str]) -> dict[st
     return linked
 
 
-def _foreign(directory: Path, replaced: Set[str]) -> list[Path]:
-    """All directories and files below ``directory`` but those replaced, in order."""
-    found = []
+def _foreign(directory: Path, replaced: Set[str]) -> Iterator[Path]:
+    """All directories and files below ``directory`` but those replaced; links are not followed."""
     for folder, folders, files in os.walk(directory):
-        folders.sort()
-        # a link to a directory is listed among the directories, and is not followed
-        for name in [*folders, *sorted(files)]:
+        for name in [*folders, *files]:
             path = Path(folder, name)
             if path.relative_to(directory).as_posix() not in replaced:
-                found.append(path)
-    return found
+                yield path
 
 
 def _copy_rights(directory: Path, staging: Path) -> None:

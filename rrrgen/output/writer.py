@@ -161,6 +161,8 @@ def write_file(file: Path, contents: Contents) -> None:
         with os.fdopen(handle, "wb") as stream:
             stream.write(as_bytes(contents))
             stream.flush()
+            if os.name == "nt":  # Windows renames what is closed, and has no lock that would be lost by it
+                stream.close()
             os.chmod(staged, 0o666 & ~_umask())  # it was made private
             os.replace(staged, file)
     except OSError as error:
