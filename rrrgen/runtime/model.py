@@ -271,7 +271,10 @@ class Model:
         return E[..., 0], E[..., 1]
 
     def friction(self, dq: ArrayLike) -> Array:
-        """Friction torques fv dq + fc sgn(dq) + offset, zero where the file is silent, (..., n). Source: (14.11)."""
+        """Friction torques fv dq + fc sgn(dq) + offset, zero where the file is silent, (..., n). Source: (14.11).
+
+        Coupled motors add theirs, S^-T tau_fm(S^-1 dq).
+        """
         if "friction" in self.derived.programs:
             return self._call("friction", dq)
         port = Port("dq", (self.n,), meaning="joint velocities", role=Role.VELOCITY)

@@ -15,6 +15,9 @@ from oracles.random_robots import random_robot, to_yaml
 from rrrgen import pipeline
 from rrrgen.backends.latex import plain
 from rrrgen.cli.model.description import as_data, as_text
+from rrrgen.derive import derive_model
+from rrrgen.identify.excitation.problem import ExcitationLimits
+from rrrgen.identify.excitation.robot import robot_problem
 from rrrgen.report import html_report
 from rrrgen.robotfile import dumps, loads_spec
 from rrrgen.verify import verify
@@ -82,8 +85,9 @@ class Truth:
         return fv * rates + fc * np.sign(rates) + off
 
 
-@pytest.fixture(scope="module", params=[(2, 21), (3, 22)], ids=lambda p: f"{p[0]}-joints")
+@pytest.fixture(scope="module", params=[(2, 21), (3, 48)], ids=lambda p: f"{p[0]}-joints")
 def case(request):
+    """Two revolute joints; two revolute joints and a sliding one."""
     joints, seed = request.param
     robot = random_robot(seed, n=joints)
     spec = loads_spec(text_with_coupled_drives(robot))
@@ -109,6 +113,21 @@ def test_the_equation_of_motion(case):
     assert np.abs(model.friction(dq) - friction).max() <= ROUND_OFF * np.abs(friction).max()
     whole = model.identification_regressor(q, dq, ddq) @ model.identification_parameters
     assert np.abs(whole - tau - friction).max() <= ROUND_OFF * np.abs(whole).max()
+
+
+def test_drives_that_move_one_joint_each_are_those_of_the_joints():
+    """With the unit matrix the same programs are recorded as from `drive` and `friction` of the joints."""
+    stated = ", drive: {inertia: 0.3}, friction: {viscous: 2}}"
+    lines = to_yaml(random_robot(21, n=2)).splitlines()
+    joints = "\n".join(line[:-1] + stated if line.startswith("  - {type: ") else line for line in lines) + "\n"
+    rows = "".join(f"    - {{name: m{i}, inertia: 0.3, friction: {{viscous: 2}}}}\n" for i in (1, 2))
+    motors = to_yaml(random_robot(21, n=2)) + f"drives:\n  joint_from_drive: [[1, 0], [0, 1]]\n  motors:\n{rows}"
+    one, other = (derive_model(loads_spec(text)).alternatives for text in (joints, motors))
+    assert one.keys() == other.keys()
+    assert "friction" in one
+    for name in one:
+        for left, right in zip(one[name], other[name], strict=True):
+            assert (left.nodes, left.results) == (right.nodes, right.results), name
 
 
 def test_inertia_can_be_given_at_run_time(case):
@@ -153,9 +172,7 @@ def test_verification_finds_a_coupling_that_is_left_out(case):
 
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_the_emitted_self_test_passes(case, real, tmp_path):
-    model = case[1].derived
-    derived = pipeline.derive(case[1].spec) if model.model is None else model
-    program = compile_all(emitted(derived, tmp_path, real), [compiler("gcc"), *C99, "-O1"])
+    program = compile_all(emitted(case[1].derived, tmp_path, real), [compiler("gcc"), *C99, "-O1"])
     done = run(program)
     assert done.returncode == 0, done.stdout
     if real == "double":
@@ -172,6 +189,16 @@ def test_casadi_computes_the_same(case):
         assert np.abs(found - tau[k]).max() <= ROUND_OFF * np.abs(tau).max()
         lost = np.array(casadi.DM(friction(dq[k]))).ravel()
         assert np.abs(lost - truth.friction(dq)[k]).max() <= ROUND_OFF * np.abs(truth.friction(dq)).max()
+
+
+def test_torques_that_an_excitation_bounds_hold_the_drives(case):
+    casadi = pytest.importorskip("casadi")
+    truth, model, (q, dq, ddq) = case
+    limits = ExcitationLimits(speed=(1.0,) * truth.n, torque=(1.0,) * truth.n)
+    torque = casadi.Function.deserialize(robot_problem(model, limits).torque)
+    tau = np.einsum("bij,bj->bi", truth.mass(q), ddq) + truth.bias(q, dq)
+    found = np.array([np.array(casadi.DM(torque(*state))).ravel() for state in zip(q, dq, ddq, strict=True)])
+    assert np.abs(found - tau).max() <= ROUND_OFF * np.abs(tau).max()
 
 
 def test_what_is_printed_names_the_coupling(case):

@@ -127,7 +127,8 @@ def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
 
     def record(r: Recording) -> Program:
         chain, dq, inertias = r.chain(), r.joints("dq"), r.inertias()
-        M = r.drive_inertia().added_to_mass(composite.mass_matrix(chain, inertias))
+        M = composite.mass_matrix(chain, inertias)
+        M = r.drive_inertia().added_to_mass(M)  # declared here, since the order of recording decides the printed one
         weightless = _weightless(chain)
         c = newton_euler.inverse_dynamics(weightless, dq, [0] * r.n, inertias, frames(chain))
         g = composite.gravity(chain, inertias)
