@@ -108,6 +108,14 @@ def test_only_the_fitted_part_is_its_own(split):
     assert common_share([known], [changed(log, rows=slice(first, last))]).label == "held-out data"
 
 
+def test_blocks_of_a_file_without_a_fitted_sample_are_no_obstacle(tmp_path):
+    log = recording(2, seconds=6.0)
+    write_log(tmp_path / "log.csv", log)
+    split = Split.parse("first:0.5")
+    streamed = fingerprint([LogStream(open_log(tmp_path / "log.csv"), chunk=500)], split)
+    assert streamed == fingerprint([log], split)
+
+
 MAPPING = """
 schema: rrrgen-log/1
 files: {file}

@@ -122,7 +122,8 @@ def window_hashes(recording: Recording, split: Split) -> Iterator[Hashes]:
         there = np.all(np.abs(rows.t[at] - wanted) <= 0.5 * recording.period, axis=1)
         usable = split.fitted(rows.t, start, duration) & np.all(np.isfinite(rows.tau), axis=1)
         at = at[there & usable[at].all(axis=1)]
-        yield _hashed(rows.q[at].reshape(len(at), -1), rows.tau[at].reshape(len(at), -1))
+        if len(at):  # a block may hold no window of the fitted part
+            yield _hashed(rows.q[at].reshape(len(at), -1), rows.tau[at].reshape(len(at), -1))
         pending = rows.sliced(length, len(rows))
 
 
