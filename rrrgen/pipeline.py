@@ -89,16 +89,18 @@ def _backends(spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[Langu
 
     further: dict[Language, Callable[[], Backend]] = {"rust": RustBackend}
     return [
-        CBackend(trig, partial(_ik_sources, spec, real)),
+        CBackend(trig, partial(_inverse_kinematics, spec, real)),
         CasadiBackend(),
         *(further[language]() for language in dict.fromkeys(languages)),
     ]
 
 
-def _ik_sources(spec: RobotSpec, real: Real) -> dict[str, str]:
+def _inverse_kinematics(spec: RobotSpec, real: Real) -> tuple[dict[str, str], str]:
+    """The files of the inverse kinematics, and its checks in the self-test."""
+    from rrrgen.ik.selftest import selftest
     from rrrgen.ik.sources import sources
 
-    return sources(spec, real)
+    return sources(spec, real), selftest(spec, real)
 
 
 @without_collection()

@@ -7,9 +7,11 @@
  * Identities: tau = M ddq + c + g = Y beta, c = C dq, dM/dt = C + C' (so that dM/dt - 2C is skew-symmetric),
  * M > 0, the power balance d(T + U)/dt = tau' dq, the Jacobian against differences of the forward kinematics, and
  * the derivatives of the dynamics against differences.
+ * Inverse kinematics: rows of golden, singular and unreachable targets, put into the forward kinematics.
  * Returns 0 if everything holds, else 1 with the failed checks on stdout. Only this file uses stdio.
  */
 #include "rrr.h"
+#include "rrr_ik.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -25,6 +27,7 @@ typedef rrr_real real;
 #define EXACT R(1e-10)
 #define DIFFERENCE R(1e-6)
 #define H R(1e-5)
+#define ROW R(1e-7) /* joint values */
 
 static const real q[STATES][N] = {
     {R(0.0), R(0.0), R(0.0)},
@@ -953,6 +956,114 @@ static int nominal_twins(void)
     return failed;
 }
 
+/* The inverse kinematics: rows of golden targets, of singular ones, and of ones that cannot be reached. */
+static const int turning[N] = {1, 1, 1};
+static const real golden_configurations[3][N] = {
+    {R(0.953125), R(2.46875), R(-1.984375)},
+    {R(2.390625), R(2.34375), R(-1.28125)},
+    {R(-0.828125), R(-0.78125), R(1.375)}
+};
+static const int golden_counts[3] = {4, 4, 4};
+static const int golden_complete[3] = {1, 1, 1}; /* whether these are all rows */
+static const real golden_rows[3][4][N] = {
+    {
+        {R(0.953125), R(-0.49846903), R(1.984375)},
+        {R(0.953125), R(2.46875), R(-1.984375)},
+        {R(2.31967672), R(0.672842654), R(1.984375)},
+        {R(2.31967672), R(-2.64312362), R(-1.984375)}
+    },
+    {
+        {R(2.390625), R(0.552588615), R(1.28125)},
+        {R(2.390625), R(2.34375), R(-1.28125)},
+        {R(2.86292447), R(0.797842654), R(1.28125)},
+        {R(2.86292447), R(2.58900404), R(-1.28125)}
+    },
+    {
+        {R(-0.828125), R(-0.78125), R(1.375)},
+        {R(-0.828125), R(1.15284751), R(-1.375)},
+        {R(1.33415785), R(1.98874514), R(1.375)},
+        {R(1.33415785), R(-2.36034265), R(-1.375)}
+    }
+};
+static const real singular_configurations[2][N] = {
+    {R(0.0), R(0.0), R(0.0)},
+    {R(0.0), R(0.78125), R(1.5625)}
+};
+
+/* The target of a configuration. */
+static void target_of(const real *position, real *target)
+{
+    real T[16];
+    rrr_forward_kinematics(position, T);
+    target[0] = T[3];
+    target[1] = T[7];
+    target[2] = T[11];
+}
+
+/* Whether two configurations are the same but for whole turns. */
+static int same(const real *a, const real *b, real tolerance)
+{
+    int i;
+    for (i = 0; i < N; i++) {
+        real d = a[i] - b[i];
+        if (turning[i]) {
+            d -= R(6.283185307179586) * R(floor((double)d / 6.283185307179586 + 0.5));
+        }
+        if (!(magnitude(d) <= tolerance)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Every row put into the forward kinematics. */
+static void rows_meet(check *c, const rrr_ik_solutions *found, const real *target)
+{
+    int i;
+    for (i = 0; i < found->count; i++) {
+        real reached[RRR_IK_TARGET];
+        target_of(found->q[i], reached);
+        compare(c, reached, target, RRR_IK_TARGET, R(1.3536469121517312), EXACT);
+    }
+}
+
+static int inverse_kinematics(void)
+{
+    check exact = {"inverse kinematics: every row meets its target", 0, R(0.0)};
+    check expected = {"inverse kinematics: rows of golden targets", 0, R(0.0)};
+    check singular = {"inverse kinematics: singular targets have rows", 0, R(0.0)};
+    check refused = {"inverse kinematics: out of reach, and not a pose", 0, R(0.0)};
+    real target[RRR_IK_TARGET];
+    rrr_ik_solutions found;
+    int k;
+    int i, j;
+    for (k = 0; k < 3; k++) {
+        target_of(golden_configurations[k], target);
+        if (rrr_inverse_kinematics(target, NULL, 0u, &found) != RRR_IK_OK) {
+            expected.failed = 1;
+        }
+        rows_meet(&exact, &found, target);
+        for (i = 0; i < golden_counts[k]; i++) {
+            int there = 0;
+            for (j = 0; j < found.count; j++) {
+                there |= same(found.q[j], golden_rows[k][i], ROW);
+            }
+            expected.failed |= !there;
+        }
+        expected.failed |= golden_complete[k] && found.count != golden_counts[k];
+    }
+    for (k = 0; k < 2; k++) {
+        target_of(singular_configurations[k], target);
+        singular.failed |= rrr_inverse_kinematics(target, singular_configurations[k], 0u, &found) != RRR_IK_OK;
+        singular.failed |= found.count < 1;
+        rows_meet(&exact, &found, target);
+    }
+    target[0] += R(4.060940736455193);
+    refused.failed |= rrr_inverse_kinematics(target, NULL, 0u, &found) != RRR_IK_UNREACHABLE;
+    refused.failed |= found.count != 0;
+    return report(&exact) | report(&expected) | report(&singular) | report(&refused);
+}
+
 int main(void)
 {
     int failed = golden_vectors();
@@ -963,6 +1074,7 @@ int main(void)
     failed |= together();
     failed |= derivatives();
     failed |= nominal_twins();
+    failed |= inverse_kinematics();
     puts(failed ? "rrr: FAILED" : "rrr: all checks passed");
     return failed ? 1 : 0;
 }

@@ -18,19 +18,20 @@ if TYPE_CHECKING:
 Files = dict[str, str]
 
 
-def _nothing() -> Files:
-    return {}
+def _nothing() -> tuple[Files, str]:
+    return {}, ""
 
 
 @dataclass(frozen=True)
 class CBackend:
     """Prints header, sources and self-test; ``trig`` says where sines and cosines come from.
 
-    ``beside`` makes further C files of the robot, in the process that makes the self-test: both load NumPy.
+    ``beside`` makes further C files of the robot and the text of their checks in the self-test, in the process that
+    makes the self-test: both load NumPy.
     """
 
     trig: Trig = "inline"
-    beside: Callable[[], Files] = _nothing
+    beside: Callable[[], tuple[Files, str]] = _nothing
 
     def files(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
         """``<name>.h``, ``<name>.c`` with the sources beside it, and ``<name>_selftest.c``."""
@@ -50,4 +51,5 @@ class CBackend:
     def _selftest(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
         from rrrgen.backends.c.selftest import selftest  # its golden vectors need NumPy
 
-        return selftest(model, identity, Dialect(model.spec.name, real)) | self.beside()
+        files, checks = self.beside()
+        return selftest(model, identity, Dialect(model.spec.name, real), checks) | files

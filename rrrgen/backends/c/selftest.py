@@ -66,8 +66,11 @@ class Golden:
     rows: tuple[str, ...]
 
 
-def selftest(model: DerivedModel, identity: Identity, dialect: Dialect) -> dict[str, str]:
-    """``<name>_selftest.c``: returns 0 and prints a line per check, or 1."""
+def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: str = "") -> dict[str, str]:
+    """``<name>_selftest.c``: returns 0 and prints a line per check, or 1.
+
+    ``checks`` is C text of ``static int inverse_kinematics(void)``, for a robot with ``<name>_ik.h``.
+    """
     states = _states(model.spec)
     parameters = _parameters(model)
     golden = _golden(model.programs, states, parameters)
@@ -90,6 +93,7 @@ def selftest(model: DerivedModel, identity: Identity, dialect: Dialect) -> dict[
         reflected=_reflected(model.spec),
         positive=_is_positive(model.programs, states, parameters),
         twins=_twins(model, dialect),
+        checks=checks,
     )
     return {f"{dialect.prefix}_selftest.c": text}
 

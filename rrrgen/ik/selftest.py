@@ -1,0 +1,119 @@
+"""Checks of the emitted inverse kinematics for the self-test that runs on the target.
+
+Golden targets are the poses of scattered configurations; the rows that must come back for them are those of the
+derivation evaluated in Python's floats, one branch at a time. Where there is no such evaluation (the roots of a
+polynomial, nearly special arms) the configuration itself must come back.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.derive import derive
+from rrrgen.ik.families import parameter
+from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
+from rrrgen.resources import render
+
+if TYPE_CHECKING:
+    from rrrgen.robotfile.robot_spec import RobotSpec
+
+TARGETS, TRIED = 3, 40
+SHARP = 0.03
+"""Least singular value of the Jacobian (rad, reaches) at every row of a golden target: far from where rows meet."""
+
+SAME = 1e-6
+
+
+def selftest(spec: RobotSpec, real: str = "double") -> str:
+    """C text of ``static int inverse_kinematics(void)`` with its tables; empty where the chain has no solver."""
+    plan = make_plan(spec)
+    if not plan.solvable:
+        return ""
+    targets = _targets(plan)
+    chain, size = plan.chain, max([1, *(len(rows) for _, rows in targets)])
+    singular = [[0.0] * chain.n, [(0.78125 if j.revolute else 0.125) * (i % 3) for i, j in enumerate(chain.joints)]]
+    return render(
+        "c/ik/selftest.c.j2",
+        p=spec.name,
+        M=f"{spec.name.upper()}_IK",
+        n=chain.n,
+        real=real,
+        position=plan.task == "position",
+        redundant=plan.locked is not None,
+        answered="INCOMPLETE" if plan.incomplete else "OK",
+        reach=chain.reach,
+        away_from_reach=4e6 * chain.scale if "P" in chain.types else 3.0 * chain.reach,  # sliding joints go far
+        revolute=", ".join(str(int(joint.revolute)) for joint in chain.joints),
+        size=size,
+        configurations=[_row(q) for q, _ in targets],
+        parameters=", ".join(_number(parameter(plan, q)) for q, _ in targets),
+        counts=", ".join(str(len(rows)) for _, rows in targets),
+        complete=", ".join("1" if _evaluates(plan) else "0" for _ in targets),
+        expected=[[_row(row) for row in rows] for _, rows in targets],
+        singular=[_row(q) for q in singular],
+        away=", ".join(_number(parameter(plan, q)) for q in singular),
+    )
+
+
+def _targets(plan: SolverPlan) -> list[tuple[list[float], list[list[float]]]]:
+    """Configurations with the rows of their poses, all far from singular ones."""
+    found = []
+    state = 7
+    for _ in range(TRIED):
+        q = []
+        for joint in plan.chain.joints:
+            state = (1103515245 * state + 12345) % 2**31
+            q.append(round(((state >> 16) / 2**14 - 1) * (160 if joint.revolute else 24)) / 64)
+        rows = _rows(plan, q) if _evaluates(plan) else [q]
+        if any(_apart(plan, row, q) < SAME for row in rows) and all(_sharpness(plan, row) > SHARP for row in rows):
+            found.append((q, rows))
+        if len(found) == TARGETS:
+            break
+    return found
+
+
+def _evaluates(plan: SolverPlan) -> bool:
+    return not plan.general and not plan.snapped and plan.companion is None
+
+
+def _rows(plan: SolverPlan, q: list[float]) -> list[list[float]]:
+    """The distinct rows of all branches that meet the pose of ``q``."""
+    T, given = plan.chain.forward(q), parameter(plan, q)
+    every = every_branch(
+        lambda b: derive(b, plan), lambda script: FloatBuilder(T, [0.3] * len(q), script, redundancy=given)
+    )
+    found: list[list[float]] = []
+    for values in every:
+        row = [wrapped(x) if joint.revolute else x for x, joint in zip(values, plan.chain.joints, strict=False)]
+        if len(row) == len(q) and _meets(plan, row, T) and all(_apart(plan, row, other) > SAME for other in found):
+            found.append(row)
+    return found
+
+
+def _meets(plan: SolverPlan, row: list[float], T: Any) -> bool:
+    error = abs(plan.chain.forward(row) - T)[:3]
+    return float((error[:, 3] if plan.task == "position" else error).max()) < 1e-9 * max(1.0, plan.chain.scale)
+
+
+def _apart(plan: SolverPlan, a: list[float], b: list[float]) -> float:
+    joints = zip(plan.chain.joints, a, b, strict=True)
+    return max(abs(wrapped(x - y)) if joint.revolute else abs(x - y) for joint, x, y in joints)
+
+
+def _sharpness(plan: SolverPlan, q: list[float]) -> float:
+    import numpy as np
+
+    J = plan.chain.jacobian(q)
+    J[:3] /= plan.chain.reach
+    J = J[:3] if plan.task == "position" else J
+    return float(np.linalg.svd(J, compute_uv=False)[min(J.shape[1] - (plan.locked is not None), len(J)) - 1])
+
+
+def _row(values: list[float]) -> str:
+    return "{" + ", ".join(_number(x) for x in values) + "}"
+
+
+def _number(x: float) -> str:
+    return f"R({float(f'{x:.9g}') + 0.0!r})"

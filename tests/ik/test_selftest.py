@@ -1,0 +1,64 @@
+"""The self-test that runs on the target sees what is wrong with the emitted inverse kinematics."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from ik.robots import ROWS, make
+from rrrgen import pipeline
+from rrrgen.ik.selftest import selftest
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    place = tmp_path_factory.mktemp("selftest")
+    files = pipeline.emit(pipeline.derive(pipeline.read("rrr")))
+    for name, text in files.items():
+        if name.endswith((".c", ".h")) and "/" not in name:
+            (place / name).write_text(text)
+    others = [name for name in files if re.fullmatch(r"rrr(_nominal|_derivatives|_selftest)?\.c", name)]
+    subprocess.run(["gcc", "-std=c99", "-c", *others], cwd=place, check=True)
+    return place
+
+
+def run(folder, source):
+    (folder / "rrr_ik.c").write_text(source)
+    subprocess.run(["gcc", "-std=c99", "-O1", "-c", "rrr_ik.c"], cwd=folder, check=True)
+    objects = [path.name for path in folder.glob("*.o")]
+    subprocess.run(["gcc", *objects, "-o", "selftest", "-lm"], cwd=folder, check=True)
+    return subprocess.run(["./selftest"], cwd=folder, capture_output=True, text=True)
+
+
+SPOILED = [
+    ("found->q[i][1] = angle[", "found->q[i][1] = (rrr_real)1e-6 + angle[", "every row meets its target"),
+    ("out->count = rows;", "out->count = rows > 0 ? rows - 1 : 0;", "rows of golden targets"),
+    ("return outside ? RRR_IK_OUTSIDE_LIMITS : RRR_IK_UNREACHABLE;", "return RRR_IK_OK;", "out of reach"),
+]
+
+
+def test_right_code_passes_and_wrong_code_does_not(folder):
+    source = (folder / "rrr_ik.c").read_text()
+    done = run(folder, source)
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.count("inverse kinematics:") == 4
+    for before, after, words in SPOILED:
+        assert before in source
+        wrong = run(folder, source.replace(before, after))
+        assert wrong.returncode == 1, before
+        assert any("FAILED" in line and words in line for line in wrong.stdout.splitlines()), (before, wrong.stdout)
+
+
+def test_every_family_has_targets():
+    """Closed forms with all their rows; general arms with the configuration itself."""
+    counts = {}
+    for name in ("rrr", "puma", "ur5", "scara", "panda", "jaco2"):
+        text = selftest(make(name, ROWS[name]), "float")
+        counts[name] = re.search(r"golden_counts\[3\] = \{(.*?)\}", text)[1]
+    assert counts["rrr"] == "4, 4, 4"
+    assert counts["puma"] == "8, 8, 8"
+    assert counts["jaco2"] == "1, 1, 1"
+    assert all(name in counts for name in ("ur5", "scara", "panda"))
