@@ -5,9 +5,14 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+# syntax trees, protocols, pickling, numbers and texts of the standard library change from one Python to the next
+PYTHON_TESTS := tests/verify tests/robotfile tests/yamltext tests/program tests/optimize tests/model \
+	tests/output/test_manifest.py tests/output/test_writer.py tests/runtime/test_model.py \
+	tests/runtime/test_derived_cache.py tests/cli/test_cli.py tests/backends/test_c_printer.py \
+	tests/backends/test_c_sources.py tests/backends/test_casadi_function.py tests/test_imports.py
 
 .DEFAULT_GOAL := rrr
-.PHONY: rrr setup test lint types unit generated update bench clean help
+.PHONY: rrr setup test lint types unit python generated update bench clean help
 
 rrr: setup  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
 	$(BIN)/rrrgen generate rrr -o runs/rrr
@@ -33,6 +38,9 @@ types: setup  ## static types
 
 unit: setup  ## the tests, on all processors
 	$(BIN)/python -m pytest -q -n auto
+
+python: setup  ## the tests of what depends on the version of Python; continuous integration runs them on every one
+	$(BIN)/python -m pytest -q -n auto $(PYTHON_TESTS)
 
 generated: setup  ## the committed code of the reference robot is what the generator writes today
 	$(BIN)/rrrgen generate rrr -o generated/rrr --check
