@@ -48,6 +48,8 @@ def test_rows_come_at_ten_times_the_bandwidth_whatever_the_rate_of_the_recording
     assert found.by_rule == ("decimate", "variances")
     sentence = " ".join(found.sentences())
     assert f"cycle of {found.motion:.3g} Hz" in sentence
+    slow = tune(Processing(), [recording(8.0)])
+    assert "unfiltered, rows at 8 Hz (every sample stays: the bandwidth" in slow.sentences()[1]
     assert "tuned by its innovations" in sentence
 
 
@@ -116,7 +118,7 @@ def test_words_that_would_be_ignored_are_refused():
     with pytest.raises(InputError) as caught:
         loads_mapping(mapping("processing: {method: kalman, cutoff: 20 Hz}\n"))
     fault = caught.value.faults[0]
-    assert (fault.line, fault.column) == (8, 30)
+    assert (fault.line, fault.column) == (8, 38)
     assert "cutoff has no meaning beside method kalman" in fault.message
     with pytest.raises(InputError, match="cutoff belongs to the method butterworth"):
         Processing("kalman", cutoff=3.0)

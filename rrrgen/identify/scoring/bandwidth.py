@@ -92,6 +92,8 @@ class Tuning:
             )
         if "decimate" not in self.by_rule:
             return f"{what} (as named)"
+        if factor == 1:
+            return f"{what} (every sample stays: the bandwidth of the motion is {self.motion:.3g} Hz)"
         return f"{what} ({RATE_OVER_BANDWIDTH:g} rows for a cycle of {self.motion:.3g} Hz, the bandwidth of the motion)"
 
     def to_json(self) -> dict[str, object]:
