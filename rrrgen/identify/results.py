@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +11,14 @@ import numpy as np
 from rrrgen.errors import DerivationError
 from rrrgen.identify.estimation.consistency import ConsistentEstimate
 from rrrgen.identify.estimation.statistics import confidence_factor
-from rrrgen.model.drive_terms import SYMBOLS, drive_terms
+from rrrgen.model.drive_terms import SYMBOLS
 from rrrgen.model.standard_parameters import STANDARD, link_of, standard_names
+from rrrgen.robotfile.robot_spec import DriveSpec, FrictionSpec
 from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
     from rrrgen.identify.identification import Identification
-    from rrrgen.robotfile.robot_spec import FitSpec, FrictionSpec, RobotSpec
+    from rrrgen.robotfile.robot_spec import FitSpec, RobotSpec
     from rrrgen.runs.run_folder import RunFolder
 
 FRICTION_SYMBOLS = {field: symbol for field, symbol in SYMBOLS.items() if field != "inertia"}
@@ -114,39 +115,41 @@ def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Se
 def identified_spec(spec: RobotSpec, consistent: ConsistentEstimate, description: str = "") -> RobotSpec:
     """``spec`` with the links, friction and drives, coupled ones included, of a physically consistent estimate.
 
-    Inertia is written about the origin of the link frame, as it was estimated. Raises :class:`DerivationError` for an
-    estimate that a robot file cannot hold: a link without mass, or drive terms that the file does not state.
+    Inertia is written about the origin of the link frame, as it was estimated; terms that the file does not state yet
+    are added. Raises :class:`DerivationError` for an estimate that a robot file cannot hold: a link without mass, or
+    terms of motors that the robot does not have.
     """
     phi = consistent.phi.reshape(spec.n, len(STANDARD))
     if np.any(phi[:, 0] <= 0):
         raise DerivationError("a link without mass cannot be written into a robot file")
-    unstated = sorted(set(consistent.drives) - {term.name for term in drive_terms(spec)})
-    if unstated:
-        raise DerivationError(f"the robot file has no place for {', '.join(unstated)}: state them there, as 0")
+    left = dict(consistent.drives)
     joints = []
     for i, joint in enumerate(spec.joints):
-        friction, inertia = _identified(f"{i + 1}", joint.friction, consistent.drives)
-        drive = joint.drive if joint.drive is None or inertia is None else replace(joint.drive, inertia=inertia)
+        friction, inertia = _identified(f"{i + 1}", joint.friction, left)
+        drive = joint.drive if inertia is None else replace(joint.drive or DriveSpec(), inertia=inertia)
         joints.append(replace(joint, friction=friction, drive=drive))
     drives = spec.drives
     if drives is not None:
         motors = []
         for motor in drives.motors:
-            friction, inertia = _identified(f"_{motor.name}", motor.friction, consistent.drives)
+            friction, inertia = _identified(f"_{motor.name}", motor.friction, left)
             motors.append(replace(motor, friction=friction, inertia=motor.inertia if inertia is None else inertia))
         drives = replace(drives, motors=tuple(motors))
+    if left:
+        raise DerivationError(f"no motor of the robot file is that of {', '.join(left)}: describe it under 'drives'")
     links = tuple(link_of(row) for row in phi)
     return replace(spec, joints=tuple(joints), drives=drives, links=links, description=description or spec.description)
 
 
 def _identified(
-    owner: str, friction: FrictionSpec | None, values: Mapping[str, float]
+    owner: str, friction: FrictionSpec | None, left: dict[str, float]
 ) -> tuple[FrictionSpec | None, float | None]:
-    """Friction and inertia of the joint or motor whose parameters end in ``owner``."""
-    if friction is not None:
-        given = {field: values.get(f"{symbol}{owner}") for field, symbol in FRICTION_SYMBOLS.items()}
-        friction = replace(friction, **{field: value for field, value in given.items() if value is not None})
-    return friction, values.get(f"Ia{owner}")
+    """Friction and inertia of the joint or motor whose parameters end in ``owner``, taken out of ``left``."""
+    given = {field: left.pop(f"{symbol}{owner}", None) for field, symbol in FRICTION_SYMBOLS.items()}
+    found = {field: value for field, value in given.items() if value is not None}
+    if found:
+        friction = replace(friction or FrictionSpec(), **found)
+    return friction, left.pop(f"Ia{owner}", None)
 
 
 def fitted_data(found: Identification, recordings: str = "") -> FitSpec:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import rrrgen
+from rrrgen.errors import DerivationError
+from rrrgen.identify.estimation.consistency import ConsistentEstimate
 from rrrgen.identify.estimation.full_regressor import FullRegressor
+from rrrgen.identify.results import identified_spec
 from rrrgen.identify.validation import robot_model
 from rrrgen.model.drive_columns import STANDSTILL
 from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.robotfile import loads_spec
+from rrrgen.robotfile import FrictionSpec, loads_spec
 
 ARM = """
 schema: rrrgen/1
@@ -68,3 +73,17 @@ def test_the_emitted_friction_is_the_same_but_for_round_off_speeds(model):
     q, dq, ddq = motion((0.0, *MOVING))
     whole = model.inverse_dynamics(q, dq, ddq) + model.friction(dq)
     np.testing.assert_allclose(robot_model(model)(q, dq, ddq), whole, rtol=1e-12, atol=1e-12)
+
+
+def test_estimated_terms_that_the_file_does_not_state_are_written_too():
+    """Joint 2 has no offset and no drive in the file, which gains them; a motor unknown to the robot is refused."""
+    spec = loads_spec(ARM)
+    phi = np.tile([2.0, 0.1, 0.0, 0.0, 0.1, 0.0, 0.1, 0.0, 0.0, 0.1], 2)
+    drives = {"fv1": 0.5, "off2": 0.125, "Ia2": 0.25}
+    estimate = ConsistentEstimate(phi, phi, phi, (), drives, phi, 0.0, phi, 0.0)
+    first, second = identified_spec(spec, estimate).joints
+    assert first.friction == FrictionSpec(0.5, 1.5, -0.2)
+    assert second.friction == FrictionSpec(None, 0.7, 0.125)
+    assert second.drive.inertia == 0.25
+    with pytest.raises(DerivationError, match="no motor of the robot file is that of fv_m2"):
+        identified_spec(spec, replace(estimate, drives={**drives, "fv_m2": 1.0}))
