@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
@@ -32,19 +33,22 @@ from rrrgen.identify.estimation.factoring import (
     score,
 )
 from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
-from rrrgen.identify.estimation.identifiability import Direction, unexcited, weak_directions
+from rrrgen.identify.estimation.identifiability import Direction, collinear, unexcited, weak_directions
 from rrrgen.identify.estimation.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.identify.estimation.parametrisation import Parametrisation, parametrise
 from rrrgen.identify.estimation.regression import (
+    HUBER,
     Estimate,
     correlated_covariance,
     least_squares,
     robust_least_squares,
+    robust_rows,
     weighted_least_squares,
 )
-from rrrgen.identify.estimation.statistics import Whiteness, residual_whiteness
+from rrrgen.identify.estimation.statistics import Whiteness, correlation_lags, residual_whiteness
 from rrrgen.identify.estimation.structure import Structure
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows
+from rrrgen.identify.parameter_names import explained_names, identified_units
 from rrrgen.identify.scoring.bandwidth import Tuning, reach, tune
 from rrrgen.identify.scoring.fingerprint import Fingerprint, fingerprint
 from rrrgen.identify.scoring.scores import Score, score_models
@@ -90,6 +94,20 @@ class Options:
 
 
 @dataclass(frozen=True)
+class Delivered:
+    """The identified combinations ``x`` (r,) of the model that is written, and their standard deviations ``std`` (r,).
+
+    ``origin`` says which estimate that is: the physically consistent one where there is one. ``at_bound`` marks drive
+    parameters that stand at their bound of 0.
+    """
+
+    origin: str
+    x: Array
+    std: Array
+    at_bound: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class Identification:
     """The result: ``estimate`` of the identifiable combinations, ``theta`` (p,) of all columns, scores, and what is
     left open.
@@ -100,7 +118,8 @@ class Identification:
     are and who chose them, ``split`` has its guard bands, ``fitted`` tells the samples that were fitted from others.
     ``indefinite`` maps an estimate to the share of random poses with an indefinite mass matrix. ``repairs`` tell what
     was put right in the recordings, ``diagnoses`` what is probably wrong with them (see
-    :mod:`rrrgen.identify.diagnosis`). ``notes`` say in words
+    :mod:`rrrgen.identify.diagnosis`). ``delivered`` are the parameters of the model that is written, with ``units`` and
+    ``meanings`` of their names; ``hardly_determined`` names combinations that the data tell badly. ``notes`` say in words
     what the robot's structure and the motion leave open.
     """
 
@@ -124,6 +143,10 @@ class Identification:
     structural_notes: tuple[str, ...]
     motion_notes: tuple[str, ...]
     weak: tuple[Direction, ...]
+    delivered: Delivered
+    units: tuple[str, ...]
+    meanings: tuple[str, ...]
+    hardly_determined: tuple[str, ...]
     repairs: tuple[Repairs, ...] = ()
     diagnoses: tuple[Cause, ...] = ()
     blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
@@ -221,11 +244,14 @@ class _Run:
         iid_std = estimate.std
         self.tell(0, 0, "statistics of the residuals")
         white = residual_whiteness(self.blocks, theta) if options.correlated else ()
-        if options.correlated and options.method != "robust" and estimate.relative_error > 1e-9:
-            lags = max(1, max(_correlation_length(w) for w in white))
-            covariance = correlated_covariance(self.blocks, estimate, lags, chosen.expand, chosen.T)
+        robust = options.method == "robust"
+        if options.correlated and estimate.relative_error > 1e-9:
+            lags = max(correlation_lags(w) for w in white)
+            limit = HUBER if robust else None
+            covariance = correlated_covariance(self.blocks, estimate, lags, chosen.expand, chosen.T, limit)
             estimate = replace(estimate, covariance=covariance)
-        consistent = self.consistent_estimate(estimate) if options.consistent else None
+        rows = robust_rows(self.blocks, theta, estimate) if robust else None
+        consistent = self.consistent_estimate(estimate, rows) if options.consistent else None
         essential = None
         if options.essential:
             self.tell(0, 0, "essential parameters")
@@ -250,6 +276,10 @@ class _Run:
             essential=essential,
             indefinite=self.indefinite(theta, consistent),
             structural_notes=chosen.structure.in_words(),
+            delivered=self.delivered(estimate, consistent, reduced if rows is None else chosen.transform(rows)),
+            units=identified_units(chosen.structure, self.regressor.columns, chosen.free, self.model),
+            meanings=explained_names(chosen.structure.names, self.regressor.columns, self.model),
+            hardly_determined=collinear(reduced, estimate),
             motion_notes=unexcited(reduced, chosen.structure.names, estimate.weights),
             weak=weak_directions(reduced, chosen.structure.names, estimate.weights),
             blocks=self.blocks,
@@ -272,8 +302,28 @@ class _Run:
             lambda: self.blocks, names, weighted, transform=chosen.transform, expand=chosen.expand
         )
 
-    def consistent_estimate(self, estimate: Estimate) -> ConsistentEstimate:
-        """The physically consistent estimate of the same rows and weights."""
+    def delivered(self, estimate: Estimate, consistent: ConsistentEstimate | None, reduced: JointFactors) -> Delivered:
+        """The parameters of the model that is written; ``reduced`` are the factors of x that were fitted."""
+        if consistent is None or consistent.near is None:
+            return Delivered(self.options.method, estimate.x, estimate.std, np.zeros(len(estimate.x), bool))
+        chosen, names = self.chosen, [column.name for column in self.regressor.columns]
+        weights = None if self.options.method == "robust" else estimate.weights
+        R = reduced.stacked(weights)[:-1, :-1]
+        information = R.T @ R
+        scores = information @ estimate.covariance @ information
+        moving = [
+            k for k, name in enumerate(names) if name not in self.options.fixed or k < len(self.model.base_projection)
+        ]
+        directions = np.zeros((len(names), consistent.near.directions.shape[1]))
+        directions[moving] = consistent.near.directions
+        along = chosen.contract(directions)
+        covariance = consistent.near.covariance(along, scores, estimate.variance if weights is not None else 1.0)
+        std = np.sqrt(np.maximum(0.0, np.diag(covariance)))
+        x = chosen.contract(consistent.theta)
+        return Delivered("physically consistent", x, std, np.all(along == 0.0, axis=1) | ((x == 0.0) & (std == 0.0)))
+
+    def consistent_estimate(self, estimate: Estimate, robust: JointFactors | None = None) -> ConsistentEstimate:
+        """The physically consistent estimate of the same rows and weights, those of a ``robust`` estimate if given."""
         self.tell(0, 0, "physically consistent estimate")
         options, fit = self.options, self.factors.fit
         columns = self.regressor.columns
@@ -292,12 +342,13 @@ class _Run:
         T = np.eye(len(columns))[:, free]
         found = consistent_estimate(
             self.model,
-            fit.mapped(T, known),
+            (fit if robust is None else robust).mapped(T, known),
             [columns[i] for i in free],
-            estimate.weights,
+            estimate.weights if robust is None else np.ones(self.model.n),
             prior,
             reference=estimate,
             fixed=fixed,
+            scored=None if robust is None else fit.mapped(T, known),
         )
         return replace(found, theta=T @ found.theta + known, names=self.regressor.names)
 
@@ -331,10 +382,3 @@ class _Run:
             mass = partial(mass_matrix, self.model, self.regressor.columns, values)
             shares[name], _ = indefinite_share(mass, limits[0], limits[1], self.options.poses, self.options.seed)
         return shares
-
-
-def _correlation_length(white: Whiteness) -> int:
-    """Lags up to the first correlation that is within the noise of its estimate, doubled to be on the safe side."""
-    noise = 2.0 / np.sqrt(max(1, white.samples))
-    small = np.flatnonzero(white.autocorrelation < noise)
-    return 2 * int(small[0] if len(small) else len(white.autocorrelation))

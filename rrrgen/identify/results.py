@@ -28,9 +28,14 @@ CONFIDENCE = 0.95
 def as_record(found: Identification) -> dict[str, Any]:
     """Everything worth keeping, as plain data."""
     estimate = found.estimate
+    header, rows = parameter_table(found)
     return {
         "method": estimate.method,
         "data": str(found.split),
+        "delivered": found.delivered.origin,
+        "identified": [dict(zip(header, row, strict=True)) for row in rows],
+        "names": list(found.meanings),
+        "hardly_determined": list(found.hardly_determined),
         "diagnoses": [cause.to_json() for cause in found.diagnoses],
         "repairs": [repairs.to_json() for repairs in found.repairs],
         "identifiable_parameters": found.structure.rank,
@@ -96,20 +101,36 @@ def _consistent_record(found: Identification) -> dict[str, Any] | None:
 
 
 def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Sequence[Any]]]:
-    """Header and rows: every identified combination with its standard deviations and confidence interval."""
-    estimate = found.estimate
+    """Header and rows: every identified combination of the model that is written, with the standard deviation of this
+    estimate and its confidence interval, and the unconstrained estimate beside it.
+    """
+    estimate, delivered = found.estimate, found.delivered
     half = confidence_factor(CONFIDENCE, estimate.freedom)
-    header = ("parameter", "value", "std", "std_percent", "lower_95", "upper_95", "std_if_white", "essential")
+    header = ("parameter", "unit", "value", "std", "std_percent", "lower_95", "upper_95", "at_bound")
+    beside = ("unconstrained", "unconstrained_std", "unconstrained_std_if_white", "essential")
     kept = None if found.essential is None else set(found.essential.kept)
 
     def rows() -> Iterator[Sequence[Any]]:
         for i, name in enumerate(estimate.names):
-            value, std = float(estimate.x[i]), float(estimate.std[i])
-            percent = 100.0 * float(estimate.relative_std[i])
+            value, std = float(delivered.x[i]), float(delivered.std[i])
+            percent = 100.0 * std / abs(value) if value else float("inf")
             essential = "" if kept is None else "yes" if i in kept else "no"
-            yield name, value, std, percent, value - half * std, value + half * std, float(found.iid_std[i]), essential
+            bound = "yes" if delivered.at_bound[i] else "no"
+            free = float(estimate.x[i]), float(estimate.std[i]), float(found.iid_std[i])
+            yield (
+                name,
+                found.units[i],
+                value,
+                std,
+                percent,
+                value - half * std,
+                value + half * std,
+                bound,
+                *free,
+                essential,
+            )
 
-    return header, rows()
+    return (*header, *beside), rows()
 
 
 def identified_spec(spec: RobotSpec, consistent: ConsistentEstimate, description: str = "") -> RobotSpec:

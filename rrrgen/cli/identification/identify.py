@@ -161,12 +161,11 @@ def _finite(value: Any) -> Any:
 
 
 def _report(found: Identification, output: Path) -> None:
+    from rrrgen.identify.parameter_report import parameter_lines
     from rrrgen.identify.scoring.scores import score_table
 
-    estimate = found.estimate
-    click.echo(f"{'parameter':>14} {'estimate':>14} {'std':>10}")
-    for name, value, std in zip(estimate.names, estimate.x, estimate.std, strict=True):
-        click.echo(f"{name:>14} {value:14.6g} {std:10.2e}")
+    for line in parameter_lines(found):
+        click.echo(line)
     for sentence in found.tuning.sentences():
         click.echo(sentence)
     if found.split.kind != "none":
@@ -175,6 +174,6 @@ def _report(found: Identification, output: Path) -> None:
         click.echo(line)
     for name, share in found.indefinite.items():
         click.echo(f"random poses with an indefinite mass matrix, {name}: {100 * share:.2f} %")
-    for note in (*found.structural_notes, *found.motion_notes):
+    for note in (*found.structural_notes, *found.motion_notes, *found.hardly_determined):
         click.echo(f"note: {note}")
     click.echo(f"results and figures in {output}")

@@ -27,6 +27,8 @@ NON_NEGATIVE = ("inertia", "viscous", "coulomb")
 ATTEMPTS = 3  # with a stronger prior, where the solver fails
 DEFAULT_STRENGTH = 1.0
 """Weight lambda of the prior: that of one observation with the standard deviation of the noise, per link."""
+AT_BOUND = 1e-3  # in standard deviations of a drive parameter known to perfection otherwise: it is at its bound of 0
+TINY = 1e-9
 SMALLEST_LENGTH = 0.05  # m, of the prior of a link without length
 
 
@@ -44,6 +46,29 @@ class Prior:
             raise InputError(f"the weight of the prior is {self.strength:g}; it must be positive")
         if np.any(np.linalg.eigvalsh(self.P0) <= 0):
             raise InputError("the prior of a link is not positive definite: its mass or inertia cannot be real")
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """The objective near the estimate, along the r directions that no active bound or known value holds.
+
+    ``directions`` (p, r) lead from them to the columns; ``curvature`` (r, r) is the Hessian of half the objective,
+    ``pull`` (r, r) the part of the prior in it. Drives at their bound of 0 do not move.
+    """
+
+    directions: Array
+    curvature: Array
+    pull: Array
+
+    def covariance(self, directions: Array, scores: Array, noise: float = 1.0) -> Array:
+        """Covariance of the parameters that move along ``directions`` (k, r): ``D H^-1 (D' S D + v P) H^-1 D'``.
+
+        The delta method: ``scores`` S (k, k) is the covariance of the data's pull on these parameters, correlated
+        residuals included, and the prior counts as an observation with the variance ``noise`` v of a weighted row. Its
+        doubt stays where the data say nothing.
+        """
+        step = np.linalg.solve(self.curvature, directions.T)
+        return np.asarray(step.T @ (directions.T @ scores @ directions + noise * self.pull) @ step)
 
 
 @dataclass(frozen=True)
@@ -66,6 +91,7 @@ class ConsistentEstimate:
     joint_rms: Array
     loss: float
     facts: dict[str, Any] = field(default_factory=dict)
+    near: Neighbourhood | None = field(default=None, repr=False, compare=False)
 
 
 def pseudo_inertia(phi: Array) -> Array:
@@ -133,26 +159,29 @@ def consistent_estimate(
     prior: Prior,
     reference: Estimate | None = None,
     fixed: Mapping[int, float] | None = None,
+    scored: JointFactors | None = None,
 ) -> ConsistentEstimate:
     """Solve the semidefinite program for the rows in ``factors``, whose columns are ``columns``.
 
     ``weights`` (n,) are those of the joints, ``1 / sigma_j``, so that the noise counts alike; ``reference`` is the
     unconstrained estimate, to tell what consistency costs; ``fixed`` are standard parameters with known values, by
-    index. Raises :class:`DerivationError` where the solver fails.
+    index; ``scored`` are the rows of the errors where they are not
+    those of the fit, as in robust estimation. Raises :class:`DerivationError` where the solver fails.
     """
     b, n = model.base_projection.shape[0], model.n
     R = factors.stacked(weights)
     program = _Program(R, np.asarray(model.base_projection), columns, prior)
-    phi, drives, facts = program.solve(fixed or {})
+    phi, drives, facts, near = program.solve(fixed or {})
     beta = np.asarray(model.base_projection) @ phi
     theta = np.concatenate([beta, drives])
-    squares = factors.residual_squares(theta)
-    chi = float(np.sum(squares * weights**2))
+    rows = scored or factors
+    squares = rows.residual_squares(theta)
+    chi = float(np.sum(factors.residual_squares(theta) * weights**2))
     scale = np.stack([np.linalg.inv(np.linalg.cholesky(P)) for P in prior.P0])
     J = pseudo_inertia(phi.reshape(n, 10))
     loss = 0.0
     if reference is not None:
-        best = float(np.sum(factors.counts * reference.joint_rms**2 * weights**2))
+        best = chi if scored else float(np.sum(factors.counts * reference.joint_rms**2 * weights**2))
         loss = chi / best - 1.0 if best > 0 else 0.0
     return ConsistentEstimate(
         phi=phi,
@@ -161,10 +190,11 @@ def consistent_estimate(
         names=tuple(column.name for column in columns),
         drives={column.name: float(value) for column, value in zip(columns[b:], drives, strict=True)},
         eigenvalues=np.linalg.eigvalsh(scale @ J @ np.swapaxes(scale, -1, -2))[:, 0],
-        relative_error=float(np.sqrt(np.sum(squares) / np.sum(factors.torque_squares))),
-        joint_rms=np.sqrt(squares / np.maximum(1, factors.counts)),
+        relative_error=float(np.sqrt(np.sum(squares) / np.sum(rows.torque_squares))),
+        joint_rms=np.sqrt(squares / np.maximum(1, rows.counts)),
         loss=loss,
         facts=facts,
+        near=near,
     )
 
 
@@ -174,6 +204,7 @@ class _Program:
     def __init__(self, R: Array, K: Array, columns: Sequence[Column], prior: Prior) -> None:
         self.L = np.linalg.cholesky(prior.P0)
         b, n = K.shape[0], len(prior.P0)
+        self.K = K
         # x holds the ten upper entries of every scaled pseudo-inertia X
         upper = np.triu_indices(4)
         basis = np.zeros((10, 4, 4))
@@ -192,8 +223,8 @@ class _Program:
         self.free = [10 * n + i for i, column in enumerate(drives) if column.kind not in NON_NEGATIVE]
         self.n, self.basis, self.strength = n, basis, prior.strength
 
-    def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, dict[str, Any]]:
-        """phi (10n,), the drive parameters, and facts about the solution.
+    def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, dict[str, Any], Neighbourhood]:
+        """phi (10n,), the drive parameters, facts about the solution, and the objective near it.
 
         A very weak prior next to an impossible least-squares estimate makes the problem too ill-conditioned for the
         solver; then the prior is strengthened by tens, and the facts tell the weight that was used.
@@ -204,9 +235,31 @@ class _Program:
             if x is not None:
                 drives = x[10 * self.n :] * self.drive_size
                 facts = {"solver": "CLARABEL", "strength": strength, "status": status}
-                return self.to_phi @ x[: 10 * self.n], drives, facts
+                return self.to_phi @ x[: 10 * self.n], drives, facts, self._near(x, strength, fixed)
             strength *= 10.0
         raise DerivationError(f"no physically consistent estimate was found: the solver reports '{status}'")
+
+    def _near(self, x: Array, strength: float, fixed: Mapping[int, float]) -> Neighbourhood:
+        """Second derivatives at the solution: those of ``-log det X`` are ``tr(X^-1 E_k X^-1 E_l)``."""
+        m = len(x)
+        pull = np.zeros((m, m))
+        for j in range(self.n):
+            part = slice(10 * j, 10 * j + 10)
+            inverse = np.linalg.inv(np.tensordot(x[part], self.basis, 1))
+            moved = inverse @ self.basis
+            pull[part, part] = 0.5 * strength * np.einsum("kab,lba->kl", moved, moved)
+        held = [i for i in self.bounded if x[i] < AT_BOUND]
+        rows = [self.to_phi[i] @ np.eye(10 * self.n, m) for i in fixed] + list(np.eye(m)[held])
+        Z = _null_space(np.array(rows)) if rows else np.eye(m)
+        back = np.zeros((m, m))
+        back[: 10 * self.n, : 10 * self.n] = self.to_phi
+        back[10 * self.n :, 10 * self.n :] = np.diag(self.drive_size)
+        to_columns = np.zeros((self.K.shape[0] + m - 10 * self.n, m))
+        to_columns[: self.K.shape[0]] = self.K @ back[: 10 * self.n]
+        to_columns[self.K.shape[0] :] = back[10 * self.n :]
+        # free drives have no prior but the tiny pull that makes the solution unique
+        curvature = self.A.T @ self.A + pull
+        return Neighbourhood(to_columns @ Z, Z.T @ curvature @ Z + TINY * np.eye(Z.shape[1]), Z.T @ pull @ Z)
 
     def _attempt(self, strength: float, fixed: Mapping[int, float]) -> tuple[Array | None, str]:
         cp = _cvxpy()
@@ -235,6 +288,12 @@ class _Program:
         values = np.asarray(x.value, float)
         values[self.bounded] = np.maximum(values[self.bounded], 0.0)
         return values, str(problem.status)
+
+
+def _null_space(rows: Array) -> Array:
+    """Orthonormal directions that ``rows`` do not see."""
+    _, s, Vt = np.linalg.svd(rows)
+    return np.asarray(Vt[int(np.sum(s > TINY * s[0])) :].T)
 
 
 def _cvxpy() -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
+from rrrgen.identify.estimation.regression import Estimate
 from rrrgen.identify.estimation.structure import combination, structure_of_matrix
 from rrrgen.identify.estimation.tsqr import JointFactors
 from rrrgen.model.standard_parameters import STANDARD, standard_names
@@ -18,6 +19,9 @@ WEAK = 1e-4
 """Scaled singular values below this share of the largest belong to directions that the motion hardly excites."""
 SMALL_PART = 0.1  # of the largest weight of a direction: below it a parameter is not named
 NOT_EXCITED = 1e-10
+INDEX = 30.0  # condition index from which Belsley, Kuh and Welsch speak of moderate to strong dependence
+HALF = 0.5  # of the variance of a parameter, or of a direction: what names it
+MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,37 @@ def weak_directions(
         share = float(value / s[0])
         sentence = f"{combination(names, named, 3)} is hardly excited (singular value {share:.1e} of the largest)"
         found.append(Direction(sentence, row, share))
+    return tuple(found)
+
+
+def collinear(factors: JointFactors, estimate: Estimate) -> tuple[str, ...]:
+    """Combinations of parameters that the data hardly determine, worst first, in words.
+
+    Condition indices and variance shares (Belsley, Kuh and Welsch 1980) of columns of unit length: a direction whose
+    singular value is INDEX times smaller than the largest, and the parameters that owe most of their variance to it.
+    """
+    p = factors.parameters
+    R = factors.stacked(estimate.weights)[:p, :p]
+    size = np.linalg.norm(R, axis=0)
+    size[size == 0.0] = 1.0
+    _, s, Vt = np.linalg.svd(R / size)
+    if s[0] == 0.0:
+        return ()
+    inverse = np.divide(1.0, s, out=np.zeros(len(s)), where=s > NOT_EXCITED * s[0])
+    parts = (Vt * inverse[:, None]) ** 2
+    shares = parts / np.maximum(np.sum(parts, axis=0), np.finfo(float).tiny)
+    found: list[str] = []
+    for k in range(len(s) - 1, -1, -1):
+        if s[k] * INDEX > s[0] or len(found) == MOST_NAMED:
+            break
+        named = (shares[k] > HALF) | (np.abs(Vt[k]) > HALF)
+        weights = np.where(named if named.any() else True, Vt[k] / size, 0.0)
+        weights = weights / weights[np.argmax(np.abs(weights))]
+        value = float(weights @ estimate.x)
+        std = float(np.sqrt(np.maximum(0.0, weights @ estimate.covariance @ weights)))
+        words = combination(estimate.names, weights, 3)
+        told = f"condition index {s[0] / s[k]:.3g}" if inverse[k] > 0.0 else "not excited"
+        found.append(f"{words} = {value:.3g} +- {std:.2g} is hardly determined ({told})")
     return tuple(found)
 
 

@@ -17,11 +17,16 @@ from rrrgen.identify.estimation.tsqr import JointFactors
 
 @dataclass(frozen=True)
 class Parametrisation:
-    """``theta = T x + known``: T (p, r) of the identifiable parameters; ``structure`` names them."""
+    """``theta = T x + known``: T (p, r) of the identifiable parameters; ``structure`` names them.
+
+    ``free`` are the columns whose parameters the structure regroups: ``x = G theta[free]`` for every theta that
+    respects what is known.
+    """
 
     structure: Structure
     T: Array
     known: Array
+    free: tuple[int, ...]
 
     def transform(self, factors: JointFactors) -> JointFactors:
         """The factors of the problem in x."""
@@ -30,6 +35,10 @@ class Parametrisation:
     def expand(self, x: Array) -> Array:
         """The parameters of all columns."""
         return np.asarray(self.T @ x + self.known)
+
+    def contract(self, theta: Array) -> Array:
+        """The identifiable parameters x of values (or of directions, as columns) of all columns."""
+        return np.asarray(self.structure.G @ theta[list(self.free)])
 
 
 def parametrise(
@@ -68,9 +77,10 @@ def parametrise(
                 f"'{name}' follows from the standard parameters that are fixed; it cannot be fixed as well"
             )
     T = T[:, free]
+    columns = [*rigid.kept, *range(b, p)]
 
     def restricted(q: Array, dq: Array, ddq: Array) -> Array:
         return np.asarray(regressor(q, dq, ddq) @ T)
 
     structure = structure_of(restricted, [z_names[i] for i in free], regressor.model.n, seed)
-    return Parametrisation(structure, T[:, list(structure.kept)], known)
+    return Parametrisation(structure, T[:, list(structure.kept)], known, tuple(columns[i] for i in free))

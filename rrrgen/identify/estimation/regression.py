@@ -22,6 +22,7 @@ RANK_TOLERANCE = 1e-10
 NOISE_FLOOR = 1e-11  # residuals below this share of the torque are round-off, not noise to be weighted by
 HUBER = 1.345  # 95 % efficiency for normal noise
 SETTLED = 1e-8  # relative change of the weights at which their iteration stops
+MOST_PREWHITENED = 0.97  # correlation of neighbours; nearer to 1 its inverse is noise
 ROBUST_SETTLED = 1e-5  # change in standard deviations at which the slower, robust iteration stops
 
 
@@ -229,29 +230,77 @@ def _scored(blocks: Iterable[Rows], expand: Callable[[Array], Array], estimate: 
 
 
 def correlated_covariance(
-    blocks: Iterable[Rows], estimate: Estimate, lags: int, expand: Callable[[Array], Array], project: Array
+    blocks: Iterable[Rows],
+    estimate: Estimate,
+    lags: int,
+    expand: Callable[[Array], Array],
+    project: Array,
+    limit: float | None = None,
 ) -> Array:
     """Covariance (p, p) that allows for residuals correlated over up to ``lags`` samples and between joints.
 
     ``(Phi' Phi)^-1 S (Phi' Phi)^-1`` with S the long-run covariance of the scores ``s_k = sum_j w_j^2 W_jk' r_jk``
-    under Bartlett's weights (Newey and West 1987). ``project`` (columns of the rows, p) maps x to theta.
+    under Bartlett's weights after prewhitening (Newey and West 1987, Andrews and Monahan 1992).
+    ``project`` (columns of the rows, p) maps x to theta.
+
+    With the ``limit`` of a robust estimate, residuals enter clipped at that many scales, and the outer matrices count
+    only the rows that are not: ``(sum psi' W W')^-1 S (sum psi' W W')^-1`` (Huber and Ronchetti 2009, ch. 7).
     """
     w2 = estimate.weights**2
     theta = expand(estimate.x)
     p = project.shape[1]
-    S = np.zeros((p, p))
+    products, slope = np.zeros((lags + 2, p, p)), np.zeros((p, p))
     tail, tail_segment = np.zeros((0, p)), np.zeros(0, np.int64)
     for rows in blocks:
-        residual = np.where(rows.use, rows.tau - rows.W @ theta, 0.0) * w2
-        scores = np.vstack([tail, np.einsum("kj,kjp->kp", residual, rows.W) @ project])
+        residual = np.where(rows.use, rows.tau - rows.W @ theta, 0.0)
+        if limit is not None:
+            most = limit / estimate.weights
+            slope += _unclipped(rows, np.abs(residual) < most, estimate.weights, project)
+            residual = np.clip(residual, -most, most)
+        scores = np.vstack([tail, np.einsum("kj,kjp->kp", residual * w2, rows.W) @ project])
         segment = np.concatenate([tail_segment, rows.segment])
         old = len(tail)
-        for lag in range(min(lags, len(scores) - 1) + 1):
+        for lag in range(min(lags + 1, len(scores) - 1) + 1):
             first = max(old, lag)
             same = segment[first:] == segment[first - lag : len(segment) - lag]
-            G = (scores[first:] * same[:, None]).T @ scores[first - lag : len(scores) - lag]
-            S += G if lag == 0 else (1.0 - lag / (lags + 1)) * (G + G.T)
-        keep = max(0, len(scores) - lags)
+            products[lag] += (scores[first:] * same[:, None]).T @ scores[first - lag : len(scores) - lag]
+        keep = max(0, len(scores) - lags - 1)
         tail, tail_segment = scores[keep:], segment[keep:]
-    inverse = estimate.covariance / estimate.variance if estimate.variance > 0 else estimate.covariance
+    S = _long_run_covariance(products)
+    if limit is not None:
+        inverse = np.linalg.pinv(slope, hermitian=True)
+    else:
+        inverse = estimate.covariance / estimate.variance if estimate.variance > 0 else estimate.covariance
     return np.asarray(inverse @ S @ inverse)
+
+
+def _long_run_covariance(products: Array) -> Array:
+    """Long-run covariance from the sums ``G_l = sum s_k s_{k-l}'`` of scores, l = 0 .. lags + 1.
+
+    Every score is prewhitened by its own correlation a of neighbours (Andrews and Monahan 1992): of ``u_k = s_k - a
+    s_{k-1}`` the window cuts off less than of s, whose correlation dies out slowly; ``1/(1 - a)`` colours it again.
+    """
+    own = np.diag(products[0])
+    a = np.divide(np.diag(products[1]), own, out=np.zeros(len(own)), where=own > 0.0)
+    a = np.clip(a, 0.0, MOST_PREWHITENED)
+    lags = len(products) - 2
+    S = np.zeros(products.shape[1:])
+    for lag in range(lags + 1):
+        earlier = products[lag - 1] if lag else products[1].T
+        G = products[lag] - products[lag + 1] * a - a[:, None] * earlier + a[:, None] * products[lag] * a
+        S += G if lag == 0 else (1.0 - lag / (lags + 1)) * (G + G.T)
+    whole = S / np.outer(1.0 - a, 1.0 - a)
+    # differences of sums over the ends of stretches may leave a direction below zero
+    values, V = np.linalg.eigh(0.5 * (whole + whole.T))
+    return np.asarray((V * np.maximum(values, 0.0)) @ V.T)
+
+
+def _unclipped(rows: Rows, inside: NDArray[np.bool_], weights: Array, project: Array) -> Array:
+    """``sum w_j^2 W_jk' W_jk`` over the rows in use whose residuals are ``inside`` the limit."""
+    A = (rows.W * (weights * (rows.use & inside))[..., None]).reshape(-1, rows.W.shape[-1]) @ project
+    return np.asarray(A.T @ A)
+
+
+def robust_rows(blocks: Iterable[Rows], theta: Array, estimate: Estimate, limit: float = HUBER) -> JointFactors:
+    """Factors of the rows as the last pass of the robust estimate weighted them; theta are the columns' parameters."""
+    return _reweighted(blocks, theta, 1.0 / estimate.weights, limit)[0]

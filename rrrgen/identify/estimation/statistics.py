@@ -114,3 +114,21 @@ def normal_expectation_of_clipped_square(limit: float) -> float:
     tail = math.erfc(limit / math.sqrt(2.0))
     density = math.exp(-0.5 * limit * limit) / math.sqrt(2.0 * math.pi)
     return (1.0 - tail) - 2.0 * limit * density + limit * limit * tail
+
+
+MOST_LAGS = 200
+
+
+def correlation_lags(white: Whiteness) -> int:
+    """Over how many samples residuals are taken to be correlated in the covariance of estimates.
+
+    The larger of two rules: twice the lag at which the correlation is within the noise of its own estimate, and the
+    bandwidth of Andrews (1991) for Bartlett's window, ``1.1447 (4 r^2 N / ((1-r)^2 (1+r)^2))^(1/3)`` with the
+    correlation r of neighbours, which grows where the first rule runs out of lags.
+    """
+    noise = 2.0 / math.sqrt(max(1, white.samples))
+    small = np.flatnonzero(white.autocorrelation < noise)
+    seen = 2 * int(small[0] if len(small) else len(white.autocorrelation))
+    r = min(0.97, max(0.0, float(white.autocorrelation[0]))) if len(white.autocorrelation) else 0.0
+    andrews = 1.1447 * (4.0 * r * r * white.samples / ((1.0 - r) ** 2 * (1.0 + r) ** 2)) ** (1.0 / 3.0)
+    return int(max(1, min(MOST_LAGS, white.samples // 4, max(seen, math.ceil(andrews)))))

@@ -1,0 +1,86 @@
+"""Units and meaning of identified parameters, for tables and figures that explain themselves."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.identify.estimation.structure import combination
+from rrrgen.model.standard_parameters import standard_names
+
+if TYPE_CHECKING:
+    from rrrgen.identify.estimation.structure import Structure
+    from rrrgen.model.estimated_terms import Column
+
+NEGLIGIBLE = 1e-9  # of the largest weight: round-off of a projection
+DIGITS = 4
+UNITS = ("kg", "kg m", "kg m^2")
+DRIVE_UNITS = {
+    "inertia": ("kg m^2", "kg"),
+    "viscous": ("N m s/rad", "N s/m"),
+    "coulomb": ("N m", "N"),
+    "offset": ("N m", "N"),
+}
+MEANING = {
+    "inertia": "Ia: inertia of the drive, at the joint",
+    "viscous": "fv: viscous friction",
+    "coulomb": "fc: Coulomb friction",
+    "offset": "off: constant torque",
+}
+STANDARD = "m, mx..mz, Ixx..Izz: mass, first moments, inertia tensor (Ixy = -int xy dm) of a link about the origin of its frame"
+WORD = re.compile(r"\w+")
+
+
+def column_unit(column: Column, weights: Array, revolute: Sequence[bool]) -> str:
+    """SI unit of one column; ``weights`` (10 n,) are those of the standard parameters in a rigid one.
+
+    Lengths multiply masses up to first moments and those up to inertia, so the highest of them gives the unit.
+    """
+    if column.kind != "rigid":
+        turning = [revolute[i] for i, weight in enumerate(column.direction) if weight]
+        return DRIVE_UNITS[column.kind][0 if all(turning) else 1]
+    present = np.abs(weights) > NEGLIGIBLE * np.max(np.abs(weights), initial=0.0)
+    orders = [_order(name) for name, there in zip(standard_names(len(weights) // 10), present, strict=True) if there]
+    return UNITS[max(orders, default=0)]
+
+
+def _order(name: str) -> int:
+    return 2 if name.startswith("I") else 1 if name[1] in "xyz" else 0
+
+
+def identified_units(
+    structure: Structure, columns: Sequence[Column], free: Sequence[int], model: Any
+) -> tuple[str, ...]:
+    """Units of the identified combinations; ``free`` are their columns among ``columns``.
+
+    All terms of a combination have one unit but for lengths, so the one of the highest order counts.
+    """
+    revolute = [joint.is_revolute for joint in model.spec.joints]
+    K = np.asarray(model.base_projection)
+    b = len(K)
+    each = [column_unit(columns[k], K[k] if k < b else np.zeros(0), revolute) for k in free]
+    found = []
+    for row in structure.G:
+        units = [unit for unit, weight in zip(each, row, strict=True) if weight != 0.0]
+        found.append(max(units, key=lambda unit: UNITS.index(unit) if unit in UNITS else 3))
+    return tuple(found)
+
+
+def explained_names(names: Sequence[str], columns: Sequence[Column], model: Any) -> tuple[str, ...]:
+    """What ``names`` stand for: kinds of parameters once, and the user's own base parameters one by one."""
+    used = {word for name in names for word in WORD.findall(name)}
+    K = np.asarray(model.base_projection)
+    standard = standard_names(K.shape[1] // 10)
+    lines = []
+    for name, weights in zip(model.base_parameter_names, K, strict=False):
+        known = np.where(np.abs(weights) > NEGLIGIBLE * np.max(np.abs(weights), initial=0.0), weights, 0.0)
+        words = combination(standard, known, DIGITS)
+        if name in used and words != name:
+            lines.append(f"{name} = {words}")
+    own = used & set(standard) or lines
+    kinds = [kind for kind in MEANING if any(column.kind == kind and column.name in used for column in columns)]
+    return (*([STANDARD] if own else []), *(MEANING[kind] for kind in kinds), *lines)
