@@ -31,7 +31,10 @@ MEANING = {
     "coulomb": "fc: Coulomb friction",
     "offset": "off: constant torque",
 }
-STANDARD = "m, mx..mz, Ixx..Izz: mass, first moments, inertia tensor (Ixy = -int xy dm) of a link about the origin of its frame"
+STANDARD = (
+    "m, mx..mz, Ixx..Izz: mass, first moments and inertia tensor (Ixy = -int xy dm) of a link, "
+    "about the origin and in the axes of its frame"
+)
 WORD = re.compile(r"\w+")
 
 
