@@ -33,7 +33,7 @@ def convergence(
     transform: Callable[[JointFactors], JointFactors] | None = None,
     every: int = 1,
 ) -> Convergence:
-    """Weighted least squares (14.20) of the first k instants, for every ``every``-th k.
+    """Weighted least squares (14.20) of the first k instants that are fitted, for every ``every``-th k.
 
     ``weights`` (n,) are those of the joints; ``transform`` maps the factors of the rows to the parameters sought.
     """
@@ -41,9 +41,13 @@ def convergence(
     samples, estimates, conditions, seen = [], [], [], 0
     for rows in blocks:
         for start in range(0, len(rows.t), every):
-            part = factor_rows(_piece(rows, start, start + every))
+            piece = _piece(rows, start, start + every)
+            used = int(np.sum(np.any(piece.use, axis=1)))
+            if used == 0:
+                continue  # held out, or at rest: nothing comes in, and the curve does not go on
+            part = factor_rows(piece)
             total = part if total is None else total.merged(part)
-            seen += min(every, len(rows.t) - start)
+            seen += used
             x, condition = _solved((transform(total) if transform else total).stacked(weights))
             samples.append(seen)
             estimates.append(x)

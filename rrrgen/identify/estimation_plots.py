@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.identify.convergence import Convergence
 from rrrgen.identify.estimation.statistics import Whiteness
-from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.runs.figures import new_figure, style_axes
 from rrrgen.signals.kalman import KalmanMatrices, frequency_response
 
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
 PANELS_PER_ROW = 4
 MANY_PANELS = 16
+STYLES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)))
 
 
 def bode_data(matrices: KalmanMatrices, lowest: float = 0.1, highest: float | None = None, points: int = 400) -> Array:
@@ -37,12 +37,14 @@ def bode_data(matrices: KalmanMatrices, lowest: float = 0.1, highest: float | No
 def plot_bode(matrices: Sequence[KalmanMatrices], joints: Sequence[str], smoother: bool = False) -> Figure:
     """Measured to reconstructed deviation, magnitude and phase, one curve per joint, as Fig. 14.2."""
     figure, axes = new_figure(2, 1, height=4.6, sharex=True)
-    for joint, each in zip(joints, matrices, strict=True):
+    for k, (joint, each) in enumerate(zip(joints, matrices, strict=True)):
         data = bode_data(each)
-        axes[0].semilogx(data[:, 0], data[:, 1], label=joint)
-        axes[1].semilogx(data[:, 0], data[:, 2])
+        # observers of like joints lie on top of each other: the later ones are thinner, with gaps
+        style = {"linewidth": max(1.0, 3.2 - 1.1 * k), "linestyle": STYLES[k % len(STYLES)], "color": f"C{k}"}
+        axes[0].semilogx(data[:, 0], data[:, 1], label=joint, **style)
+        axes[1].semilogx(data[:, 0], data[:, 2], **style)
         if smoother:
-            axes[0].semilogx(data[:, 0], data[:, 3], linestyle=":", color=axes[1].lines[-1].get_color())
+            axes[0].semilogx(data[:, 0], data[:, 3], linestyle=":", color=f"C{k}")
     style_axes(axes[0], "", "magnitude [dB]")
     style_axes(axes[1], "f [Hz]", "phase [deg]")
     if smoother:
@@ -51,8 +53,13 @@ def plot_bode(matrices: Sequence[KalmanMatrices], joints: Sequence[str], smoothe
     return figure
 
 
-def plot_convergence(settling: Convergence, std: Array | None = None) -> Figure:
-    """Every estimate against the number of samples, as Fig. 14.12; a band of three final standard deviations."""
+def plot_convergence(
+    settling: Convergence, std: Array | None = None, units: Sequence[str] = (), truth: Array | None = None
+) -> Figure:
+    """Every estimate against the number of fitted samples, as Fig. 14.12; a band of three final standard deviations.
+
+    ``units`` (p,) of the parameters; ``truth`` (p,) are dashed lines, where it is known.
+    """
     p = len(settling.names)
     columns = min(PANELS_PER_ROW, p)
     rows = math.ceil(p / columns)
@@ -67,7 +74,7 @@ def plot_convergence(settling: Convergence, std: Array | None = None) -> Figure:
             continue
         x = settling.x[:, i]
         axis.plot(settling.samples, x, linewidth=0.9)
-        late = x[len(x) // 20 :]
+        late = x[len(x) // 5 :]
         late = late[np.isfinite(late)]
         if std is not None:
             axis.axhspan(x[-1] - 3 * std[i], x[-1] + 3 * std[i], color="0.85", zorder=0)
@@ -75,31 +82,20 @@ def plot_convergence(settling: Convergence, std: Array | None = None) -> Figure:
             # the first estimates may be anywhere: they are not shown
             low, high = np.quantile(late, [0.01, 0.99])
             axis.set_ylim(low - 0.3 * (high - low) - 1e-12, high + 0.3 * (high - low) + 1e-12)
+        if truth is not None:
+            axis.axhline(truth[i], color="C3", linestyle="--", linewidth=0.8, label="true value")
+            low, high = axis.get_ylim()
+            room = 0.05 * (high - low)
+            axis.set_ylim(min(low, truth[i] - room), max(high, truth[i] + room))
         name = settling.names[i]
-        axis.set_title(name if len(name) <= 28 else name[:25] + "...", fontsize=7)
+        unit = f" [{units[i]}]" if units else ""
+        axis.set_title((name if len(name) <= 28 else name[:25] + "...") + unit, fontsize=7)
         style_axes(axis, "samples" if i >= p - columns else "", "")
+        axis.set_xlim(0, settling.samples[-1])
         axis.tick_params(labelsize=6)
-    return figure
-
-
-def plot_torques(blocks: Iterable[Rows], theta: Array, joints: Sequence[str]) -> Figure:
-    """Torque applied and torque of the model, joint by joint, over the rows in use (as Fig. 14.13), with the
-    residual.
-    """
-    kept = list(blocks)
-    t = np.concatenate([rows.t for rows in kept])
-    tau = np.concatenate([rows.tau for rows in kept])
-    model = np.concatenate([rows.W @ theta for rows in kept])
-    use = np.concatenate([rows.use for rows in kept])
-    n = tau.shape[1]
-    figure, axes = new_figure(n, 1, height=1.6 * n + 0.6, sharex=True)
-    for j, axis in enumerate(axes):
-        hidden = np.where(use[:, j], 1.0, np.nan)
-        axis.plot(t, tau[:, j] * hidden, color="0.35", linewidth=1.0, label="measured")
-        axis.plot(t, model[:, j] * hidden, color="C0", linewidth=0.8, label="model")
-        axis.plot(t, (tau - model)[:, j] * hidden, color="C3", linewidth=0.7, label="residual")
-        style_axes(axis, "t [s]" if j == n - 1 else "", f"{joints[j]} [N m]")
-    axes[0].legend(loc="upper right", ncols=3, fontsize=7)
+        axis.xaxis.label.set_fontsize(7)
+    if truth is not None:
+        axes[0].legend(loc="best", fontsize=6)
     return figure
 
 

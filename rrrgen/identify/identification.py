@@ -27,6 +27,7 @@ from rrrgen.identify.estimation.factoring import (
     Factors,
     FittedRows,
     Progress,
+    ScoredRows,
     factor_recordings,
     fits_in_memory,
     rows_of_recordings,
@@ -150,7 +151,7 @@ class Identification:
     repairs: tuple[Repairs, ...] = ()
     diagnoses: tuple[Cause, ...] = ()
     blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
-    held_out_blocks: Sequence[Rows] = field(repr=False, compare=False, default=())
+    held_out_blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
     transform: Callable[[JointFactors], JointFactors] | None = field(repr=False, compare=False, default=None)
 
     @property
@@ -195,11 +196,13 @@ def identify(
     maker = RowMaker(regressor, tuning.processing, len(regressor.columns), options.known)
     observations = Observations(tuple(recordings), maker)
     blocks: Iterable[Rows]
-    held_out: list[Rows] = []
+    held_out: Iterable[Rows] = []
     if fits_in_memory(observations):
         factors, blocks, held_out = rows_of_recordings(observations, options.split, progress)
     else:
         blocks = FittedRows(observations, options.split)
+        held_out = ScoredRows(observations, options.split)
+        held_out = ScoredRows(observations, options.split)
         factors = factor_recordings(
             observations,
             options.split,
@@ -228,7 +231,7 @@ class _Run:
         options: Options,
         factors: Factors,
         blocks: Iterable[Rows],
-        held_out: list[Rows],
+        held_out: Iterable[Rows],
         tell: Progress,
     ) -> None:
         self.model, self.regressor, self.chosen = model, regressor, chosen

@@ -17,6 +17,9 @@ from rrrgen.robotfile.robot_spec import DriveSpec, FrictionSpec
 from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
+    from rrrgen.arrays import Array
+    from rrrgen.identify.estimation.full_regressor import RigidModel
+    from rrrgen.identify.estimation.observations import Recording
     from rrrgen.identify.identification import Identification
     from rrrgen.robotfile.robot_spec import FitSpec, RobotSpec
     from rrrgen.runs.run_folder import RunFolder
@@ -182,15 +185,23 @@ def fitted_data(found: Identification, recordings: str = "") -> FitSpec:
 
 
 def write_identification(
-    folder: RunFolder, found: Identification, spec: RobotSpec, points: int = 200, recordings: str = ""
+    folder: RunFolder,
+    found: Identification,
+    spec: RobotSpec,
+    points: int = 200,
+    recordings: str = "",
+    model: RigidModel | None = None,
+    recording: Recording | None = None,
 ) -> None:
     """Write an identification into a run folder; ``recordings`` are the names for the provenance of the robot file.
 
     ``identification.json``, ``parameters.csv``, ``robot.yaml`` (of the physically consistent estimate),
-    ``convergence.csv``, and the figures ``torques``, ``convergence`` and ``whiteness``.
+    ``convergence.csv``, and the figures ``torques``, ``convergence`` and ``whiteness``; with the ``model`` and a
+    ``recording`` also ``friction``. Long recordings are read again for the figures, which show every k-th row of them.
     """
     from rrrgen.identify.convergence import convergence
-    from rrrgen.identify.estimation_plots import plot_convergence, plot_torques, plot_whiteness
+    from rrrgen.identify.estimation_plots import plot_convergence, plot_whiteness
+    from rrrgen.identify.torque_plots import force_units, plot_torque_curves, torque_curves
     from rrrgen.robotfile import dumps
 
     folder.write_json("identification.json", as_record(found))
@@ -199,16 +210,37 @@ def write_identification(
         fits = {fit.hashes: fit for fit in (*spec.provenance, fitted_data(found, recordings))}
         identified = replace(identified_spec(spec, found.consistent), provenance=tuple(fits.values()))
         folder.write_text("robot.yaml", dumps(identified))
-    blocks = found.blocks if isinstance(found.blocks, list) else []
     joints = [joint.name for joint in spec.joints]
-    if blocks:
-        samples = sum(len(rows.t) for rows in blocks)
-        settling = convergence(blocks, found.names, found.estimate.weights, found.transform, max(1, samples // points))
-        rows = zip(settling.samples, settling.condition, *settling.x.T, strict=True)
-        folder.write_csv("convergence.csv", ("samples", "condition", *settling.names), rows)
-        folder.figure("convergence", plot_convergence(settling, found.estimate.std))
-        folder.figure("torques", plot_torques(blocks, found.theta, joints))
-        if any(rows.use.any() for rows in found.held_out_blocks):
-            folder.figure("torques_held_out", plot_torques(found.held_out_blocks, found.theta, joints))
+    samples = found.fit["rows"] // spec.n
+    every = max(1, samples // points)
+    settling = convergence(found.blocks, found.names, found.estimate.weights, found.transform, every)
+    rows = zip(settling.samples, settling.condition, *settling.x.T, strict=True)
+    folder.write_csv("convergence.csv", ("samples", "condition", *settling.names), rows)
+    folder.figure("convergence", plot_convergence(settling, found.estimate.std, found.units))
+    theta = found.theta if found.consistent is None else found.consistent.theta
+    for name, blocks in (("torques", found.blocks), ("torques_held_out", found.held_out_blocks)):
+        curves = torque_curves(blocks, theta)
+        if curves is not None:
+            folder.figure(name, plot_torque_curves(curves, joints, force_units(spec)))
     if found.whiteness:
         folder.figure("whiteness", plot_whiteness(found.whiteness, joints))
+    if model is not None and recording is not None:
+        _write_friction(folder, found, model, recording, theta)
+
+
+def _write_friction(
+    folder: RunFolder, found: Identification, model: RigidModel, recording: Recording, theta: Array
+) -> None:
+    """The figure ``friction``, where the model has friction at a joint."""
+    from rrrgen.identify.diagnosis.sample import sample_of
+    from rrrgen.identify.torque_plots import plot_friction
+    from rrrgen.model.drive_columns import drive_columns
+
+    sample = sample_of(recording, found.processing)
+    if sample is None or not any(column.kind in ("viscous", "coulomb") for column in found.columns):
+        return
+    drives = [column for column in found.columns if column.kind != "rigid"]
+    rigid = np.asarray(model.regressor(sample.q, sample.dq, sample.ddq))
+    W = np.concatenate([rigid, drive_columns(drives, sample.dq, sample.ddq)], axis=-1)
+    revolute = [joint.is_revolute for joint in model.spec.joints]
+    folder.figure("friction", plot_friction(sample, W, found.columns, theta, recording.joints, revolute))

@@ -297,23 +297,14 @@ def summary(result: Validation) -> list[Mapping[str, Any]]:
 
 
 def plot_torques(result: Validation, units: Sequence[str] | None = None) -> Any:
-    """Applied torque and model torque of every joint over time, the difference below in the same panel (Fig. 14.13)."""
-    from rrrgen.runs.figures import new_figure, style_axes
+    """Applied torque and model torque of every joint over time, their difference in a panel below (Fig. 14.13)."""
+    from rrrgen.identify.torque_plots import TorqueCurves, plot_torque_curves
 
-    n = len(result.joints)
-    figure, axes = new_figure(n, 1, height=2.0 * n + 0.6, sharex=True)
-    for i, (axis, score) in enumerate(zip(axes, result.joints, strict=True)):
-        axis.plot(result.t, result.measured[:, i], color="0.55", linewidth=0.8, label="applied")
-        axis.plot(result.t, result.predicted[:, i], color="C0", linewidth=0.8, label="model")
-        difference = np.where(result.used[:, i], result.measured[:, i] - result.predicted[:, i], np.nan)
-        axis.plot(result.t, difference, color="C3", linewidth=0.5, label="difference")
-        axis.set_title(
-            f"{score.joint}: {score.rms_error:.3g} RMS, {100 * score.relative_error:.2f} % "
-            f"on {100 * score.share:.0f} % of the samples",
-            fontsize=9,
-            loc="left",
-        )
-        style_axes(axis, "", f"τ{i + 1} [{'N m' if units is None else units[i]}]")
-    axes[0].legend(loc="upper right", ncols=3, fontsize=8)
-    axes[-1].set_xlabel("t [s]")
-    return figure
+    told = list(units or ["N m"] * len(result.joints))
+    titles = [
+        f"{score.joint}: error {score.rms_error:.3g} {unit} RMS, {100 * score.relative_error:.2f} % "
+        f"on {100 * score.share:.0f} % of the samples"
+        for score, unit in zip(result.joints, told, strict=True)
+    ]
+    curves = TorqueCurves(result.t, result.measured, result.predicted, result.used)
+    return plot_torque_curves(curves, [score.joint for score in result.joints], told, titles)

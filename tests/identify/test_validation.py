@@ -173,7 +173,16 @@ def test_models_of_torque() -> None:
     assert np.abs(both[0] - both[1]).max() < 1e-12 * np.abs(both[1]).max()
 
 
-def test_figure_has_one_panel_per_joint() -> None:
-    figure = plot_torques(validate(*case(0.1), joints=NAMES), units=("N m", "N"))
-    assert len(figure.axes) == 2
-    assert "elbow" in figure.axes[1].get_title(loc="left")
+def test_figure_has_the_torque_and_the_residual_of_every_joint_in_panels_of_their_own() -> None:
+    result = validate(*case(0.1), joints=NAMES)
+    figure = plot_torques(result, units=("N m", "N"))
+    assert [axis.get_ylabel() for axis in figure.axes] == [
+        f"{NAMES[0]} [N m]",
+        "residual\n[N m]",
+        f"{NAMES[1]} [N]",
+        "residual\n[N]",
+    ]
+    assert "elbow" in figure.axes[2].get_title(loc="left")
+    drawn = figure.axes[1].lines[0].get_ydata()
+    used = result.used[:, 0]
+    np.testing.assert_allclose(drawn[used], (result.measured - result.predicted)[used, 0])

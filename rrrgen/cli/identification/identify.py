@@ -126,7 +126,8 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         )
         tell(0, 0, "diagnosis")
         found = replace(found, diagnoses=merged([*before, *diagnose_fit(model, recordings, found)]))
-        write_identification(folder, found, spec, recordings=", ".join(recording_names(mappings)))
+        named = ", ".join(recording_names(mappings))
+        write_identification(folder, found, spec, recordings=named, model=model, recording=recordings[0])
     if as_json:
         print_json(_finite(as_record(found)))
     else:

@@ -57,6 +57,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     from rrrgen.identify.estimation.definiteness import indefinite_share, pose_limits
     from rrrgen.identify.scoring.fingerprint import UNKNOWN, Common, Fingerprint, common_share, fingerprint
     from rrrgen.identify.scoring.scores import score_table
+    from rrrgen.identify.torque_plots import force_units
     from rrrgen.identify.validation import (
         Thresholds,
         plot_torques,
@@ -107,7 +108,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             "diagnoses": [cause.to_json() for cause in causes],
         }
         folder.write_json("validation.json", record)
-        folder.figure("torques", plot_torques(result))
+        folder.figure("torques", plot_torques(result, force_units(spec)))
     if as_json:
         print_json(plain(record))
     else:

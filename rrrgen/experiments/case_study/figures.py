@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
     from rrrgen.experiments.case_study.case_study import CaseStudy
 
+MAGNITUDES, PHASES = (-15.0, 5.0), (-60.0, 0.0)
+"""Axes of Fig. 14.2, dB and degrees."""
+ANGLES = (-5.0, 4.0)
+"""Axis of the angles in Fig. 14.10, rad."""
 SAMPLES = 2000
 """Samples in the plot of settling estimates, as in Fig. 14.12."""
 
@@ -30,19 +34,42 @@ def write_figures(run: RunFolder, study: CaseStudy) -> None:
     joints = [joint.name for joint in study.model.spec.joints]
     t = study.writing_log.t
     reference = study.path.evaluate(t)
-    run.figure("fig_14_02_kalman_bode", plot_bode(study.observer, joints))
+    run.figure("fig_14_02_kalman_bode", _in_ranges(plot_bode(study.observer, joints)))
     run.figure("fig_14_03_writing_task", plot_task(study.path, t))
     run.figure("fig_14_06_joint_motion", plot_joint_motion(t, reference[0], reference[1]))
     run.figure("fig_14_07_inverse_kinematics", plot_differences(*_kinematics(run, study, t, reference[0])))
     run.figure("fig_14_08_inverse_dynamics", plot_differences(*_dynamics(run, study, t, reference)))
     excitation = design_figures(study.design)
-    run.figure("fig_14_10_exciting_trajectory", excitation.pop("motion"))
+    run.figure("fig_14_10_exciting_trajectory", _with_range(excitation.pop("motion")))
     run.figure("fig_14_11_torque_and_friction", plot_experiment(study))
     run.figure("fig_14_12_settling_estimates", _settling(run, study))
     run.figure("fig_14_13_validation", plot_torques(study.validation))
     for name, figure in excitation.items():
         run.figure(f"excitation_{name}", figure)
     _tables(run, study)
+
+
+def _in_ranges(figure: Figure) -> Figure:
+    """The axes of the chapter's Bode plot, as far as the curves lie within them."""
+    for axis, (low, high) in zip(figure.axes, (MAGNITUDES, PHASES), strict=True):
+        own = axis.get_ylim()
+        axis.set_ylim(min(low, own[0]), max(high, own[1]))
+    return figure
+
+
+def _with_range(figure: Figure) -> Figure:
+    """The band of the chapter's angles behind those of the exciting trajectory: joints without limits may leave it."""
+    axis = figure.axes[0]
+    axis.axhspan(*ANGLES, color="0.92", zorder=0)
+    low, high = axis.get_ylim()
+    axis.set_ylim(min(low, ANGLES[0] - 0.5), max(high, ANGLES[1] + 0.5))
+    axis.annotate(
+        f"grey: {ANGLES[0]:g} to {ANGLES[1]:g} rad, the range of the chapter's figure",
+        (0.01, 0.03),
+        xycoords="axes fraction",
+        fontsize=7,
+    )
+    return figure
 
 
 def plot_task(path: JointPath, t: Array) -> Figure:
@@ -142,7 +169,7 @@ def _settling(run: RunFolder, study: CaseStudy) -> Figure:
     )
     header = ("samples", *settling.names)
     run.write_csv("settling.csv", header, ([int(k), *row] for k, row in zip(settling.samples, settling.x, strict=True)))
-    return plot_settling(settling, found.estimate.std)
+    return plot_settling(settling, found.estimate.std, found.units, study.truth)
 
 
 def _tables(run: RunFolder, study: CaseStudy) -> None:

@@ -191,3 +191,14 @@ class FittedRows:
             start, duration = self.observations.recordings[window.recording].span
             for rows in self.observations.maker.rows(window):
                 yield rows.chosen(self.split.fitted(rows.t, start, duration))
+
+
+@dataclass(frozen=True)
+class ScoredRows(FittedRows):
+    """The rows that are only scored, computed anew in every pass."""
+
+    def __iter__(self) -> Iterator[Rows]:
+        for window in self.observations.windows():
+            start, duration = self.observations.recordings[window.recording].span
+            for rows in self.observations.maker.rows(window):
+                yield rows.chosen(self.split.scored(rows.t, start, duration))

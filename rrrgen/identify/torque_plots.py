@@ -1,0 +1,129 @@
+"""Figures of torques: measured and modelled over time with the residual in a panel of its own, friction over speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.identify.diagnosis.sample import Sample
+from rrrgen.identify.estimation.tsqr import Rows
+from rrrgen.model.drive_columns import drive_columns
+from rrrgen.runs.figures import new_figure, style_axes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from rrrgen.model.estimated_terms import Column
+
+MOST_POINTS = 20_000
+"""Instants of a figure; of longer recordings every k-th row is drawn, and no more is held in memory."""
+
+
+@dataclass(frozen=True)
+class TorqueCurves:
+    """Measured and modelled torques (N, n) at the instants ``t`` (N,), and which of them are in ``use``."""
+
+    t: Array
+    measured: Array
+    model: Array
+    use: NDArray[np.bool_]
+
+    def halved(self) -> TorqueCurves:
+        """Every second instant."""
+        return TorqueCurves(self.t[::2], self.measured[::2], self.model[::2], self.use[::2])
+
+
+def torque_curves(blocks: Iterable[Rows], theta: Array, most: int = MOST_POINTS) -> TorqueCurves | None:
+    """Torques of a stream of rows against those of the parameters ``theta``; None where no row is in use."""
+    kept: TorqueCurves | None = None
+    step, seen = 1, 0
+    for rows in blocks:
+        chosen = np.arange(-seen % step, len(rows.t), step)
+        seen += len(rows.t)
+        new = TorqueCurves(rows.t[chosen], rows.tau[chosen], rows.W[chosen] @ theta, rows.use[chosen])
+        kept = new if kept is None else _joined(kept, new)
+        while len(kept.t) > most:
+            kept, step = kept.halved(), 2 * step
+    return kept if kept is not None and kept.use.any() else None
+
+
+def _joined(a: TorqueCurves, b: TorqueCurves) -> TorqueCurves:
+    return TorqueCurves(
+        np.concatenate([a.t, b.t]),
+        np.concatenate([a.measured, b.measured]),
+        np.concatenate([a.model, b.model]),
+        np.concatenate([a.use, b.use]),
+    )
+
+
+def force_units(spec: Any) -> list[str]:
+    """``N m`` of joints that turn, ``N`` of those that slide."""
+    return ["N m" if joint.is_revolute else "N" for joint in spec.joints]
+
+
+def plot_torque_curves(
+    curves: TorqueCurves, joints: Sequence[str], units: Sequence[str], titles: Sequence[str] = ()
+) -> Figure:
+    """Two panels a joint: the torque measured and that of the model, and below the residual on a scale of its own.
+
+    Where rows are not in use (at rest, or of the other part of the data) the model is drawn thin and grey, and no
+    residual is.
+    """
+    n = len(joints)
+    ratios = [2.2, 1.0] * n
+    figure, axes = new_figure(2 * n, 1, height=2.4 * n + 0.6, width=8.0, sharex=True, height_ratios=ratios)
+    for i, joint in enumerate(joints):
+        torque, residual = axes[2 * i], axes[2 * i + 1]
+        used = np.where(curves.use[:, i], 1.0, np.nan)
+        torque.plot(curves.t, curves.measured[:, i], color="0.72", linewidth=2.2, label="measured")
+        torque.plot(curves.t, curves.model[:, i], color="0.45", linewidth=0.5)
+        torque.plot(curves.t, curves.model[:, i] * used, color="C0", linewidth=1.0, label="model")
+        residual.plot(curves.t, (curves.measured - curves.model)[:, i] * used, color="C3", linewidth=0.7)
+        residual.axhline(0.0, color="0.3", linewidth=0.5)
+        style_axes(torque, "", f"{joint} [{units[i]}]")
+        style_axes(residual, "", f"residual\n[{units[i]}]")
+        residual.yaxis.label.set_fontsize(8)
+        torque.set_title(titles[i] if titles else "", fontsize=9, loc="left")
+    axes[0].legend(loc="upper right", ncols=2, fontsize=8)
+    axes[-1].set_xlabel("t [s]")
+    figure.align_ylabels(axes)
+    return figure
+
+
+def plot_friction(
+    sample: Sample, W: Array, columns: Sequence[Column], theta: Array, joints: Sequence[str], revolute: Sequence[bool]
+) -> Figure:
+    """Friction over speed, joint by joint: the measured torque less the rest of the model, and the identified law.
+
+    ``W`` (N, n, p) are the rows of the sample, ``columns`` and ``theta`` those of the model. The cloud shows what a law
+    linear in sgn and speed leaves: more near standstill, or another slope at high speed.
+    """
+    n = len(joints)
+    across = min(3, n)
+    down = -(-n // across)
+    figure, axes = new_figure(down, across, height=2.5 * down + 0.4, width=2.9 * across + 0.6)
+    rest = sample.tau - W @ theta
+    for i, axis in enumerate(axes):
+        if i >= n:
+            axis.set_visible(False)
+            continue
+        own = [k for k, column in enumerate(columns) if column.kind in ("viscous", "coulomb", "offset")]
+        own = [k for k in own if sum(w != 0.0 for w in columns[k].direction) == 1 and columns[k].direction[i] != 0.0]
+        speed, use = sample.dq[:, i], sample.use[:, i]
+        cloud = rest[:, i] + W[:, i, own] @ theta[own]
+        axis.plot(speed[use], cloud[use], ".", markersize=2.0, color="0.6", label="measured less the rest of the model")
+        low, high = min(0.0, float(np.min(speed))), max(0.0, float(np.max(speed)))
+        for a, b in ((low, -1e-6), (1e-6, high)):
+            v = np.zeros((50, n))
+            v[:, i] = np.linspace(a, b, 50)
+            law = drive_columns([columns[k] for k in own], v, np.zeros_like(v))[:, i] @ theta[own]
+            axis.plot(v[:, i], law, color="C0", linewidth=1.4, label="identified law" if a < 0.0 else None)
+        unit, speeds = ("N m", "rad/s") if revolute[i] else ("N", "m/s")
+        style_axes(axis, f"speed of {joints[i]} [{speeds}]", f"friction [{unit}]")
+    axes[0].legend(loc="upper left", fontsize=7)
+    return figure
