@@ -120,8 +120,8 @@ class Identification:
     ``indefinite`` maps an estimate to the share of random poses with an indefinite mass matrix. ``repairs`` tell what
     was put right in the recordings, ``diagnoses`` what is probably wrong with them (see
     :mod:`rrrgen.identify.diagnosis`). ``delivered`` are the parameters of the model that is written, with ``units`` and
-    ``meanings`` of their names; ``hardly_determined`` names combinations that the data tell badly. ``notes`` say in words
-    what the robot's structure and the motion leave open.
+    ``meanings`` of their names; ``hardly_determined`` names combinations that the data tell badly. ``notes`` say in
+    words what the robot's structure and the motion leave open.
     """
 
     columns: tuple[Column, ...]

@@ -21,10 +21,10 @@ from rrrgen.identify.estimation.statistics import correlation_lags, residual_whi
 from rrrgen.identify.estimation.tsqr import Rows, factor_rows
 from rrrgen.identify.identification import Options, identify
 from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.recordings.logs import Log, write_log
+from rrrgen.recordings.logs import Log
 from rrrgen.robotfile import dumps
 from rrrgen.signals.processing import Processing
-from samples.recordings import fourier_motion
+from samples.recordings import fourier_motion, write_log
 
 TERMS = DriveTerms.everywhere(2, "viscous", "coulomb")
 FRICTION = np.array([0.8, 0.4, 1.5, 0.0])  # the last joint has no Coulomb friction: its estimate meets the bound

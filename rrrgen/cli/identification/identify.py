@@ -126,8 +126,8 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         )
         tell(0, 0, "diagnosis")
         found = replace(found, diagnoses=merged([*before, *diagnose_fit(model, recordings, found)]))
-        named = ", ".join(recording_names(mappings))
-        write_identification(folder, found, spec, recordings=named, model=model, recording=recordings[0])
+        read = ", ".join(recording_names(mappings))
+        write_identification(folder, found, spec, recordings=read, model=model, recording=recordings[0])
     if as_json:
         print_json(_finite(as_record(found)))
     else:
