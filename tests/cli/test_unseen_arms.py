@@ -130,7 +130,7 @@ def test_a_prismatic_drive(tmp_path):
     first, second = (recorded(tmp_path, robot, 1, 0.3, 0.2, 500, seed) for seed in (1, 2))
     assert run("identify", robot, "--log", first, "-o", tmp_path / "found").return_value == 0
     found, _ = deviations(tmp_path / "found", robot)
-    assert set(found) == {"m1", "fv1", "fc1"}
+    assert set(found) == {"m1R", "fv1", "fc1"}
     assert max(abs(v) for v in found.values()) < WITHIN
     fitted = tmp_path / "found" / "results" / "robot.yaml"
     for log, label in ((second, "held-out data"), (first, "its own data")):  # the mapping files are alike, the data not
