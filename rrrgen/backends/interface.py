@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from rrrgen.program import Op, Port, Status
 
@@ -17,8 +16,7 @@ CHOICE, SUM, PRODUCT, UNARY, ATOM = range(5)
 """How tightly printed text binds, weakest first."""
 
 
-@dataclass(frozen=True)
-class Text:
+class Text(NamedTuple):
     """A printed expression: its characters and how tightly they bind. ``quotient``: a division is at its top."""
 
     code: str

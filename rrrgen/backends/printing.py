@@ -8,8 +8,10 @@ the emitted code rounds as the reference evaluation does.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from fractions import Fraction
+from functools import lru_cache
 from itertools import chain
 
 from rrrgen.backends import Real
@@ -18,6 +20,7 @@ from rrrgen.backends.names import Names
 from rrrgen.errors import BackendError
 from rrrgen.program import Op, Port, Program, Role
 
+_UNKNOWN = Text("")
 _LONGEST = 88  # characters of one expression; with the declaration in front a line stays below 120
 
 
@@ -35,15 +38,17 @@ class Statements:
     def __init__(self, program: Program, target: Target, names: Names, read: Callable[[int, int], str]) -> None:
         self.program, self.target, self.names = program, target, names
         self.lines: list[str] = []
-        self.texts: dict[int, Text] = {}
-        self._read = read
+        self.texts = [_UNKNOWN] * len(program.nodes)
+        self._read, self._labels = read, program.labels
         self._readers = _count(chain.from_iterable(node.args for node in program.nodes), len(program.nodes))
         self._wanted = _count(chain.from_iterable(program.results), len(program.nodes))
+        self._named: list[bool] = []
         self._trigonometry = _trigonometry(program)
         self._angles = _joint_sums(program, set(self._trigonometry))
 
     def write(self) -> None:
         """Visit every node."""
+        self._named = self._worth_a_name()
         for index in range(len(self.program.nodes)):
             self._visit(index)
 
@@ -51,38 +56,42 @@ class Statements:
 
     def _declare(self, index: int, text: Text) -> Text:
         """Give the value of node ``index`` a local of its own."""
-        hint = self.program.labels.get(index) or _named("q", self._angles.get(index))
+        hint = self._labels.get(index) or (_named("q", self._angles[index]) if index in self._angles else "")
         name = self.names.suggested(hint) if hint else self.names.temporary()
         self.lines.append(self.target.declaration(name, text.code))
         self.texts[index] = Text(name)
         return self.texts[index]
 
     def _visit(self, index: int) -> None:
-        node = self.program.nodes[index]
-        if node.op in (Op.SIN, Op.COS):
-            self._declare_trigonometry(index)
-        elif node.op is Op.INPUT:
+        op, args, _ = node = self.program.nodes[index]
+        if op is Op.INPUT:
             self.texts[index] = Text(self._read(*node.place))
             return
-        elif node.op is Op.CONST:
+        if op is Op.CONST:
             code = self.target.literal(node.number)
             self.texts[index] = Text(code, SUM if code.startswith("-") else UNARY)
             return
+        if op is Op.SIN or op is Op.COS:
+            self._declare_trigonometry(index)
         else:
-            self.texts[index] = self._expression(index)
-            if self._deserves_name(index):
+            self.texts[index] = self._expression(op, args)
+            if self._named[index]:
                 self._declare(index, self.texts[index])
         self._computed(index)
 
-    def _deserves_name(self, index: int) -> bool:
-        readers = self._readers[index]
-        return readers > 1 or (readers == 1 and (self._wanted[index] > 0 or index in self.program.labels))
+    def _worth_a_name(self) -> list[bool]:
+        """For every node whether its value gets a local, which operands and results then share."""
+        labels = self.program.labels
+        return [
+            readers + wanted > 1 or (readers == 1 and index in labels)
+            for index, (readers, wanted) in enumerate(zip(self._readers, self._wanted, strict=True))
+        ]
 
     def _computed(self, index: int) -> None:
         """What happens as soon as node ``index`` has a text; inputs and constants always have."""
 
     def _declare_trigonometry(self, index: int) -> None:
-        if index in self.texts:
+        if self.texts[index] is not _UNKNOWN:
             return  # declared together with the other of the pair
         angle = self.program.nodes[index].args[0]
         names: dict[Op, str] = {}
@@ -100,13 +109,12 @@ class Statements:
 
     # -- expressions ---------------------------------------------------------------------------------------------
 
-    def _expression(self, index: int) -> Text:
-        """Print node ``index``, moving the longest operands into locals until the line is short enough."""
-        args = self.program.nodes[index].args
-        if self.program.nodes[index].op is Op.SIGN:  # some languages write the operand several times
+    def _expression(self, op: Op, args: tuple[int, ...]) -> Text:
+        """Print an operation, moving the longest operands into locals until the line is short enough."""
+        if op is Op.SIGN:  # some languages write the operand several times
             self._settle(args[0])
         while True:
-            text = self._compose(index)
+            text = self._compose(op, args)
             if len(text.code) <= _LONGEST:
                 return text
             longest = max(args, key=lambda arg: len(self.texts[arg].code))
@@ -121,33 +129,30 @@ class Statements:
         self._declare(index, text)
         return True
 
-    def _compose(self, index: int) -> Text:
-        node = self.program.nodes[index]
-        args = [self.texts[arg] for arg in node.args]
-        match node.op:
-            case Op.ADD:
-                left, right = args
-                if right.strength == SUM and left.strength > SUM:
-                    left, right = right, left  # (a + b) + c needs no parentheses
-                return Text(f"{left.within(SUM)} + {right.within(PRODUCT)}", SUM)
-            case Op.SUB:
-                return Text(f"{args[0].within(SUM)} - {args[1].within(PRODUCT)}", SUM)
-            case Op.MUL:
-                return self._product(node.args, args)
-            case Op.DIV:
-                return Text(f"{args[0].within(PRODUCT)}/{args[1].within(UNARY)}", PRODUCT, quotient=True)
-            case Op.NEG:
-                return Text(f"-{args[0].within(PRODUCT)}", SUM)  # in parentheses wherever it is an operand
-            case Op.SIGN:
-                return self.target.sign(args[0])
-            case Op.SELECT:
-                return self.target.select(*args)
-            case _:
-                return Text(self.target.call(node.op, args[0].code))
+    def _compose(self, op: Op, args: tuple[int, ...]) -> Text:
+        texts = self.texts
+        if op is Op.MUL:
+            return self._product(args)
+        if op is Op.ADD:
+            left, right = texts[args[0]], texts[args[1]]
+            if right.strength == SUM and left.strength > SUM:
+                left, right = right, left  # (a + b) + c needs no parentheses
+            return Text(f"{left.within(SUM)} + {right.within(PRODUCT)}", SUM)
+        if op is Op.SUB:
+            return Text(f"{texts[args[0]].within(SUM)} - {texts[args[1]].within(PRODUCT)}", SUM)
+        if op is Op.NEG:
+            return Text(f"-{texts[args[0]].within(PRODUCT)}", SUM)  # in parentheses wherever it is an operand
+        if op is Op.DIV:
+            return Text(f"{texts[args[0]].within(PRODUCT)}/{texts[args[1]].within(UNARY)}", PRODUCT, quotient=True)
+        if op is Op.SIGN:
+            return self.target.sign(texts[args[0]])
+        if op is Op.SELECT:
+            return self.target.select(*(texts[arg] for arg in args))
+        return Text(self.target.call(op, texts[args[0]].code))
 
-    def _product(self, indices: tuple[int, ...], args: list[Text]) -> Text:
-        left, right = args
-        constant_first = self.program.nodes[indices[0]].op is Op.CONST
+    def _product(self, args: tuple[int, ...]) -> Text:
+        left, right = self.texts[args[0]], self.texts[args[1]]
+        constant_first = self.program.nodes[args[0]].op is Op.CONST
         if right.strength == PRODUCT and left.strength > PRODUCT and not right.quotient and not constant_first:
             left, right = right, left  # (a*b)*c needs no parentheses
         first = left.within(UNARY) if left.quotient else left.within(PRODUCT)
@@ -168,9 +173,13 @@ class _Body(Statements):
         self.write()
         self._finish()
 
-    def _deserves_name(self, index: int) -> bool:
-        readers = self._readers[index]
-        return readers > 1 or (readers == 1 and (index in self._places or index in self.program.labels))
+    def _worth_a_name(self) -> list[bool]:
+        """Results are copied from one another, so a value that nothing reads needs no local."""
+        labels, places = self.program.labels, self._places
+        return [
+            readers > 1 or (readers == 1 and (index in places or index in labels))
+            for index, readers in enumerate(self._readers)
+        ]
 
     def _computed(self, index: int) -> None:
         first = ""
@@ -194,6 +203,7 @@ class _Body(Statements):
 _SMALLEST_FLOAT, _LARGEST_FLOAT = Fraction(2) ** -126, Fraction(2) ** 127  # normalised numbers of single precision
 
 
+@lru_cache(maxsize=4096)  # the same lengths and weights occur in most functions
 def decimal(value: Fraction | int, real: Real = "double") -> str:
     """A floating literal that reads back to the nearest double: the exact decimal where 17 digits hold it.
 
@@ -213,10 +223,8 @@ def decimal(value: Fraction | int, real: Real = "double") -> str:
 
 def _count(indices: Iterable[int], size: int) -> list[int]:
     """How often each number occurs."""
-    count = [0] * size
-    for index in indices:
-        count[index] += 1
-    return count
+    tally = Counter(indices)
+    return [tally[index] for index in range(size)]
 
 
 def _places_of_outputs(program: Program) -> dict[int, list[tuple[Port, int]]]:

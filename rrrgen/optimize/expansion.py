@@ -12,6 +12,10 @@ from rrrgen.program.builder import settled
 from rrrgen.program.ir import uses
 from rrrgen.program.nodes import Node
 
+_TERMS_BEFORE_COLLECTING = 4
+"""Products may have this many times the terms of a result before equal ones are added up; with 1 and with 16 the
+bundled robots' programs are the same."""
+
 
 class TooLargeError(Exception):
     """The expansion exceeds what the search can handle."""
@@ -147,7 +151,7 @@ class Expansion:
         return self.stages[self.literals[literal]] == 0
 
     def _product(self, x: Polynomial, y: Polynomial) -> Polynomial:
-        if len(x) * len(y) > 4 * self.max_terms:
+        if len(x) * len(y) > _TERMS_BEFORE_COLLECTING * self.max_terms:
             raise TooLargeError
         total: Polynomial = {}
         for m, c in x.items():

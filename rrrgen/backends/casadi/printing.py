@@ -27,17 +27,12 @@ class Listing:
 
 
 def listing(program: Program, elements: Sequence[Sequence[str]], names: Names, target: Target) -> Listing:
-    """Write ``program`` for ``target``; ``elements[port][element]`` are the names of its inputs."""
-    written = _Definitions(program, target, names, lambda port, element: elements[port][element])
+    """Write ``program`` for ``target``; ``elements[port][element]`` are the names of its inputs.
+
+    Results are no statements: the caller writes them behind all definitions, where CasADi wants them.
+    """
+    written = Statements(program, target, names, lambda port, element: elements[port][element])
     written.write()
     results = tuple(tuple(written.texts[index].code for index in row) for row in program.results)
     used = frozenset(node.place for node in program.nodes if node.op is Op.INPUT)
     return Listing(tuple(written.lines), results, used)
-
-
-class _Definitions(Statements):
-    """Results are written behind all definitions, each where CasADi wants it."""
-
-    def _deserves_name(self, index: int) -> bool:
-        readers = self._readers[index] + self._wanted[index]
-        return readers > 1 or (self._readers[index] == 1 and index in self.program.labels)
