@@ -51,7 +51,8 @@ def plot_motion(
     for axis, label in zip(axes, (f"q [{unit}]", f"dq [{unit}/s]", f"ddq [{unit}/s²]"), strict=True):
         style_axes(axis, "", label)
     axes[-1].set_xlabel("t [s]")
-    axes[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=trajectory.n, title="dashed: limits")
+    title = None if limits is None else "dashed: limits"
+    axes[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=trajectory.n, title=title)
     return figure
 
 
