@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from functools import cache
 
 import numpy as np
@@ -177,35 +175,6 @@ def test_header_and_manifest_say_so_only_where_it_is_so():
         assert ("ARM_IK_INCOMPLETE = 5" in header) == said
         assert ("Every configuration that brings" in header) != said
         assert bool(manifest(spec)["incomplete"]) == said
-
-
-# -- the emitted code -------------------------------------------------------------------------------------------------
-
-STRICT = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]
-EMITTED = {
-    "six": arm("RRRPRR", 1),
-    "first prescribed": arm("PRRRRRR", 1),
-    "incomplete": PARTIAL["two joints slide"][0],
-}
-
-
-COMPILERS = {
-    "gcc": ["-std=c99", "-O1", "-c"],
-    "clang": ["-std=c99", "-fsyntax-only"],
-    "g++": ["-x", "c++", "-fsyntax-only"],
-}
-
-
-@pytest.mark.parametrize("compiler", COMPILERS)
-@pytest.mark.parametrize("name", EMITTED)
-def test_the_code_is_clean(name, compiler, tmp_path):
-    if shutil.which(compiler) is None:
-        pytest.skip(f"{compiler} is not installed")
-    spec = make("arm", EMITTED[name])
-    for real in ("double", "float"):
-        for file, text in emit(spec, plan(spec), real).files.items():
-            (tmp_path / file).write_text(text)
-        subprocess.run([compiler, *STRICT, *COMPILERS[compiler], "arm_ik.c"], cwd=tmp_path, check=True)
 
 
 def test_the_count_of_lost_configurations_is_one_that_can_fail(monkeypatch):
