@@ -19,7 +19,7 @@ from rrrgen.ik.classify import plan
 from rrrgen.ik.recording.casadi_branches import branch_function
 from rrrgen.ik.report import closed_form
 from rrrgen.ik.solutions.elimination import eliminations
-from rrrgen.ik.solutions.general6r import general6r_tables
+from rrrgen.ik.solutions.general6r import general6r_tables, tables_of
 from rrrgen.ik.sources import emit
 from rrrgen.runtime.inverse_kinematics import INEXACT, load_solver
 
@@ -76,6 +76,28 @@ def test_every_row_is_right_and_no_seed_is_missed(name):
     assert result.solver.plan.max_solutions == 16
     result.assert_right()
     assert np.all(result.batch.counts % 2 == 0)  # complex roots come in pairs
+
+
+def test_an_elimination_of_almost_the_right_degree_is_not_used():
+    """Axes antiparallel but for 3e-4 rad: one elimination costs few digits and has a remainder of 4e-10 above degree 8.
+
+    Pairs of close roots were lost in that remainder, well-conditioned rows with them.
+    """
+    rows = table(
+        "RRRRRR",
+        (3.14161, -1.5714, 3.14186, 1.57041, 0.90167, 0.90083),
+        (0.49929, 0.30025, 0.30045, 0.29957, -0.20018, 0.30036),
+        (0.00044, 0.0001, 0.09976, -0.00019, 0.10059, 0.0004),
+        (0.3, 0.0, 1.5708, 0.3, 0.3, 0.0),
+    )
+    assert all(e.pure for e in tables_of(plan(make("arm", rows)).solving).eliminations)
+    q = [
+        [-1.044, -2.624, 0.318, 1.042, -1.716, 2.593],
+        [1.909, 2.329, -3.066, -1.695, 1.348, 3.115],
+        [1.612, 3.036, 0.507, 2.05, 0.997, 1.487],
+        [0.301, -1.55, -1.617, -0.338, -0.293, -0.508],
+    ]
+    sample("arm", rows, q=q).assert_right()
 
 
 def test_base_tool_offsets_and_a_reference_are_taken_into_account():

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 POSES = 40  # sample poses; the score is a quantile of them
 SAMPLES = 25  # of the determinant, which has degree 12 in form and 8 in fact
 SPURIOUS = 1e-9  # coefficients above degree 8, or a value at a solution, that are larger than this are no noise
+NOISE = 1e-12  # what the solver takes for noise in a polynomial, relative to the sum of its coefficients
 USABLE = 12.0  # decimal digits lost in a root at which an elimination is useless
 SHALLOW = 1e-9  # determinant over the product of row norms below which rounding grows
 
@@ -37,7 +38,8 @@ SHALLOW = 1e-9  # determinant over the product of row norms below which rounding
 class Elimination:
     """A labelling of the loop and the roles of its joints 3, 4, 5 (as 0, 1, 2); ``score``: decimal digits it costs.
 
-    A joint that slides is always the ``other`` one.
+    A joint that slides is always the ``other`` one. ``pure``: the polynomial has degree 8 but for rounding; where the
+    geometry is nearly special, its degree may be 8 but for a small remainder, and roots that lie close are lost.
     """
 
     start: int
@@ -47,6 +49,7 @@ class Elimination:
     other: int
     score: float
     depth: float
+    pure: bool
 
     @property
     def kept_joint(self) -> int:
@@ -85,14 +88,18 @@ def eliminations(rows: Array, slide: int | None = None, turn: float = 0.0) -> li
                 if place == shifted:
                     shifted, other = other, shifted
                 turned = np.moveaxis(pencil, (2 + kept, 2 + shifted, 2 + other), (2, 3, 4))
-                score, depth = _judge(turned, direction * q[:, order[2 + kept]], slides=place is not None)
+                score, depth, pure = _judge(turned, direction * q[:, order[2 + kept]], slides=place is not None)
                 if score < USABLE:
-                    found.append(Elimination(start, direction, kept, shifted, other, score, depth))
+                    found.append(Elimination(start, direction, kept, shifted, other, score, depth, pure))
+    found = [e for e in found if e.pure] or found
     return sorted(found, key=lambda e: (e.score, e.start, e.direction, e.kept))
 
 
-def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float]:
-    """Digits that a root costs (0.9 quantile over the poses) and log10 of the depth, both free of rounding errors."""
+def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float, bool]:
+    """Digits that a root costs (0.9 quantile over the poses) and log10 of the depth, both free of rounding errors.
+
+    And whether the degree is 8 as far as the solver can tell.
+    """
     powers = np.array([[1, 0, 1], [1, 0, -1], [0, 2, 0.0]])  # 1, cos, sin times 1 + x^2 -> powers of x = tan(angle/2)
     h = np.einsum("nkabc,bi,cj->nakij", pencil, powers, np.eye(3) if slides else powers).reshape(len(pencil), 3, 6, 9)
     turns = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
@@ -110,10 +117,17 @@ def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float]:
     value = np.abs((c[:, k] * wave).sum(axis=-1)) / level
     slope = np.abs((1j * k * c[:, k] * wave).sum(axis=-1)) / level
     depth = float(np.median(level / size))
-    if not (np.median(spurious) < SPURIOUS and np.median(value) < SPURIOUS and depth > 0):
-        return np.inf, -np.inf
+    remainder = max(float(np.median(spurious)), float(np.median(value)))
+    if not (remainder < SPURIOUS and depth > 0):
+        return np.inf, -np.inf, False
     lost = float(np.quantile(-np.log10(slope + 1e-300), 0.9) + max(0.0, 0.75 * np.log10(SHALLOW / depth)))
-    return round(lost, 2), round(float(np.log10(depth)), 1)
+    digits = round(float(np.log10(depth)), 1)
+    return round(lost, 2), digits, remainder < NOISE * shallowness(digits)
+
+
+def shallowness(depth: float) -> float:
+    """How many times more noise there is at this log10 of the depth."""
+    return float(max(1.0, SHALLOW / 10**depth) ** 0.75)
 
 
 def _pencil(e: list[Array], slide: int | None) -> Array:

@@ -26,7 +26,7 @@ import numpy as np
 from rrrgen.errors import DerivationError
 from rrrgen.ik.geometry.chain import Chain, Joint, Link, Matrix
 from rrrgen.ik.recording.c_statements import CBody, Stage
-from rrrgen.ik.solutions.elimination import SHALLOW, Elimination, eliminations
+from rrrgen.ik.solutions.elimination import NOISE, Elimination, eliminations, shallowness
 from rrrgen.ik.solutions.trig_roots import literals, spelled, trig_roots
 from rrrgen.resources import render as render_template
 
@@ -44,7 +44,7 @@ TOLERANCES = {
 lengths); same: two rows nearer than this (sum over sines and cosines) are one, since forward kinematics, quadratic in
 their distance where they merge, cannot tell them apart."""
 
-_NOISE = {"double": 1e-12, "float": 4e-6}
+_NOISE = {"double": NOISE, "float": 4e-6}
 _BOLDER = (1.0, 1e3, 1e6)  # a pass that seeks what the first one missed takes more for a double root
 _NUDGE = 1e-3
 _MOST_NOISE = 1e-4
@@ -197,9 +197,8 @@ def _passes(tables: General6RTables) -> list[tuple[tuple[int, ...], float]]:
     first, last = tables.eliminations[0], tables.eliminations[-1]
     out: list[tuple[tuple[int, ...], float]] = []
     for nudge, (choice, bolder) in enumerate(zip((first, first, last), _BOLDER, strict=True)):
-        shallow = max(1.0, SHALLOW / 10**choice.depth) ** 0.75
         roles = (choice.start, choice.direction, choice.kept, choice.shifted, choice.other, nudge)
-        out.append((roles, min(_NOISE["double"] * bolder * shallow, _MOST_NOISE)))
+        out.append((roles, min(NOISE * bolder * shallowness(choice.depth), _MOST_NOISE)))
     return out
 
 
