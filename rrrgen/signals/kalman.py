@@ -8,11 +8,10 @@ depend on the period, and the gain only on ``lambda = sqrt(var xi) Ts^3 / sqrt(v
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
@@ -112,17 +111,18 @@ def _iterated_covariance(E: Array, g: Array) -> Array:
     raise InputError("the Riccati equation of the Kalman filter has no steady state for these variances")
 
 
-def kalman_step(
-    matrices: KalmanMatrices, predicted: Array, measured: float, reference: Sequence[float] = (0.0, 0.0, 0.0)
-) -> tuple[Array, Array]:
-    """One step of (14.30)-(14.31) for one joint; returns the next prediction (3,) and ``[q, dq, ddq]`` (3,).
+def kalman_step(E: Array, k: Array, predicted: Array, measured: ArrayLike, reference: ArrayLike) -> tuple[Array, Array]:
+    """One step of the filter, for any number of joints at once; returns the next prediction and the motion, (..., 3).
 
-    ``predicted`` is ``x_hat(k)`` of the deviation, ``measured`` is ``y(k)``, ``reference`` is ``[q_r, dq_r,
-    ddq_r](k)``. The reference in plain form of the step that is emitted as C.
+    ``x_bar = x_hat + k (y - q_r - e_hat)``, ``x_hat(k+1) = E x_bar``, motion ``x_bar + [q_r, dq_r, ddq_r]``. ``E``
+    (..., 3, 3) of (14.29) and the gain ``k`` (..., 3) of (14.30); ``predicted`` (..., 3) is the prediction of the
+    deviation ``[e, de, dde]``, ``measured`` (...) the encoder reading, ``reference`` (..., 3) ``[q_r, dq_r, ddq_r]``.
+    The emitted C computes the same. Source: (14.30), (14.31).
     """
-    innovation = measured - reference[0] - predicted[0]
-    updated = predicted + matrices.k * innovation
-    return matrices.E @ updated, updated + np.asarray(reference)
+    wanted = np.asarray(reference, dtype=float)
+    innovation = np.asarray(measured, dtype=float) - wanted[..., 0] - predicted[..., 0]
+    updated = predicted + k * innovation[..., None]
+    return np.einsum("...ij,...j->...i", E, updated), updated + wanted
 
 
 def frequency_response(matrices: KalmanMatrices, frequencies: Array, smoother: bool = False) -> NDArray[np.complex128]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.errors import InputError
+from rrrgen.signals.kalman import kalman_step
 from rrrgen.simulate.friction import FrictionLike
 from rrrgen.simulate.plant import RigidBody
 
@@ -74,10 +75,9 @@ class DeviationFilter:
 
     def update(self, reading: Array, reference: Reference) -> tuple[Array, Array]:
         """See :class:`Observer`."""
-        innovation = reading - reference.q - self._predicted[:, 0]
-        updated = self._predicted + self.k * innovation[:, None]
-        self._predicted = (self.E @ updated[:, :, None])[:, :, 0]
-        return reference.q + updated[:, 0], reference.dq + updated[:, 1]
+        wanted = np.stack([reference.q, reference.dq, reference.ddq], axis=-1)
+        self._predicted, motion = kalman_step(self.E, self.k, self._predicted, reading, wanted)
+        return motion[:, 0], motion[:, 1]
 
 
 class Controller(Protocol):

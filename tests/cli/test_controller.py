@@ -82,7 +82,8 @@ def test_the_step_and_the_motion_equal_python_to_round_off(inputs, tmp_path, com
     for k in range(N):
         for i in range(2):
             expected[k, 3, i] = y[k, i] - q[k, i] - states[i][0]
-            states[i], expected[k, :3, i] = kalman_step(matrices[i], states[i], y[k, i], (q[k, i], dq[k, i], ddq[k, i]))
+            m, wanted = matrices[i], (q[k, i], dq[k, i], ddq[k, i])
+            states[i], expected[k, :3, i] = kalman_step(m.E, m.k, states[i], y[k, i], wanted)
         following, out = np.empty((2, 3), dtype), np.empty((4, 2), dtype)
         rows = [np.ascontiguousarray(v[k], dtype) for v in (y, q, dq, ddq)]
         lib.planar2r_kalman_step(*(pointer(ffi, v, real) for v in (x, *rows, following, *out)))

@@ -89,7 +89,7 @@ def test_step_by_step_equals_the_offline_filter():
     offline = KalmanSmoother(1e-10, 400.0, smooth=False)(t, y[:, None], reference)
     state = np.zeros(3)
     for k in range(len(t)):
-        state, found = kalman_step(m, state, y[k], (q[k, 0], dq[k, 0], ddq[k, 0]))
+        state, found = kalman_step(m.E, m.k, state, y[k], (q[k, 0], dq[k, 0], ddq[k, 0]))
     # the filters started differently; by the end both have forgotten it
     np.testing.assert_allclose(found, [offline.q[-1, 0], offline.dq[-1, 0], offline.ddq[-1, 0]], rtol=1e-7)
 
