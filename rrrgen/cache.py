@@ -1,7 +1,7 @@
-"""Where results of earlier runs live: the user's cache directory, addressed by the hash of what produced them.
+"""The user's cache of results of earlier runs, addressed by the hash of their inputs.
 
-Libraries in it are loaded and their code is run, so it must be the user's own, as must every file in it; each file is
-checked against its checksum before it is used.
+Cached libraries are loaded and their code is run. The directory and every file in it must therefore belong to the user
+and be writable by nobody else, and every file is checked against its checksum before use.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from pathlib import Path
 from rrrgen.errors import StorageError, storage_error
 
 TRUSTED_OWNERS = {os.geteuid(), 0} if hasattr(os, "geteuid") else set()
-"""Users whose files are loaded: the own one, and root, who could do anything anyway."""
+"""User ids whose files are loaded: the current user, and root, who could replace any file anyway."""
 
 OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 CHECKSUM_BYTES = 32
 
 ABANDONED = 86400.0
-"""Seconds after which an unfinished file or build directory belongs to a process that was killed."""
+"""Age in seconds beyond which an unfinished file or build directory was left by a killed process."""
 
 
 @cache
 def cache_directory() -> Path:
-    """The directory for built extensions, derived models and translated templates, created private to the user.
+    """The directory for built extensions, derived models and compiled templates, created with access for the user only.
 
-    ``$RRRGEN_CACHE`` if set, else ``rrrgen`` below the user's cache directory; a temporary directory of this process
-    where that cannot be written. Raises StorageError where another user could put code into it that would be run.
+    ``$RRRGEN_CACHE`` if set, else ``rrrgen`` below the user's cache directory; if that cannot be written, a temporary
+    directory of this process. Raises StorageError if another user could place code in it.
     """
     directory = _wanted_directory()
     try:
@@ -49,7 +49,7 @@ def cache_directory() -> Path:
 
 
 def _check_trusted(path: Path, status: os.stat_result) -> None:
-    """Raise StorageError unless nobody but the user can have written ``path``; on Windows its access list decides."""
+    """Raise StorageError if another user may have written ``path``. No check on Windows, which uses access lists."""
     if not TRUSTED_OWNERS:
         return
     if status.st_uid not in TRUSTED_OWNERS:
@@ -74,7 +74,7 @@ def _wanted_directory() -> Path:
 
 
 def prune(most: int = 500) -> None:
-    """Forget the results not used for longest when there are more than ``most``, and what killed builds have left."""
+    """Delete the least recently used results when there are more than ``most``, and leftovers of killed builds."""
     for path in cache_directory().glob(".*"):
         if time.time() - _last_use(path) > ABANDONED:
             if path.is_dir():
@@ -90,7 +90,7 @@ def prune(most: int = 500) -> None:
 
 
 def touch(path: Path) -> None:
-    """Note that a result was used; a cache that is read-only by now loses nothing but this note."""
+    """Mark a cached file as used just now; silently ignored if the cache has become read-only."""
     with contextlib.suppress(OSError):
         os.utime(path)
 
@@ -98,12 +98,12 @@ def touch(path: Path) -> None:
 def _last_use(path: Path) -> float:
     try:
         return path.stat().st_mtime
-    except OSError:  # another process was faster
+    except OSError:  # another process has deleted it
         return 0.0
 
 
 def digest(*parts: str) -> str:
-    """SHA-256 of ``parts``, each with its length in front so that no two lists run into one another."""
+    """SHA-256 of ``parts`` as hexadecimal text; each part is preceded by its length, so that lists never collide."""
     state = hashlib.sha256()
     for part in parts:
         data = part.encode()
@@ -113,9 +113,9 @@ def digest(*parts: str) -> str:
 
 
 def store(path: Path, data: bytes) -> None:
-    """Write ``data`` so that a reader sees all of it or none, after a power failure too, and only the user may read it.
+    """Write ``data`` to ``path`` atomically, even across a power failure, readable by the user only.
 
-    Raises StorageError where the disk is full.
+    Raises StorageError if the disk is full.
     """
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
@@ -132,12 +132,12 @@ def store(path: Path, data: bytes) -> None:
 
 
 def keep(name: str, data: bytes) -> None:
-    """Remember ``data`` under ``name``, with its checksum in front."""
+    """Cache ``data`` under ``name``, preceded by its checksum."""
     store(cache_directory() / name, hashlib.sha256(data).digest() + data)
 
 
 def recall(name: str) -> bytes | None:
-    """What was kept under ``name``; None where nothing was, or where it is damaged."""
+    """The data cached under ``name``; None if there is none or its checksum does not match."""
     content = _content(cache_directory() / name)
     if content is None:
         return None
@@ -147,14 +147,14 @@ def recall(name: str) -> bytes | None:
 
 
 def keep_library(stem: str, data: bytes) -> Path:
-    """Remember a library; its file must be as the linker wrote it, so the checksum becomes part of the file's name."""
+    """Cache a shared library and return its path; the checksum is in the file name, since the file must not change."""
     path = cache_directory() / f"{stem}.{hashlib.sha256(data).hexdigest()[:32]}.so"
     store(path, data)
     return path
 
 
 def recall_library(stem: str) -> Path | None:
-    """The file of a library that was kept; loading one that is cut off would end the process, so damaged ones go."""
+    """The path of a cached library, or None. Damaged ones are deleted: loading a truncated one would crash."""
     for path in sorted(cache_directory().glob(f"{glob.escape(stem)}.*.so")):
         content = _content(path)
         if content is not None and hashlib.sha256(content).hexdigest()[:32] == path.name.split(".")[-2]:
@@ -166,7 +166,7 @@ def recall_library(stem: str) -> Path | None:
 
 
 def _content(path: Path) -> bytes | None:
-    """What a file holds that nobody else can have written; None where there is none."""
+    """The content of a cache file, or None if it cannot be read. Raises StorageError if others may write to it."""
     try:
         with path.open("rb") as stream:
             _check_trusted(path, os.fstat(stream.fileno()))

@@ -1,7 +1,7 @@
-"""What can go wrong, and whose fault it is.
+"""The exceptions of rrrgen.
 
-Every error that rrrgen raises on purpose derives from :class:`RrrgenError` and carries the exit code of the
-command line. A fault in the user's input is an :class:`InputError` and lists *all* faults found, each with its place.
+Every error raised on purpose derives from :class:`RrrgenError` and carries the exit code of the command line. A fault
+in the user's input is an :class:`InputError`, which lists *all* faults found, each with its place in the file.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from dataclasses import dataclass
 
 
 class RrrgenError(Exception):
-    """Base of all errors raised on purpose. ``exit_code`` is what the command line returns."""
+    """Base class of all errors raised on purpose. ``exit_code`` is the exit status of the command line."""
 
     exit_code = 70
 
 
 @dataclass(frozen=True, order=True)
 class Fault:
-    """One fault in a text file or an argument: where, what is wrong, what is allowed.
+    """One fault in a text file or an argument: where it is, what is wrong (``message``), what is allowed (``hint``).
 
-    ``line`` and ``column`` count from 1; 0 means that the fault belongs to the file as a whole. ``file`` is empty for
-    an argument of a function, which has no place.
+    ``line`` and ``column`` count from 1; line 0 stands for the file as a whole. ``file`` is empty for the argument of a
+    function, which has no place in a file.
     """
 
     file: str
@@ -54,7 +54,7 @@ def _window(source_line: str, column: int, width: int = 120) -> tuple[str, int]:
 class InputError(RrrgenError, ValueError):
     """The user's file or arguments are wrong; ``faults`` holds every fault found.
 
-    It is a ValueError too, so that callers of the Python functions can catch what they expect.
+    Also a ValueError, the exception that callers of Python functions expect for a wrong argument.
     """
 
     exit_code = 3
@@ -67,13 +67,13 @@ class InputError(RrrgenError, ValueError):
 
 
 class DerivationError(RrrgenError):
-    """The robot is well described, but what was asked for does not exist (no closed form, not identifiable)."""
+    """The robot file is valid, but the requested result does not exist (no closed form, not identifiable)."""
 
     exit_code = 4
 
 
 class BackendError(RrrgenError):
-    """A program cannot be printed by the backend asked for."""
+    """The requested backend cannot express a program."""
 
     exit_code = 4
 
@@ -85,7 +85,7 @@ class BuildError(RrrgenError):
 
 
 class MissingExtraError(BuildError):
-    """``purpose``, e.g. "ROS recordings", needs a package that an extra of rrrgen brings and that is not installed."""
+    """An optional package is not installed: ``purpose``, e.g. "ROS recordings", needs ``package`` from ``extra``."""
 
     def __init__(self, purpose: str, package: str, extra: str) -> None:
         self.purpose, self.package, self.extra = purpose, package, extra
@@ -98,13 +98,13 @@ class MissingExtraError(BuildError):
 
 
 class StorageError(RrrgenError):
-    """A disk is full or broken, or a directory is not safe to use; the message names the place and what to do."""
+    """A disk is full or broken, or a directory is not safe to use; the message names the place and a remedy."""
 
     exit_code = 5
 
 
 def storage_error(path: str | os.PathLike[str], error: OSError) -> StorageError | None:
-    """The error to report where ``error`` means that the disk of ``path`` takes no more; None for anything else."""
+    """``error`` as a StorageError if it means that the disk of ``path`` is full or broken; None for anything else."""
     reason = {
         errno.ENOSPC: "the disk is full",
         errno.EDQUOT: "your share of the disk (quota) is used up",

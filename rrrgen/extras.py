@@ -1,4 +1,4 @@
-"""Packages that are not always installed: which extra of rrrgen brings them, and the error that says so."""
+"""Optional packages: which extra of rrrgen installs them, and the error that says so when they are missing."""
 
 from __future__ import annotations
 
@@ -19,18 +19,21 @@ EXTRAS = {
     "dask": "cluster",
     "distributed": "cluster",
 }
-"""Top-level module -> extra, as in pyproject.toml."""
+"""Top-level module -> the extra of pyproject.toml that installs it."""
 
 
 def require(purpose: str, *modules: str) -> None:
-    """Raise MissingExtraError unless ``modules`` are installed, before any work is done; none of them is imported."""
+    """Raise MissingExtraError unless all ``modules`` are installed; none of them is imported.
+
+    Call it before any work is done. ``purpose`` says in the message what needs them.
+    """
     missing = [module for module in modules if not installed(module)]
     if missing:
         raise MissingExtraError(purpose, ", ".join(missing), EXTRAS[missing[0]])
 
 
 def installed(module: str) -> bool:
-    """Whether a top-level module can be imported, as far as can be told without doing so."""
+    """Whether a top-level module is installed, as far as can be determined without importing it."""
     try:
         return find_spec(module) is not None
     except (ImportError, ValueError):
@@ -38,7 +41,7 @@ def installed(module: str) -> bool:
 
 
 def missing_extra(error: BaseException | None) -> MissingExtraError | None:
-    """The error to report for a failed import, or for what it caused; None where it is about no extra."""
+    """The MissingExtraError for a failed import, or for an error caused by one; None if no extra would help."""
     while error is not None:
         if isinstance(error, ImportError):
             package = (error.name or "").partition(".")[0]

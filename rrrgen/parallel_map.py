@@ -1,7 +1,8 @@
-"""Independent tasks side by side, in forked processes: deriving and printing is plain Python, one core to a process.
+"""A parallel map over forked processes: deriving and printing are plain Python, which uses one core per process.
 
-A forked process knows all that was computed so far and hands back its results only. Forking is safe where no other
-thread may hold a lock, so it is done by processes with a single thread only, and where that can be told (Linux).
+A forked process shares everything computed so far and sends back only its results. Forking is safe only while no other
+thread may hold a lock; so it happens only in a process known to have a single thread (Linux), and tasks run serially
+elsewhere.
 """
 
 from __future__ import annotations
@@ -18,39 +19,40 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 INDEX_BYTES = 2
-"""Of a task's place in the queue, which is a pipe: 32768 places fit in."""
+"""Bytes of a task index in the queue, which is a pipe; its buffer of 64 KiB holds 32768 indices."""
 
 
-MOST = 6
-"""More processes do not shorten a robot's generation: its longest task takes a third of the time of all."""
+MAX_JOBS = 6
+"""More processes do not shorten the generation of a robot: its longest task takes a third of the total time."""
 
 
 def usual_jobs() -> int:
-    """As many as the cores that this process may run on, but not more than :data:`MOST`."""
-    return min(MOST, len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1)
+    """Default number of processes: the cores available to this process, at most :data:`MAX_JOBS`."""
+    return min(MAX_JOBS, len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1)
 
 
-def side_by_side(function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int) -> list[Result]:
-    """``[function(task) for task in tasks]``, by up to ``jobs`` processes that take the tasks in the order given.
+def parallel_map(function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int) -> list[Result]:
+    """``[function(task) for task in tasks]``, computed by up to ``jobs`` processes that start tasks in the given order.
 
-    What a process did not hand back, because it failed or was ended, is done here, where errors are seen.
+    Results must pickle. A task whose process failed or was killed is repeated in this process, so that its error
+    reaches the caller.
     """
     others = min(jobs, len(tasks)) - 1
     if others < 1 or not _has_one_thread():
         return [function(task) for task in tasks]
     queue = _queue(len(tasks))
-    helpers: list[_Helper] = []
+    children: list[_ChildProcess] = []
     try:
         with contextlib.suppress(OSError):  # no more processes allowed
             for _ in range(others):
-                helpers.append(_Helper(function, tasks, queue))
+                children.append(_ChildProcess(function, tasks, queue))
         done = _work(function, tasks, queue)
-        for helper in helpers:
-            done |= helper.results()
+        for child in children:
+            done |= child.results()
     finally:
         os.close(queue)
-        for helper in helpers:
-            helper.end()
+        for child in children:
+            child.end()
     return [done[k] if k in done else function(task) for k, task in enumerate(tasks)]
 
 
@@ -62,7 +64,7 @@ def _has_one_thread() -> bool:
 
 
 def _queue(count: int) -> int:
-    """The reading end of a pipe that holds the places 0, 1, ..., count - 1: whoever is free reads the next."""
+    """The reading end of a pipe that holds the task indices 0, 1, ..., count - 1; a free process reads the next."""
     reading, writing = os.pipe()
     os.write(writing, b"".join(k.to_bytes(INDEX_BYTES, "little") for k in range(count)))
     os.close(writing)
@@ -70,28 +72,28 @@ def _queue(count: int) -> int:
 
 
 def _work(function: Callable[[Task], Result], tasks: Sequence[Task], queue: int) -> dict[int, Result]:
-    """Take tasks from the queue until it is empty."""
+    """Compute tasks from the queue until it is empty; results by task index."""
     done: dict[int, Result] = {}
-    while place := os.read(queue, INDEX_BYTES):
-        k = int.from_bytes(place, "little")
+    while index := os.read(queue, INDEX_BYTES):
+        k = int.from_bytes(index, "little")
         done[k] = function(tasks[k])
     return done
 
 
-class _Helper:
-    """A forked process at work on the queue."""
+class _ChildProcess:
+    """A forked process that computes tasks from the queue."""
 
     def __init__(self, function: Callable[[Task], Result], tasks: Sequence[Task], queue: int) -> None:
         reading, writing = os.pipe()
         self._process: int | None = os.fork()
         if not self._process:
             os.close(reading)
-            _hand_back(lambda: _work(function, tasks, queue), os.fdopen(writing, "wb"))
+            _run_child(lambda: _work(function, tasks, queue), os.fdopen(writing, "wb"))
         os.close(writing)
         self._stream = os.fdopen(reading, "rb")
 
     def results(self) -> dict[int, Any]:
-        """What it has done, by place; nothing if it failed."""
+        """Wait for the process; its results by task index, empty if it failed."""
         data = self._stream.read()
         assert self._process
         _, status = os.waitpid(self._process, 0)
@@ -99,7 +101,7 @@ class _Helper:
         return pickle.loads(data) if status == 0 else {}
 
     def end(self) -> None:
-        """Stop it if it is still running."""
+        """Kill the process if it is still running."""
         self._stream.close()
         if self._process:
             os.kill(self._process, signal.SIGKILL)
@@ -107,8 +109,8 @@ class _Helper:
             self._process = None
 
 
-def _hand_back(compute: Callable[[], object], stream: BinaryIO) -> NoReturn:
-    """The life of a forked process: it leaves without a word, and skips what only the first may do at exit."""
+def _run_child(compute: Callable[[], object], stream: BinaryIO) -> NoReturn:
+    """Child entry point: write the pickled result to ``stream``; exits with os._exit, skipping atexit handlers."""
     status = 1
     try:
         with stream:

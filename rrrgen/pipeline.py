@@ -1,4 +1,4 @@
-"""The table of contents of the compiler: description -> model -> programs -> cheaper programs -> files."""
+"""The compiler on one page: robot file -> model -> programs -> optimized programs -> files or a callable model."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import partial
 from itertools import chain, islice
 from typing import TYPE_CHECKING, TypeAlias
 
-from rrrgen.parallel_map import side_by_side
+from rrrgen.parallel_map import parallel_map
 
 if TYPE_CHECKING:
     from rrrgen.backends import Language, Real
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def without_collection() -> Iterator[None]:
-    """Pause the search for cycles: programs have none, and looking for them takes a tenth of the time."""
+    """Pause cyclic garbage collection: programs hold no reference cycles, and the search takes a tenth of the time."""
     was = gc.isenabled()
     gc.disable()
     try:
@@ -40,7 +40,11 @@ def without_collection() -> Iterator[None]:
 
 @without_collection()
 def derive(spec: RobotSpec, jobs: int = 1) -> DerivedModel:
-    """All programs of ``spec``, optimized, with their nominal twins; by up to ``jobs`` processes."""
+    """The optimized programs of all functions of ``spec``, with their ``_nominal`` specializations.
+
+    ``jobs`` is the largest number of processes; the result does not depend on it. Raises DerivationError if a function
+    does not exist for this robot.
+    """
     from rrrgen.derive import derive_model
     from rrrgen.optimize import optimize
 
@@ -56,10 +60,11 @@ def emit(
     jobs: int = 1,
     languages: Sequence[Language] = (),
 ) -> dict[str, Contents]:
-    """Everything that ``generate`` writes, relative path -> contents, without writing it.
+    """The files that ``generate`` writes, as relative path -> contents; nothing is written.
 
-    ``languages`` are printed beside C and CasADi. ``jobs`` processes at most work on it, and the result does not depend
-    on how many.
+    ``real`` is the floating-point type of the C code, ``trig`` where its sines and cosines come from, ``casadi_files``
+    adds serialized CasADi functions, ``languages`` are printed in addition to C and CasADi. ``jobs`` is the largest
+    number of processes; the result does not depend on it.
     """
     from rrrgen.backends import casadi
     from rrrgen.backends.c.dialect import Dialect
@@ -70,19 +75,19 @@ def emit(
     identity = identify(model.spec)
     backends = _backends(model.spec, real, trig, languages)
     tasks = [backend.tasks(model, identity, real) for backend in backends]
-    results = iter(side_by_side(lambda task: task(), list(chain.from_iterable(tasks)), jobs))
+    results = iter(parallel_map(lambda task: task(), list(chain.from_iterable(tasks)), jobs))
     files: dict[str, Contents] = {}
-    for backend, own in zip(backends, tasks, strict=True):
-        files |= backend.assemble(model, identity, list(islice(results, len(own))))
+    for backend, backend_tasks in zip(backends, tasks, strict=True):
+        files |= backend.assemble(model, identity, list(islice(results, len(backend_tasks))))
     files |= build_files(files, identity, Dialect(model.spec.name, real))
     files[MANIFEST] = manifest(model, identity, real, files)
-    if casadi_files:  # they depend on the version of CasADi, so the manifest does not list them
+    if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
         files |= {f"casadi/{name}": data for name, data in casadi.serialized(model).items()}
     return files
 
 
 def _backends(spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[Language]) -> list[Backend]:
-    """C and CasADi, then the further languages."""
+    """The backends for C and CasADi, then those for ``languages``."""
     from rrrgen.backends.c.backend import CBackend
     from rrrgen.backends.casadi.sources import CasadiBackend
     from rrrgen.backends.rust import RustBackend
@@ -96,7 +101,7 @@ def _backends(spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[Langu
 
 
 def _inverse_kinematics(spec: RobotSpec, real: Real) -> tuple[dict[str, str], str]:
-    """The files of the inverse kinematics, and its checks in the self-test."""
+    """The C files of the inverse kinematics, and the text of its checks in the self-test."""
     from rrrgen.ik.selftest import selftest
     from rrrgen.ik.sources import sources
 
@@ -105,10 +110,12 @@ def _inverse_kinematics(spec: RobotSpec, real: Real) -> tuple[dict[str, str], st
 
 @without_collection()
 def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> Model:
-    """Derive, emit, build and load a robot: a path to a robot file, a bundled name such as "rrr", or a RobotSpec.
+    """A callable model of ``robot``: derive, emit, build and load it.
 
-    ``backend="numpy"`` evaluates without a compiler, slowly. Derivation and built code are cached by content. Raises
-    InputError for a faulty file, BuildError without a C compiler.
+    ``robot`` is the path of a robot file, the name of a bundled robot such as "rrr", or a RobotSpec. ``backend`` "c"
+    compiles the emitted C code; "numpy" evaluates the programs without a compiler, slowly. ``real`` is the
+    floating-point type of the C code, "double" or "float". Derivations and built libraries are cached by content.
+    Raises InputError for a faulty robot file, BuildError if the C compiler is missing or fails.
     """
     from rrrgen.output.manifest import identify
     from rrrgen.runtime.derived_cache import recall
@@ -122,7 +129,10 @@ def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> M
 
 
 def closed_form(spec: RobotSpec, function: str) -> ClosedForm:
-    """Function ``function`` of the robot as exact expressions: index it for entries, or take its ``matrix()``."""
+    """The function named ``function`` as exact SymPy expressions: index the result for entries, or call ``matrix()``.
+
+    Raises DerivationError if the function has no closed form.
+    """
     from rrrgen.derive import prepare
     from rrrgen.derive.closed_forms.closed_form import closed_form as closed_form_of
 
@@ -131,7 +141,10 @@ def closed_form(spec: RobotSpec, function: str) -> ClosedForm:
 
 @without_collection()
 def read(robot: Robot) -> RobotSpec:
-    """The description behind a path, a bundled name, or itself."""
+    """The description of ``robot``: the path of a robot file, a bundled name, or a RobotSpec, which is returned as is.
+
+    Raises InputError for a faulty file, with every fault found.
+    """
     from rrrgen.robotfile import load_spec
     from rrrgen.robotfile.robot_spec import RobotSpec
 

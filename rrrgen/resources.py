@@ -1,4 +1,4 @@
-"""Where the text templates live and how they are loaded; the only place that touches package data of the backends."""
+"""Loading and rendering the text templates of emitted files."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _templates() -> Traversable:
 
 @cache
 def environment() -> Environment:
-    """The Jinja environment of every backend: an undefined name is an error, line ends stay as written."""
+    """The Jinja environment of all backends: an undefined name is an error, a final line feed is kept."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     return Environment(
@@ -53,7 +53,7 @@ def environment() -> Environment:
 
 
 def _translated() -> BytecodeCache:
-    """Templates that were translated once: translating them takes a tenth of the time of a small robot."""
+    """A cache of compiled templates: compiling them takes a tenth of the time that a small robot needs in all."""
     import jinja2
 
     version = digest(jinja2.__version__, VERSION, sys.version)[:16]
@@ -65,7 +65,7 @@ def _translated() -> BytecodeCache:
                 bucket.bytecode_from_string(data)
 
         def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-            # the cache may have been deleted, be read-only by now, or full: it only saves time
+            # optional: the cache may have been deleted, made read-only, or its disk be full
             with contextlib.suppress(OSError, StorageError):
                 keep(f"{bucket.key}-{version}.template", bucket.bytecode_to_string())
 
@@ -73,5 +73,5 @@ def _translated() -> BytecodeCache:
 
 
 def render(template: str, /, **values: object) -> str:
-    """The template of that name filled with ``values``."""
+    """The text of the template ``template`` rendered with ``values``."""
     return environment().get_template(template).render(**values)

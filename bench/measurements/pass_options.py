@@ -18,14 +18,14 @@ import click
 from rrrgen.derive import derive_model
 from rrrgen.derive.derived_model import DerivedModel, RecordedModel
 from rrrgen.optimize.choosing import Weights
-from rrrgen.optimize.expansion import Cutting
+from rrrgen.optimize.expansion import CutSet
 from rrrgen.optimize.optimizer import Optimizer
 from rrrgen.pipeline import without_collection
 from rrrgen.program import count_operations
 from rrrgen.robotfile import bundled_names, load_spec
 
 
-def variants() -> Iterator[tuple[str, Optimizer]]:
+def changes() -> Iterator[tuple[str, Optimizer]]:
     """A name for every change, and the optimizer that has it."""
     usual = Optimizer()
     yield "as it is", usual
@@ -34,17 +34,17 @@ def variants() -> Iterator[tuple[str, Optimizer]]:
     def changed(**options: object) -> Optimizer:
         return replace(usual, cheapest=replace(chosen, **options))  # type: ignore[arg-type]
 
-    for cutting in Cutting:
-        if cutting is Cutting.LOCAL:
-            yield "no local expansion", changed(largest={**chosen.largest, cutting: 0})
+    for cut_set in CutSet:
+        if cut_set is CutSet.LOCAL:
+            yield "no local expansion", changed(max_operations={**chosen.max_operations, cut_set: 0})
             continue
         for factor in (0, 0.5, 2):
-            largest = {**chosen.largest, cutting: int(factor * chosen.largest[cutting])}
-            yield f"largest {cutting.name} x {factor}", changed(largest=largest)
+            limits = {**chosen.max_operations, cut_set: int(factor * chosen.max_operations[cut_set])}
+            yield f"max operations {cut_set.name} x {factor}", changed(max_operations=limits)
     for ratio in (1.0, 1.1, 1.2, 1.3, 1.5, 3.0):
-        yield f"hopeless {ratio}", changed(hopeless=dict.fromkeys(Cutting, ratio))
-    for ways in (1, 3):
-        yield f"expanded ways {ways}", changed(expanded_ways=ways)
+        yield f"max cost ratio {ratio}", changed(max_cost_ratio=dict.fromkeys(CutSet, ratio))
+    for count in (1, 3):
+        yield f"expanded variants {count}", changed(expanded_variants=count)
     for terms in (50, 200):
         yield f"max terms {terms}", changed(max_terms=terms)
     for pairs in (750, 3000):
@@ -53,10 +53,10 @@ def variants() -> Iterator[tuple[str, Optimizer]]:
         yield f"weight of an angle {sincos}", changed(cost=Weights(sincos=sincos))
     for div in (0, 20):
         yield f"weight of a division {div}", changed(cost=Weights(div=div))
-    for short in (0, 60, 230):
-        yield f"chain rule up to {short}", replace(usual, short=short)
+    for limit in (0, 60, 230):
+        yield f"chain rule up to {limit}", replace(usual, max_chain_rule=limit)
     for share in (0.0, 0.6, 0.9, 1.0):
-        yield f"stripped {share}", replace(usual, stripped=share)
+        yield f"search anew below {share}", replace(usual, search_anew_below=share)
 
 
 def operations(derived: DerivedModel) -> dict[str, int]:
@@ -78,10 +78,10 @@ def measured(recorded: Sequence[RecordedModel], optimizer: Optimizer) -> tuple[d
 def main(robots: Sequence[str]) -> None:
     """Print the table."""
     recorded = [derive_model(load_spec(name)) for name in robots]
-    programs = [way for model in recorded for ways in model.alternatives.values() for way in ways]
-    click.echo(f"{', '.join(robots)}: {sum(count_operations(way).total for way in programs)} operations as recorded")
+    programs = [program for model in recorded for variants in model.alternatives.values() for program in variants]
+    click.echo(f"{', '.join(robots)}: {sum(count_operations(each).total for each in programs)} operations as recorded")
     usual: dict[str, int] = {}
-    for name, optimizer in variants():
+    for name, optimizer in changes():
         found, seconds = measured(recorded, optimizer)
         usual = usual or found
         total = sum(found.values()) / sum(usual.values())

@@ -9,9 +9,10 @@ if TYPE_CHECKING:
 
 
 def optimize(recorded: RecordedModel, jobs: int = 1) -> DerivedModel:
-    """The functions of ``recorded`` at their cheapest, nominal specializations added, and a report of each pass.
+    """The functions of ``recorded`` with as few operations as the passes reach, and a report of each pass.
 
-    The result does not depend on ``jobs``, the processes at work.
+    Functions of the base parameters gain a ``_nominal`` specialization with the numbers of the robot file. ``jobs`` is
+    the largest number of processes; the result does not depend on it.
     """
     from rrrgen.optimize.optimizer import Optimizer
 

@@ -1,4 +1,4 @@
-"""The cheapest of equivalent programs, by counted operations."""
+"""Choosing the cheapest of several equivalent programs, by counted operations."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from dataclasses import dataclass, field
 from rrrgen.derive.derived_model import PassReport
 from rrrgen.optimize.collecting import Collect
 from rrrgen.optimize.doubling import DoubleByAddition
-from rrrgen.optimize.expansion import Cutting
+from rrrgen.optimize.expansion import CutSet
 from rrrgen.optimize.interface import Pass
 from rrrgen.optimize.rewriting import MAX_PAIRS, MAX_TERMS, ExpandAndFactor, SeenExpansions
 from rrrgen.program import Program, count_operations
 
 
 class Log:
-    """Collects what each pass did."""
+    """Collects a report of every pass that changed a program."""
 
     def __init__(self) -> None:
         self.reports: list[PassReport] = []
 
     def note(self, name: str, function: str, before: Program, after: Program) -> Program:
-        """Record a pass that changed something, and hand its result on."""
+        """Report the pass ``name`` if it changed the program; returns ``after``."""
         if before is not after:
             self.reports.append(PassReport(name, function, count_operations(before), count_operations(after)))
         return after
@@ -30,17 +30,18 @@ class Log:
 
 @dataclass(frozen=True)
 class Weights:
-    """What programs are compared by: the weighted sum of their operations, then multiplications, then nodes.
+    """The cost of a program: the weighted sum of its operations; ties go to fewer multiplications, then fewer nodes.
 
-    Twice the weights change no program of the bundled robots; with 20 for an angle some trade one for too many other
-    operations (0.02 % on average, 15 % in the worst function).
+    ``sincos`` is the weight of one angle (sine and cosine), ``div`` the additional weight of a division. Doubling the
+    weights changes no program of the bundled robots; 20 for an angle costs 0.02 % on average and 15 % in the worst
+    function, where one angle is traded for too many other operations.
     """
 
     sincos: int = 40
     div: int = 10
 
     def __call__(self, program: Program) -> tuple[int, int, int]:
-        """The cost of ``program``; smaller is cheaper."""
+        """The cost of ``program`` as a tuple to compare; smaller is cheaper."""
         count = count_operations(program)
         weighted = self.sincos * count.sincos + count.total + self.div * count.div
         return (weighted, count.mul, len(program.nodes))
@@ -48,76 +49,81 @@ class Weights:
 
 @dataclass(frozen=True)
 class Choice:
-    """One way to a program: which of the equivalent recursions, and where its expansion stops (None: not expanded)."""
+    """A candidate: the index of one of the equivalent programs, and the cut set of its expansion (None: none)."""
 
-    way: int
-    cutting: Cutting | None
+    variant: int
+    cut_set: CutSet | None
 
 
-# The options below stand on plateaus of `python -m bench.measurements.pass_options`: the weighted operations of all
-# functions of the bundled robots, one option changed at a time. Percentages are averages; in parentheses stands the
-# function that loses most.
+# The options below lie on plateaus of `python -m bench.measurements.pass_options`: the weighted operations of all
+# functions of the bundled robots, one option changed at a time. Percentages are the average loss, in parentheses the
+# loss of the worst function.
 
-_LARGEST = {Cutting.NOTHING: 200, Cutting.SUMS: 230, Cutting.SCALED: 200, Cutting.LOCAL: sys.maxsize}
-"""Twice as many change nothing; half as many cost 0.06 % (15 %), 0.02 % (13 %) and 0.03 % (2 %). Without the local
-expansion, which suits programs of any length, it would be 1.3 % (59 %)."""
+_MAX_OPERATIONS = {CutSet.NOTHING: 200, CutSet.SUMS: 230, CutSet.SCALED: 200, CutSet.LOCAL: sys.maxsize}
+"""Operations of the longest program that is expanded with each cut set. Doubling changes nothing; halving costs 0.06 %
+(15 %), 0.02 % (13 %) and 0.03 % (2 %). Leaving out the local expansion, which suits programs of any length, costs 1.3 %
+(59 %)."""
 
-_HOPELESS = {Cutting.NOTHING: 1.3, Cutting.SUMS: 1.3, Cutting.SCALED: 1.3, Cutting.LOCAL: 1.2}
-"""3 changes nothing; 1.1 costs 0.06 % (15 %), 1.0 costs 0.13 % (15 %)."""
+_MAX_COST_RATIO = {CutSet.NOTHING: 1.3, CutSet.SUMS: 1.3, CutSet.SCALED: 1.3, CutSet.LOCAL: 1.2}
+"""Skip an expansion when its program costs more than this multiple of the best one. 3 changes nothing; 1.1 costs 0.06 %
+(15 %), 1.0 costs 0.13 % (15 %)."""
 
 
 @dataclass(frozen=True)
 class Cheapest:
-    """Chooses among equivalent programs: every recursion with its factors collected, and expansions of the cheapest.
+    """Chooses among equivalent programs: each with common factors collected, and expansions of the cheapest ones.
 
-    ``expanded_ways`` of the recursions are expanded, each with every cutting for which it has at most ``largest``
-    operations and costs at most ``hopeless`` times the best program found so far. ``max_terms`` and ``max_pairs`` are
-    those of :class:`~rrrgen.optimize.rewriting.ExpandAndFactor`.
+    The ``expanded_variants`` cheapest are expanded, each with every cut set for which it has at most ``max_operations``
+    operations and costs at most ``max_cost_ratio`` times the best program found so far. ``max_terms`` and ``max_pairs``
+    bound the size of an expansion (:class:`~rrrgen.optimize.rewriting.ExpandAndFactor`).
     """
 
-    largest: Mapping[Cutting, int] = field(default_factory=_LARGEST.copy)
-    hopeless: Mapping[Cutting, float] = field(default_factory=_HOPELESS.copy)
-    expanded_ways: int = 2  # one costs 0.07 % and saves a quarter of the time, three save 0.007 %
+    max_operations: Mapping[CutSet, int] = field(default_factory=_MAX_OPERATIONS.copy)
+    max_cost_ratio: Mapping[CutSet, float] = field(default_factory=_MAX_COST_RATIO.copy)
+    expanded_variants: int = 2  # one costs 0.07 % and saves a quarter of the time, three save 0.007 %
     max_terms: int = MAX_TERMS
     max_pairs: int = MAX_PAIRS
     cost: Weights = field(default_factory=Weights)
 
-    def choices(self, ways: Sequence[Program]) -> list[Choice]:
-        """All ways worth trying. Expanding everything gives the same from any recursion, so that is done from one."""
-        result = [Choice(index, None) for index in range(len(ways))]
-        for index in sorted(range(len(ways)), key=lambda k: self.cost(ways[k]))[: self.expanded_ways]:
-            total = count_operations(ways[index]).total
-            whole = any(choice.cutting is Cutting.NOTHING for choice in result)
-            cuttings = [cutting for cutting in Cutting if total <= self.largest[cutting]]
-            result += [Choice(index, cutting) for cutting in cuttings if cutting is not Cutting.NOTHING or not whole]
+    def choices(self, variants: Sequence[Program]) -> list[Choice]:
+        """The candidates worth trying. A full expansion is the same from every variant, so only one gets it."""
+        result = [Choice(index, None) for index in range(len(variants))]
+        for index in sorted(range(len(variants)), key=lambda k: self.cost(variants[k]))[: self.expanded_variants]:
+            total = count_operations(variants[index]).total
+            whole = any(choice.cut_set is CutSet.NOTHING for choice in result)
+            cut_sets = [cut_set for cut_set in CutSet if total <= self.max_operations[cut_set]]
+            result += [Choice(index, cut_set) for cut_set in cut_sets if cut_set is not CutSet.NOTHING or not whole]
         return result
 
     def __call__(
-        self, ways: Sequence[Program], name: str, log: Log, trials: Sequence[Choice] | None = None
+        self, variants: Sequence[Program], name: str, log: Log, trials: Sequence[Choice] | None = None
     ) -> tuple[Program, Choice]:
-        """The cheapest program found by ``trials`` (all choices by default), and the choice that gave it."""
+        """The cheapest program among ``trials`` (default: all :meth:`choices`), and the choice that gave it.
+
+        ``variants`` are the equivalent programs, ``name`` the function they compute; passes are reported to ``log``.
+        """
         collect: Pass = Collect()
-        collected = [collect(way) for way in ways]
+        collected = [collect(variant) for variant in variants]
         best, factors, taken = collected[0], collected[0], Choice(0, None)
         seen = SeenExpansions()
         for trial in self.choices(collected) if trials is None else trials:
-            way = collected[trial.way]
-            if trials is None and trial.cutting and self._is_hopeless(way, trial.cutting, best):
+            variant = collected[trial.variant]
+            if trials is None and trial.cut_set and self._is_too_costly(variant, trial.cut_set, best):
                 continue
-            found = way if trial.cutting is None else self._expand(trial.cutting).attempt(way, seen)
+            found = variant if trial.cut_set is None else self._expand(trial.cut_set).attempt(variant, seen)
             if found is None:
                 continue
-            program = way if trial.cutting is None else collect(found)
+            program = variant if trial.cut_set is None else collect(found)
             if self.cost(program) < self.cost(best):
                 best, factors, taken = program, found, trial
-        log.note("choose recursion", name, ways[0], ways[taken.way])
-        log.note("collect factors", name, ways[taken.way], collected[taken.way])
-        log.note("expand and factor", name, collected[taken.way], factors)
+        log.note("choose recursion", name, variants[0], variants[taken.variant])
+        log.note("collect factors", name, variants[taken.variant], collected[taken.variant])
+        log.note("expand and factor", name, collected[taken.variant], factors)
         log.note("collect factors", name, factors, best)
         return log.note("double by addition", name, best, DoubleByAddition()(best)), taken
 
-    def _is_hopeless(self, way: Program, cutting: Cutting, best: Program) -> bool:
-        return self.cost(way)[0] > self.hopeless[cutting] * self.cost(best)[0]
+    def _is_too_costly(self, variant: Program, cut_set: CutSet, best: Program) -> bool:
+        return self.cost(variant)[0] > self.max_cost_ratio[cut_set] * self.cost(best)[0]
 
-    def _expand(self, cutting: Cutting) -> ExpandAndFactor:
-        return ExpandAndFactor(cutting, self.max_terms, self.max_pairs)
+    def _expand(self, cut_set: CutSet) -> ExpandAndFactor:
+        return ExpandAndFactor(cut_set, self.max_terms, self.max_pairs)

@@ -12,7 +12,7 @@ from rrrgen.program.ir import uses
 SUMS = (Op.ADD, Op.SUB, Op.NEG)
 
 Factors: TypeAlias = tuple[int, ...]
-"""Nodes whose product is a term: two of a product that may be taken apart, otherwise the one node itself."""
+"""The nodes whose product is a term: both operands of a product used only here, otherwise the one node itself."""
 
 Term: TypeAlias = tuple[int, Factors]
 """Sign and factors."""
@@ -20,7 +20,7 @@ Term: TypeAlias = tuple[int, Factors]
 
 @dataclass(frozen=True)
 class Collect:
-    """Takes common factors out of sums, round after round, as long as that saves operations."""
+    """Takes common factors out of sums, in rounds, for as long as that saves operations."""
 
     def __call__(self, program: Program) -> Program:
         """``program`` with common factors taken out."""
@@ -33,22 +33,22 @@ class Collect:
 
 
 class _Collection:
-    """One round. Sums that only another sum uses are part of that one."""
+    """One round of collecting factors. A sum used only by another sum is merged into it."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
         self.uses = uses(program)
-        self.taken = self._taken_apart()
+        self.merged = self._merged_nodes()
         self.builder = Builder()
         self.inputs = [self.builder.input(port) for port in program.inputs]
         self.values: dict[int, Value] = {}
 
     def finds_any(self) -> bool:
-        """Whether any sum has a factor to take out: two of the products that are part of it share one."""
+        """Whether any sum contains two products with a common factor."""
         whole: dict[int, int] = {}
         seen: set[tuple[int, int]] = set()
-        for k in sorted(self.taken, reverse=True):
-            user = self.taken[k]
+        for k in sorted(self.merged, reverse=True):
+            user = self.merged[k]
             whole[k] = whole.get(user, user)
             node = self.program.nodes[k]
             if node.op is Op.MUL:
@@ -59,15 +59,15 @@ class _Collection:
         return False
 
     def run(self) -> Program:
-        """Record every node anew that is not part of a sum's terms."""
+        """The program with factors collected: every node recorded again, except those merged into a sum."""
         program = self.program
         for k in range(len(program.nodes)):
-            if k not in self.taken:
+            if k not in self.merged:
                 self._recorded(k)
         return self.builder.rewritten(program, [[self.values[k] for k in row] for row in program.results])
 
-    def _taken_apart(self) -> dict[int, int]:
-        """Sums and products that only one sum uses, and that sum."""
+    def _merged_nodes(self) -> dict[int, int]:
+        """Sums and products used by exactly one sum -> that sum."""
         nodes = self.program.nodes
         return {
             arg: k
@@ -97,11 +97,11 @@ class _Collection:
         return value
 
     def _terms(self, k: int, sign: int) -> list[Term]:
-        """The terms of sum ``k``, those of sums that only it uses among them."""
+        """The terms of sum ``k``, including those of the sums merged into it."""
         node, terms = self.program.nodes[k], []
         signs = (-sign,) if node.op is Op.NEG else (sign, sign if node.op is Op.ADD else -sign)
-        for arg, own in zip(node.args, signs, strict=True):
-            terms += self._part(arg, own)
+        for arg, arg_sign in zip(node.args, signs, strict=True):
+            terms += self._part(arg, arg_sign)
         return terms
 
     def _part(self, k: int, sign: int) -> list[Term]:
@@ -111,7 +111,7 @@ class _Collection:
         return [(sign, node.args if self.uses[k] == 1 and node.op is Op.MUL else (k,))]
 
     def _sum(self, terms: list[Term]) -> Value:
-        """The sum, the factor that most terms share taken out first."""
+        """The sum of ``terms``, with the most frequent common factor taken out first."""
         collected: list[Value] = []
         while (factor := _most_shared(terms)) is not None:
             inside: list[Term] = []
@@ -132,7 +132,7 @@ class _Collection:
 
 
 def _most_shared(terms: list[Term]) -> int | None:
-    """The factor that occurs in most products, if in two at least."""
+    """The factor that occurs in the most products; None if none occurs in two."""
     count: dict[int, int] = {}
     for _, factors in terms:
         if len(factors) == 2:

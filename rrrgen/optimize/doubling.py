@@ -1,4 +1,4 @@
-"""Doubling by addition: ``2 x`` becomes ``x + x``, which no processor does more slowly than a product."""
+"""Doubling by addition: ``2 x`` becomes ``x + x``, which is no slower than a product on any processor."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ class _Doubling(Builder):
     """Records products by two as additions."""
 
     def mul(self, x: Value, y: Value) -> Value:
-        """x * y, or y + y where x is two (the first factor of a product by a number is the number)."""
+        """x * y, recorded as y + y where x is the number 2 (a numeric factor always comes first)."""
         doubles = isinstance(y, Scalar) and not isinstance(x, Scalar) and x == 2
         return self.double(y) if doubles else super().mul(x, y)
 
 
 @dataclass(frozen=True)
 class DoubleByAddition:
-    """Turns products by two into additions."""
+    """Replaces multiplications by two with additions."""
 
     def __call__(self, program: Program) -> Program:
-        """``program`` with products by two recorded as additions."""
+        """``program`` with every ``2 x`` recorded as ``x + x``; ``program`` itself where there is none."""
         if not any(node.op is Op.MUL and _is_two(program.nodes[node.args[0]]) for node in program.nodes):
             return program
         builder = _Doubling()

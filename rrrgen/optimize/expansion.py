@@ -1,4 +1,4 @@
-"""Expanding a program into polynomials in its literals: inputs, sines and cosines, and sums of inputs."""
+"""Expanding a program into polynomials whose variables, the literals, are inputs, sums of inputs, sines and cosines."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from rrrgen.optimize.factoring import Monomial, Polynomial
 from rrrgen.program import Op, Program, Role
-from rrrgen.program.builder import settled
+from rrrgen.program.builder import drop_residue
 from rrrgen.program.ir import uses
 from rrrgen.program.nodes import Node
 
@@ -18,11 +18,11 @@ bundled robots' programs are the same."""
 
 
 class TooLargeError(Exception):
-    """The expansion exceeds what the search can handle."""
+    """The expansion has more terms than the factoring search can handle."""
 
 
-class Cutting(Enum):
-    """Where the expansion stops."""
+class CutSet(Enum):
+    """The nodes at which an expansion stops: they become literals with polynomials of their own."""
 
     NOTHING = "expand everything"
     SUMS = "keep sums that depend on configuration and parameters"
@@ -31,18 +31,19 @@ class Cutting(Enum):
 
 
 class Expansion:
-    """Polynomials of a program's results over its literals, with ``s**2 = 1 - c**2`` applied.
+    """Polynomials of a program's results in its literals, with ``s**2 = 1 - c**2`` applied.
 
-    A literal is a node that stays as it is: an input, a sine or cosine, a function of inputs, or a sum of inputs (the
-    absolute rates of parallel axes). With ``cutting``, parts that depend on the configuration and the parameters only
-    are expanded on their own: other polynomials then have such parts as literals (``cuts``).
+    A literal is a node that is not expanded: an input, a sine or cosine, another function of inputs, or a sum of inputs
+    (such as the absolute rates of parallel axes). The nodes that ``cut_set`` selects, parts that depend only on
+    configuration and parameters, are literals too; ``cuts`` maps them to polynomials of their own. ``max_terms`` bounds
+    the terms of one polynomial.
     """
 
-    def __init__(self, program: Program, cutting: Cutting, max_terms: int) -> None:
+    def __init__(self, program: Program, cut_set: CutSet, max_terms: int) -> None:
         self.program = program
         self.max_terms = max_terms
         self._whole, self._scaled, self._local = (
-            cutting is kind for kind in (Cutting.NOTHING, Cutting.SCALED, Cutting.LOCAL)
+            cut_set is kind for kind in (CutSet.NOTHING, CutSet.SCALED, CutSet.LOCAL)
         )
         self.stages = _stages(program)
         self.uses = uses(program)
@@ -61,7 +62,7 @@ class Expansion:
                 self._sine_of[self._literal(k)] = self._literal(cosines[node.args[0]])
 
     def _operands_of_functions(self) -> set[int]:
-        """Operands of functions, quotients and choices: polynomials of their own, as results are."""
+        """Operands of functions, quotients and selections: each gets a polynomial of its own, as results do."""
         roots: set[int] = set()
         for node in self.program.nodes:
             if node.op not in (Op.ADD, Op.SUB, Op.MUL, Op.NEG):
@@ -76,7 +77,7 @@ class Expansion:
         return self._position[node]
 
     def position(self, node: int) -> int | None:
-        """The literal that a node is, if it is one."""
+        """The number of the literal that a node is; None if it is not one."""
         return self._position.get(node)
 
     def _is_literal(self, node: Node) -> bool:
@@ -92,11 +93,11 @@ class Expansion:
 
     @property
     def whole(self) -> bool:
-        """Whether nothing but operands of functions is cut off."""
+        """Whether the expansion is full: nothing but operands of functions is cut off."""
         return all(self.literals[literal] in self._roots for literal in self.cuts)
 
     def results(self) -> list[Polynomial]:
-        """One polynomial per result of the program; TooLargeError where one has more than ``max_terms`` terms."""
+        """One polynomial per element of the outputs. Raises TooLargeError if one exceeds ``max_terms`` terms."""
         for k, node in enumerate(self.program.nodes):
             self._values[k] = self._value(k, node)
             if len(self._values[k]) > self.max_terms:
@@ -118,7 +119,7 @@ class Expansion:
         return _sum(args[0], args[1], 1 if node.op is Op.ADD else -1)
 
     def _operand(self, index: int, stage: int) -> Polynomial:
-        """The polynomial of an operand, or a literal where a part of an earlier stage is cut off."""
+        """The polynomial of an operand, or the literal that stands for it where the cut set contains it."""
         if not self._cuts_off(index, stage):
             return self._values[index]
         node = self.program.nodes[index]
@@ -160,7 +161,7 @@ class Expansion:
         return self._reduce(total)
 
     def _reduce(self, value: Polynomial) -> Polynomial:
-        """Replace squares of sines."""
+        """Apply ``s**2 = 1 - c**2`` until no square of a sine is left."""
         while True:
             found = next((m for m in value if self._squared_sine(m) is not None), None)
             if found is None:
@@ -190,7 +191,7 @@ def _sum(x: Polynomial, y: Polynomial, sign: int) -> Polynomial:
 
 
 def _stages(program: Program) -> list[int]:
-    """0: parameters and numbers only; 1: configuration too; 2: rates too."""
+    """What each node depends on. 0: parameters and numbers only; 1: the configuration too; 2: rates too."""
     stages: list[int] = []
     for node in program.nodes:
         if node.op is Op.INPUT:
@@ -204,7 +205,7 @@ def _stages(program: Program) -> list[int]:
 def _accumulate(total: Polynomial, monomial: Monomial, coefficient: Fraction | int) -> None:
     if monomial not in total:
         total[monomial] = coefficient
-    elif value := settled(total[monomial] + coefficient):
+    elif value := drop_residue(total[monomial] + coefficient):
         total[monomial] = value
     else:
         del total[monomial]

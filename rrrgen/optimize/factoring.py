@@ -1,12 +1,13 @@
-"""Factoring: a system of polynomials rewritten with as few operations as a greedy search finds.
+"""Factoring: a greedy search for a form of a system of polynomials with few operations.
 
-Polynomials are sums of coefficient times product of literals. Two kinds of common parts are worth a name of their own:
+A polynomial is a sum of terms, each a coefficient times a product of literals. Two kinds of common divisors are sought:
 
-* a *double* divisor, two terms that occur (times a common factor) in several places: ``x a + x b -> x (a + b)``;
+* a *double* divisor, a sum of two terms that occurs, times some factor, in several places: ``x a + x b -> x (a + b)``;
 * a *single* divisor, a product of two literals (or of a coefficient and a literal) that occurs in several terms.
 
-The divisor that saves most operations is extracted, becomes a literal defined by its own polynomial, and the search
-goes on with everything there is now (the method of fast extraction from logic synthesis, for real polynomials).
+The divisor that saves most operations is extracted: it becomes a new literal, defined by a polynomial of its own. The
+search repeats on the enlarged system until no divisor saves anything. This is the fast-extract algorithm of multilevel
+logic synthesis (Rajski and Vasudevamurthy, 1992), applied to real polynomials.
 """
 
 from __future__ import annotations
@@ -19,28 +20,29 @@ from math import gcd
 Monomial = tuple[int, ...]
 Polynomial = dict[Monomial, Fraction | int]
 Ratio = tuple[int, int]
-"""A coefficient as numerator and denominator: hashed a million times, and much faster so than a Fraction."""
+"""A coefficient as (numerator, denominator). The search hashes millions of them, and a tuple hashes much faster than a
+Fraction."""
 
 Terms = dict[Monomial, Ratio]
 Single = tuple[int, int, Ratio]
-"""Two literals, or NUMBER and a literal, and the coefficient that belongs to the latter."""
+"""A single divisor: two literals and the ratio 1, or NUMBER, a literal and its coefficient."""
 
 ONE: Ratio = (1, 1)
 MINUS_ONE: Ratio = (-1, 1)
 UNITS = (ONE, MINUS_ONE)
 NOTHING: Monomial = ()
 NUMBER = -1
-"""First member of a single divisor that is a number times a literal."""
+"""Takes the place of the first literal in a single divisor that is a number times a literal."""
 
 MULTIPLICATION, ADDITION = 20, 19
-"""Weights. An addition weighs a little less than a multiplication, so that ties go to fewer multiplications.
+"""Weights of the operations. An addition weighs slightly less, so that ties go to fewer multiplications.
 
 Weights of 20 to 10 and of 20 to 20 change the operations of all functions of the bundled robots by less than 0.04 %.
 """
 
 
 def term_cost(monomial: Monomial, coefficient: Ratio) -> int:
-    """Multiplications in one term."""
+    """Number of multiplications in one term."""
     if not monomial:
         return 0
     numerator, denominator = coefficient
@@ -59,7 +61,7 @@ def divide(x: Ratio, y: Ratio) -> Ratio:
 
 
 def split_common(x: Monomial, y: Monomial) -> tuple[Monomial, Monomial, Monomial]:
-    """Greatest common factor of two sorted monomials, and what is left of each."""
+    """Greatest common factor of two sorted monomials, and the cofactor of each."""
     common: list[int] = []
     left: list[int] = []
     right: list[int] = []
@@ -87,7 +89,7 @@ def without(monomial: Monomial, *literals: int) -> Monomial:
 
 @dataclass(eq=False, slots=True)
 class _Term:
-    """One term of polynomial ``k``, and the divisors that it has a part in."""
+    """One term of polynomial ``k``, with the divisors it takes part in."""
 
     k: int
     monomial: Monomial
@@ -99,7 +101,7 @@ class _Term:
 
 @dataclass(eq=False, slots=True)
 class _Pair:
-    """Two terms of one polynomial that are ``coefficient * common`` times a double divisor."""
+    """An occurrence of a double divisor: two terms of one polynomial that equal ``coefficient * common * divisor``."""
 
     divisor: _Double
     first: _Term
@@ -111,7 +113,7 @@ class _Pair:
 
 @dataclass(eq=False, slots=True)
 class _Double:
-    """The divisor ``left + ratio * right``, and where it occurs."""
+    """The double divisor ``left + ratio * right`` and its occurrences."""
 
     left: Monomial
     right: Monomial
@@ -121,10 +123,10 @@ class _Double:
 
 
 class Factoring:
-    """The search. ``polynomials`` holds the given ones first, then the definitions of extracted literals.
+    """The search for divisors in ``polynomials``, whose literals are numbered 0 to ``literals - 1``.
 
-    Every pair of terms is looked at once, when the later of the two appears; what divisors gain is kept up to date.
-    Dictionaries stand for sets that keep their order, so that the result is the same every time.
+    Every pair of terms is examined once, when the later of the two is inserted; the gains of the divisors are updated
+    incrementally. Dictionaries serve as insertion-ordered sets, which makes the result reproducible.
     """
 
     def __init__(self, polynomials: list[Polynomial], literals: int) -> None:
@@ -144,11 +146,11 @@ class Factoring:
 
     @property
     def polynomials(self) -> list[Polynomial]:
-        """The given polynomials as they are now, then the definitions of extracted literals."""
+        """The rewritten polynomials, followed by the definitions of the extracted literals."""
         return [{m: _number(term.coefficient) for m, term in terms.items()} for terms in self._terms]
 
     def run(self) -> None:
-        """Extract until nothing saves any more."""
+        """Extract the best divisor until none saves an operation."""
         while True:
             double = max(self._double_gains, key=self._double_gains.__getitem__, default=None)
             single = max(self._single_gains, key=self._single_gains.__getitem__, default=None)
@@ -164,7 +166,7 @@ class Factoring:
         self._forget()
 
     def _forget(self) -> None:
-        """Cut the circles of references: they would stay in memory while the collector pauses."""
+        """Break the reference cycles, which would otherwise stay in memory while garbage collection is paused."""
         for terms in self._terms:
             for term in terms.values():
                 term.pairs.clear()
@@ -179,7 +181,7 @@ class Factoring:
             self._insert(len(self._terms) - 1, monomial, coefficient)
 
     def _insert(self, k: int, monomial: Monomial, coefficient: Ratio) -> None:
-        """Add a term to polynomial k, and the divisors it makes with the terms there."""
+        """Add a term to polynomial k, and the divisors that it forms with the terms already there."""
         cost = term_cost(monomial, coefficient)
         term = _Term(k, monomial, coefficient, cost, list(_products(monomial, coefficient)), {})
         literals = set(monomial)
@@ -208,7 +210,7 @@ class Factoring:
         return double
 
     def _remove(self, term: _Term) -> None:
-        """Take a term out of its polynomial, with its divisors."""
+        """Remove a term from its polynomial, and its part in every divisor."""
         for pair in term.pairs:
             del pair.divisor.pairs[pair]
             self._touched_doubles[pair.divisor] = None
@@ -221,7 +223,7 @@ class Factoring:
             self._touched_singles[single] = None
 
     def _accumulate(self, k: int, monomial: Monomial, coefficient: Ratio) -> None:
-        """Add to the coefficient of a term that may be there already."""
+        """Add ``coefficient`` to that of the term ``monomial``, which may exist already."""
         term = self._terms[k].get(monomial)
         if term is not None:
             self._remove(term)
@@ -252,7 +254,7 @@ class Factoring:
         self._touched_singles.clear()
 
     def _gain(self, double: _Double) -> int:
-        """What the extraction of a divisor saves."""
+        """Weighted operations saved by extracting a divisor."""
         if len(double.pairs) == 1:
             return next(iter(double.pairs)).saved - double.cost
         return sum([pair.saved for pair in _disjoint(double)]) - double.cost
@@ -285,7 +287,7 @@ class Factoring:
 
 
 def _disjoint(double: _Double) -> list[_Pair]:
-    """The occurrences of a divisor that share no term, first come, first served."""
+    """Occurrences of a divisor that share no term, chosen greedily in order of insertion."""
     used: set[_Term] = set()
     chosen: list[_Pair] = []
     for pair in double.pairs:
@@ -301,7 +303,7 @@ def _number(ratio: Ratio) -> Fraction | int:
 
 
 def _products(x: Monomial, coefficient: Ratio) -> Iterator[Single]:
-    """Products of two literals, or of the coefficient and a literal, that are part of a term."""
+    """The single divisors of a term: products of two of its literals, or of its coefficient and a literal."""
     seen: set[tuple[int, int]] = set()
     for i, u in enumerate(x):
         for v in x[i + 1 :]:

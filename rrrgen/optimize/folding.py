@@ -1,4 +1,4 @@
-"""Folding known numbers into a program: the nominal specializations, and re-recording as the simplest pass."""
+"""Constant folding: numbers in place of inputs, as in the nominal specializations."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from rrrgen.program.builder import replay
 
 @dataclass(frozen=True)
 class Fold:
-    """Replaces the inputs of the roles in ``known`` by numbers; the other inputs stay."""
+    """Replaces the inputs whose role is in ``known`` by numbers (row-major) and simplifies; other inputs stay."""
 
     known: Mapping[Role, Sequence[Value]]
 
     def __call__(self, program: Program) -> Program:
-        """``program`` with the numbers in it."""
+        """``program`` with the known inputs replaced; they are no longer among its ports."""
         builder = Builder()
         inputs: list[Sequence[Value]] = []
         for port in program.inputs:

@@ -1,4 +1,4 @@
-"""What a pass is."""
+"""The interface of a pass."""
 
 from __future__ import annotations
 
@@ -14,5 +14,5 @@ class Pass(Protocol):
     """
 
     def __call__(self, program: Program) -> Program:
-        """The rewritten program; ``program`` itself where there is nothing to gain."""
+        """The rewritten program; ``program`` itself if nothing can be gained."""
         ...

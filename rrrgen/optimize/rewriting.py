@@ -1,36 +1,36 @@
-"""Rewriting a program: expanded into polynomials, factored, recorded anew."""
+"""Rewriting a program: expand it into polynomials, factor them, record the result."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from rrrgen.optimize.expansion import Cutting, Expansion, TooLargeError
+from rrrgen.optimize.expansion import CutSet, Expansion, TooLargeError
 from rrrgen.optimize.factoring import Factoring, Polynomial
 from rrrgen.program import Builder, Op, Program, Value
 
 Expanded: TypeAlias = tuple[list[int], list[Polynomial], list[tuple[int, Polynomial]]]
-"""Literals, results, parts that are cut off."""
+"""An expansion: literals, polynomials of the results, and (literal, polynomial) of the parts cut off."""
 
 
-# Measured as the options of rrrgen.optimize.choosing.Cheapest: twice as many change nothing.
+# Losses are measured as for rrrgen.optimize.choosing.Cheapest; doubling either limit changes nothing.
 
 MAX_TERMS = 100
-"""Half as many cost 0.26 % (25 % of one function)."""
+"""Largest number of terms of one polynomial. Halving costs 0.26 % (25 % of one function)."""
 
 MAX_PAIRS = 1500
-"""Half as many cost 0.10 % (25 % of one function)."""
+"""Largest number of pairs of terms in all polynomials together. Halving costs 0.10 % (25 % of one function)."""
 
 
 class SeenExpansions:
-    """Expansions of equivalent programs, so that none is factored twice."""
+    """The expansions factored so far among equivalent programs, so that none is factored twice."""
 
     def __init__(self) -> None:
         self._whole = False
         self._expanded: dict[int, list[Expanded]] = {}
 
     def check_and_add(self, program: Program, expansion: Expansion, polynomials: list[Polynomial]) -> bool:
-        """Whether this expansion was seen before. Expanded as a whole, equivalent programs are equal."""
+        """Whether this expansion was seen before; adds it if not. Full expansions of equivalent programs are equal."""
         expanded = (expansion.literals, polynomials, list(expansion.cuts.items()))
         others = self._expanded.setdefault(id(program), [])
         if expanded in others or (expansion.whole and self._whole):
@@ -42,30 +42,30 @@ class SeenExpansions:
 
 @dataclass(frozen=True)
 class ExpandAndFactor:
-    """Expands a program into polynomials as far as ``cutting`` lets it, and factors those.
+    """Expands a program into polynomials down to ``cut_set`` and factors them.
 
-    A polynomial of more than ``max_terms`` terms, or, unless the expansion is local, more than ``max_pairs`` pairs of
-    terms in all polynomials together, leave the program as it is: the search looks at every pair.
+    The program stays as it is if a polynomial has more than ``max_terms`` terms, or if all polynomials together have
+    more than ``max_pairs`` pairs of terms (no limit for the local cut set): the search examines every pair.
     """
 
-    cutting: Cutting
+    cut_set: CutSet
     max_terms: int = MAX_TERMS
     max_pairs: int = MAX_PAIRS
 
     def __call__(self, program: Program) -> Program:
-        """``program`` expanded and factored, which may take more operations than it did."""
+        """``program`` expanded and factored; the result may have more operations than before."""
         return self.attempt(program) or program
 
     def attempt(self, program: Program, seen: SeenExpansions | None = None) -> Program | None:
-        """The same, or None where the expansion is too large or was ``seen`` before."""
-        expansion = Expansion(program, self.cutting, self.max_terms)
+        """``program`` expanded and factored; None if the expansion is too large or among ``seen``."""
+        expansion = Expansion(program, self.cut_set, self.max_terms)
         try:
             polynomials = expansion.results()
         except TooLargeError:
             return None
         results = len(polynomials)
         pairs = sum(len(p) * (len(p) - 1) // 2 for p in [*polynomials, *expansion.cuts.values()])
-        if self.cutting is not Cutting.LOCAL and pairs > self.max_pairs:
+        if self.cut_set is not CutSet.LOCAL and pairs > self.max_pairs:
             return None
         if seen is not None and seen.check_and_add(program, expansion, polynomials):
             return None
@@ -75,7 +75,11 @@ class ExpandAndFactor:
 
 
 class _Recorder:
-    """Records what the search found: first the program's ``results``, then the cuts of the expansion."""
+    """Records the factored polynomials as a program.
+
+    The first ``results`` polynomials of ``search`` are the elements of the outputs, the next define the cuts of
+    ``expansion``, the rest the literals that were extracted.
+    """
 
     def __init__(self, expansion: Expansion, search: Factoring, results: int) -> None:
         final = search.polynomials
@@ -111,7 +115,7 @@ class _Recorder:
         return self._literals[k]
 
     def _original(self, index: int) -> Value:
-        """A literal's own node, recorded as in the program."""
+        """The value of a literal that is a node of the original program."""
         if index not in self._originals:
             value = self._originals[index] = self._recorded(index)
             labels = self._expansion.program.labels
@@ -130,6 +134,6 @@ class _Recorder:
         return value
 
     def _operand(self, index: int) -> Value:
-        """An operand of a literal: itself a literal, or a polynomial of its own."""
+        """The operand ``index`` of a literal; it may be a literal itself."""
         position = self._expansion.position(index)
         return self._original(index) if position is None else self._literal(position)

@@ -21,8 +21,9 @@ from rrrgen.program.ports import Port, Status
 Number = int | Fraction
 """A number known while recording; whole ones are ints."""
 
-SMALLEST = 10**30
-"""Constants below 1/SMALLEST are what is left where irrational constants (given to 40 digits) cancel: zero."""
+RESIDUE_INVERSE = 10**30
+"""Magnitudes below 1/RESIDUE_INVERSE are cancellation residue of irrational constants, which have 40 digits: treated
+as 0."""
 
 
 def plain(number: Number) -> Number:
@@ -30,14 +31,14 @@ def plain(number: Number) -> Number:
     return number if type(number) is int or number.denominator != 1 else number.numerator
 
 
-def settled(value: Number) -> Number:
-    """A constant, with the remains of cancelled irrational ones taken as zero."""
+def drop_residue(value: Number) -> Number:
+    """``value``, or 0 where it is only cancellation residue (see :data:`RESIDUE_INVERSE`)."""
     return 0 if _negligible(value) else value
 
 
 def _negligible(value: Number) -> bool:
-    """In integers, since comparing fractions is what recording would spend most of its time on."""
-    return not value if type(value) is int else abs(value.numerator) * SMALLEST < value.denominator
+    """Whether ``value`` is zero or residue. In integers, since comparing Fractions would dominate recording time."""
+    return not value if type(value) is int else abs(value.numerator) * RESIDUE_INVERSE < value.denominator
 
 
 class Scalar:
@@ -98,7 +99,7 @@ class Builder:
         self.ports: list[Port] = []
         self.labels: dict[int, str] = {}
         self._index: dict[tuple[Op, tuple[int, ...], object], int] = {}
-        self._constants: dict[tuple[int, int], int] = {}  # fractions are hashed slowly
+        self._constants: dict[tuple[int, int], int] = {}  # keyed by two ints, since hashing a Fraction is slow
 
     # -- recording -----------------------------------------------------------------------------------------------
 
@@ -114,7 +115,7 @@ class Builder:
         return self._index.get((op, args, None))
 
     def input(self, port: Port) -> list[Scalar]:
-        """Declare an input and return its elements, row-major."""
+        """Declare an input port and return its elements, row-major."""
         self.ports.append(port)
         position = len(self.ports) - 1
         return [Scalar(self, self._node(Op.INPUT, (), (position, k))) for k in range(port.size)]
@@ -153,12 +154,12 @@ class Builder:
         return Scalar(self, node.args[0]) if node.op is Op.NEG else None
 
     def _unsigned(self, value: Scalar) -> tuple[int, bool]:
-        """The node that holds ``value``, or ``-value`` where that is what is recorded; and whether it is so."""
+        """``(k, False)`` if ``value`` is node k, ``(k, True)`` if it is recorded as the negative of node k."""
         node = self._op(value)
         return (node.args[0], True) if node.op is Op.NEG else (value.index, False)
 
     def _scaled(self, value: Scalar) -> tuple[Number, Scalar]:
-        """``value`` as constant times node."""
+        """``value`` as (constant factor, remaining node)."""
         node = self._op(value)
         if node.op is Op.NEG:
             factor, rest = self._scaled(Scalar(self, node.args[0]))
@@ -174,7 +175,7 @@ class Builder:
         if not isinstance(x, Scalar):
             x, y = y, x
         if not isinstance(x, Scalar):
-            return settled(x + y)  # type: ignore[arg-type]
+            return drop_residue(x + y)  # type: ignore[arg-type]
         if not isinstance(y, Scalar):
             if _negligible(y):
                 return x
@@ -196,7 +197,7 @@ class Builder:
     def sub(self, x: Value, y: Value) -> Value:
         """x - y."""
         if not isinstance(x, Scalar) and not isinstance(y, Scalar):
-            return settled(x - y)
+            return drop_residue(x - y)
         if not isinstance(y, Scalar):
             if _negligible(y):
                 return x
@@ -233,21 +234,21 @@ class Builder:
         return product if minus_x == minus_y else self.neg(product)
 
     def _scale(self, factor: Number, x: Scalar) -> Value:
-        own, x = self._scaled(x)
-        factor = plain(factor if own == 1 else factor * own)
+        recorded, x = self._scaled(x)
+        factor = plain(factor if recorded == 1 else factor * recorded)
         if _negligible(factor):
             return 0
         if factor.numerator < 0:  # the sign is kept outside, where sums absorb it
-            return self.neg(self._magnified(-factor, x))
-        return self._magnified(factor, x)
+            return self.neg(self._times(-factor, x))
+        return self._times(factor, x)
 
-    def _magnified(self, factor: Number, x: Scalar) -> Scalar:
+    def _times(self, factor: Number, x: Scalar) -> Scalar:
         if type(factor) is int and factor == 1:
             return x
         return Scalar(self, self._node(Op.MUL, (self.index_of(factor), x.index)))
 
     def double(self, x: Value) -> Value:
-        """x + x, kept as an addition."""
+        """2 x, recorded as the addition x + x."""
         return self._binary(Op.ADD, x, x) if isinstance(x, Scalar) else 2 * Fraction(x)
 
     def _binary(self, op: Op, x: Value, y: Value) -> Scalar:
@@ -281,35 +282,35 @@ class Builder:
         return Scalar(self, self._node(op, (self.index_of(x),)))
 
     def sin(self, x: Value) -> Value:
-        """sin(x), odd."""
+        """sin(x), x in rad; sin(-x) is recorded as -sin(x)."""
         if (minus := self._negated(x)) is not None:
             return self.neg(self.sin(minus))
         return self._function(Op.SIN, x, lambda v: 0 if v == 0 else None)
 
     def cos(self, x: Value) -> Value:
-        """cos(x), even."""
+        """cos(x), x in rad; cos(-x) is recorded as cos(x)."""
         if (minus := self._negated(x)) is not None:
             return self.cos(minus)
         return self._function(Op.COS, x, lambda v: 1 if v == 0 else None)
 
     def sqrt(self, x: Value) -> Value:
-        """Square root."""
+        """The square root of x >= 0."""
         return self._function(Op.SQRT, x, lambda v: v if v in (0, 1) else None)
 
     def abs(self, x: Value) -> Value:
-        """Absolute value."""
+        """|x|."""
         return self._function(Op.ABS, x, lambda v: abs(v))
 
     def sign(self, x: Value) -> Value:
-        """-1, 0 or +1."""
+        """sgn(x): -1, 0 or +1."""
         return self._function(Op.SIGN, x, lambda v: Fraction((v > 0) - (v < 0)))
 
     def exp(self, x: Value) -> Value:
-        """Exponential."""
+        """exp(x)."""
         return self._function(Op.EXP, x, lambda v: 1 if v == 0 else None)
 
     def tanh(self, x: Value) -> Value:
-        """Hyperbolic tangent."""
+        """tanh(x)."""
         return self._function(Op.TANH, x, lambda v: 0 if v == 0 else None)
 
     def select(self, condition: Value, positive: Value, otherwise: Value) -> Value:
@@ -332,7 +333,11 @@ class Builder:
         notes: Sequence[str] = (),
         status: Status | None = None,
     ) -> Program:
-        """Close the recording: keep what the outputs need, in order of definition."""
+        """The recorded program with the given outputs; nodes that no output depends on are dropped.
+
+        ``outputs`` pairs each output port with its elements, row-major. ``summary``, ``formula`` and ``notes`` describe
+        the function in generated files; ``status`` names the output that reports failure, if evaluation can fail.
+        """
         ports, values = [], []
         for port, elements in outputs:
             ports.append(port)
@@ -358,15 +363,16 @@ class Builder:
         return program
 
     def rewritten(self, program: Program, results: Iterable[Sequence[Value]]) -> Program:
-        """Close the recording of ``program`` in another form: ``results`` per output, its description as it was."""
+        """The recording as a new version of ``program``: same ports and description, ``results`` per output."""
         outputs = zip(program.outputs, results, strict=True)
         return self.program(program.name, outputs, program.summary, program.formula, program.notes, program.status)
 
 
 def replay(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[list[Value]]:
-    """Record ``program`` once more into ``builder`` with ``inputs`` in place of its input ports.
+    """Record ``program`` into ``builder`` with ``inputs[k]`` (row-major elements) in place of its input port k.
 
-    The way programs are composed, specialised (numbers in place of an input) and re-simplified.
+    Returns the elements of each output. This composes programs, specializes them (numbers in place of an input) and
+    simplifies them again.
     """
     values: list[Value] = []
     for index, node in enumerate(program.nodes):

@@ -1,4 +1,4 @@
-"""Counting what a program costs."""
+"""Counting the operations of a program."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OperationCount:
-    """Arithmetic of one evaluation.
+    """Number of operations of one evaluation, by kind.
 
-    ``sincos`` counts angles (a sine and a cosine of one angle are one). Changes of sign cost nothing that is worth
-    counting on current processors and are listed apart.
+    ``add`` includes subtractions. ``sincos`` counts angles: the sine and the cosine of one angle count once. ``neg`` is
+    listed apart and left out of ``total``, since a change of sign is practically free on current processors. ``other``
+    counts absolute values, signs, exponentials, hyperbolic tangents and selections.
     """
 
     mul: int = 0
@@ -31,11 +32,11 @@ class OperationCount:
 
     @property
     def total(self) -> int:
-        """Multiplications, additions, divisions and roots."""
+        """Multiplications, additions, divisions and square roots together."""
         return self.mul + self.add + self.div + self.sqrt
 
     def as_dict(self) -> dict[str, int]:
-        """For the manifest."""
+        """The counts by name, as they stand in the manifest."""
         return asdict(self)
 
     def __str__(self) -> str:

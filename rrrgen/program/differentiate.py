@@ -1,9 +1,9 @@
-"""Derivatives of programs as programs, by the chain rule on the nodes.
+"""Automatic differentiation of programs: the derivatives are programs again.
 
-Forward mode carries the derivatives of every node along a set of directions (:func:`tangents`), reverse mode the
-derivatives of a weighted sum of the outputs with respect to every node (:func:`pull_back`). Zeros known while recording
-never become operations, so both follow the sparsity of the program: a direction costs only where a node depends on it.
-sgn has derivative 0 and |x| has derivative sgn x, as almost everywhere.
+Forward mode (:func:`tangents`) carries the derivatives of every node along a set of directions, reverse mode
+(:func:`pull_back`) the derivatives of a weighted sum of the outputs with respect to every node. Zeros known while
+recording never become operations, so both modes exploit sparsity: a direction costs only where a node depends on it.
+sgn x has derivative 0 and |x| has derivative sgn x; both hold everywhere except at x = 0.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from rrrgen.program.nodes import Op
 from rrrgen.program.ports import Port
 
 Tangent = dict[int, Value]
-"""Derivatives of one value, by direction; directions that are missing are zero."""
+"""Directional derivatives of one value, keyed by the number of the direction; absent ones are zero."""
 
 
 def jacobian(program: Program, output: str, inputs: Sequence[str], reverse: bool = False) -> Program:
-    """``output`` of ``program`` and its derivatives with respect to each of ``inputs``, sharing their evaluation.
+    """A program with the output port ``output`` of ``program`` and its Jacobians with respect to the ports ``inputs``.
 
-    The matrices ``d<output>_d<input>`` (output.size, input.size) follow the output. ``reverse`` takes one sweep per
-    element of the output instead of one direction per element of the inputs.
+    After ``output`` come the matrices ``d<output>_d<input>``, shape (output.size, input.size). Common subexpressions of
+    value and derivatives are evaluated once. ``reverse`` chooses reverse mode (one sweep per element of the output)
+    instead of forward mode (one direction per element of the inputs). Raises ValueError for an unknown port name.
     """
     position = [port.name for port in program.outputs].index(output)
     port = program.outputs[position]
@@ -80,7 +81,7 @@ def _by_sweeps(
 
 
 def record(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[Value]:
-    """Record ``program`` with ``inputs`` in place of its ports, and return the value of every node."""
+    """Record ``program`` into ``builder``, reading ``inputs`` for its input ports; returns the value of every node."""
     every = tuple(range(len(program.nodes)))
     flat = program.described(outputs=(Port("all", (len(every),)),), results=(every,), status=None)
     return replay(flat, builder, inputs)[0]
@@ -92,7 +93,10 @@ def tangents(
     values: Sequence[Value],
     seeds: Sequence[Sequence[Tangent]],
 ) -> list[list[Tangent]]:
-    """Tangents of the outputs for tangents of the inputs; ``values`` are those of all nodes, as recorded."""
+    """Forward mode: the tangents of all output elements for the tangents ``seeds`` of all input elements.
+
+    ``values`` are the values of all nodes as :func:`record` returned them.
+    """
     found: list[Tangent] = []
     for index, node in enumerate(program.nodes):
         if node.op is Op.INPUT:
@@ -111,7 +115,7 @@ def tangents(
 
 
 def _chain(builder: Builder, partials: Sequence[Value], arguments: Sequence[Tangent]) -> Tangent:
-    """The sum of partial times tangent, direction by direction."""
+    """The chain rule for one node: sum over its operands of partial derivative times tangent, for every direction."""
     total: Tangent = {}
     for partial, tangent in zip(partials, arguments, strict=True):
         if is_zero(partial):
@@ -133,7 +137,10 @@ def pull_back(
     values: Sequence[Value],
     weights: Sequence[Sequence[Value]],
 ) -> list[list[Value]]:
-    """Adjoints of the inputs for adjoints of the outputs; ``values`` are those of all nodes, as recorded."""
+    """Reverse mode: the adjoints of all input elements for the adjoints ``weights`` of all output elements.
+
+    ``values`` are the values of all nodes as :func:`record` returned them.
+    """
     adjoints: list[Value] = [0] * len(program.nodes)
     for elements, row in zip(program.results, weights, strict=True):
         for index, weight in zip(elements, row, strict=True):
@@ -159,7 +166,7 @@ def pull_back(
 
 
 def _partials(builder: Builder, op: Op, x: Sequence[Value], value: Value) -> list[Value]:
-    """Partial derivatives of one operation with value ``value`` at operands ``x``."""
+    """Partial derivatives of the operation ``op`` with respect to its operands ``x``; ``value`` is its result."""
     match op:
         case Op.CONST | Op.INPUT:
             return []
@@ -192,5 +199,5 @@ def _partials(builder: Builder, op: Op, x: Sequence[Value], value: Value) -> lis
 
 
 def is_zero(value: Value) -> bool:
-    """Whether a value is known to be zero while recording."""
+    """Whether ``value`` is a zero known while recording."""
     return not isinstance(value, Scalar) and value == 0

@@ -35,7 +35,7 @@ _WIDTH = 100
 
 
 def text_of(program: Program) -> str:
-    """The text of ``program``, with a line feed at its end."""
+    """``program`` as text in the format described above, ending with a line feed."""
     texts: list[str] = []
     numbers = count(1)
     lines: list[str] = []
@@ -70,7 +70,7 @@ def _ports(program: Program) -> list[str]:
 
 
 def _facts(port: Port) -> tuple[str, str, str, str, str]:
-    """Name, shape, unit, role, and in words what the port is."""
+    """Name, shape, unit, role and description of a port."""
     shape = "(" + ", ".join(map(str, port.shape)) + ")"
     words = ", ".join(part for part in (port.frame, port.meaning) if part)
     return port.name, shape, port.unit or "-", port.role.value, words
@@ -98,7 +98,7 @@ def _operation(node: Node, texts: Sequence[str]) -> str:
 
 
 def _broken(head: str, values: Sequence[str]) -> list[str]:
-    """``head`` and the values, joined by commas, in lines of the usual width."""
+    """``head`` and the values, joined by commas and wrapped at the line width."""
     lines, line = [], head
     for k, value in enumerate(values):
         cell = value + (", " if k < len(values) - 1 else "")

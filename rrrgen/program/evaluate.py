@@ -1,4 +1,4 @@
-"""Reference evaluation of a program with NumPy: the slow, obviously right way, for any batch shape."""
+"""Reference evaluation of a program with NumPy, node by node: slow, simple, for inputs of any batch shape."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ _FUNCTIONS = {
     Op.EXP: "exp",
     Op.TANH: "tanh",
 }
-"""NumPy's names of the operations."""
+"""Operation -> name of the NumPy function."""
 
 
 def evaluate(program: Program, *inputs: Any) -> tuple[np.ndarray, ...]:
-    """Evaluate ``program``; every input has shape (..., *port.shape) with one common batch shape ``...``.
+    """Evaluate ``program`` in double precision.
 
-    Returns one array (..., *port.shape) per output.
+    Every input is an array of shape (..., *port.shape); the batch shapes ``...`` are broadcast against each other.
+    Returns one array of shape (..., *port.shape) per output. Raises ValueError for a wrong shape.
     """
     import numpy as np
 

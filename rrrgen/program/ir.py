@@ -1,4 +1,4 @@
-"""The representation: a :class:`Program` is a list of scalar definitions, each made once, plus named outputs.
+"""The intermediate representation: a :class:`Program` is a list of scalar single assignments with named outputs.
 
 Programs are recorded by a :class:`rrrgen.program.builder.Builder`.
 """
@@ -17,9 +17,9 @@ from rrrgen.program.ports import Port, Role, Status
 class Program:
     """A straight-line function from ``inputs`` to ``outputs``.
 
-    ``results[k]`` lists, row-major, the nodes that define output ``k``. Nodes stand in order of definition: operands
-    always come before their use. ``labels`` are hints for readable names in printed code. ``status`` is None where an
-    evaluation cannot fail.
+    ``results[k]`` lists the nodes of the elements of output ``k``, row-major. Nodes stand in order of evaluation:
+    operands come before their use. ``labels`` suggests readable variable names for nodes in printed code. ``status`` is
+    None for a function whose evaluation cannot fail.
     """
 
     name: str
@@ -43,19 +43,19 @@ class Program:
         return self.status is not None and self.status.output == output
 
     def takes(self, role: Role) -> bool:
-        """Whether an input has this role."""
+        """Whether any input has this role."""
         return any(port.role is role for port in self.inputs)
 
     def described(self, **changes: object) -> Program:
-        """The same definitions under another description."""
+        """A copy with the given fields replaced."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
     def dump(self) -> str:
-        """The program as readable text, the same every time: see :mod:`rrrgen.program.dump`."""
+        """The program as readable, reproducible text: ports, one definition per line, outputs, operation counts."""
         return text_of(self)
 
     def validate(self) -> None:
-        """Check the representation's own rules; a violation is a fault of rrrgen."""
+        """Raise InternalError unless operands precede their use, inputs exist and every output is fully defined."""
         for index, node in enumerate(self.nodes):
             args = node.args
             if len(args) != ARITY[node.op] or (args and not 0 <= min(args) <= max(args) < index):
@@ -74,7 +74,7 @@ class Program:
 
 
 def uses(program: Program) -> list[int]:
-    """How often each node is an operand or a result."""
+    """For each node, how often it occurs as an operand or as an element of an output."""
     count = [0] * len(program.nodes)
     for node in program.nodes:
         for arg in node.args:

@@ -1,4 +1,4 @@
-"""Nodes, the definitions a program is made of: an operation on earlier nodes, an input, or a constant."""
+"""Nodes, the definitions that make up a program: an operation on earlier nodes, an input element, or a constant."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import ClassVar, NamedTuple, cast
 
 
 class Op:
-    """The operations a program is made of.
+    """The operations of the representation: one object per operation, compared by identity.
 
-    Every one is a single object, compared by identity. They are no Enum, since naming a member of one costs as much as
-    recording a node before Python 3.12.
+    Not an Enum: before Python 3.12, access to an Enum member takes as long as recording a whole node.
     """
 
     __slots__ = ("value",)
@@ -60,11 +59,11 @@ ARITY = {
     Op("tanh"): 1,
     Op("select"): 3,
 }
-"""The operations, and how many operands each takes."""
+"""Operation -> number of operands."""
 
 
 class Node(NamedTuple):
-    """One definition: ``op`` applied to the nodes ``args``; ``value`` for inputs and constants."""
+    """One definition: ``op`` applied to the nodes ``args``; inputs and constants have a ``value`` instead."""
 
     op: Op
     args: tuple[int, ...] = ()
@@ -72,21 +71,21 @@ class Node(NamedTuple):
 
     @property
     def place(self) -> tuple[int, int]:
-        """Port and element that an input reads."""
+        """Input port and element (row-major) that an INPUT node reads."""
         return cast("tuple[int, int]", self.value)
 
     @property
     def number(self) -> Fraction | int:
-        """The value of a constant."""
+        """The value of a CONST node."""
         return cast("Fraction | int", self.value)
 
 
 def reachable(nodes: Sequence[Node], roots: Iterable[int]) -> list[int]:
-    """The nodes that ``roots`` depend on, roots included, in order of definition."""
+    """The indices of all nodes that ``roots`` depend on, roots included, ascending."""
     needed = bytearray(len(nodes))
     for index in roots:
         needed[index] = 1
-    for index in range(needed.rfind(1), -1, -1):  # users stand behind their operands
+    for index in range(needed.rfind(1), -1, -1):  # operands precede their users
         if needed[index]:
             for arg in nodes[index].args:
                 needed[arg] = 1

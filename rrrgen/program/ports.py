@@ -1,4 +1,4 @@
-"""Ports, the named inputs and outputs of programs: what each one stands for, and how a program says that it failed."""
+"""Ports, the named inputs and outputs of programs, and the status by which a program reports failure."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from enum import Enum
 
 
 class Role(Enum):
-    """What a port stands for. Passes, back ends and the runtime ask for the role; the name is for readers only."""
+    """The quantity a port stands for. Passes, backends and runtime decide by the role; the name is for readers only."""
 
     POSITION = "position"
     VELOCITY = "velocity"
     ACCELERATION = "acceleration"
     TORQUE = "torque"
-    COVECTOR = "covector"  # e of e' Y: one number per joint, multiplied from the left
+    COVECTOR = "covector"  # e in e' Y, shape (n,): multiplies the regressor from the left
     BASE_PARAMETERS = "base parameters"
     DRIVE_INERTIA = "drive inertia"
     FRICTION = "friction parameters"
-    GEOMETRY = "geometry"  # named lengths and angles, where they are symbols
+    GEOMETRY = "geometry"  # named lengths and angles that are inputs instead of numbers
     OTHER = "other"
 
     @property
@@ -28,13 +28,13 @@ class Role(Enum):
 
     @property
     def is_rate(self) -> bool:
-        """Whether the port changes from one motion through a configuration to another."""
+        """Whether the port describes the motion rather than the configuration: velocity, acceleration, covector."""
         return self in (Role.VELOCITY, Role.ACCELERATION, Role.COVECTOR)
 
 
 @dataclass(frozen=True)
 class Port:
-    """A named input or output of a program, with what a reader must know to use it.
+    """A named input or output of a program with its unit, reference frame and meaning.
 
     ``shape`` is () for a scalar, (n,) for a vector, (m, n) for a row-major matrix, and so on.
     """
@@ -56,7 +56,7 @@ class Port:
 class Status:
     """How a program reports failure: output number ``output``, a scalar, is 0 after success and 1 after failure.
 
-    ``failure`` is a short name for what went wrong, ``message`` what the user is told, ``meaning`` the exact condition.
+    ``failure`` is a short name of the failure, ``message`` the text for the user, ``meaning`` the exact condition.
     """
 
     output: int

@@ -16,7 +16,7 @@ def test_the_choice_never_costs_more(program):
     log = Log()
     best, choice = cheapest([program], "random", log)
     assert cost(best)[0] <= cost(program)[0]
-    assert choice.way == 0
+    assert choice.variant == 0
     assert same_values(program, best)
     for report in log.reports:
         assert report.function == "random"

@@ -10,7 +10,7 @@ from dataclasses import replace
 from optimize.programs import PORTS, STATE, recorded
 from rrrgen.optimize.collecting import Collect
 from rrrgen.optimize.doubling import DoubleByAddition
-from rrrgen.optimize.expansion import Cutting
+from rrrgen.optimize.expansion import CutSet
 from rrrgen.optimize.folding import Fold
 from rrrgen.optimize.rewriting import ExpandAndFactor
 from rrrgen.program import Builder, Port, Role, Status
@@ -25,7 +25,7 @@ def test_passes_know_ports_by_their_roles():
 
     program = recorded(function)
     renamed = program.described(inputs=tuple(replace(port, name=f"x{k}") for k, port in enumerate(program.inputs)))
-    for run in (*map(ExpandAndFactor, Cutting), Collect(), Fold({Role.BASE_PARAMETERS: STATE[2]})):
+    for run in (*map(ExpandAndFactor, CutSet), Collect(), Fold({Role.BASE_PARAMETERS: STATE[2]})):
         one, other = run(program), run(renamed)
         assert (one.nodes, one.results) == (other.nodes, other.results)
 
@@ -36,7 +36,7 @@ def test_a_status_survives():
     status = Status(1, "too slow", "the speed is too low", "the first speed is not positive")
     outputs = [(Port("y", ()), [x * k + y * k + 2 * x]), (Port("status", ()), [b.select(x, 0, 1)])]
     program = b.program("f", outputs, status=status)
-    for run in (ExpandAndFactor(Cutting.NOTHING), Collect(), DoubleByAddition(), Fold({Role.BASE_PARAMETERS: [3]})):
+    for run in (ExpandAndFactor(CutSet.NOTHING), Collect(), DoubleByAddition(), Fold({Role.BASE_PARAMETERS: [3]})):
         changed = run(program)
         assert changed is not program
         assert changed.status == status
@@ -45,16 +45,16 @@ def test_a_status_survives():
 
 def test_labels_survive():
     program = recorded(lambda b, q, dq, beta: [b.label(b.sin(q[0] + q[1]), "s12") * dq[0] + 2 * dq[1]])
-    for run in (ExpandAndFactor(Cutting.NOTHING), DoubleByAddition(), Fold({Role.BASE_PARAMETERS: STATE[2]})):
+    for run in (ExpandAndFactor(CutSet.NOTHING), DoubleByAddition(), Fold({Role.BASE_PARAMETERS: STATE[2]})):
         assert "s12" in run(program).labels.values()
 
 
 def test_passes_are_values_with_options():
     """Equal options make equal passes, so a pass can be shown, compared and kept in a table."""
-    for one, other in ((Collect(), Collect()), (ExpandAndFactor(Cutting.SUMS), ExpandAndFactor(Cutting.SUMS, 100))):
+    for one, other in ((Collect(), Collect()), (ExpandAndFactor(CutSet.SUMS), ExpandAndFactor(CutSet.SUMS, 100))):
         assert one == other
         assert repr(one) == repr(other)
-    assert ExpandAndFactor(Cutting.SUMS) != ExpandAndFactor(Cutting.SUMS, max_terms=50)
+    assert ExpandAndFactor(CutSet.SUMS) != ExpandAndFactor(CutSet.SUMS, max_terms=50)
 
 
 # -- determinism -------------------------------------------------------------------------------------------------------

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given, settings
 
 from optimize.programs import body, programs, recorded, same_values
-from rrrgen.optimize.expansion import Cutting
+from rrrgen.optimize.expansion import CutSet
 from rrrgen.optimize.rewriting import ExpandAndFactor, SeenExpansions
 from rrrgen.program import Op, OperationCount, count_operations
 
 
-@pytest.mark.parametrize("cutting", Cutting)
-def test_expanding_and_factoring_keeps_the_values(cutting):
+@pytest.mark.parametrize("cut_set", CutSet)
+def test_expanding_and_factoring_keeps_the_values(cut_set):
     @settings(max_examples=120)
     @given(programs())
     def check(program):
-        result = ExpandAndFactor(cutting).attempt(program)
+        result = ExpandAndFactor(cut_set).attempt(program)
         if result is not None:
             assert result.inputs == program.inputs
             assert result.outputs == program.outputs
@@ -32,7 +32,7 @@ def test_a_product_of_sums_is_found():
         x, y = dq
         return [x * beta[0] * q[0] + x * beta[1] * q[0] + y * q[0] * beta[0] + y * beta[1] * q[0]]
 
-    result = ExpandAndFactor(Cutting.NOTHING)(recorded(function))
+    result = ExpandAndFactor(CutSet.NOTHING)(recorded(function))
     assert body(result) == [
         "%1 = beta[0] + beta[1]",
         "%2 = q[0]*%1",
@@ -45,7 +45,7 @@ def test_a_product_of_sums_is_found():
 
 def test_squares_of_one_angle_add_up_to_one():
     program = recorded(lambda b, q, dq, beta: [beta[0] * (b.sin(q[0]) * b.sin(q[0]) + b.cos(q[0]) * b.cos(q[0]))])
-    result = ExpandAndFactor(Cutting.NOTHING).attempt(program)
+    result = ExpandAndFactor(CutSet.NOTHING).attempt(program)
     assert count_operations(result) == OperationCount()
     assert [node.op for node in result.nodes] == [Op.INPUT]
 
@@ -57,14 +57,14 @@ def test_absolute_rates_stay_sums():
         W = dq[0] + dq[1]
         return [beta[0] * (W * W) * b.sin(q[0]), beta[1] * (W * W) * b.cos(q[0])]
 
-    count = count_operations(ExpandAndFactor(Cutting.NOTHING)(recorded(function)))
+    count = count_operations(ExpandAndFactor(CutSet.NOTHING)(recorded(function)))
     assert (count.mul, count.add) == (5, 1)
 
 
 def test_angles_with_a_constant_stay_angles():
     program = recorded(lambda b, q, dq, beta: [b.sin(q[0] + q[1] + Fraction(1, 3)) * dq[0]])
-    for cutting in Cutting:
-        result = ExpandAndFactor(cutting).attempt(program)
+    for cut_set in CutSet:
+        result = ExpandAndFactor(cut_set).attempt(program)
         assert count_operations(result).sincos == 1
         assert same_values(program, result)
 
@@ -76,21 +76,21 @@ def test_what_is_too_large_is_left_alone():
             value = value * (dq[0] * beta[0] + dq[1] * beta[1] + b.sin(q[0]) * beta[2] + b.sin(q[1]))
         return [value]
 
-    assert ExpandAndFactor(Cutting.NOTHING)(recorded(function)) is not None
+    assert ExpandAndFactor(CutSet.NOTHING)(recorded(function)) is not None
     program = recorded(lambda *inputs: [function(*inputs)[0] * function(*inputs)[0] + 1])
-    assert ExpandAndFactor(Cutting.NOTHING).attempt(program) is None
+    assert ExpandAndFactor(CutSet.NOTHING).attempt(program) is None
 
 
 def test_the_options_bound_the_search():
     program = recorded(lambda b, q, dq, beta: [(q[0] * beta[0] + q[1] * beta[1]) * (q[1] * beta[0] + beta[2])])
-    assert ExpandAndFactor(Cutting.NOTHING)(program) is not program
-    assert ExpandAndFactor(Cutting.NOTHING, max_terms=3)(program) is program
-    assert ExpandAndFactor(Cutting.NOTHING, max_pairs=5)(program) is program
-    assert ExpandAndFactor(Cutting.LOCAL, max_pairs=5)(program) is not program
+    assert ExpandAndFactor(CutSet.NOTHING)(program) is not program
+    assert ExpandAndFactor(CutSet.NOTHING, max_terms=3)(program) is program
+    assert ExpandAndFactor(CutSet.NOTHING, max_pairs=5)(program) is program
+    assert ExpandAndFactor(CutSet.LOCAL, max_pairs=5)(program) is not program
 
 
 def test_an_expansion_is_factored_once():
     program = recorded(lambda b, q, dq, beta: [dq[0] * (beta[0] + b.sin(q[0])) - dq[0] * beta[0]])
     seen = SeenExpansions()
-    assert ExpandAndFactor(Cutting.NOTHING).attempt(program, seen) is not None
-    assert ExpandAndFactor(Cutting.NOTHING).attempt(program, seen) is None
+    assert ExpandAndFactor(CutSet.NOTHING).attempt(program, seen) is not None
+    assert ExpandAndFactor(CutSet.NOTHING).attempt(program, seen) is None

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are f
 OPENING = '''
 import contextlib, os, signal, threading, time
 from pathlib import Path
-from rrrgen.parallel_map import side_by_side
+from rrrgen.parallel_map import parallel_map
 
 first = os.getpid()
 
@@ -44,7 +44,7 @@ def test_results_come_in_order_from_several_processes():
             time.sleep(0.05)
             return k * k, os.getpid()
 
-        results = side_by_side(task, range(12), 3)
+        results = parallel_map(task, range(12), 3)
         assert [square for square, _ in results] == [k * k for k in range(12)]
         assert len({process for _, process in results}) == 3
         assert not alive()
@@ -56,13 +56,13 @@ def test_tasks_are_functions_of_all_that_is_known():
     succeeds("""
         known = threading.Lock()
         tasks = [lambda k=k: (k, known.locked(), "x" * 10**6) for k in range(8)]
-        assert [r[:2] for r in side_by_side(lambda task: task(), tasks, 2)] == [(k, False) for k in range(8)]
+        assert [r[:2] for r in parallel_map(lambda task: task(), tasks, 2)] == [(k, False) for k in range(8)]
         """)
 
 
 @pytest.mark.parametrize(("jobs", "tasks"), [(1, 5), (4, 1), (4, 0)])
 def test_one_job_or_task_needs_no_process(jobs, tasks):
-    succeeds(f"assert side_by_side(lambda k: os.getpid(), range({tasks}), {jobs}) == [first] * {tasks}")
+    succeeds(f"assert parallel_map(lambda k: os.getpid(), range({tasks}), {jobs}) == [first] * {tasks}")
 
 
 def test_a_process_with_threads_does_not_fork():
@@ -70,7 +70,7 @@ def test_a_process_with_threads_does_not_fork():
         done = threading.Event()
         thread = threading.Thread(target=done.wait)
         thread.start()
-        assert side_by_side(lambda k: os.getpid(), range(5), 4) == [first] * 5
+        assert parallel_map(lambda k: os.getpid(), range(5), 4) == [first] * 5
         done.set()
         thread.join()
         """)
@@ -85,7 +85,7 @@ def test_an_error_is_raised_where_it_is_seen():
             return k
 
         try:
-            side_by_side(task, range(8), 3)
+            parallel_map(task, range(8), 3)
         finally:
             assert not alive()
         """)
@@ -102,7 +102,7 @@ def test_what_a_lost_process_had_taken_is_done_again():
                 os.kill(os.getpid(), signal.SIGKILL)
             return k
 
-        assert side_by_side(task, range(6), 3) == list(range(6))
+        assert parallel_map(task, range(6), 3) == list(range(6))
         assert not alive()
         """)
 
@@ -113,7 +113,7 @@ def test_an_interrupt_ends_all_processes_without_a_word():
         signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
         signal.setitimer(signal.ITIMER_REAL, 0.3)
         try:
-            side_by_side(lambda k: time.sleep(30), range(3), 3)
+            parallel_map(lambda k: time.sleep(30), range(3), 3)
         except KeyboardInterrupt:
             assert not alive()
             print("interrupted")
