@@ -7,7 +7,8 @@ from click.testing import CliRunner
 from rrrgen.cli.main import cli
 from rrrgen.errors import InputError
 from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, load_stream, open_log, write_log
+from rrrgen.recordings.logs import Log, load_stream, open_log
+from samples.recordings import write_log
 
 
 def written(path, rows=200, joints=("q1", "q2")):
