@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,8 +12,11 @@ from rrrgen.robotfile.robot_spec import FrictionSpec, MotorSpec, RobotSpec
 from rrrgen.verify.comparison import Collector, Tolerances, rate, size
 from rrrgen.verify.definiteness import check_refusal, is_definite
 from rrrgen.verify.references.chain import Array, motor_speeds
-from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.subject import Model, Parameters, States, draw_states
+from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, NewtonEuler
+from rrrgen.verify.subject import Parameters, States, draw_states
+
+if TYPE_CHECKING:
+    from rrrgen.runtime.model import Model
 
 RANK_STATES = 40  # at least four rows of the stacked regressor per standard parameter
 RANK_THRESHOLD = 1e-10  # exact zeros come out near 1e-15 of the largest singular value
@@ -21,15 +26,17 @@ NO_PARAMETERS = "-"
 def check_kinematics(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
     """Frames and Jacobians."""
     check = rows.against(ne.name, NO_PARAMETERS, tolerances.exact, s.count)
+    for name in FUNCTIONS_OF_POSITION:
+        check(name, partial(_at, model, name, s.q), getattr(ne, name)(s.q))
     J, acceleration = ne.jacobian(s.q), ne.jacobian_dot_dq(s.q, s.dq)
-    T = ne.forward_kinematics(s.q)
-    check("forward_kinematics", lambda: model.forward_kinematics(s.q), T)
-    check("link_frames", lambda: model.link_frames(s.q), ne.link_frames(s.q))
-    check("jacobian", lambda: model.jacobian(s.q), J)
-    check("kinematics: T", lambda: model.kinematics(s.q)[0], T)
+    check("kinematics: T", lambda: model.kinematics(s.q)[0], ne.forward_kinematics(s.q))
     check("kinematics: J", lambda: model.kinematics(s.q)[1], J)
     scale = max(size(acceleration), size(J) * size(s.dq) ** 2)
     check("jacobian_dot_dq", lambda: model.jacobian_dot_dq(s.q, s.dq), acceleration, scale=scale)
+
+
+def _at(model: Model, name: str, q: Array) -> Array:
+    return np.asarray(getattr(model, name)(q))
 
 
 def check_regressors(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
@@ -200,7 +207,7 @@ def _check_energy(
 
     def own_potential() -> Array:
         here, there = (model.energy(q, s.dq, beta=parameters.beta)[1] for q in (s.q, home))
-        return np.asarray(here) - np.asarray(there)
+        return np.asarray(here - there)
 
     check("energy, kinetic", lambda: np.asarray(model.energy(s.q, s.dq, beta=parameters.beta)[0]), kinetic, scale=scale)
     check("energy, potential", own_potential, potential, scale=scale)

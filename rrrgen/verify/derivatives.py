@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,10 @@ from rrrgen.verify.comparison import Collector, Tolerances, rate, size
 from rrrgen.verify.definiteness import check_refusal, is_definite
 from rrrgen.verify.references.chain import Array
 from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.subject import Model, Parameters, States
+from rrrgen.verify.subject import Parameters, States
+
+if TYPE_CHECKING:
+    from rrrgen.runtime.model import Model
 
 
 def check_derivatives(

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rrrgen.verify.comparison import Collector, Tolerances, rate, size
 from rrrgen.verify.references.chain import Array, Chain
 from rrrgen.verify.report import Row
-from rrrgen.verify.subject import Model, Parameters, States
+from rrrgen.verify.subject import Parameters, States
+
+if TYPE_CHECKING:
+    from rrrgen.runtime.model import Model
 
 SELF = "identity"
 
@@ -93,7 +97,7 @@ def _check_rates(
 
     def total(t: float) -> Array:
         kinetic, potential = model.energy(s.q + t * s.dq, s.dq + t * s.ddq, beta=beta)
-        return np.asarray(kinetic) + np.asarray(potential)
+        return np.asarray(kinetic + potential)
 
     check("dM/dt - 2C skew", skew, np.zeros_like(own.C), scale=size(own.M) * size(s.dq))
     power = own.tau * s.dq

@@ -238,7 +238,7 @@ def test_a_function_that_is_not_there_fails_and_nothing_of_ours_is_left_out(comp
     assert not report.ok
     assert any(name in row.function for row in report.failures), report.to_text()
     assert f"no function {name}" in report.to_text()
-    assert not report.skipped
+    assert [name for name, _ in report.skipped] == ["inverse_kinematics"]  # the oracle solves none
     assert {row.function for row in whole.rows if row.reference != "identity"} <= {row.function for row in report.rows}
 
 

@@ -29,7 +29,7 @@ from typing import Any
 
 from rrrgen.derive.algebra.positive_definite import STATUS, factorize
 from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, dot, flat, rows, scale, turn
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import composite
 from rrrgen.derive.recursions.chain import ChainJoint
 from rrrgen.derive.recursions.coriolis import Body, Composition, along_axis, compose, passed_down
@@ -195,3 +195,9 @@ def _slope_wrench(revolute: bool, body: Body, zdot: Vector, axis: Vector, lift: 
 
 def _matrix(r: Recording, name: str, meaning: str) -> Port:
     return Port(name, (r.n, r.n), "SI", "", meaning)
+
+
+FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
+    "inverse_dynamics_derivatives": (inverse_dynamics_derivatives,),
+    "forward_dynamics_derivatives": (forward_dynamics_derivatives,),
+}

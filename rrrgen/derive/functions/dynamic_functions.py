@@ -1,4 +1,4 @@
-"""Dynamic functions of the model: torques, matrices of the equation of motion, energies."""
+"""Dynamic functions of the model: torques and matrices of the equation of motion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from rrrgen.derive.algebra.positive_definite import STATUS, factorize
 from rrrgen.derive.algebra.vectors import flat, rows
 from rrrgen.derive.drive_inertia import along
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import composite, momentum, newton_euler
 from rrrgen.derive.recursions.chain import Chain, rational, rational_float
 from rrrgen.derive.recursions.coriolis import compose
@@ -188,23 +188,6 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
     )
 
 
-def energy(r: Recording) -> Program:
-    """Kinetic and potential energy."""
-    chain = r.chain()
-    dq = r.joints("dq")
-    inertias = r.inertias()
-    kinetic = momentum.kinetic_energy(chain, dq, inertias)
-    kinetic = r.drive_inertia().added_to_energy(kinetic, dq)
-    potential = momentum.potential_energy(chain, inertias)
-    port = Port("E", (2,), "J", "", "kinetic energy, potential energy (up to a constant)")
-    return r.builder.program(
-        "energy",
-        [(port, [kinetic, potential])],
-        "Kinetic and potential energy.",
-        "E = [dq' M dq / 2, U(q)],  g = dU/dq",
-    )
-
-
 def friction(r: Recording) -> Program:
     """Friction torques from the file's coefficients, at the joints and at coupled motors."""
     dq, spec = r.joints("dq"), r.model.spec
@@ -226,3 +209,16 @@ def _linear_friction(r: Recording, given: FrictionSpec | None, rate: Any) -> Any
         return 0
     viscous, coulomb, offset = (rational_float(v) for v in (given.viscous, given.coulomb, given.offset))
     return viscous * rate + coulomb * r.builder.sign(rate) + offset
+
+
+FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
+    "mass_matrix": (mass_matrix,),
+    "coriolis_matrix": (coriolis_matrix,),
+    "coriolis": (coriolis(block_frames), coriolis(own_frames)),
+    "coriolis_transpose": (coriolis_transpose,),
+    "gravity": (gravity,),
+    "bias": (bias(block_frames), bias(own_frames)),
+    "dynamics_terms": (dynamics_terms(block_frames), dynamics_terms(own_frames)),
+    "inverse_dynamics": (inverse_dynamics(block_frames), inverse_dynamics(own_frames)),
+}
+"""Forward dynamics is made from the programs of the mass matrix and the bias, friction only where a file states it."""

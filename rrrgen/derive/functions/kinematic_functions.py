@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rrrgen.derive.algebra.vectors import flat
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import kinematics as poses
 from rrrgen.program import Port, Program
 
@@ -72,3 +72,12 @@ def jacobian_dot_dq(r: Recording) -> Program:
     return r.builder.program(
         "jacobian_dot_dq", [(port, a)], "Time derivative of the Jacobian times dq.", "a = (dJ/dt) dq"
     )
+
+
+FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
+    "forward_kinematics": (forward_kinematics, forward_kinematics_inwards),
+    "link_frames": (link_frames,),
+    "jacobian": (jacobian,),
+    "kinematics": (kinematics,),
+    "jacobian_dot_dq": (jacobian_dot_dq,),
+}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import sympy as sp
 
@@ -138,3 +138,7 @@ def drive_inertia_meaning(spec: RobotSpec) -> str:
         return "drive inertia seen at the joints"
     names = ", ".join(term.name for term in inertia_terms(spec))
     return f"drive inertia, seen at the joint or at the motor it is named after: {names}"
+
+
+Recorder: TypeAlias = Callable[[Recording], Program]
+"""What records one function; several of one function are equivalent, and the cheapest is emitted."""

@@ -8,14 +8,19 @@ from typing import Any
 import sympy as sp
 
 from rrrgen.derive.algebra.vectors import dot, flat
-from rrrgen.derive.functions.dynamic_functions import Frames
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.dynamic_functions import Frames, block_frames, own_frames
+from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.parameter_listing import TENSOR
 from rrrgen.derive.recursions import composite
 from rrrgen.derive.recursions.chain import Chain
 from rrrgen.derive.recursions.inertia import from_standard
 from rrrgen.derive.recursions.motion import LinkMotion, forward
-from rrrgen.derive.recursions.regressor import all_parameters, columns_by_axes, virtual_power
+from rrrgen.derive.recursions.regressor import (
+    all_parameters,
+    columns_by_axes,
+    columns_passed_down,
+    virtual_power,
+)
 from rrrgen.model.standard_parameters import STANDARD
 from rrrgen.program import Port, Program
 
@@ -101,3 +106,14 @@ def standard_regressor(r: Recording) -> Program:
         "tau = Y(q, dq, ddq) phi",
         [f"Inertia tensors about the origin of the link frame, in its axes: {TENSOR}."],
     )
+
+
+FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
+    "regressor": tuple(
+        regressor(columns, frames)
+        for columns in (columns_by_axes, columns_passed_down)
+        for frames in (own_frames, block_frames)
+    ),
+    "regressor_transpose": (regressor_transpose,),
+    "standard_regressor": (standard_regressor,),
+}

@@ -103,15 +103,20 @@ def _out_of_joint(chain: Chain, i: int, vector: Vector) -> Vector:
 
 def jacobian(chain: Chain) -> Matrix:
     """6 x n geometric Jacobian at the tip, base axes, linear rows first."""
-    frames = joint_frames(chain)
-    tip = add(frames[-1].p, times(frames[-1].R, chain.tip.p))
-    columns = []
-    for joint, frame in zip(chain.joints, frames, strict=True):
+    return point_jacobian(chain, joint_frames(chain), chain.n - 1, chain.tip.p)
+
+
+def point_jacobian(chain: Chain, frames: Sequence[Placement], link: int, point: Vector) -> Matrix:
+    """6 x n Jacobian of a point of one link, given in its canonical frame; joints beyond the link do not move it."""
+    p = add(frames[link].p, times(frames[link].R, point))
+    columns: list[Vector] = []
+    for joint, frame in zip(chain.joints[: link + 1], frames, strict=False):
         axis = [row[2] for row in frame.R]
         if joint.revolute:
-            columns.append(cross(axis, subtract(tip, frame.p)) + axis)
+            columns.append(cross(axis, subtract(p, frame.p)) + axis)
         else:
             columns.append([*axis, 0, 0, 0])
+    columns += [[0] * 6] * (chain.n - 1 - link)
     return [[column[r] for column in columns] for r in range(6)]
 
 

@@ -12,6 +12,9 @@ import numpy as np
 
 from rrrgen.verify.references.chain import Array, Chain, inertia_tensor
 
+FUNCTIONS_OF_POSITION = ("forward_kinematics", "link_frames", "jacobian")
+"""Methods below that verification compares with the model's of the same name at the same positions."""
+
 _TENSOR_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
 
