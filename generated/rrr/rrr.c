@@ -176,6 +176,76 @@ void rrr_jacobian(const rrr_real q[3], rrr_real J[RRR_RESTRICT 18])
     J[17] = (rrr_real)0.0;
 }
 
+void rrr_link_jacobians(const rrr_real q[3], rrr_real J[RRR_RESTRICT 54])
+{
+    rrr_real s1, c1;
+    rrr_sincos(q[0], &s1, &c1);
+    rrr_real s2, c2;
+    rrr_sincos(q[1], &s2, &c2);
+    J[28] = s1;
+    J[46] = J[28];
+    J[47] = J[28];
+    const rrr_real t1 = (rrr_real)0.2*s1;
+    J[18] = (rrr_real)0.169*c1 - c2*t1;
+    const rrr_real t2 = (rrr_real)0.2*c1;
+    J[19] = -s2*t2;
+    J[21] = (rrr_real)0.169*s1 + c2*t2;
+    J[22] = -t1*s2;
+    J[25] = (rrr_real)0.2*c2;
+    J[31] = -c1;
+    J[49] = J[31];
+    J[50] = J[31];
+    const rrr_real q23 = q[1] + q[2];
+    rrr_real s23, c23;
+    rrr_sincos(q23, &s23, &c23);
+    const rrr_real t3 = c2 + (rrr_real)2.075*c23;
+    J[36] = (rrr_real)0.259*c1 - t1*t3;
+    const rrr_real t4 = s2 + (rrr_real)2.075*s23;
+    J[37] = -t2*t4;
+    const rrr_real t5 = (rrr_real)0.415*s23;
+    J[38] = -c1*t5;
+    J[39] = (rrr_real)0.259*s1 + t2*t3;
+    J[40] = -t1*t4;
+    J[41] = -s1*t5;
+    J[43] = (rrr_real)0.2*t3;
+    J[44] = (rrr_real)0.415*c23;
+    J[0] = (rrr_real)0.0;
+    J[1] = (rrr_real)0.0;
+    J[2] = (rrr_real)0.0;
+    J[3] = (rrr_real)0.0;
+    J[4] = (rrr_real)0.0;
+    J[5] = (rrr_real)0.0;
+    J[6] = (rrr_real)0.0;
+    J[7] = (rrr_real)0.0;
+    J[8] = (rrr_real)0.0;
+    J[9] = (rrr_real)0.0;
+    J[10] = (rrr_real)0.0;
+    J[11] = (rrr_real)0.0;
+    J[12] = (rrr_real)0.0;
+    J[13] = (rrr_real)0.0;
+    J[14] = (rrr_real)0.0;
+    J[15] = (rrr_real)1.0;
+    J[16] = (rrr_real)0.0;
+    J[17] = (rrr_real)0.0;
+    J[20] = (rrr_real)0.0;
+    J[23] = (rrr_real)0.0;
+    J[24] = (rrr_real)0.0;
+    J[26] = (rrr_real)0.0;
+    J[27] = (rrr_real)0.0;
+    J[29] = (rrr_real)0.0;
+    J[30] = (rrr_real)0.0;
+    J[32] = (rrr_real)0.0;
+    J[33] = (rrr_real)1.0;
+    J[34] = (rrr_real)0.0;
+    J[35] = (rrr_real)0.0;
+    J[42] = (rrr_real)0.0;
+    J[45] = (rrr_real)0.0;
+    J[48] = (rrr_real)0.0;
+    J[51] = (rrr_real)1.0;
+    J[52] = (rrr_real)0.0;
+    J[53] = (rrr_real)0.0;
+}
+
 void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J[RRR_RESTRICT 18])
 {
     rrr_real s1, c1;

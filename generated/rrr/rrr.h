@@ -113,6 +113,20 @@ void rrr_link_frames(const rrr_real q[3], rrr_real T[RRR_RESTRICT 48]);
 void rrr_jacobian(const rrr_real q[3], rrr_real J[RRR_RESTRICT 18]);
 
 /*
+ * Geometric Jacobians of all link frames.
+ *
+ *     [v_i; omega_i] = J_i(q) dq, torques of a wrench at frame i: J_i' [f; m]
+ *
+ *   in   q  3          rad   -           joint positions
+ *   out  J  3 x 6 x 3  m, -  base frame  of the origins of the link frames 1..n, each rows 1-3 linear, rows 4-6
+ *                                        angular velocity
+ *
+ * Operations: 22 mul, 7 add, 3 sincos, 7 neg. Stack: about 192 bytes.
+ * Columns of joints beyond the link are zero.
+ */
+void rrr_link_jacobians(const rrr_real q[3], rrr_real J[RRR_RESTRICT 54]);
+
+/*
  * Pose of the tip and geometric Jacobian; they share their evaluation.
  *
  *     T = T_base A_1(q_1) ... A_n(q_n) T_tool (14.5), [v; omega] = J(q) dq

@@ -131,6 +131,14 @@ class Model:
         """Geometric Jacobian at the tip, base frame, linear rows first: [v; w] = J dq, (..., 6, n)."""
         return self._call("jacobian", q)
 
+    def link_jacobians(self, q: ArrayLike) -> Array:
+        """Geometric Jacobians of all link frames, base frame, linear rows first: [v_i; w_i] = J_i dq, (..., n, 6, n).
+
+        ``J[..., i, :, :]`` is that of the origin of ``link_frames(q)[..., i, :, :]``, without the tool; columns of
+        joints beyond the link are zero. A wrench [f; m] at that origin loads the joints with J_i' [f; m].
+        """
+        return self._call("link_jacobians", q)
+
     def kinematics(self, q: ArrayLike) -> Kinematics:
         """Pose of the tip T (..., 4, 4) and Jacobian J (..., 6, n), from one evaluation, as a named tuple."""
         return Kinematics(*self.engine.call("kinematics", (q,)))

@@ -101,6 +101,9 @@ def _kinematics() -> dict[str, Program]:
     )
     J = [-y2, -A2 * s12, x2, A2 * c12, 0, 0, 0, 0, 0, 0, 1, 1]
     programs["jacobian"] = b.program("jacobian", [(Port("J", (6, 2), "m | 1", "base", "linear rows first"), J)])
+    J1 = [-y1, 0, x1, 0, 0, 0, 0, 0, 0, 0, 1, 0]
+    port = Port("J", (2, 6, 2), "m | 1", "base", "linear rows first")
+    programs["link_jacobians"] = b.program("link_jacobians", [(port, J1 + J)])
     b = Builder()
     q, dq = b.input(Q), b.input(DQ)
     q12, w = q[0] + q[1], dq[0] + dq[1]

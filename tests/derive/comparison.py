@@ -77,6 +77,9 @@ class Reference:
     def _jacobian(self, J):
         return relative(J, self.each(oracle.jacobian, self.q))
 
+    def _link_jacobians(self, J):
+        return relative(J, self.each(oracle.link_jacobians, self.q))
+
     def _kinematics(self, T, J):
         return max(self._forward_kinematics(T), self._jacobian(J))
 

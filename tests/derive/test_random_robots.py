@@ -22,6 +22,8 @@ from rrrgen.robotfile import loads_spec
 
 FINDING = (Phase.explicit, Phase.generate)  # a robot prints as it is; shrinking one would take minutes
 
+NAMES_OF_FRAMES = ("link_frames", "link_jacobians")
+
 # joints -> robots: 150 in all, most of them small, since the time to derive one grows with the square of the joints
 SIZES = {1: 12, 2: 28, 3: 32, 4: 30, 5: 22, 6: 14, 7: 12}
 
@@ -50,6 +52,25 @@ def test_every_function_equals_the_independent_dynamics(joints):
         assert failures(Reference(robot, K), programs) == {}
 
     compare()
+
+
+@settings(max_examples=30, phases=FINDING)
+@given(robots(max_joints=6))
+def test_link_jacobians_are_the_differences_of_the_link_frames(robot):
+    model = build_model(loads_spec(to_yaml(robot)))
+    parametrization = parametrize(base_set(model), None)
+    frames, jacobians = (FUNCTIONS[name][0](Recording(model, parametrization)) for name in NAMES_OF_FRAMES)
+    rng, h = np.random.default_rng(robot.n), 1e-5
+    q, dq = rng.uniform(-2, 2, (2, 5, robot.n))
+    (T,), (ahead,), (behind,), (J,) = (
+        evaluate(program, at)
+        for program, at in ((frames, q), (frames, q + h * dq), (frames, q - h * dq), (jacobians, q))
+    )
+    rate = (ahead - behind) / (2 * h)
+    W = rate[..., :3, :3] @ np.swapaxes(T[..., :3, :3], -1, -2)
+    twists = np.concatenate([rate[..., :3, 3], np.stack([W[..., 2, 1], W[..., 0, 2], W[..., 1, 0]], -1)], -1)
+    found = np.einsum("skij,sj->ski", J, dq)
+    np.testing.assert_allclose(found, twists, atol=1e-7 * max(1.0, np.abs(twists).max()))
 
 
 @settings(max_examples=15, phases=FINDING)

@@ -225,6 +225,16 @@ def jacobian(robot: Robot, q) -> np.ndarray:
     return J
 
 
+def link_jacobians(robot: Robot, q) -> np.ndarray:
+    """J_i (n, 6, n) of the link frames: joint k moves what lies behind it, about or along its own axis."""
+    f, J = frames(robot, q), np.zeros((robot.n, 6, robot.n))
+    for i in range(robot.n):
+        for k in range(i + 1):
+            z, arm = f.axes[k], f.links[i, :3, 3] - f.points[k]
+            J[i, :, k] = [*np.cross(z, arm), *z] if robot.rows[k][0] == "revolute" else [*z, 0, 0, 0]
+    return J
+
+
 def jacobian_dot_dq(robot: Robot, q, dq) -> np.ndarray:
     """dJ/dt dq (6,): the tip's linear and angular acceleration when every ddq is zero."""
     f = frames(robot, q)

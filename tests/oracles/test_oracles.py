@@ -69,6 +69,16 @@ def test_jacobian_is_the_derivative_of_the_tip(drawn):
 
 
 @given(states)
+def test_link_jacobians_are_the_derivatives_of_the_link_frames(drawn):
+    robot, q, dq, _ = drawn
+    T = ne.frames(robot, q + 1j * STEP * dq).links
+    rate, R = T.imag / STEP, T.real[:, :3, :3]
+    W = rate[:, :3, :3] @ np.swapaxes(R, 1, 2)
+    twists = np.column_stack([rate[:, :3, 3], W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]])
+    assert difference(ne.link_jacobians(robot, q) @ dq, twists, max(1.0, np.max(np.abs(twists)))) < AGREEMENT
+
+
+@given(states)
 def test_forward_dynamics_inverts_inverse_dynamics(drawn):
     robot, q, dq, ddq = drawn
     tau = ne.inverse_dynamics(robot, q, dq, ddq)

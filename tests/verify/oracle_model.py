@@ -138,6 +138,10 @@ class OracleModel:
         return ne.jacobian(self.robot, q)
 
     @batched
+    def link_jacobians(self, q, _phi):
+        return ne.link_jacobians(self.robot, q)
+
+    @batched
     def kinematics(self, q, _phi):
         return ne.forward_kinematics(self.robot, q), ne.jacobian(self.robot, q)
 

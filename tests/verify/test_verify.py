@@ -82,6 +82,7 @@ FUNCTIONS = [
     "forward_kinematics",
     "link_frames",
     "jacobian",
+    "link_jacobians",
     "jacobian_dot_dq",
     "mass_matrix",
     "coriolis_matrix",

@@ -173,6 +173,55 @@ def jacobian():
 
 
 @lru_cache(maxsize=None)
+def link_jacobians():
+    """Geometric Jacobians of all link frames.
+
+    [v_i; omega_i] = J_i(q) dq,  torques of a wrench at frame i: J_i' [f; m]
+
+    input  q (3, 1): joint positions; rad
+    output J (18, 3): of the origins of the link frames 1..n, each rows 1-3 linear, rows 4-6 angular velocity; m, -; base frame
+
+    Columns of joints beyond the link are zero.
+    """
+    q = ca.SX.sym("q", 3, 1)
+    [q1, q2, q3] = _rows(q)
+    s1 = ca.sin(q1)
+    c1 = ca.cos(q1)
+    s2 = ca.sin(q2)
+    c2 = ca.cos(q2)
+    t1 = 0.2*s1
+    t2 = 0.2*c1
+    t3 = -c1
+    q23 = q2 + q3
+    s23 = ca.sin(q23)
+    c23 = ca.cos(q23)
+    t4 = c2 + 2.075*c23
+    t5 = s2 + 2.075*s23
+    t6 = 0.415*s23
+    J = _matrix(18, 3, [
+        0, 0, 0,
+        0, 0, 0,
+        0, 0, 0,
+        0, 0, 0,
+        0, 0, 0,
+        1, 0, 0,
+        0.169*c1 - c2*t1, -s2*t2, 0,
+        0.169*s1 + c2*t2, -t1*s2, 0,
+        0, 0.2*c2, 0,
+        0, s1, 0,
+        0, t3, 0,
+        1, 0, 0,
+        0.259*c1 - t1*t4, -t2*t5, -c1*t6,
+        0.259*s1 + t2*t4, -t1*t5, -s1*t6,
+        0, 0.2*t4, 0.415*c23,
+        0, s1, s1,
+        0, t3, t3,
+        1, 0, 0,
+    ])
+    return ca.Function("rrr_casadi_link_jacobians", [q], [J], ["q"], ["J"])
+
+
+@lru_cache(maxsize=None)
 def kinematics():
     """Pose of the tip and geometric Jacobian; they share their evaluation.
 
@@ -1850,6 +1899,7 @@ FUNCTIONS = {
     "forward_kinematics": forward_kinematics,
     "link_frames": link_frames,
     "jacobian": jacobian,
+    "link_jacobians": link_jacobians,
     "kinematics": kinematics,
     "jacobian_dot_dq": jacobian_dot_dq,
     "mass_matrix": mass_matrix,

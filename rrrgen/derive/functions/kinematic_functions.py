@@ -52,6 +52,21 @@ def jacobian(r: Recording) -> Program:
     return r.builder.program("jacobian", [(_jacobian_port(r), flat(J))], "Geometric Jacobian at the tip.", VELOCITY)
 
 
+def link_jacobians(r: Recording) -> Program:
+    """Geometric Jacobians of all link frames."""
+    chain = r.chain()
+    frames = poses.joint_frames(chain)
+    matrices = [poses.point_jacobian(chain, frames, k, X.p) for k, X in enumerate(chain.link_frames)]
+    meaning = "of the origins of the link frames 1..n, each rows 1-3 linear, rows 4-6 angular velocity"
+    return r.builder.program(
+        "link_jacobians",
+        [(Port("J", (r.n, 6, r.n), "m, -", BASE, meaning), [value for J in matrices for value in flat(J)])],
+        "Geometric Jacobians of all link frames.",
+        "[v_i; omega_i] = J_i(q) dq,  torques of a wrench at frame i: J_i' [f; m]",
+        ["Columns of joints beyond the link are zero."],
+    )
+
+
 def kinematics(r: Recording) -> Program:
     """Pose of the tip and geometric Jacobian from one evaluation."""
     chain = r.chain()
@@ -78,6 +93,7 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
     "forward_kinematics": (forward_kinematics, forward_kinematics_inwards),
     "link_frames": (link_frames,),
     "jacobian": (jacobian,),
+    "link_jacobians": (link_jacobians,),
     "kinematics": (kinematics,),
     "jacobian_dot_dq": (jacobian_dot_dq,),
 }

@@ -12,7 +12,7 @@ import numpy as np
 
 from rrrgen.verify.references.chain import Array, Chain, inertia_tensor
 
-FUNCTIONS_OF_POSITION = ("forward_kinematics", "link_frames", "jacobian")
+FUNCTIONS_OF_POSITION = ("forward_kinematics", "link_frames", "jacobian", "link_jacobians")
 """Methods below that verification compares with the model's of the same name at the same positions."""
 
 _TENSOR_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
@@ -96,11 +96,21 @@ class NewtonEuler:
         """J (N, 6, n) at the tip, base frame, linear rows first."""
         frames = self.link_frames(q)
         tip = (frames[:, -1] @ self.chain.tool)[:, :3, 3]
-        J = np.zeros((len(q), 6, self.chain.n))
-        for i, (angular, linear) in enumerate(self._axes):
+        return self._point_jacobian(frames, self.chain.n, tip)
+
+    def link_jacobians(self, q: Array) -> Array:
+        """J_i (N, n, 6, n) at the origins of the link frames, base frame, linear rows first."""
+        frames = self.link_frames(q)
+        each = [self._point_jacobian(frames, i + 1, frames[:, i, :3, 3]) for i in range(self.chain.n)]
+        return np.stack(each, axis=1)
+
+    def _point_jacobian(self, frames: Array, joints: int, point: Array) -> Array:
+        """J (N, 6, n) at a point (N, 3) that the first ``joints`` joints move."""
+        J = np.zeros((len(point), 6, self.chain.n))
+        for i, (angular, linear) in enumerate(self._axes[:joints]):
             R, origin = frames[:, i, :3, :3], frames[:, i, :3, 3]
             J[:, 3:, i] = R @ angular
-            J[:, :3, i] = R @ linear + np.cross(J[:, 3:, i], tip - origin)
+            J[:, :3, i] = R @ linear + np.cross(J[:, 3:, i], point - origin)
         return J
 
     def jacobian_dot_dq(self, q: Array, dq: Array) -> Array:
