@@ -27,7 +27,8 @@ class FrictionLaw:
 
     ``torque(ops, dq, p)`` is the law (in sliding, where it has a state); ``columns(ops, dq)`` are the factors of the
     parameters where the law is linear in them. A law with a ``rate`` has one state z per joint:
-    ``dz/dt = rate(ops, z, dq, p)``, ``tau = state_torque(ops, z, dq, p)``.
+    ``dz/dt = rate(ops, z, dq, p)``, ``tau = state_torque(ops, z, dq, p)``, and ``step(ops, z, dq, p, period)`` gives z
+    and the torque after a period. ``passivity(p)`` is a margin that is not negative where the law is surely passive.
     """
 
     name: str
@@ -39,6 +40,7 @@ class FrictionLaw:
     rate: Callable[[Any, Any, Any, Sequence[Any]], Any] | None = None
     state_torque: Callable[[Any, Any, Any, Sequence[Any]], Any] | None = None
     step: Callable[[Any, Any, Any, Sequence[Any], Any], tuple[Any, Any]] | None = None
+    passivity: Callable[[Sequence[Any]], Any] | None = None
 
 
 def _linear(columns: Callable[[Any, Any], list[Any]]) -> Callable[[Any, Any, Sequence[Any]], Any]:
@@ -105,6 +107,12 @@ def _lugre_step(ops: Any, z: Any, dq: Any, p: Sequence[Any], period: Any) -> tup
     return following, sigma0 * following + sigma1 * ((following - z) / period) + viscous * dq
 
 
+def _lugre_passivity(p: Sequence[Any]) -> Any:
+    """``alpha2 - sigma1 alpha0/alpha1``. Source: after (14.13)."""
+    _, sigma1, excess, coulomb, viscous, _ = p
+    return viscous - sigma1 * excess / coulomb
+
+
 def _neural(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
     units = (len(p) - 1) // 2
     total = p[-1] * dq
@@ -162,6 +170,7 @@ LUGRE = FrictionLaw(
     rate=_lugre_rate,
     state_torque=_lugre_torque,
     step=_lugre_step,
+    passivity=_lugre_passivity,
 )
 
 

@@ -134,14 +134,12 @@ class FrictionModel:
         return np.asarray(self.law.torque(_Fixed(np.asarray(direction, dtype=float)), speeds, self._columns))
 
     def passivity_margin(self) -> Array:
-        """LuGre: ``alpha2 - sigma1 alpha0/alpha1`` per joint; not negative suffices for passivity, (n,).
+        """The law's own margin per joint, (n,), N m s/rad (N s/m): not negative suffices for passivity.
 
-        Zero for laws without a state whose torque opposes motion by construction. Source: after (14.13).
+        LuGre: ``alpha2 - sigma1 alpha0/alpha1``. Zero for laws that state none: where their torque opposes every motion
+        they are passive. Source: after (14.13).
         """
-        if self.law.name != "lugre":
-            return np.zeros(self.n)
-        _, sigma1, excess, coulomb, viscous, _ = self._columns
-        return np.asarray(viscous - sigma1 * excess / coulomb)
+        return np.zeros(self.n) if self.law.passivity is None else np.asarray(self.law.passivity(self._columns))
 
     def to_json(self) -> dict[str, Any]:
         """Plain data that :meth:`from_mapping` reads back."""

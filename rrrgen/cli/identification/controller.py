@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument
+from rrrgen.friction.laws import LAWS
 
 if TYPE_CHECKING:
     from rrrgen.program import Program
     from rrrgen.robotfile.robot_spec import RobotSpec
-
-LAWS = ("coulomb_viscous", "asymmetric", "stribeck", "lugre", "neural")
 
 
 @click.command()
@@ -24,7 +23,7 @@ LAWS = ("coulomb_viscous", "asymmetric", "stribeck", "lugre", "neural")
 @click.option("--trajectory", type=click.Path(path_type=Path, exists=True), help="excitation.json of `rrrgen excite`.")
 @click.option("--tuning", type=click.Path(path_type=Path, exists=True), help="tuning.json of `rrrgen reconstruct`.")
 @click.option("--rate", type=click.FloatRange(min=0.0, min_open=True), default=1000.0, show_default=True, help="Hz.")
-@click.option("--friction", type=click.Choice(LAWS), multiple=True, help="A friction law; repeat for several.")
+@click.option("--friction", type=click.Choice(list(LAWS)), multiple=True, help="A friction law; repeat for several.")
 @real_option
 @json_option
 def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
@@ -32,7 +31,7 @@ def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
 
     --trajectory gives <name>_trajectory.h/.c, the exciting motion at any instant; --tuning <name>_kalman.h/.c, one step
     of the Kalman filter for the controller's --rate; --friction <name>_friction.h/.c, friction torques with parameters
-    at run time, and for LuGre the step of its state.
+    at run time, and the step of the state where the law has one.
 
     \b
     Example:
@@ -102,11 +101,10 @@ def _kalman(path: Path, rate: float, joints: int) -> Program:
 def _friction(law: str, spec: RobotSpec) -> list[Program]:
     """Torques, and the step of a law with a state; of joints and motors where drives are coupled."""
     from rrrgen.derive.recursions.chain import rational
-    from rrrgen.friction.laws import LAWS as KNOWN
     from rrrgen.friction.programs import friction_program, friction_step_program
     from rrrgen.model.drive_terms import friction_surfaces
 
-    chosen, found = KNOWN[law], friction_surfaces(spec)
+    chosen, found = LAWS[law], friction_surfaces(spec)
     surfaces = None
     if found is not None:
         surfaces = {name: [w if type(w) is int else rational(w) for w in found[name]] for name in found}
