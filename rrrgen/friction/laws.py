@@ -1,4 +1,4 @@
-"""The friction laws (14.11)-(14.14) of one joint, each written once for every arithmetic.
+"""The friction laws of one joint, (14.11)-(14.14) and others of the literature, each written once for every arithmetic.
 
 ``ops`` supplies sgn, exp and tanh as ``ops.sign``, ``ops.exp``, ``ops.tanh``: a program builder, NumPy, or CasADi.
 Speeds ``dq`` are in rad/s (m/s), torques in N m (N), with sgn(0) = 0. No law uses |dq| other than as ``dq sgn(dq)``, so
@@ -121,6 +121,13 @@ def _neural(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
     return total
 
 
+def _logistic(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
+    """Written with tanh, ``1/(1 + exp(-x)) = (1 + tanh(x/2))/2``, which cannot overflow."""
+    span, steepness, shift = p
+    half = steepness / 2
+    return span / 2 * (ops.tanh(half * (dq + shift)) - ops.tanh(half * shift))
+
+
 _VISCOUS = LawParameter("viscous", "N m s/rad", "viscous friction, alpha2")
 _COULOMB = LawParameter("coulomb", "N m", "Coulomb friction, alpha1", positive=True)
 _EXCESS = LawParameter("stiction_excess", "N m", "stiction minus Coulomb friction, alpha0")
@@ -172,6 +179,17 @@ LUGRE = FrictionLaw(
     step=_lugre_step,
     passivity=_lugre_passivity,
 )
+LOGISTIC = FrictionLaw(
+    "logistic",
+    "Gaz et al. 2019, IEEE Robotics and Automation Letters 4(4), for the Franka Emika Panda",
+    "tau_f = span/(1 + exp(-steepness (dq + shift))) - span/(1 + exp(-steepness shift))",
+    (
+        LawParameter("span", "N m", "torque between fast motion backwards and forwards", positive=True),
+        LawParameter("steepness", "s/rad", "steepness of the change of sign", positive=True),
+        LawParameter("shift", "rad/s", "shift of the curve; other than 0 the directions differ"),
+    ),
+    _logistic,
+)
 
 
 def neural_law(units: int = 3) -> FrictionLaw:
@@ -181,5 +199,6 @@ def neural_law(units: int = 3) -> FrictionLaw:
     return FrictionLaw("neural", "(14.14)", "tau_f = sum_k f_k tanh(w_k dq) + viscous dq", (*names, _VISCOUS), _neural)
 
 
-LAWS: dict[str, FrictionLaw] = {law.name: law for law in (COULOMB_VISCOUS, ASYMMETRIC, STRIBECK, LUGRE, neural_law())}
+_ALL = (COULOMB_VISCOUS, ASYMMETRIC, STRIBECK, LUGRE, LOGISTIC, neural_law())
+LAWS: dict[str, FrictionLaw] = {law.name: law for law in _ALL}
 """Every law by name; the neural one with three units."""

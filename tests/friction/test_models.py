@@ -29,6 +29,7 @@ EXAMPLES = {
     "asymmetric": [[0.4, 0.5, 1.5, 1.2], [0.1, 0.2, 0.5, 0.6]],
     "stribeck": [[0.7, 1.5, 0.4, 0.1], [0.3, 0.5, 0.2, 0.05]],
     "lugre": [[1e4, 3.0, 0.7, 1.5, 1.6, 0.1], [3e3, 1.0, 0.3, 0.5, 0.8, 0.05]],
+    "logistic": [[1.1, 9.0, 0.02], [0.6, 40.0, -0.03]],
     "neural": [[1.0, 0.5, -0.2, 30.0, 4.0, 200.0, 0.3], [0.3, 0.2, 0.1, 60.0, 8.0, 1.0, 0.1]],
 }
 
@@ -47,7 +48,9 @@ def retyped(name: str, v: float, p: list[float]) -> float:
     if name in ("stribeck", "lugre"):
         a0, a1, a2, vs = p[-4:]
         return (a0 * np.exp(-((v / vs) ** 2)) + a1) * sign + a2 * v
-    with np.errstate(over="ignore"):  # the printed form overflows, which is why the code uses tanh
+    with np.errstate(over="ignore"):  # the printed forms overflow, which is why the code uses tanh
+        if name == "logistic":
+            return p[0] / (1 + np.exp(-p[1] * (v + p[2]))) - p[0] / (1 + np.exp(-p[1] * p[2]))
         return sum(f * (1 - 2 / (np.exp(2 * w * v) + 1)) for f, w in zip(p[:3], p[3:6], strict=True)) + p[6] * v
 
 
@@ -111,7 +114,7 @@ def test_linear_laws_are_columns_times_parameters(name: str) -> None:
     assert np.all(Y[:, 0, friction.parameters.shape[1] :] == 0.0)
 
 
-@pytest.mark.parametrize("name", ["stribeck", "lugre", "neural"])
+@pytest.mark.parametrize("name", ["stribeck", "lugre", "logistic", "neural"])
 def test_nonlinear_laws_have_no_columns(name: str) -> None:
     with pytest.raises(InputError, match="not linear"):
         model(name).columns([0.0, 0.0])
@@ -131,6 +134,19 @@ def test_directed_torques_meet_the_law_and_enclose_rest(name: str) -> None:
 
 
 # -- LuGre ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.4, -0.4])
+def test_the_logistic_law_brakes_either_way_and_is_odd_only_without_a_shift(shift: float) -> None:
+    friction = FrictionModel(LAWS["logistic"], np.array([[1.2, 10.0, shift]]))
+    speeds = np.concatenate([-np.geomspace(1e-9, 50, 60), [0.0], np.geomspace(1e-9, 50, 60)])[:, None]
+    tau = friction.torque(speeds)
+    assert np.all(tau * speeds >= 0.0)
+    assert np.all((tau * speeds > 0.0) == (speeds != 0.0))
+    odd = np.abs(tau + friction.torque(-speeds)).max()
+    assert odd == 0.0 if shift == 0.0 else odd > 0.1
+    assert tau.max() - tau.min() == pytest.approx(1.2, rel=1e-12)  # the span
+    assert friction.passivity_margin().tolist() == [0.0]
 
 
 def test_lugre_slides_onto_the_stribeck_curve() -> None:
