@@ -123,7 +123,8 @@ def check_inverse_kinematics(
 
     Every row must meet its target; the configuration that made a target must be among the rows; so must every solution
     that the search finds from ``STARTS`` random starts for each of samples / 20 targets; a target out of reach has
-    none. A robot without a solver is named among what was not asked, with the reason.
+    none. Rows that are missing count only where the solver claims to be complete. A robot without a solver is named
+    among what was not asked, with the reason.
     """
     try:
         solver = model.ik
@@ -154,6 +155,13 @@ class _Checks:
     def _add(self, *entry: Any) -> None:
         self.rows.rows.append(_row(*entry))
 
+    def _share(self, what: str, *entry: Any) -> None:
+        """How many rows are missing: not asked of a solver that says itself that there may be more."""
+        if self.solver.plan.incomplete:
+            self.rows.skipped.append((f"{FUNCTION}: {what}", self.solver.plan.incomplete))
+        else:
+            self._add(what, *entry)
+
     def _solved(self, goals: Array, q: Array) -> list[Array]:
         """The rows of every goal; a redundant arm is asked at the redundancy parameter of ``q``."""
         locked = self.solver.plan.locked is not None
@@ -182,7 +190,7 @@ class _Checks:
         sharp = self.arm.sharpness(goals, q) > SHARP
         missed = self._missed(q, found) & sharp
         note = f"seed lost at q = {np.round(q[np.argmax(missed)], 6).tolist()}" if missed.any() else ""
-        self._add(
+        self._share(
             "share of seeds not found", OWN_CHAIN, int(sharp.sum()), missed.sum() / max(sharp.sum(), 1), 0.0, note
         )
         twice = sum(
@@ -200,7 +208,7 @@ class _Checks:
         self._add("FK(row) = target, singular", OWN_CHAIN, samples, self._worst(goals, found), EXACT)
         empty = np.array([len(each) == 0 for each in found])
         note = f"no row at q = {np.round(q[np.argmax(empty)], 6).tolist()}" if empty.any() else ""
-        self._add("share of singular targets without a row", OWN_CHAIN, samples, empty.mean(), 0.0, note)
+        self._share("share of singular targets without a row", OWN_CHAIN, samples, empty.mean(), 0.0, note)
 
     def against_search(self, targets: int, tell: Tell | None) -> None:
         """Every solution that the search finds is a row; the note says how many of the rows the search found."""
@@ -225,7 +233,7 @@ class _Checks:
         counted = f"; the search found {found_too} of {rows} rows" if rows else ""
         note = f"{solutions} solutions of {targets} targets by {STARTS} starts each{counted}{where}"
         share = missed / solutions if solutions else float("nan")
-        self._add("share of other solutions not among the rows", SEARCH, targets, share, 0.0, note)
+        self._share("share of other solutions not among the rows", SEARCH, targets, share, 0.0, note)
 
     def _distinct(self, q: Array) -> Array:
         kept: list[Array] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,10 @@ from oracles.newton_euler import Robot
 from rrrgen.ik.classify import plan
 from rrrgen.ik.solutions.elimination import eliminations
 from rrrgen.ik.sources import emit, manifest
-from rrrgen.runtime.inverse_kinematics import STATUS, load_solver
+from rrrgen.runtime.inverse_kinematics import MULTIPLE, STATUS, load_solver
+from rrrgen.verify.comparison import Collector
+from rrrgen.verify.inverse_kinematics import check_inverse_kinematics
+from rrrgen.verify.references.chain import chain_of
 
 POSES = 200  # in the suite; `python -m bench.calibrated` takes ten thousand each
 
@@ -146,6 +150,28 @@ def test_rows_that_may_not_be_all_come_with_a_status_that_says_so(name):
         "incomplete",
         "the arm has no complete solver: there may be more configurations",
     )
+
+
+@pytest.mark.parametrize("name", ["panda", "stanford"])
+def test_a_row_that_two_solvers_find_is_no_multiple_root(name):
+    result = sample("arm", calibrated(ROWS[name], 1e-3), N=100)
+    flags = result.batch.flags[np.arange(16) < result.batch.counts[:, None]]
+    assert np.mean(flags & MULTIPLE) < 0.02
+
+
+def test_the_verifier_does_not_ask_for_rows_that_are_not_claimed():
+    spec = make("arm", PARTIAL["two joints slide"][0])
+    rows = Collector()
+    check_inverse_kinematics(
+        SimpleNamespace(ik=partial("two joints slide")), chain_of(spec), 400, np.random.default_rng(1), rows
+    )
+    assert [name for name, _ in rows.skipped] == [
+        "inverse_kinematics: share of seeds not found",
+        "inverse_kinematics: share of singular targets without a row",
+        "inverse_kinematics: share of other solutions not among the rows",
+    ]
+    assert len(rows.rows) >= 3
+    assert all(row.ok for row in rows.rows)
 
 
 def test_no_row_is_no_proof_that_there_is_none():
