@@ -77,9 +77,8 @@ def _best(chain: Chain, special: Chain, redundancy: int | None) -> tuple[int, So
     else:
         return UNSOLVED, _none(chain, _dependent(chain, pose_rank, redundancy))
     for cost, option in sorted(options, key=lambda entry: entry[0]):
-        candidate = replace(option, chain=chain)
-        complete = families.counted(candidate) if families.works(candidate, TRIALS) else None
-        if complete is not None:
+        complete = families.equipped(replace(option, chain=chain))
+        if complete is not None and families.works(complete, TRIALS):
             return cost, complete
     return UNSOLVED, _none(chain, families.reason(special, pose_rank, redundancy))
 

@@ -8,6 +8,8 @@ from rrrgen.ik.geometry.loop import Loop, close, commuted, lock, straightened
 from rrrgen.ik.geometry.rigid import Crossing, Vector, minus, rigid, rotate, transposed
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.recording.builder import Builder, Turn
+from rrrgen.ik.recording.recorder import Recorder
+from rrrgen.ik.recording.solver import Solver
 from rrrgen.ik.solutions.elbow7 import derive_elbow7
 from rrrgen.ik.solutions.parallel import derive_parallel
 from rrrgen.ik.solutions.position import Arm, solve_position
@@ -16,6 +18,16 @@ from rrrgen.ik.solutions.spherical import derive_spherical
 
 ARM_ANGLE = 100
 """``SolverPlan.locked`` of an arm that is prescribed by its arm angle instead of a joint."""
+
+
+def record(plan: SolverPlan) -> Solver:
+    """The equations of ``plan``, recorded once for every interpreter.
+
+    InternalError or ZeroDivisionError where they degenerate on its chain.
+    """
+    recorder = Recorder()
+    derive(recorder, plan)
+    return recorder.solver(plan.chain.n)
 
 
 def derive(b: Builder, plan: SolverPlan, chain: Chain | None = None) -> None:

@@ -7,12 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 from rrrgen.errors import DerivationError, InternalError
-from rrrgen.ik.derive import ARM_ANGLE, derive, solving_loop
+from rrrgen.ik.derive import ARM_ANGLE, record, solving_loop
 from rrrgen.ik.geometry.chain import Chain
 from rrrgen.ik.geometry.loop import Loop, commuted, straightened
 from rrrgen.ik.geometry.rigid import Crossing, rigid
 from rrrgen.ik.plan import Singularity, SolverPlan
-from rrrgen.ik.recording.c_builder import CBuilder
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.singularities import described
 from rrrgen.ik.solutions.elbow7 import is_elbow7
@@ -155,7 +154,7 @@ def structure(chain: Chain, locked: int | None) -> Loop:
 
 
 def works(plan: SolverPlan, trials: int) -> bool:
-    """Whether the equations of ``plan`` give back the configurations of a few random poses."""
+    """Whether the recorded equations of ``plan`` give back the configurations of a few random poses."""
     import numpy as np
 
     chain, rng = plan.solving, np.random.default_rng(11)
@@ -172,15 +171,12 @@ def works(plan: SolverPlan, trials: int) -> bool:
         T = chain.forward(q)
         given = parameter(plan, q)
         elsewhere = rng.uniform(-1.4, 1.4, size)  # a joint whose angle is taken from the reference would be found too
-        try:
-            rows = every_branch(
-                lambda b: derive(b, plan),
-                lambda script, T=T, away=elsewhere, given=given: FloatBuilder(  # type: ignore[misc]
-                    T, away, script, redundancy=given
-                ),
-            )
-        except InternalError:
-            return False
+        rows = every_branch(
+            plan.equations.play,
+            lambda script, T=T, away=elsewhere, given=given: FloatBuilder(  # type: ignore[misc]
+                T, away, script, redundancy=given
+            ),
+        )
         if not any(_same(chain, row, q) for row in rows):
             return False
     return True
@@ -215,19 +211,17 @@ def _same(chain: Chain, row: list[float], q: Any) -> bool:
     )
 
 
-def counted(plan: SolverPlan) -> SolverPlan | None:
-    """``plan`` with its number of rows and its singularities; nothing where the equations degenerate on this chain."""
+def equipped(plan: SolverPlan) -> SolverPlan | None:
+    """``plan`` with its equations, number of rows and singularities; nothing where they degenerate on its chain."""
     if plan.general:
         words = "det J(q) = 0" + (", J without the prescribed joint" if plan.locked is not None else "")
         words += ": two or more of the up to sixteen rows meet"
         return replace(plan, max_solutions=MAX_SOLUTIONS, singularities=(Singularity(words),))
-    builder = CBuilder("x", plan.chain.joints, plan.chain.reach, position_only=plan.task == "position")
     try:
-        derive(builder, plan)
+        solver = record(plan)
     except (InternalError, ZeroDivisionError):
         return None
-    body = builder.body()
-    return described(replace(plan, max_solutions=body.rows), body.stages)
+    return described(replace(plan, solver=solver, max_solutions=solver.max_solutions), solver.stages)
 
 
 def reason(chain: Chain, rank: int, redundancy: int | None = None) -> str:

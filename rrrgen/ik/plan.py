@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from rrrgen.errors import InternalError
+
 if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.ik.geometry.chain import Chain
+    from rrrgen.ik.recording.solver import Solver
 
 Task = Literal["position", "pose"]
 Family = Literal[
@@ -44,7 +47,8 @@ class SolverPlan:
     and direction in which a prismatic joint was moved past a parallel axis before, ``locked`` the prescribed joint.
     ``companion`` solves a special arm that is nearly this one: its rows, refined on the true chain, are added because
     the general equations lose digits there. ``snapped`` says that ``solving`` is a special arm near ``chain``, and
-    ``incomplete`` why configurations may be missing where that is all there is (empty: none are).
+    ``incomplete`` why configurations may be missing where that is all there is (empty: none are). ``solver`` is the
+    recorded closed form.
     """
 
     family: Family
@@ -63,6 +67,14 @@ class SolverPlan:
     incomplete: str = ""
     singularities: tuple[Singularity, ...] = field(default=())
     reason: str = ""
+    solver: Solver | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def equations(self) -> Solver:
+        """The recorded closed form; InternalError where an elimination solves the chain, or nothing does."""
+        if self.solver is None:
+            raise InternalError(f"no closed form was recorded for {self.title}")
+        return self.solver
 
     @property
     def general(self) -> bool:

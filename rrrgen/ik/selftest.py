@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.ik.classify import plan as make_plan
-from rrrgen.ik.derive import derive
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
@@ -81,9 +80,7 @@ def _evaluates(plan: SolverPlan) -> bool:
 def _rows(plan: SolverPlan, q: list[float]) -> list[list[float]]:
     """The distinct rows of all branches that meet the pose of ``q``."""
     T, given = plan.chain.forward(q), parameter(plan, q)
-    every = every_branch(
-        lambda b: derive(b, plan), lambda script: FloatBuilder(T, [0.3] * len(q), script, redundancy=given)
-    )
+    every = every_branch(plan.equations.play, lambda script: FloatBuilder(T, [0.3] * len(q), script, redundancy=given))
     found: list[list[float]] = []
     for values in every:
         row = [wrapped(x) if joint.revolute else x for x, joint in zip(values, plan.chain.joints, strict=False)]

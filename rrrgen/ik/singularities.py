@@ -18,7 +18,7 @@ from rrrgen.ik.plan import Singularity, SolverPlan
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rrrgen.ik.recording.c_statements import Stage
+    from rrrgen.ik.recording.steps import Stage
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 TERMS = 8

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan as make_plan
-from rrrgen.ik.derive import ARM_ANGLE, derive
+from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.recording.c_builder import CBuilder
-from rrrgen.ik.recording.c_statements import CBody, Stage
-from rrrgen.ik.solutions.general6r import branches, tables_of
+from rrrgen.ik.recording.c_statements import CBody
+from rrrgen.ik.recording.steps import Stage
+from rrrgen.ik.solutions.general6r import ASPECT, branches, root_stage, tables_of
 from rrrgen.ik.solutions.general6r import render as render_general6r
 from rrrgen.ik.tolerances import runtime
 from rrrgen.resources import render
@@ -73,13 +74,12 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: str = "double") -> Emitted:
     """Files and branch labels of ``plan``; :class:`DerivationError` with the reason where there is no solver."""
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
-    bodies = [_body(spec, part, banded=plan.snapped or plan.companion is not None) for part in _parts(plan)]
-    values = _values(spec, plan, bodies, real)
+    values = _values(spec, plan, real)
     prefix = f"{spec.name}_ik"
     header = render("c/ik/header.h.j2", **values)
     source = _spelled(render("c/ik/source.c.j2", **values), spec.name, real)
     files = {f"{prefix}.h": header, f"{prefix}.c": source}
-    return Emitted(plan, files, values["rows"], bodies[0].labels, values["reasons"])
+    return Emitted(plan, files, values["rows"], labels(plan), values["reasons"])
 
 
 def _parts(plan: SolverPlan) -> list[SolverPlan]:
@@ -98,27 +98,43 @@ def _body(spec: RobotSpec, plan: SolverPlan, *, banded: bool) -> CBody:
         trusted=not plan.snapped,
         banded=banded,
     )
-    derive(builder, plan)
+    plan.equations.play(builder)
     return builder.body()
 
 
-def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -> dict[str, Any]:
+def stages(plan: SolverPlan) -> tuple[Stage, ...]:
+    """The choices of a root of ``plan``, which ``stage`` of an answer counts from 1."""
+    return (root_stage(plan.solving, plan.locked),) if plan.general else plan.equations.stages
+
+
+def labels(plan: SolverPlan) -> tuple[tuple[str, int, int], ...]:
+    """The parts of a branch number: name, lowest bit, bits."""
+    return (ASPECT,) if plan.general else plan.equations.leaf.labels
+
+
+def _opens(plan: SolverPlan) -> tuple[tuple[int, int], ...]:
+    return () if plan.general else plan.equations.opens
+
+
+def _values(spec: RobotSpec, plan: SolverPlan, real: str) -> dict[str, Any]:
     chain, name = plan.chain, spec.name
     prefix, macro = f"{name}_ik", name.upper()
     position = plan.task == "position"
-    reasons = _reasons(plan, bodies[0].stages)
+    banded = plan.snapped or plan.companion is not None
+    parts = _parts(plan)
+    bodies = [_body(spec, part, banded=banded) for part in parts]
+    reasons = _reasons(plan)
     needs = frozenset().union(*(body.needs for body in bodies))
     comments = ("The candidates of every branch.", "The candidates of a simpler arm that is nearly this one.")
     functions = [
-        {"name": name, "comment": comment, "body": body.text, "opens": body.opens}
-        for name, comment, body in zip(("branches", "nearby"), comments, bodies, strict=False)
+        {"name": name, "comment": comment, "body": body.text, "opens": _opens(part)}
+        for name, comment, body, part in zip(("branches", "nearby"), comments, bodies, parts, strict=False)
     ]
     mask = sum(1 << k for k, joint in enumerate(chain.joints) if not joint.revolute)
     limits = [(joint.lower, joint.upper) for joint in chain.joints]
     limited = [lower is not None or upper is not None for lower, upper in limits]
     offsets = [float(joint.offset) for joint in chain.joints]
     model = hashlib.sha256(repr(chain).encode()).hexdigest()
-    banded = plan.snapped or plan.companion is not None
     single = len(bodies) == 1 and not banded
     return {
         # names
@@ -135,10 +151,10 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
         "lower": ", ".join(_limit(low, -1) for low, _ in limits),
         "upper": ", ".join(_limit(high, 1) for _, high in limits),
         # the equations
-        "functions": functions, "opened": any(body.opens for body in bodies),
-        "open_bits": sum({256 << joint for body in bodies for joint, _ in body.opens}),
+        "functions": functions, "opened": any(map(_opens, parts)),
+        "open_bits": sum({256 << joint for part in parts for joint, _ in _opens(part)}),
         "needs": needs, "fragment": _fragment(plan, prefix, real), "banded": banded,
-        "rows": max(body.rows for body in bodies), "single": single,
+        "rows": max(part.max_solutions for part in parts), "single": single,
         "sound": single and not needs & {"near", "unknown"},
         "aspects": plan.general,
         # numbers
@@ -147,7 +163,7 @@ def _values(spec: RobotSpec, plan: SolverPlan, bodies: list[CBody], real: str) -
         "steps": 200 if banded else 12, "starts": 6, "spread": "2.0",
         # words
         "reasons": reasons, "far_stage": len(reasons) - 1 - bool(plan.incomplete), "outside_stage": len(reasons) - 1,
-        "incomplete": bool(plan.incomplete), "branch_text": _branch_text(bodies[0].labels),
+        "incomplete": bool(plan.incomplete), "branch_text": _branch_text(labels(plan)),
         "explanation": _explanation(plan), "opening": _opening(spec, plan, real), "version": VERSION,
         "hash": model,
     }  # fmt: skip
@@ -178,14 +194,14 @@ def _tables(plan: SolverPlan) -> list[str]:
     return [", ".join(_number(float(x) + 0.0) for row in matrix for x in row) for matrix in matrices]
 
 
-def _reasons(plan: SolverPlan, stages: tuple[Stage, ...]) -> tuple[str, ...]:
+def _reasons(plan: SolverPlan) -> tuple[str, ...]:
     """One text per stage; then one for rows that fail the check and one for targets out of range.
 
     Where the solver is incomplete, no text claims that there is no configuration; the last one is for the limits.
     """
     near = bool(plan.incomplete)
     texts = ["no reason"]
-    for stage in stages:
+    for stage in stages(plan):
         names = {j.index: j.name for j in plan.solving.joints}
         joint = names.get(stage.joint) or f"joint {stage.joint + 1}"
         so = " on the special arm that is nearly this one" if near else ": the target is out of reach"

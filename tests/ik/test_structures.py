@@ -7,7 +7,6 @@ from ik.chains import every_structure, planar, position, scara, spherical
 from ik.checks import sample
 from ik.robots import make, reference
 from rrrgen.ik.classify import plan
-from rrrgen.ik.derive import derive
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 
 STRUCTURES = every_structure()
@@ -29,7 +28,7 @@ def test_equations_give_back_the_configuration(name, family, rows):
     for _ in range(2):
         q = np.where(turning, rng.uniform(-2.5, 2.5, len(rows)), rng.uniform(-0.6, 0.6, len(rows)))
         T = reference(rows, q)[0]
-        answers = every_branch(lambda b: derive(b, found), lambda script, T=T, q=q: FloatBuilder(T, q, script))
+        answers = every_branch(found.equations.play, lambda script, T=T, q=q: FloatBuilder(T, q, script))
         apart = [
             max(abs(wrapped(x - y)) if turn else abs(x - y) for x, y, turn in zip(row, q, turning, strict=True))
             for row in answers

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import Derivation, DerivedModel
     from rrrgen.ik.report import ClosedForm as InverseForm
     from rrrgen.program import Program
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 INVERSE = "inverse_kinematics"
 
@@ -62,6 +63,7 @@ def show(
       rrrgen show ur10e -f inverse_kinematics
       rrrgen show rrr -f gravity --program
       rrrgen show rrr -f gravity --program --recorded
+      rrrgen show ur10e -f inverse_kinematics --program
       rrrgen show ur10e --html ur10e.html
     """
     from rrrgen import pipeline
@@ -119,13 +121,28 @@ def _show_programs(robot: str, functions: tuple[str, ...], recorded: bool, as_js
         programs = derive_model(spec).alternatives
     else:
         programs = {name: (program,) for name, program in pipeline.derive(spec).programs.items()}
-    if missing := [name for name in functions if name not in programs]:
-        raise click.BadParameter(f"no program '{missing[0]}'; there are {', '.join(programs)}", param_hint="--function")
-    texts = {name: [program.dump() for program in programs[name]] for name in functions or programs}
+    if missing := [name for name in functions if name not in programs and name != INVERSE]:
+        there = ", ".join((*programs, INVERSE))
+        raise click.BadParameter(f"no program '{missing[0]}'; there are {there}", param_hint="--function")
+    texts = {
+        name: [_solver(spec)] if name == INVERSE else [program.dump() for program in programs[name]]
+        for name in functions or programs
+    }
     if as_json:
         print_json({"programs": texts})
     else:
         click.echo("\n".join(text for each in texts.values() for text in each), nl=False)
+
+
+def _solver(spec: RobotSpec) -> str:
+    """The recorded closed form of the inverse kinematics, from the target to the joints."""
+    from rrrgen.errors import DerivationError
+    from rrrgen.ik.classify import plan
+
+    found = plan(spec)
+    if found.solver is None:
+        raise DerivationError(f"{spec.name}: {found.reason or found.title}; there is no closed form to show")
+    return found.solver.dump()
 
 
 def _inverse_kinematics(model: DerivedModel, asked: bool, short: bool) -> InverseForm | str:

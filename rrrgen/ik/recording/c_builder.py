@@ -42,14 +42,8 @@ class CBuilder(Scaffold):
         self._needs.add("linear")
         a, b, k = (self.pool.var(f"{letter}{tag}", level) for letter in "abk")
         self._flags.append(f"f{tag}")
-        w = self._loop(joint, tag, level, label, f"v{tag}")
-        self._decides(joint)
+        w = self._loop(tag, level, label, f"v{tag}")
         return self._angle(joint, self._turned(tag, a * k - b * w, b * k + a * w), level)
-
-    def _decides(self, joint: Joint) -> None:
-        """The last choice of a root is that of ``joint``: it falls away where the joint is free."""
-        if joint.index in self._opens:
-            self._opens[joint.index] = len(self._branch) - 1
 
     def _fixed_pair(
         self, joint: Joint, a: float, b: float, k: Scalar, label: Label, tag: str, radicand: S | None
@@ -75,15 +69,15 @@ class CBuilder(Scaffold):
         )
         self._needs.add("cosine")
         self._flags.append(f"f{tag}")
-        w = self._loop(joint, tag, level, label, f"v{tag}")
+        w = self._loop(tag, level, label, f"v{tag}")
         return self._angle(joint, self._turned(tag, ca * cosine - sa * w, sa * cosine + ca * w), level)
 
-    def _loop(self, joint: Joint, tag: str, level: int, label: Label, name: str) -> Scalar:
+    def _loop(self, tag: str, level: int, label: Label, name: str) -> Scalar:
         """Open the loop over the signs of ``w``; returns the signed w under ``name``."""
-        inner = self._open(joint, tag, f"n{tag}", 2, label, level)
+        inner = self._open(tag, f"n{tag}", 2, level)
         first, second = ("", "-") if label.positive > 0 else ("-", "")
         self._add(inner, (f"const REAL {name} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",), ())
-        self._branch.append((label.name, f"(unsigned)i{tag}", 1))
+        self._branch.append((f"(unsigned)i{tag}", 1))
         return self.pool.var(name, inner)
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
@@ -102,7 +96,7 @@ class CBuilder(Scaffold):
         )
         self._needs.add("root")
         self._flags.append(f"f{tag}")
-        return self._loop(joint, tag, level, label, hint)
+        return self._loop(tag, level, label, hint)
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
         """See :class:`rrrgen.ik.recording.builder.Builder`."""
@@ -120,13 +114,13 @@ class CBuilder(Scaffold):
             nodes,
         )
         self._needs.update(("quartic", "near"))
-        inner = self._open(joint, tag, f"n{tag}", 4, label, level)
+        inner = self._open(tag, f"n{tag}", 4, level)
         self._add(
             inner,
             (f"const REAL c{tag} = c{tag}_[i{tag}], s{tag} = s{tag}_[i{tag}], x{tag} = x{tag}_[i{tag}];",),
             (),
         )
-        self._branch.append((label.name, f"g{tag}[i{tag}]", 2))
+        self._branch.append((f"g{tag}[i{tag}]", 2))
         self._values[joint.index] = self._user(joint, self.pool.var(f"x{tag}", inner))
         return Turn(self.pool.var(f"c{tag}", inner), self.pool.var(f"s{tag}", inner))
 
@@ -153,9 +147,9 @@ class CBuilder(Scaffold):
         )
         self._needs.update((kind, "near"))
         self._flags.append(f"f{tag}")
-        inner = self._open(joint, tag, f"n{tag}", most, label, level)
+        inner = self._open(tag, f"n{tag}", most, level)
         self._add(inner, (f"const REAL x{tag} = x{tag}_[i{tag}];",), ())
-        self._branch.append((label.name, f"g{tag}[i{tag}]", 1 if most == 2 else 2))
+        self._branch.append((f"g{tag}[i{tag}]", 1 if most == 2 else 2))
         x = self.pool.var(f"x{tag}", inner)
         self._values[joint.index] = self._user(joint, x)
         return x
@@ -295,10 +289,9 @@ class CBuilder(Scaffold):
         x4, x5, x6 = turns
         reversed5 = Turn(x5.c, -x5.s)
         other = self._written(level, self._loops[:level], users_turn(middle, reversed5)) if middle.offset else None
-        inner = self._open(middle, f"{first}f", f"n{first}f", 2, Label("wrist"), level, sure=True)
+        inner = self._open(f"{first}f", f"n{first}f", 2, level, sure=True)
         choice = f"i{first}f"
-        self._branch.append(("wrist", f"(unsigned){choice}", 1))
-        self._decides(joints[0])
+        self._branch.append((f"(unsigned){choice}", 1))
         for joint in joints:
             slot = self._arcs.joints.get(joint.index)
             if slot is None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import prod
 
 from rrrgen.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, square, total
-from rrrgen.ik.recording.builder import Label, Turn
+from rrrgen.ik.recording.builder import Turn
 from rrrgen.ik.recording.c_arcs import RESERVED, Arcs, Slot, kept_count, users_turn
-from rrrgen.ik.recording.c_statements import CBody, Loop, Stage, Statement, position, printed
+from rrrgen.ik.recording.c_statements import CBody, Loop, Statement, position, printed
 from rrrgen.ik.recording.scalar import Pool, Scalar
 
 VIRTUAL_END = 100
@@ -39,12 +38,10 @@ class Scaffold:
         self._position_only = position_only
         self._items: list[Statement] = []
         self._loops: list[Loop] = []
-        self._stages: list[Stage] = []
         self._values: dict[int, Scalar] = {}
         self._arcs = Arcs()
         self._flags: list[str] = []
-        self._branch: list[tuple[str, str, int]] = []  # label, expression, bits
-        self._opens: dict[int, int | None] = {}  # joint that can be free -> the choice that it decides
+        self._branch: list[tuple[str, int]] = []  # expression, bits
         self._residual: list[Scalar] = []
         self._taken: set[str] = set(RESERVED)
         self._needs: set[str] = set()
@@ -157,12 +154,8 @@ class Scaffold:
         flags = " | ".join(self._flags) or "0u"
         leaf.append(f"found->flags[rows] = {flags};")
         branch, bit = [], 0
-        labels = []
-        masks: list[int] = []
-        for name, text, bits in self._branch:
+        for text, bits in self._branch:
             branch.append(f"({text} << {bit})" if bit else text)
-            labels.append((name, bit, bits))
-            masks.append(((1 << bits) - 1) << bit)
             bit += bits
         leaf.append(f"found->branch[rows] = {' | '.join(branch) or '0u'};")
         leaf.append(f"found->residual[rows] = {{{len(operands)}}};")
@@ -170,24 +163,15 @@ class Scaffold:
         leaf.append("++rows;")
         self._add(deepest, tuple(leaf), tuple(operands))
         loops = printed(self._items, self._loops, self._taken)
-        return CBody(
-            "\n".join([*(f"    {line}" for line in before), loops, *(f"    {line}" for line in behind)]),
-            prod(loop.most for loop in self._loops),
-            tuple(self._stages),
-            frozenset(self._needs),
-            tuple(labels),
-            tuple((j, 0 if k is None else masks[k]) for j, k in sorted(self._opens.items())),
-        )
+        text = "\n".join([*(f"    {line}" for line in before), loops, *(f"    {line}" for line in behind)])
+        return CBody(text, frozenset(self._needs))
 
     # -- small change -------------------------------------------------------------------------------------------------
 
-    def _open(
-        self, joint: Joint, tag: str, count: str, most: int, label: Label, level: int, *, sure: bool = False
-    ) -> int:
+    def _open(self, tag: str, count: str, most: int, level: int, *, sure: bool = False) -> int:
         """Open a loop over the roots of a choice; unless there is ``sure`` to be one, none fails this stage."""
-        self._stages.append(Stage(joint.index, label.name))
         if not sure:
-            k = len(self._stages)
+            k = len(self._loops) + 1
             failed = "return 0; " if level == 0 else ""
             self._add(level, (f"if ({count} == 0) {{ *stage = *stage < {k} ? {k} : *stage; {failed}}}",), ())
         loop = Loop(f"i{tag}", count, most, level)
@@ -200,7 +184,6 @@ class Scaffold:
         """The inner flag of a joint that may be free; 0 for a virtual one, which stands at zero then."""
         if joint.index not in self._joints:
             return "0u"
-        self._opens.setdefault(joint.index, None)
         return f"{256 << joint.index}u"
 
     def _free_bits(self, joint: Joint) -> str:

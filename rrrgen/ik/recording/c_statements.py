@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import prod
 from typing import ClassVar
 
 from rrrgen.ik.recording.scalar import Scalar
-
-
-@dataclass(frozen=True)
-class Stage:
-    """One choice of a root: what an empty answer of it means."""
-
-    joint: int
-    label: str
 
 
 @dataclass(frozen=True)
@@ -48,18 +40,12 @@ class Statement:
     """The one variable of a plain definition, which can be left out where nothing uses it."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class CBody:
-    """The finished body of the branch function."""
+    """The finished body of the branch function, and the functions of the templates that it needs."""
 
     text: str
-    rows: int
-    stages: tuple[Stage, ...]
     needs: frozenset[str]
-    labels: tuple[tuple[str, int, int], ...] = field(default=())
-    """Name, lowest bit and number of bits of each part of a branch label."""
-    opens: tuple[tuple[int, int], ...] = ()
-    """Joints that can be free, with the bits of the branch label that mean nothing then."""
 
 
 def opening(loop: Loop, count: str = "") -> str:

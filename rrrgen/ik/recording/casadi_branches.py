@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan as make_plan
-from rrrgen.ik.derive import derive
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
@@ -195,5 +194,5 @@ def _target(plan: SolverPlan) -> Any:
 
 def _interpreted(plan: SolverPlan, target: Any, branch: Any, parameter: Any) -> CasadiBuilder:
     builder = CasadiBuilder(target, branch, parameter, position=plan.task == "position")
-    derive(builder, plan)
+    plan.equations.play(builder)
     return builder

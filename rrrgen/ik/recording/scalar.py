@@ -138,7 +138,7 @@ class Pool:
         if x.op == "neg":
             return x.args[0]
         if x.op == "sub":
-            return self._node("sub", (x.args[1], x.args[0]))
+            return self.sub(x.args[1], x.args[0])
         return self._node("neg", (x,))
 
     def call(self, function: str, x: Scalar) -> Scalar:

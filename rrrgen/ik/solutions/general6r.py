@@ -25,7 +25,8 @@ import numpy as np
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik.geometry.chain import Chain, Joint, Link, Matrix
-from rrrgen.ik.recording.c_statements import CBody, Stage
+from rrrgen.ik.recording.c_statements import CBody
+from rrrgen.ik.recording.steps import Stage
 from rrrgen.ik.solutions.elimination import NOISE, Elimination, eliminations, shallowness
 from rrrgen.ik.solutions.trig_roots import literals, spelled, trig_roots
 from rrrgen.resources import render as render_template
@@ -141,8 +142,13 @@ def branches(chain: Chain, prefix: str, locked: int | None = None) -> CBody:
         locked=locked,
         given=None if locked is None else _given(chain, locked),
     )
-    kept = joints[tables.eliminations[0].kept_joint].index
-    return CBody(text, MAX_SOLUTIONS, (Stage(kept, "degree-16"),), frozenset({"near"}), (ASPECT,))
+    return CBody(text, frozenset({"near"}))
+
+
+def root_stage(chain: Chain, locked: int | None = None) -> Stage:
+    """The one choice of a root: that of the joint which the elimination keeps."""
+    kept = tables_of(chain, locked).eliminations[0].kept_joint
+    return Stage(_free(chain, locked)[0][kept].index, "degree-16", MAX_SOLUTIONS)
 
 
 def _given(chain: Chain, locked: int) -> dict[str, object]:

@@ -1,0 +1,187 @@
+"""The interpreter that records: a derivation becomes a :class:`rrrgen.ik.recording.solver.Solver`, once."""
+
+from __future__ import annotations
+
+from rrrgen.errors import InternalError
+from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.geometry.rigid import Rigid, S, Vector
+from rrrgen.ik.recording import steps
+from rrrgen.ik.recording.builder import Feasible, Label, Turn
+from rrrgen.ik.recording.scalar import Pool, Scalar
+from rrrgen.ik.recording.solver import Solver
+
+
+class Recorder:
+    """Writes down what a derivation asks for; see :class:`rrrgen.ik.recording.builder.Builder`."""
+
+    def __init__(self) -> None:
+        self.pool = Pool()
+        self._steps: list[steps.Step] = []
+        self._taken: set[str] = set()
+        self._solved: set[int] = set()
+        self._level = 0
+        self._target: tuple[Scalar, ...] = ()
+
+    def solver(self, n: int) -> Solver:
+        """What was recorded, for an arm with ``n`` joints; InternalError where a joint got no value."""
+        missing = [j + 1 for j in range(n) if j not in self._solved]
+        if missing:
+            raise InternalError(f"no value for joints {missing}")
+        return Solver(n, tuple(self._steps))
+
+    # -- inputs -------------------------------------------------------------------------------------------------------
+
+    def pose(self) -> Rigid:
+        """The target."""
+        if not self._target:
+            entries = [*(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)), "px", "py", "pz"]
+            self._target = self._variables(entries, 0)
+            self._steps.append(steps.Target(self._target))
+        r11, r12, r13, r21, r22, r23, r31, r32, r33, x, y, z = self._target
+        return Rigid(((r11, r12, r13), (r21, r22, r23), (r31, r32, r33)), (x, y, z))
+
+    def point(self) -> Vector:
+        """The target position."""
+        results = self._variables(["px", "py", "pz"], 0)
+        self._steps.append(steps.Target(results))
+        return (results[0], results[1], results[2])
+
+    # -- values -------------------------------------------------------------------------------------------------------
+
+    def name(self, hint: str, x: S) -> Scalar:
+        """``x`` under a name, unless it has one."""
+        node = self.pool.of(x)
+        if node.op in ("const", "var") or (node.op == "neg" and node.args[0].op == "var"):
+            return node
+        results = self._variables([hint], node.level)
+        self._steps.append(steps.Named(results, hint, node))
+        return results[0]
+
+    def names(self, hint: str, v: Vector) -> Vector:
+        """Three named coordinates."""
+        return (self.name(f"{hint}x", v[0]), self.name(f"{hint}y", v[1]), self.name(f"{hint}z", v[2]))
+
+    def sqrt(self, x: S) -> Scalar:
+        """The square root; round-off below zero counts as zero."""
+        return self.pool.call("root0", self.pool.of(x))
+
+    # -- choices ------------------------------------------------------------------------------------------------------
+
+    def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        a, b, c = self._nodes(A, B, C)
+        if a.is_const and b.is_const and a.value == b.value == 0.0:
+            raise InternalError(f"the equation of joint {joint.index + 1} does not contain it")
+        better = None if radicand is None else self.pool.of(radicand)
+        results = self._turn(joint, self._opened())
+        self._steps.append(steps.Pair(results, joint, (a, b, c), label, unit, better))
+        return Turn(*results)
+
+    def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        node, big = self._nodes(radicand, size)
+        results = self._variables([hint], self._opened())
+        self._steps.append(steps.SignedRoot(results, hint, node, big, joint, label, unit))
+        return results[0]
+
+    def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        k0, k1, k2, k3, k4 = self._nodes(*k)
+        results = self._turn(joint, self._opened())
+        self._steps.append(steps.Quartic(results, joint, (k0, k1, k2, k3, k4), label))
+        return Turn(*results)
+
+    def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
+        """See :class:`rrrgen.ik.recording.builder.Builder`; degree 1 is no choice."""
+        nodes = self._nodes(*k)
+        if len(nodes) == 2:
+            return self.slide(joint, -nodes[0] / nodes[1])
+        results = self._displacement(joint, self._opened())
+        self._steps.append(steps.Polynomial(results, joint, nodes, label, unit))
+        return results[0]
+
+    # -- single answers -----------------------------------------------------------------------------------------------
+
+    def turn(self, joint: Joint, s: S, c: S) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        nodes = self._nodes(s, c)
+        results = self._turn(joint, _deepest(nodes))
+        self._steps.append(steps.Direction(results, joint, *nodes))
+        return Turn(*results)
+
+    def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        vx, vy, vz, ux, uy, uz = self._nodes(*v, *u)
+        bounds = None
+        if feasible is not None:
+            mean, cosine, sine, lower, upper = self._nodes(*feasible)
+            bounds = (mean, cosine, sine, lower, upper)
+        results = self._turn(joint, _deepest((vx, vy, vz, ux, uy, uz, *(bounds or ()))))
+        self._steps.append(steps.Onto(results, joint, (vx, vy, vz), (ux, uy, uz), unit, bounds))
+        return Turn(*results)
+
+    def slide(self, joint: Joint, x: S) -> Scalar:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        node = self.pool.of(x)
+        results = self._displacement(joint, node.level)
+        self._steps.append(steps.Slide(results, joint, node))
+        return results[0]
+
+    def given(self, joint: Joint) -> Turn | Scalar:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        results = self._turn(joint, 0) if joint.revolute else self._displacement(joint, 0)
+        self._steps.append(steps.Given(results, joint))
+        return Turn(*results) if joint.revolute else results[0]
+
+    def wrist(
+        self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
+    ) -> tuple[Turn, Turn, Turn]:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        ax, ay, az, bx, by, bz = self._nodes(*(row[0] for row in M), *(row[2] for row in M))
+        level = self._opened()
+        turns = [self._turn(joint, level) for joint in joints]
+        results = tuple(value for turn in turns for value in turn)
+        self._steps.append(steps.Wrist(results, joints, ((ax, ay, az), (bx, by, bz)), signs))
+        return Turn(*turns[0]), Turn(*turns[1]), Turn(*turns[2])
+
+    def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
+        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        self._steps.append(steps.Residual((), self._nodes(*lengths), self._nodes(*cosines)))
+
+    # -- variables ----------------------------------------------------------------------------------------------------
+
+    def _nodes(self, *values: S) -> tuple[Scalar, ...]:
+        return tuple(self.pool.of(x) for x in values)
+
+    def _opened(self) -> int:
+        """The level below one more choice."""
+        self._level += 1
+        return self._level
+
+    def _turn(self, joint: Joint, level: int) -> tuple[Scalar, ...]:
+        self._solves(joint)
+        return self._variables([f"c{joint.index + 1}", f"s{joint.index + 1}"], level)
+
+    def _displacement(self, joint: Joint, level: int) -> tuple[Scalar, ...]:
+        self._solves(joint)
+        return self._variables([f"x{joint.index + 1}"], level)
+
+    def _solves(self, joint: Joint) -> None:
+        if joint.index in self._solved:
+            raise InternalError(f"joint {joint.index + 1} is solved twice")
+        self._solved.add(joint.index)
+
+    def _variables(self, hints: list[str], level: int) -> tuple[Scalar, ...]:
+        return tuple(self.pool.var(self._fresh(hint), level) for hint in hints)
+
+    def _fresh(self, hint: str) -> str:
+        text, serial = hint, 1
+        while text in self._taken:
+            serial += 1
+            text = f"{hint}_{serial}"
+        self._taken.add(text)
+        return text
+
+
+def _deepest(nodes: tuple[Scalar, ...]) -> int:
+    return max(node.level for node in nodes)

@@ -1,0 +1,362 @@
+"""The steps of a recorded derivation: one class for each thing that a derivation asks of its interpreter.
+
+A step holds scalars (``operands``) and makes scalars (``results``); :meth:`Step.play` asks another interpreter for the
+same. Steps with a :class:`Stage` choose between roots: what follows is evaluated once for each of them.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.geometry.rigid import S, Vector
+from rrrgen.ik.recording.builder import Builder, Feasible, Label, Turn
+from rrrgen.ik.recording.scalar import Scalar
+
+Read = Callable[[Scalar], S]
+"""The value of a recorded scalar in another interpreter."""
+
+Scalars = tuple[Scalar, ...]
+Triple = tuple[Scalar, Scalar, Scalar]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One choice of a root: of which joint, what it is called, how many there are at most, bits of the branch label."""
+
+    joint: int
+    label: str
+    most: int = 2
+    bits: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Step(ABC):
+    """One step; ``results`` are the variables that it defines."""
+
+    results: Scalars
+    kind: ClassVar[str]
+
+    @property
+    def operands(self) -> Scalars:
+        """The scalars that it needs."""
+        return ()
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints whose values it decides."""
+        return ()
+
+    @property
+    def stage(self) -> Stage | None:
+        """The choice of a root, if it is one."""
+        return None
+
+    @property
+    def may_be_free(self) -> Joint | None:
+        """The joint that the target may leave open at this step."""
+        return None
+
+    @abstractmethod
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """Ask ``b`` for the same; the values of ``results``."""
+
+
+@dataclass(frozen=True, eq=False)
+class Target(Step):
+    """The pose of the tip: its rotation by rows, then its position; the position alone where there are 3 results."""
+
+    kind: ClassVar[str] = "target"
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        if len(self.results) == 3:
+            return b.point()
+        pose = b.pose()
+        return (*pose.R[0], *pose.R[1], *pose.R[2], *pose.t)
+
+
+@dataclass(frozen=True, eq=False)
+class Named(Step):
+    """A value that is kept under a readable name."""
+
+    hint: str
+    value: Scalar
+    kind: ClassVar[str] = "name"
+
+    @property
+    def operands(self) -> Scalars:
+        """See :class:`Step`."""
+        return (self.value,)
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        return (b.name(self.hint, read(self.value)),)
+
+
+@dataclass(frozen=True, eq=False)
+class _Decision(Step):
+    """A step that decides one joint."""
+
+    joint: Joint
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """See :class:`Step`."""
+        return (self.joint,)
+
+
+@dataclass(frozen=True, eq=False)
+class Pair(_Decision):
+    """Both angles x with ``A cos(x) + B sin(x) = C``: cosine and sine."""
+
+    equation: Triple
+    label: Label
+    unit: float
+    radicand: Scalar | None
+    kind: ClassVar[str] = "pair"
+
+    @property
+    def operands(self) -> Scalars:
+        """See :class:`Step`."""
+        return self.equation if self.radicand is None else (*self.equation, self.radicand)
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the direction (A, B) is a constant of the robot."""
+        return self.equation[0].is_const and self.equation[1].is_const
+
+    @property
+    def stage(self) -> Stage:
+        """See :class:`Step`."""
+        return Stage(self.joint.index, self.label.name)
+
+    @property
+    def may_be_free(self) -> Joint | None:
+        """See :class:`Step`."""
+        return None if self.fixed else self.joint
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        A, B, C = map(read, self.equation)
+        radicand = None if self.radicand is None else read(self.radicand)
+        return tuple(b.pair(self.joint, A, B, C, label=self.label, unit=self.unit, radicand=radicand))
+
+
+@dataclass(frozen=True, eq=False)
+class SignedRoot(Step):
+    """Both square roots of a radicand, which is small against ``size`` where they merge."""
+
+    hint: str
+    radicand: Scalar
+    size: Scalar
+    joint: Joint
+    label: Label
+    unit: float
+    kind: ClassVar[str] = "signed root"
+
+    @property
+    def operands(self) -> Scalars:
+        """See :class:`Step`."""
+        return (self.radicand, self.size)
+
+    @property
+    def stage(self) -> Stage:
+        """See :class:`Step`."""
+        return Stage(self.joint.index, self.label.name)
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        radicand, size = read(self.radicand), read(self.size)
+        return (b.signed_root(self.hint, radicand, size=size, joint=self.joint, label=self.label, unit=self.unit),)
+
+
+@dataclass(frozen=True, eq=False)
+class Quartic(_Decision):
+    """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``: cosine and sine."""
+
+    k: tuple[Scalar, Scalar, Scalar, Scalar, Scalar]
+    label: Label
+    kind: ClassVar[str] = "quartic"
+
+    @property
+    def operands(self) -> Scalars:
+        """See :class:`Step`."""
+        return self.k
+
+    @property
+    def stage(self) -> Stage:
+        """See :class:`Step`."""
+        return Stage(self.joint.index, self.label.name, 4, 2)
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        k0, k1, k2, k3, k4 = map(read, self.k)
+        return tuple(b.quartic(self.joint, (k0, k1, k2, k3, k4), label=self.label))
+
+
+@dataclass(frozen=True, eq=False)
+class Polynomial(_Decision):
+    """Up to two or four displacements with ``k0 + k1 x + k2 x^2 + ... = 0`` (degree 2 or 4)."""
+
+    k: Scalars
+    label: Label
+    unit: float
+    kind: ClassVar[str] = "polynomial"
+
+    @property
+    def operands(self) -> Scalars:
+        """See :class:`Step`."""
+        return self.k
+
+    @property
+    def stage(self) -> Stage:
+        """See :class:`Step`."""
+        most = len(self.k) - 1
+        return Stage(self.joint.index, self.label.name, most, 1 if most == 2 else 2)
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        return (b.polynomial(self.joint, tuple(map(read, self.k)), label=self.label, unit=self.unit),)
+
+
+@dataclass(frozen=True, eq=False)
+class Direction(_Decision):
+    """The one angle ``atan2(s, c)``: its cosine and sine."""
+
+    s: Scalar
+    c: Scalar
+    kind: ClassVar[str] = "turn"
+
+    @property
+    def operands(self) -> Scalars:
+        """See :class:`Step`."""
+        return (self.s, self.c)
+
+    @property
+    def may_be_free(self) -> Joint:
+        """See :class:`Step`."""
+        return self.joint
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        return tuple(b.turn(self.joint, read(self.s), read(self.c)))
+
+
+@dataclass(frozen=True, eq=False)
+class Onto(_Decision):
+    """The one angle about z that turns ``v`` onto ``u``: its cosine and sine."""
+
+    v: Triple
+    u: Triple
+    unit: float
+    feasible: tuple[Scalar, Scalar, Scalar, Scalar, Scalar] | None
+    kind: ClassVar[str] = "onto"
+
+    @property
+    def operands(self) -> Scalars:
+        """See :class:`Step`."""
+        return (*self.v, *self.u, *(self.feasible or ()))
+
+    @property
+    def may_be_free(self) -> Joint:
+        """See :class:`Step`."""
+        return self.joint
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        bounds = None if self.feasible is None else Feasible(*map(read, self.feasible))
+        return tuple(b.onto(self.joint, _vector(self.v, read), _vector(self.u, read), unit=self.unit, feasible=bounds))
+
+
+@dataclass(frozen=True, eq=False)
+class Slide(_Decision):
+    """The displacement of a prismatic joint, or an angle that follows from others."""
+
+    value: Scalar
+    kind: ClassVar[str] = "slide"
+
+    @property
+    def operands(self) -> Scalars:
+        """See :class:`Step`."""
+        return (self.value,)
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        return (b.slide(self.joint, read(self.value)),)
+
+
+@dataclass(frozen=True, eq=False)
+class Given(_Decision):
+    """A joint that the caller prescribes: cosine and sine, or a displacement."""
+
+    kind: ClassVar[str] = "given"
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        value = b.given(self.joint)
+        return tuple(value) if isinstance(value, Turn) else (value,)
+
+
+@dataclass(frozen=True, eq=False)
+class Wrist(Step):
+    """Both solutions of a wrist with right angles between its axes: three cosines and sines."""
+
+    three: tuple[Joint, Joint, Joint]
+    columns: tuple[Triple, Triple]
+    """The first and the last column of its rotation."""
+    signs: tuple[int, int]
+    kind: ClassVar[str] = "wrist"
+
+    @property
+    def operands(self) -> Scalars:
+        """See :class:`Step`."""
+        return (*self.columns[0], *self.columns[1])
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """See :class:`Step`."""
+        return self.three
+
+    @property
+    def stage(self) -> Stage:
+        """See :class:`Step`."""
+        return Stage(self.three[1].index, "wrist")
+
+    @property
+    def may_be_free(self) -> Joint:
+        """See :class:`Step`."""
+        return self.three[0]
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        (ax, ay, az), (bx, by, bz) = (_vector(column, read) for column in self.columns)
+        turns = b.wrist(self.three, ((ax, 0, bx), (ay, 0, by), (az, 0, bz)), self.signs)
+        return tuple(value for turn in turns for value in turn)
+
+
+@dataclass(frozen=True, eq=False)
+class Residual(Step):
+    """Quantities that vanish at a solution."""
+
+    lengths: Scalars
+    cosines: Scalars
+    kind: ClassVar[str] = "residual"
+
+    @property
+    def operands(self) -> Scalars:
+        """See :class:`Step`."""
+        return (*self.lengths, *self.cosines)
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """See :class:`Step`."""
+        b.residual(tuple(map(read, self.lengths)), tuple(map(read, self.cosines)))
+        return ()
+
+
+def _vector(v: Triple, read: Read) -> Vector:
+    x, y, z = map(read, v)
+    return (x, y, z)
