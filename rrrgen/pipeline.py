@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import chain, islice
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rrrgen.parallel_map import parallel_map
 
@@ -75,12 +75,14 @@ def emit(
     identity = identify(model.spec)
     backends = _backends(model.spec, real, trig, languages)
     tasks = [backend.tasks(model, identity, real) for backend in backends]
-    results = iter(parallel_map(lambda task: task(), list(chain.from_iterable(tasks)), jobs))
+    every: list[Callable[[], Any]] = [partial(_inverse_kinematics_data, model.spec, real), *chain.from_iterable(tasks)]
+    data, *printed = parallel_map(lambda task: task(), every, jobs)
+    results = iter(printed)
     files: dict[str, Contents] = {}
     for backend, backend_tasks in zip(backends, tasks, strict=True):
         files |= backend.assemble(model, identity, list(islice(results, len(backend_tasks))))
     files |= build_files(files, identity, Dialect(model.spec.name, real))
-    files[MANIFEST] = manifest(model, identity, real, files)
+    files[MANIFEST] = manifest(model, identity, real, files, data)
     if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
         files |= {f"casadi/{name}": data for name, data in casadi.serialized(model).items()}
     return files
@@ -106,6 +108,13 @@ def _inverse_kinematics(spec: RobotSpec, real: Real) -> tuple[dict[str, str], st
     from rrrgen.ik.sources import sources
 
     return sources(spec, real), selftest(spec, real)
+
+
+def _inverse_kinematics_data(spec: RobotSpec, real: Real) -> dict[str, Any]:
+    """What the manifest says about the inverse kinematics."""
+    from rrrgen.ik.sources import manifest
+
+    return manifest(spec, real)
 
 
 @without_collection()

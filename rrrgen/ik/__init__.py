@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rrrgen.ik.classify import plan
-    from rrrgen.ik.recording.casadi_branches import branch_function, branch_labels
+    from rrrgen.ik.interpreters.casadi_branches import branch_function, branch_labels
     from rrrgen.ik.report import closed_form
     from rrrgen.ik.sources import manifest, sources
 
 _HOMES = {
-    "branch_function": "rrrgen.ik.recording.casadi_branches",
-    "branch_labels": "rrrgen.ik.recording.casadi_branches",
+    "branch_function": "rrrgen.ik.interpreters.casadi_branches",
+    "branch_labels": "rrrgen.ik.interpreters.casadi_branches",
     "plan": "rrrgen.ik.classify",
     "closed_form": "rrrgen.ik.report",
     "manifest": "rrrgen.ik.sources",

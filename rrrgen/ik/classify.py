@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 from itertools import product as cartesian
 from typing import TYPE_CHECKING
 
@@ -35,7 +36,13 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
 
     The plan of a chain that cannot be solved has family ``"none"`` and the reason.
     """
-    return plan_chain(numeric_chain(spec), redundancy)
+    return _planned(numeric_chain(spec), redundancy)
+
+
+@lru_cache(maxsize=16)
+def _planned(chain: Chain, redundancy: int | None) -> SolverPlan:
+    """:func:`plan_chain`, once where sources, self-test and manifest ask for the same."""
+    return plan_chain(chain, redundancy)
 
 
 def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:

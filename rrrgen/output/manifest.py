@@ -47,8 +47,17 @@ def _canonical(value: Any) -> Any:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def manifest(model: DerivedModel, identity: Identity, real: Real, files: Mapping[str, Contents]) -> str:
-    """The text of the manifest: identity, conventions, functions, base parameters, hashes of the files."""
+def manifest(
+    model: DerivedModel,
+    identity: Identity,
+    real: Real,
+    files: Mapping[str, Contents],
+    inverse_kinematics: Mapping[str, Any],
+) -> str:
+    """The text of the manifest: identity, conventions, functions, base parameters, hashes of the files.
+
+    ``inverse_kinematics`` is the entry of that name, from :func:`rrrgen.ik.sources.manifest`.
+    """
     spec, parameters = model.spec, listing(model)
     content = {
         "schema": "rrrgen-manifest/1",
@@ -70,6 +79,7 @@ def manifest(model: DerivedModel, identity: Identity, real: Real, files: Mapping
         ],
         "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
         "functions": {name: _function(program) for name, program in model.programs.items()},
+        "inverse_kinematics": dict(inverse_kinematics),
         "passes": [
             {"pass": p.name, "function": p.function, "before": p.before.as_dict(), "after": p.after.as_dict()}
             for p in model.passes

@@ -16,7 +16,7 @@ from oracles.inverse_kinematics import same_sets, solve_all
 from oracles.newton_euler import Robot, jacobian
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan
-from rrrgen.ik.recording.casadi_branches import branch_function
+from rrrgen.ik.interpreters.casadi_branches import branch_function
 from rrrgen.ik.report import closed_form
 from rrrgen.ik.solutions.elimination import eliminations
 from rrrgen.ik.solutions.general6r import general6r_tables, tables_of

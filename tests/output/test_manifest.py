@@ -76,6 +76,18 @@ def test_the_manifest_lists_what_was_emitted(files):
     assert function["operations"]["sincos"] == 3
 
 
+def test_the_manifest_describes_the_inverse_kinematics(files):
+    entry = json.loads(files["manifest.json"])["inverse_kinematics"]
+    assert entry["solver"]
+    assert (entry["family"], entry["task"], entry["max_solutions"]) == ("point", "position", 2)
+    assert entry["branch"] == [{"name": "elbow", "bit": 0, "bits": 1}]
+    assert set(entry["files"]) < set(files)
+    assert all(f" {name}(" in files["planar_ik.h"].replace("*", " ") for name in entry["functions"])
+    assert all(f'"{reason}"' in files["planar_ik.c"] for reason in entry["reasons"])
+    assert f"{entry['operations']['mul']} mul, {entry['operations']['add']} add" in files["planar_ik.h"]
+    assert f"(planar_real){entry['tolerances']['accept']!r}" in files["planar_ik.c"]
+
+
 def test_the_manifest_keeps_its_shape():
     text = pipeline.emit(planar_model(links=False, drives=False))["manifest.json"]
     port = {"type": "object", "required": ["name", "shape", "unit", "frame"]}
@@ -86,7 +98,8 @@ def test_the_manifest_keeps_its_shape():
         "properties": {"inputs": ports, "outputs": ports},
     }
     required = (
-        "schema robot model_hash tool convention units real n b joints gravity base_parameters regrouping functions"
+        "schema robot model_hash tool convention units real n b joints gravity base_parameters regrouping functions "
+        "inverse_kinematics"
     )
     schema = {
         "type": "object",

@@ -1,1 +1,1 @@
-"""One derivation, many interpreters: floats, C and CasADi behind one builder."""
+"""One derivation, recorded once: the protocol of interpreters, the record, its text and what it costs."""

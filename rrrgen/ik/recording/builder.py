@@ -8,10 +8,14 @@ text writes a plus-minus.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cos, sin
 from typing import NamedTuple, Protocol
 
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, product, total
+
+QUARTER = 2e-16
+"""An offset whose cosine or sine is this close to a whole number is a multiple of a quarter turn."""
 
 
 class Turn(NamedTuple):
@@ -45,6 +49,19 @@ def between(v: Vector, u: Vector) -> Turn:
         total(product(u[0], v[0]), product(u[1], v[1])),
         total(product(u[1], v[0]), -product(u[0], v[1])),
     )
+
+
+def users_turn(joint: Joint, raw: Turn) -> Turn:
+    """Cosine and sine of the user's angle ``sign (raw - offset)``: its arc lies in (-pi, pi] whatever the offset."""
+    c, s = raw
+    if joint.offset:
+        co, so = (_whole(function(float(joint.offset))) for function in (cos, sin))
+        c, s = total(product(co, c), product(so, s)), total(product(co, s), -product(so, c))
+    return Turn(c, s if joint.sign > 0 else -s)
+
+
+def _whole(x: float) -> float:
+    return float(round(x)) if abs(x - round(x)) < QUARTER else x
 
 
 class Builder(Protocol):

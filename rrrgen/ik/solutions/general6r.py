@@ -25,7 +25,7 @@ import numpy as np
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik.geometry.chain import Chain, Joint, Link, Matrix
-from rrrgen.ik.recording.c_statements import CBody
+from rrrgen.ik.interpreters.c_statements import CBody
 from rrrgen.ik.recording.steps import Stage
 from rrrgen.ik.solutions.elimination import NOISE, Elimination, eliminations, shallowness
 from rrrgen.ik.solutions.trig_roots import literals, spelled, trig_roots

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from rrrgen.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, square, total
-from rrrgen.ik.recording.builder import Turn
-from rrrgen.ik.recording.c_arcs import RESERVED, Arcs, Slot, kept_count, users_turn
-from rrrgen.ik.recording.c_statements import CBody, Loop, Statement, position, printed
+from rrrgen.ik.interpreters.c_arcs import RESERVED, Arcs, Slot, kept_count
+from rrrgen.ik.interpreters.c_statements import CBody, Loop, Statement, position, printed
+from rrrgen.ik.recording.builder import Turn, users_turn
 from rrrgen.ik.recording.scalar import Pool, Scalar
 
 VIRTUAL_END = 100

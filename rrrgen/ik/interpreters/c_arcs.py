@@ -9,15 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, sin
 
-from rrrgen.ik.geometry.chain import Joint
-from rrrgen.ik.geometry.rigid import product, total
-from rrrgen.ik.recording.builder import Turn
-from rrrgen.ik.recording.c_statements import Loop, opening, position
-
-QUARTER = 2e-16
-"""An offset whose cosine or sine is this close to a whole number is a multiple of a quarter turn."""
+from rrrgen.ik.interpreters.c_statements import Loop, opening, position
 
 LANES = 4
 """The number of arcs is a multiple of this: whole vectors on most processors."""
@@ -96,16 +89,3 @@ class Arcs:
 def kept_count(loop: Loop) -> str:
     """Name of the array that keeps the counts of an inner loop."""
     return f"m{loop.variable[1:]}"
-
-
-def users_turn(joint: Joint, raw: Turn) -> Turn:
-    """Cosine and sine of the user's angle ``sign (raw - offset)``: its arc lies in (-pi, pi] whatever the offset."""
-    c, s = raw
-    if joint.offset:
-        co, so = (_whole(function(float(joint.offset))) for function in (cos, sin))
-        c, s = total(product(co, c), product(so, s)), total(product(co, s), -product(so, c))
-    return Turn(c, s if joint.sign > 0 else -s)
-
-
-def _whole(x: float) -> float:
-    return float(round(x)) if abs(x - round(x)) < QUARTER else x

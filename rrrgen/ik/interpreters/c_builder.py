@@ -7,10 +7,9 @@ from math import hypot
 from rrrgen.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import S, Vector, dot, minus, square, total
-from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
-from rrrgen.ik.recording.c_arcs import users_turn
-from rrrgen.ik.recording.c_scaffold import Scaffold
-from rrrgen.ik.recording.c_statements import Statement
+from rrrgen.ik.interpreters.c_scaffold import Scaffold
+from rrrgen.ik.interpreters.c_statements import Statement
+from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
 from rrrgen.ik.recording.scalar import Scalar
 
 
