@@ -18,7 +18,7 @@ from rrrgen.friction.models import FrictionModel
 from rrrgen.identify.excitation.problem import OBJECTIVES, ExcitationLimits
 from rrrgen.yamltext import signal_units as units
 from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
-from rrrgen.yamltext.reader import PLAIN, Reader
+from rrrgen.yamltext.reader import UNITLESS, Reader
 from rrrgen.yamltext.sections import describe, read_entries
 
 SCHEMA = "rrrgen-experiment/1"
@@ -132,7 +132,7 @@ class _Reader(Reader):
                 "at_rest": self.yes_or_no,
                 "starts": self.count,
                 "max_iterations": self.count,
-                "row_weights": self.each(PLAIN, "one"),
+                "row_weights": self.each(UNITLESS, "one"),
                 "limits": self.limits,
             },
         )
@@ -205,15 +205,15 @@ class _Reader(Reader):
                 "disturbance": torque,
                 "torque_record": lambda n, w: self.choice(n, w, ("centred", "command")),
                 "flexible_joints": lambda n, w: self.section(
-                    n, w, dict.fromkeys(("rotor_inertia", "stiffness", "damping"), self.each(PLAIN, "one")), True
+                    n, w, dict.fromkeys(("rotor_inertia", "stiffness", "damping"), self.each(UNITLESS, "one")), True
                 ),
                 "flexible_base": lambda n, w: self.section(
                     n,
                     w,
                     {
-                        "inertia": self.one(PLAIN, "one", positive=True),
+                        "inertia": self.one(UNITLESS, "one", positive=True),
                         "frequency": self.one(units.RATE, "Hz", positive=True),
-                        "damping_ratio": self.one(PLAIN, "one"),
+                        "damping_ratio": self.one(UNITLESS, "one"),
                     },
                 ),
             },
@@ -229,7 +229,7 @@ class _Reader(Reader):
         rows = []
         for i, item in enumerate(listed.items):
             values = read_entries(item, f"{what}.joints[{i}]", self.faults) or {}
-            take = self.one(PLAIN, "one")
+            take = self.one(UNITLESS, "one")
             rows.append({key: take(value, f"{what}.joints[{i}].{key}") for key, (_, value) in values.items()})
         try:
             return FrictionModel.from_mapping({"law": law, "joints": rows})
@@ -244,9 +244,9 @@ class _Reader(Reader):
             {
                 "kind": lambda n, w: self.choice(n, w, ("pd", "computed_torque")),
                 "bandwidth": self.one(units.RATE, "Hz", positive=True),
-                "damping": self.one(PLAIN, "one"),
-                "kp": self.each(PLAIN, "one"),
-                "kd": self.each(PLAIN, "one"),
+                "damping": self.one(UNITLESS, "one"),
+                "kp": self.each(UNITLESS, "one"),
+                "kd": self.each(UNITLESS, "one"),
                 "observer": lambda n, w: self.choice(n, w, ("kalman", "difference")),
                 "jerk": self.each({"rad/s^3": 1.0, "m/s^3": 1.0}, "rad/s^3"),
             },

@@ -1,1 +1,1 @@
-"""Recordings as people have them: described by a mapping, read, repaired, and streamed in SI at the joints."""
+"""Measured recordings in foreign formats: described by a mapping, read, repaired, and delivered in SI at the joints."""

@@ -1,7 +1,7 @@
-"""Rows of a recording in order of time, without duplicates and holes in the positions, in SI at the joints.
+"""Row-level repair of a recording: SI units, increasing time, no duplicates, complete positions, unwrapped encoders.
 
-Everything done to the rows is counted in :class:`~rrrgen.recordings.repairs.Findings`. Where nothing sound can be done
-(a clock that starts over, no usable row), an :class:`InputError` says so.
+Every repair is counted in :class:`~rrrgen.recordings.repairs.Findings`. What cannot be repaired soundly (a clock that
+starts over, no usable row) raises :class:`InputError`.
 """
 
 from __future__ import annotations
@@ -19,27 +19,28 @@ from rrrgen.recordings.readers.table_formats import open_table
 from rrrgen.recordings.readers.tables import table_fault
 from rrrgen.recordings.repairs import Findings
 
-LOOK_AHEAD = 256  # rows among which disorder is put right
-DISORDER = 10.0  # periods: a row later than this came from another clock, not from a late message
+REORDER_WINDOW = 256  # rows held back, so that rows which arrive late can be sorted in
+MAX_LATENESS = 10.0  # periods: a larger step back in time means another clock, not a late message
 
 
 @dataclass(frozen=True)
 class RawRows:
-    """Rows as recorded: ``t`` (N,) s; per signal the channel values in SI on the channel's side (N, n), or None."""
+    """Recorded rows in SI: ``t`` (N,) in s and ``signals``, (N, n) each, at the joints or motors as recorded."""
 
     t: Array
     signals: dict[Signal, Array]
-    first: int  # number of the first row, from 0
+    first: int  # index of the first row in the recording
 
     def part(self, chosen: NDArray[np.intp] | slice) -> RawRows:
-        """Some of the rows."""
+        """The ``chosen`` rows (indices or a slice)."""
         return RawRows(self.t[chosen], {k: v[chosen] for k, v in self.signals.items()}, self.first)
 
 
 def raw_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator[RawRows]:
-    """The columns of all files side by side, ``size`` rows at a time, scaled to SI.
+    """Read the columns of all files in parallel, ``size`` rows at a time, and scale them to SI.
 
-    Where lines that are cut off are skipped, the file that has one more row than the others loses it as well.
+    If truncated last lines are skipped in some file, files that are one row longer lose that row as well. Raises
+    :class:`InputError` if the files differ in length otherwise.
     """
     signals = [signal for signal in SIGNALS if mapping.has(signal)]
     wanted: dict[str, list[str | int]] = {source.name: [] for source in mapping.files}
@@ -98,7 +99,11 @@ def _scaled(
 
 
 def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator[RawRows]:
-    """Rows in order of time, each instant once, with complete positions, encoders unwrapped."""
+    """Read the rows sorted by time, with each instant once, complete positions and unwrapped encoders.
+
+    ``size`` rows are read at a time; repairs are counted in ``findings``. Raises :class:`InputError` if the clock jumps
+    back or no row is usable.
+    """
     pending: RawRows | None = None
     emitted = -np.inf
     unwrap = _Unwrap(mapping, findings)
@@ -108,7 +113,7 @@ def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator
         pending = rows if pending is None else _joined(pending, rows)
         _check_clock(mapping, pending)
         pending = _sorted(pending, findings)
-        ready = max(0, len(pending.t) - LOOK_AHEAD)
+        ready = max(0, len(pending.t) - REORDER_WINDOW)
         if ready:
             emitted = _after(mapping, pending, emitted)
             out, pending = pending.part(slice(0, ready)), pending.part(slice(ready, None))
@@ -122,7 +127,7 @@ def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator
 
 
 def _complete(raw: RawRows, findings: Findings) -> RawRows:
-    """Rows whose time and positions are numbers."""
+    """The rows whose time and positions are all finite."""
     timed = np.isfinite(raw.t)
     missing = ~np.isfinite(raw.signals["position"])
     located = ~np.any(missing, axis=1)
@@ -138,7 +143,7 @@ def _joined(a: RawRows, b: RawRows) -> RawRows:
 
 
 def _check_clock(mapping: LogMapping, rows: RawRows) -> None:
-    """A step back by more than a few periods is another clock, not a late message."""
+    """Refuse a step back in time by more than MAX_LATENESS periods: it means another clock, not a late message."""
     steps = np.diff(rows.t)
     forward = steps[steps > 0]
     if len(steps) == 0:
@@ -146,7 +151,7 @@ def _check_clock(mapping: LogMapping, rows: RawRows) -> None:
     if len(forward) == 0:
         raise table_fault(mapping.files[0].path, "time does not advance", "is it the right column, and the right unit?")
     back = int(np.argmin(steps))
-    if steps[back] < -DISORDER * float(np.median(forward)):
+    if steps[back] < -MAX_LATENESS * float(np.median(forward)):
         raise table_fault(
             mapping.files[0].path,
             f"time jumps back by {-steps[back]:.6g} s, from {rows.t[back]:.6g} s to {rows.t[back + 1]:.6g} s",
@@ -155,7 +160,7 @@ def _check_clock(mapping: LogMapping, rows: RawRows) -> None:
 
 
 def _sorted(rows: RawRows, findings: Findings) -> RawRows:
-    """Stable order of time; of rows at the same instant the first stays."""
+    """Sort the rows by time (stably); of several rows at the same instant the first is kept."""
     steps = np.diff(rows.t)
     if len(steps) == 0 or steps.min() > 0:
         return rows
@@ -174,18 +179,18 @@ def _sorted(rows: RawRows, findings: Findings) -> RawRows:
 
 
 def _after(mapping: LogMapping, rows: RawRows, emitted: float) -> float:
-    """Check that nothing belongs before what has been passed on."""
+    """Refuse rows that belong before the rows already delivered, the last of which was at ``emitted`` (s)."""
     if len(rows.t) and rows.t[0] <= emitted:
         raise table_fault(
             mapping.files[0].path,
-            f"a row of t = {rows.t[0]:.6g} s comes after t = {emitted:.6g} s by more than {LOOK_AHEAD} rows",
+            f"a row of t = {rows.t[0]:.6g} s comes after t = {emitted:.6g} s by more than {REORDER_WINDOW} rows",
             "sort the recording by time, or split it",
         )
     return emitted
 
 
 class _Unwrap:
-    """Encoders that start over after a period, made continuous; keeps its state from block to block."""
+    """Unwraps encoders that start over after a period; keeps its state from block to block."""
 
     def __init__(self, mapping: LogMapping, findings: Findings) -> None:
         channels = mapping.channels("position")

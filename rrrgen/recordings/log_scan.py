@@ -1,4 +1,4 @@
-"""The first reading of a recording: its period, jitter and holes, and the levels at which torques are clipped."""
+"""Statistics of a recording gathered in a first pass: period, jitter and holes; levels at which torques are clipped."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from rrrgen.recordings.mapping import LogMapping
 from rrrgen.recordings.readers.tables import table_fault
 from rrrgen.recordings.repairs import Findings
 
-JITTER = 0.01  # of a period: beyond it the samples are moved to uniform instants
-HOLE = 1.5  # periods: a longer step is a hole
-LONGEST_BRIDGE = 5.0  # periods: a longer hole splits the recording, unless the mapping says otherwise
-SHORTEST_STRETCH = 32  # samples
+JITTER = 0.01  # periods: with larger jitter, the recording is resampled at uniform instants
+HOLE = 1.5  # periods: a longer step counts as a hole
+LONGEST_BRIDGE = 5.0  # periods: a longer hole splits the recording, unless the mapping file sets max_gap
+SHORTEST_STRETCH = 32  # samples: shorter stretches between holes are left out
 
 
 class Clock:
-    """Statistics of the steps of time. Jitter cancels over many steps, so the period is taken from runs of RUN
-    steps.
+    """Sampling period, jitter and holes of a recording, accumulated chunk by chunk.
+
+    The period is averaged over runs of RUN steps, because jitter cancels over many steps.
     """
 
     RUN = 32
-    FIRST = 4096  # steps that tell the typical one, however the recording is cut into chunks
+    FIRST = 4096  # steps that give the typical step; a fixed number, so that the size of the chunks does not matter
 
     def __init__(self, mapping: LogMapping) -> None:
         self.mapping = mapping
@@ -37,8 +38,8 @@ class Clock:
         self.irregular = 0  # steps that are off the typical one by more than JITTER
         self.short, self.short_rows, self.stretch = 0, 0, 0  # stretches too short to be used, steps of the current one
 
-    def see(self, t: Array, last: bool = False) -> None:
-        """Take in the next instants; ``last`` when there are no more."""
+    def add(self, t: Array, last: bool = False) -> None:
+        """Add the next instants ``t`` (s); ``last`` marks the end of the recording."""
         if len(t):
             self.first = float(t[0]) if self.rows == 0 else self.first
             self.rows, self.last = self.rows + len(t), float(t[-1])
@@ -67,7 +68,7 @@ class Clock:
         self.holes += [float(step) for step in steps[steps >= HOLE * self.typical]]
         for start in range(0, len(steps), self.RUN):
             part = steps[start : start + self.RUN]
-            # a run with a hole lasts a step too long, less its jitter
+            # a run with a hole is longer than its steps by at least one period; 0.75 leaves room for jitter
             if float(np.sum(part)) < (len(part) + 0.75) * self.typical:
                 self.total, self.counted = self.total + float(np.sum(part)), self.counted + len(part)
         cuts = np.flatnonzero(steps > longest_bridge(self.typical, self.mapping.max_gap))
@@ -77,13 +78,13 @@ class Clock:
         self.stretch = len(steps) - 1 - int(cuts[-1]) if len(cuts) else self.stretch + len(steps)
 
     def period(self) -> float:
-        """The mean step of the runs without a hole; what the mapping says where there is no column of time."""
+        """The sampling period (s): that of the mapping if given, otherwise the mean step of the runs without a hole."""
         if self.mapping.time.period is not None:
             return self.mapping.time.period
         return self.total / self.counted if self.counted else self.typical
 
     def report(self, period: float, max_gap: float | None, findings: Findings) -> bool:
-        """Count jitter and holes; True where samples must be moved to uniform instants."""
+        """Record jitter and holes in ``findings``; returns whether the samples must be moved to uniform instants."""
         jitter = max(self.longest - period, period - self.shortest) / period if self.longest else 0.0
         if jitter > JITTER:
             findings.add("jitter", max(1, self.irregular), jitter)
@@ -100,15 +101,20 @@ class Clock:
 
 
 def longest_bridge(period: float, max_gap: float | None) -> float:
-    """The longest hole (s) that is bridged by interpolation."""
+    """The longest hole (s) bridged by interpolation: ``max_gap`` of the mapping, or LONGEST_BRIDGE periods."""
     return max(HOLE, LONGEST_BRIDGE) * period if max_gap is None else max(HOLE * period, max_gap)
 
 
 class Clips:
-    """Levels at which a torque channel is cut off: it stays exactly at its extreme, entered and left with a kink."""
+    """Levels at which torque channels saturate: the signal stays exactly at its extreme, reached and left with a kink.
 
-    RUN = 5  # equal samples in a row
-    KINK = 20.0  # a smooth top of L samples one step high lies at most 9 steps deep a run's length away
+    A declared limit of the channel counts as such a level from 99.5 % of it on.
+    """
+
+    RUN = 5  # equal samples in a row that make a plateau
+    # A smooth maximum that stays within one quantisation step over L samples has fallen by at most 9 steps L samples
+    # away; a saturated one by more.
+    KINK = 20.0
 
     def __init__(self, mapping: LogMapping) -> None:
         self.channels = mapping.channels("torque")
@@ -120,8 +126,8 @@ class Clips:
         self.at_high, self.at_low = np.zeros(n, int), np.zeros(n, int)  # samples at the extremes
         self.clipped, self.missing = np.zeros(n, int), np.zeros(n, int)
 
-    def see(self, rows: RawRows) -> None:
-        """Take in the next samples."""
+    def add(self, rows: RawRows) -> None:
+        """Add the torques of the next rows."""
         if not self.channels:
             return
         tau = rows.signals["torque"]
@@ -142,7 +148,10 @@ class Clips:
                 best[j] = sign * top
 
     def levels(self, findings: Findings) -> tuple[Array, Array]:
-        """Lowest and highest level that still count as clipped, per channel; counts what is clipped and missing."""
+        """Levels (low, high), (n,) each, at or beyond which a sample of a channel is clipped; infinite where none is.
+
+        Clipped and missing samples are recorded in ``findings``.
+        """
         if not self.channels:
             return np.full(0, -math.inf), np.full(0, math.inf)
         low = np.where(self.cut_low, np.maximum(self.low, -self.limits), -self.limits)
@@ -158,7 +167,10 @@ class Clips:
 
 
 def _is_cut(x: Array, top: float, run: int, kink: float) -> bool:
-    """Whether ``x`` stays at ``top`` for ``run`` samples or more and leaves it steeply."""
+    """Whether ``x`` stays at ``top`` for at least ``run`` samples and leaves that plateau with a kink.
+
+    ``kink`` is the required drop, a plateau's length away, in units of the smallest step of ``x``.
+    """
     at = np.concatenate([[False], x == top, [False]])
     edges = np.flatnonzero(np.diff(at.astype(np.int8)))
     starts, ends = edges[::2], edges[1::2]

@@ -1,7 +1,7 @@
 """A recording as a stream of uniformly sampled stretches, in constant memory.
 
-The recording is read twice: once to learn its period, jitter and the levels at which torques are clipped, and then, as
-often as wanted, to deliver it.
+A first pass finds the period, the jitter and the levels at which torques are clipped; every further pass delivers the
+samples.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ CHUNK = 100_000  # rows read at a time
 
 @dataclass(frozen=True)
 class Part:
-    """Uniform samples at the joints, SI: ``t`` (N,), ``q`` (N, n), and ``dq``, ``ddq``, ``tau`` where recorded.
+    """Uniform samples at the joints in SI: ``t`` (N,), ``q`` (N, n), and ``dq``, ``ddq``, ``tau`` (N, n) or None.
 
-    ``valid`` (N, n) is False where the torque of a joint is missing, clipped, or bridged over a hole. ``segment``
-    counts uninterrupted stretches; ``first`` is the index of the first sample within its stretch.
+    ``valid`` (N, n) is False where the torque of a joint is missing, clipped or interpolated over a hole. ``segment``
+    is the number of the uninterrupted stretch that the part belongs to, ``first`` the index of its first sample
+    therein.
     """
 
     t: Array
@@ -45,14 +46,14 @@ class Part:
         return len(self.t)
 
     def sliced(self, start: int, stop: int) -> Part:
-        """Samples ``start`` to ``stop`` (exclusive)."""
+        """The samples ``start`` to ``stop`` (exclusive)."""
         s = slice(start, stop)
         dq, ddq, tau = (None if x is None else x[s] for x in (self.dq, self.ddq, self.tau))
         return Part(self.t[s], self.q[s], dq, ddq, tau, self.valid[s], self.segment, self.first + start)
 
 
 def joined(parts: list[Part]) -> Part:
-    """Consecutive parts of one stretch as one."""
+    """Concatenate consecutive parts of one stretch."""
     if len(parts) == 1:
         return parts[0]
 
@@ -74,20 +75,27 @@ def joined(parts: list[Part]) -> Part:
 
 @dataclass(frozen=True)
 class LogFacts:
-    """What the first reading found: rows, ``period`` (s), whether samples must be moved, clip levels, repairs."""
+    """Results of the first pass: number of rows, start, duration and period (s), clip levels, repairs.
+
+    ``resample`` states whether the samples must be moved to uniform instants.
+    """
 
     rows: int
     start: float
     duration: float
     period: float
     resample: bool
-    clipped_low: Array  # of the torque channels, SI on their own side; -inf where nothing is clipped
-    clipped_high: Array
+    clipped_low: Array  # (n,) torque at or below which a channel is clipped, SI, joint or motor side; -inf if never
+    clipped_high: Array  # (n,) torque at or above which it is clipped; inf if never
     repairs: Repairs
 
 
 class LogStream:
-    """A recording on disk as a re-iterable stream of :class:`Part`."""
+    """A recording on disk that can be iterated repeatedly as a stream of :class:`Part`.
+
+    ``chunk`` is the number of rows read at a time. Raises :class:`InputError` for files that cannot be read or
+    repaired.
+    """
 
     def __init__(self, mapping: LogMapping, chunk: int = CHUNK) -> None:
         if chunk < 2:
@@ -113,14 +121,17 @@ class LogStream:
 
     @property
     def repairs(self) -> Repairs:
-        """What was found wrong in the recording, and put right."""
+        """The faults found in the recording and how they were repaired."""
         return self.facts.repairs
 
     def __len__(self) -> int:
         return self.facts.rows
 
     def parts(self) -> Iterator[Part]:
-        """The recording from its beginning."""
+        """Iterate over the uniformly sampled parts from the beginning.
+
+        Raises :class:`InputError` if no uninterrupted stretch is long enough.
+        """
         delivered = False
         uniform = _Uniform(self.mapping, self.facts)
         for rows in self._rows():
@@ -138,9 +149,9 @@ class LogStream:
             )
 
     def samples(self) -> Iterator[Part]:
-        """The rows as recorded, at the joints, in order of time: not moved to uniform instants, not cut at holes.
+        """Iterate over the recorded rows at the joints, sorted by time, neither resampled nor split at holes.
 
-        A torque that is missing is NaN; ``valid`` says nothing here.
+        A missing torque is NaN; ``valid`` is True throughout and carries no information here.
         """
         for rows in self._rows():
             q, tau = rows.signals["position"], rows.signals.get("torque")
@@ -156,21 +167,21 @@ class LogStream:
         clock, clips = Clock(self.mapping), Clips(self.mapping)
         kept: list[RawRows] | None = []
         for rows in ordered_rows(self.mapping, self.chunk, findings):
-            clock.see(rows.t)
-            clips.see(rows)
+            clock.add(rows.t)
+            clips.add(rows)
             # a short recording stays in memory and is not parsed again
             kept = None if kept is None or clock.rows > self.chunk else [*kept, rows]
         self._short = kept
-        clock.see(np.zeros(0), last=True)
+        clock.add(np.zeros(0), last=True)
         period = clock.period()
         low, high = clips.levels(findings)
         resample = clock.report(period, self.mapping.max_gap, findings)
-        repairs = findings.told(self.mapping.files[0].path.name, self.joints, period)
+        repairs = findings.summarised(self.mapping.files[0].path.name, self.joints, period)
         return LogFacts(clock.rows, clock.first, clock.last - clock.first, period, resample, low, high, repairs)
 
 
 class _Uniform:
-    """Moves ordered rows to uniform instants and cuts them at holes."""
+    """Splits sorted rows at holes and resamples them at uniform instants."""
 
     def __init__(self, mapping: LogMapping, facts: LogFacts) -> None:
         self.mapping, self.facts = mapping, facts
@@ -179,7 +190,7 @@ class _Uniform:
         self.start, self.next, self.segment = 0.0, 0, 0
 
     def push(self, raw: RawRows) -> Iterator[Part]:
-        """Take in rows; deliver what is settled."""
+        """Add rows; yields the samples that later rows cannot change any more."""
         rows = self._at_joints(raw)
         if self.pending is not None:
             rows = joined([self.pending, rows])
@@ -191,7 +202,7 @@ class _Uniform:
         yield from self._advance(rows.sliced(begin, len(rows)), last=False)
 
     def flush(self) -> Iterator[Part]:
-        """Deliver the rest."""
+        """Yield the remaining samples at the end of the recording."""
         if self.pending is not None:
             yield from self._close(self.pending)
 
@@ -200,7 +211,7 @@ class _Uniform:
         self.segment, self.next, self.pending = self.segment + 1, 0, None
 
     def _advance(self, rows: Part, last: bool) -> Iterator[Part]:
-        """Deliver the uniform samples of an open stretch that no later row can change."""
+        """Yield the uniform samples of the current stretch that no later row can change."""
         self.pending = rows
         if self.next == 0:
             self.start = float(rows.t[0])
@@ -221,7 +232,7 @@ class _Uniform:
             yield replace(out, segment=self.segment, first=self.next - len(out))
 
     def _at_joints(self, raw: RawRows) -> Part:
-        """Channel values brought to the joints, with the validity of the torques."""
+        """Transform channel values to the joints and mark the samples whose torque is valid."""
         signals = raw.signals
         moved = {key: self.mapping.joint_side(key, values) for key, values in signals.items() if key != "torque"}
         tau, valid = None, np.ones(signals["position"].shape, bool)
@@ -236,7 +247,10 @@ class _Uniform:
 
 
 def _resampled(rows: Part, t: Array, hole: float) -> Part:
-    """Positions and their derivatives by cubics through four neighbours, torques by straight lines, at ``t``."""
+    """Interpolate at ``t``: motion by the cubic through four neighbouring samples, torques linearly.
+
+    A torque is invalid next to an invalid one, and across a step longer than ``hole`` (s).
+    """
     here = np.clip(np.searchsorted(rows.t, t, side="right") - 1, 0, len(rows) - 2)
     base = np.clip(here - 1, 0, len(rows) - 4)
     nodes = rows.t[base[:, None] + np.arange(4)]

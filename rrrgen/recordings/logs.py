@@ -1,4 +1,4 @@
-"""Recordings of an experiment: named joints, instants, positions, torques, in SI at the joints."""
+"""Recordings of an experiment in memory, and the check that a recording fits a robot."""
 
 from __future__ import annotations
 
@@ -21,17 +21,20 @@ from rrrgen.signals.reconstruction import sampling_period
 from rrrgen.yamltext.signal_units import ANGLE, FORCE, LENGTH, TORQUE
 
 MAPPING_SUFFIXES = (".yaml", ".yml")
-SAME_DIRECTION = 1e-6  # 1 - cosine between two statements of one motor: rounded gear ratios
+SAME_DIRECTION = 1e-6  # largest 1 - cosine between the rows of mapping and robot file, which may hold rounded ratios
 
 
 @dataclass(frozen=True)
 class Log:
-    """A recording in memory, uniformly sampled at ``period`` (s; taken from ``t`` if it is 0) in each stretch
-    ``segment``.
+    """A recording in memory, uniformly sampled within each uninterrupted stretch, in SI at the joints.
 
-    ``t`` (N,) s; ``q``, and ``dq``, ``ddq`` where recorded, (N, n) in rad (m) and per s, s^2; ``tau`` (N, n) N m (N)
-    at the joints; ``valid`` (N, n) False where the torque of a joint cannot be used. ``repairs`` tell what was
-    found wrong.
+    - ``joints``: names of the n joints.
+    - ``t`` (N,) s; ``q`` (N, n) rad (m); ``dq``, ``ddq`` (N, n) per s and s^2, None if not recorded; ``tau`` (N, n) N m
+      (N), None if not recorded.
+    - ``period``: sampling period, s; 0 takes it from ``t``.
+    - ``valid`` (N, n): False where the torque of a joint cannot be used; None for all valid.
+    - ``segment`` (N,): number of the uninterrupted stretch of each sample; None for a single one.
+    - ``repairs``: the faults found and how they were repaired; ``mapping``: where the recording was read from.
     """
 
     joints: tuple[str, ...]
@@ -57,7 +60,7 @@ class Log:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was found wrong, kind by kind."""
+        """The faults found in the recording, one entry per kind."""
         return self.repairs.findings
 
     @property
@@ -69,7 +72,7 @@ class Log:
         return len(self.t)
 
     def parts(self) -> Iterator[Part]:
-        """The uninterrupted stretches."""
+        """Iterate over the uninterrupted stretches."""
         valid = np.ones(self.q.shape, bool) if self.valid is None else self.valid
         segment = np.zeros(len(self.t), np.int64) if self.segment is None else self.segment
         whole = Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0)
@@ -79,7 +82,7 @@ class Log:
             yield Part(part.t, part.q, part.dq, part.ddq, part.tau, part.valid, number, 0)
 
     def samples(self) -> Iterator[Part]:
-        """All samples as they are, whatever holes there are between them."""
+        """All samples as one part, across the holes between stretches."""
         valid = np.ones(self.q.shape, bool) if self.valid is None else self.valid
         yield Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0)
 
@@ -89,10 +92,11 @@ def open_log(
     mapping: LogMapping | str | os.PathLike[str] | None = None,
     skip_truncated: bool = False,
 ) -> LogMapping:
-    """The mapping that reads ``path``: a recording with its ``mapping`` (or mapping file), or a mapping file alone.
+    """Find the mapping with which the recording ``path`` is read.
 
-    Without a mapping, a recording must have rrrgen's own columns, ``t, q_<joint>, [dq_<joint>,] tau_<joint>``. With
-    ``skip_truncated`` the last line of a text file is left out where the recording was cut off in the middle of it.
+    ``path`` is a mapping file, or a recording, whose ``mapping`` is then given (as object or file) or must be rrrgen's
+    own: columns ``t, q_<joint>, [dq_<joint>,] tau_<joint>`` in SI. With ``skip_truncated``, an incomplete last line of
+    a text file is left out. Raises :class:`InputError` for a mapping file with faults or a recording without a mapping.
     """
     found = _mapping_of(path, mapping)
     return found.without_truncated_lines() if skip_truncated else found
@@ -134,16 +138,18 @@ def read_log(
     joints: Sequence[str] | None = None,
     chunk: int = CHUNK,
 ) -> Log:
-    """Read a whole recording into memory; see :func:`open_log` for the arguments.
+    """Read a whole recording into memory.
 
-    ``joints`` are the names that the robot gives its joints, in order; they must be those of the recording. Raises
-    :class:`InputError` where nothing sound can be done with the recording.
+    ``path`` is a mapping file, or a recording with its ``mapping`` (object or file); without a mapping, the recording
+    must have the columns ``t, q_<joint>, [dq_<joint>,] tau_<joint>`` in SI. ``joints`` are the joint names of the robot
+    in order, which must be those of the recording. ``chunk`` is the number of rows read at a time. Raises
+    :class:`InputError` for a recording that cannot be read or repaired.
     """
     return load_stream(LogStream(open_log(path, mapping), chunk), joints)
 
 
 def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
-    """All of a stream, in memory."""
+    """Load a stream into memory; ``joints``, if given, are the names that it must have, otherwise InputError."""
     if joints is not None:
         check_joints(stream.joints, joints)
     parts = list(stream.parts())
@@ -164,7 +170,10 @@ def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
 
 
 def check_robot(mapping: LogMapping, spec: Any) -> None:
-    """Raise :class:`InputError` unless a recording has the robot's joints, suiting units, and its coupling."""
+    """Check that a recording fits a robot: joint names, units for revolute or prismatic joints, coupled drives.
+
+    ``mapping`` describes the recording, ``spec`` is the robot file. Raises :class:`InputError` listing every mismatch.
+    """
     check_joints(mapping.names, [joint.name for joint in spec.joints])
     faults = []
     for joint, channels in zip(spec.joints, mapping.joints, strict=True):
@@ -181,7 +190,7 @@ def check_robot(mapping: LogMapping, spec: Any) -> None:
 
 
 def _coupling_faults(mapping: LogMapping, spec: Any) -> Iterator[tuple[str, str]]:
-    """Message and hint for every motor whose row of the transmission is no multiple of that in the robot file."""
+    """Message and hint for every motor whose row of the transmission is not a multiple of that in the robot file."""
     if spec.drives is None or mapping.transmission is None:
         return
     stated = np.array(spec.drives.motor_from_joint, dtype=float)
@@ -195,7 +204,7 @@ def _coupling_faults(mapping: LogMapping, spec: Any) -> Iterator[tuple[str, str]
 
 
 def check_joints(recorded: Sequence[str], robot: Sequence[str]) -> None:
-    """Raise :class:`InputError` unless the recording has the robot's joints in the robot's order."""
+    """Check that the recorded joint names are those of the robot, in the same order; raises :class:`InputError`."""
     if len(recorded) != len(robot):
         raise InputError(f"the recording has {len(recorded)} joints, the robot {len(robot)}")
     if tuple(recorded) != tuple(robot):

@@ -1,4 +1,4 @@
-"""How the columns of a recording become joint positions and torques in SI: what a mapping file says.
+"""The mapping of a recording: how its columns become joint positions and torques in SI.
 
 A channel turns the numbers of one column into SI by ``value = sign * (column - zero) * factor``. Signals of the motor
 side pass the transmission: with ``q_m = N (q - q_0)`` the joint has ``q = N^-1 q_m + q_0`` and ``tau = N' tau_m``,
@@ -25,24 +25,27 @@ SIGNALS: tuple[Signal, ...] = ("position", "velocity", "acceleration", "torque")
 
 @dataclass(frozen=True)
 class FileSource:
-    """One file of the recording and how to read it; None where the reader finds out by itself."""
+    """One file of a recording and its format; whatever is None is detected by the reader."""
 
     name: str
     path: Path
     format: str | None = None
     separator: str | None = None
     decimal: str | None = None
-    header: int | None = None  # number of header lines after those skipped; None: as found
+    header: int | None = None  # number of header lines after the skipped ones; None: detected
     skip: int = 0
     comment: str = "#"
     encoding: str = "utf-8-sig"
     topic: str | None = None
-    skip_truncated: bool = False  # a last line that is cut off: left out, where it is a fault otherwise
+    skip_truncated: bool = False  # leave out an incomplete last line, which is a fault otherwise
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One column and what it means; ``wraps`` is the period (in column units) at which an encoder starts over."""
+    """One column of a file and its conversion to SI: ``value = sign * (column - zero) * factor``.
+
+    ``wraps`` is the period, in column units, after which an encoder starts over; ``unit`` is kept for messages.
+    """
 
     file: str
     column: str | int
@@ -52,7 +55,7 @@ class Channel:
     side: Side = "joint"
     wraps: float | None = None
     unit: str = ""
-    limit: float | None = None  # of a torque, SI, on the side of the channel: beyond it the drive saturates
+    limit: float | None = None  # torque at which the drive saturates, SI, on the side of the channel
 
 
 @dataclass(frozen=True)
@@ -67,14 +70,14 @@ class JointChannels:
     zero: float = 0.0
 
     def channel(self, signal: Signal) -> Channel | None:
-        """The channel of one signal."""
+        """The channel of one signal, None if it is not recorded."""
         found: Channel | None = getattr(self, signal)
         return found
 
 
 @dataclass(frozen=True)
 class TimeSource:
-    """The instants: a column of a file times ``factor``, or a constant ``period`` (s)."""
+    """Source of the sampling instants: a constant ``period`` (s), or a ``column`` of a file, times ``factor`` in s."""
 
     period: float | None = None
     file: str = ""
@@ -84,8 +87,10 @@ class TimeSource:
 
 @dataclass(frozen=True)
 class LogMapping:
-    """All that a mapping file says. ``transmission`` is N (n, n) or None; ``processing`` are the file's own
-    defaults.
+    """The content of a mapping file: data files, time source and channels of every joint.
+
+    ``transmission`` is the matrix N (n, n) with motor angles = N * joint angles, or None; ``processing`` holds the
+    default preprocessing settings of the file.
     """
 
     files: tuple[FileSource, ...]
@@ -120,11 +125,11 @@ class LogMapping:
         return InputError([Fault(self.source or "mapping", 0, 0, message)])
 
     def without_truncated_lines(self) -> LogMapping:
-        """The same, but a last line that is cut off is left out of every text file."""
+        """A copy that leaves out an incomplete last line of every text file."""
         return replace(self, files=tuple(replace(source, skip_truncated=True) for source in self.files))
 
     def with_file(self, path: Path) -> LogMapping:
-        """The same mapping on another recording: its only file replaced by ``path``."""
+        """A copy for another recording: its only file is replaced by ``path``; InputError if it reads several files."""
         if len(self.files) != 1:
             names = ", ".join(source.name for source in self.files)
             raise self._fault(
@@ -133,7 +138,11 @@ class LogMapping:
         return replace(self, files=(replace(self.files[0], path=path),))
 
     def joint_side(self, signal: Signal, values: Array) -> Array:
-        """Channel values in SI (N, n) brought to the joints; ``zero`` is not added to velocities and the like."""
+        """Transform channel values in SI (N, n) to the joints, through the transmission if they are of the motor side.
+
+        The zero position of the joints is added to positions only. Raises :class:`InputError` if the transmission is
+        missing, or couples joints of which only some are recorded at the motor.
+        """
         channels = self.channels(signal)
         on_motor = np.array([channel.side == "motor" for channel in channels])
         if not on_motor.any():
@@ -149,7 +158,7 @@ class LogMapping:
         return np.array([joint.zero for joint in self.joints])
 
     def _diagonal(self, on_motor: Any) -> Array:
-        """The transmission with the joints that are logged at the joint side taken out."""
+        """The gear ratios (diagonal) with 1 for the joints that are recorded at the joint side."""
         assert self.transmission is not None
         coupled = self.transmission - np.diag(np.diag(self.transmission))
         if np.any(coupled):
@@ -158,7 +167,10 @@ class LogMapping:
 
 
 def plain_mapping(path: Path, joints: tuple[str, ...], velocity: bool = False, torque: bool = True) -> LogMapping:
-    """The mapping of rrrgen's own recordings: columns ``t``, ``q_<joint>``, ``dq_<joint>``, ``tau_<joint>``, in SI."""
+    """The mapping of rrrgen's own recordings: columns ``t``, ``q_<joint>``, ``dq_<joint>``, ``tau_<joint>`` in SI.
+
+    ``velocity`` and ``torque`` state whether the columns ``dq_<joint>`` and ``tau_<joint>`` are present.
+    """
     file = "log"
     channels = [
         JointChannels(

@@ -1,4 +1,4 @@
-"""The mapping file: YAML text -> :class:`LogMapping`, with every fault at once and in its place."""
+"""Reads a mapping file (YAML) into a :class:`LogMapping`; all its faults are reported together with their places."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ KEYS = {
         *("rated", "limit"),
     ),
 }
-MOVED = {
+KEYS_OF_OTHER_FILES = {
     "coupled_drives": "friction and inertia of motors that turn with several joints are part of the robot file: "
     "drives: {drive_from_joint: [[1, 0], [1, 1]], motors: [{name: m1}, {name: m2, inertia: 0, friction: {viscous: 0}}]}"
 }
-"""Keys that stand in another file, and where."""
+"""Keys that belong to another file, with a hint where."""
 REQUIRED = {
     "mapping": ("schema", "files", "time", "joints"),
     "file": ("path",),
@@ -53,7 +53,10 @@ UNITS: dict[Signal, dict[str, float]] = {
 
 
 def load_mapping(path: str | os.PathLike[str]) -> LogMapping:
-    """Read a mapping file; paths in it are relative to it. Raises :class:`InputError` with every fault."""
+    """Read the mapping file ``path``; relative paths in it start from its folder.
+
+    Raises :class:`InputError` with every fault and its line and column.
+    """
     place = Path(path)
     try:
         data = place.read_bytes()
@@ -63,7 +66,10 @@ def load_mapping(path: str | os.PathLike[str]) -> LogMapping:
 
 
 def loads_mapping(text: str, file: str = "log.yaml") -> LogMapping:
-    """Read a mapping from YAML text; ``file`` is the name for messages, and paths are relative to its folder."""
+    """Read a mapping from YAML ``text``; ``file`` names it in messages, and its folder is where relative paths start.
+
+    Raises :class:`InputError` with every fault and its line and column.
+    """
     faults = FaultList(file, text)
     mapping = _Reader(faults, Path(file).parent).mapping(parse_document(text, faults))
     faults.raise_errors()
@@ -76,7 +82,7 @@ class _Reader(Reader):
     """Reads one mapping file."""
 
     def __init__(self, faults: FaultList, folder: Path) -> None:
-        super().__init__(faults, MOVED)
+        super().__init__(faults, KEYS_OF_OTHER_FILES)
         self.folder = folder
         self.units: dict[str, str] = {}
         self.files: dict[str, FileSource] = {}
@@ -239,7 +245,7 @@ class _Reader(Reader):
         )
 
     def factor(self, part: dict[str, Node], signal: Signal, unit: str, what: str, node: Node) -> float:
-        """From the numbers of the column to SI."""
+        """The factor from column units to SI: encoder resolution, torque constant, rated torque, or the unit itself."""
         if unit.startswith(log_units.COUNTS):
             if "counts_per_turn" in part:
                 counts = self.number(part["counts_per_turn"], f"{what}.counts_per_turn")

@@ -1,7 +1,8 @@
-"""What was found wrong in a recording and put right: counted by kind and by channel, told in words, warned of.
+"""The faults found in a recording and their repairs: counted by kind and channel, described in words, with warnings.
 
-Every repair replaces measured data by something else, or leaves data out. A few are usual; where they touch more than
-:data:`WARN_SHARE` of the rows, the estimates rest on what the reader made of the recording, and the user is warned.
+Every repair replaces or leaves out measured data. A few repairs are usual; if they affect more than
+:data:`WARN_SHARE` of the rows, the estimates depend on the repairs as much as on the measurement, and the user is
+warned.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 WARN_SHARE = 0.01
-"""Share of the rows above which a repair is warned of."""
-HARMLESS = ("encoder wraps",)
-"""Kinds that change no data: unwrapping is exact, however often it happens."""
+"""Share of the rows above which a repair causes a warning."""
+NEVER_WARNED = ("encoder wraps",)
+"""Kinds that never cause a warning: unwrapping an encoder is exact, however often it happens."""
 MESSAGES = {
     "rows without time": "{count} rows without a time were left out",
     "rows without all positions": "{count} rows without all positions were left out",
@@ -40,10 +41,10 @@ MESSAGES = {
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that was found wrong in a recording: what, how often, what was done about it.
+    """One kind of fault found in a recording: how often, and how it was repaired (``message``).
 
-    ``rows`` are affected at the channel that is hit worst, ``share`` of the rows that were read; ``channels`` has the
-    affected samples by joint, empty where whole rows are.
+    ``rows`` is the number of rows affected in the worst channel, ``share`` that number over all rows read.
+    ``channels`` lists the affected samples by joint; it is empty if whole rows are affected.
     """
 
     kind: str
@@ -56,10 +57,10 @@ class Finding:
     @property
     def warned(self) -> bool:
         """Whether more than :data:`WARN_SHARE` of the rows are affected."""
-        return self.share > WARN_SHARE and self.kind not in HARMLESS
+        return self.share > WARN_SHARE and self.kind not in NEVER_WARNED
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data, for records."""
+        """The finding as plain data for JSON."""
         return {
             "kind": self.kind,
             "count": self.count,
@@ -80,7 +81,7 @@ class Repairs:
     findings: tuple[Finding, ...] = ()
 
     def lines(self) -> list[str]:
-        """What was put right, one line a kind, for people."""
+        """The repairs in words, a heading and one line per kind; empty if there are none."""
         if not self.findings:
             return []
         found = [f"repairs of {self.recording} ({self.rows} rows):"]
@@ -100,7 +101,7 @@ class Repairs:
         ]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data, for records."""
+        """The repairs as plain data for JSON."""
         return {
             "recording": self.recording,
             "rows": self.rows,
@@ -110,7 +111,7 @@ class Repairs:
 
 @dataclass
 class Findings:
-    """Counts by kind while a recording is read, with the worst case of each; ``read`` counts the rows."""
+    """Faults counted by kind while a recording is read, with the worst case of each; ``read`` counts the rows."""
 
     counts: dict[str, int] = field(default_factory=dict)
     worst: dict[str, float] = field(default_factory=dict)
@@ -126,7 +127,11 @@ class Findings:
         rows: int | None = None,
         channels: NDArray[np.int64] | None = None,
     ) -> None:
-        """Count ``count`` more of a kind, in ``rows`` rows (as many by default), ``channels`` (n,) of them by joint."""
+        """Add ``count`` faults of a ``kind``.
+
+        ``worst`` is the largest of them in the unit of the message, ``rows`` the number of rows affected (``count`` by
+        default) and ``channels`` (n,) the faults by joint.
+        """
         if not count:
             return
         self.counts[kind] = self.counts.get(kind, 0) + int(count)
@@ -135,8 +140,8 @@ class Findings:
         if channels is not None:
             self.channels[kind] = self.channels.get(kind, np.zeros(len(channels), np.int64)) + channels
 
-    def told(self, recording: str, joints: Sequence[str], period: float) -> Repairs:
-        """Everything in words, for a recording with these ``joints`` sampled at ``period`` (s)."""
+    def summarised(self, recording: str, joints: Sequence[str], period: float) -> Repairs:
+        """Summarise the counts as :class:`Repairs` of a recording with these ``joints``, sampled at ``period`` (s)."""
         found = []
         for kind, count in self.counts.items():
             each = self.channels.get(kind)

@@ -1,1 +1,1 @@
-"""Run folders: settings, seeds, results and figures of one run, and resuming it."""
+"""Run folders: inputs, settings, seed, results and figures of one run, and the state from which it is resumed."""

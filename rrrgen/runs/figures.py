@@ -1,4 +1,4 @@
-"""One look for every figure of the identification workflow, and reproducible files of it."""
+"""Common style of the figures of the identification workflow, saved reproducibly as SVG and PNG."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 def new_figure(
     rows: int, columns: int, height: float, width: float = 7.0, layout: Any = "constrained", **options: Any
 ) -> tuple[Figure, Any]:
-    """A figure outside pyplot's global state with a flat array of ``rows*columns`` axes; size in inches.
+    """Create a figure outside pyplot's global state; returns it with a flat array of its ``rows*columns`` axes.
 
-    ``layout`` is matplotlib's; "none" leaves the axes where they are put.
+    ``height`` and ``width`` are in inches. ``layout`` is matplotlib's layout engine; "none" switches the automatic
+    arrangement off. ``options`` are passed to ``Figure.subplots``.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -29,7 +30,7 @@ def new_figure(
 
 
 def style_axes(axis: Any, xlabel: str, ylabel: str) -> None:
-    """Label an axis and give it a light grid."""
+    """Set the axis labels (no label where the text is empty) and draw a light grid."""
     if xlabel:
         axis.set_xlabel(xlabel)
     axis.set_ylabel(ylabel)
@@ -38,12 +39,12 @@ def style_axes(axis: Any, xlabel: str, ylabel: str) -> None:
 
 
 def save_figure(figure: Figure, stem: Path) -> list[Path]:
-    """Write ``stem.svg`` and ``stem.png`` without dates, so that the same data give the same bytes."""
+    """Write ``stem.svg`` and ``stem.png``; returns the paths. Without dates: the same data give the same bytes."""
     import matplotlib
 
     paths = [stem.with_name(stem.name + suffix) for suffix in (".svg", ".png")]
     with matplotlib.rc_context({"svg.hashsalt": "rrrgen", "svg.fonttype": "none"}):
-        if figure.get_layout_engine() is not None:  # arranging the axes is the slow part: once for both files
+        if figure.get_layout_engine() is not None:  # the automatic layout is slow: computed once for both files
             figure.draw_without_rendering()
             figure.set_layout_engine("none")
         vectors, pixels = BytesIO(), BytesIO()

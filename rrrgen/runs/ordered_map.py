@@ -1,4 +1,4 @@
-"""The same loop on one process, on the cores of this machine, or on a Dask cluster."""
+"""A parallel ``map`` that keeps the order: in this process, on the cores of this machine, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ from rrrgen.errors import InputError, MissingExtraError
 T = TypeVar("T")
 R = TypeVar("R")
 
-AHEAD = 2  # items per worker that wait for their turn: bounds the memory, keeps the workers busy
+QUEUED_PER_WORKER = 2  # items handed out in advance: bounds the memory and keeps the workers busy
 
 
 def ordered_map(
     function: Callable[[T], R], items: Iterable[T], jobs: int = 1, cluster: str | None = None
 ) -> Iterator[R]:
-    """``function`` of every item, in the order of the items, a few items at a time.
+    """Apply ``function`` to every item in parallel and yield the results in the order of the items.
 
-    ``jobs`` processes of this machine (-1: all cores), or the Dask scheduler at ``cluster`` ("tcp://host:port"), whose
-    workers must be able to import rrrgen; an item whose worker dies is done again by another one.
+    ``jobs`` is the number of processes on this machine (-1: all cores). ``cluster`` ("tcp://host:port") instead names a
+    Dask scheduler, whose workers must be able to import rrrgen; the item of a worker that dies is computed by another
+    one. Items are taken from the iterator a few at a time. Raises :class:`MissingExtraError` if joblib or distributed
+    is not installed, :class:`InputError` if no scheduler answers.
     """
     if cluster is not None:
         yield from _on_cluster(function, items, cluster)
@@ -38,18 +40,18 @@ def _on_cores(function: Callable[[T], R], items: Iterable[T], jobs: int) -> Iter
     except ImportError:
         raise MissingExtraError("work by several processes", "joblib", "identify") from None
     with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
-        parallel = joblib.Parallel(return_as="generator", pre_dispatch=f"{AHEAD}*n_jobs", batch_size=1)
+        parallel = joblib.Parallel(return_as="generator", pre_dispatch=f"{QUEUED_PER_WORKER}*n_jobs", batch_size=1)
         yield from parallel(joblib.delayed(function)(item) for item in items)
 
 
 def _on_cluster(function: Callable[[T], R], items: Iterable[T], cluster: str) -> Iterator[R]:
-    """Items travel inside their tasks, so that nothing is lost with a worker."""
+    """Submit each item inside its task, not as scattered data, so that no item is lost with a worker."""
     with cluster_client(cluster) as client:
         waiting: deque[Any] = deque()
         run = uuid.uuid4().hex
         for number, item in enumerate(items):
             waiting.append(client.submit(function, item, key=f"rrrgen-{run}-{number}"))
-            if len(waiting) >= AHEAD * max(1, len(client.ncores())):
+            if len(waiting) >= QUEUED_PER_WORKER * max(1, len(client.ncores())):
                 yield waiting.popleft().result()
         while waiting:
             yield waiting.popleft().result()
@@ -57,7 +59,7 @@ def _on_cluster(function: Callable[[T], R], items: Iterable[T], cluster: str) ->
 
 @contextmanager
 def cluster_client(cluster: str) -> Iterator[Any]:
-    """A client of the Dask scheduler at an address; :class:`InputError` where none answers."""
+    """A client of the Dask scheduler at the address ``cluster``; raises :class:`InputError` if none answers."""
     try:
         from distributed import Client
     except ImportError:

@@ -1,11 +1,11 @@
-"""The folder of one run: what went in (hashes, settings, seed), what came out, and what is needed to go on.
+"""The folder of one run: its inputs (hashes, settings, seed), its results, and the checkpoints to resume it from.
 
     run.json          command, versions, inputs with their SHA-256, settings, seed, status
     results/          JSON, CSV, YAML
     figures/          SVG and PNG
     checkpoints/      state of unfinished work
 
-Every file is either complete or absent. The same inputs give the same bytes: nothing holds a date or a host name.
+Every file is either complete or absent. The same inputs give the same bytes: no file holds a date or a host name.
 """
 
 from __future__ import annotations
@@ -42,10 +42,12 @@ Status = Literal["clearing", "running", "interrupted", "failed", "finished"]
 
 
 class RunFolder:
-    """One run on disk; a context manager that records how the run ended.
+    """One run on disk; a context manager that records whether the run finished, failed or was interrupted.
 
-    A folder with the same command, inputs, settings and seed of the same version of rrrgen is taken up again; with
-    others it is refused, unless ``fresh`` asks to start over.
+    ``command`` is the name of the command, ``inputs`` maps a role to a file or folder, ``settings`` and ``seed`` are
+    all else that the results depend on. If the folder holds a run of the same command, inputs (by content), settings
+    and seed of the same version of rrrgen, it is resumed. For any other run :class:`InputError` is raised, unless
+    ``fresh`` asks to clear the folder and start over.
     """
 
     def __init__(
@@ -79,7 +81,8 @@ class RunFolder:
             )
         cleared = before is None or before.get("status") != "clearing"
         if fresh or not cleared:
-            # results of another run never stand beside this run's record, whatever ends the process in between
+            # the status is written first: if the process ends while clearing, the next run clears again, so that
+            # results of another run never stand beside the record of this one
             self._set_status("clearing")
             self._clear()
         self.resumed = before is not None and not fresh
@@ -98,14 +101,15 @@ class RunFolder:
             self._set_status("interrupted" if interrupted else "failed")
 
     def checkpoint(self, name: str) -> Path:
-        """Where unfinished work may keep its state."""
+        """Path of a file in which unfinished work may keep its state; its folder is created."""
         folder = self.path / "checkpoints"
         folder.mkdir(parents=True, exist_ok=True)
         return folder / name
 
     def stage(self, name: str, compute: Callable[[], Any]) -> Any:
-        """The plain data of ``compute()``; read back where an earlier, interrupted run has already finished this
-        stage.
+        """The result of ``compute()`` as plain data, read from the checkpoint if an interrupted run has stored it.
+
+        ``name`` identifies the stage within the run.
         """
         place = self.checkpoint(f"{name}.json")
         try:
@@ -119,11 +123,11 @@ class RunFolder:
         return data
 
     def write_json(self, name: str, data: Any) -> Path:
-        """``results/name`` with plain data; infinities and NaN become null."""
+        """Write ``results/name`` as JSON; infinities and NaN become null. Returns the path."""
         return self.write_text(name, json.dumps(plain(data), indent=1) + "\n")
 
     def write_csv(self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
-        """``results/name`` as a table; numbers read back exactly."""
+        """Write ``results/name`` as a CSV table; every float reads back exactly. Returns the path."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(header)
@@ -131,19 +135,19 @@ class RunFolder:
         return self.write_text(name, text.getvalue())
 
     def write_text(self, name: str, text: str) -> Path:
-        """``results/name`` with this text."""
+        """Write ``results/name`` with this text. Returns the path."""
         place = self.path / "results" / name
         write_atomically(place, text)
         return place
 
     def figure(self, name: str, figure: Figure) -> list[Path]:
-        """``figures/name.svg`` and ``.png``."""
+        """Write ``figures/name.svg`` and ``figures/name.png``. Returns both paths."""
         from rrrgen.runs.figures import save_figure
 
         return save_figure(figure, self.path / "figures" / name)
 
     def _difference(self, before: Mapping[str, Any]) -> str:
-        """In what a run that is there differs from this one."""
+        """How the run already in the folder differs from this one, for the message."""
         versions = before.get("versions")
         made_by = versions.get("rrrgen", "") if isinstance(versions, Mapping) else ""
         if made_by != VERSION and all(before.get(key) == self.record[key] for key in ("command", "inputs", "settings")):
@@ -163,12 +167,12 @@ class RunFolder:
             return {}
 
     def _remove_abandoned(self) -> None:
-        """Remove the unfinished files of killed runs."""
+        """Remove the temporary files that killed runs left behind."""
         for place in (self.path, *(self.path / part for part in PARTS)):
             remove_abandoned(place)
 
     def _clear(self) -> None:
-        """Remove what earlier runs wrote, and only that."""
+        """Remove the files in the subfolders that runs write to, and nothing else."""
         for part in PARTS:
             for file in sorted((self.path / part).glob("*")):
                 if file.is_file():
@@ -185,7 +189,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def plain(value: Any) -> Any:
-    """``value`` in JSON's own types; infinities and NaN become None."""
+    """Convert ``value`` (arrays, dataclasses, mappings, sequences) to JSON types; infinities and NaN become None."""
     if is_dataclass(value) and not isinstance(value, type):
         return plain(asdict(value))
     if isinstance(value, Mapping):
@@ -204,7 +208,7 @@ def plain(value: Any) -> Any:
 
 
 def hash_of(path: Path) -> str:
-    """SHA-256 of a file, or of all files of a folder in order."""
+    """SHA-256 of a file, or of all files below a folder in sorted order; raises :class:`InputError` if unreadable."""
     digest = hashlib.sha256()
     try:
         files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]

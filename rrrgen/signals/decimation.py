@@ -1,4 +1,4 @@
-"""Parallel decimation of torque and regressor."""
+"""Parallel decimation: one low-pass filter applied alike to torque and regressor, followed by downsampling."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from rrrgen.errors import InputError
 
 Array = NDArray[np.floating[Any]]
 
-HALF_LENGTH = 10  # of the filter, in new samples
-BETA = 5.0  # of the Kaiser window
-PASSED = 0.8  # of the new half rate: where the filter is down to one half (-6 dB)
-GROUP = 16  # outputs computed at a time
+HALF_LENGTH = 10  # half the length of the filter, in decimated samples
+KAISER_BETA = 5.0  # shape parameter of the Kaiser window
+CUTOFF_RATIO = 0.8  # -6 dB frequency over the Nyquist frequency of the decimated signal
+BLOCK = 16  # outputs computed by one matrix product
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,9 @@ class Decimator:
     """Parallel decimation: the same low-pass on the torque and on every regressor column, then every ``factor``-th row.
 
     Both sides of ``tau = W x`` pass the same linear filter F, so ``F tau = F W x`` holds exactly, at the ends too. F
-    is a symmetric finite response (Kaiser window) of ``20*factor + 1`` taps, -6 dB at 0.8 of the new half rate; a
-    chunk with its neighbours' samples therefore gives exactly what the whole recording gives.
+    is a symmetric (zero-phase) FIR filter with a Kaiser window, ``20*factor + 1`` taps, -6 dB at 0.8 of the new Nyquist
+    frequency. A recording may be filtered in chunks that overlap by :attr:`memory` samples: the result is exactly
+    that of the whole. Raises :class:`InputError` for a factor below 1.
     """
 
     factor: int
@@ -35,39 +36,42 @@ class Decimator:
 
     @property
     def memory(self) -> int:
-        """Samples on either side that a decimated sample depends on."""
+        """Number of recorded samples on either side that a decimated sample depends on."""
         return 0 if self.factor == 1 else HALF_LENGTH * self.factor
 
     def __call__(self, x: Array, first: int = 0) -> Array:
-        """Filter along axis 0 and keep the samples whose global index ``first + k`` is a multiple of the factor."""
+        """Filter ``x`` (N, ...) along axis 0 and keep the samples whose index in the recording is a multiple of factor.
+
+        ``first`` is the index in the recording of ``x[0]``; samples outside ``x`` count as zero.
+        """
         if self.factor == 1:
             return x
         h, width = self.memory, int(np.prod(x.shape[1:]))
         skip = -first % self.factor
         count = max(0, -(-(len(x) - skip) // self.factor))
-        padded = np.zeros((len(x) + 2 * h + GROUP * self.factor, width))
+        padded = np.zeros((len(x) + 2 * h + BLOCK * self.factor, width))
         padded[h : h + len(x)] = x.reshape(len(x), width)
         band, out = self._band(), np.empty((count, width))
-        for start in range(0, count, GROUP):
+        for start in range(0, count, BLOCK):
             at = skip + start * self.factor
-            rows = min(GROUP, count - start)
+            rows = min(BLOCK, count - start)
             out[start : start + rows] = (band @ padded[at : at + band.shape[1]])[:rows]
         return out.reshape(count, *x.shape[1:])
 
     def taps(self) -> Array:
-        """The filter's impulse response, ``2*memory + 1`` samples about its middle."""
+        """Impulse response of the filter, ``2*memory + 1`` samples, symmetric about the middle one."""
         from scipy.signal import firwin
 
-        return np.asarray(firwin(2 * self.memory + 1, PASSED / self.factor, window=("kaiser", BETA)))
+        return np.asarray(firwin(2 * self.memory + 1, CUTOFF_RATIO / self.factor, window=("kaiser", KAISER_BETA)))
 
     def _band(self) -> Array:
-        """The filter's rows for GROUP consecutive outputs: one product of matrices instead of many of vectors."""
+        """Banded filter matrix of BLOCK consecutive outputs: one matrix product replaces many vector products."""
         taps = self.taps()
-        band = np.zeros((GROUP, len(taps) + (GROUP - 1) * self.factor))
-        for k in range(GROUP):
+        band = np.zeros((BLOCK, len(taps) + (BLOCK - 1) * self.factor))
+        for k in range(BLOCK):
             band[k, k * self.factor : k * self.factor + len(taps)] = taps
         return band
 
     def instants(self, t: Array, first: int = 0) -> Array:
-        """The instants that stay."""
+        """The instants (s) of ``t`` (N,) that decimation keeps; ``first`` is the index of ``t[0]`` in the recording."""
         return t[-first % self.factor :: self.factor]

@@ -1,5 +1,8 @@
 """Finite Fourier series as joint motion: the exciting trajectory (14.24) with analytic derivatives.
 
+Equation numbers are those of D. Kostic, B. de Jager, M. Steinbuch, Modeling and Identification for Robot Motion
+Control, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
+
 The coefficients ``a`` and ``b`` are speed amplitudes; the motion is periodic with ``1/base_frequency`` and its highest
 frequency is ``harmonics*base_frequency``.
 """
@@ -21,7 +24,7 @@ Floats = NDArray[np.floating[Any]]
 
 
 def fourier_basis(t: ArrayLike, harmonics: int, base_frequency: float, derivative: int = 0) -> Floats:
-    """The matrix that turns the coefficients of one joint into its motion, or a time derivative of it.
+    """The matrix that maps the Fourier coefficients of one joint to its sampled motion, or a time derivative of it.
 
     ``B(t) [q0, a_1..a_N, b_1..b_N]' = d^k q / dt^k`` with ``k = derivative`` and
     ``q = q0 + sum_j (a_j sin w_j t - b_j cos w_j t)/w_j``, ``w_j = 2 pi j base_frequency``.
@@ -29,10 +32,11 @@ def fourier_basis(t: ArrayLike, harmonics: int, base_frequency: float, derivativ
     """
     times = np.atleast_1d(np.asarray(t, dtype=float))
     omega = 2.0 * np.pi * base_frequency * np.arange(1, harmonics + 1)
-    # Whole periods are dropped before the product with the harmonic number: late samples stay as exact as early ones.
+    # Whole periods are removed before multiplying by the harmonic number, so that late samples are as exact as early
+    # ones.
     phase = np.remainder(times * base_frequency, 1.0)
     angle = 2.0 * np.pi * np.remainder(np.outer(phase, np.arange(1, harmonics + 1)), 1.0)
-    # d^k/dt^k of sin(x)/w and -cos(x)/w advance the phase by k quarter turns and multiply by w^k.
+    # The k-th derivative of sin(x)/w and -cos(x)/w advances the phase by k pi/2 and multiplies by w^k.
     gain = omega ** (derivative - 1)
     quarter = derivative % 4
     sine = (np.sin(angle), np.cos(angle), -np.sin(angle), -np.cos(angle))[quarter]
@@ -41,10 +45,11 @@ def fourier_basis(t: ArrayLike, harmonics: int, base_frequency: float, derivativ
     return np.hstack([constant, sine * gain, -cosine * gain])
 
 
-def between_samples_factor(harmonics: int, samples_per_period: int) -> float:
-    """How much larger than its largest sample a trigonometric polynomial of degree N can be: ``1/cos(pi N/M)``.
+def intersample_peak_factor(harmonics: int, samples_per_period: int) -> float:
+    """Bound on the maximum of a trigonometric polynomial over its largest sample: ``1/cos(pi N/M)``.
 
-    ``M`` equispaced samples per period; infinite for ``M <= 2N``, where the samples alias and prove nothing.
+    ``N`` is its degree, ``M`` the number of equispaced samples per period; infinite for ``M <= 2N``, where aliasing
+    allows any maximum.
     Source: Ehlich and Zeller, Schwankung von Polynomen zwischen Gitterpunkten, Math. Z. 86 (1964).
     """
     if samples_per_period <= 2 * harmonics:
@@ -93,33 +98,35 @@ class FourierTrajectory:
 
     @property
     def coefficients(self) -> Floats:
-        """The coefficients joint by joint, (1 + 2N, n): column i is ``[q0_i, a_i, b_i]``."""
+        """The coefficients (1 + 2N, n), one column per joint: column i is ``[q0_i, a_i1..a_iN, b_i1..b_iN]``."""
         return np.vstack([self.q0[None, :], self.a.T, self.b.T])
 
     @classmethod
     def from_coefficients(cls, coefficients: ArrayLike, base_frequency: float) -> FourierTrajectory:
-        """The trajectory whose :attr:`coefficients` (1 + 2N, n) are given."""
+        """Build the trajectory from ``coefficients`` (1 + 2N, n) as returned by the property, and a frequency in Hz."""
         X = np.asarray(coefficients, dtype=float)
         N = (X.shape[0] - 1) // 2
         return cls(X[0], X[1 : N + 1].T, X[N + 1 :].T, base_frequency)
 
     def derivative(self, t: ArrayLike, order: int) -> Floats:
-        """d^k q/dt^k at the times ``t`` (any shape), (..., n)."""
+        """Time derivative ``d^k q/dt^k``, ``k = order``, at the times ``t`` (any shape, s); returns (..., n)."""
         times = np.asarray(t, dtype=float)
         B = fourier_basis(times.ravel(), self.harmonics, self.base_frequency, order)
         return (B @ self.coefficients).reshape((*times.shape, self.n))
 
     def evaluate(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Position, velocity and acceleration ``(q, dq, ddq)`` at the times ``t`` (any shape), each (..., n)."""
+        """Position, velocity and acceleration ``(q, dq, ddq)`` at the times ``t`` (any shape, s), each (..., n)."""
         return self.derivative(t, 0), self.derivative(t, 1), self.derivative(t, 2)
 
     def times(self, sample_period: float, cycles: float = 1.0) -> Floats:
-        """The sampling instants of ``cycles`` cycles, the end excluded (it repeats the start), s."""
+        """Sampling instants (s) of ``cycles`` periods at ``sample_period`` (s), without the end, which repeats the
+        start.
+        """
         count = round(cycles * self.period / sample_period)
         return np.arange(count) * sample_period
 
     def to_json(self) -> dict[str, object]:
-        """The coefficients as plain lists; floats survive the round trip through JSON exactly."""
+        """The trajectory as plain data for JSON, from which :meth:`from_json` restores every float exactly."""
         return {
             "base_frequency_hz": self.base_frequency,
             "q0": self.q0.tolist(),
@@ -129,7 +136,10 @@ class FourierTrajectory:
 
     @classmethod
     def from_json(cls, data: dict[str, object] | str | Path) -> FourierTrajectory:
-        """Read what :meth:`to_json` returned: the mapping itself or the path of a JSON file."""
+        """Restore a trajectory from the mapping of :meth:`to_json`, or from the path of a JSON file that holds it.
+
+        Raises :class:`InputError` if the file cannot be read or a key is missing.
+        """
         if isinstance(data, str | Path):
             try:
                 data = json.loads(Path(data).read_text(encoding="utf-8"))

@@ -1,8 +1,12 @@
 """Steady-state Kalman filter and fixed-interval smoother for joint motion, (14.26)-(14.31).
 
 The deviation ``e = q - q_r`` of a joint from its reference is a triple integrator driven by white jerk ``xi`` held
-over a sample, and measured with white noise ``eta``. In the scaled state ``[e, Ts de, Ts^2 nu]`` the model does not
-depend on the period, and the gain only on ``lambda = sqrt(var xi) Ts^3 / sqrt(var eta)``.
+over a sample period Ts, and measured with white noise ``eta``. In the scaled state ``[e, Ts de, Ts^2 nu]``, ``nu`` the
+acceleration of the deviation, the model does not depend on Ts, and the gain only on
+``lambda = sqrt(var xi) Ts^3 / sqrt(var eta)``.
+
+Equation numbers are those of D. Kostic, B. de Jager, M. Steinbuch, Modeling and Identification for Robot Motion
+Control, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
 """
 
 from __future__ import annotations
@@ -25,8 +29,8 @@ MEASURED = np.array([1.0, 0.0, 0.0])
 class KalmanMatrices:
     """The constants of (14.28)-(14.30) for one joint, in physical units.
 
-    ``E`` (3, 3) and ``g`` (3,) of (14.29), the filter gain ``k`` (3,) of (14.30), and the predicted and updated error
-    covariance over ``var eta``. ``period`` is Ts in s.
+    ``E`` (3, 3) and ``g`` (3,) of (14.29), the filter gain ``k`` (3,) of (14.30), and the error covariances (3, 3)
+    before (``predicted``) and after (``updated``) a measurement, both divided by ``var eta``. ``period`` is Ts in s.
     """
 
     period: float
@@ -38,20 +42,21 @@ class KalmanMatrices:
 
     @property
     def innovation(self) -> float:
-        """Variance of the innovation over ``var eta``: ``c P c' + 1``."""
+        """Variance of the innovation divided by ``var eta``: ``c P c' + 1``."""
         return float(self.predicted[0, 0]) + 1.0
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of the error dynamics ``(I - k c) E``."""
+        """Poles of the filter (3,): eigenvalues of its error dynamics ``(I - k c) E``."""
         return np.asarray(np.linalg.eigvals((np.eye(3) - np.outer(self.k, MEASURED)) @ self.E), complex)
 
 
 def kalman_matrices(period: float, var_eta: float, var_xi: float) -> KalmanMatrices:
-    """The steady-state filter of (14.30): ``k = P c' / (c P c' + r)`` with P the predicted covariance from the DARE.
+    """The steady-state Kalman filter of one joint, (14.30): gain ``k = P c' / (c P c' + 1)``.
 
-    ``period`` in s, ``var_eta`` in rad^2 (m^2), ``var_xi`` in (rad/s^3)^2. Raises :class:`InputError` for variances
-    that are not positive.
+    P is the predicted error covariance over ``var eta``, the solution of the discrete algebraic Riccati equation.
+    ``period`` is Ts in s, ``var_eta`` the variance of the position noise in rad^2 (m^2), ``var_xi`` that of the jerk in
+    (rad/s^3)^2 ((m/s^3)^2). Raises :class:`InputError` for a period or variance that is not positive.
     """
     if not (period > 0 and var_eta > 0 and var_xi > 0):
         raise InputError(
@@ -74,10 +79,10 @@ def kalman_matrices(period: float, var_eta: float, var_xi: float) -> KalmanMatri
 
 
 def _predicted_covariance(ratio: float) -> Array:
-    """P of the scaled model over ``var eta``, for ``ratio = lambda``, by the discrete algebraic Riccati equation.
+    """Predicted covariance (3, 3) over ``var eta`` of the scaled model with ``lambda = ratio``.
 
-    With the state scaled further by powers of ``rho = lambda^(1/3)``, the distance of the poles from 1, the equation
-    stays well conditioned however small lambda is.
+    The state is scaled further by powers of ``rho = lambda^(1/3)``, the order of the distance of the poles from 1, so
+    that the Riccati equation stays well conditioned however small lambda is.
     """
     from scipy import linalg
 
@@ -90,7 +95,7 @@ def _predicted_covariance(ratio: float) -> Array:
         P = linalg.solve_discrete_are(E.T, c, np.outer(g, g), np.eye(1))
     except np.linalg.LinAlgError:
         P = _iterated_covariance(E, g)
-    for _ in range(2):  # the Riccati map contracts: it removes what the solver left
+    for _ in range(2):  # the Riccati map contracts: two steps remove the residual of the solver
         k = P[:, 0] / (P[0, 0] + 1.0)
         P = E @ (P - np.outer(k, P[0])) @ E.T + np.outer(g, g)
         P = 0.5 * (P + P.T)
@@ -98,7 +103,7 @@ def _predicted_covariance(ratio: float) -> Array:
 
 
 def _iterated_covariance(E: Array, g: Array) -> Array:
-    """The same by structured doubling, which needs no separation of the closed-loop poles from the unit circle."""
+    """The covariance by structured doubling, which works even if the closed-loop poles are close to the unit circle."""
     A: Array = E.T.copy()
     G: Array = np.outer(MEASURED, MEASURED)
     H: Array = np.outer(g, g)
@@ -112,7 +117,8 @@ def _iterated_covariance(E: Array, g: Array) -> Array:
 
 
 def kalman_step(E: Array, k: Array, predicted: Array, measured: ArrayLike, reference: ArrayLike) -> tuple[Array, Array]:
-    """One step of the filter, for any number of joints at once; returns the next prediction and the motion, (..., 3).
+    """One step of the Kalman filter, for any number of joints at once; returns the next prediction and ``[q, dq,
+    ddq]``.
 
     ``x_bar = x_hat + k (y - q_r - e_hat)``, ``x_hat(k+1) = E x_bar``, motion ``x_bar + [q_r, dq_r, ddq_r]``. ``E``
     (..., 3, 3) of (14.29) and the gain ``k`` (..., 3) of (14.30); ``predicted`` (..., 3) is the prediction of the
@@ -126,11 +132,12 @@ def kalman_step(E: Array, k: Array, predicted: Array, measured: ArrayLike, refer
 
 
 def frequency_response(matrices: KalmanMatrices, frequencies: Array, smoother: bool = False) -> NDArray[np.complex128]:
-    """Measured deviation to reconstructed deviation at ``frequencies`` (Hz): ``H(z) = c [I - (I - k c) E z^-1]^-1 k``.
+    """Frequency response from measured to reconstructed deviation: ``H(z) = c [I - (I - k c) E z^-1]^-1 k``.
 
-    The smoother is H followed by its own backward pass; its response is real up to round-off: no phase.
+    ``frequencies`` (m,) in Hz; returns (m,) complex. With ``smoother``, the response of the forward pass followed by
+    the backward pass, which is real up to round-off: the smoother has no phase lag.
     """
-    forward, backward = recursions(matrices)
+    forward, backward = smoother_recursions(matrices)
     z = np.exp(2j * math.pi * np.asarray(frequencies, float) * matrices.period)
     x = np.linalg.solve(np.eye(3) - forward / z[:, None, None], np.broadcast_to(matrices.k[:, None], (len(z), 3, 1)))
     if smoother:
@@ -138,8 +145,8 @@ def frequency_response(matrices: KalmanMatrices, frequencies: Array, smoother: b
     return np.asarray(x[:, 0, 0], complex)
 
 
-def recursions(matrices: KalmanMatrices) -> tuple[Array, Array]:
-    """The two recursions of the fixed-interval smoother, as 3x3 matrices F and C.
+def smoother_recursions(matrices: KalmanMatrices) -> tuple[Array, Array]:
+    """The matrices F and C, (3, 3) each, of the forward and backward recursion of the fixed-interval smoother.
 
     Forward ``x_bar(k) = F x_bar(k-1) + k y(k)`` with ``F = (I - k c) E``; backward (Rauch-Tung-Striebel, steady state)
     ``x_s(k) = C x_s(k+1) + (I - C E) x_bar(k)`` with ``C = P_updated E' P_predicted^-1``.

@@ -1,5 +1,6 @@
-"""How a recording is made ready for estimation: reconstruction, decimation, samples left out. Defaults of a mapping
-file.
+"""Preprocessing of a recording before estimation: reconstruction of the motion, decimation, exclusion of slow samples.
+
+The settings come from the section ``processing`` of a mapping file and from command-line options.
 """
 
 from __future__ import annotations
@@ -16,29 +17,33 @@ from rrrgen.yamltext.reader import Reader
 
 Method = Literal["butterworth", "kalman", "kalman_filter", "differences", "logged"]
 KALMAN: tuple[Method, ...] = ("kalman", "kalman_filter")
-DEFAULT_ORDER = 4  # of the Butterworth filter
+DEFAULT_ORDER = 4  # number of poles of the Butterworth filter
 METHODS: tuple[Method, ...] = ("butterworth", "kalman", "kalman_filter", "differences", "logged")
 
-OWNERS: dict[str, tuple[Method, ...]] = {
+METHODS_OF_SETTING: dict[str, tuple[Method, ...]] = {
     "cutoff": ("butterworth",),
     "order": ("butterworth",),
     "var_eta": KALMAN,
     "var_xi": KALMAN,
 }
-"""Settings that only some methods have."""
+"""The methods of reconstruction to which a setting belongs; settings that are not listed apply to all."""
 
-FIELDS = {"position_resolution": "var_eta", "jerk": "var_xi"}
-"""Keys of a mapping file that are called otherwise than the setting they give."""
+SETTING_OF_KEY = {"position_resolution": "var_eta", "jerk": "var_xi"}
+"""Settings whose key in a mapping file has another name, because it takes another quantity."""
 
 
 @dataclass(frozen=True)
 class Processing:
-    """Reconstruction ``method`` with its tuning, decimation, and speeds below which a joint's rows are left out.
+    """Preprocessing settings: method of reconstruction with its tuning, decimation factor, lowest speeds.
 
-    ``cutoff`` (Hz) and ``order`` belong to the Butterworth filter; ``var_eta`` and ``var_xi`` to the Kalman filter.
-    What is None is chosen by the rule of :mod:`rrrgen.identify.scoring.bandwidth`. ``low_speed`` (n,) is in rad/s
-    (m/s), empty for none. ``logged`` takes the speeds and accelerations of the recording as they are. Raises
-    :class:`InputError` for a setting that the method does not have.
+    - ``method``: how speeds and accelerations are obtained; ``logged`` takes the recorded ones.
+    - ``cutoff`` (Hz), ``order``: Butterworth filter.
+    - ``var_eta`` (rad^2 or m^2), ``var_xi`` ((rad/s^3)^2 or (m/s^3)^2), one per joint: Kalman filter.
+    - ``decimate``: decimation factor.
+    - ``low_speed`` (n,), rad/s (m/s): the rows of a joint below this speed are left out; empty for none.
+
+    Settings that are None are chosen from the bandwidth of the motion (:mod:`rrrgen.identify.scoring.bandwidth`).
+    Raises :class:`InputError` for a setting that the method does not have.
     """
 
     method: Method = "kalman"
@@ -50,16 +55,19 @@ class Processing:
     low_speed: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, methods in OWNERS.items():
+        for name, methods in METHODS_OF_SETTING.items():
             if getattr(self, name) is not None and self.method not in methods:
                 raise InputError(f"{name} belongs to the method {' or '.join(methods)}, not to {self.method}")
 
     def settings(self) -> dict[str, Any]:
-        """Plain values, for records."""
+        """All settings by name, for the records of a run."""
         return asdict(self)
 
     def reconstructor(self) -> Reconstructor:
-        """The method with its tuning; the variances of a Kalman filter must be known."""
+        """The filter that carries out the method.
+
+        Raises :class:`InputError` if the cut-off of a Butterworth filter or a variance of a Kalman filter is None.
+        """
         if self.method == "butterworth":
             if self.cutoff is None:
                 raise InputError("the Butterworth filter needs a cutoff (Hz), above the bandwidth of the motion")
@@ -75,7 +83,10 @@ _KEYS = ("method", "cutoff", "order", "position_resolution", "jerk", "decimate",
 
 
 def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[str, Any]:
-    """The keys of ``processing`` that are given, as arguments of :class:`Processing`; faults are recorded."""
+    """Read the section ``processing`` of a mapping file for a robot with ``joints`` joints.
+
+    Returns the given settings as keyword arguments of :class:`Processing`; faults are added to ``faults``.
+    """
     if node is None:
         return {}
     reader = Reader(faults)
@@ -111,13 +122,17 @@ def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[s
 
 
 def _settle_method(entries: dict[str, Node], found: dict[str, Any], faults: FaultList) -> None:
-    """The method is the one that the settings belong to, where it is not named; settings of others are faults."""
-    owners = {name: OWNERS[field] for name in entries if (field := FIELDS.get(name, name)) in OWNERS}
-    if "method" not in entries and owners:
-        found["method"] = next(iter(owners.values()))[0]
+    """Infer the method from the settings if it is not named; a setting of another method is a fault."""
+    methods_of = {
+        name: METHODS_OF_SETTING[field]
+        for name in entries
+        if (field := SETTING_OF_KEY.get(name, name)) in METHODS_OF_SETTING
+    }
+    if "method" not in entries and methods_of:
+        found["method"] = next(iter(methods_of.values()))[0]
     method = found.get("method")
-    for name, methods in owners.items():
+    for name, methods in methods_of.items():
         if method is not None and method not in methods:
-            chosen = f"method {method}" if "method" in entries else next(iter(owners))
+            chosen = f"method {method}" if "method" in entries else next(iter(methods_of))
             hint = f"it belongs to the method {' or '.join(methods)}"
             faults.error(entries[name], f"processing.{name} has no meaning beside {chosen}", hint)

@@ -1,8 +1,7 @@
-"""Joint motion from sampled joint positions: one interface, two methods.
+"""Reconstruction of joint positions, speeds and accelerations from positions sampled at a constant period.
 
-A :class:`Reconstructor` turns positions sampled at a constant period into positions, speeds and accelerations. The
-steady-state Kalman filter and smoother of (14.26)-(14.31) live in :mod:`rrrgen.signals.kalman`; the zero-phase
-Butterworth filter with central differences is here.
+This module holds the interface :class:`Reconstructor`, the zero-phase Butterworth filter and plain central
+differences; the steady-state Kalman filter and smoother are in :mod:`rrrgen.signals.smoother`.
 """
 
 from __future__ import annotations
@@ -17,13 +16,16 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 
-FORGOTTEN = 1e-14
-"""A filter has forgotten a sample when what is left of it is below the round-off of a double."""
+DECAY_TOLERANCE = 1e-14
+"""Relative size below which the response of a filter to a past sample is lost in the round-off of a double."""
 
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Joint motion at the instants ``t`` (s): ``q``, ``dq``, ``ddq``, each (N, n), in rad (or m), per s and per s^2."""
+    """Reconstructed joint motion: ``q``, ``dq``, ``ddq``, each (N, n), in rad (m), rad/s and rad/s^2, at ``t`` (N,), s.
+
+    ``method`` names the filter, ``facts`` holds its settings.
+    """
 
     t: Array
     q: Array
@@ -38,25 +40,31 @@ class Reconstruction:
         return int(self.q.shape[1])
 
     def window(self, start: int, stop: int) -> Reconstruction:
-        """The samples ``start`` to ``stop`` (exclusive)."""
+        """The motion of the samples ``start`` to ``stop`` (exclusive)."""
         part = slice(start, stop)
         return Reconstruction(self.t[part], self.q[part], self.dq[part], self.ddq[part], self.method, self.facts)
 
 
 class Reconstructor(Protocol):
-    """A method of reconstruction: a linear filter with finite memory."""
+    """Interface of a reconstruction filter: linear, and with finite memory up to round-off."""
 
     def __call__(self, t: Array, q: Array, reference: Reconstruction | None = None) -> Reconstruction:
-        """Reconstruct the motion from positions ``q`` (N, n) at the uniform instants ``t`` (N,)."""
+        """Reconstruct the motion from positions ``q`` (N, n) in rad (m) at the uniform instants ``t`` (N,) in s.
+
+        With a ``reference`` motion at the same instants, only the deviation from it is filtered.
+        """
         ...
 
     def memory(self, period: float) -> int:
-        """Samples on either side that still influence a reconstructed sample, at the period ``period`` (s)."""
+        """Number of samples on either side that influence a reconstructed sample, for a sampling ``period`` in s."""
         ...
 
 
 def sampling_period(t: Array) -> float:
-    """The period of uniform instants (s); raises :class:`InputError` where they are not uniform to 1e-3 of a period."""
+    """The sampling period (s) of the instants ``t`` (N,).
+
+    Raises :class:`InputError` if there are fewer than two, or if a step differs from the mean by over 1e-3 of it.
+    """
     t = np.asarray(t, float)
     if t.ndim != 1 or len(t) < 2:
         raise InputError("a reconstruction needs at least two samples")
@@ -71,9 +79,10 @@ def sampling_period(t: Array) -> float:
 
 
 def central_differences(t: Array, q: Array) -> tuple[Array, Array]:
-    """First and second derivative by central differences applied twice, one-sided at the two ends.
+    """First and second derivative of ``q`` (N, n) by central differences, one-sided at the two ends.
 
-    ``dq_k = (q_{k+1} - q_{k-1}) / (2 Ts)``, ``ddq`` the same of ``dq``; shapes (N, n).
+    ``dq_k = (q_{k+1} - q_{k-1}) / (2 Ts)``, and ``ddq`` likewise from ``dq``; returns ``dq`` and ``ddq``, (N, n) each.
+    Raises :class:`InputError` for fewer than two samples and for instants ``t`` (N,) that are not uniform.
     """
     if len(q) < 2:
         raise InputError("central differences need at least two samples")
@@ -84,32 +93,36 @@ def central_differences(t: Array, q: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class CentralDifferences:
-    """Central differences of the positions as they are, for noise-free data."""
+    """Reconstruction by central differences of the unfiltered positions, for noise-free data."""
 
     def __call__(self, t: Array, q: Array, reference: Reconstruction | None = None) -> Reconstruction:
-        """Differentiate; ``reference`` is not needed and not used."""
+        """Differentiate ``q`` (N, n) at the instants ``t`` (N,); ``reference`` is ignored."""
         q = np.asarray(q, float)
         dq, ddq = central_differences(t, q)
         return Reconstruction(np.asarray(t, float), q, dq, ddq, "central differences")
 
     def memory(self, period: float) -> int:
-        """Two samples: the second difference spans five."""
+        """Two samples on either side, since the repeated central difference spans five."""
         return 2
 
 
 @dataclass(frozen=True)
 class Butterworth:
-    """Zero-phase Butterworth low-pass on the position, then central differences.
+    """Zero-phase Butterworth low-pass filter on the positions, followed by central differences.
 
-    The filter of ``order`` poles and ``cutoff`` (Hz) runs forward and backward: no phase, squared magnitude (-6 dB at
-    the cutoff). The recording is continued at both ends by reflection through its end points.
+    The filter of ``order`` poles and ``cutoff`` (Hz) runs forward and backward: its phase cancels and its magnitude is
+    squared (-6 dB at the cut-off). The recording is extended at both ends by point reflection at its end samples.
+    Raises :class:`InputError` for a cut-off outside 0 to half the sampling rate.
     """
 
     cutoff: float
     order: int = 4
 
     def __call__(self, t: Array, q: Array, reference: Reconstruction | None = None) -> Reconstruction:
-        """Filter and differentiate; with a ``reference`` motion only the deviation from it is filtered."""
+        """Filter and differentiate ``q`` (N, n) at the instants ``t`` (N,).
+
+        With a ``reference`` motion, only the deviation from it is filtered and differentiated.
+        """
         from scipy import signal
 
         t, q = np.asarray(t, float), np.asarray(q, float)
@@ -125,11 +138,11 @@ class Butterworth:
         return Reconstruction(t, smooth, dq, ddq, "zero-phase Butterworth and central differences", facts)
 
     def memory(self, period: float) -> int:
-        """Samples until the slowest pole has decayed to round-off."""
+        """Number of samples in which the slowest pole decays to round-off, for a sampling ``period`` in s."""
         from scipy import signal
 
         _, poles, _ = signal.sos2zpk(self._sections(period))
-        return 2 + math.ceil(math.log(FORGOTTEN) / math.log(float(np.max(np.abs(poles)))))
+        return 2 + math.ceil(math.log(DECAY_TOLERANCE) / math.log(float(np.max(np.abs(poles)))))
 
     def _sections(self, period: float) -> Array:
         from scipy import signal

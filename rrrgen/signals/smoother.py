@@ -1,4 +1,8 @@
-"""The Kalman filter of (14.26)-(14.31) on a whole recording: offline filter, fixed-interval smoother, tuning."""
+"""Kalman filter and fixed-interval smoother over a whole recording, (14.26)-(14.31), and their tuning by innovations.
+
+Equation numbers are those of D. Kostic, B. de Jager, M. Steinbuch, Modeling and Identification for Robot Motion
+Control, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,10 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.signals.kalman import KalmanMatrices, kalman_matrices, recursions
-from rrrgen.signals.reconstruction import FORGOTTEN, Reconstruction, sampling_period
+from rrrgen.signals.kalman import KalmanMatrices, kalman_matrices, smoother_recursions
+from rrrgen.signals.reconstruction import DECAY_TOLERANCE, Reconstruction, sampling_period
 
-LOWEST_RATIO, HIGHEST_RATIO = -10.0, 1.0  # log10 of lambda in the search for the innovation likelihood
+LOWEST_RATIO, HIGHEST_RATIO = -10.0, 1.0  # log10 of lambda: range searched for the largest innovation likelihood
 
 
 @dataclass(frozen=True)
@@ -21,8 +25,8 @@ class KalmanSmoother:
     """Steady-state Kalman reconstruction (14.30)-(14.31), by default followed by the fixed-interval smoother.
 
     ``var_eta`` is the variance of the position noise (rad^2), ``var_xi`` that of the jerk of the deviation
-    ((rad/s^3)^2); one value for all joints, or one per joint. ``smooth=False`` gives the causal filter, as it runs on
-    line. A recording is continued at its ends by reflection through its end points.
+    ((rad/s^3)^2); one value for all joints, or one per joint. ``smooth=False`` gives the causal filter, as it runs in
+    real time. The recording is extended at both ends by point reflection at its end samples.
     """
 
     var_eta: float | tuple[float, ...]
@@ -30,7 +34,10 @@ class KalmanSmoother:
     smooth: bool = True
 
     def __call__(self, t: Array, q: Array, reference: Reconstruction | None = None) -> Reconstruction:
-        """Reconstruct; with a ``reference`` motion the filter works on ``e = q - q_r`` (14.27)."""
+        """Reconstruct the motion from positions ``q`` (N, n) in rad (m) at the uniform instants ``t`` (N,) in s.
+
+        With a ``reference`` motion, the filter works on the deviation ``e = q - q_r``, (14.27).
+        """
         t, q = np.asarray(t, float), np.asarray(q, float)
         period = sampling_period(t)
         e = q if reference is None else q - reference.q
@@ -47,26 +54,30 @@ class KalmanSmoother:
         return Reconstruction(t, parts[0], parts[1], parts[2], method, facts)
 
     def matrices(self, period: float, joints: int) -> list[KalmanMatrices]:
-        """The constant matrices of every joint."""
+        """The filter matrices of each of ``joints`` joints, for a sampling ``period`` in s."""
         pairs = zip(_per_joint(self.var_eta, joints), _per_joint(self.var_xi, joints), strict=True)
         return [kalman_matrices(period, eta, xi) for eta, xi in pairs]
 
     def memory(self, period: float) -> int:
-        """Samples until the slowest mode of any joint has decayed to round-off."""
+        """Number of samples in which the slowest pole of any joint decays to round-off, for a ``period`` in s."""
         joints = max(np.size(self.var_eta), np.size(self.var_xi))
         slowest = max(float(np.max(np.abs(m.poles))) for m in self.matrices(period, int(joints)))
-        return 2 + math.ceil(math.log(FORGOTTEN) / math.log(slowest))
+        return 2 + math.ceil(math.log(DECAY_TOLERANCE) / math.log(slowest))
 
 
 def quantisation_variance(resolution: float) -> float:
-    """Variance of a uniformly distributed rounding error, ``var eta = resolution^2 / 12`` (rad^2 for rad)."""
+    """Noise variance of an encoder from its resolution (rad or m): ``var eta = resolution^2 / 12``, in rad^2 (m^2).
+
+    This is the variance of a rounding error that is uniform over one step.
+    """
     return resolution * resolution / 12.0
 
 
 def innovations(matrices: KalmanMatrices, e: Array) -> Array:
-    """Innovations ``y(k) - c x_hat(k)`` of one joint (N - 1,), from the second sample on.
+    """Innovations ``y(k) - c x_hat(k)`` (N - 1,) of one joint, from the second sample on.
 
-    White with variance ``matrices.innovation * var eta`` if the model is right.
+    ``e`` (N,) is the measured position or deviation, rad (m). If the noise model is right, the innovations are white
+    with variance ``matrices.innovation * var eta``.
     """
     pad = _padding(matrices, len(e))
     _, found = _forward(matrices, _extended(e, pad))
@@ -74,19 +85,22 @@ def innovations(matrices: KalmanMatrices, e: Array) -> Array:
 
 
 def tune_by_innovations(t: Array, q: Array, reference: Reconstruction | None = None) -> KalmanSmoother:
-    """The smoother whose variances maximise the likelihood of the innovations, joint by joint.
+    """Tune the smoother by maximum likelihood of its innovations, joint by joint.
 
-    For a given ratio of the variances the likelihood is largest at ``var eta = mean(innovation^2) / (c P c' + 1)``, and
-    what is left, ``log mean(innovation^2)``, is minimised over the ratio: the one-step prediction error.
+    For a given ratio of the variances the likelihood is largest at ``var eta = mean(innovation^2) / (c P c' + 1)``; the
+    ratio then minimises ``log mean(innovation^2)``, the one-step prediction error. ``t`` (N,) in s, ``q`` (N, n) in
+    rad (m); with a ``reference`` motion, the deviation from it is modelled. Raises :class:`InputError` for a joint
+    that does not move.
     """
     e = np.asarray(q, float) if reference is None else np.asarray(q, float) - reference.q
     return tune_stretches([e], sampling_period(t))
 
 
 def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
-    """The same from several stretches of positions (N, n), at a common ``period`` (s), between which nothing is known.
+    """Tune the smoother by maximum likelihood of its innovations over several uninterrupted stretches of a recording.
 
-    The innovations of all stretches count alike.
+    ``stretches`` holds positions (N_i, n) in rad (m), sampled at a common ``period`` (s). Each is filtered on its own;
+    the innovations of all are pooled. Raises :class:`InputError` for a joint that does not move in any of them.
     """
     from scipy.optimize import minimize_scalar
 
@@ -114,7 +128,7 @@ def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
 
 
 def _unit_noise(period: float, log_ratio: float) -> KalmanMatrices:
-    """The filter of ratio ``lambda = 10^log_ratio``."""
+    """The filter with ``var eta = 1`` and ``lambda = 10^log_ratio``."""
     return kalman_matrices(period, 1.0, 10.0 ** (2.0 * log_ratio) / period**6)
 
 
@@ -127,24 +141,24 @@ def _per_joint(value: float | Sequence[float], joints: int) -> list[float]:
 
 def _padding(matrices: KalmanMatrices, samples: int) -> int:
     slowest = float(np.max(np.abs(matrices.poles)))
-    return min(samples - 1, 2 + math.ceil(math.log(FORGOTTEN) / math.log(slowest)))
+    return min(samples - 1, 2 + math.ceil(math.log(DECAY_TOLERANCE) / math.log(slowest)))
 
 
 def _extended(e: Array, pad: int) -> Array:
-    """``e`` continued by reflection through its end points."""
+    """``e`` extended at both ends by ``pad`` samples, by point reflection at its end samples."""
     if pad == 0:
         return e
     return np.concatenate([2 * e[0] - e[pad:0:-1], e, 2 * e[-1] - e[-2 : -pad - 2 : -1]])
 
 
 def _states(matrices: KalmanMatrices, e: Array, smooth: bool) -> Array:
-    """Updated, or smoothed, states (N, 3) of one joint."""
+    """Filtered, or with ``smooth`` smoothed, states (N, 3) of one joint."""
     pad = _padding(matrices, len(e))
     extended = _extended(e, pad)
     states, innovation = _forward(matrices, extended)
     if smooth:
         # x_s(k) - x_bar(k) = C (x_s(k+1) - E x_bar(k)) = C (x_s(k+1) - x_bar(k+1)) + C k innovation(k+1)
-        _, C = recursions(matrices)
+        _, C = smoother_recursions(matrices)
         drive = np.zeros_like(states)
         drive[:-1] = innovation[1:, None] * (C @ matrices.k)
         states = states + _recursion(C, drive[::-1], np.zeros(3))[::-1]
@@ -152,13 +166,13 @@ def _states(matrices: KalmanMatrices, e: Array, smooth: bool) -> Array:
 
 
 def _forward(matrices: KalmanMatrices, y: Array) -> tuple[Array, Array]:
-    """Updated states (N, 3) and innovations (N,), started on the straight line through the first two samples.
+    """Filtered states (N, 3) and innovations (N,); the filter starts on the line through the first two samples.
 
-    What is computed is the distance s of the states from ``[y, difference of y, 0]``, which obeys ``s(k) = F s(k-1) +
-    (k - [1, 1/Ts, 0]) a(k)`` with a the second difference of y: exact differences of measured values, so that the
-    round-off is that of the noise, not that of the position.
+    The recursion runs on the difference s between the states and ``[y(k), (y(k) - y(k-1))/Ts, 0]``, which obeys
+    ``s(k) = F s(k-1) + (k - [1, 1/Ts, 0]) a(k)`` with a the second difference of y. Differences of measured values are
+    exact, so that round-off is relative to the noise and not to the position.
     """
-    F, _ = recursions(matrices)
+    F, _ = smoother_recursions(matrices)
     slope = np.diff(y, prepend=2 * y[:1] - y[1:2]) / matrices.period
     second = np.zeros(len(y))
     second[2:] = np.diff(y, 2)
@@ -170,7 +184,7 @@ def _forward(matrices: KalmanMatrices, y: Array) -> tuple[Array, Array]:
 
 
 def _recursion(A: Array, drive: Array, first: Array) -> Array:
-    """``x(k) = A x(k-1) + drive(k)`` with ``x(0) = first``, mode by mode (the three modes are distinct)."""
+    """Solve ``x(k) = A x(k-1) + drive(k)``, ``x(0) = first``, in modal coordinates (the three eigenvalues differ)."""
     from scipy.signal import lfilter
 
     scale = np.max(np.abs(drive), axis=0)

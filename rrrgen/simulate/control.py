@@ -19,7 +19,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class Reference:
-    """What the controller is to follow at one instant: position, velocity, acceleration, (n,) each."""
+    """Reference motion at one instant: position, velocity, acceleration, (n,) each, in rad (m) and seconds."""
 
     q: Array
     dq: Array
@@ -27,19 +27,19 @@ class Reference:
 
 
 class Observer(Protocol):
-    """Turns encoder readings into positions and velocities, sample by sample."""
+    """Interface of an observer: estimates positions and velocities from encoder readings, sample by sample."""
 
     def start(self, reading: Array, reference: Reference) -> None:
-        """Begin at the first sample."""
+        """Initialise the state at the first sample, whose ``reading`` has shape (n,)."""
         ...
 
     def update(self, reading: Array, reference: Reference) -> tuple[Array, Array]:
-        """Position and velocity (n,) at this sample from its reading."""
+        """Estimate position and velocity, (n,) each, at the sample with this ``reading`` (n,)."""
         ...
 
 
 class BackwardDifference:
-    """Velocity as the last difference of the readings; noisy at fine sampling, half a sample late."""
+    """Observer that differentiates the readings backward; noisy at high sampling rates, half a sample late."""
 
     def __init__(self, period: float) -> None:
         self.period = period
@@ -47,21 +47,21 @@ class BackwardDifference:
         self._speed: Array = np.zeros(0)
 
     def start(self, reading: Array, reference: Reference) -> None:
-        """See :class:`Observer`."""
+        """Choose the previous reading such that the first velocity is that of the reference."""
         self._last = reading - self.period * reference.dq
 
     def update(self, reading: Array, reference: Reference) -> tuple[Array, Array]:
-        """See :class:`Observer`."""
+        """Return the reading and its backward difference, (n,) each."""
         speed = (reading - self._last) / self.period
         self._last = reading
         return reading, speed
 
 
 class DeviationFilter:
-    """A steady-state filter on the deviation from the reference, one joint like the other: (14.30), (14.31).
+    """Observer that filters the deviation from the reference with a steady-state Kalman filter, (14.30), (14.31).
 
-    ``transition`` E (3, 3) and ``gain`` k (3,) or one of each per joint, for the state ``[e, de, nu]``:
-    ``x_bar = x_hat + k (y - q_r - e_hat)``, ``x_hat(k+1) = E x_bar``.
+    ``transition`` E (3, 3) and ``gain`` k (3,) apply to the state ``[e, de, nu]`` of every joint; with a leading axis
+    (n, ...) each joint has its own: ``x_bar = x_hat + k (y - q_r - e_hat)``, ``x_hat(k+1) = E x_bar``.
     """
 
     def __init__(self, transition: ArrayLike, gain: ArrayLike) -> None:
@@ -69,28 +69,31 @@ class DeviationFilter:
         self._predicted: Array = np.zeros((0, 3))
 
     def start(self, reading: Array, reference: Reference) -> None:
-        """See :class:`Observer`."""
+        """Start with the measured deviation and the velocity of the reference."""
         self._predicted = np.zeros((reading.size, 3))
         self._predicted[:, 0] = reading - reference.q
 
     def update(self, reading: Array, reference: Reference) -> tuple[Array, Array]:
-        """See :class:`Observer`."""
+        """Update the filter with a reading (n,); returns filtered position and velocity, (n,) each."""
         wanted = np.stack([reference.q, reference.dq, reference.ddq], axis=-1)
         self._predicted, motion = kalman_step(self.E, self.k, self._predicted, reading, wanted)
         return motion[:, 0], motion[:, 1]
 
 
 class Controller(Protocol):
-    """Turns the observed motion and the reference into torque commands."""
+    """Interface of a controller: computes torque commands from the observed motion and the reference."""
 
     def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
-        """Joint torques (n,); ``disturbance`` (n,) is the injected noise n of (14.36)."""
+        """Torque command (n,), N m (N), at the observed ``q``, ``dq`` (n,); ``disturbance`` (n,) is n of (14.36)."""
         ...
 
 
 @dataclass(frozen=True)
 class PD:
-    """``tau = -Kp (q - q_r) - Kd (dq - dq_r) + n`` with diagonal gains. Source: (14.25), (14.33)."""
+    """PD control ``tau = -Kp (q - q_r) - Kd (dq - dq_r) + n`` with diagonal gains. Source: (14.25), (14.33).
+
+    ``kp`` (n,) in N m/rad (N/m), ``kd`` (n,) in N m s/rad (N s/m).
+    """
 
     kp: tuple[float, ...]
     kd: tuple[float, ...]
@@ -100,17 +103,18 @@ class PD:
             raise InputError("PD control: as many kd as kp, kp positive, kd not negative")
 
     def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
-        """See :class:`Controller`."""
+        """Torque command (n,) of the PD law; ``disturbance`` (n,), N m (N), is added to it."""
         kp, kd = np.asarray(self.kp), np.asarray(self.kd)
         return np.asarray(-kp * (q - reference.q) - kd * (dq - reference.dq) + disturbance)
 
 
 @dataclass(frozen=True)
 class ComputedTorque:
-    """``tau = M u + c + g + tau_f`` with ``u = ddq_r - Kp e - Kd de + n``. Source: (14.34), (14.36).
+    """Computed torque ``tau = M u + c + g + tau_f`` with ``u = ddq_r - Kp e - Kd de + n``. Source: (14.34), (14.36).
 
-    ``kp`` in 1/s^2, ``kd`` in 1/s. With ``along_reference`` the model is evaluated at q_r, dq_r, which keeps sensor
-    noise out; ``friction`` is the controller's own model of it.
+    ``kp`` (n,) in 1/s^2, ``kd`` (n,) in 1/s. ``friction`` is the friction model that the controller compensates, None
+    for no compensation. With ``along_reference``, the model is evaluated at ``q_r``, ``dq_r``, which keeps sensor noise
+    out of it; without ``feedforward``, ``ddq_r`` is left out of u.
     """
 
     body: RigidBody
@@ -125,7 +129,7 @@ class ComputedTorque:
         object.__setattr__(self, "_gains", (np.asarray(self.kp, dtype=float), np.asarray(self.kd, dtype=float)))
 
     def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
-        """See :class:`Controller`."""
+        """Torque command (n,) of the computed-torque law; ``disturbance`` (n,), rad/s^2 (m/s^2), is added to u."""
         kp, kd = self._gains
         u = -kp * (q - reference.q) - kd * (dq - reference.dq) + disturbance
         if self.feedforward:
@@ -136,9 +140,10 @@ class ComputedTorque:
 
 
 def pd_gains(inertia: ArrayLike, bandwidth: float | Sequence[float], damping: float = 1.0) -> PD:
-    """Gains that place the poles of ``J s^2 + kd s + kp`` at ``bandwidth`` (Hz) with ``damping``, joint by joint.
+    """PD gains that place the poles of ``J s^2 + kd s + kp`` at ``bandwidth`` (Hz) with damping ratio ``damping``.
 
-    ``inertia`` (n,): the largest or typical moment of inertia each joint sees, kg m^2 (kg).
+    ``inertia`` (n,) is the largest or a typical moment of inertia J about each joint, kg m^2 (kg); ``bandwidth`` is a
+    number or one per joint.
     """
     J = np.asarray(inertia, dtype=float)
     omega = 2.0 * np.pi * np.broadcast_to(np.asarray(bandwidth, dtype=float), J.shape)

@@ -1,4 +1,6 @@
-"""An experiment on the virtual robot: sampled control with encoders, drives and noise; the record a real one leaves."""
+"""Simulated experiments: sampled control of the virtual robot with encoders, drives and noise, recorded as on a real
+one.
+"""
 
 from __future__ import annotations
 
@@ -21,34 +23,38 @@ Progress = Callable[[int, int, str], None]
 
 @dataclass(frozen=True)
 class MotorLimits:
-    """Torque limits (m,) of coupled motors, infinite where there is none, and ``motor_from_joint`` W (m, n)."""
+    """Torque limits of coupled motors: ``torque`` (m,), infinite where unlimited, and ``W`` (m, n) with dq_m = W dq."""
 
     torque: Array
     W: Array
 
     def clipped(self, tau: Array) -> Array:
-        """Joint torques (n,) that motors within their limits make of ``tau``: ``tau = W' tau_m``."""
+        """Joint torques (n,) that the motors deliver for the command ``tau`` (n,) within their limits.
+
+        ``tau_m = W'^-1 tau`` is clipped and mapped back by ``tau = W' tau_m``.
+        """
         own = np.linalg.solve(self.W.T, tau)
         held = np.clip(own, -self.torque, self.torque)
         return tau if np.array_equal(held, own) else np.asarray(self.W.T @ held)
 
     def saturates(self, tau: Array) -> NDArray[np.bool_]:
-        """The joints that a motor at its limit acts on."""
+        """Which joints (n,) a saturated motor acts on, for the command ``tau`` (n,)."""
         full = np.abs(np.linalg.solve(self.W.T, tau)) >= self.torque
         return np.asarray((self.W[full] != 0.0).any(axis=0))
 
 
 @dataclass(frozen=True)
 class Instruments:
-    """Encoders and drives, joint by joint; ``None`` where they are ideal.
+    """Encoders and drives of the joints, one value per joint; None where they are ideal.
 
-    ``encoder_resolution`` rad (m); ``torque_limit`` where drives saturate and ``torque_resolution`` of their commands,
-    N m (N); ``torque_noise`` is the standard deviation of the recorded torque about the true one, ``disturbance`` that
-    of a white torque that acts on the joints, sample by sample, and is not recorded.
-
-    ``torque_record``: a drive holds its torque over a sample. "command" records it at the sample's begin, and so is
-    half a sample ahead of the motion it causes; "centred" is the mean over the sample around the instant, as a drive
-    reports that integrates its current. ``motors`` are the limits of coupled motors.
+    - ``encoder_resolution``: rad (m).
+    - ``torque_limit``, ``torque_resolution``: saturation and step of the torque command, N m (N).
+    - ``torque_noise``: standard deviation of the recorded torque about the true one, N m (N).
+    - ``disturbance``: standard deviation of a white torque that acts on the joints and is not recorded, N m (N).
+    - ``torque_record``: which torque is recorded. A drive holds its torque over a sample: "command" records it at the
+      beginning, half a sample ahead of the motion it causes; "centred" records the mean over a sample period around the
+      instant, like a drive that integrates its current.
+    - ``motors``: torque limits of coupled motors.
     """
 
     encoder_resolution: tuple[float, ...] | None = None
@@ -60,18 +66,18 @@ class Instruments:
     motors: MotorLimits | None = None
 
     def read(self, q: Array) -> Array:
-        """Encoder readings of the positions ``q``."""
+        """Encoder readings (n,) of the positions ``q`` (n,), rounded to the resolution."""
         return _rounded(q, self.encoder_resolution)
 
     def drive(self, tau: Array) -> Array:
-        """The torque that the drives make of a command."""
+        """Torque (n,) that the drives deliver for the command ``tau`` (n,): rounded, then clipped at the limits."""
         tau = _rounded(tau, self.torque_resolution)
         limit = self.torque_limit
         held = tau if limit is None else np.clip(tau, -np.asarray(limit), np.asarray(limit))
         return held if self.motors is None else self.motors.clipped(held)
 
     def saturates(self, command: Array) -> NDArray[np.bool_]:
-        """At which joints a limit of joint or motors changes the command."""
+        """Which joints (n,) have their ``command`` (n,) changed by a limit of the joint or of a coupled motor."""
         limit = np.inf if self.torque_limit is None else np.asarray(self.torque_limit)
         at_joint = np.abs(command) >= limit
         return at_joint if self.motors is None else at_joint | self.motors.saturates(command)
@@ -86,10 +92,11 @@ def _rounded(values: Array, resolution: tuple[float, ...] | None) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What an experiment leaves: time (m,), encoder positions and torques (m, n), and the truth behind them.
+    """Recording of a simulated experiment with m samples of n joints, together with the true signals.
 
-    ``true_q``, ``true_dq`` are the mechanical motion at the samples, ``true_tau`` the applied torque as it is recorded,
-    without noise; ``reference`` (m, n) is the commanded position; ``saturated`` (m, n) marks clipped torques.
+    ``t`` (m,) s; ``q`` (m, n) encoder readings, ``tau`` (m, n) recorded torques; ``reference``, ``reference_dq`` (m, n)
+    commanded motion. ``true_q``, ``true_dq`` (m, n) are the exact motion at the encoders, ``true_tau`` (m, n) the
+    recorded torque without its noise; ``saturated`` (m, n) marks torques that a limit has clipped. In rad (m), N m (N).
     """
 
     period: float
@@ -106,7 +113,11 @@ class Recording:
 
 @dataclass(frozen=True)
 class VirtualRobot:
-    """A plant with its instruments, sampled at ``period`` s (1 ms in the case study)."""
+    """A simulated robot: its plant and instruments, sampled and controlled with ``period`` (s).
+
+    ``steps`` is the number of Runge-Kutta steps per sample of a rigid plant, ``tolerance`` that of the stiff solver for
+    any other.
+    """
 
     plant: Plant
     instruments: Instruments = field(default_factory=Instruments)
@@ -126,10 +137,12 @@ class VirtualRobot:
         start: tuple[ArrayLike, ArrayLike] | None = None,
         progress: Progress | None = None,
     ) -> Recording:
-        """Follow ``reference(t) -> (q, dq, ddq)``, each (m, n), for ``duration`` seconds.
+        """Run the experiment: follow ``reference(t) -> (q, dq, ddq)``, each (m, n), for ``duration`` seconds.
 
-        The robot starts on the reference, or at ``start = (q, dq)``. ``excitation`` (m, n) is the noise n of (14.36).
-        The same ``seed`` gives the same recording. Raises DerivationError when the motion runs away.
+        ``controller`` computes the torques from the estimates of ``observer``. The robot starts on the reference, or at
+        ``start = (q, dq)``. ``excitation`` (m, n) is the injected noise n of (14.36). The same ``seed`` gives the same
+        recording. ``progress(done, total, message)`` is called every 500 samples. Raises DerivationError if the motion
+        diverges, InputError for fewer than two samples.
         """
         count = round(duration / self.period)
         if count < 2:
@@ -156,7 +169,7 @@ class VirtualRobot:
 
 
 class _Loop:
-    """The sampled side: what happens at every sample, and what is recorded."""
+    """The sampled control loop and its recorded signals."""
 
     def __init__(
         self, robot: VirtualRobot, controller: Controller, observer: Observer, rng: np.random.Generator, count: int
@@ -168,7 +181,7 @@ class _Loop:
         self.disturbance = rng.normal(size=(count, n)) * _row(robot.instruments.disturbance, n)
 
     def sample(self, k: int, state: Array, reference: Reference, injected: Array) -> Array:
-        """Read, control, drive; returns the torque that acts on the joints until the next sample."""
+        """Read the encoders, compute the command, drive; returns the joint torque (n,) held until the next sample."""
         plant, instruments = self.robot.plant, self.robot.instruments
         self.q[k], self.dq[k] = plant.encoders(state), plant.speeds(state)
         self.reading[k] = instruments.read(self.q[k])
@@ -181,7 +194,7 @@ class _Loop:
         return np.asarray(self.held[k] + self.disturbance[k])
 
     def recording(self, t: Array, reference: Array, reference_dq: Array) -> Recording:
-        """Everything that was recorded."""
+        """Assemble the recording from the stored signals, with noise added to the torques."""
         instruments = self.robot.instruments
         torque = self.held
         if instruments.torque_record == "centred":

@@ -1,4 +1,7 @@
-"""What the virtual robot asks of a friction model; :class:`rrrgen.friction.models.FrictionModel` fits."""
+"""Friction in the simulation: the interface of a friction model, and the friction of coupled motors.
+
+:class:`rrrgen.friction.models.FrictionModel` implements the interface.
+"""
 
 from __future__ import annotations
 
@@ -10,36 +13,36 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 SMOOTH_WIDTH = 1e-3
-"""rad/s (m/s): sgn(x) becomes tanh(x/width) where a stiff solver integrates through it."""
+"""Width (rad/s or m/s) over which sgn(x) is smoothed to tanh(x/width) for a stiff solver."""
 
 
 class FrictionLike(Protocol):
-    """A friction model of n joints, see (14.11)-(14.14)."""
+    """Interface of a friction model of n joints, (14.11)-(14.14); torques in N m (N), speeds in rad/s (m/s)."""
 
     @property
     def has_state(self) -> bool:
-        """Whether there is a bristle deflection z per joint."""
+        """Whether the model has a state: the bristle deflection z of each joint."""
         ...
 
     def torque(self, dq: Array, width: Any = 0.0) -> Array:
-        """Torque at the speeds ``dq``, sgn smoothed over ``width``, a number or one per joint."""
+        """Friction torque at the speeds ``dq`` (..., n), with tanh(x/width) for sgn(x) if ``width`` (or (n,)) > 0."""
         ...
 
     def directed(self, dq: Array, direction: Array) -> Array:
-        """Torque with sgn(dq) replaced by ``direction``."""
+        """Friction torque at ``dq`` (n,) with sgn(dq) replaced by ``direction`` (n,) of -1, 0 or 1."""
         ...
 
     def rate(self, z: Array, dq: Array) -> Array:
-        """dz/dt."""
+        """Time derivative ``dz/dt`` (n,) of the state ``z`` (n,) at the speeds ``dq`` (n,)."""
         ...
 
     def state_torque(self, z: Array, dq: Array) -> Array:
-        """Torque in the state z."""
+        """Friction torque (n,) in the state ``z`` (n,) at the speeds ``dq`` (n,)."""
         ...
 
 
 class Friction:
-    """Friction as the integrators use it."""
+    """Adapter of a friction model for the integrators, with the ``width`` (rad/s or m/s) over which sgn is smoothed."""
 
     def __init__(self, model: FrictionLike, width: float = SMOOTH_WIDTH) -> None:
         self.model = model
@@ -51,16 +54,17 @@ class Friction:
         self.state_torque = model.state_torque
 
     def smooth_torque(self, dq: Array) -> Array:
-        """The torque with sgn(x) replaced by tanh(x/width)."""
+        """Friction torque (n,) at the speeds ``dq`` (n,) with sgn(x) smoothed to tanh(x/width)."""
         return self.model.torque(dq, self.width)
 
 
 class MotorFriction:
     """Friction of the joints together with that of coupled motors, which slide at ``W dq``: ``tau = tau_j + W' tau_m``.
 
-    ``joints`` and ``motors`` are models of n joints and m motors, ``W`` (m, n) is the matrix ``motor_from_joint``.
-    Where several motors hold one joint, which of them slides does not follow from the joint speeds: in integration the
-    signs of the motors' speeds are smooth, over ``width`` at the joints. The motors' law has no state.
+    ``joints`` and ``motors`` are models of n joints and m motors, ``W`` (m, n) is the matrix ``motor_from_joint``. If
+    several motors act on one joint at rest, the joint speeds do not determine which of them slides. In integration the
+    signs of the motor speeds are therefore smoothed over ``width`` (rad/s or m/s at the joints). A motor friction law
+    must not have a state.
     """
 
     def __init__(
@@ -72,17 +76,19 @@ class MotorFriction:
         self.rate = self.joints.rate
 
     def torque(self, dq: Array, width: float = 0.0) -> Array:
-        """See :class:`FrictionLike`."""
+        """Friction torque (..., n) of joints and motors at the joint speeds ``dq`` (..., n), sgn smoothed over
+        ``width``.
+        """
         speeds = np.asarray(dq) @ self.W.T
         at_motors = self.motors.torque(speeds, width * np.linalg.norm(self.W, axis=1) if width else 0.0)
         return np.asarray(self.joints.torque(dq, width) + at_motors @ self.W)
 
     def directed(self, dq: Array, direction: Array) -> Array:
-        """See :class:`FrictionLike`; the motors' signs are smooth."""
+        """Friction torque (n,) with the joints' sgn(dq) replaced by ``direction`` (n,); motor signs are smoothed."""
         return np.asarray(self.joints.directed(dq, direction) + self._motors(dq))
 
     def state_torque(self, z: Array, dq: Array) -> Array:
-        """See :class:`FrictionLike`; the motors' signs are smooth."""
+        """Friction torque (n,) with the joint model in the state ``z`` (n,); the motors' signs are smoothed."""
         return np.asarray(self.joints.state_torque(z, dq) + self._motors(dq))
 
     def _motors(self, dq: Array) -> Array:
@@ -91,7 +97,7 @@ class MotorFriction:
 
 
 class NoFriction(Friction):
-    """None at all."""
+    """A robot of ``n`` joints without friction."""
 
     def __init__(self, n: int) -> None:
         super().__init__(_Frictionless(n))

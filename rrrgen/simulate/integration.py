@@ -1,7 +1,8 @@
 """Integration of the plant over one sample under a constant torque.
 
-A rigid plant goes in Runge-Kutta steps whose ends are moved onto the instants at which a joint stops, so that sgn never
-changes inside a step; a stopped joint stays while friction can hold it. Everything else goes through LSODA.
+A rigid plant is integrated by Runge-Kutta steps that end at the instants at which a joint stops, so that sgn(dq) never
+changes within a step; a joint at rest stays there as long as friction can hold it. Every other plant is integrated by
+LSODA with smoothed friction.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from rrrgen.simulate.plant import Plant
 Array = NDArray[Any]
 
 MOST_STOPS = 50
-"""Stops within one step before the rest of the step is taken as it comes."""
+"""Largest number of stops located within one step; what remains of the step is then taken without locating more."""
 
 
 class Integrator(Protocol):
-    """Advances a plant by one sample."""
+    """Interface of an integrator that advances the state of a plant by one sample."""
 
     def advance(self, state: Array, tau: Array, duration: float) -> Array:
         """The state ``duration`` seconds later under the constant torque ``tau`` (n,)."""
@@ -29,19 +30,24 @@ class Integrator(Protocol):
 
 
 def make_integrator(plant: Plant, steps: int = 2, tolerance: float = 1e-8) -> Integrator:
-    """The integrator that fits the plant: ``steps`` Runge-Kutta steps per sample, or LSODA to ``tolerance``."""
+    """Choose the integrator for ``plant``: ``steps`` Runge-Kutta steps per sample if rigid, else LSODA to
+    ``tolerance``.
+    """
     return StiffIntegrator(plant, tolerance) if plant.needs_stiff_solver else RigidIntegrator(plant, steps)
 
 
 class StiffIntegrator:
-    """LSODA between samples, for bristles, flexible joints and a flexible base."""
+    """LSODA over each sample, for friction with a state, coupled motors, flexible joints and a flexible base.
+
+    ``tolerance`` is the relative one; the absolute one is a thousandth of it.
+    """
 
     def __init__(self, plant: Plant, tolerance: float = 1e-8) -> None:
         self._derivative = plant.state_derivative()
         self.tolerance = tolerance
 
     def advance(self, state: Array, tau: Array, duration: float) -> Array:
-        """See :class:`Integrator`."""
+        """The state ``duration`` (s) later under the torque ``tau`` (n,); raises DerivationError if LSODA fails."""
         from scipy.integrate import odeint
 
         result, info = odeint(
@@ -61,7 +67,7 @@ class StiffIntegrator:
 
 
 class RigidIntegrator:
-    """Fourth-order Runge-Kutta with sgn(dq) held, stopped at the instants where a joint's speed crosses zero."""
+    """Fourth-order Runge-Kutta with constant sgn(dq), interrupted at instants where a joint's speed crosses zero."""
 
     def __init__(self, plant: Plant, steps: int = 2) -> None:
         self.plant, self.n, self.steps = plant, plant.n, steps
@@ -73,7 +79,7 @@ class RigidIntegrator:
         self.jumps = np.asarray(self.break_away[1] > self.break_away[0])
 
     def advance(self, state: Array, tau: Array, duration: float) -> Array:
-        """See :class:`Integrator`."""
+        """The state ``duration`` (s) later under the torque ``tau`` (n,), in ``steps`` equal steps."""
         for _ in range(self.steps):
             state = self._step(state, tau, duration / self.steps)
         return state
@@ -97,12 +103,12 @@ class RigidIntegrator:
         return self._runge_kutta(state, tau, remaining)
 
     def _reversed(self, before: Array, after: Array) -> NDArray[np.bool_]:
-        """Joints that slid and now move against the direction in which their friction was taken."""
+        """Joints (n,) whose speed changed its sign within the step, so that the friction had the wrong direction."""
         sliding = self.jumps & (self.direction != 0.0) & (before[self.n :] != 0.0)
         return np.asarray(sliding & (after[self.n :] * self.direction < 0.0))
 
     def _first_stop(self, state: Array, tau: Array, duration: float, stopping: NDArray[np.bool_]) -> float:
-        """The fraction of ``duration`` at which the first of the ``stopping`` joints is at rest, by regula falsi."""
+        """The fraction of ``duration`` after which the first of the ``stopping`` joints is at rest, by regula falsi."""
         n = self.n
         low, high = 0.0, 1.0
         start = state[n:][stopping] * self.direction[stopping]
@@ -115,7 +121,7 @@ class RigidIntegrator:
                 return middle
             if value > 0.0:
                 low, at_low = middle, value
-                at_high = at_high / 2.0 if side == 1 else at_high  # Illinois: an end that stays loses weight
+                at_high = at_high / 2.0 if side == 1 else at_high  # Illinois rule: halve the value of an end that stays
                 side = 1
             else:
                 high, at_high = middle, value
@@ -124,14 +130,15 @@ class RigidIntegrator:
         return high
 
     def _margins(self, state: Array, tau: Array, duration: float, joints: NDArray[np.bool_]) -> Array:
-        """Speeds of ``joints`` in their own direction after ``duration``."""
+        """Speeds of ``joints`` after ``duration``, positive in the direction in which they slid."""
         return np.asarray((self._runge_kutta(state, tau, duration)[self.n :] * self.direction)[joints])
 
     def _decide(self, state: Array, tau: Array) -> None:
-        """Directions from the speeds; where a joint is at rest, whether friction holds it, and which way it goes.
+        """Set the direction of every joint: the sign of its speed, or at rest whether it sticks or which way it starts.
 
-        At rest the friction torques f solve ``a = M^-1 (tau - h - f)`` with f inside its bounds where a = 0 and at the
-        bound that opposes a elsewhere: a box-constrained quadratic program, solved by projected Gauss-Seidel.
+        The friction torques f of the joints at rest solve ``a = M^-1 (tau - h - f)``, where f is within its bounds if
+        a = 0 and at the bound that opposes a otherwise: a box-constrained quadratic program, solved by projected
+        Gauss-Seidel.
         """
         q, dq = state[: self.n], state[self.n :]
         self.direction = np.sign(dq)
@@ -152,7 +159,7 @@ class RigidIntegrator:
             if largest <= 1e-13 * (1.0 + float(np.abs(load).max())):
                 break
         acceleration = inverse @ (load - torque)
-        for i in resting:  # without a jump the direction means nothing; it must not be zero, which says stuck
+        for i in resting:  # without Coulomb friction the direction has no effect, but must not be 0, which means stuck
             held = backward[i] < torque[i] < forward[i]
             self.direction[i] = 0.0 if held else (np.sign(acceleration[i]) or 1.0)
 

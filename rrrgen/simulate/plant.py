@@ -1,8 +1,9 @@
-"""The mechanics of the virtual robot between two samples: ``M(q) ddq + c + g + tau_f = tau``, and what is not rigid.
+"""Equations of motion of the virtual robot: ``M(q) ddq + c + g + tau_f = tau``, with optional flexible joints and base.
 
-Rigid: joint positions and velocities. With flexible joints every joint has a rotor of its own behind a spring and a
-damper (two masses). With a flexible base, the base swings about the axis of joint 1 against a spring and a damper; the
-arm sees the sum of base and joint angle, encoder and friction see the difference. Source: (14.6), section 14.6.6.
+The state of a rigid robot is ``[q, dq]``. A flexible joint adds a rotor that drives the link through a spring and a
+damper (two-mass system). A flexible base rotates about the axis of joint 1 against a spring and a damper: the links
+move with the sum of base and joint angle; encoder and friction of joint 1 depend on the joint angle alone. Source:
+(14.6), section 14.6.6.
 """
 
 from __future__ import annotations
@@ -22,16 +23,18 @@ Array = NDArray[Any]
 
 
 class Dynamics(Protocol):
-    """What the plant asks of a robot model; :class:`rrrgen.Model` has it."""
+    """Interface of the robot model that a plant needs; :class:`rrrgen.Model` implements it."""
 
     n: int
 
     def mass_matrix(self, q: Array, beta: Array | None = None) -> Array:
-        """M(q), (n, n)."""
+        """Mass matrix M(q), (n, n), kg m^2, for base parameters ``beta`` (those of the robot file if None)."""
         ...
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array, beta: Array | None = None) -> Array:
-        """``M ddq + c + g``, (n,)."""
+        """Joint torques ``M ddq + c + g`` (n,), N m (N), for base parameters ``beta`` (those of the robot file if
+        None).
+        """
         ...
 
 
@@ -53,7 +56,7 @@ class FlexibleJoints:
 
 @dataclass(frozen=True)
 class FlexibleBase:
-    """The swing of the base about the axis of joint 1: inertia (kg m^2), natural frequency (Hz), damping ratio."""
+    """A base that swings about the axis of joint 1: its inertia (kg m^2), natural frequency (Hz) and damping ratio."""
 
     inertia: float
     frequency: float = 28.0
@@ -65,17 +68,21 @@ class FlexibleBase:
 
     @property
     def stiffness(self) -> float:
-        """N m/rad."""
+        """Stiffness of the spring, ``J (2 pi f)^2``, N m/rad."""
         return self.inertia * (2.0 * math.pi * self.frequency) ** 2
 
     @property
     def damping(self) -> float:
-        """N m s/rad."""
+        """Coefficient of the damper, ``2 zeta J (2 pi f)``, N m s/rad."""
         return 2.0 * self.damping_ratio * self.inertia * 2.0 * math.pi * self.frequency
 
 
 class RigidBody:
-    """Mass matrix, bias and accelerations of one state, through preallocated buffers where the model has them."""
+    """Mass matrix, bias torque and acceleration of a robot model at one state.
+
+    ``beta`` are base parameters other than those of the robot file, ``drive_inertia`` (n,) is added to the diagonal of
+    M, kg m^2 (kg). Uses the preallocated calls of a compiled model where it has them.
+    """
 
     def __init__(self, model: Any, beta: ArrayLike | None = None, drive_inertia: ArrayLike | None = None) -> None:
         self.n: int = model.n
@@ -95,15 +102,15 @@ class RigidBody:
             self._torque = lambda q, dq, ddq: np.asarray(model.inverse_dynamics(q, dq, ddq, parameters))
 
     def mass(self, q: Array) -> Array:
-        """``M`` with drive inertia, (n, n)."""
+        """Mass matrix M(q) including drive inertia, (n, n), kg m^2 (kg)."""
         return self._mass(q).copy() if self._added is None else self._mass(q) + self._added
 
     def bias(self, q: Array, dq: Array) -> Array:
-        """``c + g``, (n,)."""
+        """Velocity and gravity torques ``c + g``, (n,), N m (N)."""
         return self._torque(q, dq, self._zero).copy()
 
     def acceleration(self, q: Array, dq: Array, net: Array) -> Array:
-        """``M^-1 (net - c - g)``, (n,)."""
+        """Acceleration ``M^-1 (net - c - g)``, (n,), rad/s^2 (m/s^2), under the net torque ``net`` (n,)."""
         if self._direct is not None:
             return self._direct(q, dq, net).copy()
         return np.asarray(np.linalg.solve(self.mass(q), net - self.bias(q, dq)))
@@ -111,9 +118,8 @@ class RigidBody:
 
 @dataclass(frozen=True)
 class Plant:
-    """The mechanics: rigid body, friction, flexibility.
-
-    Source: (14.6), (14.11)-(14.14).
+    """The simulated mechanics: rigid body, friction, optional flexible joints and base. Source: (14.6),
+    (14.11)-(14.14).
     """
 
     body: RigidBody
@@ -128,13 +134,13 @@ class Plant:
 
     @property
     def needs_stiff_solver(self) -> bool:
-        """Whether the state has more in it than q and dq, or friction that joint speeds alone do not switch."""
+        """Whether the state exceeds ``[q, dq]``, or stick and slip do not follow from the joint speeds alone."""
         flexible = self.joints is not None or self.base is not None
         return flexible or self.friction.has_state or self.friction.couples_joints
 
     @property
     def layout(self) -> dict[str, slice]:
-        """Where each part of the state stands: ``q dq`` of the links, then rotors, bristles, base as present."""
+        """Slices of the state vector by name: ``q``, ``dq`` of the links, then rotors, bristles and base if present."""
         parts = [("q", self.n), ("dq", self.n)]
         if self.joints is not None:
             parts += [("rotor", self.n), ("rotor_speed", self.n)]
@@ -149,10 +155,10 @@ class Plant:
         return places
 
     def initial_state(self, q: ArrayLike, dq: ArrayLike) -> Array:
-        """The state in which the encoders read ``q``, everything moves with ``dq``, and springs carry the links.
+        """The state in which the encoders read ``q`` (n,) and rotors and links move with ``dq`` (n,).
 
-        Springs of flexible joints start deflected by the torque that the motion needs at that instant without
-        acceleration; the base starts at rest.
+        The springs of flexible joints start deflected by ``c + g``, the torque of the motion without acceleration; the
+        base starts at rest.
         """
         layout = self.layout
         state = np.zeros(max(part.stop for part in layout.values()))
@@ -167,11 +173,11 @@ class Plant:
         return state
 
     def encoders(self, state: Array) -> Array:
-        """What the encoders turn by, motor side where the joints are flexible, relative to the base, (n,)."""
+        """Positions at the encoders (n,), relative to the base; those of the rotors if the joints are flexible."""
         return self._relative(state, "rotor" if self.joints is not None else "q", "base")
 
     def speeds(self, state: Array) -> Array:
-        """The speeds of the encoders, (n,)."""
+        """Speeds at the encoders (n,), relative to the base; those of the rotors if the joints are flexible."""
         return self._relative(state, "rotor_speed" if self.joints is not None else "dq", "base_speed")
 
     def _relative(self, state: Array, part: str, base: str) -> Array:
@@ -182,7 +188,7 @@ class Plant:
         return values
 
     def state_derivative(self) -> Callable[[Array, float, Array], Array]:
-        """The right-hand side ``f(state, t, tau)`` for the stiff solver; sgn is smoothed as the friction declares."""
+        """The right-hand side ``f(state, t, tau)`` for the stiff solver, with smoothed friction."""
         layout = self.layout
         body, friction, flexible, base = self.body, self.friction, self.joints, self.base
         z = layout.get("z")
@@ -227,10 +233,11 @@ def make_plant(
     joints: FlexibleJoints | None = None,
     base: FlexibleBase | None = None,
 ) -> Plant:
-    """The mechanics of ``model`` under its nominal or the given base parameters.
+    """Build the plant of a robot model, with the base parameters of its robot file or the given ``beta``.
 
-    ``drive_inertia`` (n,) adds to the diagonal of M, which holds that of the robot file already. Rotors of flexible
-    joints take the place of both.
+    ``friction`` is none by default. ``drive_inertia`` (n,), kg m^2 (kg), is added to the diagonal of M, which already
+    includes the drive inertia of the robot file; the rotors of flexible ``joints`` replace both. Raises InputError if
+    flexible joints are combined with coupled drives or with ``drive_inertia``, or do not match the number of joints.
     """
     if joints is not None:
         if getattr(getattr(model, "spec", None), "drives", None) is not None:
@@ -248,6 +255,6 @@ def make_plant(
 
 
 def without_drives(model: Any) -> Array | None:
-    """What takes the robot file's drive inertia out of the diagonal of M, (n,); None where there is none in it."""
+    """Correction (n,) that removes the robot file's drive inertia from the diagonal of M; None if it has none."""
     stated = getattr(model, "drive_inertia", None)
     return None if stated is None else -np.asarray(stated)

@@ -1,4 +1,4 @@
-"""Recordings on disk: the CSV and mapping file that a real robot leaves, so that identification sees no difference."""
+"""Writes a simulated recording as CSV and mapping file, in the format in which recordings of a real robot are read."""
 
 from __future__ import annotations
 
@@ -23,9 +23,11 @@ def write_recording(
     prismatic: Sequence[bool] | None = None,
     instruments: Instruments | None = None,
 ) -> tuple[Path, Path]:
-    """Write ``stem.csv`` (t, q_<joint>.., tau_<joint>..) and ``stem.yaml``, its mapping; returns both paths.
+    """Write ``stem.csv`` (t, q_<joint>.., tau_<joint>..) and its mapping file ``stem.yaml``; returns both paths.
 
-    ``prismatic`` says which joints slide (m, N instead of rad, N m). The numbers read back exactly.
+    ``joints`` are the joint names, ``prismatic`` states which joints are prismatic (m, N instead of rad, N m), and the
+    torque limits of ``instruments`` go into the mapping file. Every number reads back exactly. Raises InputError if the
+    number of names is wrong.
     """
     n = recording.q.shape[1]
     if len(joints) != n:

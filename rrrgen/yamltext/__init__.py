@@ -1,1 +1,4 @@
-"""Located YAML: nodes that know their place, values with units, every fault at once; used by every file format."""
+"""Located YAML: nodes with line and column, values with units, all faults of a file reported together.
+
+Every file format of rrrgen (robot, mapping, experiment, response files) is read through this package.
+"""

@@ -1,4 +1,4 @@
-"""What to write instead: every piece of advice is made from the text that was written, sign and unit included."""
+"""Suggested corrections of misspelt numbers; each is built from the text of the file, sign and unit included."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ _DIGITS = re.compile(r"\d+([eE][+-]?\d+)?(\s*[A-Za-zµμ°][\w/^²]*)?")
 
 
 def with_point(text: str) -> str:
-    """``text`` with decimal points: ``-0,35 mm`` -> ``-0.35 mm``, ``1.234,5`` -> ``1234.5``, ``1,234,5`` -> ``12345``.
+    """Rewrite decimal commas as points: ``-0,35 mm`` -> ``-0.35 mm``, ``1.234,5`` -> ``1234.5``, ``1,234,5`` ->
+    ``12345``.
 
-    Of several separators in one number the last is the decimal sign, unless they are all the same: then they group
-    thousands.
+    If a number has several separators, the last one is the decimal sign; several commas without a point are taken to
+    group thousands.
     """
 
     def rewritten(match: re.Match[str]) -> str:
@@ -31,7 +32,10 @@ def with_point(text: str) -> str:
 
 
 def comma_advice(number: str) -> str:
-    """What to write for ``number``, which has its decimal point already; three digits behind it may be thousands."""
+    """Hint for a number with a comma; ``number`` is the number already written with a point.
+
+    Where exactly three digits follow the point, the hint also offers the reading as thousands: ``1.234`` or ``1234``.
+    """
     advice = f"decimal comma? write {number}"
     if _THOUSANDS.fullmatch(number):
         advice += f"; if the comma groups thousands, {number.replace('.', '')}"
@@ -39,25 +43,29 @@ def comma_advice(number: str) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """``text`` followed by ``unit``, in parentheses where it is more than one number."""
+    """Append ``unit`` to ``text``; an expression is put in parentheses first: ``a + 2`` -> ``(a + 2) mm``."""
     text = text.strip()
     return f"{text} {unit}" if _PLAIN.fullmatch(text) else f"({text}) {unit}"
 
 
 def without_leading_zeros(text: str) -> str:
-    """``-010`` -> ``-10``."""
+    """Remove leading zeros from every number in ``text``: ``-010`` -> ``-10``."""
     return re.sub(r"(?<![\w.])0+(?=\d)", "", text.strip())
 
 
 def added_number(text: str) -> str | None:
-    """The bare number that a sum adds to something else, ``30`` of ``a2 + 30``; None where it is not so simple."""
+    """The only plain number among the terms of a sum, ``30`` in ``a2 + 30``; None if there is none or more than one."""
     terms = re.findall(r"(?:^|[+-])\s*([\w.*/()]+)\s*(?=[+-]|$)", text.strip())
     numbers = [term for term in terms if _PLAIN.fullmatch(term)]
     return numbers[0] if len(numbers) == 1 else None
 
 
 def number_cut_by_comma(whole: Node, rest: Node) -> str | None:
-    """``-0.010`` of ``-0`` and ``010``: two neighbours in a list or mapping that may be one number with a comma."""
+    """Rejoin two neighbouring entries that YAML split at a decimal comma: ``-0`` and ``010`` -> ``-0.010``.
+
+    ``whole`` and ``rest`` are neighbours in a flow list or mapping; returns None unless both look like halves of one
+    number.
+    """
     if not (isinstance(whole, Scalar) and isinstance(rest, Scalar)):
         return None
     if not _WHOLE.fullmatch(whole.text.strip()) or not _DIGITS.fullmatch(rest.text.strip()):
@@ -66,7 +74,10 @@ def number_cut_by_comma(whole: Node, rest: Node) -> str | None:
 
 
 def key_cut_by_comma(mapping: Mapping, place: int) -> str | None:
-    """The number that the key at ``place`` is the end of, as ``{a: 2,5}`` reads as ``{a: 2, 5: }``; else None."""
+    """The number whose decimals YAML read as the key at index ``place``: ``{a: 2,5}`` is read as ``{a: 2, 5: }``.
+
+    Returns ``2.5`` in that example, None for an ordinary key.
+    """
     key, value = mapping.entries[place]
     if place == 0 or not (isinstance(value, Scalar) and value.is_null):
         return None

@@ -1,7 +1,7 @@
-"""Text -> a small tree of YAML nodes with their places, bounded in size and depth, with every fault collected.
+"""YAML text -> a small tree of nodes with line and column, bounded in size and depth; faults are collected.
 
-Only YAML's events are used: scalars keep the text that the user typed, so numbers stay exact, ``no`` and ``1:30``
-stay text, and no object is ever constructed from a tag.
+Only the event stream of the YAML parser is used. Scalars therefore keep the text that the user typed: numbers stay
+exact, ``no`` and ``1:30`` stay text, and no object is ever constructed from a tag.
 """
 
 from __future__ import annotations
@@ -37,7 +37,11 @@ class Place:
 
 @dataclass(frozen=True)
 class Scalar:
-    """One value as typed; ``quoted`` when it stood in quotes, ``inset`` from ``place`` to the first character."""
+    """One value as typed.
+
+    ``quoted`` is true if the value stood in quotes; ``inset`` is the number of characters between ``place`` and the
+    first character of the text (1 for an opening quote).
+    """
 
     text: str
     place: Place
@@ -46,13 +50,13 @@ class Scalar:
 
     @property
     def is_null(self) -> bool:
-        """Whether YAML reads this as no value at all."""
+        """Whether YAML reads this scalar as null: empty, ``~`` or ``null``, without quotes."""
         return not self.quoted and self.text in ("", "~", "null", "Null", "NULL")
 
 
 @dataclass(frozen=True)
 class Sequence:
-    """A list."""
+    """A YAML list; ``place`` is where it begins."""
 
     place: Place
     items: list[Node] = field(default_factory=list)
@@ -60,7 +64,7 @@ class Sequence:
 
 @dataclass(frozen=True)
 class Mapping:
-    """A mapping with all its entries in order, duplicates included."""
+    """A YAML mapping: its (key, value) pairs in the order of the file, duplicate keys included."""
 
     place: Place
     entries: list[tuple[Node, Node]] = field(default_factory=list)
@@ -70,7 +74,10 @@ Node: TypeAlias = Scalar | Sequence | Mapping
 
 
 class FaultList:
-    """Collects faults of one text; errors and warnings are kept apart."""
+    """Errors and warnings found in one text, each kept to at most ``MAX_FAULTS``.
+
+    ``file`` is the name printed in messages; ``text`` supplies the source lines quoted below them.
+    """
 
     def __init__(self, file: str, text: str) -> None:
         self.file, self.lines = file, _LINE_BREAK.split(text)
@@ -78,19 +85,23 @@ class FaultList:
         self.warnings: list[Fault] = []
 
     def error(self, where: Node | Place | None, message: str, hint: str = "", offset: int = 0) -> None:
-        """Record an error at a node or place; ``offset`` counts characters into a scalar on one line."""
+        """Record an error; an identical one is recorded once.
+
+        ``where`` is the node or place at fault, None for the file as a whole; ``hint`` says what to do about it;
+        ``offset`` moves the column by that many characters into a one-line scalar.
+        """
         if len(self.errors) < MAX_FAULTS:
             fault = self._fault(where, message, hint, offset, "error")
             if fault not in self.errors:
                 self.errors.append(fault)
 
     def warning(self, where: Node | Place | None, message: str, hint: str = "", offset: int = 0) -> None:
-        """Record a warning."""
+        """Record a warning; the arguments are those of :meth:`error`."""
         if len(self.warnings) < MAX_FAULTS:
             self.warnings.append(self._fault(where, message, hint, offset, "warning"))
 
     def raise_errors(self) -> None:
-        """Raise :class:`InputError` with every error, and the warnings too, if there is any error."""
+        """Raise :class:`InputError` with all errors and warnings if there is at least one error."""
         if self.errors:
             raise InputError(self.errors + self.warnings)
 
@@ -106,7 +117,10 @@ class FaultList:
 
 
 def decode(data: bytes, file: str) -> str:
-    """The text of a file: UTF-8, at most 1 MB, without control characters."""
+    """Decode the bytes of a file, which must be UTF-8 (a byte order mark is dropped) of at most 1 MB.
+
+    Raises :class:`InputError` naming ``file`` and, for a byte that is not UTF-8, its line and column.
+    """
     if len(data) > MAX_BYTES:
         raise InputError([Fault(file, 0, 0, "the file is larger than 1 MB", hint="a robot file has some kilobytes")])
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -125,10 +139,13 @@ def decode(data: bytes, file: str) -> str:
 
 
 def parse_document(text: str, faults: FaultList) -> Node:
-    """The root node of the one YAML document in ``text``; raises :class:`InputError` where there is none."""
+    """Parse ``text``, which must hold exactly one YAML document, and return its root node.
+
+    Faults are added to ``faults``; raises :class:`InputError` if there are any or if the file is empty.
+    """
     _check_characters(text, faults)
     faults.raise_errors()
-    # a tab between words is white space to YAML; only as indentation is it refused
+    # YAML accepts a tab between words as white space; only tabs in the indentation are refused
     root = _Composer(_events(text.replace("\t", " "), faults), faults).document()
     faults.raise_errors()
     if root is None:
@@ -152,7 +169,7 @@ def _check_characters(text: str, faults: FaultList) -> None:
 
 
 def _events(text: str, faults: FaultList) -> Iterator[Any]:
-    """YAML's parsing events; the parser's own exceptions become faults."""
+    """Parsing events of ruamel.yaml; the exceptions of the parser are recorded as faults."""
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
@@ -169,7 +186,7 @@ def _events(text: str, faults: FaultList) -> Iterator[Any]:
 
 
 class _Composer:
-    """Builds nodes from events, iteratively and within bounds."""
+    """Builds the node tree from parsing events with an explicit stack, within bounds on nodes, aliases and depth."""
 
     def __init__(self, events: Iterator[Any], faults: FaultList) -> None:
         self.events, self.faults = events, faults
@@ -214,7 +231,7 @@ class _Composer:
         return root
 
     def node(self, kind: str, event: Any, place: Place) -> Node | None:
-        """The node of one event; None where a bound is hit."""
+        """The node of one event, or None where a bound is exceeded."""
         self.nodes += 1
         if self.nodes > MAX_NODES:
             self.faults.error(place, "too many values in the file", f"at most {MAX_NODES}")
@@ -246,7 +263,7 @@ class _Composer:
         return Scalar(text, place, quoted, int(event.style in ("'", '"') and one_line))
 
     def encodable(self, text: str, place: Place) -> str:
-        r"""``text`` with pairs of surrogates such as ``"\ud83e\udd16"`` joined; half of a pair is no character."""
+        r"""Join surrogate pairs such as ``"\ud83e\udd16"`` into characters; an unpaired surrogate is a fault."""
         if text.isascii() or not _SURROGATE.search(text):
             return text
         try:

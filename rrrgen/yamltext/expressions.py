@@ -1,4 +1,4 @@
-"""Text of one value -> exact SymPy expression, through a whitelist.
+"""Parses the text of one value into an exact SymPy expression, through a whitelist.
 
 Allowed are decimal numbers, ``pi``, the declared names, ``+ - * / **``, ``sqrt``, ``sin``, ``cos``, parentheses and
 one unit at the end. The text is parsed with :mod:`ast` and walked node by node; nothing is ever evaluated by Python
@@ -24,10 +24,10 @@ from rrrgen.yamltext.units import ANGLE, UNITS, Dimension, Unit, find_unit, quan
 MAX_LENGTH = 4000  # characters of one value
 MAX_DEPTH = 100  # nesting of one value
 MAX_NUMBER_LENGTH = 400
-MAX_DECIMAL_EXPONENT = 330  # that of doubles
-MAX_BITS = 4096  # of numerator and denominator of any number met on the way
-MAX_POWER = 16
-MAX_DEGREE = 64  # of nested powers together
+MAX_DECIMAL_EXPONENT = 330  # covers the range of doubles, 5e-324 to 1.8e308
+MAX_BITS = 4096  # numerator and denominator of every intermediate number
+MAX_POWER = 16  # one exponent
+MAX_DEGREE = 64  # product of nested exponents
 
 ALLOWED = "numbers, pi, declared parameters, + - * / **, sqrt(), sin(), cos() and parentheses"
 FUNCTIONS = {"sqrt": sp.sqrt, "sin": sp.sin, "cos": sp.cos}
@@ -39,9 +39,10 @@ _UNIT_START = re.compile(r"(?<=[\s\d.)])(?=[A-Za-z°µμ])")
 
 
 class ExpressionError(InputError):
-    """One value cannot be read; ``offset`` is the place in its text, counted from 0.
+    """The text of a value is not a valid expression.
 
-    ``unknown_name`` is the name that was not declared, if that is the fault.
+    ``offset`` is the position of the fault in the text, counted from 0; ``unknown_name`` is the undeclared name if
+    that is the fault, otherwise empty.
     """
 
     def __init__(self, message: str, text: str = "", offset: int = 0, hint: str = "", unknown_name: str = "") -> None:
@@ -51,7 +52,11 @@ class ExpressionError(InputError):
 
 @dataclass(frozen=True)
 class Name:
-    """A declared name; without a ``dimension`` it may be a plain number, an angle or a length."""
+    """A declared parameter: its expression and its dimension.
+
+    ``dimension`` is None if the parameter was declared as a bare number: it may then stand for a plain number, an angle
+    or a length.
+    """
 
     expr: sp.Expr
     dimension: Dimension | None = None
@@ -59,11 +64,16 @@ class Name:
 
 @dataclass(frozen=True)
 class Value:
-    """One value as written.
+    """A parsed value, before its unit is applied.
 
-    ``expr`` is exact, without the unit applied. ``dimension`` comes from the names in it: None when there is none
-    (a bare number, the unit of the file applies). ``open_names`` are the names without a unit that the scale of the
-    value depends on. ``adds_bare_number`` is true where a bare number is added to a name with a dimension.
+    - ``expr``: the exact expression, without ``unit``.
+    - ``dimension``: the dimension implied by the parameters in it; None if there is none, then the file's default unit
+      applies.
+    - ``open_names``: parameters without a unit that the value scales with.
+    - ``names``: all parameters used.
+    - ``adds_bare_number``: a bare number is added to a parameter that has a dimension.
+    - ``bare_trigonometry``: a sine or cosine is taken of something that is not evidently an angle in rad.
+    - ``decimals``: digits after the decimal point if the text is one plain number.
     """
 
     expr: sp.Expr
@@ -74,11 +84,12 @@ class Value:
     uses_pi: bool = False
     adds_bare_number: bool = False
     bare_trigonometry: bool = False
-    decimals: int | None = None  # digits after the point, where the text is one plain number
+    decimals: int | None = None
 
 
 def parse_expression(text: str, names: Mapping[str, Name] | None = None, units: bool = True) -> Value:
-    """Read one value: an expression in ``names``, followed by at most one unit.
+    """Parse one value: an expression in the declared ``names``, followed by at most one unit (none if ``units`` is
+    False).
 
     Raises :class:`ExpressionError` with the offset of the first fault and what is allowed.
     """
@@ -106,7 +117,7 @@ def parse_expression(text: str, names: Mapping[str, Name] | None = None, units: 
 
 
 def _check_unit_reach(text: str, body: str, unit: Unit, tree: ast.expr, walker: _Walker) -> None:
-    """Refuse a unit where it is unclear what it belongs to."""
+    """Refuse a unit after a parameter or after a sum, where it is ambiguous what it applies to."""
     behind = len(body)
     if walker.names:
         message = f"the unit {unit.name} stands behind the parameter '{min(walker.names)}', which has its own unit"
@@ -121,7 +132,10 @@ def _check_unit_reach(text: str, body: str, unit: Unit, tree: ast.expr, walker: 
 
 
 def exact_number(text: str) -> sp.Rational:
-    """The decimal number ``text`` as an exact rational: ``0.35`` -> 7/20, ``1e-3`` -> 1/1000."""
+    """Convert the unsigned decimal number ``text`` to an exact rational: ``0.35`` -> 7/20, ``1e-3`` -> 1/1000.
+
+    Raises :class:`ExpressionError` for other text and for more digits or a larger exponent than allowed.
+    """
     match = _NUMBER.fullmatch(text)
     if match is None:
         hint = f"write {text.replace('_', '')}" if "_" in text else "write numbers as 12, 0.35 or 1e-3"
@@ -143,7 +157,7 @@ def _decimals(plain: re.Match[str]) -> int:
 
 
 def _split_unit(text: str, units: bool) -> tuple[str, Unit | None]:
-    """Cut the unit off the end: the longest tail that is one and follows a digit, a blank or a parenthesis."""
+    """Split the unit off the end of ``text``: the longest suffix naming a unit that follows a digit, blank or ``)``."""
     if not units:
         return text, None
     for match in _UNIT_START.finditer(text):
@@ -160,7 +174,7 @@ def _split_unit(text: str, units: bool) -> tuple[str, Unit | None]:
 
 
 def _check_characters(body: str, unit: str) -> None:
-    """Refuse what Python must not even see; ``unit`` is what stood behind it, for advice."""
+    """Refuse text that must not reach Python's parser; ``unit`` is the unit split off, repeated in suggestions."""
     if not body.strip():
         raise ExpressionError("a value is missing", body, 0, f"allowed are {ALLOWED}")
     lowered = body.strip().lower().lstrip("+-.")
@@ -267,7 +281,7 @@ class _Walker:
         return term
 
     def chain(self, node: ast.BinOp, depth: int) -> _Term:
-        """A chain of operators without parentheses, ``a + b - c``: walked along its left side without recursion."""
+        """A left-associative chain such as ``a + b - c``, evaluated in a loop: a long sum needs no deep recursion."""
         steps, first = [node], node.left
         while isinstance(first, ast.BinOp):
             steps.append(first)
@@ -353,7 +367,7 @@ class _Walker:
                 raise self.fail("this operator is not allowed", node, f"allowed are {ALLOWED}")
 
     def common(self, node: ast.BinOp, left: _Term, right: _Term) -> Dimension | None:
-        """The dimension of a sum."""
+        """The common dimension of the two terms of a sum; a fault if they differ."""
         if left.dimension and right.dimension and left.dimension != right.dimension:
             what = f"{quantity_name(left.dimension)} and {quantity_name(right.dimension)}"
             raise self.fail(f"{what} cannot be added", node)
@@ -381,7 +395,7 @@ class _Walker:
 
 
 def _product(left: Dimension | None, right: Dimension | None, sign: int) -> Dimension | None:
-    """Dimension of a product (sign 1) or quotient (sign -1); None stands for a plain number."""
+    """Dimension of a product (``sign`` 1) or quotient (``sign`` -1); None is a plain number, in and out."""
     zero = (Fraction(0),) * 5
     result = tuple(a + sign * b for a, b in zip(left or zero, right or zero, strict=True))
     return result if any(result) else None

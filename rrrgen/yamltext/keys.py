@@ -1,4 +1,4 @@
-"""Keys of a file format: one table per section, used to read, to report faults and to make the JSON Schema."""
+"""Tables of the keys of a file format, one per section; reader, messages and JSON Schema are all derived from them."""
 
 from __future__ import annotations
 
@@ -25,11 +25,13 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class Key:
-    """One key: its kind of value, and what it means.
+    """One key of a section: the kind of value it takes and what it means.
 
-    ``quantity`` is the quantity of a value or vector of a revolute joint, ``prismatic`` that of a prismatic one
-    where it differs. ``section`` is the table of a mapping or of the rows of a list. ``file_units`` tells that bare
-    numbers are in the units of the file, not in SI.
+    - ``quantity``: the physical quantity of a value or vector (for a revolute joint); ``prismatic``: the quantity for a
+      prismatic joint where it differs.
+    - ``section``: the section that describes a mapping, or each row of a list.
+    - ``file_units``: bare numbers are in the units that the file declares, otherwise in SI.
+    - ``choices``: the allowed words; ``length``: the number of elements of a vector.
     """
 
     name: str
@@ -44,13 +46,13 @@ class Key:
     length: int = 3
 
     def quantity_for(self, joint_type: str) -> str:
-        """The quantity of this key for a joint of this type."""
+        """The physical quantity of this key for a joint of type ``joint_type`` ("revolute" or "prismatic")."""
         return self.prismatic if joint_type == "prismatic" and self.prismatic else self.quantity
 
 
 @dataclass(frozen=True)
 class Format:
-    """The tables of one file format: its keys by section, and words that users bring along from other formats."""
+    """One file format: the keys of every section, and ``aliases`` from the words of other formats to those keys."""
 
     sections: Mapping[str, tuple[Key, ...]]
     aliases: Mapping[str, str]

@@ -1,7 +1,7 @@
-"""What readers of mapping, experiment and response files share: values of located nodes, and faults that do not stop.
+"""Base reader of mapping, experiment and response files: typed values from located nodes.
 
-A reader takes a value from a node; where the node holds something else, the fault is recorded with its place and a
-stand-in is returned, so that one pass finds every fault of a file.
+Where a node does not hold what is asked for, the reader records the fault with its place and returns a neutral value,
+so that one pass finds every fault of a file.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from rrrgen.yamltext.suggest import did_you_mean
 
 Default = TypeVar("Default")
 
-PLAIN = {"one": 1.0}
-"""The table of units of a number without one."""
+UNITLESS = {"one": 1.0}
+"""The unit table of a dimensionless number."""
 
 
 class Reader:
-    """Reads one file; ``faults`` collects what is wrong with it.
+    """Reads the values of one file; everything wrong with it is collected in ``faults``.
 
-    ``elsewhere`` says of keys that do not belong to this format where they belong.
+    ``elsewhere`` maps keys that belong to another file format to a hint that says where they belong.
     """
 
     def __init__(self, faults: FaultList, elsewhere: Mapping[str, str] | None = None) -> None:
@@ -33,7 +33,11 @@ class Reader:
     def values(
         self, node: Node, what: str, allowed: Collection[str], required: Collection[str] = ()
     ) -> dict[str, Node] | None:
-        """The values of a mapping by key; unknown, empty and missing keys are faults. None where it is no mapping."""
+        """The values of a mapping by key, or None if ``node`` is not a mapping.
+
+        ``what`` names the mapping in messages. Keys outside ``allowed``, keys without a value and absent ``required``
+        keys are faults.
+        """
         entries = read_entries(node, what, self.faults)
         if entries is None:
             return None
@@ -54,21 +58,21 @@ class Reader:
         return found
 
     def text(self, node: Node, what: str) -> str:
-        """Text; empty where the node holds none."""
+        """The text of a scalar; a fault and an empty string otherwise."""
         if isinstance(node, Scalar) and not node.is_null:
             return node.text
         self.faults.error(node, f"{what} is {describe(node)}, not a text")
         return ""
 
     def choice(self, node: Node, what: str, allowed: Collection[str]) -> str:
-        """One of the words ``allowed``; the word as it stands where it is another."""
+        """The word in ``node``; one outside ``allowed`` is a fault and returned unchanged."""
         value = self.text(node, what)
         if value and value not in allowed:
             self.faults.error(node, f"{what} is '{value}'", hint_for(value, allowed))
         return value
 
     def whole(self, node: Node | None, what: str, default: Default) -> int | Default:
-        """A whole number that is not negative; ``default`` where the key is absent or holds something else."""
+        """A non-negative integer; ``default`` if ``node`` is None, or (with a fault) if it holds something else."""
         if node is None:
             return default
         text = self.text(node, what)
@@ -80,7 +84,11 @@ class Reader:
     def quantity(
         self, node: Node | None, what: str, table: Mapping[str, float], bare: str, positive: bool = False
     ) -> float | None:
-        """A value in SI with a unit of ``table``, or a bare one in the unit ``bare``; None where it cannot be read."""
+        """A value converted to SI; None if ``node`` is None or cannot be read.
+
+        ``table`` maps the allowed units to their factors; a number without a unit is in ``bare``. With ``positive``,
+        zero and negative values are faults.
+        """
         if node is None:
             return None
         value = read_quantity(node, what, table, bare, self.faults)
@@ -90,11 +98,11 @@ class Reader:
         return value
 
     def number(self, node: Node | None, what: str) -> float | None:
-        """A number without unit."""
-        return self.quantity(node, what, PLAIN, "one")
+        """A dimensionless number; None if ``node`` is None or cannot be read."""
+        return self.quantity(node, what, UNITLESS, "one")
 
     def numbers(self, node: Node | None, what: str, length: int) -> list[float]:
-        """A list of ``length`` numbers; empty where one of them cannot be read."""
+        """A list of ``length`` dimensionless numbers; empty if any of them cannot be read."""
         if not isinstance(node, Sequence) or len(node.items) != length:
             self.faults.error(node, f"{what} needs a list of {length} numbers")
             return []
@@ -104,7 +112,7 @@ class Reader:
     def per_joint(
         self, node: Node, what: str, joints: int, table: Mapping[str, float], bare: str
     ) -> tuple[float | None, ...]:
-        """One value for each joint, from a list of them or from one value that stands for all."""
+        """One SI value per joint, from a list with one entry per joint or from one value that applies to all joints."""
         items = node.items if isinstance(node, Sequence) else [node] * joints
         if len(items) != joints:
             self.faults.error(node, f"{what} has {len(items)} entries for {joints} joints")
@@ -112,5 +120,5 @@ class Reader:
 
 
 def hint_for(word: str, allowed: Collection[str]) -> str:
-    """What may have been meant, and what is allowed."""
+    """Hint for an unknown ``word``: the nearest allowed word, if any, and the list of all allowed ones."""
     return f"{did_you_mean(word, tuple(allowed))} allowed are {', '.join(allowed)}".strip()

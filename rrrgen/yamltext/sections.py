@@ -1,4 +1,4 @@
-"""Mappings of a file against their tables of keys: unknown, duplicate, missing and empty keys."""
+"""Checks the mappings of a file against their key tables: unknown, duplicate, missing and empty keys."""
 
 from __future__ import annotations
 
@@ -11,20 +11,23 @@ from rrrgen.yamltext.suggest import did_you_mean
 
 
 def describe(node: Node) -> str:
-    """What a node is, for messages."""
+    """Describe a node in a message: ``'its text'``, ``nothing``, ``a list`` or ``a mapping``."""
     if isinstance(node, Scalar):
         return "nothing" if node.is_null else f"'{shorten(node.text)}'"
     return "a list" if isinstance(node, Sequence) else "a mapping"
 
 
 def shorten(text: str, width: int = 40) -> str:
-    """At most ``width`` characters of ``text`` on one line."""
+    """``text`` on one line, cut to ``width`` characters with ``...``."""
     text = " ".join(text.split())
     return text if len(text) <= width else text[: width - 3] + "..."
 
 
 def read_entries(node: Node, what: str, faults: FaultList) -> dict[str, tuple[Scalar, Node]] | None:
-    """Key text -> (key, value) of a mapping; None where the node is no mapping. Reports duplicates and odd keys."""
+    """The entries of a mapping as key text -> (key node, value node); a fault and None if ``node`` is not a mapping.
+
+    Duplicate keys and keys that are not plain words are faults; the first of several equal keys is kept.
+    """
     if not isinstance(node, Mapping):
         faults.error(
             node, f"{what} is {describe(node)}, not a mapping", "write {key: value, ...} or indented key: value"
@@ -45,9 +48,9 @@ def read_entries(node: Node, what: str, faults: FaultList) -> dict[str, tuple[Sc
 
 
 def read_section(node: Node, section: str, what: str, faults: FaultList, form: Format) -> dict[str, Node] | None:
-    """The values of a mapping by key, checked against the table of ``section`` of ``form``; empty values are left out.
+    """The values of a mapping by key, checked against the key table ``section`` of the file format ``form``.
 
-    None where the node is no mapping, so that nothing about it can be said.
+    Unknown, missing and empty keys are faults; keys without a value are left out. None if ``node`` is not a mapping.
     """
     entries = read_entries(node, what, faults)
     if entries is None:
@@ -90,7 +93,7 @@ def _required_hint(key: Key, form: Format) -> str:
 
 
 def read_text(node: Node, what: str, faults: FaultList) -> str:
-    """Free text; a fault and an empty text for anything else."""
+    """The stripped text of a scalar; a fault and an empty string for a list or mapping."""
     if isinstance(node, Scalar):
         return "" if node.is_null else node.text.strip()
     faults.error(node, f"{what} is {describe(node)}, not text", "put the text in quotes")
@@ -98,7 +101,7 @@ def read_text(node: Node, what: str, faults: FaultList) -> str:
 
 
 def read_choice(node: Node, key: Key, faults: FaultList) -> str | None:
-    """One of the words that ``key`` allows, or None and a fault."""
+    """One of the words in ``key.choices``; a fault and None for anything else."""
     if isinstance(node, Scalar) and node.text in key.choices:
         return node.text
     word = node.text if isinstance(node, Scalar) else ""
@@ -110,7 +113,7 @@ def read_choice(node: Node, key: Key, faults: FaultList) -> str | None:
 
 
 def read_list(node: Node, what: str, length: int | None, faults: FaultList) -> list[Node] | None:
-    """The items of a list, of exactly ``length`` if given, or None and a fault."""
+    """The items of a list, which must have ``length`` entries unless that is None; a fault and None otherwise."""
     if not isinstance(node, Sequence):
         faults.error(node, f"{what} is {describe(node)}, not a list", f"write [{', '.join('...' for _ in range(3))}]")
         return None
@@ -124,7 +127,7 @@ def read_list(node: Node, what: str, length: int | None, faults: FaultList) -> l
 
 
 def _decimal_commas(items: list[Node], surplus: int) -> str:
-    """Advice where a list has ``surplus`` entries too many because numbers have commas."""
+    """Hint for a list that has ``surplus`` entries too many because its numbers were written with decimal commas."""
     pairs = list(pairwise(items))
     cut = [number_cut_by_comma(*pair) for pair in pairs]
     tight = [

@@ -1,4 +1,4 @@
-"""Units of the columns of a recording, as factors to SI and radians."""
+"""Units of recorded signals, each table mapping a unit to its factor to SI and radians."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ TORQUE = {"N*m": 1.0, "mN*m": 1e-3, "kN*m": 1e3, "N*cm": 1e-2, "N*mm": 1e-3}
 FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
 CONSTANT = {"N*m/A": 1.0, "mN*m/A": 1e-3, "N/A": 1.0, "N*m/V": 1.0, "N/V": 1.0}
 
-# what a torque column may hold; A and V need a constant, % needs the rated value
+# a torque column may hold these instead of a torque; A and V need a torque constant, % needs the rated torque
 DRIVE_SIGNALS = {"A": 1.0, "mA": 1e-3, "V": 1.0, "%": 0.01, "one": 1.0}
 COUNTS = "counts"
 
 
-def spelled(unit: str) -> str:
-    """``Nm``, ``N m`` and ``N·m`` alike: the spelling without blanks and product signs."""
+def normalise_spelling(unit: str) -> str:
+    """Normalise the spelling of a unit, without blanks and product signs: ``Nm``, ``N m`` and ``N·m`` become equal."""
     text = unit.strip().replace("°", "deg").replace("µ", "u").replace("μ", "u").replace("²", "^2")
     return re.sub(r"[\s*·^]+", "", text.replace("**", "^"))
 
@@ -35,19 +35,19 @@ def spelled(unit: str) -> str:
 _SPELLINGS = {"degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "turn": "rev", "turns": "rev"}
 
 
-def find(unit: str, table: Mapping[str, float]) -> str | None:
-    """The name in ``table`` of a unit as somebody spelled it, or None."""
-    known = {spelled(name): name for name in table}
-    key = spelled(unit)
+def unit_name(unit: str, table: Mapping[str, float]) -> str | None:
+    """The key of ``table`` that ``unit`` spells, blanks and product signs aside; None if there is none."""
+    known = {normalise_spelling(name): name for name in table}
+    key = normalise_spelling(unit)
     return known.get(key) or known.get(_SPELLINGS.get(key, key))
 
 
 def read_unit(node: Node, what: str, table: Mapping[str, float], faults: FaultList) -> str | None:
-    """The unit that a node names; records a fault and returns None where it is not in ``table``."""
+    """The key of ``table`` that the node names; a fault and None if it names none."""
     if not isinstance(node, Scalar) or node.is_null:
         faults.error(node, f"{what} is {describe(node)}, not a unit", f"allowed are {', '.join(table)}")
         return None
-    name = find(node.text, table)
+    name = unit_name(node.text, table)
     if name is None:
         hint = f"{did_you_mean(node.text, table)} allowed are {', '.join(table)}".strip()
         faults.error(node, f"{what} has the unit '{node.text.strip()}'", hint)
@@ -55,7 +55,11 @@ def read_unit(node: Node, what: str, table: Mapping[str, float], faults: FaultLi
 
 
 def read_quantity(node: Node, what: str, table: Mapping[str, float], bare: str, faults: FaultList) -> float | None:
-    """A number or expression such as ``-pi/2`` or ``0.36 deg``, in SI; a bare one is in ``bare``."""
+    """Read a number or expression such as ``-pi/2`` or ``0.36 deg`` and convert it to SI; a fault and None if invalid.
+
+    ``table`` maps the allowed units to their factors; a value without a unit is in ``bare``; ``what`` names the value
+    in messages.
+    """
     from rrrgen.yamltext.expressions import ExpressionError, parse_expression
 
     if not isinstance(node, Scalar) or node.is_null:
@@ -63,7 +67,7 @@ def read_quantity(node: Node, what: str, table: Mapping[str, float], bare: str, 
         return None
     text, factor = node.text, table.get(bare, 1.0)
     for match in re.finditer(r"(?<=[\s\d.)])(?=[A-Za-z%°µμ])", text):
-        name = find(text[match.start() :], table)
+        name = unit_name(text[match.start() :], table)
         if name is not None:
             text, factor = text[: match.start()], table[name]
             break

@@ -1,4 +1,4 @@
-"""Did you mean: the nearest allowed word to a misspelt one."""
+"""Spelling suggestions: the allowed word nearest to a misspelt one."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 
 
 def did_you_mean(word: str, allowed: Iterable[str], also: Mapping[str, str] | None = None) -> str:
-    """``did you mean 'x'?`` for the nearest of ``allowed``, or an empty text.
+    """The sentence ``did you mean 'x'?`` for the allowed word nearest to ``word``; empty if none is near.
 
-    ``also`` maps words that users know from elsewhere to allowed ones, e.g. ``twist`` to ``alpha``.
+    ``also`` maps synonyms from other tools to allowed words, for example ``twist`` to ``alpha``.
     """
     known = {key.lower(): value for key, value in (also or {}).items()}
     known |= {key.lower(): key for key in allowed}

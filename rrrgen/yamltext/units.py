@@ -1,7 +1,7 @@
-"""The units that a robot file may use, and the quantity that each of them measures.
+"""The units of a robot file and the quantities they measure.
 
-A unit is an exact factor to SI and radians, ``factor * pi**pi_power``, and a dimension: the exponents of length,
-mass, time, angle and current. Angles count as a dimension of their own, so that a length never passes for an angle.
+A unit is an exact factor to SI and radians, ``factor * pi**pi_power``, with a dimension: the exponents of length, mass,
+time, angle and current. Angle is a dimension of its own, so that a length is never accepted as an angle.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ UNITS: dict[str, Unit] = {name: Unit(name, factor, dim, pi) for name, factor, di
 
 
 def _key(spelling: str) -> str:
-    """``N m``, ``N·m`` and ``Nm`` are ``N*m``; ``kg m2``, ``kg*m**2`` are ``kg*m^2``; ``°`` is ``deg``."""
+    """Normalise a spelling for lookup: ``N m``, ``N·m`` and ``N*m`` become equal, as do ``kg m2`` and ``kg*m**2``."""
     text = spelling.strip().replace("°", "deg").replace("µ", "u").replace("μ", "u").replace("·", "*").replace("²", "^2")
     return re.sub(r"[\s*]+|\^", "", text.replace("**", "^"))
 
@@ -98,13 +98,13 @@ _BY_KEY |= {"radian": UNITS["rad"], "radians": UNITS["rad"], "degree": UNITS["de
 
 
 def find_unit(spelling: str) -> Unit | None:
-    """The unit of this spelling, or None."""
+    """The unit that ``spelling`` names, or None."""
     return _BY_KEY.get(_key(spelling))
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a field measures: its name with article, and its dimension. Bare numbers are in ``si_unit``."""
+    """A physical quantity: its name with an article, its dimension, and the SI unit assumed for bare numbers."""
 
     name: str
     dimension: Dimension
@@ -137,7 +137,7 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 def quantity_name(dimension: Dimension) -> str:
-    """``a length``, ``an angle``, ...; for a dimension without a name, its exponents."""
+    """The quantity of a dimension for messages: ``a length``, ``an angle``, or ``a value in m^2 s^-1`` if unnamed."""
     for quantity in QUANTITIES.values():
         if quantity.dimension == dimension:
             return quantity.name
@@ -147,13 +147,13 @@ def quantity_name(dimension: Dimension) -> str:
 
 @dataclass(frozen=True)
 class FileUnits:
-    """The units of bare numbers in one file: ``units: {angle: ..., length: ...}``."""
+    """Units of numbers without a unit in one robot file, from its key ``units: {angle: ..., length: ...}``."""
 
     angle: str = "rad"
     length: str = "m"
 
     def of(self, quantity: Quantity) -> Unit:
-        """The unit of a bare number that measures ``quantity`` in the joint rows, base and tool of this file."""
+        """The unit of a bare number of this ``quantity`` in the joints, base and tool of the file."""
         name = quantity.si_unit
         if quantity.dimension[3]:
             name = re.sub(r"\brad\b", self.angle, name)

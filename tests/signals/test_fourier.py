@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rrrgen.errors import InputError
-from rrrgen.signals.fourier import FourierTrajectory, between_samples_factor, fourier_basis
+from rrrgen.signals.fourier import FourierTrajectory, fourier_basis, intersample_peak_factor
 
 # Sums of N terms of size one: a few units in the last place each, relative to the sum of magnitudes.
 ROUND_OFF = 1e-12
@@ -63,15 +63,15 @@ def test_bound_between_samples_holds(seed: int, N: int, extra: int) -> None:
     shift = rng.uniform()
     samples = fourier_basis((np.arange(M) + shift) / M, N, 1.0) @ coefficients
     dense = fourier_basis(np.linspace(0, 1, 4000), N, 1.0) @ coefficients
-    assert np.abs(dense).max() <= between_samples_factor(N, M) * np.abs(samples).max() * (1 + ROUND_OFF)
+    assert np.abs(dense).max() <= intersample_peak_factor(N, M) * np.abs(samples).max() * (1 + ROUND_OFF)
 
 
 def test_bound_is_attained_and_aliasing_proves_nothing() -> None:
     # cos(N x) sampled half a step off its peaks: the factor is sharp when 2N divides M.
     N, M = 4, 24
     samples = np.cos(N * 2 * np.pi * (np.arange(M) + 0.5) / M)
-    assert between_samples_factor(N, M) * np.abs(samples).max() == pytest.approx(1.0, rel=1e-12)
-    assert between_samples_factor(50, 100) == np.inf
+    assert intersample_peak_factor(N, M) * np.abs(samples).max() == pytest.approx(1.0, rel=1e-12)
+    assert intersample_peak_factor(50, 100) == np.inf
 
 
 def test_harmonic_100_looks_constant_on_a_tenth_of_a_second_grid() -> None:

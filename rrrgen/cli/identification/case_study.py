@@ -15,15 +15,23 @@ from rrrgen.extras import require
 @click.command()
 @output_option
 @jobs_options
-@click.option("--starts", type=click.IntRange(min=1), default=4, show_default=True, help="Of the excitation search.")
-@click.option("--seed", type=int, default=1, show_default=True, help="Of everything random.")
+@click.option(
+    "--starts",
+    type=click.IntRange(min=1),
+    default=4,
+    show_default=True,
+    help="Number of random starts of the search for the exciting trajectory.",
+)
+@click.option("--seed", type=int, default=1, show_default=True, help="Seed for all random numbers.")
 @json_option
 def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: int, as_json: bool) -> int:
     """Run the whole case study on the virtual RRR: excitation, experiment, base parameters, writing task.
 
-    DIR gets the results as JSON and CSV and the figures (SVG, PNG) of the chapter with data of its own, among them the
-    closed-form inverse kinematics and dynamics against recursive ones (Figs. 14.7 and 14.8). An interrupted run is
-    taken up again. Takes some minutes; exits with 1 if a result misses its standard.
+    Repeats section 14.6 of D. Kostic, B. de Jager, M. Steinbuch, Modeling and Identification for Robot Motion Control,
+    Robotics and Automation Handbook, CRC Press 2005, on simulated data. Writes the results (JSON, CSV) and the figures
+    of that chapter (SVG, PNG) to DIR, among them closed-form against recursive inverse kinematics and dynamics
+    (Figs. 14.7 and 14.8). An interrupted run is resumed. Takes some minutes; exits with 1 if a result misses its
+    required accuracy.
 
     \b
     Example:
@@ -32,9 +40,9 @@ def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: 
     require("rrrgen case-study", "casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")
     from rrrgen.experiments.case_study.case_study import CaseStudySettings, run_case_study
 
-    with progress_bar() as tell:
+    with progress_bar() as progress:
         settings = CaseStudySettings(starts=starts, seed=seed)
-        study = run_case_study(output, settings, jobs=jobs, cluster=cluster, progress=tell)
+        study = run_case_study(output, settings, jobs=jobs, cluster=cluster, progress=progress)
     if as_json:
         print_json(study.to_json())
         return 1 if study.failures else 0
@@ -48,8 +56,8 @@ def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: 
     for score in study.validation.joints:
         moving, whole = 100 * score.relative_error, 100 * score.relative_error_all
         click.echo(
-            f"  {score.joint}: {moving:.2f} % where it moves, {100 * score.share:.0f} % of the samples; "
-            f"{whole:.1f} % with rest, where friction has no one value"
+            f"  {score.joint}: {moving:.2f} % while it moves, {100 * score.share:.0f} % of the samples; "
+            f"{whole:.1f} % including rest, where friction is not determined by the speed"
         )
     for failure in study.failures:
         click.echo(f"not reached: {failure}")

@@ -22,16 +22,26 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Directory.", metavar="DIR")
 @click.option("--trajectory", type=click.Path(path_type=Path, exists=True), help="excitation.json of `rrrgen excite`.")
 @click.option("--tuning", type=click.Path(path_type=Path, exists=True), help="tuning.json of `rrrgen reconstruct`.")
-@click.option("--rate", type=click.FloatRange(min=0.0, min_open=True), default=1000.0, show_default=True, help="Hz.")
-@click.option("--friction", type=click.Choice(list(LAWS)), multiple=True, help="A friction law; repeat for several.")
+@click.option(
+    "--rate",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=1000.0,
+    show_default=True,
+    metavar="HZ",
+    help="Sampling rate of the controller.",
+)
+@click.option(
+    "--friction", type=click.Choice(list(LAWS)), multiple=True, help="Friction law to emit; repeat for several."
+)
 @real_option
 @json_option
 def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
-    """Write what an experiment needs on the controller itself as C99, beside the model of `rrrgen generate`.
+    """Write C99 code for the controller of an experiment: exciting motion, Kalman filter, friction compensation.
 
-    --trajectory gives <name>_trajectory.h/.c, the exciting motion at any instant; --tuning <name>_kalman.h/.c, one step
-    of the Kalman filter for the controller's --rate; --friction <name>_friction.h/.c, friction torques with parameters
-    at run time, and the step of the state where the law has one.
+    --trajectory writes <name>_trajectory.h/.c, which evaluates the exciting motion at any instant; --tuning writes
+    <name>_kalman.h/.c, one step of the Kalman filter at the controller's --rate; --friction writes
+    <name>_friction.h/.c, the friction torques with their parameters as arguments, and the step of the state if the law
+    has one. The robot model itself is written by `rrrgen generate`.
 
     \b
     Example:
@@ -66,7 +76,7 @@ def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
 
 
 def _motion(path: Path, joints: int) -> Program:
-    """The motion of an excitation result."""
+    """The program that evaluates the trajectory of the excitation result ``path`` for a robot of ``joints`` joints."""
     from rrrgen.cli.identification.workflow import read_trajectory
     from rrrgen.control.trajectory import fixed_fourier_program
     from rrrgen.errors import InputError
@@ -79,7 +89,7 @@ def _motion(path: Path, joints: int) -> Program:
 
 
 def _kalman(path: Path, rate: float, joints: int) -> Program:
-    """The step with the variances that a reconstruction has found or was told."""
+    """The Kalman filter step at ``rate`` (Hz), with the variances stored by ``rrrgen reconstruct`` in ``path``."""
     from rrrgen.control.kalman import kalman_program
     from rrrgen.errors import InputError
     from rrrgen.signals.kalman import kalman_matrices
@@ -99,7 +109,7 @@ def _kalman(path: Path, rate: float, joints: int) -> Program:
 
 
 def _friction(law: str, spec: RobotSpec) -> list[Program]:
-    """Torques, and the step of a law with a state; of joints and motors where drives are coupled."""
+    """The programs of a friction law: torques, and the state step if it has one; also of coupled motors."""
     from rrrgen.derive.recursions.chain import rational
     from rrrgen.friction.programs import friction_program, friction_step_program
     from rrrgen.model.drive_terms import friction_surfaces

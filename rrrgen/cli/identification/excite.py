@@ -26,19 +26,19 @@ from rrrgen.extras import require
 @robot_argument
 @output_option
 @experiment_option
-@click.option("--harmonics", type=click.IntRange(min=1), help="Of the Fourier series; 15 by default.")
-@click.option("--duration", "cycle", type=float, help="Period of the motion, s; 10 by default.")
-@click.option("--rate", type=float, help="Of the controller, Hz; 1000 by default.")
-@click.option("--starts", type=click.IntRange(min=1), help="Starts of the search; 4 by default.")
+@click.option("--harmonics", type=click.IntRange(min=1), help="Number of harmonics of the Fourier series; default 15.")
+@click.option("--duration", "cycle", type=float, metavar="S", help="Period of the motion in seconds; default 10.")
+@click.option("--rate", type=float, metavar="HZ", help="Sampling rate of the controller; default 1000.")
+@click.option("--starts", type=click.IntRange(min=1), help="Number of random starts of the search; default 4.")
 @jobs_options
 @seed_option(default=None)
-@click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
+@click.option("--fresh", is_flag=True, help="Clear DIR if it holds another run, and start over.")
 @json_option
 def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     """Design an exciting trajectory within the limits of a robot file, or of an experiment file.
 
-    The condition number of the regressor is minimised from several starts; every limit is checked at the controller's
-    rate. DIR gets the coefficients (JSON), samples for the controller (CSV) and figures.
+    Minimises the condition number of the regressor from several random starts and checks every limit at the rate of the
+    controller. Writes the coefficients (JSON), the samples for the controller (CSV) and figures to DIR.
 
     \b
     Example:
@@ -60,7 +60,7 @@ def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     inputs = described_files(robot=Path(robot), experiment=options["experiment"])
     with (
         RunFolder(output, "excite", inputs, settings, experiment.seed, options["fresh"]) as folder,
-        progress_bar() as tell,
+        progress_bar() as progress,
     ):
         problem = problem_of(experiment, pipeline.compile(spec))
         design = design_excitation(
@@ -70,7 +70,7 @@ def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
             jobs=options["jobs"],
             cluster=options["cluster"],
             checkpoints=folder.checkpoint("starts"),
-            progress=tell,
+            progress=progress,
         )
         results = folder.path / "results"
         results.mkdir(parents=True, exist_ok=True)

@@ -40,27 +40,39 @@ if TYPE_CHECKING:
     type=click.Choice(["ordinary", "weighted", "robust"]),
     default="weighted",
     show_default=True,
-    help="Least squares: plain, with residual weights per joint, or against outliers.",
+    help="Least squares: ordinary, weighted by the residual of each joint, or robust against outliers (Huber).",
 )
-@click.option("--split", default="none", show_default=True, help="Data to fit: none, first:0.6, blocks:0.5.")
+@click.option(
+    "--split",
+    default="none",
+    show_default=True,
+    help="Part of the data to fit, the rest is held out: first:0.6, blocks:0.5 (every other half second), or none.",
+)
 @click.option(
     "--guard",
     type=click.FloatRange(min=0),
     metavar="S",
-    help="Left out on either side of a border of --split, seconds; the reach of the filters where nothing is said.",
+    help="Guard band in seconds, left out on both sides of every border of --split; default: reach of the filters.",
 )
-@click.option("--fix", multiple=True, metavar="NAME=VALUE", help="A known column or standard parameter, as my2=0.")
-@click.option("--consistent/--no-consistent", default=True, help="Also the physically consistent estimate.")
-@click.option("--essential", is_flag=True, help="Also the reduction to essential parameters.")
+@click.option(
+    "--fix",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Known value of a base, friction or standard parameter, such as my2=0; repeat for several.",
+)
+@click.option(
+    "--consistent/--no-consistent", default=True, show_default=True, help="Compute the physically consistent estimate."
+)
+@click.option("--essential", is_flag=True, help="Reduce the model to its essential parameters, too.")
 @jobs_options
 @seed_option(default=0)
-@click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
+@click.option("--fresh", is_flag=True, help="Clear DIR if it holds another run, and start over.")
 @json_option
 def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **options: Any) -> int:
     """Estimate base parameters, drive inertia and friction from recordings.
 
-    Friction and drive keys that ROBOT gives (0 included) are estimated. DIR gets the parameters with their standard
-    deviations, figures, and robot.yaml with the physically consistent estimate, which `rrrgen generate` takes.
+    Every friction and drive parameter that ROBOT states, even as 0, is estimated. Writes to DIR the parameters with
+    their standard deviations, figures, and robot.yaml with the physically consistent estimate, for `rrrgen generate`.
 
     \b
     Examples:
@@ -89,7 +101,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     for mapping in mappings:
         check_robot(mapping, spec)
     processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
-    columns, standard = _fixed(options["fix"])
+    columns, standard = _parse_fixed(options["fix"])
     chosen = Options(
         method=options["estimator"],
         terms=DriveTerms.of_spec(spec),
@@ -108,7 +120,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     inputs = input_files(robot, logs, mappings)
     with (
         RunFolder(output, "identify", inputs, settings, options["seed"], options["fresh"]) as folder,
-        progress_bar() as tell,
+        progress_bar() as progress,
     ):
         recordings = [LogStream(mapping) for mapping in mappings]
         print_repairs((recording.repairs for recording in recordings), as_json)
@@ -122,22 +134,22 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             chosen,
             checkpoint=folder.checkpoint("factors"),
             digest=folder.digest,
-            progress=tell,
+            progress=progress,
         )
-        tell(0, 0, "diagnosis")
+        progress(0, 0, "diagnosis")
         found = replace(found, diagnoses=merged([*before, *diagnose_fit(model, recordings, found)]))
         read = ", ".join(recording_names(mappings))
         write_identification(folder, found, spec, recordings=read, model=model, recording=recordings[0])
     if as_json:
-        print_json(_finite(as_record(found)))
+        print_json(_json_ready(as_record(found)))
     else:
         _report(found, output)
     print_causes([cause for cause in found.diagnoses if cause not in before], as_json)
     return 0
 
 
-def _fixed(entries: tuple[str, ...]) -> tuple[dict[str, float], dict[str, float]]:
-    """``NAME=VALUE`` pairs: known columns, and known standard parameters (m2, mx2, Ixx2, ...)."""
+def _parse_fixed(entries: tuple[str, ...]) -> tuple[dict[str, float], dict[str, float]]:
+    """Split ``NAME=VALUE`` entries into known columns of the regressor and known standard parameters (m2, mx2, ...)."""
     import re
 
     columns: dict[str, float] = {}
@@ -155,7 +167,7 @@ def _fixed(entries: tuple[str, ...]) -> tuple[dict[str, float], dict[str, float]
     return columns, standard
 
 
-def _finite(value: Any) -> Any:
+def _json_ready(value: Any) -> Any:
     from rrrgen.runs.run_folder import plain
 
     return plain(value)

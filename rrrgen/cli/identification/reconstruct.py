@@ -24,14 +24,14 @@ from rrrgen.extras import require
 @output_option
 @reconstruction_options
 @truncated_option
-@click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
+@click.option("--fresh", is_flag=True, help="Clear DIR if it holds another run, and start over.")
 @json_option
 def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: Any) -> int:
     """Reconstruct joint positions, speeds and accelerations from the recording LOG (or its mapping file).
 
-    The Kalman smoother is tuned by its innovations, a Butterworth filter cuts at 5 times the bandwidth of the motion,
-    unless an option or the mapping file says otherwise; what was chosen is printed. DIR gets motion.csv, the
-    tuning, and for the Kalman filter its Bode plot and the whiteness of its innovations.
+    Unless an option or the mapping file sets them, the noise variances of the Kalman smoother are tuned by its
+    innovations, and the cut-off of a Butterworth filter is 5 times the bandwidth of the motion; the choice is printed.
+    Writes motion.csv, the tuning, and for a Kalman filter its Bode plot to DIR.
 
     \b
     Example:
@@ -53,7 +53,7 @@ def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: 
     with RunFolder(output, "reconstruct", inputs, settings, 0, fresh) as folder:
         recording = load_stream(LogStream(mapping))
         print_repairs([recording.repairs], as_json)
-        tuning = tune(replace(processing, decimate=1), [recording])  # every sample stays
+        tuning = tune(replace(processing, decimate=1), [recording])  # no decimation: every sample is reconstructed
         processing = tuning.processing
         rows: list[list[float]] = []
         for part in recording.parts():

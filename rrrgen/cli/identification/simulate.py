@@ -30,29 +30,33 @@ from rrrgen.extras import require
 @click.option(
     "--trajectory",
     type=click.Path(path_type=Path, exists=True),
-    help="excitation.json of `rrrgen excite`: the motion to follow.",
+    help="Motion to follow: excitation.json of `rrrgen excite`.",
 )
-@click.option("--writing", is_flag=True, help="Follow the writing task of the experiment file, by default RRR in 10 s.")
+@click.option("--writing", is_flag=True, help="Follow the writing task of the experiment file; default: RRR in 10 s.")
 @output_option
 @experiment_option
-@click.option("--duration", type=float, help="Of the experiment, s; one period of the motion by default.")
-@click.option("--rate", type=float, help="Of the controller, Hz; 1000 by default.")
-@click.option("--bandwidth", type=float, help="Of the control, Hz; 4 by default.")
+@click.option("--duration", type=float, metavar="S", help="Duration in seconds; default: one period of the motion.")
+@click.option("--rate", type=float, metavar="HZ", help="Sampling rate of the controller; default 1000.")
+@click.option("--bandwidth", type=float, metavar="HZ", help="Bandwidth of the closed loop; default 4.")
 @click.option(
     "--control",
     type=click.Choice(["pd", "computed-torque"]),
-    help="PD (14.25), the default, or computed torque with the robot file's own model (14.34).",
+    help="Control law: PD (the default), or computed torque with the exact model of the robot file.",
 )
-@click.option("--torque-noise", type=float, help="Standard deviation, N m; none by default.")
-@click.option("--base-mode", type=float, metavar="HZ", help="A damped mode of the base, as 28 in the case study.")
+@click.option(
+    "--torque-noise", type=float, metavar="NM", help="Standard deviation of the torque noise, N m; default: no noise."
+)
+@click.option(
+    "--base-mode", type=float, metavar="HZ", help="Natural frequency of a flexible base, such as 28; default: rigid."
+)
 @seed_option(default=None)
-@click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
+@click.option("--fresh", is_flag=True, help="Clear DIR if it holds another run, and start over.")
 @json_option
 def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
-    """Run an experiment on the virtual robot of a robot file: its links, friction, drives, encoders and torque limits.
+    """Simulate an experiment: the robot file's links, friction, drives, encoders and torque limits under control.
 
-    An experiment file adds any friction law, flexible joints, a flexible base, noise, gains. DIR gets log.csv and
-    log.yaml, the recording and its mapping file, as `rrrgen identify` takes them.
+    An experiment file can add other friction laws, flexible joints, a flexible base, noise and controller gains. Writes
+    log.csv, the recording, and log.yaml, its mapping file for `rrrgen identify`, to DIR.
 
     \b
     Examples:
@@ -78,10 +82,10 @@ def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     settings = {name: options[name] for name in names}
     with (
         RunFolder(output, "simulate", inputs, settings, experiment.seed, options["fresh"]) as folder,
-        progress_bar() as tell,
+        progress_bar() as progress,
     ):
         recording, instruments = simulate_motion(
-            experiment, model, motion, options["duration"] or period, progress=tell
+            experiment, model, motion, options["duration"] or period, progress=progress
         )
         results = folder.path / "results"
         joints = [joint.name for joint in spec.joints]
@@ -96,7 +100,7 @@ def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
 
 
 def _motion(model: Model, experiment: Experiment, trajectory: Path | None) -> tuple[Callable[[Any], Any], float]:
-    """What the virtual robot follows, and for how long, s."""
+    """The reference motion as a function of time, and its duration (s)."""
     from rrrgen.experiments.experiment_setup import writing_path
 
     if trajectory is not None:

@@ -21,7 +21,7 @@ from rrrgen.cli.identification.workflow import (
 from rrrgen.extras import require
 
 NO_RECORDING = Path("none")
-"""What ``--fitted-on`` says of a model that was fitted to no recording."""
+"""Value of ``--fitted-on`` for a model that was not fitted to any recording."""
 
 
 @click.command()
@@ -34,18 +34,24 @@ NO_RECORDING = Path("none")
     "--fitted-on",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Recording the model was fitted to, where the robot file does not tell; repeat. Or none.",
+    help="Recording the model was fitted to, if the robot file does not state it; repeat for several; or: none.",
 )
-@click.option("--relative-error", type=float, default=0.1, show_default=True, help="Largest share of the RMS torque.")
-@click.option("--require-held-out", is_flag=True, help="Fail unless the data are known to be held out.")
-@click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
+@click.option(
+    "--relative-error",
+    type=float,
+    default=0.1,
+    show_default=True,
+    help="Largest torque error that passes, as a share of the RMS torque.",
+)
+@click.option("--require-held-out", is_flag=True, help="Fail unless the recordings are known not to have been fitted.")
+@click.option("--fresh", is_flag=True, help="Clear DIR if it holds another run, and start over.")
 @json_option
 def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **options: Any) -> int:
-    """Score a robot file's torques (rigid body, drives, friction) against recordings.
+    """Compare the torques of a robot file (rigid body, drives, friction) with recorded ones.
 
-    Prints N m RMS per joint, relative errors, the share of random poses with an indefinite mass matrix, and a verdict;
-    exits with 1 if a threshold is missed. A robot file of `rrrgen identify` tells which samples it was fitted to: their
-    share in the recordings is printed, whatever the format of these. For other robot files --fitted-on tells.
+    Prints the RMS error of each joint, relative errors, the share of random poses with an indefinite mass matrix, and a
+    verdict; exits with 1 if a threshold is missed. A robot file written by `rrrgen identify` states which samples it
+    was fitted to; their share in the recordings is printed. For other robot files, state it with --fitted-on.
 
     \b
     Example:

@@ -1,4 +1,4 @@
-"""Options that the commands of the identification workflow share."""
+"""Options, settings and printing shared by the commands of the identification workflow."""
 
 from __future__ import annotations
 
@@ -20,55 +20,60 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def output_option(function: F) -> F:
-    """The run folder ``-o``."""
+    """Add the required option ``-o``, ``--output``: the run folder."""
     return click.option(
-        "-o", "--output", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Run folder to write."
+        "-o", "--output", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Run folder to write to."
     )(function)
 
 
 def log_option(function: F) -> F:
-    """The recording, or its mapping file, ``--log``; may be given several times."""
+    """Add the repeatable option ``--log``: a recording or its mapping file."""
     return click.option(
         "--log",
         "logs",
         required=True,
         multiple=True,
         type=click.Path(path_type=Path),
-        help="A recording with rrrgen's own columns, or the mapping file of one; repeat for several.",
+        help="Recording with rrrgen's own columns, or mapping file of a recording; repeat for several.",
     )(function)
 
 
 def truncated_option(function: F) -> F:
-    """``--skip-truncated-line``."""
-    told = "Leave out the last line of a text file where the recording was cut off in the middle of it."
-    return click.option("--skip-truncated-line", is_flag=True, help=told)(function)
+    """Add the flag ``--skip-truncated-line``."""
+    text = "Leave out the last line of a text file if it is incomplete."
+    return click.option("--skip-truncated-line", is_flag=True, help=text)(function)
 
 
 def jobs_options(function: F) -> F:
-    """``--jobs`` and ``--cluster``."""
-    function = click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to share the work with.")(function)
-    return click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Processes.")(function)
+    """Add the options ``--jobs`` and ``--cluster``."""
+    cluster = "Address of a Dask scheduler that distributes the work, tcp://HOST:PORT."
+    function = click.option("--cluster", metavar="ADDRESS", help=cluster)(function)
+    jobs = "Number of parallel processes."
+    return click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help=jobs)(function)
 
 
 def parallel_packages(options: dict[str, Any]) -> tuple[str, ...]:
-    """The packages that ``--jobs`` and ``--cluster`` need."""
+    """The optional packages needed for the values of ``--jobs`` and ``--cluster`` in ``options``."""
     if options["cluster"] is not None:
         return ("joblib", "dask", "distributed")
     return ("joblib",) if options["jobs"] > 1 else ()
 
 
 def experiment_option(function: F) -> F:
-    """``--experiment``."""
+    """Add the option ``--experiment``."""
     return click.option(
         "--experiment",
         type=click.Path(path_type=Path),
         metavar="FILE",
-        help="Experiment file: limits, objective, writing task, virtual robot, control. Options win over it.",
+        help="Experiment file: limits, objective, writing task, virtual robot, control; other options override it.",
     )(function)
 
 
 def chosen_experiment(path: Path | None, joints: int, options: dict[str, Any]) -> Experiment:
-    """The experiment file, or one that says nothing, with the command line's own words on top."""
+    """Load the experiment file (or start from the defaults) and override it with the options of the command line.
+
+    ``path`` is the experiment file or None, ``joints`` the number of joints of the robot.
+    """
     from dataclasses import replace
 
     from rrrgen.experiments.experiment_file import Experiment, load_experiment
@@ -94,35 +99,37 @@ def chosen_experiment(path: Path | None, joints: int, options: dict[str, Any]) -
 
 
 def seed_option(default: int | None) -> Callable[[F], F]:
-    """``--seed``; without a default the experiment file has its say."""
-    return click.option("--seed", type=int, default=default, help="Of everything random; 0 by default.")
+    """Add the option ``--seed``; with ``default`` None, the seed of the experiment file applies."""
+    return click.option("--seed", type=int, default=default, help="Seed for all random numbers; default 0.")
 
 
 def processing_options(function: F) -> F:
-    """How recordings are made ready for a comparison of torques; a mapping file's own ``processing`` is the default."""
-    function = click.option("--decimate", type=click.IntRange(min=1), help="Keep every k-th row, filtered.")(function)
+    """Add the preprocessing options; their defaults are the section ``processing`` of the mapping file."""
+    text = "Decimation factor k: low-pass filter, then keep every k-th row; default: from the bandwidth of the motion."
+    function = click.option("--decimate", type=click.IntRange(min=1), metavar="K", help=text)(function)
     return reconstruction_options(function)
 
 
 def reconstruction_options(function: F) -> F:
-    """How the motion is reconstructed."""
-    told = "Of the Butterworth filter, which it chooses where no method is named."
+    """Add the options ``--method`` and ``--cutoff`` of the reconstruction of the motion."""
+    text = "Cut-off frequency of the Butterworth filter; implies --method butterworth if no method is named."
     positive = click.FloatRange(min=0, min_open=True)
-    function = click.option("--cutoff", type=positive, metavar="HZ", help=told)(function)
+    function = click.option("--cutoff", type=positive, metavar="HZ", help=text)(function)
     methods = click.Choice(["butterworth", "kalman", "kalman_filter", "differences", "logged"])
-    told = "How the motion is reconstructed; kalman where nothing is said."
-    return click.option("--method", "reconstruction", type=methods, help=told)(function)
+    text = "How speeds and accelerations are obtained from the positions; default kalman, a smoother."
+    return click.option("--method", "reconstruction", type=methods, help=text)(function)
 
 
 def chosen_processing(
     mappings: list[LogMapping], reconstruction: str | None, cutoff: float | None, decimate: int | None = None
 ) -> Processing:
-    """What the mapping files say, with the command line's own words on top; the rest is left to the rule.
+    """Combine the preprocessing settings of the mapping files with the options of the command line, which win.
 
-    Raises UsageError for words that contradict one another, InputError where mapping files do.
+    Settings that neither states are chosen later from the bandwidth of the motion. Raises UsageError for options that
+    contradict each other, InputError for mapping files that do.
     """
     from rrrgen.errors import InputError
-    from rrrgen.signals.processing import OWNERS, Processing
+    from rrrgen.signals.processing import METHODS_OF_SETTING, Processing
 
     given = {"method": reconstruction, "cutoff": cutoff, "decimate": decimate}
     named: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
@@ -132,8 +139,8 @@ def chosen_processing(
         for name, value in mapping.processing.items():
             if name not in named and settings.setdefault(name, value) != value:
                 raise InputError(
-                    f"{sources[name]} and {mapping.source} disagree on {name} of their processing, and recordings "
-                    "that are used together are made ready alike: let them agree, or name it on the command line"
+                    f"{sources[name]} and {mapping.source} disagree on {name} of their processing, but recordings "
+                    "that are used together must be processed alike: make them agree, or set it on the command line"
                 )
             sources.setdefault(name, mapping.source)
     if cutoff is not None and reconstruction is None:
@@ -142,15 +149,15 @@ def chosen_processing(
             where = f"{sources['method']} says {method}"
             raise click.UsageError(f"--cutoff belongs to the Butterworth filter, and {where}: add --method butterworth")
     method = named.get("method", settings.get("method", "kalman"))
-    if method not in OWNERS["cutoff"] and cutoff is not None:
+    if method not in METHODS_OF_SETTING["cutoff"] and cutoff is not None:
         raise click.UsageError(f"--cutoff belongs to --method butterworth, not to {method}")
-    # what a mapping file says of a method falls with the method, where the command line names another
-    settings = {name: value for name, value in settings.items() if method in OWNERS.get(name, (method,))}
+    # if the command line names another method, the mapping file's settings of its own method are dropped
+    settings = {name: value for name, value in settings.items() if method in METHODS_OF_SETTING.get(name, (method,))}
     return Processing(**{**settings, **named})
 
 
 def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:
-    """What was put right in recordings; warnings go to stderr, and to JSON the rest goes with the record."""
+    """Print the repairs of every recording; with ``as_json`` only the warnings, which go to stderr."""
     for each in repairs:
         for line in [] if as_json else each.lines():
             click.echo(line)
@@ -159,14 +166,14 @@ def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:
 
 
 def print_causes(causes: Iterable[Cause], as_json: bool = False) -> None:
-    """Likely causes of trouble, their evidence and what to write instead; on stderr beside JSON."""
+    """Print the diagnoses with evidence and remedy; on stderr if stdout carries JSON."""
     for cause in causes:
         for line in cause.lines():
             click.echo(line, err=as_json)
 
 
 def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping], role: str = "log") -> dict[str, Path]:
-    """Everything that a run reads, for its record: the robot (if it is a file), mapping files and data files."""
+    """The files that a run reads, by role: the robot (if it is a file), mapping files and data files."""
     files = {"robot": Path(robot)} if Path(robot).is_file() else {}
     for k, (log, mapping) in enumerate(zip(logs, mappings, strict=True)):
         files[f"{role}{k + 1}"] = log
@@ -176,17 +183,20 @@ def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping], 
 
 
 def recording_names(mappings: list[LogMapping]) -> list[str]:
-    """The names of the files that recordings are read from."""
+    """The names of the data files of all recordings."""
     return [source.path.name for mapping in mappings for source in mapping.files]
 
 
 def described_files(**paths: Path | None) -> dict[str, Path]:
-    """The files among the inputs of a run, by role; a bundled robot is none."""
+    """Those of ``paths`` that are files, by role; a bundled robot is named, not read from a file of the user."""
     return {role: path for role, path in paths.items() if path is not None and path.is_file()}
 
 
 def read_trajectory(path: Path) -> FourierTrajectory:
-    """The trajectory of an excitation result, or a trajectory by itself."""
+    """Read the trajectory from an excitation result or from a JSON file that holds a trajectory alone.
+
+    Raises :class:`InputError` if the file holds neither.
+    """
     import json
 
     from rrrgen.errors import InputError

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rrrgen.identify.excitation.problem import ExcitationProblem
-from rrrgen.signals.fourier import Floats, FourierTrajectory, between_samples_factor
+from rrrgen.signals.fourier import Floats, FourierTrajectory, intersample_peak_factor
 
 CHUNK = 2000
 """Instants evaluated at a time: bounds the memory of robots with many columns."""
@@ -158,7 +158,7 @@ def check_trajectory(
     functions = ProblemFunctions(problem)
     M = samples or problem.samples_per_period
     t = np.arange(M) * (trajectory.period / M)
-    factor = between_samples_factor(trajectory.harmonics, M)
+    factor = intersample_peak_factor(trajectory.harmonics, M)
     limits = []
     for name, i, use, polynomial in limited_quantities(functions, trajectory, t):
         peak = int(np.argmax(use))

@@ -20,7 +20,7 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.identify.estimation.observations import Recording
 from rrrgen.identify.scoring.split import Split
-from rrrgen.signals.decimation import PASSED, Decimator
+from rrrgen.signals.decimation import CUTOFF_RATIO, Decimator
 from rrrgen.signals.processing import DEFAULT_ORDER, KALMAN, Processing
 
 TUNING_SAMPLES = 50_000
@@ -60,7 +60,7 @@ class Tuning:
     def torque_cutoff(self) -> float | None:
         """Where the filter of torque and regressor is down to one half (-6 dB), Hz; None where there is none."""
         factor = self.processing.decimate or 1
-        return None if factor == 1 else PASSED * 0.5 * self.row_rate
+        return None if factor == 1 else CUTOFF_RATIO * 0.5 * self.row_rate
 
     def sentences(self) -> tuple[str, ...]:
         """What the filters are, and who chose them."""
