@@ -117,8 +117,7 @@ def _iterated_covariance(E: Array, g: Array) -> Array:
 
 
 def kalman_step(E: Array, k: Array, predicted: Array, measured: ArrayLike, reference: ArrayLike) -> tuple[Array, Array]:
-    """One step of the Kalman filter, for any number of joints at once; returns the next prediction and ``[q, dq,
-    ddq]``.
+    """One step of the Kalman filter of any number of joints; returns the next prediction and ``[q, dq, ddq]``.
 
     ``x_bar = x_hat + k (y - q_r - e_hat)``, ``x_hat(k+1) = E x_bar``, motion ``x_bar + [q_r, dq_r, ddq_r]``. ``E``
     (..., 3, 3) of (14.29) and the gain ``k`` (..., 3) of (14.30); ``predicted`` (..., 3) is the prediction of the
