@@ -38,6 +38,7 @@ ROOMS = (
     "signals",
     "recordings",
     "runs",
+    "excitation",
     "simulate",
     "identify",
     "experiments",

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from rrrgen.errors import Fault, InputError
+from rrrgen.excitation.problem import OBJECTIVES, ExcitationLimits
 from rrrgen.experiments.writing import WritingPlane
 from rrrgen.friction.models import FrictionModel
-from rrrgen.identify.excitation.problem import OBJECTIVES, ExcitationLimits
 from rrrgen.yamltext import signal_units as units
 from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
 from rrrgen.yamltext.reader import UNITLESS, Reader

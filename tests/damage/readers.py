@@ -242,9 +242,9 @@ def read_experiment(folder: Path) -> None:
     """An experiment file, and the writing task and the instruments that it describes."""
     from dataclasses import fields
 
+    from rrrgen.excitation.problem import ExcitationProblem
     from rrrgen.experiments.experiment_file import load_experiment
     from rrrgen.experiments.writing import writing_task
-    from rrrgen.identify.excitation.problem import ExcitationProblem
     from rrrgen.simulate.experiment import Instruments
 
     experiment = load_experiment(folder / "experiment.yaml", 3)

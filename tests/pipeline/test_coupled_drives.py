@@ -16,8 +16,8 @@ from rrrgen import pipeline
 from rrrgen.backends.latex import plain
 from rrrgen.cli.model.description import as_data, as_text
 from rrrgen.derive import derive_model
-from rrrgen.identify.excitation.problem import ExcitationLimits
-from rrrgen.identify.excitation.robot import robot_problem
+from rrrgen.excitation.problem import ExcitationLimits
+from rrrgen.excitation.robot import robot_problem
 from rrrgen.report import html_report
 from rrrgen.robotfile import dumps, loads_spec
 from rrrgen.verify import verify

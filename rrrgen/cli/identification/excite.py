@@ -47,10 +47,10 @@ def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     """
     require("rrrgen excite", "casadi", "matplotlib", *parallel_packages(options))
     from rrrgen import pipeline
+    from rrrgen.excitation.design import design_excitation
+    from rrrgen.excitation.plots import plot_convergence, plot_motion, plot_singular_values
+    from rrrgen.excitation.robot import limits_of
     from rrrgen.experiments.experiment_setup import problem_of
-    from rrrgen.identify.excitation.design import design_excitation
-    from rrrgen.identify.excitation.plots import plot_convergence, plot_motion, plot_singular_values
-    from rrrgen.identify.excitation.robot import limits_of
     from rrrgen.runs.run_folder import RunFolder
 
     spec = read_with_warnings(robot)

@@ -16,6 +16,9 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.excitation.design import ExcitationDesign, design_excitation
+from rrrgen.excitation.robot import limits_of, robot_problem
+from rrrgen.excitation.starts import Progress
 from rrrgen.experiments.writing import (
     InverseKinematics,
     JointPath,
@@ -25,9 +28,6 @@ from rrrgen.experiments.writing import (
 )
 from rrrgen.friction.models import FrictionModel, coulomb_viscous
 from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.excitation.design import ExcitationDesign, design_excitation
-from rrrgen.identify.excitation.robot import limits_of, robot_problem
-from rrrgen.identify.excitation.starts import Progress
 from rrrgen.identify.identification import Identification, Options, identify
 from rrrgen.identify.scoring.fingerprint import common_share, fingerprint
 from rrrgen.identify.validation import Thresholds, Validation, column_model, validate_recordings

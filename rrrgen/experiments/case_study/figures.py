@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.excitation.plots import design_figures
 from rrrgen.experiments.writing import JointPath
 from rrrgen.identify.convergence import convergence
 from rrrgen.identify.estimation_plots import plot_bode
 from rrrgen.identify.estimation_plots import plot_convergence as plot_settling
-from rrrgen.identify.excitation.plots import design_figures
 from rrrgen.identify.validation import plot_torques
 from rrrgen.runs.figures import new_figure, style_axes
 from rrrgen.runs.run_folder import RunFolder

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rrrgen.identify.excitation.check import ProblemFunctions, check_trajectory
-from rrrgen.identify.excitation.design import ExcitationDesign, ExcitationLimits
+from rrrgen.excitation.check import ProblemFunctions, check_trajectory
+from rrrgen.excitation.design import ExcitationDesign, ExcitationLimits
 from rrrgen.runs.figures import new_figure, style_axes
 from rrrgen.signals.fourier import Floats, FourierTrajectory
 
@@ -84,7 +84,7 @@ def plot_singular_values(design: ExcitationDesign) -> Figure:
 
 
 def _first_guess(design: ExcitationDesign) -> FourierTrajectory:
-    from rrrgen.identify.excitation.search import random_start
+    from rrrgen.excitation.search import random_start
 
     return random_start(design.problem, design.best.seed)
 

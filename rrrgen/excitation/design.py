@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from rrrgen.errors import DerivationError
-from rrrgen.identify.excitation.check import ExcitationCheck, LimitUse, ProblemFunctions, check_trajectory
-from rrrgen.identify.excitation.problem import ExcitationLimits, ExcitationProblem, excitation_problem
-from rrrgen.identify.excitation.search import StartResult, solve_start
-from rrrgen.identify.excitation.starts import Progress, run_starts
+from rrrgen.excitation.check import ExcitationCheck, LimitUse, ProblemFunctions, check_trajectory
+from rrrgen.excitation.problem import ExcitationLimits, ExcitationProblem, excitation_problem
+from rrrgen.excitation.search import StartResult, solve_start
+from rrrgen.excitation.starts import Progress, run_starts
 from rrrgen.runs.run_folder import write_atomically
 from rrrgen.signals.fourier import FourierTrajectory
 

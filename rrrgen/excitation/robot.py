@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rrrgen.errors import InputError
-from rrrgen.identify.excitation.problem import ExcitationLimits, ExcitationProblem, excitation_problem
+from rrrgen.excitation.problem import ExcitationLimits, ExcitationProblem, excitation_problem
 
 
 def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
@@ -28,7 +28,7 @@ def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings
     """The excitation problem of a compiled robot (:class:`rrrgen.Model`), by default within the limits of its file.
 
     Torque limits are those of the joints, of the nominal parameters with drive inertia; a Cartesian box bounds the tip.
-    ``settings`` are the fields of :class:`~rrrgen.identify.excitation.problem.ExcitationProblem`. Raises InputError
+    ``settings`` are the fields of :class:`~rrrgen.excitation.problem.ExcitationProblem`. Raises InputError
     where a limit lacks what it needs.
     """
     import casadi

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from rrrgen.errors import InputError
-from rrrgen.identify.excitation.check import ExcitationCheck, ProblemFunctions, check_trajectory, limited_quantities
-from rrrgen.identify.excitation.interrupts import heard_interrupts
-from rrrgen.identify.excitation.nlp import MARGIN, ExcitationProgram
-from rrrgen.identify.excitation.problem import ExcitationProblem
+from rrrgen.excitation.check import ExcitationCheck, ProblemFunctions, check_trajectory, limited_quantities
+from rrrgen.excitation.interrupts import heard_interrupts
+from rrrgen.excitation.nlp import MARGIN, ExcitationProgram
+from rrrgen.excitation.problem import ExcitationProblem
 from rrrgen.signals.fourier import FourierTrajectory
 
 EXCHANGES = 8

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from rrrgen.errors import InputError, MissingExtraError
-from rrrgen.identify.excitation.check import ExcitationCheck, LimitUse
-from rrrgen.identify.excitation.problem import ExcitationProblem
-from rrrgen.identify.excitation.search import StartResult, solve_start
+from rrrgen.excitation.check import ExcitationCheck, LimitUse
+from rrrgen.excitation.problem import ExcitationProblem
+from rrrgen.excitation.search import StartResult, solve_start
 from rrrgen.runs.run_folder import write_atomically
 from rrrgen.signals.fourier import FourierTrajectory
 

@@ -21,7 +21,7 @@ casadi = pytest.importorskip("casadi", reason="the search for exciting trajector
 
 from oracles.chapter14 import regressor_1447  # noqa: E402
 from rrrgen.errors import DerivationError, InputError  # noqa: E402
-from rrrgen.identify.excitation.design import (  # noqa: E402
+from rrrgen.excitation.design import (  # noqa: E402
     ExcitationLimits,
     ExcitationProblem,
     check_trajectory,
@@ -31,8 +31,8 @@ from rrrgen.identify.excitation.design import (  # noqa: E402
     solve_start,
     write_trajectory_csv,
 )
-from rrrgen.identify.excitation.nlp import ExcitationProgram  # noqa: E402
-from rrrgen.identify.excitation.search import random_start  # noqa: E402
+from rrrgen.excitation.nlp import ExcitationProgram  # noqa: E402
+from rrrgen.excitation.search import random_start  # noqa: E402
 from samples.casadi_arms import (  # noqa: E402
     double_pendulum_regressor,
     double_pendulum_tip,
@@ -277,8 +277,8 @@ import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that runs tests in the background ignores it
 sys.path[:0] = {paths!r}
 from pathlib import Path
-from test_excitation import pendulum_problem
-from rrrgen.identify.excitation.design import run_starts
+from excitation.test_design import pendulum_problem
+from rrrgen.excitation.design import run_starts
 if __name__ == "__main__":
     def say(done, total, message):
         print(done, flush=True)
@@ -348,7 +348,7 @@ def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch, und
 
 def test_a_cluster_that_does_not_answer_is_an_input_error(monkeypatch) -> None:
     pytest.importorskip("distributed", reason="clusters need the extra 'cluster'")
-    import rrrgen.identify.excitation.starts as starts
+    import rrrgen.excitation.starts as starts
 
     monkeypatch.setattr(starts, "CLUSTER_TIMEOUT", "1s")
     began = time.monotonic()
@@ -401,7 +401,7 @@ def test_an_interrupted_and_resumed_excite_gives_the_same_bytes(tmp_path, monkey
     from click.testing import CliRunner
 
     from rrrgen.cli.main import cli
-    from rrrgen.identify.excitation import starts
+    from rrrgen.excitation import starts
 
     (tmp_path / "experiment.yaml").write_text(SMALL)
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from rrrgen.identify.excitation.check import ProblemFunctions
-from rrrgen.identify.excitation.problem import ExcitationProblem
+from rrrgen.excitation.check import ProblemFunctions
+from rrrgen.excitation.problem import ExcitationProblem
 from rrrgen.signals.fourier import Floats, FourierTrajectory, fourier_basis
 
 MARGIN = 1e-3

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rrrgen.identify.excitation.problem import ExcitationProblem
+from rrrgen.excitation.problem import ExcitationProblem
 from rrrgen.signals.fourier import Floats, FourierTrajectory, intersample_peak_factor
 
 CHUNK = 2000

@@ -10,10 +10,9 @@ import pytest
 pytest.importorskip("casadi", reason="the search for exciting trajectories needs CasADi")
 pytest.importorskip("matplotlib", reason="figures need matplotlib")
 
-from test_excitation import BETA, pendulum_problem
-
-from rrrgen.identify.excitation.design import ExcitationLimits, design_excitation
-from rrrgen.identify.excitation.plots import (
+from excitation.test_design import BETA, pendulum_problem
+from rrrgen.excitation.design import ExcitationLimits, design_excitation
+from rrrgen.excitation.plots import (
     design_figures,
     plot_convergence,
     plot_information,
