@@ -39,6 +39,7 @@ ROOMS = (
     "recordings",
     "runs",
     "excitation",
+    "response",
     "simulate",
     "identify",
     "experiments",

@@ -10,23 +10,20 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import Fault, InputError
-from rrrgen.recordings.mapping import SIGNALS, Channel, FileSource, JointChannels, LogMapping, Side, Signal, TimeSource
+from rrrgen.recordings.mapping import SIGNALS, Channel, JointChannels, LogMapping, Side, Signal
+from rrrgen.recordings.source_reader import SourceReader
 from rrrgen.signals.processing import read_processing
 from rrrgen.yamltext import signal_units as log_units
 from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
-from rrrgen.yamltext.reader import Reader
 from rrrgen.yamltext.sections import describe, read_entries
 
 SCHEMA = "rrrgen-log/1"
-FORMATS = ("csv", "npy", "npz", "mat", "hdf5", "parquet", "rosbag")
 
 KEYS = {
     "mapping": (
         *("schema", "name", "description", "files", "time", "units", "side", "joints", "transmission"),
         *("max_gap", "processing"),
     ),
-    "file": ("path", "format", "separator", "decimal", "header", "skip", "comment", "encoding", "topic"),
-    "time": ("rate", "period", "file", "column", "unit"),
     "joint": ("name", "position", "velocity", "acceleration", "torque", "zero", "gear_ratio", "side"),
     "channel": (
         *("file", "column", "unit", "sign", "zero", "side", "wraps_at", "resolution", "counts_per_turn", "constant"),
@@ -40,7 +37,6 @@ KEYS_OF_OTHER_FILES = {
 """Keys that belong to another file, with a hint where."""
 REQUIRED = {
     "mapping": ("schema", "files", "time", "joints"),
-    "file": ("path",),
     "joint": ("name", "position"),
     "channel": ("column",),
 }
@@ -78,14 +74,12 @@ def loads_mapping(text: str, file: str = "log.yaml") -> LogMapping:
     return mapping
 
 
-class _Reader(Reader):
+class _Reader(SourceReader):
     """Reads one mapping file."""
 
     def __init__(self, faults: FaultList, folder: Path) -> None:
-        super().__init__(faults, KEYS_OF_OTHER_FILES)
-        self.folder = folder
+        super().__init__(faults, folder, KEYS_OF_OTHER_FILES)
         self.units: dict[str, str] = {}
-        self.files: dict[str, FileSource] = {}
         self.side: Side = "joint"
         self.gears: dict[int, float] = {}
 
@@ -117,32 +111,6 @@ class _Reader(Reader):
     def section(self, node: Node, kind: str, what: str) -> dict[str, Node] | None:
         return self.values(node, what, KEYS[kind], REQUIRED.get(kind, ()))
 
-    def read_files(self, node: Node | None) -> None:
-        if node is None:
-            return
-        if isinstance(node, Scalar):
-            self.files["log"] = FileSource("log", self.folder / node.text)
-            return
-        for alias, (_, value) in (read_entries(node, "files", self.faults) or {}).items():
-            if isinstance(value, Scalar):
-                self.files[alias] = FileSource(alias, self.folder / self.text(value, f"files.{alias}"))
-                continue
-            part = self.section(value, "file", f"files.{alias}") or {}
-            self.files[alias] = FileSource(
-                name=alias,
-                path=self.folder / self.text(part["path"], "path") if "path" in part else self.folder,
-                format=self.choice(part["format"], "format", FORMATS) if "format" in part else None,
-                separator=self.separator(part.get("separator")),
-                decimal=self.choice(part["decimal"], "decimal", (".", ",")) if "decimal" in part else None,
-                header=self.whole(part.get("header"), "header", None),
-                skip=self.whole(part.get("skip"), "skip", 0) or 0,
-                comment=self.text(part["comment"], "comment") if "comment" in part else "#",
-                encoding=self.text(part["encoding"], "encoding") if "encoding" in part else "utf-8-sig",
-                topic=self.text(part["topic"], "topic") if "topic" in part else None,
-            )
-        if not self.files:
-            self.faults.error(node, "files names no file")
-
     def read_units(self, node: Node | None) -> None:
         if node is None:
             return
@@ -152,29 +120,6 @@ class _Reader(Reader):
                 self.faults.error(key, f"unknown signal '{name}' in units", f"allowed are {', '.join(SIGNALS)}")
             elif unit := log_units.read_unit(value, f"units.{name}", UNITS[signal], self.faults):
                 self.units[signal] = unit
-
-    def read_time(self, node: Node | None) -> TimeSource:
-        part = (self.section(node, "time", "time") or {}) if node is not None else {}
-        given = [key for key in ("rate", "period", "column") if key in part]
-        if node is not None and len(given) != 1:
-            self.faults.error(node, "time needs exactly one of rate, period and column", "e.g. {rate: 1 kHz}")
-        if "rate" in part:
-            rate = self.quantity(part["rate"], "time.rate", log_units.RATE, "Hz", positive=True)
-            return TimeSource(period=1.0 / rate if rate else None)
-        if "period" in part:
-            return TimeSource(period=self.quantity(part["period"], "time.period", log_units.TIME, "s", positive=True))
-        if "column" not in part:
-            return TimeSource(period=1.0)
-        unit: str | None = None
-        if "unit" in part:
-            unit = log_units.read_unit(part["unit"], "time", log_units.TIME, self.faults)
-        elif node is not None:
-            self.faults.error(node, "time.column needs a unit", f"allowed are {', '.join(log_units.TIME)}")
-        return TimeSource(
-            file=self.file_of(part.get("file"), "time", node),
-            column=self.column(part["column"], "time.column"),
-            factor=log_units.TIME[unit or "s"],
-        )
 
     def read_joints(self, node: Node | None) -> list[JointChannels]:
         if node is None:
@@ -292,25 +237,6 @@ class _Reader(Reader):
 
     def read_side(self, node: Node, what: str) -> Side:
         return "motor" if self.choice(node, f"{what} (side)", ("joint", "motor")) == "motor" else "joint"
-
-    def separator(self, node: Node | None) -> str | None:
-        if node is None:
-            return None
-        words = {"tab": "\t", "space": " ", "comma": ",", "semicolon": ";", "\\t": "\t"}
-        value = node.text if isinstance(node, Scalar) else self.text(node, "separator")
-        return words.get(value, value) or None
-
-    def file_of(self, node: Node | None, what: str, where: Node | None) -> str:
-        if node is None:
-            if len(self.files) > 1:
-                self.faults.error(where, f"{what} needs the key 'file'", f"one of {', '.join(self.files)}")
-            return next(iter(self.files), "")
-        return self.choice(node, f"{what}.file", tuple(self.files))
-
-    def column(self, node: Node, what: str) -> str | int:
-        text = self.text(node, what)
-        quoted = isinstance(node, Scalar) and node.quoted
-        return int(text) if text.isdecimal() and not quoted else text
 
     def limit(self, node: Node | None, what: str) -> float | None:
         if node is None:

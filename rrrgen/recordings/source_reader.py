@@ -1,0 +1,98 @@
+"""What mapping and response files share: the recorded files, the instants, and columns by name or number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from rrrgen.recordings.mapping import FileSource, TimeSource
+from rrrgen.yamltext import signal_units as log_units
+from rrrgen.yamltext.document import FaultList, Node, Scalar
+from rrrgen.yamltext.reader import Reader
+from rrrgen.yamltext.sections import read_entries
+
+FORMATS = ("csv", "npy", "npz", "mat", "hdf5", "parquet", "rosbag")
+FILE_KEYS = ("path", "format", "separator", "decimal", "header", "skip", "comment", "encoding", "topic")
+TIME_KEYS = ("rate", "period", "file", "column", "unit")
+
+
+class SourceReader(Reader):
+    """Reads what a file says of recordings; ``files`` by their names, paths relative to ``folder``."""
+
+    def __init__(self, faults: FaultList, folder: Path, elsewhere: Mapping[str, str] | None = None) -> None:
+        super().__init__(faults, elsewhere)
+        self.folder = folder
+        self.files: dict[str, FileSource] = {}
+
+    def read_files(self, node: Node | None) -> None:
+        """Fill ``files`` from one path or from a mapping of names to paths or descriptions."""
+        if node is None:
+            return
+        if isinstance(node, Scalar):
+            self.files["log"] = FileSource("log", self.folder / node.text)
+            return
+        for alias, (_, value) in (read_entries(node, "files", self.faults) or {}).items():
+            if isinstance(value, Scalar):
+                self.files[alias] = FileSource(alias, self.folder / self.text(value, f"files.{alias}"))
+                continue
+            part = self.values(value, f"files.{alias}", FILE_KEYS, ("path",)) or {}
+            self.files[alias] = FileSource(
+                name=alias,
+                path=self.folder / self.text(part["path"], "path") if "path" in part else self.folder,
+                format=self.choice(part["format"], "format", FORMATS) if "format" in part else None,
+                separator=self.separator(part.get("separator")),
+                decimal=self.choice(part["decimal"], "decimal", (".", ",")) if "decimal" in part else None,
+                header=self.whole(part.get("header"), "header", None),
+                skip=self.whole(part.get("skip"), "skip", 0) or 0,
+                comment=self.text(part["comment"], "comment") if "comment" in part else "#",
+                encoding=self.text(part["encoding"], "encoding") if "encoding" in part else "utf-8-sig",
+                topic=self.text(part["topic"], "topic") if "topic" in part else None,
+            )
+        if not self.files:
+            self.faults.error(node, "files names no file")
+
+    def read_time(self, node: Node | None) -> TimeSource:
+        """The instants: a rate, a period, or a column."""
+        part = (self.values(node, "time", TIME_KEYS) or {}) if node is not None else {}
+        given = [key for key in ("rate", "period", "column") if key in part]
+        if node is not None and len(given) != 1:
+            self.faults.error(node, "time needs exactly one of rate, period and column", "e.g. {rate: 1 kHz}")
+        if "rate" in part:
+            rate = self.quantity(part["rate"], "time.rate", log_units.RATE, "Hz", positive=True)
+            return TimeSource(period=1.0 / rate if rate else None)
+        if "period" in part:
+            return TimeSource(period=self.quantity(part["period"], "time.period", log_units.TIME, "s", positive=True))
+        if "column" not in part:
+            return TimeSource(period=1.0)
+        unit: str | None = None
+        if "unit" in part:
+            unit = log_units.read_unit(part["unit"], "time", log_units.TIME, self.faults)
+        elif node is not None:
+            self.faults.error(node, "time.column needs a unit", f"allowed are {', '.join(log_units.TIME)}")
+        return TimeSource(
+            file=self.file_of(part.get("file"), "time", node),
+            column=self.column(part["column"], "time.column"),
+            factor=log_units.TIME[unit or "s"],
+        )
+
+    def file_of(self, node: Node | None, what: str, where: Node | None) -> str:
+        """The name of a file; where there is only one it need not be named."""
+        if node is None:
+            if len(self.files) > 1:
+                self.faults.error(where, f"{what} needs the key 'file'", f"one of {', '.join(self.files)}")
+            return next(iter(self.files), "")
+        return self.choice(node, f"{what}.file", tuple(self.files))
+
+    def column(self, node: Node, what: str) -> str | int:
+        """A column by its name, or by its number counted from 1."""
+        text = self.text(node, what)
+        quoted = isinstance(node, Scalar) and node.quoted
+        return int(text) if text.isdecimal() and not quoted else text
+
+    def separator(self, node: Node | None) -> str | None:
+        """The sign between columns, by itself or by its name."""
+        if node is None:
+            return None
+        words = {"tab": "\t", "space": " ", "comma": ",", "semicolon": ";", "\\t": "\t"}
+        value = node.text if isinstance(node, Scalar) else self.text(node, "separator")
+        return words.get(value, value) or None

@@ -1,0 +1,90 @@
+"""Responses from averaged spectra: instrumental ``Phi_nq/Phi_nu`` and direct ``Phi_uq/Phi_uu``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError
+from rrrgen.response.controller import Complex
+from rrrgen.response.local_polynomial import excited_lines, whole_periods
+from rrrgen.response.response_file import ResponseRecording
+
+SEGMENTS = 10  # of Hann windows without their overlap, in a record of noise
+LEAST_SEGMENT = 32  # samples
+LEAST_PERIODS = 4
+HANN_EFFICIENCY = 0.947  # independent averages per half-overlapping Hann segment
+
+
+@dataclass(frozen=True)
+class AveragedSpectra:
+    """Spectra of n, u, q at ``frequency`` (L,): ``Phi`` (L, 3, 3) with ``Phi[:, a, b] = E conj(A) B``.
+
+    ``averages`` is the number of independent averages.
+    """
+
+    frequency: Array
+    Phi: Complex
+    averages: float
+
+    def instrumental(self) -> tuple[Complex, Array]:
+        """``Phi_nq/Phi_nu`` and its variance: unbiased in closed loop."""
+        Phi = self.Phi
+        P = Phi[:, 0, 2] / Phi[:, 0, 1]
+        rest = Phi[:, 2, 2] - 2.0 * (P.conj() * Phi[:, 1, 2]) + np.abs(P) ** 2 * Phi[:, 1, 1]
+        variance = rest.real * Phi[:, 0, 0].real / np.abs(Phi[:, 0, 1]) ** 2 / (self.averages - 1.0)
+        return P, np.maximum(variance, 0.0)
+
+    def direct(self) -> tuple[Complex, Array]:
+        """``Phi_uq/Phi_uu`` and its variance: biased in closed loop, towards -1/C where disturbances dominate."""
+        Phi = self.Phi
+        P = Phi[:, 1, 2] / Phi[:, 1, 1]
+        rest = Phi[:, 2, 2].real - np.abs(Phi[:, 1, 2]) ** 2 / Phi[:, 1, 1].real
+        return P, np.maximum(rest, 0.0) / Phi[:, 1, 1].real / (self.averages - 1.0)
+
+    def coherence(self) -> Array:
+        """``|Phi_nq|^2/(Phi_nn Phi_qq)`` (14.37), with the modulus."""
+        Phi = self.Phi
+        return np.asarray(np.abs(Phi[:, 0, 2]) ** 2 / (Phi[:, 0, 0] * Phi[:, 2, 2]).real)
+
+
+def averaged_spectra(record: ResponseRecording, samples: int | None) -> AveragedSpectra:
+    """Averages over Hann windows with half overlap: of two periods where the excitation repeats, else of a tenth."""
+    if samples is not None:
+        rows, M = whole_periods(record, samples)
+        if M < LEAST_PERIODS:
+            raise DerivationError(
+                f"{record.name}: {M} periods are too few for averages, {LEAST_PERIODS} are the least; the local "
+                "polynomial method makes do with two"
+            )
+        length = 2 * samples
+    else:
+        rows = np.column_stack([record.n, record.u, record.q])
+        length = 2 * (len(rows) // (2 * SEGMENTS))
+        if length < LEAST_SEGMENT:
+            raise DerivationError(
+                f"{record.name}: {len(rows)} samples are too few for {SEGMENTS} segments of at least {LEAST_SEGMENT}"
+            )
+    Phi, segments = _averages(rows, length)
+    magnitude = np.sqrt(Phi[: length // 2, 0, 0].real)
+    if samples is not None:
+        k = 2 * excited_lines(magnitude[::2], record.name)
+    else:
+        magnitude[:2] = 0.0  # the window spreads what is left of the mean
+        k = excited_lines(magnitude, record.name)
+    return AveragedSpectra(k / (length * record.period), Phi[k], HANN_EFFICIENCY * segments)
+
+
+def _averages(rows: Array, length: int) -> tuple[Complex, int]:
+    """Spectra (length/2 + 1, 3, 3) averaged over windows, each without its straight line, and their number."""
+    window = np.hanning(length + 1)[:-1, None]
+    t = np.arange(length) - 0.5 * (length - 1)
+    Phi = np.zeros((length // 2 + 1, rows.shape[1], rows.shape[1]), complex)
+    starts = range(0, len(rows) - length + 1, length // 2)
+    for start in starts:
+        part = rows[start : start + length] - rows[start : start + length].mean(axis=0)
+        F = np.fft.rfft(window * (part - np.multiply.outer(t, t @ part / (t @ t))), axis=0)
+        Phi += np.einsum("la,lb->lab", F.conj(), F) / len(starts)
+    return Phi, len(starts)

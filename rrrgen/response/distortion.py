@@ -1,0 +1,171 @@
+"""What noise does not explain: friction, quantisation and other nonlinear behaviour that a noise band cannot show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.response.controller import Complex
+from rrrgen.response.local_polynomial import LineEstimates, between_harmonics, regress_window, spectrum, whole_periods
+from rrrgen.response.response_file import ResponseRecording
+
+NEIGHBOURS = 4  # lines at either side of the smooth curve through a response
+LARGEST_RATIO = 1.5  # of total to noise variance
+LARGEST_PART_RATIO = 5.0  # the same in a sixth of the lines, where it scatters more
+MATERIAL = 0.01  # of the response: what nobody has to care about
+MATERIAL_BIAS = 0.002  # the same of what friction biases: it spreads the response more than it biases it
+SIGNIFICANT = 5.0  # standard deviations of the sign of the velocity's coefficient
+SLOW_SHARE = 0.01  # of the samples that must go in the other direction for a sign change to count
+PARTS = 6
+QUANTILE = 0.3  # of the lines that lie nearest to the curve: resonances bend it, noise and distortion do not
+FRICTION_WINDOW = 6
+SMOOTHING = 11  # samples of the polynomial that differentiates the output
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One reason why a response is not to be trusted as a whole; ``measure`` is what was compared with ``limit``."""
+
+    kind: str
+    measure: float
+    limit: float
+    message: str
+
+
+def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Finding | None, float]:
+    """Whether a periodic response scatters from harmonic to harmonic more than its noise does.
+
+    Noise is told from the lines between the harmonics. What repeats with the excitation and yet jumps from line to
+    line is distortion: friction at reversals, or an encoder that rounds every period alike. Also returns the ratio of
+    the total to the noise variance.
+    """
+    if len(P) < 8 * NEIGHBOURS:
+        return None, np.nan
+    ratio, misfit = _scatter(lines, P, variance)
+    overall = _relative_quantile(ratio, 0.5, lines.dof)
+    groups = [(ratio[part], misfit[part]) for part in np.array_split(np.arange(len(ratio)), PARTS)]
+    worst = max((_relative_quantile(r, QUANTILE, lines.dof) for r, e in groups if np.median(e) > MATERIAL), default=0.0)
+    apart = int(np.median(np.diff(lines.line))) > 1  # curvature between the lines counts for more
+    limits = ((overall, 2.0 * LARGEST_RATIO if apart else LARGEST_RATIO), (0.0 if apart else worst, LARGEST_PART_RATIO))
+    for measure, limit in limits:
+        if measure > limit and worst > LARGEST_RATIO:
+            message = (
+                f"the response scatters from harmonic to harmonic {measure:.1f} times as much as its noise "
+                f"(limit {limit}): friction at changes of direction, or quantisation that repeats every period"
+            )
+            return Finding("distortion", measure, limit, message), overall
+    return None, overall
+
+
+def _relative_quantile(ratio: Array, share: float, dof: int) -> float:
+    """A quantile of squared errors over their estimated variances; 1 where they are such errors: F(2, 2 dof)."""
+    from scipy.stats import f as f_distribution
+
+    return float(np.quantile(ratio, share) / f_distribution.ppf(share, 2, 2 * dof))
+
+
+def _scatter(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Array, Array]:
+    """Per line, the squared distance to a smooth curve over the noise variance, and the
+    distance relative to the response.
+    """
+    shape = P * lines.frequency**2  # without the slope of a double integrator
+    spread = variance * lines.frequency**4
+    index = np.arange(NEIGHBOURS, len(P) - NEIGHBOURS)
+    offsets = np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
+    inner = index[:, None] + offsets
+    position = (lines.line[inner] - lines.line[index][:, None]) / NEIGHBOURS
+    basis = position[:, :, None] ** np.arange(3)
+    hat = np.linalg.pinv(basis)[:, 0]
+    fitted = np.einsum("lr,lr->l", hat, shape[inner])
+    own = hat[:, NEIGHBOURS]
+    misfit = np.abs(shape[index] - fitted)
+    expected = np.einsum("lr,lr->l", hat**2, spread[inner]) + (1.0 - 2.0 * own) * spread[index]
+    return misfit**2 / expected, misfit / np.abs(shape[index])
+
+
+def check_detection_lines(
+    record: ResponseRecording, lines: LineEstimates, P: Complex, samples: int
+) -> tuple[Finding | None, dict[str, float]]:
+    """Distortion at the harmonics within the band that the excitation leaves out, apart for odd and even ones.
+
+    There ``Q - P U`` would be noise for a linear plant, P taken between its neighbours. Empty where none is left out.
+    """
+    rows, M = whole_periods(record, samples)
+    F = np.fft.fft(rows - rows.mean(axis=0), axis=0)
+    left_out = np.setdiff1d(np.arange(lines.line[0], lines.line[-1] + 1), lines.line)
+    if len(left_out) < 8:
+        return None, {}
+    slope = lines.line.astype(float) ** 2
+    between = [np.interp(left_out, lines.line, part) / left_out**2.0 for part in ((P * slope).real, (P * slope).imag)]
+    at = between[0] + 1j * between[1]
+    T, V, leverage, dof = between_harmonics(F[:, 1:], left_out, M)
+    weights = np.stack([-at, np.ones_like(at)], axis=1)
+    noise = (1.0 + leverage) * np.einsum("la,lab,lb->l", weights, V, weights.conj()).real
+    here = np.abs(np.sum(weights * (F[left_out * M, 1:] - T), axis=1)) ** 2
+    # what the same distortion would do to the response at the excited lines around
+    signal = np.interp(left_out, lines.line, np.abs(P * F[lines.line * M, 1]))
+    found: dict[str, float] = {}
+    worst: Finding | None = None
+    for name, chosen in (("even", left_out % 2 == 0), ("odd", left_out % 2 == 1)):
+        if np.count_nonzero(chosen) < 8:
+            continue
+        ratio = _relative_quantile(here[chosen] / noise[chosen], 0.5, dof)
+        found[name] = ratio
+        size = float(np.median(np.sqrt(here[chosen]) / signal[chosen]))
+        if ratio > LARGEST_RATIO and size > MATERIAL and (worst is None or ratio > worst.measure):
+            message = f"at the {name} harmonics left out there is {ratio:.1f} times the noise (limit {LARGEST_RATIO})"
+            worst = Finding("distortion", ratio, LARGEST_RATIO, message + ": the plant is not linear")
+    return worst, found
+
+
+def check_friction(record: ResponseRecording, samples: int | None) -> Finding | None:
+    """Whether part of the input goes into a force with the sign of the velocity, which changes in the recording.
+
+    The model is ``Q = P (U - f S)`` with S the transform of sgn(velocity). S less its part that follows n is an
+    independent input, whose coefficient f is estimated over all lines. Its part that follows n biases P by
+    ``f G_s/G_u``, which no noise band shows.
+    """
+    from scipy.signal import savgol_filter
+
+    if len(record.q) < 40 * FRICTION_WINDOW:
+        return None
+    velocity = savgol_filter(record.q, SMOOTHING, 2, deriv=1)
+    back = float(min(np.mean(velocity > 0.0), np.mean(velocity < 0.0)))
+    if back < SLOW_SHARE:
+        return None
+    if samples is None:
+        F = spectrum(np.column_stack([record.n, record.u, record.q, np.sign(velocity)]))
+    else:
+        signed = ResponseRecording(record.name, record.period, np.sign(velocity), record.u, record.q)
+        rows, M = whole_periods(record, samples)
+        signs = whole_periods(signed, samples)[0][:, :1]
+        both = np.hstack([rows, signs]).reshape(M, samples, 4).mean(axis=0)
+        F = np.fft.fft(both - both.mean(axis=0), axis=0)
+    power = np.abs(F[: len(F) // 2, 0])
+    active = np.flatnonzero(power > 0.03 * power[1:].max())
+    width = FRICTION_WINDOW
+    k = np.arange(max(width, active[0]), min(len(F) // 2 - width, active[-1]), 2 * width + 1)
+    if len(k) < 4:
+        return None
+    around = F[k[:, None] + np.arange(-width, width + 1)]
+    G, residual, _, dof = regress_window(around[:, :, :1], around[:, :, 1:])
+    P = (G[:, 1] / G[:, 0])[:, None]
+    e = residual[:, :, 1] - P * residual[:, :, 0]
+    s = -P * residual[:, :, 2]
+    noise = np.sum(np.abs(e) ** 2, axis=1) / dof
+    weight = 1.0 / np.maximum(noise, 1e-300)
+    information = float(np.sum(weight * np.sum(np.abs(s) ** 2, axis=1)))
+    force = float(np.sum(weight * np.sum(s.conj() * e, axis=1).real)) / max(information, 1e-300)
+    certainty = abs(force) * np.sqrt(2.0 * information)
+    bias = np.abs(force * G[:, 2] / G[:, 0])
+    if certainty > SIGNIFICANT and float(np.quantile(bias, 0.9)) > MATERIAL_BIAS:
+        message = (
+            f"the velocity changes sign ({100 * back:.0f} % of the samples go back), and with it "
+            f"a force of {abs(force):.3g} in units of the input ({certainty:.0f} deviations from none): friction "
+            f"biases the response by up to {100 * float(np.quantile(bias, 0.9)):.1f} % and scatters it; move the "
+            "joint so fast that it never turns"
+        )
+        return Finding("friction", certainty, SIGNIFICANT, message)
+    return None

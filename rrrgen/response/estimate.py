@@ -1,0 +1,180 @@
+"""From recordings to frequency responses: the methods, their bands, and what several realisations add."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.response.averaged_spectra import averaged_spectra
+from rrrgen.response.controller import Complex, Controller
+from rrrgen.response.distortion import (
+    LARGEST_RATIO,
+    MATERIAL,
+    Finding,
+    check_detection_lines,
+    check_friction,
+    check_repetition,
+)
+from rrrgen.response.excitation_period import samples_of
+from rrrgen.response.frequency_response import FrequencyResponse
+from rrrgen.response.local_polynomial import LineEstimates, noise_lines, periodic_lines
+from rrrgen.response.response_file import ResponseFile, ResponseRecording, read_recordings
+
+METHODS = ("local_polynomial", "instrumental", "direct", "indirect")
+CONFIDENCE = 0.95
+
+
+def estimate_responses(response: ResponseFile, method: str = "local_polynomial") -> list[FrequencyResponse]:
+    """One response for all realisations, or one for every posture."""
+    records = read_recordings(response)
+    found = [estimate_one(record, response.period, response.controller, method) for record in records]
+    if response.several == "postures" or len(found) == 1:
+        return found
+    return [combine(found, response.name or "realisations")]
+
+
+def estimate_one(
+    record: ResponseRecording,
+    period: float | None = None,
+    controller: Controller | None = None,
+    method: str = "local_polynomial",
+) -> FrequencyResponse:
+    """The response of one recording; ``period`` of the excitation in s, found by itself where it is not stated.
+
+    Raises :class:`DerivationError` where the recording is too short, has no excitation or only one period of it.
+    """
+    for name, column in (("excitation", record.n), ("input", record.u), ("output", record.q)):
+        if len(column) < 2 or not float(np.ptp(column)) > 0.0:
+            raise DerivationError(f"{record.name}: the column of the {name} is constant, so there is no response")
+    samples = samples_of(record, period)
+    kind = "noise" if samples is None else "periodic"
+    details: dict[str, Any] = {"excitation": kind}
+    lines = noise_lines(record) if samples is None else periodic_lines(record, samples)
+    plain, spread = instrumental_response(lines)
+    findings, measures = _findings(record, lines, plain, spread, samples)
+    details["distortion"] = measures
+    if method in ("instrumental", "direct"):
+        spectra = averaged_spectra(record, samples)
+        P, variance = spectra.instrumental() if method == "instrumental" else spectra.direct()
+        dof, frequency, coherence = spectra.averages - 1.0, spectra.frequency, spectra.coherence()
+    else:
+        dof, frequency = float(lines.dof), lines.frequency
+        coherence = lines.signal / (lines.signal + lines.noise)
+        P, variance = plain, spread
+        if method == "indirect":
+            if controller is None:
+                raise InputError("the indirect method needs the controller: name it in the response file")
+            P, variance = indirect_response(lines, controller, record.period)
+    return FrequencyResponse(
+        name=record.name,
+        method=f"{method} ({kind})",
+        frequency=frequency,
+        P=P,
+        variance=variance,
+        band95=radius(variance, dof) / np.abs(P),
+        coherence=coherence,
+        period=record.period,
+        findings=tuple(findings),
+        details=details,
+    )
+
+
+def _findings(
+    record: ResponseRecording, lines: LineEstimates, P: Complex, variance: Array, samples: int | None
+) -> tuple[list[Finding], dict[str, Any]]:
+    """Reasons against a recording, and what was measured; detection lines, where there are any, know best."""
+    measures: dict[str, Any] = {}
+    found: list[Finding | None] = []
+    if samples is not None:
+        by_lines, measures["detection_lines"] = check_detection_lines(record, lines, P, samples)
+        by_scatter, measures["total_over_noise_variance"] = check_repetition(lines, P, variance)
+        found = [by_lines, by_scatter]
+    found.append(check_friction(record, samples))
+    return [finding for finding in found if finding is not None], measures
+
+
+def instrumental_response(lines: LineEstimates) -> tuple[Complex, Array]:
+    """``P = G_q/G_u`` and its variance ``a V a^H``, ``a = [-P, 1]/G_u``."""
+    Gu, Gq = lines.G.T
+    if not np.all(np.abs(Gu) > 0.0):
+        raise DerivationError("the excitation does not reach the input: are the columns the right ones?")
+    P = Gq / Gu
+    a = np.stack([-P / Gu, 1.0 / Gu], axis=1)
+    return P, np.maximum(np.einsum("la,lab,lb->l", a, lines.covariance, a.conj()).real, 0.0)
+
+
+def indirect_response(lines: LineEstimates, controller: Controller, period: float) -> tuple[Complex, Array]:
+    """``P = (1/S - 1)/C`` (14.38) with the sampled controller, from the response S from n to u, and its variance."""
+    S = lines.G[:, 0]
+    C = controller.response(lines.frequency, period)
+    if not np.all(np.abs(C) > 0.0):
+        raise InputError("the controller is zero at some frequency: the indirect method cannot be used there")
+    return (1.0 / S - 1.0) / C, lines.covariance[:, 0, 0].real / np.abs(S) ** 4 / np.abs(C) ** 2
+
+
+def radius(variance: Array, dof: float) -> Array:
+    """Of the 95 % circle of a complex number whose ``variance`` was estimated with ``dof`` complex degrees of freedom:
+    ``radius^2 = variance F.95(2, 2 dof)``.
+    """
+    from scipy.stats import f as f_distribution
+
+    factor = float(f_distribution.ppf(CONFIDENCE, 2, 2.0 * dof))
+    return np.asarray(np.sqrt(factor * variance))
+
+
+def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
+    """Mean over R realisations of one loop, with noise and nonlinear distortion apart.
+
+    The variance between realisations holds both, that within them the noise alone: what is between them beyond the
+    noise is distortion that follows the random phases. Above 1.5 times the noise the verdict is no.
+    """
+    from scipy.stats import chi2
+
+    first = found[0]
+    if any(len(each.P) != len(first.P) or not np.allclose(each.frequency, first.frequency) for each in found):
+        raise InputError("realisations must be excited at the same frequencies; are these postures? (recordings: ...)")
+    R = len(found)
+    P = np.array([each.P for each in found])
+    mean = P.mean(axis=0)
+    total = np.sum(np.abs(P - mean) ** 2, axis=0) / (R - 1)
+    noise = np.mean([each.variance for each in found], axis=0)
+    typical = float(chi2.ppf(0.5, 2 * (R - 1))) / (2 * (R - 1))
+    ratio = float(np.median(total / np.maximum(noise, 1e-300)) / typical)
+    size = float(np.median(np.sqrt(total) / np.abs(mean)))
+    findings = [finding for each in found for finding in each.findings]
+    if ratio > LARGEST_RATIO and size > MATERIAL:
+        message = (
+            f"realisations differ {ratio:.1f} times as much as their noise (limit {LARGEST_RATIO}): the plant is not "
+            "linear, friction at changes of direction in the first place; or these are several postures"
+        )
+        findings.insert(0, Finding("distortion", ratio, LARGEST_RATIO, message))
+    use_total = ratio > LARGEST_RATIO
+    variance = (np.maximum(total, noise) if use_total else noise) / R
+    widest = (
+        radius(variance, R - 1.0)
+        if use_total
+        else np.sqrt(np.mean([(each.band95 * np.abs(each.P)) ** 2 for each in found], axis=0) / R)
+    )
+    details = {
+        "excitation": first.details["excitation"],
+        "realisations": R,
+        "noise_variance": noise,
+        "distortion_variance": np.maximum(total - noise, 0.0),
+        "distortion": {"total_over_noise_variance": ratio},
+    }
+    return FrequencyResponse(
+        name=name,
+        method=f"{first.method}, {R} realisations",
+        frequency=first.frequency,
+        P=mean,
+        variance=variance,
+        band95=widest / np.abs(mean),
+        coherence=np.mean([each.coherence for each in found], axis=0),
+        period=first.period,
+        findings=tuple(findings),
+        details=details,
+    )

@@ -1,0 +1,109 @@
+"""A frequency response with its uncertainty and a verdict on every line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.response.controller import Complex
+from rrrgen.response.distortion import Finding
+
+WIDEST_BAND = 0.1  # relative radius beyond which a line is not trusted
+LEAST_COHERENCE = 0.1
+SCHEMA = "rrrgen-frf/1"
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """The response ``P`` (L,) of the plant, output over input, at ``frequency`` (L,) in Hz.
+
+    ``band95`` (L,) is the radius of the circle around P that holds the true response with 95 %, relative to \\|P\\|;
+    ``variance`` (L,) that of the complex P; ``coherence`` (L,) the share of the output's power that is due to the
+    excitation (14.37); ``period`` the sampling period in s. ``findings`` are reasons against the recording as a whole.
+    """
+
+    name: str
+    method: str
+    frequency: Array
+    P: Complex
+    variance: Array
+    band95: Array
+    coherence: Array
+    period: float
+    findings: tuple[Finding, ...] = ()
+    details: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def reasons(self) -> list[str]:
+        """Per line why it is not trusted; empty where it is."""
+        if self.findings:
+            return [self.findings[0].kind] * len(self.frequency)
+        wide, low = self.band95 > WIDEST_BAND, self.coherence < LEAST_COHERENCE
+        return [
+            f"band of {100 * band:.0f} %" if is_wide else "coherence" if is_low else ""
+            for band, is_wide, is_low in zip(self.band95, wide, low, strict=True)
+        ]
+
+    @property
+    def trusted(self) -> NDArray[np.bool_]:
+        """Per line whether it may be used (L,)."""
+        return np.array([not reason for reason in self.reasons])
+
+    def to_json(self) -> dict[str, Any]:
+        """What ``results/frf.json`` holds."""
+        return {
+            "schema": SCHEMA,
+            "name": self.name,
+            "method": self.method,
+            "sampling_period": self.period,
+            "verdict": {
+                "trusted": not self.findings,
+                "trusted_lines": int(np.count_nonzero(self.trusted)),
+                "lines": len(self.frequency),
+                "findings": [vars(finding) for finding in self.findings],
+            },
+            "frequency": self.frequency,
+            "re": self.P.real,
+            "im": self.P.imag,
+            "band95": self.band95,
+            "coherence": self.coherence,
+            "trusted": self.trusted,
+            "reason": self.reasons,
+            "variance": self.variance,
+            **self.details,
+        }
+
+
+def read_frf(path: Path) -> FrequencyResponse:
+    """A ``frf.json`` of `rrrgen frf`; raises :class:`InputError` where it is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        columns = {
+            key: np.array(found[key], float) for key in ("frequency", "re", "im", "variance", "band95", "coherence")
+        }
+        findings = tuple(Finding(**each) for each in found["verdict"]["findings"])
+        period, name, method = float(found["sampling_period"]), str(found["name"]), str(found["method"])
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is no frequency response of `rrrgen frf`: {error!r}") from None
+    if len({len(column) for column in columns.values()}) > 1 or not period > 0.0:
+        raise InputError(f"{path} is no frequency response of `rrrgen frf`: columns of different length")
+    return FrequencyResponse(
+        name=name,
+        method=method,
+        frequency=columns["frequency"],
+        P=columns["re"] + 1j * columns["im"],
+        variance=columns["variance"],
+        band95=columns["band95"],
+        coherence=columns["coherence"],
+        period=period,
+        findings=findings,
+    )

@@ -1,0 +1,206 @@
+"""Frequency responses of a flexible joint in closed loop, against the exact discrete truth."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from rrrgen.cli.main import cli, run
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.response.estimate import combine, estimate_one
+from rrrgen.response.frequency_response import read_frf
+from rrrgen.response.response_file import loads_response, read_recordings
+from samples.flexible_joint import CONTROLLER, PERIOD, flexible_joint, multisine, record
+
+SAMPLES = 20000  # 20 s
+
+
+@pytest.fixture(scope="module")
+def periodic():
+    rng = np.random.default_rng(1)
+    return record(rng, multisine(rng, SAMPLES))
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    rng = np.random.default_rng(2)
+    return record(rng, 7.0 * rng.standard_normal(SAMPLES))
+
+
+def errors(found, highest=200.0):
+    """Relative complex error, band and whether it holds the truth, magnitude and phase error, of lines below
+    ``highest``.
+    """
+    use = found.frequency < highest
+    truth, P = flexible_joint().response(found.frequency[use]), found.P[use]
+    held = np.abs(P - truth) < found.band95[use] * np.abs(P)
+    ratio = P / truth
+    return np.abs(ratio - 1), found.band95[use], held, np.abs(np.abs(ratio) - 1), np.abs(np.angle(ratio, deg=True))
+
+
+@pytest.mark.parametrize("kind", ["periodic", "noisy"])
+def test_local_polynomial_method_meets_its_band(kind, request):
+    found = estimate_one(request.getfixturevalue(kind))
+    assert ("periodic" if kind == "periodic" else "noise") in found.method
+    _, band, held, magnitude, phase = errors(found)
+    assert 0.9 < np.mean(held) < 0.985
+    narrow = band < 0.05
+    assert np.mean(narrow) > 0.4
+    assert np.mean((magnitude < 0.04) & (phase < 2.5) & narrow) / np.mean(narrow) > 0.95
+    assert found.findings == ()
+    assert np.mean(found.trusted[: len(band)]) > 0.75
+
+
+def test_indirect_method_needs_the_controller_as_implemented(periodic):
+    found = estimate_one(periodic, controller=CONTROLLER, method="indirect")
+    wrong, _, held, _, _ = errors(found)
+    low = found.frequency[: len(wrong)] < 8.0
+    assert np.median(wrong[low]) < 0.02  # beyond the bandwidth S tends to 1, and 1/S - 1 to noise
+    assert 0.85 < np.mean(held) < 0.99
+    with pytest.raises(InputError, match="needs the controller"):
+        estimate_one(periodic, method="indirect")
+
+
+@pytest.mark.parametrize("kind", ["periodic", "noisy"])
+def test_instrumental_estimate_is_unbiased_where_the_direct_one_is_not(kind, request):
+    rng = np.random.default_rng(5)
+    n = multisine(rng, SAMPLES) if kind == "periodic" else 7.0 * rng.standard_normal(SAMPLES)
+    disturbed = record(rng, n, disturbance=20.0)
+    medians = {}
+    for method in ("instrumental", "direct"):
+        found = estimate_one(disturbed, method=method)
+        use = found.frequency < 3.0
+        medians[method] = np.median(np.abs(found.P / flexible_joint().response(found.frequency) - 1)[use])
+    assert medians["direct"] > 1.2 * medians["instrumental"]
+    good = estimate_one(request.getfixturevalue(kind), method="instrumental")
+    assert np.median(errors(good)[0]) < 0.05
+
+
+@pytest.mark.parametrize("kind", ["periodic", "noisy", "odd"])
+def test_friction_at_changes_of_direction_is_refused(kind):
+    rng = np.random.default_rng(3)
+    n = 7.0 * rng.standard_normal(SAMPLES) if kind == "noisy" else multisine(rng, SAMPLES, odd=kind == "odd")
+    good = estimate_one(record(rng, n, speed=0.05, friction=0.0))
+    assert good.findings == ()
+    bad = estimate_one(record(rng, n, speed=0.05, friction=1.0))
+    assert {finding.kind for finding in bad.findings} <= {"friction", "distortion"}
+    assert bad.findings
+    assert not bad.trusted.any()
+
+
+def test_fast_joint_with_the_same_friction_is_trusted():
+    rng = np.random.default_rng(3)
+    assert estimate_one(record(rng, multisine(rng, SAMPLES), speed=1.0237, friction=1.0)).findings == ()
+
+
+def test_quantisation_that_repeats_every_period_is_refused():
+    rng = np.random.default_rng(4)
+    n = multisine(rng, SAMPLES)
+    repeating = estimate_one(record(rng, n, speed=0.5, resolution=2e-4, disturbance=0.0))
+    assert [finding.kind for finding in repeating.findings] == ["distortion"]
+    assert not repeating.trusted.any()
+    # at a speed that is no multiple of resolution/period the error averages out, and the band says what is left of it
+    assert estimate_one(record(rng, n, speed=0.51237, resolution=2e-4, disturbance=0.0)).findings == ()
+
+
+def test_realisations_tell_noise_from_distortion():
+    rng = np.random.default_rng(6)
+    linear = [estimate_one(record(rng, multisine(rng, 8000), disturbance=1.0)) for _ in range(4)]
+    mean = combine(linear, "mean")
+    assert mean.details["distortion"]["total_over_noise_variance"] < 1.5
+    assert mean.findings == ()
+    assert np.median(mean.band95) < 0.7 * np.median(linear[0].band95)
+    rough = [estimate_one(record(rng, multisine(rng, 8000), speed=0.05, friction=2.0)) for _ in range(3)]
+    assert combine(rough, "mean").findings[0].kind == "distortion"
+
+
+def write(folder, recording, extra="", columns=("1", "2", "3")):
+    np.save(folder / "log.npy", np.column_stack([recording.n, recording.u, recording.q]))
+    n, u, q = columns
+    (folder / "response.yaml").write_text(
+        "schema: rrrgen-response/1\nfiles: log.npy\ntime: {rate: 1 kHz}\n"
+        f"excitation: {{column: {n}}}\ninput: {{column: {u}}}\noutput: {{column: {q}, unit: rad}}\n{extra}"
+    )
+    return folder / "response.yaml"
+
+
+def test_command_writes_the_response_and_its_figure(periodic, tmp_path):
+    log = write(tmp_path, periodic)
+    told = CliRunner().invoke(cli, ["frf", str(log), "-o", str(tmp_path / "run")], standalone_mode=False)
+    assert told.return_value == 0, told.output
+    assert "trusted" in told.output
+    found = json.loads((tmp_path / "run/results/frf.json").read_text())
+    lengths = {len(found[key]) for key in ("frequency", "re", "im", "band95", "coherence", "trusted")}
+    assert lengths == {400}
+    assert found["method"].startswith("local_polynomial")
+    assert np.allclose(np.array(found["frequency"]), 0.5 + 0.5 * np.arange(400))
+    assert (tmp_path / "run/figures/frf.png").is_file()
+    again = read_frf(tmp_path / "run/results/frf.json")
+    assert np.allclose(again.P, np.array(found["re"]) + 1j * np.array(found["im"]))
+
+
+def test_postures_stand_beside_one_another(periodic, noisy, tmp_path):
+    for name, each in (("left", periodic), ("right", noisy)):
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack([PERIOD * np.arange(SAMPLES), each.n, each.u, each.q]))
+    text = (
+        "schema: rrrgen-response/1\nfiles: [left.csv, right.csv]\ntime: {column: 1}\nexcitation: {column: 2}\n"
+        "input: 3\noutput: 4\nrecordings: postures\n"
+    )
+    (tmp_path / "response.yaml").write_text(text)
+    assert run(["frf", str(tmp_path / "response.yaml"), "-o", str(tmp_path / "run")]) == 0
+    found = json.loads((tmp_path / "run/results/frf.json").read_text())
+    assert [each["name"] for each in found["postures"]] == ["left", "right"]
+
+
+@pytest.mark.parametrize(
+    ("samples", "extra", "message"),
+    [
+        (3000, "period: 2 s\n", "1.50 periods"),
+        (200, "", "too few"),
+        (4000, "period: 1.0005 s\n", "not a whole number of samples"),
+    ],
+)
+def test_too_little_data_is_refused(periodic, tmp_path, capsys, samples, extra, message):
+    part = type(periodic)("cut", PERIOD, periodic.n[:samples], periodic.u[:samples], periodic.q[:samples])
+    assert run(["frf", str(write(tmp_path, part, extra)), "-o", str(tmp_path / "run")]) == 4
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("column", ["n", "u", "q"])
+def test_nothing_excited_is_refused(periodic, column):
+    columns = {"n": periodic.n, "u": periodic.u, "q": periodic.q} | {column: np.zeros(SAMPLES)}
+    with pytest.raises(DerivationError, match="is constant"):
+        estimate_one(type(periodic)("still", PERIOD, **columns))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "message"),
+    [
+        ("output:", "outptu:", ":6:1", "unknown key 'outptu'"),
+        ("{column: 2}", "{colum: 2}", ":5:9", "unknown key 'colum'"),
+        ("rate: 1 kHz", "rate: -1 kHz", ":3:14", "must be positive"),
+        ("{column: 3, unit: rad}", "{column: 7}", "log.npy", "column '7'|column 7"),
+        ("log.npy", "log2.npy", "log2.npy", "no such file"),
+    ],
+)
+def test_faults_of_the_response_file_have_a_place(periodic, tmp_path, old, new, place, message):
+    text = write(tmp_path, periodic).read_text().replace(old, new)
+    with pytest.raises(InputError, match=message) as caught:
+        read_recordings(loads_response(text, str(tmp_path / "response.yaml")))
+    assert place in str(caught.value)
+
+
+def test_gaps_and_missing_numbers_are_refused(periodic, tmp_path):
+    log = write(tmp_path, periodic)
+    rows = np.column_stack([periodic.n, periodic.u, periodic.q])
+    rows[41, 1] = np.nan
+    np.save(tmp_path / "log.npy", rows)
+    with pytest.raises(InputError, match="column '2' has no number in row 42"):
+        read_recordings(loads_response(log.read_text(), str(log)))
+    t = PERIOD * np.arange(SAMPLES)
+    t[500:] += 0.01
+    np.save(tmp_path / "log.npy", np.column_stack([rows[:, 0], t, periodic.q]))
+    with pytest.raises(InputError, match="not on a grid"):
+        read_recordings(loads_response(log.read_text().replace("rate: 1 kHz", "column: 2"), str(log)))
