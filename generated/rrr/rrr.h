@@ -18,6 +18,13 @@
  * Range of q    joint angles are added before sine and cosine; each addition is rounded by up to 1.1e-16 times the
  *               sum of their magnitudes. Results are exact to round-off within a few turns; 1e6 rad cost about
  *               1e-10 rad
+ * Stack         the bytes stated with each function are upper bounds for builds with -O1, -O2 or -O3 (not -O0);
+ *               the kernel of the sines is in them, functions of math.h are not. gcc: 128 + 7/4 a s, clang: 128 +
+ *               20 a + 16 r, where a is the most values that are alive at once (inputs from their first use to
+ *               their last), r the number of different results and s the size of the real type. Of the frames
+ *               measured for all robots that come with rrrgen and for random ones (gcc 12 and clang 14 on x86-64,
+ *               gcc 12 for Cortex-M4) none takes more than nine tenths of its bound; with -O2 large frames mostly
+ *               take half of it
  *
  * Matrices are row-major. Outputs are fully written and must not overlap each other or the inputs; inputs may
  * overlap each other. No function has state, allocates, or fails silently; all may be called from several threads
@@ -84,7 +91,8 @@ const char *rrr_status_string(rrr_status status);
  *   in   q  3      rad   -           joint positions
  *   out  T  4 x 4  -, m  base frame  homogeneous transform of the tip
  *
- * Operations: 12 mul, 6 add, 3 sincos, 3 neg. Stack: about 160 bytes.
+ * Operations: 12 mul, 6 add, 3 sincos, 3 neg.
+ * Stack: at most 256 bytes built by gcc, 528 by clang.
  */
 void rrr_forward_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16]);
 
@@ -96,7 +104,8 @@ void rrr_forward_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16]);
  *   in   q  3          rad   -           joint positions
  *   out  T  3 x 4 x 4  -, m  base frame  homogeneous transforms of the link frames 1..n
  *
- * Operations: 20 mul, 8 add, 3 sincos, 5 neg. Stack: about 176 bytes.
+ * Operations: 20 mul, 8 add, 3 sincos, 5 neg.
+ * Stack: at most 256 bytes built by gcc, 704 by clang.
  */
 void rrr_link_frames(const rrr_real q[3], rrr_real T[RRR_RESTRICT 48]);
 
@@ -108,7 +117,8 @@ void rrr_link_frames(const rrr_real q[3], rrr_real T[RRR_RESTRICT 48]);
  *   in   q  3      rad   -           joint positions
  *   out  J  6 x 3  m, -  base frame  rows 1-3 linear, rows 4-6 angular velocity of the tip
  *
- * Operations: 15 mul, 5 add, 3 sincos, 5 neg. Stack: about 176 bytes.
+ * Operations: 15 mul, 5 add, 3 sincos, 5 neg.
+ * Stack: at most 272 bytes built by gcc, 528 by clang.
  */
 void rrr_jacobian(const rrr_real q[3], rrr_real J[RRR_RESTRICT 18]);
 
@@ -121,7 +131,8 @@ void rrr_jacobian(const rrr_real q[3], rrr_real J[RRR_RESTRICT 18]);
  *   out  J  3 x 6 x 3  m, -  base frame  of the origins of the link frames 1..n, each rows 1-3 linear, rows 4-6
  *                                        angular velocity
  *
- * Operations: 22 mul, 7 add, 3 sincos, 7 neg. Stack: about 192 bytes.
+ * Operations: 22 mul, 7 add, 3 sincos, 7 neg.
+ * Stack: at most 288 bytes built by gcc, 624 by clang.
  * Columns of joints beyond the link are zero.
  */
 void rrr_link_jacobians(const rrr_real q[3], rrr_real J[RRR_RESTRICT 54]);
@@ -135,7 +146,8 @@ void rrr_link_jacobians(const rrr_real q[3], rrr_real J[RRR_RESTRICT 54]);
  *   out  T  4 x 4  -, m  base frame  homogeneous transform of the tip
  *   out  J  6 x 3  m, -  base frame  rows 1-3 linear, rows 4-6 angular velocity of the tip
  *
- * Operations: 17 mul, 6 add, 3 sincos, 8 neg. Stack: about 176 bytes.
+ * Operations: 17 mul, 6 add, 3 sincos, 8 neg.
+ * Stack: at most 272 bytes built by gcc, 656 by clang.
  */
 void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J[RRR_RESTRICT 18]);
 
@@ -148,7 +160,8 @@ void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J
  *   in   dq  3  rad/s           -           joint velocities
  *   out  a   6  m/s^2, rad/s^2  base frame  linear, then angular acceleration of the tip for ddq = 0
  *
- * Operations: 24 mul, 10 add, 3 sincos, 2 neg. Stack: about 208 bytes.
+ * Operations: 24 mul, 10 add, 3 sincos, 2 neg.
+ * Stack: at most 336 bytes built by gcc, 512 by clang.
  */
 void rrr_jacobian_dot_dq(const rrr_real q[3], const rrr_real dq[3], rrr_real a[RRR_RESTRICT 6]);
 
@@ -161,7 +174,8 @@ void rrr_jacobian_dot_dq(const rrr_real q[3], const rrr_real dq[3], rrr_real a[R
  *   in   beta  15     SI   -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
  *   out  M     3 x 3  SI   -  symmetric mass matrix, drive inertia included
  *
- * Operations: 19 mul, 14 add, 2 sincos. Stack: about 160 bytes.
+ * Operations: 19 mul, 14 add, 2 sincos.
+ * Stack: at most 272 bytes built by gcc, 432 by clang.
  */
 void rrr_mass_matrix(const rrr_real q[3], const rrr_real beta[15], rrr_real M[RRR_RESTRICT 9]);
 
@@ -173,7 +187,8 @@ void rrr_mass_matrix(const rrr_real q[3], const rrr_real beta[15], rrr_real M[RR
  *   in   q  3      rad  -  joint positions
  *   out  M  3 x 3  SI   -  symmetric mass matrix, drive inertia included
  *
- * Operations: 16 mul, 12 add, 2 sincos, 2 neg. Stack: about 160 bytes.
+ * Operations: 16 mul, 12 add, 2 sincos, 2 neg.
+ * Stack: at most 240 bytes built by gcc, 384 by clang.
  */
 void rrr_mass_matrix_nominal(const rrr_real q[3], rrr_real M[RRR_RESTRICT 9]);
 
@@ -187,7 +202,8 @@ void rrr_mass_matrix_nominal(const rrr_real q[3], rrr_real M[RRR_RESTRICT 9]);
  *   in   beta  15     SI     -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
  *   out  C     3 x 3  SI     -  Coriolis matrix of the Christoffel symbols
  *
- * Operations: 30 mul, 19 add, 2 sincos, 1 neg. Stack: about 192 bytes.
+ * Operations: 30 mul, 19 add, 2 sincos, 1 neg.
+ * Stack: at most 336 bytes built by gcc, 560 by clang.
  */
 void rrr_coriolis_matrix(const rrr_real q[3],
                          const rrr_real dq[3],
@@ -203,7 +219,8 @@ void rrr_coriolis_matrix(const rrr_real q[3],
  *   in   dq  3      rad/s  -  joint velocities
  *   out  C   3 x 3  SI     -  Coriolis matrix of the Christoffel symbols
  *
- * Operations: 27 mul, 17 add, 2 sincos, 1 neg. Stack: about 192 bytes.
+ * Operations: 27 mul, 17 add, 2 sincos, 1 neg.
+ * Stack: at most 320 bytes built by gcc, 544 by clang.
  */
 void rrr_coriolis_matrix_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real C[RRR_RESTRICT 9]);
 
@@ -217,7 +234,8 @@ void rrr_coriolis_matrix_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_
  *   in   beta  15  SI     -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
  *   out  c     3   N m    -  Coriolis and centrifugal torques
  *
- * Operations: 33 mul, 20 add, 2 sincos, 1 neg. Stack: about 208 bytes.
+ * Operations: 33 mul, 20 add, 2 sincos, 1 neg.
+ * Stack: at most 368 bytes built by gcc, 528 by clang.
  */
 void rrr_coriolis(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[15], rrr_real c[RRR_RESTRICT 3]);
 
@@ -230,7 +248,8 @@ void rrr_coriolis(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta
  *   in   dq  3  rad/s  -  joint velocities
  *   out  c   3  N m    -  Coriolis and centrifugal torques
  *
- * Operations: 29 mul, 18 add, 2 sincos, 1 neg. Stack: about 208 bytes.
+ * Operations: 29 mul, 18 add, 2 sincos, 1 neg.
+ * Stack: at most 352 bytes built by gcc, 480 by clang.
  */
 void rrr_coriolis_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real c[RRR_RESTRICT 3]);
 
@@ -244,7 +263,8 @@ void rrr_coriolis_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real c[
  *   in   beta  15  SI     -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
  *   out  p     3   N m    -  C' dq, the gradient of the kinetic energy with respect to q
  *
- * Operations: 29 mul, 17 add, 2 sincos, 1 neg. Stack: about 176 bytes.
+ * Operations: 29 mul, 17 add, 2 sincos, 1 neg.
+ * Stack: at most 336 bytes built by gcc, 464 by clang.
  */
 void rrr_coriolis_transpose(const rrr_real q[3],
                             const rrr_real dq[3],
@@ -260,7 +280,8 @@ void rrr_coriolis_transpose(const rrr_real q[3],
  *   in   dq  3  rad/s  -  joint velocities
  *   out  p   3  N m    -  C' dq, the gradient of the kinetic energy with respect to q
  *
- * Operations: 25 mul, 15 add, 2 sincos, 1 neg. Stack: about 176 bytes.
+ * Operations: 25 mul, 15 add, 2 sincos, 1 neg.
+ * Stack: at most 288 bytes built by gcc, 400 by clang.
  */
 void rrr_coriolis_transpose_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real p[RRR_RESTRICT 3]);
 
@@ -273,7 +294,8 @@ void rrr_coriolis_transpose_nominal(const rrr_real q[3], const rrr_real dq[3], r
  *   in   beta  15  SI   -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
  *   out  g     3   N m  -  torques that hold the arm against gravity
  *
- * Operations: 6 mul, 4 add, 2 sincos. Stack: about 144 bytes.
+ * Operations: 6 mul, 4 add, 2 sincos.
+ * Stack: at most 224 bytes built by gcc, 304 by clang.
  */
 void rrr_gravity(const rrr_real q[3], const rrr_real beta[15], rrr_real g[RRR_RESTRICT 3]);
 
@@ -285,7 +307,8 @@ void rrr_gravity(const rrr_real q[3], const rrr_real beta[15], rrr_real g[RRR_RE
  *   in   q  3  rad  -  joint positions
  *   out  g  3  N m  -  torques that hold the arm against gravity
  *
- * Operations: 2 mul, 2 add, 2 sincos. Stack: about 128 bytes.
+ * Operations: 2 mul, 2 add, 2 sincos.
+ * Stack: at most 192 bytes built by gcc, 256 by clang.
  */
 void rrr_gravity_nominal(const rrr_real q[3], rrr_real g[RRR_RESTRICT 3]);
 
@@ -299,7 +322,8 @@ void rrr_gravity_nominal(const rrr_real q[3], rrr_real g[RRR_RESTRICT 3]);
  *   in   beta  15  SI     -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
  *   out  h     3   N m    -  torques for ddq = 0, friction not included
  *
- * Operations: 36 mul, 25 add, 2 sincos. Stack: about 208 bytes.
+ * Operations: 36 mul, 25 add, 2 sincos.
+ * Stack: at most 352 bytes built by gcc, 496 by clang.
  */
 void rrr_bias(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[15], rrr_real h[RRR_RESTRICT 3]);
 
@@ -312,7 +336,8 @@ void rrr_bias(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[15]
  *   in   dq  3  rad/s  -  joint velocities
  *   out  h   3  N m    -  torques for ddq = 0, friction not included
  *
- * Operations: 32 mul, 22 add, 2 sincos. Stack: about 192 bytes.
+ * Operations: 32 mul, 22 add, 2 sincos.
+ * Stack: at most 336 bytes built by gcc, 464 by clang.
  */
 void rrr_bias_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real h[RRR_RESTRICT 3]);
 
@@ -328,7 +353,8 @@ void rrr_bias_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real h[RRR_
  *   out  c     3      N m    -  Coriolis and centrifugal torques
  *   out  g     3      N m    -  torques that hold the arm against gravity
  *
- * Operations: 45 mul, 37 add, 2 sincos. Stack: about 224 bytes.
+ * Operations: 45 mul, 37 add, 2 sincos.
+ * Stack: at most 464 bytes built by gcc, 784 by clang.
  */
 void rrr_dynamics_terms(const rrr_real q[3],
                         const rrr_real dq[3],
@@ -348,7 +374,8 @@ void rrr_dynamics_terms(const rrr_real q[3],
  *   out  c   3      N m    -  Coriolis and centrifugal torques
  *   out  g   3      N m    -  torques that hold the arm against gravity
  *
- * Operations: 41 mul, 34 add, 2 sincos, 3 neg. Stack: about 224 bytes.
+ * Operations: 41 mul, 34 add, 2 sincos, 3 neg.
+ * Stack: at most 352 bytes built by gcc, 640 by clang.
  */
 void rrr_dynamics_terms_nominal(const rrr_real q[3],
                                 const rrr_real dq[3],
@@ -367,7 +394,8 @@ void rrr_dynamics_terms_nominal(const rrr_real q[3],
  *   in   beta  15  SI       -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
  *   out  tau   3   N m      -  joint torques, friction not included
  *
- * Operations: 54 mul, 42 add, 2 sincos. Stack: about 256 bytes.
+ * Operations: 54 mul, 42 add, 2 sincos.
+ * Stack: at most 496 bytes built by gcc, 704 by clang.
  */
 void rrr_inverse_dynamics(const rrr_real q[3],
                           const rrr_real dq[3],
@@ -385,7 +413,8 @@ void rrr_inverse_dynamics(const rrr_real q[3],
  *   in   ddq  3  rad/s^2  -  joint accelerations
  *   out  tau  3  N m      -  joint torques, friction not included
  *
- * Operations: 50 mul, 38 add, 2 sincos. Stack: about 240 bytes.
+ * Operations: 50 mul, 38 add, 2 sincos.
+ * Stack: at most 448 bytes built by gcc, 624 by clang.
  */
 void rrr_inverse_dynamics_nominal(const rrr_real q[3],
                                   const rrr_real dq[3],
@@ -406,7 +435,8 @@ void rrr_inverse_dynamics_nominal(const rrr_real q[3],
  * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
  * gives the text); the outputs are defined in either case.
  *
- * Operations: 71 mul, 49 add, 3 div, 2 sincos, 9 other. Stack: about 240 bytes.
+ * Operations: 71 mul, 49 add, 3 div, 2 sincos, 9 other.
+ * Stack: at most 464 bytes built by gcc, 672 by clang.
  * The status tells when M is not positive definite (a singular or unphysical set of parameters).
  */
 rrr_status rrr_forward_dynamics(const rrr_real q[3],
@@ -428,7 +458,8 @@ rrr_status rrr_forward_dynamics(const rrr_real q[3],
  * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
  * gives the text); the outputs are defined in either case.
  *
- * Operations: 66 mul, 46 add, 3 div, 2 sincos, 9 other. Stack: about 240 bytes.
+ * Operations: 66 mul, 46 add, 3 div, 2 sincos, 9 other.
+ * Stack: at most 400 bytes built by gcc, 576 by clang.
  * The status tells when M is not positive definite (a singular or unphysical set of parameters).
  */
 rrr_status rrr_forward_dynamics_nominal(const rrr_real q[3],
@@ -451,7 +482,8 @@ rrr_status rrr_forward_dynamics_nominal(const rrr_real q[3],
  *   out  dtau_dv  3 x 3  SI       -  d tau_i / d dq_j
  *   out  M        3 x 3  SI       -  d tau_i / d ddq_j: the mass matrix, drive inertia included
  *
- * Operations: 98 mul, 91 add, 2 sincos, 5 neg. Stack: about 400 bytes.
+ * Operations: 98 mul, 91 add, 2 sincos, 5 neg.
+ * Stack: at most 816 bytes built by gcc, 1504 by clang.
  */
 void rrr_inverse_dynamics_derivatives(const rrr_real q[3],
                                       const rrr_real dq[3],
@@ -476,7 +508,8 @@ void rrr_inverse_dynamics_derivatives(const rrr_real q[3],
  *   out  dtau_dv  3 x 3  SI       -  d tau_i / d dq_j
  *   out  M        3 x 3  SI       -  d tau_i / d ddq_j: the mass matrix, drive inertia included
  *
- * Operations: 91 mul, 86 add, 2 sincos, 7 neg. Stack: about 368 bytes.
+ * Operations: 91 mul, 86 add, 2 sincos, 7 neg.
+ * Stack: at most 672 bytes built by gcc, 1280 by clang.
  */
 void rrr_inverse_dynamics_derivatives_nominal(const rrr_real q[3],
                                               const rrr_real dq[3],
@@ -504,7 +537,8 @@ void rrr_inverse_dynamics_derivatives_nominal(const rrr_real q[3],
  * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
  * gives the text); the outputs are defined in either case.
  *
- * Operations: 157 mul, 128 add, 3 div, 2 sincos, 9 neg, 9 other. Stack: about 400 bytes.
+ * Operations: 157 mul, 128 add, 3 div, 2 sincos, 9 neg, 9 other.
+ * Stack: at most 768 bytes built by gcc, 1456 by clang.
  * All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
  */
 rrr_status rrr_forward_dynamics_derivatives(const rrr_real q[3],
@@ -533,7 +567,8 @@ rrr_status rrr_forward_dynamics_derivatives(const rrr_real q[3],
  * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
  * gives the text); the outputs are defined in either case.
  *
- * Operations: 149 mul, 124 add, 3 div, 2 sincos, 9 neg, 9 other. Stack: about 448 bytes.
+ * Operations: 149 mul, 124 add, 3 div, 2 sincos, 9 neg, 9 other.
+ * Stack: at most 768 bytes built by gcc, 1456 by clang.
  * All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
  */
 rrr_status rrr_forward_dynamics_derivatives_nominal(const rrr_real q[3],
@@ -554,7 +589,8 @@ rrr_status rrr_forward_dynamics_derivatives_nominal(const rrr_real q[3],
  *   in   ddq  3       rad/s^2  -  joint accelerations
  *   out  Y    3 x 15  SI       -  columns in the order of the base parameters
  *
- * Operations: 67 mul, 33 add, 2 sincos, 3 neg. Stack: about 256 bytes.
+ * Operations: 67 mul, 33 add, 2 sincos, 3 neg.
+ * Stack: at most 416 bytes built by gcc, 992 by clang.
  */
 void rrr_regressor(const rrr_real q[3], const rrr_real dq[3], const rrr_real ddq[3], rrr_real Y[RRR_RESTRICT 45]);
 
@@ -569,7 +605,8 @@ void rrr_regressor(const rrr_real q[3], const rrr_real dq[3], const rrr_real ddq
  *   in   e    3   -        -  vector multiplied from the left
  *   out  r    15  SI       -  Y' e
  *
- * Operations: 57 mul, 31 add, 2 sincos, 1 neg. Stack: about 240 bytes.
+ * Operations: 57 mul, 31 add, 2 sincos, 1 neg.
+ * Stack: at most 464 bytes built by gcc, 832 by clang.
  */
 void rrr_regressor_transpose(const rrr_real q[3],
                              const rrr_real dq[3],
@@ -587,7 +624,8 @@ void rrr_regressor_transpose(const rrr_real q[3],
  *   in   ddq  3       rad/s^2  -  joint accelerations
  *   out  Y    3 x 30  SI       -  per link: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz
  *
- * Operations: 106 mul, 68 add, 2 sincos, 11 neg. Stack: about 288 bytes.
+ * Operations: 106 mul, 68 add, 2 sincos, 11 neg.
+ * Stack: at most 496 bytes built by gcc, 1360 by clang.
  * Inertia tensors about the origin of the link frame, in its axes: Ixy = -integral of x*y dm, Ixz and Iyz alike.
  */
 void rrr_standard_regressor(const rrr_real q[3],
@@ -605,7 +643,8 @@ void rrr_standard_regressor(const rrr_real q[3],
  *   in   beta  15  SI     -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
  *   out  E     2   J      -  kinetic energy, potential energy (up to a constant)
  *
- * Operations: 34 mul, 20 add, 2 sincos. Stack: about 192 bytes.
+ * Operations: 34 mul, 20 add, 2 sincos.
+ * Stack: at most 336 bytes built by gcc, 448 by clang.
  */
 void rrr_energy(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[15], rrr_real E[RRR_RESTRICT 2]);
 
@@ -618,7 +657,8 @@ void rrr_energy(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[1
  *   in   dq  3  rad/s  -  joint velocities
  *   out  E   2  J      -  kinetic energy, potential energy (up to a constant)
  *
- * Operations: 28 mul, 16 add, 2 sincos. Stack: about 192 bytes.
+ * Operations: 28 mul, 16 add, 2 sincos.
+ * Stack: at most 336 bytes built by gcc, 448 by clang.
  */
 void rrr_energy_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real E[RRR_RESTRICT 2]);
 
@@ -627,7 +667,8 @@ void rrr_energy_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real E[RR
  *
  *   out  beta  15  mixed  -  base parameters; the header lists them
  *
- * Operations: 0 mul, 0 add. Stack: about 96 bytes.
+ * Operations: 0 mul, 0 add.
+ * Stack: at most 128 bytes built by gcc, 352 by clang.
  */
 void rrr_nominal_parameters(rrr_real beta[RRR_RESTRICT 15]);
 

@@ -18,6 +18,7 @@ from rrrgen.ik.recording.operations import SolverOperations, count_solver, sum_o
 from rrrgen.ik.recording.steps import Stage
 from rrrgen.ik.solutions.general6r import ASPECT, branches, root_stage, tables_of
 from rrrgen.ik.solutions.general6r import render as render_general6r
+from rrrgen.ik.stack import STACK_RULE, stack_bounds
 from rrrgen.ik.tolerances import runtime
 from rrrgen.resources import render
 from rrrgen.version import VERSION
@@ -35,6 +36,8 @@ class Emitted:
     rows: int
     labels: tuple[tuple[str, int, int], ...]
     reasons: tuple[str, ...]
+    stack: dict[str, int]
+    """Bytes of stack that the functions with solutions take at most, callees included."""
 
 
 FUNCTIONS = ("inverse_kinematics", "inverse_kinematics_batch", "closest", "ik_status_string", "ik_reason")
@@ -51,7 +54,8 @@ def manifest(spec: RobotSpec, real: str = "double", redundancy: int | None = Non
     """What ``manifest.json`` says about the inverse kinematics; ``solver`` is false where there is none.
 
     ``operations`` are those of one call with all its rows (:mod:`rrrgen.ik.recording.operations`); null where an
-    elimination solves the chain in numbers. ``tolerances``: see :func:`rrrgen.ik.tolerances.runtime`.
+    elimination solves the chain in numbers. ``tolerances``: see :func:`rrrgen.ik.tolerances.runtime`. ``stack``: bytes
+    that a function takes at most, callees included (:mod:`rrrgen.ik.stack`).
     """
     plan = make_plan(spec, redundancy)
     data: dict[str, Any] = {
@@ -69,13 +73,18 @@ def manifest(spec: RobotSpec, real: str = "double", redundancy: int | None = Non
         counted = operations(plan)
         data |= {
             "files": [f"{spec.name}_ik.c", f"{spec.name}_ik.h"],
-            "functions": [f"{spec.name}_{name}" for name in FUNCTIONS],
+            "functions": _public(spec),
             "branch": [{"name": name, "bit": bit, "bits": bits} for name, bit, bits in labels(plan)],
             "reasons": list(_reasons(plan)),
             "tolerances": {name: float(value) for name, value in runtime(real).items()},
             "operations": None if counted is None else counted.as_dict(),
+            "stack": emit(spec, plan, real).stack,
         }
     return data
+
+
+def _public(spec: RobotSpec) -> list[str]:
+    return [f"{spec.name}_{name}" for name in FUNCTIONS]
 
 
 def operations(plan: SolverPlan) -> SolverOperations | None:
@@ -94,10 +103,12 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: str = "double") -> Emitted:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
     values = _values(spec, plan, real)
     prefix = f"{spec.name}_ik"
-    header = render("c/ik/header.h.j2", **values)
     source = _spelled(render("c/ik/source.c.j2", **values), spec.name, real)
+    stack = stack_bounds(source, spec.name, real, plan.chain.n, values["rows"])
+    header = render("c/ik/header.h.j2", **values, stack=stack)
     files = {f"{prefix}.h": header, f"{prefix}.c": source}
-    return Emitted(plan, files, values["rows"], labels(plan), values["reasons"])
+    public = {name: stack[name] for name in _public(spec)[:3]}  # the others only return a text
+    return Emitted(plan, files, values["rows"], labels(plan), values["reasons"], public)
 
 
 def _parts(plan: SolverPlan) -> list[SolverPlan]:
@@ -281,6 +292,7 @@ def _opening(spec: RobotSpec, plan: SolverPlan, real: str) -> list[str]:
         "What stands in rows beyond count has no meaning.",
         116,
     )
+    lines += textwrap.wrap(STACK_RULE, 116)
     return lines
 
 

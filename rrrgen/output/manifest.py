@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.backends import Identity, Real
+from rrrgen.backends.c.stack import stack_bound
 from rrrgen.derive.parameter_listing import listing
 from rrrgen.model.drive_text import drives_data
 from rrrgen.output.writer import MANIFEST, Contents, checksum
@@ -78,7 +79,7 @@ def manifest(
             for p in parameters.rows
         ],
         "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
-        "functions": {name: _function(program) for name, program in model.programs.items()},
+        "functions": {name: _function(program, real) for name, program in model.programs.items()},
         "inverse_kinematics": dict(inverse_kinematics),
         "passes": [
             {"pass": p.name, "function": p.function, "before": p.before.as_dict(), "after": p.after.as_dict()}
@@ -89,11 +90,12 @@ def manifest(
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
-def _function(program: Program) -> dict[str, Any]:
+def _function(program: Program, real: Real) -> dict[str, Any]:
     return {
         "inputs": [_port(port) for port in program.inputs],
         "outputs": [_port(port) for port in program.outputs],
         "operations": count_operations(program).as_dict(),
+        "stack": asdict(stack_bound(program, real)),
     }
 
 

@@ -51,3 +51,17 @@ def compile_all(folder: Path, command: list[str], program: str = "selftest") -> 
 
 def run(program: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run([str(program)], capture_output=True, text=True, timeout=120)
+
+
+def frames(source: Path, command: list[str]) -> dict[str, int]:
+    """Bytes of stack of every function of a C file, as the compiler reports them; clones count as their function."""
+    subprocess.run(
+        [*command, "-std=c99", "-fstack-usage", "-c", source.name], cwd=source.parent, check=True, timeout=300
+    )
+    found: dict[str, int] = {}
+    for line in source.with_suffix(".su").read_text().splitlines():
+        place, size, kind = line.split("\t")
+        assert kind != "dynamic", line  # "dynamic,bounded" is a frame that is aligned for vectors
+        function = place.split(":")[-1].split(".")[0]
+        found[function] = max(found.get(function, 0), int(size))
+    return found

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from backends.c_tools import C99, CXX, compile_all, compiler, run, write
+from backends.c_tools import C99, CXX, compile_all, compiler, emitted, frames, run, write
 from rrrgen import pipeline
+from rrrgen.backends.c.stack import stack_bound
 from rrrgen.robotfile import load_spec
 
 
@@ -42,6 +43,32 @@ def test_bundled_robots_compile_cleanly_and_pass_their_self_test(robot, real, co
     done = run(compile_all(folder, [compiler(command), "-O1", *flags]))
     assert done.returncode == 0, done.stdout
     assert "FAILED" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("robot", "real", "command", "flags"),
+    [
+        ("stanford", "double", "gcc", ["-O2"]),  # loads inputs early
+        ("stanford", "float", "clang", ["-O2"]),  # saves vectors
+        ("rrr", "double", "clang", ["-O1"]),
+        ("rrr", "float", "gcc", ["-O3", "-march=native"]),
+        ("rrr", "double", "gcc", ["-O1"]),  # calls the kernel of the sines
+        ("gantry", "float", "clang", ["-O3"]),
+    ],
+)
+def test_no_function_takes_more_stack_than_its_bound(robot, real, command, flags, derived, tmp_path):
+    folder = emitted(derived[robot], tmp_path, real)
+    bounds = {f"{robot}_{name}": stack_bound(program, real) for name, program in derived[robot].programs.items()}
+    used = {}
+    for part in ("", "_derivatives"):
+        found = frames(folder / f"{robot}{part}.c", [compiler(command), *flags])
+        kernel = found.get(f"{robot}_sincos", 0)
+        used |= {name: size + kernel for name, size in found.items() if name in bounds}
+    assert len(used) > 20
+    for name, size in used.items():
+        stated = getattr(bounds[name], command)
+        assert size <= stated, name
+        assert stated <= 4 * size or size < 400, f"{name}: a bound that says too little"
 
 
 UNITY = """#include "rrr.inc"

@@ -86,6 +86,7 @@ def test_the_manifest_describes_the_inverse_kinematics(files):
     assert all(f'"{reason}"' in files["planar_ik.c"] for reason in entry["reasons"])
     assert f"{entry['operations']['mul']} mul, {entry['operations']['add']} add" in files["planar_ik.h"]
     assert f"(planar_real){entry['tolerances']['accept']!r}" in files["planar_ik.c"]
+    assert all(f"Stack: at most {size} bytes." in files["planar_ik.h"] for size in entry["stack"].values())
 
 
 def test_the_manifest_keeps_its_shape():
@@ -94,7 +95,7 @@ def test_the_manifest_keeps_its_shape():
     ports = {"type": "array", "items": port}
     function = {
         "type": "object",
-        "required": ["inputs", "outputs", "operations"],
+        "required": ["inputs", "outputs", "operations", "stack"],
         "properties": {"inputs": ports, "outputs": ports},
     }
     required = (

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.sources import naming, preamble, print_functions
+from rrrgen.backends.c.stack import STACK_RULE
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
 from rrrgen.backends.comments import columns, wrapped
 from rrrgen.program import Program
@@ -36,6 +37,7 @@ def function_files(
                 ("Units", "SI and rad: q rad or m, dq per s, ddq per s^2, tau N m or N"),
                 ("Precision", f"{real}; the typedef {dialect.real_type} is the only switch"),
                 ("Sine, cosine", sincos.description(dialect)),
+                ("Stack", STACK_RULE),
             ],
             indent="",
         ),

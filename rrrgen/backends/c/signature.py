@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.stack import stack_bound
 from rrrgen.backends.comments import columns, plain, wrapped
 from rrrgen.program import Port, Program, Status, count_operations
 
 _LONGEST_LINE = 118
-_FRAME = 96  # return address and callee-saved registers on 64-bit machines, and the call of a library function
 
 
 def function_name(program: Program, dialect: Dialect) -> str:
@@ -51,7 +51,8 @@ def explanation(program: Program, dialect: Dialect) -> list[str]:
     lines += ["", *columns([_row(direction, port) for direction, port in rows])]
     if program.status:
         lines += ["", *wrapped(_status_note(program.status, dialect))]
-    lines += ["", f"Operations: {count_operations(program)}. Stack: about {stack_estimate(program, dialect)} bytes."]
+    lines += ["", f"Operations: {count_operations(program)}."]
+    lines += [f"Stack: {stack_bound(program, dialect.real)}."]
     for note in program.notes:
         lines += wrapped(note)
     return lines
@@ -67,20 +68,3 @@ def _status_note(status: Status, dialect: Dialect) -> str:
 def _row(direction: str, port: Port) -> tuple[str, ...]:
     shape = " x ".join(map(str, port.shape)) or "1"
     return direction, port.name, shape, port.unit or "-", port.frame or "-", port.meaning
-
-
-def stack_estimate(program: Program, dialect: Dialect) -> int:
-    """Bytes of the frame of an optimised build: the locals alive at the same time, saved registers, a call of libm."""
-    last_use = list(range(len(program.nodes)))
-    for index, node in enumerate(program.nodes):
-        for arg in node.args:
-            last_use[arg] = index
-    alive, most, ends = 0, 0, [0] * (len(program.nodes) + 1)
-    for index, node in enumerate(program.nodes):
-        if node.args:  # inputs and constants stay where they are
-            alive += 1
-            ends[last_use[index]] += 1
-        most = max(most, alive)
-        alive -= ends[index]
-    size = 8 if dialect.real == "double" else 4
-    return _FRAME + -(-most * size // 16) * 16

@@ -10,6 +10,7 @@ from rrrgen.backends import Identity
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, prototype
+from rrrgen.backends.c.stack import STACK_RULE
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
 from rrrgen.backends.comments import columns, wrapped
 from rrrgen.backends.description import facts, large_angles, programs_of, title
@@ -120,6 +121,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
         ("Precision", f"{dialect.real}; the typedef {dialect.real_type} is the only switch"),
         ("Sine, cosine", sincos.description(dialect)),
         *large_angles(programs_of(model), dialect.real).items(),
+        ("Stack", STACK_RULE),
     ]
     lines += [*columns(rows, indent=""), ""]
     lines += wrapped(

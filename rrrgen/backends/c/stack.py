@@ -1,0 +1,72 @@
+"""Bytes of stack that an emitted function takes in an optimised build: upper bounds by a simple rule.
+
+The rule counts the values that are alive at the same time. gcc keeps about one number for each, up to half as many
+again in the longest functions. clang joins neighbouring results to vectors, saves whole vectors, and puts off stores
+until the neighbours are there, so that its frames depend less on the precision and more on the results.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import accumulate
+
+from rrrgen.backends import Real
+from rrrgen.program import Op, Program
+
+STACK_RULE = (
+    "the bytes stated with each function are upper bounds for builds with -O1, -O2 or -O3 (not -O0); the kernel of the "
+    "sines is in them, functions of math.h are not. gcc: 128 + 7/4 a s, clang: 128 + 20 a + 16 r, where a is the most "
+    "values that are alive at once (inputs from their first use to their last), r the number of different results and "
+    "s the size of the real type. Of the frames measured for all robots that come with rrrgen and for random ones (gcc "
+    "12 and clang 14 on x86-64, gcc 12 for Cortex-M4) none takes more than nine tenths of its bound; with -O2 large "
+    "frames mostly take half of it"
+)
+"""The rule in words, for the head of a header."""
+
+_FIXED = 128  # return address and saved registers, the sine kernel where it is called, alignment of vectors
+
+
+@dataclass(frozen=True)
+class StackBound:
+    """At most so many bytes, by the compiler that builds the function."""
+
+    gcc: int
+    clang: int
+
+    def __str__(self) -> str:
+        return f"at most {self.gcc} bytes built by gcc, {self.clang} by clang"
+
+
+def stack_bound(program: Program, real: Real) -> StackBound:
+    """By the :data:`STACK_RULE`; rounded up to whole 16 bytes, as stacks are aligned."""
+    size = 8 if real == "double" else 4
+    alive = most_alive(program)
+    results = len({element for elements in program.results for element in elements})
+    return StackBound(
+        gcc=_aligned(_FIXED + 7 * alive * size // 4),
+        clang=_aligned(_FIXED + 20 * alive + 16 * results),
+    )
+
+
+def most_alive(program: Program) -> int:
+    """The most values that are needed at the same time, in the order of the program.
+
+    A computed value counts from its definition to its last use, an input from its first use on, a constant never.
+    """
+    nodes = program.nodes
+    first, last = list(range(len(nodes))), list(range(len(nodes)))
+    for index, node in enumerate(nodes):
+        for arg in node.args:
+            last[arg] = index
+            if nodes[arg].op is Op.INPUT and first[arg] == arg:
+                first[arg] = index
+    change = [0] * (len(nodes) + 1)
+    for index, node in enumerate(nodes):
+        if node.args or (last[index] > index and node.op is Op.INPUT):
+            change[first[index]] += 1
+            change[last[index] + 1] -= 1
+    return max(accumulate(change), default=0)
+
+
+def _aligned(size: int) -> int:
+    return -(-size // 16) * 16
