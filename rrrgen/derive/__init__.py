@@ -1,6 +1,6 @@
-"""From a robot's exact normal form to programs and closed forms.
+"""Derivation: from the exact normal form of a robot to programs and closed forms.
 
-Heavy modules load when they are used: import the functions below, not the modules, from outside.
+Call the functions below from outside; they import the heavy modules when they run.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 def prepare(spec: RobotSpec) -> Derivation:
-    """The exact chain of ``spec`` and its minimal base parameters, from which every function is recorded."""
+    """The exact chain of ``spec`` and its minimal base parameters, the starting point of every derived function.
+
+    Raises InputError if the base parameters chosen in the robot file are no basis.
+    """
     from rrrgen.derive.derived_model import Derivation
     from rrrgen.derive.functions.recording import parametrize
     from rrrgen.derive.parameters.base_parameters import base_set
@@ -24,13 +27,17 @@ def prepare(spec: RobotSpec) -> Derivation:
     from rrrgen.model import build_model
 
     model = build_model(spec)
-    own = base_set(model)
-    change = change_basis(spec, own) if spec.basis is not None else None
-    return Derivation(spec, model, own, change, parametrize(own, change))
+    compiler_set = base_set(model)
+    change = change_basis(spec, compiler_set) if spec.basis is not None else None
+    return Derivation(spec, model, compiler_set, change, parametrize(compiler_set, change))
 
 
 def derive_model(spec: RobotSpec) -> RecordedModel:
-    """All functions and the minimal base parameters of ``spec``, before optimization."""
+    """All model functions and the minimal base parameters of ``spec``, before optimization.
+
+    Raises InputError if the base parameters chosen in the robot file are no basis, DerivationError if a named parameter
+    has no nominal value.
+    """
     import sympy as sp
 
     from rrrgen.derive.derived_model import RecordedModel
@@ -41,7 +48,11 @@ def derive_model(spec: RobotSpec) -> RecordedModel:
     from rrrgen.derive.recursions.chain import rational
 
     derivation = prepare(spec)
-    own, change, parametrization = derivation.own_basis, derivation.basis_change, derivation.parametrization
+    compiler_set, change, parametrization = (
+        derivation.compiler_basis,
+        derivation.basis_change,
+        derivation.parametrization,
+    )
     alternatives = {
         name: tuple(record(derivation.recording()) for record in recorders) for name, recorders in FUNCTIONS.items()
     }
@@ -49,7 +60,7 @@ def derive_model(spec: RobotSpec) -> RecordedModel:
     frictions += [] if spec.drives is None else [motor.friction for motor in spec.drives.motors]
     if any(friction is not None for friction in frictions):
         alternatives["friction"] = (friction_program(derivation.recording()),)
-    projection = _projection(own, change)
+    projection = _projection(compiler_set, change)
     symbols = standard_symbols(spec.n)
     expressions = change.expressions if change else [linear_expression(row, symbols) for row in projection]
     numeric = [[rational(spec.nominal(v)) for v in row] for row in projection]
@@ -63,28 +74,28 @@ def derive_model(spec: RobotSpec) -> RecordedModel:
             for name, expression, unit in zip(parametrization.names, expressions, parametrization.units, strict=True)
         ),
         base_projection=tuple(tuple(float(v) for v in row) for row in numeric),
-        regrouping=tuple(regroupings(derivation.model, own, parametrization.names, projection)),
+        regrouping=tuple(regroupings(derivation.model, compiler_set, parametrization.names, projection)),
         beta_nominal=None if phi is None else tuple(_dot(row, phi) for row in numeric),
         drive_inertia_nominal=_nominal_drive_inertia(spec),
     )
 
 
-def _projection(own: object, change: object) -> list[list[sp.Expr]]:
-    """Base parameters (the user's, or the compiler's own) over the standard parameters."""
+def _projection(compiler_set: object, change: object) -> list[list[sp.Expr]]:
+    """K of ``beta = K phi``, shape (b, 10 n), for the user's base parameters if the file has any."""
     import sympy as sp
 
     from rrrgen.derive.algebra.polynomials import to_expression
     from rrrgen.derive.parameters.base_parameters import BaseSet
     from rrrgen.derive.parameters.user_basis import BasisChange
 
-    assert isinstance(own, BaseSet)
+    assert isinstance(compiler_set, BaseSet)
     if change is None:
-        return [list(row) for row in own.projection]
+        return [list(row) for row in compiler_set.projection]
     assert isinstance(change, BasisChange)
     rows = []
     for factors in change.forward:
-        row = [sp.S.Zero] * len(own.projection[0])
-        for factor, base in zip(factors, own.projection, strict=True):
+        row = [sp.S.Zero] * len(compiler_set.projection[0])
+        for factor, base in zip(factors, compiler_set.projection, strict=True):
             if factor:
                 row = [sp.expand(x + to_expression(factor) * y) for x, y in zip(row, base, strict=True)]
         rows.append(row)
@@ -92,7 +103,7 @@ def _projection(own: object, change: object) -> list[list[sp.Expr]]:
 
 
 def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
-    """Standard parameters of all links from the file, in the order of emission."""
+    """phi (10 n,) of the links in the robot file; None if it states no links."""
     if spec.links is None:
         return None
     from rrrgen.model.standard_parameters import standard_parameters

@@ -1,4 +1,4 @@
-"""What derivation delivers: a :class:`RecordedModel`, and a :class:`DerivedModel` once every program is optimized."""
+"""The results of derivation: :class:`RecordedModel` before optimization, :class:`DerivedModel` after it."""
 
 from __future__ import annotations
 
@@ -16,24 +16,30 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 
 @dataclass(frozen=True)
 class Derivation:
-    """What every function of one robot is recorded from: the exact chain and its minimal parameters."""
+    """The starting point of every function of one robot: the exact chain and its minimal parameters.
+
+    ``compiler_basis`` is the set of base parameters that the compiler chooses, ``basis_change`` its relation to the set
+    of the robot file (None if the file has none).
+    """
 
     spec: RobotSpec
     model: RobotModel
-    own_basis: BaseSet
+    compiler_basis: BaseSet
     basis_change: BasisChange | None
     parametrization: Parametrization
 
     def recording(self) -> Recording:
-        """A function to be recorded, with nominal geometry."""
+        """A new, empty recording of a function at nominal geometry."""
         return Recording(self.model, self.parametrization)
 
 
 @dataclass(frozen=True)
 class ParametrizedRobot:
-    """A robot and its base parameters, which whoever reads its functions needs to know.
+    """A robot with its base parameters.
 
-    ``base_projection`` is K of ``beta = K phi`` (b x 10 n) at nominal geometry.
+    ``base_projection`` is K of ``beta = K phi``, shape (b, 10 n), at nominal geometry; ``regrouping`` says for every
+    standard parameter where it went. ``beta_nominal`` (b,) and ``drive_inertia_nominal`` are the values of the robot
+    file, None where it states none.
     """
 
     spec: RobotSpec
@@ -45,12 +51,12 @@ class ParametrizedRobot:
 
     @property
     def name(self) -> str:
-        """The robot's name, prefix of every emitted symbol."""
+        """The name of the robot, which is the prefix of every emitted symbol."""
         return self.spec.name
 
     @property
     def nominal(self) -> dict[Role, tuple[Fraction, ...]]:
-        """The parameters that the file gives numbers for, by the role of the port that takes them."""
+        """The parameter vectors for which the robot file gives numbers, by the role of their port."""
         values = {Role.BASE_PARAMETERS: self.beta_nominal, Role.DRIVE_INERTIA: self.drive_inertia_nominal}
         return {role: numbers for role, numbers in values.items() if numbers is not None}
 
@@ -62,20 +68,20 @@ class ParametrizedRobot:
 
 @dataclass(frozen=True)
 class RecordedModel(ParametrizedRobot):
-    """Every function as it was recorded, in one or more equivalent ways, before any optimization."""
+    """Every function as recorded, before optimization: ``alternatives`` lists equivalent programs per function."""
 
     derivation: Derivation
     alternatives: dict[str, tuple[Program, ...]]
 
     def optimized(self, programs: dict[str, Program], passes: tuple[PassReport, ...]) -> DerivedModel:
-        """The same robot with the programs that optimization made of the alternatives."""
+        """The derived model of the same robot with the optimized ``programs`` and the reports of the ``passes``."""
         known: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(ParametrizedRobot)}
         return DerivedModel(**known, programs=programs, passes=passes)
 
 
 @dataclass(frozen=True)
 class PassReport:
-    """What one optimization pass did to one function."""
+    """The operations of one function before and after one optimization pass."""
 
     name: str
     function: str
@@ -85,10 +91,10 @@ class PassReport:
 
 @dataclass(frozen=True)
 class DerivedModel(ParametrizedRobot):
-    """Everything that back ends, the runtime and reports need: every function at its cheapest.
+    """A robot with its optimized functions: all that backends, runtime and reports need.
 
-    ``programs`` maps public function names to programs, in the order of emission. With inertias in the file every
-    function that takes base parameters has a specialization ``<function>_nominal`` with the file's numbers folded in.
+    ``programs`` maps public function names to programs, in the order of emission. If the robot file states inertias,
+    every function of the base parameters has a specialization ``<function>_nominal`` with those numbers folded in.
     """
 
     programs: dict[str, Program]

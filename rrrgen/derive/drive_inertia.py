@@ -1,8 +1,8 @@
-"""What the inertia of the drives adds to the equation of motion: ``sum over k of Ia_k w_k w_k'`` in the mass matrix.
+"""Drive inertia in the equation of motion: it adds ``sum over k of Ia_k w_k w_k'`` to the mass matrix.
 
-``w_k`` is the direction of inertia k in joint space (:mod:`rrrgen.model.drive_terms`): a unit vector for a drive with a
-joint of its own, so that the sum is a diagonal; a row of ``motor_from_joint`` for a coupled one. The matrix is
-constant, so nothing is added to Coriolis or gravity torques.
+``w_k`` (n,) is the direction of inertia k in joint space (:mod:`rrrgen.model.drive_terms`): a unit vector for a drive
+that moves one joint, a row of ``motor_from_joint`` for a coupled one. The added matrix is constant, so Coriolis and
+gravity torques do not change.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from rrrgen.program.builder import Number
 
 @dataclass(frozen=True)
 class DriveInertia:
-    """Inertias with their directions (n,) each."""
+    """The drive inertias Ia_k (kg m^2 or kg) with their directions w_k, shape (n,) each."""
 
     values: Sequence[Value]
     directions: Sequence[Sequence[Number]]
 
     def added_to_mass(self, M: Matrix) -> Matrix:
-        """``M + sum of Ia_k w_k w_k'``."""
+        """The mass matrix with drive inertia: ``M + sum of Ia_k w_k w_k'``, shape (n, n)."""
         result = [list(row) for row in M]
         for Ia, w in zip(self.values, self.directions, strict=True):
             moved = [i for i, weight in enumerate(w) if weight]
@@ -35,7 +35,7 @@ class DriveInertia:
         return result
 
     def added_to_torques(self, tau: Sequence[Any], ddq: Sequence[Any]) -> list[Any]:
-        """``tau + sum of w_k Ia_k (w_k ddq)``."""
+        """The joint torques with drive inertia: ``tau + sum of w_k Ia_k (w_k . ddq)``, shape (n,)."""
         result = list(tau)
         for Ia, w in zip(self.values, self.directions, strict=True):
             force = Ia * along(w, ddq)
@@ -45,7 +45,7 @@ class DriveInertia:
         return result
 
     def added_to_energy(self, kinetic: Any, dq: Sequence[Any]) -> Any:
-        """``kinetic + sum of Ia_k (w_k dq)^2 / 2``."""
+        """The kinetic energy (J) with drive inertia: ``kinetic + sum of Ia_k (w_k . dq)^2 / 2``."""
         for Ia, w in zip(self.values, self.directions, strict=True):
             rate = along(w, dq)
             kinetic = kinetic + Fraction(1, 2) * Ia * (rate * rate)
@@ -53,7 +53,7 @@ class DriveInertia:
 
 
 def along(w: Sequence[Number], rates: Sequence[Any]) -> Any:
-    """``w rates``: what a joint vector is along a direction."""
+    """``w . rates``: the component of a joint vector along the direction ``w``."""
     total: Any = 0
     for weight, rate in zip(w, rates, strict=True):
         if weight:

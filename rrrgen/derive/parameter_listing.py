@@ -1,8 +1,8 @@
-"""Base parameters as every page prints them: the expressions, and beside them what their symbols mean.
+"""The base parameters as every page prints them: expressions, and the meaning of their symbols.
 
-There is one convention for all that is printed: the inertia *tensor* about the origin of the link frame, so
-``Ixy = -integral of x*y dm``, as in the standard regressor. A robot file may be written with positive products; its
-expressions are converted when they are read (:func:`rrrgen.derive.parameters.user_basis.with_signs`).
+All output uses the inertia *tensor* about the origin of the link frame, ``Ixy = -integral of x*y dm``, as does the
+standard regressor. A robot file may be written with positive products of inertia; its expressions are converted when
+they are read (:func:`rrrgen.derive.parameters.user_basis.with_signs`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _REGROUPED = (
 
 @dataclass(frozen=True)
 class PrintedParameter:
-    """One base parameter: name, unit, expression in the link parameters, value for the links of the file or None."""
+    """One base parameter: name, unit, expression in the link parameters, nominal value (None without link data)."""
 
     name: str
     unit: str
@@ -43,14 +43,14 @@ class PrintedParameter:
 
 @dataclass(frozen=True)
 class ParameterListing:
-    """The base parameters of one robot and the ``statement`` of the convention that their expressions follow."""
+    """The base parameters of one robot; ``statement`` defines the symbols and the signs of their expressions."""
 
     statement: str
     rows: tuple[PrintedParameter, ...]
 
 
 def listing(model: DerivedModel) -> ParameterListing:
-    """What header, ``show``, reports, manifest and CasADi module print of the base parameters of ``model``."""
+    """The base parameters of ``model`` for printing in headers, ``show``, reports, the manifest and CasADi modules."""
     spec = model.spec
     positive = any(link.products == "positive" for link in spec.links or ())
     positive |= spec.basis is not None and spec.basis.products == "positive"

@@ -1,1 +1,1 @@
-"""Exact arithmetic under the derivations: vectors, polynomials, a finite field, factors of the mass matrix."""
+"""Exact arithmetic for the derivations: vectors, polynomials, a finite field, factorization of the mass matrix."""

@@ -1,8 +1,9 @@
-"""Arithmetic modulo a large prime: exact linear algebra on exact rational states.
+"""Arithmetic modulo a large prime, for exact ranks without tolerances.
 
-A rational state has an image in the field; a non-zero minor there proves that the minor over the rationals is not
-zero. Ranks found here are therefore lower bounds that hold exactly, without any tolerance. In the field chosen all
-primes up to 19 are squares, so that the square roots of usual twist angles (30, 45, 60, 72 degrees) have exact images.
+Rational numbers map to the field by reduction modulo the prime. If a minor is non-zero in the field, it is non-zero
+over the rationals; a rank found here is therefore an exact lower bound. The prime is chosen such that all primes up to
+19 are squares modulo it, so the square roots in the sines of usual twist angles (30, 45, 60, 72 degrees) have exact
+images.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ PRIME = 2305843009213682039  # 2**61 - 11913
 
 
 class Residue:
-    """An element of the prime field under the Python operators."""
+    """An element of the prime field, with the Python operators."""
 
     __slots__ = ("value",)
 
@@ -79,13 +80,13 @@ Operand = Residue | int | Fraction
 
 
 def square_root(number: int) -> int | None:
-    """A square root modulo the prime, or None; the prime is 3 modulo 4."""
+    """A square root of ``number`` modulo the prime, None if there is none. Uses that the prime is 3 modulo 4."""
     root = pow(number % PRIME, (PRIME + 1) // 4, PRIME)
     return root if root * root % PRIME == number % PRIME else None
 
 
 def row_echelon(rows: list[list[int]]) -> tuple[list[list[int]], list[int]]:
-    """Reduced row echelon form over the field and the pivot columns; ``rows`` is consumed."""
+    """The non-zero rows of the reduced row echelon form and the pivot columns; modifies ``rows``."""
     pivots: list[int] = []
     height, width = len(rows), len(rows[0]) if rows else 0
     top = 0

@@ -1,8 +1,9 @@
-"""Exact polynomials in sines, cosines and symbols, kept in a normal form while they are computed.
+"""Exact polynomials in sines, cosines and symbols, always in normal form.
 
 A :class:`PolynomialRing` has generators for everything that is not rational: named parameters, joint variables, base
-parameters, and for each angle a cosine and a sine. The relation ``s**2 = 1 - c**2`` (and ``r**2 = k`` for a square
-root) is applied after every product, so two equal expressions have equal polynomials, and a zero is found out at once.
+parameters, and a cosine and a sine for each angle. The relation ``s**2 = 1 - c**2`` (and ``r**2 = k`` for a square
+root) is applied after every product. Equal expressions therefore have equal polynomials, and a zero is recognized at
+once.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from sympy.polys.rings import PolyElement, ring
 
 
 class PolynomialRing:
-    """Q[generators] modulo the squares of sines and roots.
+    """Polynomials over the rationals, modulo ``s**2 = 1 - c**2`` for sines and ``r**2 = k`` for square roots.
 
-    ``symbols`` are free; ``pairs`` are (cosine, sine) expressions of an angle; ``roots`` square roots of primes.
+    ``symbols`` are generators without relations, ``pairs`` the (cosine, sine) of each angle, ``roots`` square roots of
+    primes.
     """
 
     def __init__(
@@ -43,16 +45,16 @@ class PolynomialRing:
         return Polynomial(self, self._gens[self.index[expression]])
 
     def number(self, value: int | Fraction) -> Polynomial:
-        """A rational number."""
+        """The constant polynomial ``value``."""
         value = Fraction(value)
         return Polynomial(self, self.ring(sp.QQ(value.numerator, value.denominator)))
 
     def element(self, poly: PolyElement) -> Any:
-        """A polynomial of :attr:`ring` in its normal form; numbers become plain fractions."""
+        """The normal form of a SymPy ring element; a constant becomes a Fraction."""
         return self.number(0) + Polynomial(self, self.reduce(poly))
 
     def convert(self, expression: sp.Expr) -> Any:
-        """An exact SymPy expression as an element; rationals stay plain fractions."""
+        """An exact SymPy expression as a polynomial, a rational as a Fraction. Raises KeyError for unknown symbols."""
         if expression.is_Rational:
             return Fraction(int(expression.p), int(expression.q))
         if expression in self.index:
@@ -74,7 +76,7 @@ class PolynomialRing:
         raise KeyError(expression)
 
     def conjugations(self) -> list[Callable[[Polynomial], Polynomial]]:
-        """For each sine and root: the map that changes its sign."""
+        """For each sine and square root, the ring automorphism that changes its sign."""
 
         def conjugation(k: int) -> Callable[[Polynomial], Polynomial]:
             def conjugate(value: Polynomial) -> Polynomial:
@@ -86,7 +88,7 @@ class PolynomialRing:
         return [conjugation(k) for k in self._squares]
 
     def reduce(self, poly: PolyElement) -> PolyElement:
-        """Apply the relations until none applies."""
+        """The normal form: squares of sines and roots replaced until none is left."""
         for k, square in self._squares.items():
             while any(monomial[k] > 1 for monomial in poly):
                 high, rest = [], {}
@@ -100,7 +102,7 @@ class PolynomialRing:
 
 
 class Polynomial:
-    """An element of a :class:`PolynomialRing` under the Python operators."""
+    """An element of a :class:`PolynomialRing`, with the Python operators; constant results are Fractions."""
 
     __slots__ = ("poly", "ring")
 
@@ -153,7 +155,7 @@ class Polynomial:
         return hash(self.poly)
 
     def derivative(self, generator: sp.Expr) -> Any:
-        """Partial derivative with respect to a free symbol."""
+        """Partial derivative with respect to a generator that has no relation."""
         return self._result(self.poly.diff(self.ring._gens[self.ring.index[generator]]))
 
     def coefficients(self, generators: Iterable[sp.Expr]) -> dict[tuple[int, ...], Any]:
@@ -169,7 +171,7 @@ class Polynomial:
         return {key: Polynomial(self.ring, self.ring.ring.from_dict(part)) for key, part in sorted(parts.items())}
 
     def expression(self) -> sp.Expr:
-        """As a SymPy expression, expanded."""
+        """The polynomial as an expanded SymPy expression."""
         terms = []
         for monomial, coefficient in self.poly.terms():
             factors = [g**e for g, e in zip(self.ring.generators, monomial, strict=False) if e]
@@ -181,9 +183,10 @@ Operand = Polynomial | int | Fraction
 
 
 def root_factors(expression: sp.Expr) -> list[sp.Expr]:
-    """``[sqrt(2), sqrt(3)]`` for sqrt(6): the roots of primes that a square root is made of, else an empty list.
+    """The square roots of primes whose product is ``expression``: ``[sqrt(2), sqrt(3)]`` for sqrt(6).
 
-    Roots of different primes have no relation but their squares, while sqrt(6) = sqrt(2) sqrt(3) would be one more.
+    Empty if the expression is no square root of a rational. Roots of primes are the generators because they satisfy no
+    relations except their squares; a generator sqrt(6) would add sqrt(6) = sqrt(2) sqrt(3).
     """
     if not (expression.is_Pow and expression.exp == sp.Rational(1, 2) and expression.base.is_Rational):
         return []
@@ -191,7 +194,7 @@ def root_factors(expression: sp.Expr) -> list[sp.Expr]:
 
 
 def to_expression(value: Operand) -> sp.Expr:
-    """A polynomial or a plain number as a SymPy expression."""
+    """A polynomial or a rational number as a SymPy expression."""
     if isinstance(value, Polynomial):
         return value.expression()
     value = Fraction(value)

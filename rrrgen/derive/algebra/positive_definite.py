@@ -1,4 +1,4 @@
-"""Solving with the mass matrix: L D L', recorded without branches and without division by zero."""
+"""The factorization M = L D L' of the mass matrix, recorded without branches and without division by zero."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fractions import Fraction
 from rrrgen.program import Builder, Status, Value
 
 PIVOT_TOLERANCE = Fraction(1, 2**40)
-"""A pivot of M below this part of its diagonal entry counts as zero."""
+"""A pivot smaller than this fraction of the diagonal entry of M counts as zero: half the digits of a double."""
 
 STATUS = Status(
     output=0,
@@ -16,16 +16,16 @@ STATUS = Status(
     message="the mass matrix is not positive definite",
     meaning="the mass matrix is indefinite or singular",
 )
-"""The first output of programs that solve with M: 1 where a pivot is not positive."""
+"""The first output of programs that solve with M: 1 if a pivot is not positive."""
 
 Rows = list[list[Value]]
 
 
 @dataclass(frozen=True)
 class Factors:
-    """``M = L D L'``: L (unit lower triangular), the reciprocals of D, and a status: 1 where a pivot is not positive.
+    """``M = L D L'``: L (unit lower triangular), the reciprocals of D, and the status, 1 if a pivot is not positive.
 
-    Where the status is 1 the numbers are finite but mean nothing.
+    With status 1 the factors are finite but meaningless.
     """
 
     builder: Builder
@@ -34,7 +34,7 @@ class Factors:
     status: Value
 
     def solve(self, rhs: list[Value]) -> list[Value]:
-        """x with M x = rhs; x = 0 where the status is 1."""
+        """The solution x (n,) of M x = rhs; zero if the status is 1."""
         b, L, n = self.builder, self.L, len(rhs)
         y = list(rhs)
         for i in range(n):
@@ -47,7 +47,7 @@ class Factors:
         return [b.select(self.status, 0, value) for value in x]
 
     def negative_inverse(self) -> Rows:
-        """``-inv(M)``, symmetric; 0 where the status is 1. The sign is what derivatives of the solution need."""
+        """``-inv(M)`` (n, n), zero if the status is 1; negative because derivatives of the solution contain -inv(M)."""
         b, n = self.builder, len(self.L)
         scales = [b.select(self.status, 0, b.neg(value)) for value in self.reciprocals]
         X = self._inverse_of_L()
@@ -74,7 +74,7 @@ class Factors:
 
 
 def factorize(builder: Builder, M: Rows) -> Factors:
-    """The factors of the symmetric matrix ``M``."""
+    """The factors L, D of the symmetric matrix ``M`` (n, n), recorded into ``builder``."""
     b, n = builder, len(M)
     L: Rows = [[0] * n for _ in range(n)]
     margins: list[Value] = []

@@ -1,4 +1,4 @@
-"""Three-vectors and 3x3 matrices over any scalar: plain lists, the operators, and nothing else."""
+"""Three-vectors and 3x3 matrices as plain lists of any scalar that has the operators + - *."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ZERO3: Vector = [0, 0, 0]
 
 
 def is_number(value: Any, *numbers: int) -> bool:
-    """Whether ``value`` is a plain number, known while deriving, and one of ``numbers``."""
+    """Whether ``value`` is a number known while deriving and equals one of ``numbers``."""
     return isinstance(value, (int, Fraction)) and value in numbers
 
 
@@ -36,7 +36,7 @@ def dot(u: Sequence[Any], v: Sequence[Any]) -> Any:
     """u . v."""
     total: Any = 0
     for x, y in zip(u, v, strict=True):
-        if x and y:  # only numbers can be false: most entries of constant rotations are zeros
+        if x and y:  # false only for a zero known while deriving, as most entries of constant rotations are
             total = total + x * y
     return total
 
@@ -67,21 +67,21 @@ def transpose(A: Matrix) -> Matrix:
     return [list(row) for row in zip(*A, strict=True)]
 
 
-def turn(c: Any, s: Any, v: Sequence[Any]) -> Vector:
-    """Rz v, with c and s the cosine and sine of the angle."""
+def rotate_z(c: Any, s: Any, v: Sequence[Any]) -> Vector:
+    """``Rz v``: the vector rotated about z by the angle with cosine ``c`` and sine ``s``."""
     return [c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]]
 
 
-def turn_back(c: Any, s: Any, v: Sequence[Any]) -> Vector:
-    """Rz' v."""
+def rotate_z_back(c: Any, s: Any, v: Sequence[Any]) -> Vector:
+    """``Rz' v``: the vector rotated about z by minus the angle with cosine ``c`` and sine ``s``."""
     return [c * v[0] + s * v[1], c * v[1] - s * v[0], v[2]]
 
 
 def flat(M: list[list[Any]]) -> list[Any]:
-    """Entries of a matrix, row by row."""
+    """The entries of a matrix, row-major."""
     return [value for row in M for value in row]
 
 
 def rows(n: int, entries: Sequence[Any]) -> Matrix:
-    """The n x n matrix of ``entries``, given row by row."""
+    """The n x n matrix of ``entries``, given row-major."""
     return [list(entries[k * n : (k + 1) * n]) for k in range(n)]

@@ -1,8 +1,8 @@
 """Closed forms: a program with its intermediates expanded and its trigonometry collected.
 
-The functions are recorded once more with the geometry as symbols and expanded into polynomials in the sines and
-cosines of the angles that occur; since angles of parallel axes are recorded as sums, terms collect over q2 + q3 by
-themselves. Any single entry can be expanded alone, for robots whose whole matrices would fill pages.
+A function is recorded again with the geometry as symbols and expanded into polynomials in sines and cosines. The angles
+of parallel axes are recorded as sums, so terms in cos(q2 + q3) collect without trigonometric identities. Single entries
+can be expanded alone, for robots whose whole matrices would fill pages.
 """
 
 from __future__ import annotations
@@ -24,15 +24,19 @@ from rrrgen.program import Op, Program, Role, Value
 from rrrgen.program.nodes import reachable
 
 CLOSED = tuple(name for name in FUNCTIONS if name != "forward_dynamics_derivatives")
-"""Functions that are polynomials in sines and cosines; what divides by the pivots of M is not."""
+"""Functions that are polynomials in sines and cosines: all that do not divide by the pivots of M."""
 
 
 LONGEST_SHOWN = 200
-"""Largest program whose closed form is shown unasked: an RRR's regressor has 159 nodes, a Puma's M, pages long, 305."""
+"""Nodes of the largest program that notebooks display: an RRR's regressor has 159, a Puma's M, pages long, 305."""
 
 
 class ClosedForm:
-    """The closed form of one function: index it for single entries, or take the whole ``matrix()``."""
+    """The closed form of one function: ``form[i, j]`` (from 0) is one entry, ``form.matrix()`` all of them.
+
+    ``shape`` is the shape of the output. Entries are exact SymPy expressions in q1, dq1, ddq1, ..., base parameters and
+    named parameters, in the units of the function.
+    """
 
     def __init__(
         self,
@@ -50,7 +54,7 @@ class ClosedForm:
         self.shape: tuple[int, ...] = program.outputs[output].shape
 
     def __getitem__(self, index: int | tuple[int, ...]) -> sp.Expr:
-        """The entry at ``index``, collected by parameters and rates."""
+        """The entry at ``index`` (from 0), collected by parameters and rates. Raises IndexError outside the shape."""
         place = (index,) if isinstance(index, int) else tuple(index)
         if len(place) != len(self.shape):
             raise IndexError(f"{self.program.name} has shape {self.shape}, got index {index}")
@@ -65,7 +69,7 @@ class ClosedForm:
         return f"<closed form of {self.program.name}, shape {self.shape}: index it for an entry, or take its matrix()>"
 
     def _repr_latex_(self) -> str | None:
-        """The matrix for notebooks; nothing where it would fill pages."""
+        """The matrix for display in notebooks; None if it would fill pages."""
         if len(self.program.nodes) > LONGEST_SHOWN:
             return None
         return f"$\\displaystyle {sp.latex(self.matrix())}$"
@@ -74,13 +78,13 @@ class ClosedForm:
         return (self._expander.expression(node) for node in self._nodes)
 
     def matrix(self) -> sp.Matrix:
-        """All entries; a vector is a column, higher ranks are stacked by rows."""
+        """All entries as a SymPy matrix: a vector as a column, a stack of matrices one below the other."""
         entries = list(self)
         rows = len(entries) if len(self.shape) == 1 else len(entries) // self.shape[-1]
         return sp.Matrix(rows, len(entries) // rows, entries)
 
     def polynomial(self, index: tuple[int, ...]) -> Any:
-        """The entry as a polynomial (for exact comparisons)."""
+        """The entry at ``index`` as a polynomial in normal form, for exact comparisons."""
         flat = 0
         for k, size in zip(index, self.shape, strict=True):
             flat = flat * size + k
@@ -90,7 +94,8 @@ class ClosedForm:
 def closed_form(derivation: Derivation, function: str) -> ClosedForm:
     """The closed form of ``function`` with named parameters and base parameters as symbols.
 
-    Of a function with several results, one is named: ``"inverse_dynamics_derivatives.dtau_dq"``.
+    For a function with several results, name one: ``"inverse_dynamics_derivatives.dtau_dq"``. Raises DerivationError if
+    the function has no closed form or no such result.
     """
     name, _, wanted = function.partition(".")
     if name not in CLOSED:
@@ -108,7 +113,7 @@ def closed_form(derivation: Derivation, function: str) -> ClosedForm:
 
 
 def _output(program: Program, wanted: str) -> int:
-    """The position of the result named ``wanted``, which may be empty where there is only one."""
+    """The index of the output named ``wanted``; the name may be empty if there is only one output."""
     names = [port.name for port in program.outputs]
     if wanted in names:
         return names.index(wanted)
@@ -132,7 +137,7 @@ def _input_symbols(
 
 
 class _Expander:
-    """Values of a program's nodes as polynomials, computed on demand."""
+    """Expands the nodes of a program into polynomials, on demand."""
 
     def __init__(
         self,
@@ -157,7 +162,7 @@ class _Expander:
                            if port.role in (Role.BASE_PARAMETERS, Role.DRIVE_INERTIA) for s in row]  # fmt: skip
 
     def _angle(self, index: int) -> sp.Expr:
-        """A sum of joint angles and constants as an expression."""
+        """The node ``index``, a linear combination of joint angles and constants, as a SymPy expression."""
         node = self.program.nodes[index]
         if node.op is Op.INPUT:
             port, element = node.place
@@ -196,7 +201,7 @@ class _Expander:
         return result
 
     def expression(self, index: int) -> sp.Expr:
-        """The node as a readable expression: parameters times (rates times trigonometry)."""
+        """The node ``index`` as a readable expression: sum of parameter * (sum of rates * trigonometry)."""
         value = self.value(index)
         if not isinstance(value, Polynomial):
             return to_expression(value)

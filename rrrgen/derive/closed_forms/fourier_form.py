@@ -1,6 +1,6 @@
-"""Two ways to write a polynomial in sines and cosines, and the shorter of them.
+"""The shorter of two forms of a polynomial in sines and cosines: powers and products, or sines and cosines of sums.
 
-As it comes, ``cos(q2)**2``, or with products of angles of one block turned into sines and cosines of sums,
+The second form replaces products of angles of one block of parallel axes by multiple angles, as in
 ``cos(q2) cos(q2+q3) + sin(q2) sin(q2+q3) = cos(q3)``. Angles of different blocks are never mixed.
 """
 
@@ -20,7 +20,7 @@ Wave = dict[sp.Expr, tuple[Fraction, Fraction]]
 
 
 def shorter_form(value: Polynomial, pairs: Pairs) -> sp.Expr:
-    """``value`` written out the shorter way."""
+    """``value`` as a SymPy expression in whichever of the two forms has fewer operations."""
     plain = sp.factor_terms(value.expression())
     best = plain
     for block in _blocks(pairs):
@@ -31,7 +31,7 @@ def shorter_form(value: Polynomial, pairs: Pairs) -> sp.Expr:
 
 
 def _blocks(pairs: Pairs) -> list[Pairs]:
-    """Pairs whose angles share joint variables."""
+    """The (cosine, sine) pairs grouped into sets whose angles share joint variables."""
     blocks: list[tuple[set[sp.Symbol], list[tuple[sp.Expr, sp.Expr]]]] = []
     for pair in pairs:
         symbols = pair[0].args[0].free_symbols
@@ -65,9 +65,9 @@ def _times(wave: Wave, angle: sp.Expr, a: Fraction, b: Fraction) -> Wave:
     """Product with ``a cos(angle) + b sin(angle)``."""
     result: Wave = {}
     half = Fraction(1, 2)
-    for own, (c, d) in wave.items():
-        _accumulate(result, own + angle, half * (c * a - d * b), half * (c * b + d * a))
-        _accumulate(result, own - angle, half * (c * a + d * b), half * (d * a - c * b))
+    for present, (c, d) in wave.items():
+        _accumulate(result, present + angle, half * (c * a - d * b), half * (c * b + d * a))
+        _accumulate(result, present - angle, half * (c * a + d * b), half * (d * a - c * b))
     return result
 
 

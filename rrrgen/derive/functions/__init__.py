@@ -1,1 +1,1 @@
-"""The public model functions: how each is recorded as a program, and the table of them all."""
+"""The public model functions: one recorder per function, and the table of all of them."""

@@ -1,23 +1,24 @@
 """Analytical derivatives of inverse and forward dynamics with respect to positions and velocities.
 
-With ``tau_i = integral of J_i . a dm``, where a is the acceleration of a mass point minus gravity and J_i the velocity
-that a unit rate of joint i gives it, ``dr/dq_j = J_j`` and ``d(r'')/dq_j = J_j''``, so that
+Write ``tau_i = integral of J_i . a dm`` with a the acceleration of a mass point minus gravity and J_i the velocity of
+the point for a unit rate of joint i. Since ``dr/dq_j = J_j`` and ``d(r'')/dq_j = J_j''``,
 
     dtau_i/dq_j = integral of dJ_i/dq_j . a + J_i . J_j'' dm.
 
-Joint j turns everything beyond it, J_i included: for j <= i the first term is ``-J_i . (z_j x a)``, which cancels all
-of J_j'' that depends on the acceleration of the point. What is left is the field
+Joint j rotates everything beyond it, J_i included: for j <= i the first term is ``-J_i . (z_j x a)``, which cancels the
+part of J_j'' that depends on the acceleration of the point. The remainder is the field
 
     K_j = z_j'' x rho + 2 z_j' x rho' - z_j x a_j,   rho = r - o_j,   a_j that of the origin o_j,
 
-and with the unit wrench F, N of joint i and its W at joint j (see :mod:`rrrgen.derive.recursions.coriolis`)
+and with the unit wrench F, N of joint i and its vector W, both at joint j (:mod:`rrrgen.derive.recursions.coriolis`),
 
     dtau_i/dq_j = z_j'' . N + 2 z_j' . W - (z_j x a_j) . F     (j <= i).
 
-For j > i it is the wrench of K_j on the composite body of joint j, together with that body's inertial wrench turned
-about z_j, passed down to joint i. For a prismatic joint j, ``K_j = z_j''`` and only the inertial force's moment turns.
+For j > i it is the wrench of K_j on the composite body of joint j plus the inertial wrench of that body rotated about
+z_j, both transmitted to joint i. For a prismatic joint j, ``K_j = z_j''``, and of the inertial wrench only the moment
+of its force changes.
 
-The velocity torques are ``c_i = sum of Gamma_ijk dq_j dq_k`` with Christoffel symbols symmetric in j and k, so
+The Coriolis torques are ``c_i = sum of Gamma_ijk dq_j dq_k`` with Christoffel symbols symmetric in j and k, hence
 ``dtau/d(dq) = 2 C``. For forward dynamics, ``M ddq = tau - c - g`` gives ``d(ddq)/dx = -inv(M) dtau/dx`` at that ddq.
 """
 
@@ -28,11 +29,11 @@ from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.algebra.positive_definite import STATUS, factorize
-from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, dot, flat, rows, scale, turn
+from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, dot, flat, rotate_z, rows, scale
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import composite
 from rrrgen.derive.recursions.chain import ChainJoint
-from rrrgen.derive.recursions.coriolis import Body, Composition, along_axis, compose, passed_down
+from rrrgen.derive.recursions.coriolis import Body, Composition, compose, generalized_forces, joint_force
 from rrrgen.derive.recursions.inertia import PseudoInertia
 from rrrgen.derive.recursions.motion import LinkMotion, choose_frames, forward
 from rrrgen.derive.recursions.newton_euler import Wrench, composite_wrenches, link_wrenches
@@ -41,16 +42,16 @@ from rrrgen.program.builder import replay
 from rrrgen.program.differentiate import jacobian
 
 TWICE = 2
-"""Velocities of the composite bodies enter doubled: ``2 C`` and ``2 z' x rho'`` are what is asked for."""
+"""Factor of the composite bodies' velocities: the derivatives contain ``2 C`` and ``2 z' x rho'``."""
 
 
 def inverse_dynamics_derivatives(r: Recording) -> Program:
-    """Joint torques with their derivatives."""
+    """Record the joint torques tau and their derivatives dtau/dq, dtau/d(dq) and M, (n, n) each, in SI units."""
     chain = r.chain()
     dq, ddq = r.joints("dq"), r.joints("ddq")
     inertias, drives = r.inertias(), r.drive_inertia()
     composition = compose(chain, dq, inertias, TWICE)
-    tau, dtau_dq = torques_and_slopes(composition, dq, ddq, inertias)
+    tau, dtau_dq = torques_and_derivatives(composition, dq, ddq, inertias)
     tau = drives.added_to_torques(tau, ddq)
     ports = [
         (Port("tau", (r.n,), r.torque_unit, "", "joint torques, friction not included", Role.TORQUE), tau),
@@ -70,7 +71,7 @@ def inverse_dynamics_derivatives(r: Recording) -> Program:
 
 
 def forward_dynamics_derivatives(r: Recording) -> Program:
-    """Joint accelerations with their derivatives."""
+    """Record the joint accelerations ddq and their derivatives by q, dq and tau, (n, n) each, in SI units."""
     b, chain = r.builder, r.chain()
     dq, tau = r.joints("dq"), r.joints("tau")
     inertias, drives = r.inertias(), r.drive_inertia()
@@ -83,14 +84,14 @@ def forward_dynamics_derivatives(r: Recording) -> Program:
         g + dot(row, half) - t for g, row, t in zip(composite.gravity(chain, inertias), dtau_dv, tau, strict=True)
     ]
     ddq = [dot(row, missing) for row in inverse]
-    _, dtau_dq = torques_and_slopes(composition, dq, ddq, inertias)
+    _, dtau_dq = torques_and_derivatives(composition, dq, ddq, inertias)
     return forward_program(r, factors.status, ddq, inverse, dtau_dq, dtau_dv)
 
 
 def forward_program(
     r: Recording, status: Any, ddq: list[Any], inverse: Matrix, dtau_dq: Matrix, dtau_dv: Matrix
 ) -> Program:
-    """The program of forward dynamics from ``inverse = -inv(M)`` and the derivatives of the torques."""
+    """Forward dynamics with derivatives as a program, from ``inverse = -inv(M)`` and the derivatives of the torques."""
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
     products = [[[dot(row, column) for column in zip(*D, strict=True)] for row in inverse] for D in (dtau_dq, dtau_dv)]
     meaning = "joint accelerations; zero when the status is not ok"
@@ -113,7 +114,10 @@ def forward_program(
 
 
 def differentiated(inverse_dynamics: Program, like: Program) -> Program:
-    """The derivatives by the chain rule on a program of inverse dynamics; best where that is a short closed form."""
+    """``inverse_dynamics_derivatives`` by automatic differentiation of a program of inverse dynamics.
+
+    Cheaper than the recursion if that program is short. Ports and description are taken from the program ``like``.
+    """
     found = jacobian(inverse_dynamics, "tau", ("q", "dq", "ddq"))
     return found.described(
         name=like.name, outputs=like.outputs, summary=like.summary, formula=like.formula, notes=like.notes
@@ -121,7 +125,10 @@ def differentiated(inverse_dynamics: Program, like: Program) -> Program:
 
 
 def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
-    """Forward dynamics from a program of the derivatives of inverse dynamics, at ``ddq = 0`` and at the solution."""
+    """``forward_dynamics_derivatives`` from a program of ``inverse_dynamics_derivatives``.
+
+    That program is evaluated at ddq = 0, for M and the bias torques, and at the solution ddq, for the derivatives.
+    """
     _, _, tau = (r.joints(name) for name in ("q", "dq", "tau"))
     r.beta()
     r.drive_inertia()
@@ -138,40 +145,40 @@ def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
     return forward_program(r, factors.status, ddq, inverse, rows(r.n, dtau_dq), rows(r.n, dtau_dv))
 
 
-def torques_and_slopes(
+def torques_and_derivatives(
     composition: Composition, dq: Sequence[Any], ddq: Sequence[Any], inertias: Sequence[PseudoInertia]
 ) -> tuple[list[Any], Matrix]:
-    """tau without drive inertia, and dtau/dq (n x n); the composition's velocities are doubled."""
+    """tau (n,) and dtau/dq (n, n), both without drive inertia; the velocities of ``composition`` must be doubled."""
     chain, n = composition.chain, composition.chain.n
-    own = choose_frames(chain, range(n))
-    motions = forward(chain, dq, ddq, own)
-    wrenches = composite_wrenches(chain, own, link_wrenches(chain, motions, inertias))
-    axes = [velocity.carrier for velocity in composite.velocities(chain, dq)]
+    in_link_frame = choose_frames(chain, range(n))
+    motions = forward(chain, dq, ddq, in_link_frame)
+    wrenches = composite_wrenches(chain, in_link_frame, link_wrenches(chain, motions, inertias))
+    axes = [velocity.block_omega for velocity in composite.velocities(chain, dq)]
     rates = [[y, -x, 0] for x, y, _ in axes]
     lifts = [[-motion.a_block[1], motion.a_block[0], 0] for motion in motions]
-    slopes: Matrix = [[0] * n for _ in range(n)]
+    dtau_dq: Matrix = [[0] * n for _ in range(n)]
     for j, (joint, body) in enumerate(zip(chain.joints, composition.bodies, strict=True)):
         total = _in_block(joint, motions[j], wrenches[j])
-        wrench = _slope_wrench(joint.revolute, body, rates[j], motions[j].axis, lifts[j], total)
-        for i, value in enumerate(passed_down(chain, j, *wrench)):
-            slopes[i][j] = value
-        for i, reach in enumerate(composition.reaches[j][:-1]):
+        wrench = _derivative_wrench(joint.revolute, body, rates[j], motions[j].axis, lifts[j], total)
+        for i, value in enumerate(generalized_forces(chain, j, *wrench)):
+            dtau_dq[i][j] = value
+        for i, shifted in enumerate(composition.shifted_wrenches[j][:-1]):
             axis = motions[i].axis
             if chain.joints[i].revolute:
-                slopes[j][i] = (dot(axis, reach.N) + dot(rates[i], reach.W)) - dot(lifts[i], reach.F)
+                dtau_dq[j][i] = (dot(axis, shifted.N) + dot(rates[i], shifted.W)) - dot(lifts[i], shifted.F)
             else:
-                slopes[j][i] = dot(axis, reach.F)
-    return [along_axis(chain, i, *wrench) for i, wrench in enumerate(wrenches)], slopes
+                dtau_dq[j][i] = dot(axis, shifted.F)
+    return [joint_force(chain, i, *wrench) for i, wrench in enumerate(wrenches)], dtau_dq
 
 
 def _in_block(joint: ChainJoint, motion: LinkMotion, wrench: Wrench) -> Wrench:
-    """A wrench in the link's frame of expression, in the block's frame."""
+    """The wrench of a link, given in the frame in which that link is expressed, in the frame of its block."""
     F, N = wrench
-    return (turn(joint.c, joint.s, F), turn(joint.c, joint.s, N)) if motion.own else wrench
+    return (rotate_z(joint.c, joint.s, F), rotate_z(joint.c, joint.s, N)) if motion.in_link_frame else wrench
 
 
-def _slope_wrench(revolute: bool, body: Body, zdot: Vector, axis: Vector, lift: Vector, total: Wrench) -> Wrench:
-    """Wrench of K_j on the composite body and the turning of its inertial wrench ``total`` about z_j."""
+def _derivative_wrench(revolute: bool, body: Body, zdot: Vector, axis: Vector, lift: Vector, total: Wrench) -> Wrench:
+    """The wrench of the field K_j on the composite body, plus its inertial wrench ``total`` rotated about z_j."""
     J, A, P = body.J, body.dyad.A, body.dyad.P
     h = [J.hx, J.hy, J.hz]
     F, N = total

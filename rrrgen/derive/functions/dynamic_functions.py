@@ -1,4 +1,8 @@
-"""Dynamic functions of the model: torques and matrices of the equation of motion."""
+"""Recorders of the dynamic functions: terms of the equation of motion and torques.
+
+Equation numbers (14.x) are those of Kostic, de Jager and Steinbuch, Modeling and Identification for Robot Motion
+Control, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
+"""
 
 from __future__ import annotations
 
@@ -24,7 +28,7 @@ def _weightless(chain: Chain) -> Chain:
 
 
 def mass_matrix(r: Recording) -> Program:
-    """Mass matrix."""
+    """Record M(q), shape (n, n), kg m^2 (kg, kg m for prismatic joints), drive inertia included. (14.6)"""
     M = composite.mass_matrix(r.chain(), r.inertias())
     M = r.drive_inertia().added_to_mass(M)
     return r.builder.program(
@@ -37,7 +41,7 @@ def _mass_port(r: Recording) -> Port:
 
 
 def coriolis_matrix(r: Recording) -> Program:
-    """Coriolis matrix."""
+    """Record C(q, dq), shape (n, n), from the Christoffel symbols: c = C dq, and dM/dt - 2 C is skew-symmetric."""
     chain = r.chain()
     dq = r.joints("dq")
     C = compose(chain, dq, r.inertias()).coriolis_matrix()
@@ -59,13 +63,13 @@ def _gravity_port(r: Recording) -> Port:
     return _torque_port(r, "g", "torques that hold the arm against gravity")
 
 
-def own_frames(chain: Chain) -> list[bool]:
-    """Every link in its own frame."""
+def link_frames_only(chain: Chain) -> list[bool]:
+    """The choice of frames that expresses every link in its link frame."""
     return choose_frames(chain)
 
 
-def block_frames(chain: Chain) -> list[bool]:
-    """Every link in the frame of its block, where that is allowed."""
+def block_frames_first(chain: Chain) -> list[bool]:
+    """The choice of frames that expresses every link in the frame of its block, where the recursion allows it."""
     return choose_frames(chain, range(chain.n))
 
 
@@ -73,7 +77,7 @@ Frames = Callable[[Chain], list[bool]]
 
 
 def coriolis(frames: Frames) -> Callable[[Recording], Program]:
-    """Coriolis and centrifugal torques."""
+    """A recorder of the Coriolis and centrifugal torques c = C(q, dq) dq, shape (n,), N m or N."""
 
     def record(r: Recording) -> Program:
         chain = _weightless(r.chain())
@@ -87,7 +91,7 @@ def coriolis(frames: Frames) -> Callable[[Recording], Program]:
 
 
 def bias(frames: Frames) -> Callable[[Recording], Program]:
-    """Coriolis, centrifugal and gravity torques together."""
+    """A recorder of the bias torques h = c(q, dq) + g(q), shape (n,), N m or N."""
 
     def record(r: Recording) -> Program:
         chain = r.chain()
@@ -102,7 +106,7 @@ def bias(frames: Frames) -> Callable[[Recording], Program]:
 
 
 def coriolis_transpose(r: Recording) -> Program:
-    """Transposed Coriolis matrix times the joint rates."""
+    """Record C(q, dq)' dq, shape (n,), for momentum observers: d(M dq)/dt = tau + C' dq - g."""
     chain = r.chain()
     dq = r.joints("dq")
     value = momentum.coriolis_transpose(chain, dq, r.inertias())
@@ -116,19 +120,19 @@ def coriolis_transpose(r: Recording) -> Program:
 
 
 def gravity(r: Recording) -> Program:
-    """Gravity torques."""
+    """Record the gravity torques g = dU/dq, shape (n,), N m or N."""
     chain = r.chain()
     g = composite.gravity(chain, r.inertias())
     return r.builder.program("gravity", [(_gravity_port(r), g)], "Gravity torques.", "g = dU/dq")
 
 
 def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
-    """Mass matrix, Coriolis and gravity torques from one evaluation."""
+    """A recorder of M (n, n), c (n,) and g (n,) in one program, so that they share subexpressions."""
 
     def record(r: Recording) -> Program:
         chain, dq, inertias = r.chain(), r.joints("dq"), r.inertias()
         M = composite.mass_matrix(chain, inertias)
-        M = r.drive_inertia().added_to_mass(M)  # declared here, since the order of recording decides the printed one
+        M = r.drive_inertia().added_to_mass(M)  # here, because ports are printed in the order of declaration
         weightless = _weightless(chain)
         c = newton_euler.inverse_dynamics(weightless, dq, [0] * r.n, inertias, frames(chain))
         g = composite.gravity(chain, inertias)
@@ -143,7 +147,7 @@ def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
 
 
 def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
-    """Joint torques of the rigid body."""
+    """A recorder of tau = M ddq + c + g, shape (n,), N m or N, without friction. (14.6)"""
 
     def record(r: Recording) -> Program:
         chain = r.chain()
@@ -162,7 +166,10 @@ def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
 
 
 def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
-    """Joint accelerations, from the programs of the mass matrix and of the bias torques; parameters are as there."""
+    """Record ddq (n,) with M ddq = tau - h by M = L D L', from the programs of the mass matrix and the bias torques h.
+
+    The parameter ports are those of the two programs. The status is 1 if M is not positive definite; ddq then is 0.
+    """
     _, _, tau = (r.joints(name) for name in ("q", "dq", "tau"))
     if mass.takes(Role.BASE_PARAMETERS):
         r.beta()
@@ -189,7 +196,7 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
 
 
 def friction(r: Recording) -> Program:
-    """Friction torques from the file's coefficients, at the joints and at coupled motors."""
+    """Record the linear friction torques of the robot file, (n,), at the joints and at coupled motors. (14.11)"""
     dq, spec = r.joints("dq"), r.model.spec
     torques = [_linear_friction(r, joint.friction, rate) for joint, rate in zip(spec.joints, dq, strict=True)]
     formula, notes = "tau_f = fv dq + fc sgn(dq) + offset   (14.11)", []
@@ -204,7 +211,7 @@ def friction(r: Recording) -> Program:
 
 
 def _linear_friction(r: Recording, given: FrictionSpec | None, rate: Any) -> Any:
-    """``viscous rate + coulomb sgn(rate) + offset``, zero where nothing is stated."""
+    """``viscous rate + coulomb sgn(rate) + offset``; 0 if the file states no friction."""
     if given is None:
         return 0
     viscous, coulomb, offset = (rational_float(v) for v in (given.viscous, given.coulomb, given.offset))
@@ -214,11 +221,11 @@ def _linear_friction(r: Recording, given: FrictionSpec | None, rate: Any) -> Any
 FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
     "mass_matrix": (mass_matrix,),
     "coriolis_matrix": (coriolis_matrix,),
-    "coriolis": (coriolis(block_frames), coriolis(own_frames)),
+    "coriolis": (coriolis(block_frames_first), coriolis(link_frames_only)),
     "coriolis_transpose": (coriolis_transpose,),
     "gravity": (gravity,),
-    "bias": (bias(block_frames), bias(own_frames)),
-    "dynamics_terms": (dynamics_terms(block_frames), dynamics_terms(own_frames)),
-    "inverse_dynamics": (inverse_dynamics(block_frames), inverse_dynamics(own_frames)),
+    "bias": (bias(block_frames_first), bias(link_frames_only)),
+    "dynamics_terms": (dynamics_terms(block_frames_first), dynamics_terms(link_frames_only)),
+    "inverse_dynamics": (inverse_dynamics(block_frames_first), inverse_dynamics(link_frames_only)),
 }
 """Forward dynamics is made from the programs of the mass matrix and the bias, friction only where a file states it."""

@@ -1,4 +1,4 @@
-"""Energies of the robot, recorded as a program."""
+"""The recorder of the energies of the robot."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rrrgen.program import Port, Program
 
 
 def energy(r: Recording) -> Program:
-    """Kinetic and potential energy."""
+    """Record E = [kinetic, potential] in J: dq' M dq / 2, and U with dU/dq = g, defined up to a constant."""
     chain = r.chain()
     dq = r.joints("dq")
     inertias = r.inertias()

@@ -1,4 +1,4 @@
-"""Functions derived from the programs of other functions, instead of from the chain."""
+"""Functions derived from the programs of other functions instead of from the chain."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ SOURCES = {
     "inverse_dynamics_derivatives": "inverse_dynamics",
     "forward_dynamics_derivatives": "inverse_dynamics_derivatives",
 }
-"""Functions that follow from another by the chain rule, and which."""
+"""Function -> the function from whose program it can be derived by the chain rule."""
 
 
 def by_chain_rule(recorded: RecordedModel, function: str, source: Program) -> Program:
-    """``function``, one of :data:`SOURCES`, from a program of its source."""
+    """``function``, a key of :data:`SOURCES`, derived from ``source``, a program of the function it maps to."""
     if function == "inverse_dynamics_derivatives":
         return differentiated(source, recorded.alternatives[function][0])
     return from_inverse_dynamics(recorded.derivation.recording(), source)
 
 
 def with_forward_dynamics(derivation: Derivation, programs: Mapping[str, Program]) -> dict[str, Program]:
-    """``forward_dynamics`` from the programs of the mass matrix and the bias torques, and its nominal specialization.
+    """``forward_dynamics`` from the optimized programs of mass matrix and bias torques.
 
-    The latter only where those two have one. Both programs are used as they are, so the cheapest ones are wanted.
+    Also ``forward_dynamics_nominal`` if those two functions have a nominal specialization.
     """
     program = forward_dynamics(derivation.recording(), programs["mass_matrix"], programs["bias"])
     found = {"forward_dynamics": program}
@@ -37,6 +37,6 @@ def with_forward_dynamics(derivation: Derivation, programs: Mapping[str, Program
 
 
 def as_nominal(program: Program, function: str, summary: str) -> Program:
-    """``program``, which has the file's numbers in it, described as the nominal specialization of ``function``."""
+    """``program`` under the name and summary of the nominal specialization of ``function``."""
     words = summary.rstrip(".") + ", with the parameters of the robot file."
     return program.described(name=f"{function}_nominal", summary=words)

@@ -1,4 +1,4 @@
-"""Kinematic functions of the model: poses and Jacobians, each recorded as a program."""
+"""Recorders of the kinematic functions: poses and Jacobians."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ VELOCITY = "[v; omega] = J(q) dq"
 
 
 def forward_kinematics(r: Recording) -> Program:
-    """Pose of the tip, from the base outwards."""
+    """Record T(q) (4, 4), the tip in the base frame, by products of transforms from the base outwards. (14.5)"""
     return _pose(r, poses.forward_kinematics(r.chain()))
 
 
 def forward_kinematics_inwards(r: Recording) -> Program:
-    """Pose of the tip, axis by axis from the tip inwards."""
+    """Record T(q) (4, 4), the tip in the base frame, by moving its axes and position from the tip inwards. (14.5)"""
     return _pose(r, poses.forward_kinematics_inwards(r.chain()))
 
 
@@ -37,7 +37,7 @@ def _jacobian_port(r: Recording) -> Port:
 
 
 def link_frames(r: Recording) -> Program:
-    """Poses of all link frames."""
+    """Record the poses (n, 4, 4) of the link frames 1..n in the base frame."""
     frames = poses.link_frames(r.chain())
     port = Port("T", (r.n, 4, 4), "-, m", BASE, "homogeneous transforms of the link frames 1..n")
     values = [value for frame in frames for value in flat(frame)]
@@ -47,7 +47,7 @@ def link_frames(r: Recording) -> Program:
 
 
 def jacobian(r: Recording) -> Program:
-    """Geometric Jacobian at the tip."""
+    """Record J(q) (6, n), base frame: [v; omega] = J dq of the tip, in m/s and rad/s."""
     J = poses.jacobian(r.chain())
     return r.builder.program("jacobian", [(_jacobian_port(r), flat(J))], "Geometric Jacobian at the tip.", VELOCITY)
 
@@ -68,7 +68,7 @@ def link_jacobians(r: Recording) -> Program:
 
 
 def kinematics(r: Recording) -> Program:
-    """Pose of the tip and geometric Jacobian from one evaluation."""
+    """Record T (4, 4) and J (6, n) of the tip in one program, so that they share subexpressions."""
     chain = r.chain()
     T, J = poses.forward_kinematics(chain), poses.jacobian(chain)
     return r.builder.program(
@@ -80,7 +80,7 @@ def kinematics(r: Recording) -> Program:
 
 
 def jacobian_dot_dq(r: Recording) -> Program:
-    """Derivative of the Jacobian times the joint rates."""
+    """Record (dJ/dt) dq (6,), base frame: the acceleration of the tip for ddq = 0, in m/s^2 and rad/s^2."""
     chain = r.chain()
     a = poses.jacobian_dot_dq(chain, r.joints("dq"))
     port = Port("a", (6,), "m/s^2, rad/s^2", BASE, "linear, then angular acceleration of the tip for ddq = 0")

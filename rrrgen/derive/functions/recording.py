@@ -1,4 +1,4 @@
-"""Recording a model function: its input ports, the chain, and the inertias behind the base parameters."""
+"""The state of a model function while it is recorded: its input ports, the chain, and the inertias of the links."""
 
 from __future__ import annotations
 
@@ -27,28 +27,29 @@ JOINT_PORTS = {
     "tau": (Role.TORQUE, "joint torques", "torque"),
     "e": (Role.COVECTOR, "vector multiplied from the left", "any"),
 }
-"""Joint vectors by name: role, meaning, and what is added to the position's unit ("torque", "any": not of its kind)."""
+"""Joint vectors by name: role, meaning, and the suffix of the unit of position ("torque", "any": another unit)."""
 
 
 @dataclass(frozen=True)
 class Parametrization:
-    """How base parameters become pseudo-inertias of the links in canonical frames.
+    """How base parameters map to pseudo-inertias of the links in canonical frames.
 
-    ``inverse`` maps the user's base parameters to the compiler's own (None: they are the same).
+    ``basis`` is the compiler's set; ``inverse`` (b, b) maps the user's base parameters to it (None: they are the same).
+    ``names`` and ``units`` are those of the public base parameters.
     """
 
-    own: BaseSet
+    basis: BaseSet
     names: tuple[str, ...]
     units: tuple[str, ...]
     inverse: tuple[tuple[sp.Expr, ...], ...] | None
 
     def inertias(self, n: int, beta: Sequence[Any], constant: Constant) -> list[PseudoInertia]:
-        """Pseudo-inertias with only the entries of the base set different from zero."""
+        """The pseudo-inertias of ``n`` links for ``beta`` (b,): entries outside the base set are zero."""
         values = list(beta)
         if self.inverse is not None:
             values = [_combine([constant(v) for v in row], beta) for row in self.inverse]
         entries: list[dict[str, Any]] = [{} for _ in range(n)]
-        for (i, entry), value in zip(self.own.parameters, values, strict=True):
+        for (i, entry), value in zip(self.basis.parameters, values, strict=True):
             entries[i][entry] = value
         return [PseudoInertia(**link) for link in entries]
 
@@ -61,15 +62,15 @@ def _combine(row: Sequence[Any], values: Sequence[Any]) -> Any:
     return total
 
 
-def parametrize(own: BaseSet, change: BasisChange | None) -> Parametrization:
-    """The parametrization of a model: the user's basis where the file has one, else the compiler's own."""
+def parametrize(basis: BaseSet, change: BasisChange | None) -> Parametrization:
+    """The parametrization in the user's base parameters if there is a ``change``, else in the compiler's."""
     if change is None:
-        return Parametrization(own, own.names, tuple(own.units), None)
-    return Parametrization(own, change.names, change.units, change.inverse)
+        return Parametrization(basis, basis.names, tuple(basis.units), None)
+    return Parametrization(basis, change.names, change.units, change.inverse)
 
 
 class Recording:
-    """One function being recorded, with nominal geometry or (for closed forms) with the geometry as symbols."""
+    """A function being recorded, with the geometry as nominal numbers or, for closed forms, as inputs ``symbols``."""
 
     def __init__(self, model: RobotModel, parametrization: Parametrization, symbols: Sequence[sp.Expr] = ()) -> None:
         self.model = model
@@ -92,12 +93,12 @@ class Recording:
         return values
 
     def inputs_of(self, program: Program, known: Mapping[Role, Sequence[Value]] | None = None) -> list[Sequence[Value]]:
-        """Values for the inputs of ``program``, by their roles: what was declared here, or is ``known``."""
+        """Values for the input ports of ``program`` by role: ``known`` ones, else the inputs declared here."""
         values = {**self._declared, **(known or {})}
         return [values[port.role] for port in program.inputs]
 
     def joints(self, name: str) -> list[Value]:
-        """Declare a joint vector as input."""
+        """Declare the joint vector ``name`` (n,), one of :data:`JOINT_PORTS`, as an input."""
         role, meaning, suffix = JOINT_PORTS[name]
         if suffix == "any":
             unit = ""
@@ -108,21 +109,21 @@ class Recording:
         return self._input(Port(name, (self.n,), unit, "", meaning, role))
 
     def chain(self) -> Chain:
-        """Declare q and return the geometry."""
+        """Declare q as an input and return the chain at q."""
         return program_chain(self.model, self.builder, self.constant, self.joints("q"))
 
     def beta(self) -> list[Value]:
-        """Declare the base parameters as input."""
+        """Declare the base parameters beta (b,) as an input."""
         names = self.parametrization.names
         meaning = "base parameters " + ", ".join(names)
         return self._input(Port("beta", (len(names),), "SI", "", meaning, Role.BASE_PARAMETERS))
 
     def inertias(self) -> list[PseudoInertia]:
-        """Declare the base parameters and return the inertias they stand for."""
+        """Declare the base parameters as an input and return the pseudo-inertias of the links."""
         return self.parametrization.inertias(self.n, self.beta(), self.constant)
 
     def drive_inertia(self) -> DriveInertia:
-        """Declare Ia if any drive has inertia."""
+        """Declare the drive inertias Ia as an input if the robot file states any."""
         terms = inertia_terms(self.model.spec)
         if not terms:
             return DriveInertia((), ())
@@ -133,7 +134,7 @@ class Recording:
 
 
 def drive_inertia_meaning(spec: RobotSpec) -> str:
-    """What the input Ia holds, in words."""
+    """The description of the input Ia in generated files."""
     if spec.drives is None:
         return "drive inertia seen at the joints"
     names = ", ".join(term.name for term in inertia_terms(spec))

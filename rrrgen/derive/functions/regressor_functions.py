@@ -1,4 +1,8 @@
-"""Regressors: the functions of the model in which inertial parameters do not occur."""
+"""Recorders of the regressors, which do not depend on inertial parameters.
+
+Equation numbers (14.x) are those of Kostic, de Jager and Steinbuch, chapter 14 of the Robotics and Automation Handbook
+(CRC Press, 2005).
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from typing import Any
 import sympy as sp
 
 from rrrgen.derive.algebra.vectors import dot, flat
-from rrrgen.derive.functions.dynamic_functions import Frames, block_frames, own_frames
+from rrrgen.derive.functions.dynamic_functions import Frames, block_frames_first, link_frames_only
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.parameter_listing import TENSOR
 from rrrgen.derive.recursions import composite
@@ -26,7 +30,7 @@ from rrrgen.program import Port, Program
 
 
 def _regressor_rows(r: Recording, columns: list[list[Any]]) -> list[list[Any]]:
-    """Columns in own base parameters, changed to the user's basis where there is one."""
+    """The rows of Y (n, b) from its columns in the compiler's base parameters, in the user's basis if there is one."""
     inverse = r.parametrization.inverse
     if inverse is None:
         return [list(row) for row in zip(*columns, strict=True)]
@@ -34,7 +38,7 @@ def _regressor_rows(r: Recording, columns: list[list[Any]]) -> list[list[Any]]:
 
 
 def _through(r: Recording, inverse: tuple[tuple[sp.Expr, ...], ...], values: list[Any]) -> list[Any]:
-    """Row vector times the inverse change of basis."""
+    """The row vector ``values`` times the matrix ``inverse``."""
     result: list[Any] = [0] * len(inverse[0])
     for row, value in zip(inverse, values, strict=True):
         for m, factor in enumerate(row):
@@ -50,12 +54,12 @@ def _motions(r: Recording) -> tuple[Chain, list[LinkMotion]]:
 
 
 def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
-    """Regressor in the base parameters."""
+    """A recorder of Y (n, b) with tau = Y(q, dq, ddq) beta. (14.10)"""
 
     def record(r: Recording) -> Program:
         chain = r.chain()
         dq, ddq = r.joints("dq"), r.joints("ddq")
-        rows = _regressor_rows(r, columns(chain, dq, ddq, frames(chain), r.parametrization.own.parameters))
+        rows = _regressor_rows(r, columns(chain, dq, ddq, frames(chain), r.parametrization.basis.parameters))
         port = Port("Y", (r.n, len(r.parametrization.names)), "SI", "", "columns in the order of the base parameters")
         return r.builder.program(
             "regressor",
@@ -68,12 +72,12 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
 
 
 def regressor_transpose(r: Recording) -> Program:
-    """Transposed base regressor times a vector."""
+    """Record r = Y(q, dq, ddq)' e, shape (b,), for a vector e (n,), without forming Y. (14.23)"""
     chain, motions = _motions(r)
     e = r.joints("e")
     virtual = composite.velocities(chain, e)
-    own = [True] * r.n
-    values = [virtual_power(chain, motions, own, virtual, p) for p in r.parametrization.own.parameters]
+    in_link_frame = [True] * r.n
+    values = [virtual_power(chain, motions, in_link_frame, virtual, p) for p in r.parametrization.basis.parameters]
     inverse = r.parametrization.inverse
     if inverse is not None:
         values = _through(r, inverse, values)
@@ -87,7 +91,7 @@ def regressor_transpose(r: Recording) -> Program:
 
 
 def standard_regressor(r: Recording) -> Program:
-    """Regressor in the standard parameters."""
+    """Record Y (n, 10 n) with tau = Y(q, dq, ddq) phi, for the standard parameters phi about the link frames."""
     chain = r.chain()
     dq, ddq = r.joints("dq"), r.joints("ddq")
     canonical = columns_by_axes(chain, dq, ddq, [True] * r.n, all_parameters(r.n))
@@ -112,7 +116,7 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
     "regressor": tuple(
         regressor(columns, frames)
         for columns in (columns_by_axes, columns_passed_down)
-        for frames in (own_frames, block_frames)
+        for frames in (link_frames_only, block_frames_first)
     ),
     "regressor_transpose": (regressor_transpose,),
     "standard_regressor": (standard_regressor,),

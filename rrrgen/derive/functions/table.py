@@ -1,4 +1,4 @@
-"""The table of the public model functions, in the order of emission; every module lists its own at its end."""
+"""The table of the public model functions, in the order of emission; each module ends with its part of it."""
 
 from __future__ import annotations
 
@@ -18,4 +18,4 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
     **regressor_functions.FUNCTIONS,
     **energy_functions.FUNCTIONS,
 }
-"""Functions recorded from the derivations, each in one or more equivalent ways."""
+"""Public function -> recorders of one or more equivalent programs."""

@@ -1,1 +1,1 @@
-"""Base parameters: which combinations of inertial parameters the dynamics depend on, as exact expressions."""
+"""Base parameters: the combinations of inertial parameters on which the dynamics depend, as exact expressions."""

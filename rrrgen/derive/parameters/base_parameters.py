@@ -1,18 +1,20 @@
-"""The minimal set of inertial parameters that the dynamics depend on, as exact expressions.
+"""The minimal set of base parameters, the inertial parameters on which the dynamics depend, as exact expressions.
 
-Two regroupings follow from the geometry of a joint alone and are applied from the last link to the first, on the
+Two regrouping rules follow from the type of a joint. They are applied from the last link to the first, to the
 pseudo-inertia (14.9) in canonical frames:
 
-* revolute joint: mass spread along the joint axis (entries Jzz, hz, m) turns with the joint to no effect, so it moves
-  like a part of the link before: ``J_{i-1} += X_i [Jzz, hz, m] X_i'``. Seven entries stay with the link.
-* prismatic joint: the link never turns relative to the link before, so its second moments act as if they were part of
-  that link: ``S_{i-1} += R_i S_i R_i'``. The mass and the first moments stay.
+* revolute joint: the rotation leaves the entries Jzz, hz and m, mass distributed along the joint axis, unchanged. They
+  move to the link before: ``J_{i-1} += X_i [Jzz, hz, m] X_i'``. Seven entries stay with the link.
+* prismatic joint: the link does not rotate relative to the link before. Its second moments move to that link:
+  ``S_{i-1} += R_i S_i R_i'``. Mass and first moments stay.
 
-What the motion of the first links never excites (an axis that stays parallel to gravity, axes that stay parallel to
-each other, sliding without turning) shows as dependent columns of the regressor. They are found exactly, at random
-rational states in a finite field, and removed in a fixed order: parameters of links nearer to the base are kept, and
-within a link the order of :data:`CANDIDATES`. The count is certified: the columns kept have a non-zero minor (so none
-can be left out) and every column removed satisfies its relation at independent states (so none is missing).
+Parameters that the first joints cannot excite (an axis parallel to gravity, parallel axes, translation without
+rotation) show as linearly dependent columns of the regressor. These are found exactly, at random rational states in a
+finite field, and removed in a fixed order: parameters of links nearer to the base are kept, within a link in the order
+of :data:`CANDIDATES`. The number is certified in both directions: the remaining columns have a non-zero minor, so none
+is superfluous, and every removed column satisfies its relation at independent states, so none is missing.
+
+(14.9) is from Kostic, de Jager and Steinbuch, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
 """
 
 from __future__ import annotations
@@ -51,7 +53,7 @@ class BaseParameter:
 
 @dataclass(frozen=True)
 class Regrouping:
-    """What became of one standard parameter, and why."""
+    """Where one standard parameter went: the ``formula`` of its part in the base parameters, and the ``reason``."""
 
     parameter: str
     formula: str
@@ -60,11 +62,11 @@ class Regrouping:
 
 @dataclass(frozen=True)
 class BaseSet:
-    """The compiler's own minimal set.
+    """The minimal set of base parameters that the compiler chooses.
 
-    ``parameters`` are the entries kept (canonical frames); ``projection[k][j]`` is the exact coefficient of standard
-    parameter j in base parameter k (``beta = K phi``); ``lift[j][k]`` its right inverse: the standard parameters of a
-    robot whose only non-zero entry is ``parameters[k]`` (``K lift = 1``).
+    ``parameters`` are the entries kept, in canonical frames. ``projection`` (b, 10 n) is the exact K of
+    ``beta = K phi``. ``lift`` (10 n, b) is a right inverse, ``K lift = 1``: column k holds the standard parameters of a
+    robot whose only non-zero entry is ``parameters[k]``.
     """
 
     parameters: tuple[Parameter, ...]
@@ -75,7 +77,7 @@ class BaseSet:
     ring: PolynomialRing
 
     def expressions(self) -> list[sp.Expr]:
-        """The base parameters in link symbols."""
+        """The base parameters as linear combinations of standard parameters."""
         symbols = standard_symbols(len(self.lift) // 10)
         return [linear_expression(row, symbols) for row in self.projection]
 
@@ -86,17 +88,17 @@ class BaseSet:
 
 
 def standard_symbols(n: int) -> list[sp.Symbol]:
-    """``m1, mx1, ..., Izz1, m2, ...``: the standard parameters of all links."""
+    """The symbols of the standard parameters of n links: ``m1, mx1, ..., Izz1, m2, ...``."""
     return [sp.Symbol(f"{name}{i + 1}", real=True) for i in range(n) for name in STANDARD]
 
 
 def linear_expression(row: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> sp.Expr:
-    """``sum of coefficient * symbol`` with readable coefficients."""
+    """``sum of row[k] * symbols[k]`` with factored coefficients."""
     return sp.Add(*(sp.factor(c) * s for c, s in zip(row, symbols, strict=True) if c != 0))
 
 
 def constants_ring(model: RobotModel) -> PolynomialRing:
-    """Polynomials in the constants of the geometry."""
+    """The ring of polynomials in the constants of the geometry."""
     return PolynomialRing(*exact_constants(model))
 
 
@@ -106,7 +108,7 @@ def exact_placement(ring: PolynomialRing, X: RigidTransform) -> Placement:
 
 
 def base_set(model: RobotModel, seed: int = 1990) -> BaseSet:
-    """The minimal base parameter set of ``model``."""
+    """The minimal base parameter set of ``model``; ``seed`` selects the random states of the rank computation."""
     ring = constants_ring(model)
     rows = _regroup(model, ring)
     candidates = [(i, entry) for i, joint in enumerate(model.joints) for entry in CANDIDATES[joint.revolute]]
@@ -130,7 +132,10 @@ def base_set(model: RobotModel, seed: int = 1990) -> BaseSet:
 
 
 def _name(parameter: Parameter, removed: dict[Parameter, Dependency]) -> str:
-    """Entry, link, and R for regrouped, as ``ZZ1R`` in Khalil and Dombre; so no standard parameter has the name."""
+    """The name of a base parameter: entry, link, and R for regrouped, as in Khalil and Dombre's ``ZZ1R``.
+
+    The R keeps it apart from the standard parameters.
+    """
     i, entry = parameter
     twin = removed.get((i, "Jyy"))
     if entry == "Jxx" and twin is not None and twin.combination == {parameter: 1}:
@@ -143,7 +148,7 @@ def _unit_row(width: int, position: int) -> list[Any]:
 
 
 class _Linear:
-    """A linear form in the 10 n standard parameters, under + and multiplication by a constant."""
+    """A linear form in the 10 n standard parameters, with addition and multiplication by a constant."""
 
     __slots__ = ("row",)
 
@@ -170,7 +175,7 @@ class _Linear:
 
 
 def _regroup(model: RobotModel, ring: PolynomialRing) -> dict[Parameter, list[Any]]:
-    """Every candidate as a row of coefficients over the standard parameters."""
+    """Candidate -> its coefficients over the standard parameters (10 n,), after both regrouping rules."""
     n = model.n
     width = 10 * n
     rows: dict[Parameter, list[Any]] = {}
@@ -192,7 +197,7 @@ def _regroup(model: RobotModel, ring: PolynomialRing) -> dict[Parameter, list[An
 
 
 def _lift(model: RobotModel, ring: PolynomialRing, kept: list[Parameter]) -> tuple[tuple[Any, ...], ...]:
-    """Standard parameters (rows, 10 n) that realise each kept entry alone (columns)."""
+    """The matrix (10 n, b) whose column k holds the standard parameters of a robot with only the entry ``kept[k]``."""
     columns = []
     for i, entry in kept:
         X = exact_placement(ring, model.link_frames[i])

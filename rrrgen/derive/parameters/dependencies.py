@@ -1,8 +1,8 @@
 """Exact linear dependencies between columns of the regressor.
 
-The columns are evaluated at random rational states in a finite field. Elimination from the left finds which columns
-depend on those before them; the coefficients of each relation are then solved for exactly, over the polynomials in the
-constants of the geometry, and checked at independent states.
+The columns are evaluated at random rational states in a finite field. Gaussian elimination from the left finds the
+columns that depend on earlier ones. The coefficients of each relation are then computed exactly, as rational functions
+of the constants of the geometry, and checked at independent states.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from rrrgen.errors import InternalError
 from rrrgen.model import RobotModel
 
 STATES = 10
-"""States sampled. The columns of the first k links have at least k rows per state and at most 7 k columns."""
+"""Number of sampled states: each gives the first k links k rows for at most 7 k columns, so 7 would be enough."""
 
 CHECK_STATES = 3
 
 ROUNDS = 30
-"""Attempts, of :data:`STATES` states each, to find plain rows; one is enough as a rule."""
+"""Attempts, of :data:`STATES` states each, to find independent simple rows; usually the first succeeds."""
 
 
 @dataclass(frozen=True)
 class Dependency:
-    """Column ``parameter`` equals the sum of factor times the columns of ``combination``; empty: no effect at all."""
+    """A relation: the column of ``parameter`` is the sum of factor times column over ``combination`` (empty: zero)."""
 
     parameter: Parameter
     combination: dict[Parameter, sp.Expr]
 
 
 def sampled_rows(model: RobotModel, parameters: list[Parameter], seed: int, states: int) -> list[list[int]]:
-    """Rows of the regressor at ``states`` random rational states, in the finite field."""
+    """The rows of the regressor for ``parameters`` at ``states`` random rational states, in the finite field."""
     constants = ResidueConstants(seed)
     rows: list[list[int]] = []
     for _ in range(states):
@@ -54,7 +54,10 @@ def sampled_rows(model: RobotModel, parameters: list[Parameter], seed: int, stat
 def find_dependencies(
     model: RobotModel, ring: PolynomialRing, candidates: list[Parameter], seed: int
 ) -> list[Dependency]:
-    """Relations of every candidate column that depends on the columns before it."""
+    """The relation of every candidate whose column depends on the columns before it.
+
+    Raises InternalError if a relation fails at independent states.
+    """
     if not candidates:
         return []
     echelon, pivots = row_echelon(sampled_rows(model, candidates, seed, STATES))
@@ -71,7 +74,7 @@ def find_dependencies(
 def _solve(
     model: RobotModel, ring: PolynomialRing, parameter: Parameter, support: list[Parameter], seed: int
 ) -> dict[Parameter, sp.Expr]:
-    """Exact factors of the relation between ``parameter`` and the columns of its ``support``."""
+    """The exact factors by which the columns of ``support`` add up to the column of ``parameter``."""
     if not support:
         return {}
     field = ring.ring.to_field()
@@ -84,11 +87,11 @@ def _solve(
 
 
 def _plain_rows(model: RobotModel, ring: PolynomialRing, columns: list[Parameter], seed: int) -> list[list[Any]]:
-    """Rows of the regressor whose entries in all ``columns`` but the last are independent, and as plain as can be.
+    """Rows of the regressor that are independent in all ``columns`` but the last, chosen as simple as possible.
 
-    Independence is judged on images in the finite field: sines and cosines of one constant angle are not independent
-    of each other, so polynomials in them that differ may be the same number. Plain rows (numbers instead of polynomials
-    in the constants) keep the factors free of needless denominators.
+    Simple rows (numbers rather than polynomials in the constants) keep needless denominators out of the factors.
+    Independence is decided on images in the finite field, since different polynomials in the sine and cosine of one
+    constant angle may be the same number.
     """
     random, constants = Random(seed), ResidueConstants(seed)
     images = [Residue.of(constants(generator)) for generator in ring.generators]
@@ -106,13 +109,13 @@ def _plain_rows(model: RobotModel, ring: PolynomialRing, columns: list[Parameter
 
 
 def _terms(row: list[Any]) -> tuple[int, int]:
-    """Terms that are not plain numbers: before the last entry, and in it."""
+    """Sort key of a row: number of polynomial terms in all entries but the last, then in the last."""
     counts = [len(v.poly) if isinstance(v, Polynomial) else 0 for v in row]
     return sum(counts[:-1]), counts[-1]
 
 
 def _image(value: Any, images: list[Residue]) -> Residue:
-    """A polynomial in the finite field, its generators at ``images``."""
+    """The image of a polynomial in the finite field, with the generators replaced by ``images``."""
     if not isinstance(value, Polynomial):
         return Residue.of(value)
     total = 0
@@ -125,7 +128,7 @@ def _image(value: Any, images: list[Residue]) -> Residue:
 
 
 def _canonical(ring: PolynomialRing, value: Any) -> sp.Expr:
-    """A quotient of polynomials with a denominator free of sines and roots (times its conjugates), in lowest terms."""
+    """The quotient ``value`` in lowest terms; conjugates make its denominator free of sines and square roots."""
     numerator, denominator = ring.element(value.numer), ring.element(value.denom)
     for conjugate in ring.conjugations():
         if isinstance(denominator, Polynomial):
@@ -149,9 +152,9 @@ def _poly(ring: PolynomialRing, value: Any) -> Any:
 def _rational_state(
     model: RobotModel, ring: PolynomialRing, random: Random, joints: int
 ) -> tuple[Chain, list[Any], list[Any]]:
-    """A state of the first ``joints`` joints with small rational sines and cosines, and the exact geometry.
+    """A random state of the first ``joints`` joints, with small rational sines and cosines: chain, dq and ddq.
 
-    Half of all angles, slides, rates and accelerations are zero.
+    Half of all angles, slides, rates and accelerations are zero, which gives simple rows.
     """
     points = []
     for _ in range(joints):
@@ -178,7 +181,7 @@ def _check(
     dependencies: list[Dependency],
     seed: int,
 ) -> None:
-    """Every relation must hold at states that were not used to find it."""
+    """Raise InternalError unless every relation holds at states that were not used to find it."""
     if not dependencies:
         return
     position = {parameter: k for k, parameter in enumerate(candidates)}

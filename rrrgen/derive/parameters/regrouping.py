@@ -1,4 +1,4 @@
-"""What became of every standard parameter, in words: kept, regrouped with which factor, or without effect, and why."""
+"""The regrouping table: where every standard parameter went (kept, regrouped, or without effect), and why."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from rrrgen.model.standard_parameters import STANDARD
 
 
 def regroupings(
-    model: RobotModel, own: BaseSet, names: Sequence[str], projection: Sequence[Sequence[sp.Expr]]
+    model: RobotModel, compiler_set: BaseSet, names: Sequence[str], projection: Sequence[Sequence[sp.Expr]]
 ) -> list[Regrouping]:
-    """One entry per standard parameter; ``projection`` gives the base parameters ``names`` over them."""
+    """One entry per standard parameter, link by link.
+
+    ``names`` are the base parameters, ``projection`` (b, 10 n) their coefficients over the standard parameters.
+    """
     entries = []
     for j, symbol in enumerate(standard_symbols(model.n)):
         factors = [(name, row[j]) for name, row in zip(names, projection, strict=True) if row[j] != 0]
@@ -25,7 +28,7 @@ def regroupings(
             entries.append(Regrouping(str(symbol), f"{factors[0][0]} = {_times(factors[0][1], symbol)}", "alone"))
         else:
             formula = ", ".join(f"{name} += {_times(factor, symbol)}" for name, factor in factors)
-            entries.append(Regrouping(str(symbol), formula, _why_regrouped(model, own, link, kind)))
+            entries.append(Regrouping(str(symbol), formula, _why_regrouped(model, compiler_set, link, kind)))
     return entries
 
 
@@ -39,7 +42,7 @@ def _times(factor: sp.Expr, symbol: sp.Symbol) -> str:
 
 
 def _leading_parallel(model: RobotModel, link: int) -> bool:
-    """Whether links 1..link+1 only turn about axes parallel to the first one, and slide."""
+    """Whether links 1..link+1 rotate only about axes parallel to the first one (translations allowed)."""
     axis = None
     direction = sp.Matrix([0, 0, 1])
     R = sp.eye(3)
@@ -69,9 +72,9 @@ def _why_without_effect(model: RobotModel, link: int, kind: str) -> str:
     return f"the motion of link {link + 1} never excites it"
 
 
-def _why_regrouped(model: RobotModel, own: BaseSet, link: int, kind: str) -> str:
+def _why_regrouped(model: RobotModel, compiler_set: BaseSet, link: int, kind: str) -> str:
     joint = model.joints[link]
-    extra = any(d.parameter[0] == link and d.combination for d in own.dependencies)
+    extra = any(d.parameter[0] == link and d.combination for d in compiler_set.dependencies)
     if not joint.revolute:
         reason = f"joint {link + 1} slides: link {link + 1} never turns relative to link {link}"
     else:

@@ -1,8 +1,8 @@
-"""The user's own base parameters: checked to be a basis, and related exactly to the compiler's own set.
+"""The base parameters of the robot file: checked to be a basis, and related exactly to the compiler's set.
 
-With the own set ``beta = K phi`` and its right inverse L (``K L = 1``), user parameters ``pi = U phi`` are functions of
-the dynamics if and only if ``U = (U L) K``, and they are a basis if and only if ``S = U L`` is square and invertible.
-Then ``beta = S^-1 pi`` and the user's regressor is ``Y S^-1``.
+Let ``beta = K phi`` be the compiler's set and L its right inverse (``K L = 1``). The user's parameters ``pi = U phi``
+are determined by the dynamics if and only if ``U = (U L) K``, and they are a basis if and only if ``S = U L`` is square
+and invertible. Then ``beta = S^-1 pi``, and the regressor of the user's parameters is ``Y S^-1``.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ INERTIA_SIGN = {"Ixy": -1, "Ixz": -1, "Iyz": -1}
 
 
 def with_signs(expression: sp.Expr, basis: BasisSpec) -> sp.Expr:
-    """``expression`` from the signs of products of inertia in ``basis`` to those of the tensor, and back."""
+    """``expression`` converted between the sign convention of ``basis`` for products of inertia and the tensor's.
+
+    The conversion is its own inverse.
+    """
     if basis.products == "tensor":
         return expression
     negative = [s for s in expression.free_symbols if s.name.rstrip("0123456789") in INERTIA_SIGN]
@@ -35,9 +38,10 @@ def with_signs(expression: sp.Expr, basis: BasisSpec) -> sp.Expr:
 
 @dataclass(frozen=True)
 class BasisChange:
-    """``own = inverse @ user``; ``inverse`` is exact over the constants of the geometry.
+    """The exact change between the user's base parameters and the compiler's: ``compiler = inverse @ user``.
 
-    ``expressions`` are the user's in the signs of the inertia tensor, whichever signs the file is written in.
+    ``forward`` is its inverse. ``expressions`` are the user's, in the signs of the inertia tensor, whichever
+    convention the file uses.
     """
 
     names: tuple[str, ...]
@@ -47,24 +51,28 @@ class BasisChange:
     inverse: tuple[tuple[sp.Expr, ...], ...]
 
 
-def change_basis(spec: RobotSpec, own: BaseSet) -> BasisChange:
-    """Relate ``spec.basis`` to the compiler's own set, or say which direction is missing, dependent or foreign."""
+def change_basis(spec: RobotSpec, compiler_set: BaseSet) -> BasisChange:
+    """The exact relation of ``spec.basis`` to the compiler's base parameters, ``compiler_set``.
+
+    Raises InputError with every fault if it is no basis: a parameter that is nonlinear, dependent on others or without
+    effect on the dynamics, or a direction that is not covered.
+    """
     basis = spec.basis
     assert basis is not None
     faults: list[Fault] = []
     rows: list[list[Any]] = []
     for k, expression in enumerate(basis.expressions):
         try:
-            rows.append(_linear_row(expression, basis, spec.n, own.ring))
+            rows.append(_linear_row(expression, basis, spec.n, compiler_set.ring))
         except ValueError as problem:
             faults.append(_fault(spec, basis, k, str(problem)))
             rows.append([0] * (10 * spec.n))
     if faults:
         raise InputError(faults)
-    S = [[_combine(row, column) for column in zip(*own.lift, strict=True)] for row in rows]
-    faults = _foreign(spec, basis, own, rows, S)
+    S = [[_combine(row, column) for column in zip(*compiler_set.lift, strict=True)] for row in rows]
+    faults = _foreign(spec, basis, compiler_set, rows, S)
     if not faults:
-        faults = _rank_faults(spec, basis, own, S)
+        faults = _rank_faults(spec, basis, compiler_set, S)
     if faults:
         raise InputError(faults)
     return BasisChange(
@@ -72,12 +80,15 @@ def change_basis(spec: RobotSpec, own: BaseSet) -> BasisChange:
         expressions=tuple(with_signs(expression, basis) for expression in basis.expressions),
         units=tuple(_unit(row) for row in rows),
         forward=tuple(tuple(row) for row in S),
-        inverse=_inverse(own.ring, S),
+        inverse=_inverse(compiler_set.ring, S),
     )
 
 
 def _linear_row(expression: sp.Expr, basis: BasisSpec, n: int, ring: PolynomialRing) -> list[Any]:
-    """Coefficients of ``expression`` over the standard parameters (COM times mass is a first moment)."""
+    """The coefficients (10 n,) of ``expression`` over the standard parameters; ``m1*x1`` counts as ``mx1``.
+
+    Raises ValueError for a term that is not linear in the link parameters.
+    """
     row: list[Any] = [0] * (10 * n)
     names = {str(s): k for k, s in enumerate(standard_symbols(n))}
     for term in sp.Add.make_args(sp.expand(expression)):
@@ -109,7 +120,7 @@ def _is_link_symbol(name: str, n: int) -> bool:
 
 
 def _standard_name(factors: list[str]) -> str | None:
-    """The standard parameter that a product of link symbols is: one symbol, or mass times a COM coordinate."""
+    """The standard parameter equal to a product of link symbols (``m1 * x1`` is mx1); None if there is none."""
     if len(factors) == 1:
         return factors[0] if factors[0][0] not in "xyz" else None
     if len(factors) == 2:
@@ -132,13 +143,15 @@ def _fault(spec: RobotSpec, basis: BasisSpec, k: int, message: str) -> Fault:
     return Fault(spec.file or "robot", line, column, f"basis: {basis.names[k]}: {message}")
 
 
-def _foreign(spec: RobotSpec, basis: BasisSpec, own: BaseSet, rows: list[list[Any]], S: list[list[Any]]) -> list[Fault]:
-    """User parameters with a part that does not act on the dynamics."""
+def _foreign(
+    spec: RobotSpec, basis: BasisSpec, compiler_set: BaseSet, rows: list[list[Any]], S: list[list[Any]]
+) -> list[Fault]:
+    """Faults of user parameters that contain a part without effect on the dynamics."""
     faults = []
     symbols = standard_symbols(spec.n)
     for k, (row, s) in enumerate(zip(rows, S, strict=True)):
         factors = [to_expression(v) for v in s]
-        rebuilt = [_combine(factors, column) for column in zip(*own.projection, strict=True)]
+        rebuilt = [_combine(factors, column) for column in zip(*compiler_set.projection, strict=True)]
         rest = [_vanishing(to_expression(x) - y) for x, y in zip(row, rebuilt, strict=True)]
         if any(rest):
             extra = with_signs(linear_expression(rest, symbols), basis)
@@ -147,16 +160,16 @@ def _foreign(spec: RobotSpec, basis: BasisSpec, own: BaseSet, rows: list[list[An
 
 
 def _vanishing(expression: sp.Expr) -> sp.Expr:
-    """The expression in a form in which zero shows as zero."""
+    """``expression`` simplified so far that zero becomes 0."""
     expanded = sp.expand(expression)
     return expanded if expanded == 0 else sp.cancel(sp.trigsimp(expanded))
 
 
-def _rank_faults(spec: RobotSpec, basis: BasisSpec, own: BaseSet, S: list[list[Any]]) -> list[Fault]:
-    """Dependent user parameters and directions that none of them covers."""
+def _rank_faults(spec: RobotSpec, basis: BasisSpec, compiler_set: BaseSet, S: list[list[Any]]) -> list[Fault]:
+    """Faults of linearly dependent user parameters, and of directions that none of them covers."""
     constants = ResidueConstants(seed=7)
     image = [[Residue.of(constants(to_expression(v))).value for v in row] for row in S]
-    b, count = len(own.parameters), len(S)
+    b, count = len(compiler_set.parameters), len(S)
     faults = []
     by_parameter = [[image[r][c] for r in range(count)] for c in range(b)]
     echelon, pivots = row_echelon([list(row) for row in by_parameter])
@@ -169,15 +182,15 @@ def _rank_faults(spec: RobotSpec, basis: BasisSpec, own: BaseSet, S: list[list[A
     for c in range(b):
         if c not in covered:
             message = (
-                f"basis: incomplete ({len(pivots)} of {b} directions): nothing covers {own.names[c]} = "
-                f"{with_signs(own.expressions()[c], basis)}"
+                f"basis: incomplete ({len(pivots)} of {b} directions): nothing covers {compiler_set.names[c]} = "
+                f"{with_signs(compiler_set.expressions()[c], basis)}"
             )
             faults.append(Fault(spec.file or "robot", 0, 0, message))
     return faults
 
 
 def _inverse(ring: PolynomialRing, S: list[list[Any]]) -> tuple[tuple[sp.Expr, ...], ...]:
-    """Over the rational numbers where there are only such: rational functions take a tenth of the derivation."""
+    """The exact inverse of S. Purely rational matrices are inverted over Q: rational functions are far slower."""
     if not any(isinstance(v, Polynomial) for row in S for v in row):
         numbers = [[sp.QQ.from_sympy(to_expression(v)) for v in row] for row in S]
         rational = DomainMatrix(numbers, (len(S), len(S)), sp.QQ).inv().to_Matrix()
@@ -191,7 +204,7 @@ def _inverse(ring: PolynomialRing, S: list[list[Any]]) -> tuple[tuple[sp.Expr, .
 
 
 def _unit(row: list[Any]) -> str:
-    """Unit from the first standard parameter that occurs with a plain number."""
+    """The unit of a user parameter: that of its first standard parameter with a numeric coefficient."""
     for k, value in enumerate(row):
         if value and not isinstance(value, Polynomial):
             name = STANDARD[k % 10]

@@ -1,1 +1,1 @@
-"""The recursions over the chain, written once for any scalar: motion, forces, composite bodies, regressors."""
+"""The recursions over the chain, written once for any scalar: motion, wrenches, composite bodies, regressors."""

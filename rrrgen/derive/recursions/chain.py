@@ -1,7 +1,7 @@
-"""The robot's geometry in scalars of one kind: what every derivation takes as its input.
+"""The geometry of a robot in one kind of scalar, the input of every recursion.
 
-The same derivations run over recorded program scalars (to print code), over polynomials (to get closed forms), and
-over a finite field (to certify ranks). A :class:`Chain` holds the constants and the joint angles in the chosen kind.
+The same recursions run over recorded program scalars (for code), over polynomials (for closed forms), and over a finite
+field (for exact ranks). A :class:`Chain` holds the constants and the joint angles in the chosen kind.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HALF_PI = sp.pi / 2
 
 @dataclass(frozen=True)
 class Placement:
-    """A constant rotation and translation in scalars of the chain."""
+    """A constant pose: rotation ``R`` and translation ``p`` (m) in scalars of the chain."""
 
     R: Matrix
     p: Vector
@@ -35,10 +35,10 @@ class Placement:
 
 @dataclass(frozen=True)
 class ChainJoint:
-    """Joint i: constant placement before it, then a turn or a slide along z.
+    """Joint i: the constant pose ``R, p`` before it, then a rotation about z or a translation along z.
 
-    ``c, s`` are the cosine and sine of the *absolute* angle within the block of parallel axes; ``slide`` is q of a
-    prismatic joint (0 for a revolute one).
+    ``c, s`` are the cosine and sine of the *absolute* angle within the block of parallel axes, i.e. of the sum of the
+    joint angles of the block up to this joint; ``slide`` is q of a prismatic joint (0 for a revolute one).
     """
 
     revolute: bool
@@ -66,11 +66,15 @@ class Chain:
 
 
 Trig = Callable[[tuple[int, ...], sp.Expr], tuple[Any, Any]]
-"""(joints whose angles add up, constant angle) -> (cosine, sine)."""
+"""(indices of the joints whose angles add up, constant angle) -> (cosine, sine) of the total angle."""
 
 
 def build_chain(model: RobotModel, constant: Callable[[sp.Expr], Any], trig: Trig, q: Sequence[Any]) -> Chain:
-    """The chain of ``model`` with constants, angles and slides in one kind of scalar."""
+    """The chain of ``model`` in one kind of scalar.
+
+    ``constant`` converts exact constants, ``trig`` gives the cosine and sine of block angles, ``q`` (n,) the
+    displacements of prismatic joints (m).
+    """
 
     def placement(R: sp.MatrixBase, p: sp.MatrixBase) -> Placement:
         return Placement([[constant(R[r, c]) for c in range(3)] for r in range(3)], [constant(v) for v in p])
@@ -95,7 +99,7 @@ def build_chain(model: RobotModel, constant: Callable[[sp.Expr], Any], trig: Tri
 
 
 def quarter_turns(angle: sp.Expr) -> tuple[int, sp.Expr]:
-    """``angle`` as whole quarter turns plus a rest; the rest is zero for exact multiples of pi/2."""
+    """``(k, 0)`` if ``angle`` equals k quarter turns modulo a full turn, else ``(0, angle)``."""
     quotient = angle / HALF_PI
     if quotient.is_Integer:
         return int(quotient) % 4, sp.S.Zero
@@ -103,7 +107,7 @@ def quarter_turns(angle: sp.Expr) -> tuple[int, sp.Expr]:
 
 
 def rotate_quarters(quarters: int, c: Any, s: Any) -> tuple[Any, Any]:
-    """Cosine and sine after ``quarters`` quarter turns, exactly."""
+    """Cosine and sine of the angle increased by ``quarters`` quarter turns, exactly."""
     for _ in range(quarters):
         c, s = -s, c
     return c, s
@@ -113,7 +117,10 @@ def rotate_quarters(quarters: int, c: Any, s: Any) -> tuple[Any, Any]:
 
 
 def rational(expression: sp.Expr, digits: int = 40) -> Number:
-    """An exact number as an integer or a fraction; irrational ones to ``digits`` decimal digits."""
+    """An exact constant as an int or Fraction; irrational ones rounded to ``digits`` decimal digits.
+
+    Raises DerivationError if the expression contains a named parameter without a nominal value.
+    """
     if expression.is_Rational:
         return plain(Fraction(int(expression.p), int(expression.q)))
     value = expression.doit().evalf(digits + 10)
@@ -123,12 +130,12 @@ def rational(expression: sp.Expr, digits: int = 40) -> Number:
 
 
 def rational_float(value: float | None) -> Fraction:
-    """A number of the file as the decimal fraction it was written as; None is zero."""
+    """A number of the robot file as the exact decimal fraction that it was written as; None counts as zero."""
     return Fraction(0) if value is None else Fraction(str(value))
 
 
 def nominal_constant(model: RobotModel) -> Callable[[sp.Expr], Number]:
-    """Constants of the geometry as exact numbers, named parameters at their nominal values."""
+    """Converts constants of the geometry to exact numbers, with named parameters at their nominal values."""
 
     known: dict[sp.Expr, Number] = {}
 
@@ -141,7 +148,7 @@ def nominal_constant(model: RobotModel) -> Callable[[sp.Expr], Number]:
 
 
 def symbolic_constant(builder: Builder, generators: Sequence[sp.Expr]) -> Callable[[sp.Expr], Value]:
-    """Constants of the geometry as inputs of the program, one for each of ``generators``."""
+    """Converts constants of the geometry to expressions in a new input port with one element per generator."""
     port = Port("constants", (len(generators),), "", "", ", ".join(map(str, generators)), Role.GEOMETRY)
     inputs: dict[sp.Expr, Value] = dict(zip(generators, builder.input(port), strict=True))
 
@@ -162,7 +169,7 @@ def symbolic_constant(builder: Builder, generators: Sequence[sp.Expr]) -> Callab
 
 
 def program_chain(model: RobotModel, builder: Builder, constant: Callable[[sp.Expr], Value], q: Sequence[Any]) -> Chain:
-    """The chain over recorded scalars."""
+    """The chain over program scalars recorded into ``builder``, for the joint positions ``q`` (n,)."""
 
     def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:
         total: Any = 0
@@ -182,10 +189,10 @@ def program_chain(model: RobotModel, builder: Builder, constant: Callable[[sp.Ex
 
 
 class ResidueConstants:
-    """Images of exact constants in the finite field.
+    """Maps exact constants to the finite field.
 
-    Rationals and square roots (where one exists) map exactly; a named parameter stands for a generic length and any
-    other irrational number for a generic value, both drawn at random but always the same for the same symbol.
+    Rationals, and square roots that exist in the field, map exactly. A named parameter or another irrational number
+    maps to a random element, always the same one: it stands for a generic value.
     """
 
     def __init__(self, seed: int) -> None:
@@ -193,17 +200,17 @@ class ResidueConstants:
         self._known: dict[sp.Expr, Residue] = {}
 
     def draw(self) -> Residue:
-        """A random element."""
+        """A random non-zero element of the field."""
         return Residue(self._random.randrange(1, PRIME))
 
     def draw_angle(self) -> tuple[Residue, Residue]:
-        """The image of a random rational point of the unit circle."""
+        """The cosine and sine of a random angle: the image of a rational point of the unit circle."""
         t = self.draw()
         one, square = Residue(1), Residue.of(t * t)
         return (one - square) / (one + square), (t + t) / (one + square)
 
     def __call__(self, expression: sp.Expr) -> Residue | int:
-        """The image of ``expression``."""
+        """The image of ``expression`` in the field."""
         if expression.is_Rational:
             value = plain(Fraction(int(expression.p), int(expression.q)))
             return value if type(value) is int else Residue.of(value)
@@ -233,7 +240,7 @@ class ResidueConstants:
 
 
 def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain, list[Residue]]:
-    """The chain at one random rational configuration, and that configuration's slides."""
+    """The chain at a random configuration in the finite field, and the joint displacements of that configuration."""
     q = [constants.draw() for _ in range(model.n)]
     angles: dict[int, tuple[Residue, Residue]] = {}
 
@@ -245,7 +252,7 @@ def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain
                 angles[i] = constants.draw_angle()
             ci, si = angles[i]
             c, s = c * ci - s * si, s * ci + c * si
-        return c, s  # the constant part of an angle does not change what is generic
+        return c, s  # a constant offset is irrelevant: the angle is random
 
     return build_chain(model, constants, trig, q), q
 
@@ -256,7 +263,10 @@ def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain
 def exact_constants(
     model: RobotModel, further: Sequence[sp.Expr] = ()
 ) -> tuple[list[sp.Expr], list[tuple[sp.Expr, sp.Expr]], list[sp.Expr]]:
-    """The generators that the constants of ``model`` (and ``further`` ones) need: symbols, trig pairs, square roots."""
+    """The ring generators of the constants of ``model`` and of ``further`` ones.
+
+    Returns free symbols, (cosine, sine) pairs of constant angles, and square roots of primes.
+    """
     expressions: list[sp.Expr] = [*model.spec.gravity, *further]
     for X in [joint.before for joint in model.joints] + [model.tip, *model.link_frames]:
         expressions += [*X.R, *X.p]
@@ -276,7 +286,7 @@ def exact_constants(
 
 
 def block_angles(model: RobotModel) -> list[sp.Expr]:
-    """The constant part of each joint's absolute angle in its block."""
+    """For each joint, the constant part of its absolute angle within the block (rad)."""
     angles: list[sp.Expr] = []
     for joint in model.joints:
         angles.append(joint.theta + angles[-1] if joint.parallel else joint.theta)
@@ -304,5 +314,5 @@ def _collect(
 
 
 def joint_symbols(n: int, prefix: str = "q") -> list[sp.Symbol]:
-    """``q1 .. qn`` (or dq1, ddq1, ...)."""
+    """The symbols ``q1 .. qn``, or with another ``prefix`` dq1, ddq1, ..."""
     return [sp.Symbol(f"{prefix}{i + 1}", real=True) for i in range(n)]

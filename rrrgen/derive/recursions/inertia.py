@@ -1,9 +1,10 @@
-"""The pseudo-inertia of a link: ten parameters in one symmetric 4x4 matrix (14.9).
+"""The pseudo-inertia of a link: its ten inertial parameters in one symmetric 4x4 matrix (14.9),
 
-    J = integral of [x y z 1]' [x y z 1] dm = [[S, h], [h', m]],   S = second moments, h = first moments, m = mass
+    J = integral of [x y z 1]' [x y z 1] dm = [[S, h], [h', m]],
 
-in the axes of a frame and about its origin; S has positive products. It moves rigidly as ``T J T'``. The inertia
-tensor of the same frame is ``I = tr(S) 1 - S``, hence ``Ixx = Syy + Szz`` and ``Sxx = (-Ixx + Iyy + Izz)/2``.
+with the second moments S (kg m^2, positive products), the first moments h (kg m) and the mass m (kg), in the axes of a
+frame and about its origin. Under a change of frame T it becomes ``T J T'``. The inertia tensor in the same frame is
+``I = tr(S) 1 - S``, hence ``Ixx = Syy + Szz`` and ``Sxx = (-Ixx + Iyy + Izz)/2``.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from rrrgen.derive.algebra.vectors import Matrix, product, transpose
 from rrrgen.derive.recursions.chain import Placement
 
 ENTRIES = ("Jxx", "Jxy", "Jxz", "Jyy", "Jyz", "Jzz", "hx", "hy", "hz", "m")
-"""Order of the ten parameters of a link in canonical frames."""
+"""The ten entries, in the order in which links are parametrized in canonical frames."""
 
 PLACES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2), (0, 3), (1, 3), (2, 3), (3, 3))
-"""Where each entry stands in the 4x4 matrix."""
+"""Row and column of each entry in the 4x4 matrix."""
 
 
 @dataclass(frozen=True)
 class PseudoInertia:
-    """The ten entries, in scalars of any kind; structural zeros are plain 0."""
+    """The ten entries of a pseudo-inertia, in scalars of any kind; structural zeros are the number 0."""
 
     Jxx: Any = 0
     Jxy: Any = 0
@@ -38,11 +39,11 @@ class PseudoInertia:
     m: Any = 0
 
     def entries(self) -> tuple[Any, ...]:
-        """In the order of :data:`ENTRIES`."""
+        """The ten entries in the order of :data:`ENTRIES`."""
         return tuple(getattr(self, name) for name in ENTRIES)
 
     def matrix(self) -> Matrix:
-        """The 4x4 matrix."""
+        """The symmetric 4x4 matrix J."""
         J: Matrix = [[0] * 4 for _ in range(4)]
         for (r, c), value in zip(PLACES, self.entries(), strict=True):
             J[r][c] = J[c][r] = value
@@ -50,21 +51,21 @@ class PseudoInertia:
 
     @staticmethod
     def of_matrix(J: Matrix) -> PseudoInertia:
-        """From a symmetric 4x4 matrix."""
+        """The pseudo-inertia with the symmetric 4x4 matrix ``J``."""
         return PseudoInertia(*(J[r][c] for r, c in PLACES))
 
     def moved(self, placement: Placement) -> PseudoInertia:
-        """The same body seen from the frame in which its own frame has ``placement``: T J T'."""
+        """``T J T'``: the same body in the frame in which its present frame has the pose ``placement``."""
         T = [[*row, p] for row, p in zip(placement.R, placement.p, strict=True)] + [[0, 0, 0, 1]]
         return PseudoInertia.of_matrix(product(product(T, self.matrix()), transpose(T)))
 
     def plus(self, other: PseudoInertia) -> PseudoInertia:
-        """Both bodies fixed to each other, in one frame."""
+        """The pseudo-inertia of two rigidly connected bodies, both given in one frame."""
         return PseudoInertia(*(x + y for x, y in zip(self.entries(), other.entries(), strict=True)))
 
-    def turned(self, c: Any, s: Any) -> PseudoInertia:
-        """Seen from a frame turned back by the angle with cosine ``c`` and sine ``s`` about z."""
-        # with P = Jxx - Jyy and u = P c - 2 Jxy s: four products turn the plane part
+    def rotated_z(self, c: Any, s: Any) -> PseudoInertia:
+        """``Rz J Rz'``: the body rotated about z by the angle with cosine ``c`` and sine ``s``."""
+        # u = (Jxx - Jyy) c - 2 Jxy s: the planar part takes four products
         u = (self.Jxx - self.Jyy) * c - 2 * self.Jxy * s
         shift = c * u
         return PseudoInertia(
@@ -82,7 +83,7 @@ class PseudoInertia:
 
 
 def from_standard(phi: tuple[Any, ...] | list[Any]) -> PseudoInertia:
-    """Standard parameters, in the order of ``STANDARD``, as a pseudo-inertia of the same frame."""
+    """The pseudo-inertia of the standard parameters ``phi`` (10,), in the order of ``STANDARD``, in the same frame."""
     m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz = phi
     half = Fraction(1, 2)
     return PseudoInertia(

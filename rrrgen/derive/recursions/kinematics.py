@@ -1,11 +1,11 @@
-"""Forward kinematics (14.5), the geometric Jacobian and its derivative times the joint rates."""
+"""Forward kinematics (14.5), the geometric Jacobian, and its time derivative times the joint velocities."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, product, subtract, times, turn, turn_back
+from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, product, rotate_z, rotate_z_back, subtract, times
 from rrrgen.derive.recursions.chain import Chain, ChainJoint, Placement
 from rrrgen.derive.recursions.motion import forward
 
@@ -13,40 +13,40 @@ IDENTITY: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
 
 def joint_frames(chain: Chain) -> list[Placement]:
-    """Canonical frames P_1..P_n in the base frame, from the base outwards."""
+    """The poses of the canonical frames P_1..P_n in the base frame, computed from the base outwards."""
     frames: list[Placement] = []
     block_R, origin = IDENTITY, [0, 0, 0]
     for i, joint in enumerate(chain.joints):
         if joint.parallel:
             before = chain.joints[i - 1]
-            offset = turn(before.c, before.s, joint.p)
+            offset = rotate_z(before.c, before.s, joint.p)
             origin = add(origin, times(block_R, add(offset, [0, 0, joint.slide])))
         else:
             R = frames[-1].R if frames else IDENTITY
             origin = add(origin, times(R, joint.p))
             block_R = product(R, joint.R)
             origin = add(origin, [row[2] * joint.slide for row in block_R])
-        frames.append(Placement(_turned(block_R, joint.c, joint.s), origin))
+        frames.append(Placement(_rotated_z(block_R, joint.c, joint.s), origin))
     return frames
 
 
-def _turned(R: Matrix, c: Any, s: Any) -> Matrix:
-    """R Rz."""
+def _rotated_z(R: Matrix, c: Any, s: Any) -> Matrix:
+    """``R Rz``: R times the rotation about z with cosine ``c`` and sine ``s``."""
     return [[c * x + s * y, c * y - s * x, z] for x, y, z in R]
 
 
 def compose(frame: Placement, constant: Placement) -> Placement:
-    """frame * constant."""
+    """The product of two poses, ``frame * constant``."""
     return Placement(product(frame.R, constant.R), add(frame.p, times(frame.R, constant.p)))
 
 
 def homogeneous(frame: Placement) -> Matrix:
-    """The 4x4 matrix."""
+    """The homogeneous transform (4, 4) of a pose."""
     return [[*row, p] for row, p in zip(frame.R, frame.p, strict=True)] + [[0, 0, 0, 1]]
 
 
 def link_frames(chain: Chain) -> list[Matrix]:
-    """The user's link frames D_1..D_n in the base frame, as 4x4 matrices."""
+    """The user's link frames D_1..D_n in the base frame, as n homogeneous transforms (4, 4)."""
     return [
         homogeneous(compose(frame, constant))
         for frame, constant in zip(joint_frames(chain), chain.link_frames, strict=True)
@@ -54,15 +54,15 @@ def link_frames(chain: Chain) -> list[Matrix]:
 
 
 def forward_kinematics(chain: Chain) -> Matrix:
-    """The tip in the base frame, from the base outwards."""
+    """The pose (4, 4) of the tip in the base frame, computed from the base outwards."""
     return homogeneous(compose(joint_frames(chain)[-1], chain.tip))
 
 
 def forward_kinematics_inwards(chain: Chain) -> Matrix:
-    """The tip in the base frame, column by column from the tip to the base.
+    """The pose (4, 4) of the tip in the base frame, computed column by column from the tip to the base.
 
-    Two axes and the position are carried through every joint (four products each), the third axis is their cross
-    product: cheaper than whole rotation matrices for long chains.
+    Two axes and the position are moved through every joint (four products each); the third axis is their cross product.
+    For long chains this is cheaper than products of rotation matrices.
     """
     x, y = (carry_to_base(chain, [row[k] for row in chain.tip.R]) for k in range(2))
     z = cross(x, y)
@@ -71,43 +71,46 @@ def forward_kinematics_inwards(chain: Chain) -> Matrix:
 
 
 def carry_to_base(chain: Chain, vector: Vector) -> Vector:
-    """A vector given in the last canonical frame, in base axes."""
+    """A free vector given in the last canonical frame, expressed in base axes."""
     for i in reversed(range(chain.n)):
         vector = _out_of_joint(chain, i, vector)
     return vector
 
 
 def position_to_base(chain: Chain, point: Vector) -> Vector:
-    """A point given in the last canonical frame, in the base frame."""
+    """A point given in the last canonical frame, expressed in the base frame."""
     for i in reversed(range(chain.n)):
         joint = chain.joints[i]
         if not (i + 1 < chain.n and chain.joints[i + 1].parallel):
-            point = turn(joint.c, joint.s, point)
+            point = rotate_z(joint.c, joint.s, point)
         if not joint.revolute:
             point = add(point, [0, 0, joint.slide])
         if joint.parallel:
             before = chain.joints[i - 1]
-            point = add(point, turn(before.c, before.s, joint.p))
+            point = add(point, rotate_z(before.c, before.s, joint.p))
         else:
             point = add(times(joint.R, point), joint.p)
     return point
 
 
 def _out_of_joint(chain: Chain, i: int, vector: Vector) -> Vector:
-    """From the frame of link i to that of link i-1, the turn of a block being made at its last joint."""
+    """A vector of link i in the frame of link i-1; the rotation of a whole block is applied at its last joint."""
     joint = chain.joints[i]
     if not (i + 1 < chain.n and chain.joints[i + 1].parallel):
-        vector = turn(joint.c, joint.s, vector)
+        vector = rotate_z(joint.c, joint.s, vector)
     return vector if joint.parallel else times(joint.R, vector)
 
 
 def jacobian(chain: Chain) -> Matrix:
-    """6 x n geometric Jacobian at the tip, base axes, linear rows first."""
+    """The geometric Jacobian (6, n) at the tip, in base axes: rows 1-3 linear, rows 4-6 angular velocity."""
     return point_jacobian(chain, joint_frames(chain), chain.n - 1, chain.tip.p)
 
 
 def point_jacobian(chain: Chain, frames: Sequence[Placement], link: int, point: Vector) -> Matrix:
-    """6 x n Jacobian of a point of one link, given in its canonical frame; joints beyond the link do not move it."""
+    """The Jacobian (6, n), in base axes, of a point fixed to one link and given in its canonical frame.
+
+    Columns of joints beyond the link are zero.
+    """
     p = add(frames[link].p, times(frames[link].R, point))
     columns: list[Vector] = []
     for joint, frame in zip(chain.joints[: link + 1], frames, strict=False):
@@ -121,13 +124,13 @@ def point_jacobian(chain: Chain, frames: Sequence[Placement], link: int, point: 
 
 
 def jacobian_dot_dq(chain: Chain, dq: Sequence[Any]) -> Vector:
-    """(dJ/dt) dq: acceleration of the tip for ddq = 0; linear part first, base axes."""
+    """(dJ/dt) dq, shape (6,): the acceleration of the tip for ddq = 0, linear part first, in base axes."""
     at_rest = Chain(chain.joints, chain.tip, chain.link_frames, [0, 0, 0])
     last = forward(at_rest, dq, [0] * chain.n, [True] * chain.n)[-1]
     linear = add(last.a, times(last.U, chain.tip.p))
     return carry_to_base(chain, linear) + carry_to_base(chain, last.alpha)
 
 
-def turn_into_link(joint: ChainJoint, vector: Vector) -> Vector:
-    """From the frame of a joint's block to the link's own frame."""
-    return turn_back(joint.c, joint.s, vector)
+def to_link_frame(joint: ChainJoint, vector: Vector) -> Vector:
+    """A vector given in the frame of a joint's block, expressed in the frame of the link."""
+    return rotate_z_back(joint.c, joint.s, vector)

@@ -1,6 +1,7 @@
-"""Energy and the transposed Coriolis matrix, from the momentum of composite bodies.
+"""Energy and the product C' dq, from the momentum of composite bodies.
 
-``C' dq = integral of r' . dJ_i/dt dm`` needs only the momentum P and the angular momentum L of each composite body:
+``(C' dq)_i = integral of r' . dJ_i/dt dm`` depends only on the momentum P and angular momentum L of each composite
+body:
 
     (C' dq)_i = zdot_i . L_i - z_i . (v_i x P_i)   (revolute),   zdot_i . P_i   (prismatic),
 
@@ -20,7 +21,7 @@ from rrrgen.derive.recursions.inertia import PseudoInertia
 
 
 def link_momentum(J: PseudoInertia, velocity: BlockVelocity) -> tuple[Vector, Vector]:
-    """Momentum and angular momentum about the origin of one link, in the block's frame."""
+    """Momentum and angular momentum of one link about its origin, in the frame of its block."""
     h = [J.hx, J.hy, J.hz]
     x, y, z = velocity.omega
     L = [
@@ -32,16 +33,16 @@ def link_momentum(J: PseudoInertia, velocity: BlockVelocity) -> tuple[Vector, Ve
 
 
 def coriolis_transpose(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]) -> list[Any]:
-    """C(q, dq)' dq."""
+    """C(q, dq)' dq, shape (n,), N m or N: the gradient of the kinetic energy with respect to q."""
     motion = velocities(chain, dq)
     result: list[Any] = [0] * chain.n
     P: Vector = [0, 0, 0]
     L: Vector = [0, 0, 0]
     for i in reversed(range(chain.n)):
         joint = chain.joints[i]
-        own = link_momentum(inertias[i].turned(joint.c, joint.s), motion[i])
-        P, L = add(P, own[0]), add(L, own[1])
-        x, y, v = motion[i].carrier[0], motion[i].carrier[1], motion[i].v
+        link = link_momentum(inertias[i].rotated_z(joint.c, joint.s), motion[i])
+        P, L = add(P, link[0]), add(L, link[1])
+        x, y, v = motion[i].block_omega[0], motion[i].block_omega[1], motion[i].v
         if joint.revolute:
             result[i] = (y * L[0] - x * L[1]) - (v[0] * P[1] - v[1] * P[0])
         else:
@@ -52,16 +53,19 @@ def coriolis_transpose(chain: Chain, dq: Sequence[Any], inertias: Sequence[Pseud
 
 
 def kinetic_energy(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]) -> Any:
-    """T = sum over links of (v . P + omega . L)/2."""
+    """The kinetic energy T = sum over links of (v . P + omega . L)/2 in J, without drive inertia."""
     total: Any = 0
     for joint, J, velocity in zip(chain.joints, inertias, velocities(chain, dq), strict=True):
-        P, L = link_momentum(J.turned(joint.c, joint.s), velocity)
+        P, L = link_momentum(J.rotated_z(joint.c, joint.s), velocity)
         total = total + dot(velocity.v, P) + dot(velocity.omega, L)
     return total * Fraction(1, 2)
 
 
 def potential_energy(chain: Chain, inertias: Sequence[PseudoInertia]) -> Any:
-    """U = -g . (sum of m r), the zero being where all base parameters put it (U is defined up to a constant)."""
+    """The potential energy U = -g . (sum of m r) in J, defined up to a constant.
+
+    Base parameters determine it up to that constant only, since regrouping moves mass along joint axes.
+    """
     whole = composites(chain, [PseudoInertia(hx=J.hx, hy=J.hy, hz=J.hz, m=J.m) for J in inertias])[0]
     first = chain.joints[0]
     h = times(first.R, [whole.hx, whole.hy, whole.hz + whole.m * first.slide])

@@ -1,16 +1,16 @@
-"""Forward recursion: how every link moves.
+"""The forward recursion: velocities and accelerations of all links.
 
-The acceleration of a point r of link k (gravity's acceleration subtracted) is ``a_k + U_k r`` with
+The acceleration of a point r of link k, minus gravity, is ``a_k + U_k r`` with
 
     U_k = [alpha_k]x + [omega_k]x [omega_k]x.
 
-Within a block of parallel axes all links share the block's frame B, which is fixed to the link before the block, and
-differ from each other only by the absolute rate W about the common z axis:
+The links of a block of parallel axes share the frame B of the block, which is fixed to the link before it. They differ
+only by the absolute rate W and acceleration A about the common z axis:
 
     U_k = U_B + [[-2 z W - W^2, -A, 0], [A, -2 z W - W^2, 0], [2 x W, 2 y W, 0]],   omega_B = (x, y, z)
 
-so ``U13, U23, U33`` are the same for all of them. A link is expressed in B or in its own turned frame, whichever is
-cheaper; the last link of a block that has a successor uses its own frame, since the next block starts from it.
+so ``U13, U23, U33`` are the same for all of them. A link can be expressed in B or in its link frame, whichever is
+cheaper; the last link of a block with a successor uses its link frame, from which the next block starts.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from rrrgen.derive.algebra.vectors import (
     add,
     is_number,
     product,
+    rotate_z,
+    rotate_z_back,
     times,
     transpose,
     transposed_times,
-    turn,
-    turn_back,
 )
 from rrrgen.derive.recursions.chain import Chain, ChainJoint
 
 
 @dataclass(frozen=True)
 class LinkMotion:
-    """Motion of one link in its frame of expression.
+    """Motion of one link, expressed in its link frame (``in_link_frame``) or in the frame of its block.
 
-    ``U`` as above; ``D = (U33 - U22, U11 - U33, U22 - U11)``; ``a`` is the acceleration of the origin minus gravity;
-    ``omega`` the angular velocity. In the block's frame stand ``a_block``, the same acceleration, and ``axis``, the
-    second time derivative of the joint's axis.
+    ``U`` is the matrix above, ``D = (U33 - U22, U11 - U33, U22 - U11)``, ``a`` the acceleration of the origin minus
+    gravity, ``omega`` and ``alpha`` angular velocity and acceleration. Always in the frame of the block: ``a_block``,
+    the same acceleration, and ``axis``, the second time derivative of the joint axis.
     """
 
-    own: bool
+    in_link_frame: bool
     U: Matrix
     D: Vector
     a: Vector
@@ -55,7 +55,7 @@ class LinkMotion:
 
 @dataclass(frozen=True)
 class _BlockEntry:
-    """Motion of a block's frame B, which its links share; ``x2``, ``y2`` are squares of its angular velocity."""
+    """Motion of the frame B of a block; ``x2`` and ``y2`` are the squares of its angular velocities about x and y."""
 
     omega: Vector
     alpha: Vector
@@ -65,16 +65,22 @@ class _BlockEntry:
 
 
 def choose_frames(chain: Chain, keep_in_block: Container[int] = ()) -> list[bool]:
-    """Whether each link uses its own frame; links in ``keep_in_block`` use the block's where that is allowed."""
-    own = []
+    """For each link, whether it is expressed in its link frame (True) or in the frame of its block (False).
+
+    Links in ``keep_in_block`` get the frame of the block unless another block starts from them.
+    """
+    in_link_frame = []
     for i in range(chain.n):
         leads_on = i + 1 < chain.n and not chain.joints[i + 1].parallel
-        own.append(leads_on or i not in keep_in_block)
-    return own
+        in_link_frame.append(leads_on or i not in keep_in_block)
+    return in_link_frame
 
 
-def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], own: Sequence[bool]) -> list[LinkMotion]:
-    """Motion of all links for joint rates ``dq`` and accelerations ``ddq``."""
+def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: Sequence[bool]) -> list[LinkMotion]:
+    """The motion of all links for joint velocities ``dq`` (n,) and accelerations ``ddq`` (n,).
+
+    ``in_link_frame`` (n,) chooses the frame of each link (:func:`choose_frames`).
+    """
     motions: list[LinkMotion] = []
     nothing = [[0] * 3 for _ in range(3)]
     still = LinkMotion(True, nothing, [0] * 3, [-g for g in chain.gravity], *([0] * 3 for _ in range(4)))
@@ -90,12 +96,14 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], own: Sequence[b
             W, A = W + dq[i], A + ddq[i]
         else:
             a_block = add(a_block, _sliding(entry, W, A, joint.slide, dq[i], ddq[i]))
-        motions.append(_own_frame(joint, entry, W, A, a_block) if own[i] else _block_frame(entry, W, A, a_block))
+        motions.append(
+            _in_link_frame(joint, entry, W, A, a_block) if in_link_frame[i] else _in_block_frame(entry, W, A, a_block)
+        )
     return motions
 
 
 def _enter(joint: ChainJoint, before: LinkMotion) -> _BlockEntry:
-    """Motion of the frame that ``joint`` turns in; quarter turns only rearrange the U of the link before."""
+    """Motion of the block frame that begins at ``joint``. A twist by quarter turns only permutes the entries of U."""
     R = joint.R
     omega, alpha = transposed_times(R, before.omega), transposed_times(R, before.alpha)
     x, y, _ = omega
@@ -115,14 +123,14 @@ def _spin(omega: Vector, alpha: Vector) -> Matrix:
 
 
 def _offset_acceleration(joint: ChainJoint, motion: LinkMotion, p: Vector) -> Vector:
-    """U p in the block's frame, for an offset ``p`` fixed to the link ``joint`` moves."""
-    if motion.own:
-        return turn(joint.c, joint.s, times(motion.U, p))
-    return times(motion.U, turn(joint.c, joint.s, p))
+    """``U p`` in the frame of the block, for an offset ``p`` fixed to the link that ``joint`` moves."""
+    if motion.in_link_frame:
+        return rotate_z(joint.c, joint.s, times(motion.U, p))
+    return times(motion.U, rotate_z(joint.c, joint.s, p))
 
 
 def _sliding(entry: _BlockEntry, W: Any, A: Any, slide: Any, rate: Any, acceleration: Any) -> Vector:
-    """What a slide along z adds to the acceleration: U z d + 2 omega x z d' + z d''."""
+    """The acceleration that a displacement d along z adds: U z d + 2 omega x z d' + z d''."""
     x, y, _ = entry.omega
     twice = 2 * rate
     return [
@@ -132,7 +140,7 @@ def _sliding(entry: _BlockEntry, W: Any, A: Any, slide: Any, rate: Any, accelera
     ]
 
 
-def _block_frame(entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
+def _in_block_frame(entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
     x, y, z = entry.omega
     B = entry.U
     Z = z + W
@@ -147,10 +155,10 @@ def _block_frame(entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
     return LinkMotion(False, U, D, a, [x, y, Z], alpha, a, [B[0][2], B[1][2], B[2][2]])
 
 
-def _own_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
+def _in_link_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
     B = entry.U
-    X, Y, z = turn_back(joint.c, joint.s, entry.omega)
-    U13, U23, _ = turn_back(joint.c, joint.s, [B[0][2], B[1][2], 0])
+    X, Y, z = rotate_z_back(joint.c, joint.s, entry.omega)
+    U13, U23, _ = rotate_z_back(joint.c, joint.s, [B[0][2], B[1][2], 0])
     Z, Az = z + W, entry.alpha[2] + A
     XZ, YZ, XY = X * Z, Y * Z, X * Y
     X2, Y2, Z2 = X * X, Y * Y, Z * Z
@@ -162,4 +170,4 @@ def _own_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vector)
     ]
     D = [Z2 - Y2, X2 - Z2, Y2 - X2]
     axis = [B[0][2], B[1][2], B[2][2]]
-    return LinkMotion(True, U, D, turn_back(joint.c, joint.s, a), [X, Y, Z], [alpha_x, alpha_y, Az], a, axis)
+    return LinkMotion(True, U, D, rotate_z_back(joint.c, joint.s, a), [X, Y, Z], [alpha_x, alpha_y, Az], a, axis)

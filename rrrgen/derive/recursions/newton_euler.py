@@ -1,10 +1,10 @@
-"""Inverse dynamics in pseudo-inertia form (14.6), (14.10).
+"""Inverse dynamics by the Newton-Euler recursion with pseudo-inertias (14.6), (14.10).
 
-The inertial wrench of link k about its origin, with pseudo-inertia (S, h, m):
+The inertial wrench of link k about its origin, for the pseudo-inertia (S, h, m), is
 
-    F = m a + U h,    N = vex(U S - (U S)') + h x a,
+    F = m a + U h,    N = vex(U S - (U S)') + h x a.
 
-passed down the chain; the torque of joint k is the z component of N (of F for a prismatic joint).
+Wrenches are summed from the tip to the base; the torque of joint k is the z component of N (of F if it is prismatic).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rrrgen.derive.algebra.vectors import Vector, add, cross, is_number, scale, times, turn
+from rrrgen.derive.algebra.vectors import Vector, add, cross, is_number, rotate_z, scale, times
 from rrrgen.derive.recursions.chain import Chain, ChainJoint
 from rrrgen.derive.recursions.inertia import PseudoInertia
 from rrrgen.derive.recursions.motion import LinkMotion, forward
@@ -25,24 +25,30 @@ def inverse_dynamics(
     dq: Sequence[Any],
     ddq: Sequence[Any],
     inertias: Sequence[PseudoInertia],
-    own: Sequence[bool],
+    in_link_frame: Sequence[bool],
 ) -> list[Any]:
-    """Joint torques of the rigid body; ``inertias`` are in the links' own canonical frames."""
-    return pass_down(chain, own, link_wrenches(chain, forward(chain, dq, ddq, own), inertias))
+    """The joint torques (n,), N m or N, without drive inertia and friction.
+
+    ``dq``, ``ddq`` (n,) are joint velocities and accelerations; ``inertias`` are given in the canonical link frames;
+    ``in_link_frame`` (n,) chooses the frame in which each link is computed.
+    """
+    return pass_down(chain, in_link_frame, link_wrenches(chain, forward(chain, dq, ddq, in_link_frame), inertias))
 
 
 def link_wrenches(chain: Chain, motions: Sequence[LinkMotion], inertias: Sequence[PseudoInertia]) -> list[Wrench]:
-    """Inertial wrenches of all links, each in its frame of expression."""
+    """The inertial wrenches of all links, each in the frame in which the link is expressed."""
     return [
-        link_wrench(motion, inertia if motion.own else inertia.turned(joint.c, joint.s), inertia.Jxx + inertia.Jyy)
+        link_wrench(
+            motion, inertia if motion.in_link_frame else inertia.rotated_z(joint.c, joint.s), inertia.Jxx + inertia.Jyy
+        )
         for joint, motion, inertia in zip(chain.joints, motions, inertias, strict=True)
     ]
 
 
 def link_wrench(motion: LinkMotion, inertia: PseudoInertia, polar: Any) -> Wrench:
-    """Inertial force and moment about the origin, in the link's frame of expression; ``polar`` is Jxx + Jyy.
+    """Inertial force and moment of a link about its origin; ``polar`` is Jxx + Jyy.
 
-    Turning about z leaves ``polar`` as it is, and where omega has no part along x or y it is all that spins:
+    ``polar`` is invariant under rotation about z. If omega_x or omega_y is zero, it replaces two products, since
     ``U21 Jxx - U12 Jyy = alpha_z (Jxx + Jyy) + omega_x omega_y (Jxx - Jyy)``.
     """
     U, D, J = motion.U, motion.D, inertia
@@ -57,14 +63,14 @@ def link_wrench(motion: LinkMotion, inertia: PseudoInertia, polar: Any) -> Wrenc
     return add(scale(J.m, motion.a), times(U, h)), add(moment, cross(h, motion.a))
 
 
-def pass_down(chain: Chain, own: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Any]:
-    """Torques from the wrenches of all links, each in its frame of expression and about its origin."""
-    totals = composite_wrenches(chain, own, wrenches)
+def pass_down(chain: Chain, in_link_frame: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Any]:
+    """The joint torques (n,) from the wrenches of all links, each about its origin, in the frame of that link."""
+    totals = composite_wrenches(chain, in_link_frame, wrenches)
     return [N[2] if joint.revolute else F[2] for joint, (F, N) in zip(chain.joints, totals, strict=True)]
 
 
-def composite_wrenches(chain: Chain, own: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Wrench]:
-    """The wrench on everything beyond each joint, in the link's frame of expression and about its origin."""
+def composite_wrenches(chain: Chain, in_link_frame: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Wrench]:
+    """For each joint, the sum of the wrenches of all links beyond it, about its origin, in the frame of its link."""
     totals: list[Wrench] = []
     F: Vector = [0, 0, 0]
     N: Vector = [0, 0, 0]
@@ -72,25 +78,25 @@ def composite_wrenches(chain: Chain, own: Sequence[bool], wrenches: Sequence[Wre
         F, N = add(F, wrenches[i][0]), add(N, wrenches[i][1])
         totals.append((F, N))
         if i:
-            F, N = _to_previous(chain, i, own, F, N)
+            F, N = _to_previous(chain, i, in_link_frame, F, N)
     return totals[::-1]
 
 
-def _to_previous(chain: Chain, i: int, own: Sequence[bool], F: Vector, N: Vector) -> Wrench:
-    """The wrench of link i about the origin of link i-1, in the frame of expression of link i-1."""
+def _to_previous(chain: Chain, i: int, in_link_frame: Sequence[bool], F: Vector, N: Vector) -> Wrench:
+    """The wrench ``F, N`` about the origin of link i, moved to the origin and frame of link i-1."""
     joint, before = chain.joints[i], chain.joints[i - 1]
-    if own[i]:
-        F, N = turn(joint.c, joint.s, F), turn(joint.c, joint.s, N)
+    if in_link_frame[i]:
+        F, N = rotate_z(joint.c, joint.s, F), rotate_z(joint.c, joint.s, N)
     if not joint.revolute:
         N = add(N, cross([0, 0, joint.slide], F))
     if joint.parallel:
-        return _within_block(joint, before, own[i - 1], F, N)
+        return _within_block(joint, before, in_link_frame[i - 1], F, N)
     F, N = times(joint.R, F), times(joint.R, N)
     return F, add(N, cross(joint.p, F))
 
 
-def _within_block(joint: ChainJoint, before: ChainJoint, own_before: bool, F: Vector, N: Vector) -> Wrench:
-    if own_before:
-        F, N = turn(before.c, -before.s, F), turn(before.c, -before.s, N)
+def _within_block(joint: ChainJoint, before: ChainJoint, before_in_link_frame: bool, F: Vector, N: Vector) -> Wrench:
+    if before_in_link_frame:
+        F, N = rotate_z(before.c, -before.s, F), rotate_z(before.c, -before.s, N)
         return F, add(N, cross(joint.p, F))
-    return F, add(N, cross(turn(before.c, before.s, joint.p), F))
+    return F, add(N, cross(rotate_z(before.c, before.s, joint.p), F))
