@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share, and how they print."""
+"""Arguments and options that several commands share, and helpers for reading and printing."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from rrrgen.verify.report import Report
 
 SHORT = 3
-"""Joints up to which closed forms are shown unasked."""
+"""Largest number of joints for which closed forms are shown by default."""
 
 USUAL = ("forward_kinematics", "mass_matrix", "coriolis", "gravity")
-"""Functions whose closed forms are shown unasked."""
+"""Functions whose closed forms are shown by default."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Shell completion of ROBOT: bundled names, and files."""
+    """Shell completion of the argument ROBOT: names of bundled robots, and files."""
     from rrrgen.robotfile import bundled_names
 
     names = [CompletionItem(name) for name in bundled_names() if name.startswith(incomplete)]
@@ -33,33 +33,33 @@ def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
 
 def robot_argument(function: F) -> F:
-    """The argument ROBOT: a path to a robot file, or a bundled name."""
+    """Add the argument ROBOT: the path of a robot file, or the name of a bundled robot."""
     return click.argument("robot", shell_complete=complete_robot)(function)
 
 
 def json_option(function: F) -> F:
-    """The flag ``--json``."""
+    """Add the flag ``--json``, for machine-readable output."""
     return click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout; messages go to stderr.")(
         function
     )
 
 
 def real_option(function: F) -> F:
-    """The choice ``--real``."""
+    """Add the option ``--real``, the floating-point type of the C code."""
     choice = click.Choice(["double", "float"])
-    return click.option("--real", type=choice, default="double", show_default=True, help="Real type of the C code.")(
-        function
-    )
+    return click.option(
+        "--real", type=choice, default="double", show_default=True, help="Floating-point type of the C code."
+    )(function)
 
 
 def html_option(function: F) -> F:
-    """The option ``--html FILE``."""
+    """Add the option ``--html FILE``, for an HTML report."""
     kind = click.Path(dir_okay=False, path_type=Path)
     return click.option("--html", type=kind, help="Also write a self-contained HTML report of the robot.")(function)
 
 
 def write_html(file: Path, model: DerivedModel, report: Report | None = None) -> None:
-    """The HTML report of ``model`` in ``file``, with closed forms up to :data:`SHORT` joints."""
+    """Write the HTML report of ``model`` to ``file``, with closed forms for up to :data:`SHORT` joints."""
     from rrrgen.derive import prepare
     from rrrgen.derive.closed_forms.closed_form import closed_form
     from rrrgen.output.manifest import identify
@@ -76,7 +76,7 @@ def write_html(file: Path, model: DerivedModel, report: Report | None = None) ->
 
 
 def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:
-    """The description of ``robot``; its warnings go to stderr."""
+    """Read the description of ``robot`` and print its warnings on stderr. Raises InputError for a faulty file."""
     from rrrgen.robotfile import load_spec
 
     spec = load_spec(robot, strict=strict)
@@ -86,5 +86,5 @@ def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:
 
 
 def print_json(content: Any) -> None:
-    """``content`` on stdout."""
+    """Print ``content`` on stdout as indented JSON."""
     click.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))

@@ -1,4 +1,4 @@
-"""The table of commands: name -> where it lives and its one-line help; imported only when called."""
+"""The table of commands: name -> module and attribute, one-line help. A command is imported only when it is called."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "new": ("rrrgen.cli.model.new:new", "Write a robot file to start from."),
     "robots": ("rrrgen.cli.model.robots:robots", "List the bundled robots."),
     "check": ("rrrgen.cli.model.check:check", "Check robot files and print every fault with its place."),
-    "show": ("rrrgen.cli.model.show:show", "Print a robot back: DH, zero pose, base parameters, closed forms."),
+    "show": ("rrrgen.cli.model.show:show", "Print a robot: DH table, zero pose, base parameters, closed forms."),
     "generate": ("rrrgen.cli.model.generate:generate", "Write C and CasADi models of a robot."),
     "verify": ("rrrgen.cli.model.verify:verify", "Compare a compiled model with independent dynamics."),
     "ik": ("rrrgen.cli.model.ik:ik", "Solve the inverse kinematics for a pose."),
@@ -22,8 +22,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "case-study": ("rrrgen.cli.identification.case_study:case_study", "Run the whole case study on the virtual RRR."),
     "controller": (
         "rrrgen.cli.identification.controller:controller",
-        "Write C of a motion, the Kalman step and friction.",
+        "Write C for the controller: motion, Kalman step, friction.",
     ),
     "schema": ("rrrgen.cli.model.schema:schema", "Print the JSON Schema of robot files, for editors."),
 }
-"""A new command or command group is one line here and one file beside this one."""
+"""A new command takes one line here and one file in ``cli/model`` or ``cli/identification``."""

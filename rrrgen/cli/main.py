@@ -1,4 +1,4 @@
-"""Entry point: finds the command, turns errors into messages and exit codes."""
+"""Entry point of the command line: finds the command and turns errors into messages and exit codes."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ Shell completion:
 
 
 class LazyGroup(click.Group):
-    """A group whose commands are imported when they are called; their one-line helps come from the table."""
+    """A command group that imports a command only when it is called; the one-line helps come from the table."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All names, in the order of the table: the order of work."""
+        """The names of all commands, in the order of the table."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import one command."""
+        """Import the command ``cmd_name``; None if there is none of that name."""
         if cmd_name not in COMMANDS:
             return None
         module, attribute = COMMANDS[cmd_name][0].split(":")
@@ -58,7 +58,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command, or say which one may have been meant."""
+        """Find the command; an unknown name is a usage error with the closest match as a hint."""
         if args[0] not in COMMANDS and not args[0].startswith("-"):
             close = difflib.get_close_matches(args[0], COMMANDS, n=1)
             hint = f" Did you mean '{close[0]}'?" if close else ""
@@ -66,7 +66,7 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; a reader that has seen enough, e.g. head, is no failure."""
+        """Run the command; a reader that closes the pipe early, such as head, is no failure."""
         try:
             return super().invoke(ctx)
         except BrokenPipeError:
@@ -74,7 +74,7 @@ class LazyGroup(click.Group):
             return 0
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list of commands without importing any."""
+        """Write the list of commands without importing any."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, help_text) for name, (_, help_text) in COMMANDS.items()])
 
@@ -89,24 +89,24 @@ def cli() -> None:
 
 
 def main(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: click.Command = cli) -> NoReturn:
-    """Run the command line, or another command with the same messages and exit codes, and exit."""
+    """Run the command line and exit; ``command`` may be another click command with the same error handling."""
     _unwind_when_terminated()
     code = run(args, prog_name, command)
     if "generate" in (sys.argv[1:] if args is None else args)[:1]:
-        # its many programs make Python's last search for cycles take 0.2 s; other commands may load libraries that
-        # count what was not collected as leaks, and say so
+        # Programs are many objects, and the garbage collection at exit takes 0.2 s. Not for other commands, which may
+        # load libraries that report uncollected objects as leaks.
         gc.freeze()
     sys.exit(code)
 
 
 def _unwind_when_terminated() -> None:
-    """Let SIGTERM end the run like an exception, so that what is unfinished is removed at once."""
+    """Turn SIGTERM into SystemExit, so that unfinished files are removed."""
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:  # not where it is ignored
         signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
 
 
 def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: click.Command = cli) -> int:
-    """Run the command line, or another command; returns the exit code."""
+    """Run the command line and return the exit code; errors are printed on stderr."""
     try:
         result = command.main(args=args, prog_name=prog_name, standalone_mode=False)
         return result if isinstance(result, int) else 0

@@ -119,7 +119,7 @@ def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
 
 
 def regrouping(model: DerivedModel) -> Table:
-    """What became of every standard parameter."""
+    """The table of regrouping: where each standard parameter went, and why."""
     rows = tuple((item.parameter, item.formula, item.reason) for item in model.regrouping)
     return Table(("standard parameter", "regrouped into", "reason"), rows)
 

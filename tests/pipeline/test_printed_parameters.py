@@ -149,7 +149,7 @@ def test_the_header(robot):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_show(robot):
     text = as_text(derived(robot))
-    part = text[text.index(" base parameters, tau") : text.index("What became of the link parameters")]
+    part = text[text.index(" base parameters, tau") : text.index("Where each link parameter went")]
     rows = re.findall(r"^  \S+ +(?:kg m\^2|kg m|kg) +\S+ +(.*)", part, re.MULTILINE)
     check(robot, rows, part)
 
@@ -214,7 +214,7 @@ class Text(HTMLParser):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_html_report(robot):
     page = html(robot)
-    part = page[page.index("<h2>Base parameters") : page.index("What became of every link parameter")]
+    part = page[page.index("<h2>Base parameters") : page.index("Where each link parameter went")]
     cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", part)]
     formulas = [re.fullmatch(r"<math>(.*)</math>", row[2])[1] for row in cells if row]
     check(robot, [read_mathml(formula) for formula in formulas], "".join(Text(page).parts), TWELVE_DIGITS)

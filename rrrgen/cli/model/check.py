@@ -12,10 +12,10 @@ from rrrgen.errors import Fault, InputError
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="ROBOT...", shell_complete=complete_robot)
-@click.option("--strict", is_flag=True, help="Treat warnings, such as inertias that no body has, as errors.")
+@click.option("--strict", is_flag=True, help="Treat warnings, such as unphysical inertias, as errors.")
 @json_option
 def check(files: tuple[str, ...], strict: bool, as_json: bool) -> int:
-    """Check robot files: every fault at once as file:line:col with the line and what is allowed.
+    """Check robot files and print every fault as file:line:col, with the line and what is allowed.
 
     Exits with 3 if a file has errors.
 

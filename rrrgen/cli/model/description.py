@@ -1,4 +1,4 @@
-"""A robot in words and tables, as ``show`` prints it."""
+"""The description of a robot that ``show`` prints, as text and as JSON data."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CONVENTION = {
 
 
 def as_text(model: DerivedModel) -> str:
-    """Everything but closed forms, as text."""
+    """The description as text: table, zero pose, base parameters, operations; without closed forms."""
     spec = model.spec
     lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec), ""]
     lines += ["Denavit-Hartenberg table (exact; in parentheses the nominal value in m or rad, and in deg)"]
@@ -39,7 +39,7 @@ def as_text(model: DerivedModel) -> str:
     lines += ["", f"{model.b} base parameters, tau = Y(q, dq, ddq) beta"]
     lines += textwrap.wrap(parameters.statement, 118, initial_indent="  ", subsequent_indent="  ")
     lines += _parameters(parameters)
-    lines += ["", "What became of the link parameters"]
+    lines += ["", "Where each link parameter went"]
     lines += _regrouping(model)
     lines += ["", "Operations of the emitted functions"]
     lines += _table([(name, str(count_operations(program))) for name, program in model.programs.items()])
@@ -47,7 +47,7 @@ def as_text(model: DerivedModel) -> str:
 
 
 def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseForm | str | None) -> dict[str, Any]:
-    """The same for machines."""
+    """The description as data for JSON, closed forms and inverse kinematics included."""
     spec, parameters = model.spec, listing(model)
     return {
         "name": spec.name,
@@ -72,7 +72,7 @@ def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseF
 
 
 def _inverse_kinematics(found: InverseForm | str | None) -> dict[str, Any] | None:
-    """Family, singularities and steps, or the reason why there is none."""
+    """Family, singularities and steps of the closed form, or the reason why there is none."""
     if found is None or isinstance(found, str):
         return None if found is None else {"reason": found}
     return {
@@ -87,7 +87,7 @@ def _inverse_kinematics(found: InverseForm | str | None) -> dict[str, Any] | Non
 
 
 def zero_pose(model: DerivedModel) -> NDArray[np.float64]:
-    """Pose of the tip at q = 0, without negative zeros and round-off of right angles."""
+    """The pose (4, 4) of the tip at q = 0 in the base frame, with round-off below 1e-15 set to 0."""
     (T,) = evaluate(model.programs["forward_kinematics"], np.zeros(model.spec.n))
     return np.where(np.abs(T) < 1e-15, 0.0, T)
 
@@ -123,7 +123,7 @@ def _row(spec: RobotSpec, joint: JointSpec) -> tuple[str, ...]:
 
 
 def _drives(spec: RobotSpec) -> list[str]:
-    """The equations of coupled drives, and their motors."""
+    """The lines about coupled drives: their equations and motors; none without coupling."""
     if spec.drives is None:
         return []
     lines = ["", "Coupled drives: speeds of the joints from those of the drives; values of the motors at their shafts"]
@@ -164,7 +164,7 @@ def _parameters(parameters: ParameterListing) -> list[str]:
 
 
 def _regrouping(model: DerivedModel) -> list[str]:
-    """The standard parameters under the reason for what became of them."""
+    """The lines about regrouping: reasons, and under each the standard parameters with their formula."""
     reasons: dict[str, dict[str, list[str]]] = {}
     for entry in model.regrouping:
         reasons.setdefault(entry.reason, {}).setdefault(entry.formula, []).append(entry.parameter)

@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     type=click.Choice(["inline", "libm"]),
     default="inline",
     show_default=True,
-    help="Sines and cosines from a kernel in the emitted code, or from the C library.",
+    help="Source of sines and cosines: a kernel in the emitted code, or the C library.",
 )
 @click.option(
     "--with",
     "languages",
     type=click.Choice(["rust"]),
     multiple=True,
-    help="A further language, beside C and CasADi: rust, a crate that needs no standard library.",
+    help="Also write this language: rust, a crate without dependencies and standard library.",
 )
 @click.option(
     "--check", "only_check", is_flag=True, help="Write nothing; print a diff and exit with 1 if DIR would change."
@@ -45,17 +45,17 @@ if TYPE_CHECKING:
 @click.option(
     "--casadi-files/--no-casadi-files",
     default=None,
-    help="Also write CasADi's own .casadi files, whose bytes depend on its version; by default if it is installed.",
+    help="Also write serialized .casadi files, whose bytes depend on CasADi's version; by default if it is installed.",
 )
 @click.option(
     "-j",
     "--jobs",
     type=click.IntRange(min=1),
     default=usual_jobs,
-    help="Processes at work; the files do not depend on it.  [default: as many as cores, up to 6]",
+    help="Number of processes; does not change the files.  [default: number of cores, up to 6]",
 )
 @json_option
-@click.option("-v", "--verbose", is_flag=True, help="Say what each step did, on stderr.")
+@click.option("-v", "--verbose", is_flag=True, help="Report what each step did, on stderr.")
 @pipeline.without_collection()
 def generate(
     robot: str,
@@ -71,9 +71,9 @@ def generate(
 ) -> int:
     """Derive a robot's kinematics and dynamics and write them as C and CasADi.
 
-    DIR gets <name>.h with its sources (<name>.c; <name>_nominal.c with the file's numbers folded in;
+    DIR receives <name>.h with its sources (<name>.c; <name>_nominal.c with the numbers of the robot file folded in;
     <name>_derivatives.c), inverse kinematics, a self-test that runs on the target, CMakeLists.txt, a pkg-config file,
-    the CasADi side and manifest.json. The same robot gives the same bytes everywhere.
+    CasADi functions and manifest.json. The same robot gives the same bytes everywhere.
 
     \b
     Examples:
@@ -108,7 +108,10 @@ def generate(
 
 
 def _with_casadi(wanted: bool | None) -> bool:
-    """Whether .casadi files are written: as asked for, else if CasADi is installed."""
+    """Whether .casadi files are written: as requested, by default if CasADi is installed.
+
+    Raises MissingExtraError if they are requested and CasADi is missing.
+    """
     from rrrgen.errors import MissingExtraError
     from rrrgen.extras import installed
 

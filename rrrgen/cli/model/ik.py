@@ -19,16 +19,20 @@ if TYPE_CHECKING:
     required=True,
     help="Position 'x y z' (m), position and fixed-axis angles 'x y z roll pitch yaw' (rad), or 16 numbers, row-major.",
 )
-@click.option("--near", metavar="Q", help="Reference configuration: free angles, turns, and the order of the rows.")
-@click.option("--limits/--no-limits", default=True, show_default=True, help="Leave out rows outside the joint limits.")
-@click.option("--redundancy", type=float, help="The prescribed joint or arm angle of a redundant arm, rad or m.")
-@click.option("--closest", is_flag=True, help="The nearest configuration, in the least-squares sense.")
+@click.option("--near", metavar="Q", help="Reference configuration: determines free angles, full turns and the order.")
+@click.option(
+    "--limits/--no-limits", default=True, show_default=True, help="Leave out solutions outside the joint limits."
+)
+@click.option("--redundancy", type=float, help="Prescribed joint variable or arm angle of a redundant arm, rad or m.")
+@click.option(
+    "--closest", is_flag=True, help="Also for unreachable poses: the configuration with the least-squares error."
+)
 @json_option
 def ik(robot: str, pose: str, near: str | None, as_json: bool, **options: Any) -> int:
-    """Solve the inverse kinematics in closed form: every configuration that reaches a pose.
+    """Solve the inverse kinematics in closed form: all configurations that reach a pose.
 
-    Prints the family of the arm and one row per configuration with its branch. Exits with 1 if there is none, with the
-    reason and the distance to reach.
+    Prints the family of the arm and one line per solution with its branch. If there is none, prints the reason and the
+    distance to the workspace, and exits with 1.
 
     \b
     Examples:
@@ -63,7 +67,7 @@ def _numbers(text: str, option: str, sizes: tuple[int, ...]) -> list[float]:
 
 
 def _target(text: str) -> Any:
-    """(3,) or (4, 4) from the option's text."""
+    """The target of the option ``--pose``: a position (3,), or a pose (4, 4)."""
     import numpy as np
 
     numbers = _numbers(text, "--pose", (3, 6, 16))

@@ -11,13 +11,19 @@ from rrrgen.errors import Fault, InputError
 
 @click.command()
 @click.argument("name")
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="File; NAME.yaml if not given.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="File to write; NAME.yaml by default."
+)
 @click.option("--joints", default="RRR", show_default=True, help="One letter per joint: R revolute, P prismatic.")
 @click.option(
-    "--convention", type=click.Choice(["standard", "modified"]), default="standard", show_default=True, help="Of DH."
+    "--convention",
+    type=click.Choice(["standard", "modified"]),
+    default="standard",
+    show_default=True,
+    help="Denavit-Hartenberg convention.",
 )
 @click.option("--from", "bundled", metavar="ROBOT", help="Start from a copy of a bundled robot instead.")
-@click.option("--force", is_flag=True, help="Overwrite the file.")
+@click.option("--force", is_flag=True, help="Overwrite an existing file.")
 def new(name: str, output: Path | None, joints: str, convention: str, bundled: str | None, force: bool) -> None:
     """Write a robot file to start from, with a comment on every field.
 

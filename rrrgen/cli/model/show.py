@@ -32,11 +32,13 @@ INVERSE = "inverse_kinematics"
 
 @click.command()
 @robot_argument
-@click.option("-f", "--function", "functions", multiple=True, help="Closed form of this function; may be repeated.")
-@click.option("--entry", help="Only this entry of the function, e.g. 1,2 (from 1); for large robots.")
-@click.option("--closed-forms/--no-closed-forms", default=None, help="Closed forms; the default is yes up to 3 joints.")
-@click.option("--program", "as_program", is_flag=True, help="The program that the functions are printed from.")
-@click.option("--recorded", is_flag=True, help="With --program: every way to it, before any pass.")
+@click.option(
+    "-f", "--function", "functions", multiple=True, help="Function to show in closed form; repeat for several."
+)
+@click.option("--entry", help="Only this entry of the function, e.g. 1,2, counted from 1; for large robots.")
+@click.option("--closed-forms/--no-closed-forms", default=None, help="Show closed forms; by default up to 3 joints.")
+@click.option("--program", "as_program", is_flag=True, help="Show the intermediate representation of the functions.")
+@click.option("--recorded", is_flag=True, help="With --program: every recorded variant, before any pass.")
 @click.option("--latex", "as_latex", is_flag=True, help="Print the closed forms as LaTeX.")
 @html_option
 @json_option
@@ -51,9 +53,9 @@ def show(
     html: Path | None,
     as_json: bool,
 ) -> None:
-    """Print a robot back as it was understood.
+    """Print a robot as rrrgen understands it.
 
-    DH table, zero pose, conventions, base parameters with what became of every link parameter, and closed forms.
+    Shows DH table, zero pose, conventions, base parameters, where each link parameter went, and closed forms.
 
     \b
     Examples:
@@ -111,7 +113,7 @@ def show(
 
 
 def _show_programs(robot: str, functions: tuple[str, ...], recorded: bool, as_json: bool) -> None:
-    """The programs of ``functions``, of all where none is named: as they are printed, or as they were recorded."""
+    """Print the programs of ``functions`` (default: all), optimized, or with ``recorded`` before any pass."""
     from rrrgen import pipeline
     from rrrgen.derive import derive_model
 
@@ -146,7 +148,7 @@ def _solver(spec: RobotSpec) -> str:
 
 
 def _inverse_kinematics(model: DerivedModel, asked: bool, short: bool) -> InverseForm | str:
-    """The closed form of the inverse kinematics, for large robots only what it is like; or why there is none."""
+    """The closed form of the inverse kinematics, a summary for large robots, or the reason why there is none."""
     from rrrgen.errors import DerivationError
     from rrrgen.ik.classify import plan
     from rrrgen.ik.report import closed_form, summary
@@ -163,7 +165,7 @@ def _inverse_kinematics(model: DerivedModel, asked: bool, short: bool) -> Invers
 
 
 def _as_latex(model: DerivedModel, forms: Mapping[str, sp.Expr | sp.Matrix]) -> str:
-    """The closed forms, behind the definitions of the base parameters where these occur in them."""
+    """The closed forms in LaTeX, preceded by the definitions of the base parameters if they contain any."""
     from rrrgen.backends.latex import latex, latex_base_parameters
     from rrrgen.derive.parameter_listing import listing
 

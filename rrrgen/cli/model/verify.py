@@ -17,17 +17,19 @@ if TYPE_CHECKING:
 
 @click.command()
 @robot_argument
-@click.option("--samples", type=click.IntRange(min=1), default=200, show_default=True, help="Random states.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the random states.")
+@click.option("--samples", type=click.IntRange(min=1), default=200, show_default=True, help="Number of random states.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random states.")
 @click.option(
     "--backend",
     type=click.Choice(["c", "numpy"]),
     default="c",
     show_default=True,
-    help="What is verified: the compiled C, or the reference evaluation, which needs no compiler.",
+    help="What to verify: the compiled C code, or the reference evaluation, which needs no compiler.",
 )
 @real_option
-@click.option("--libraries/--no-libraries", default=True, help="Also ask Pinocchio, MuJoCo, Robotics Toolbox if there.")
+@click.option(
+    "--libraries/--no-libraries", default=True, help="Also compare with Pinocchio, MuJoCo and Robotics Toolbox."
+)
 @html_option
 @json_option
 def verify(
@@ -42,10 +44,10 @@ def verify(
 ) -> int:
     """Compare every function of a model with independent dynamics at random states.
 
-    The built-in Newton-Euler shares no code with the compiler and is always asked; Pinocchio, MuJoCo and the Robotics
-    Toolbox when they are installed. The inverse kinematics is compared with forward kinematics of the verifier's own
-    and, for --samples / 20 targets, with a numerical search. Prints the largest relative differences and a verdict;
-    exits with 1 on failure.
+    The reference is a Newton-Euler recursion that shares no code with the compiler and, if they are installed,
+    Pinocchio, MuJoCo and the Robotics Toolbox. The inverse kinematics is compared with an independent forward
+    kinematics and, for --samples / 20 targets, with a numerical search. Prints the largest relative differences and a
+    verdict; exits with 1 on failure.
 
     \b
     Examples:
