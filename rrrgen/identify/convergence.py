@@ -1,4 +1,4 @@
-"""How the estimates settle as samples come in, as in Fig. 14.12."""
+"""Convergence of the estimates with the number of samples, as in Fig. 14.12."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows
 
 @dataclass(frozen=True)
 class Convergence:
-    """Estimates ``x`` (points, p) from the first ``samples`` (points,) instants, and their condition numbers (points,).
+    """Estimates ``x`` (points, p) from the first ``samples`` (points,) instants, with their ``condition`` numbers.
 
-    NaN where the samples so far do not determine the parameters.
+    ``condition`` (points,) is that of the regressor. Estimates are NaN, and the condition number is infinite, as long
+    as the samples do not determine all parameters.
     """
 
     names: tuple[str, ...]
@@ -33,9 +34,10 @@ def convergence(
     transform: Callable[[JointFactors], JointFactors] | None = None,
     every: int = 1,
 ) -> Convergence:
-    """Weighted least squares (14.20) of the first k instants that are fitted, for every ``every``-th k.
+    """Weighted least squares (14.20) from the first k fitted instants, for k = every, 2 every, ...
 
-    ``weights`` (n,) are those of the joints; ``transform`` maps the factors of the rows to the parameters sought.
+    ``blocks`` are the rows in order of time, ``names`` those of the p parameters, ``weights`` (n,) those of the joints;
+    ``transform`` maps the triangular factors of the rows to those of the identifiable parameters.
     """
     total: JointFactors | None = None
     samples, estimates, conditions, seen = [], [], [], 0
@@ -44,7 +46,7 @@ def convergence(
             piece = _piece(rows, start, start + every)
             used = int(np.sum(np.any(piece.use, axis=1)))
             if used == 0:
-                continue  # held out, or at rest: nothing comes in, and the curve does not go on
+                continue  # all rows held out or at rest: no new information, so no new point of the curve
             part = factor_rows(piece)
             total = part if total is None else total.merged(part)
             seen += used
@@ -61,7 +63,7 @@ def _piece(rows: Rows, start: int, stop: int) -> Rows:
 
 
 def _solved(R: Array) -> tuple[Array, float]:
-    """The solution of a factor and its condition number; NaN where it is rank-deficient."""
+    """Solution (p,) of the triangular system R (p+1, p+1) and its condition number; NaN, inf if rank-deficient."""
     p = R.shape[1] - 1
     size = np.linalg.norm(R[:p, :p], axis=0)
     if np.any(size == 0.0):

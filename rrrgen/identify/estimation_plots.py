@@ -1,4 +1,4 @@
-"""Figures of reconstruction and estimation."""
+"""Figures of the reconstruction filters, the convergence of the estimates and the whiteness of the residuals."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ STYLES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (2, 1.5)), (0, (6, 2, 1, 2)))
 
 
 def bode_data(matrices: KalmanMatrices, lowest: float = 0.1, highest: float | None = None, points: int = 400) -> Array:
-    """Frequency (Hz), magnitude (dB) and phase (degrees) of the filter, and magnitude of the smoother (dB): (points,
-    4).
+    """Bode data (points, 4): frequency (Hz), magnitude (dB) and phase (deg) of the filter, magnitude of the smoother.
+
+    ``lowest`` and ``highest`` bound the frequencies, Hz; the latter is 0.4 of the sampling rate by default.
     """
     highest = highest or 0.4 / matrices.period
     f = np.geomspace(lowest, highest, points)
@@ -35,11 +36,14 @@ def bode_data(matrices: KalmanMatrices, lowest: float = 0.1, highest: float | No
 
 
 def plot_bode(matrices: Sequence[KalmanMatrices], joints: Sequence[str], smoother: bool = False) -> Figure:
-    """Measured to reconstructed deviation, magnitude and phase, one curve per joint, as Fig. 14.2."""
+    """Bode plot from measured to reconstructed deviation, one curve per joint, as Fig. 14.2.
+
+    With ``smoother``, the magnitude of the smoother is added as dotted lines; its phase is zero.
+    """
     figure, axes = new_figure(2, 1, height=4.6, sharex=True)
     for k, (joint, each) in enumerate(zip(joints, matrices, strict=True)):
         data = bode_data(each)
-        # observers of like joints lie on top of each other: the later ones are thinner, with gaps
+        # curves of equally tuned joints coincide: later ones are drawn thinner and dashed, so that all stay visible
         style = {"linewidth": max(1.0, 3.2 - 1.1 * k), "linestyle": STYLES[k % len(STYLES)], "color": f"C{k}"}
         axes[0].semilogx(data[:, 0], data[:, 1], label=joint, **style)
         axes[1].semilogx(data[:, 0], data[:, 2], **style)
@@ -56,9 +60,10 @@ def plot_bode(matrices: Sequence[KalmanMatrices], joints: Sequence[str], smoothe
 def plot_convergence(
     settling: Convergence, std: Array | None = None, units: Sequence[str] = (), truth: Array | None = None
 ) -> Figure:
-    """Every estimate against the number of fitted samples, as Fig. 14.12; a band of three final standard deviations.
+    """Estimates over the number of fitted samples, one panel per parameter, as Fig. 14.12.
 
-    ``units`` (p,) of the parameters; ``truth`` (p,) are dashed lines, where it is known.
+    ``std`` (p,) adds a band of three standard deviations about the final value, ``truth`` (p,) dashed lines;
+    ``units`` (p,) are those of the parameters.
     """
     p = len(settling.names)
     columns = min(PANELS_PER_ROW, p)
@@ -79,7 +84,7 @@ def plot_convergence(
         if std is not None:
             axis.axhspan(x[-1] - 3 * std[i], x[-1] + 3 * std[i], color="0.85", zorder=0)
         if len(late) and np.ptp(late) > 0:
-            # the first estimates may be anywhere: they are not shown
+            # the range is that of the later estimates: the first ones may be off by orders of magnitude
             low, high = np.quantile(late, [0.01, 0.99])
             axis.set_ylim(low - 0.3 * (high - low) - 1e-12, high + 0.3 * (high - low) + 1e-12)
         if truth is not None:
@@ -100,7 +105,7 @@ def plot_convergence(
 
 
 def plot_whiteness(whiteness: Sequence[Whiteness], joints: Sequence[str]) -> Figure:
-    """Autocorrelation of the residuals with the 95 % band of white noise."""
+    """Autocorrelation of the residuals of every joint over the lag, with the 95 % band of white noise."""
     figure, axes = new_figure(1, 1, height=3.0)
     for white, joint in zip(whiteness, joints, strict=True):
         lags = np.arange(1, len(white.autocorrelation) + 1)

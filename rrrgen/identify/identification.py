@@ -1,4 +1,4 @@
-"""Identification from beginning to end: recordings and a compiled robot in, parameters and their quality out."""
+"""Identification of a compiled robot from recordings: parameters, their standard deviations, scores and diagnosis."""
 
 from __future__ import annotations
 
@@ -65,14 +65,21 @@ METHODS: tuple[Method, ...] = ("ordinary", "weighted", "robust")
 
 @dataclass(frozen=True)
 class Options:
-    """What to estimate and how.
+    """Options of an identification: what to estimate, from which part of the data, and how.
 
-    ``terms`` are the drive terms (those of the robot file by default). ``fixed`` are columns with known values, such
-    as ``{"fv1": 3.2}`` or ``{"p4": 0}``; ``fixed_standard`` standard parameters, such as ``{"my2": 0}``.
-    ``consistent`` adds the physically consistent estimate, with a ``prior`` (from the robot by default) of weight
-    ``prior_strength``. ``guard`` (s) is the guard band on either side of the borders of ``split``, that of the filters
-    (:func:`~rrrgen.identify.scoring.bandwidth.reach`) where it is None. ``limits`` (2, n) bound the random
-    poses at which M(q) is tested.
+    - ``method``: ordinary, weighted or robust least squares.
+    - ``terms``: drive terms to estimate; those of the robot file if None.
+    - ``fixed``: known values of columns, such as ``{"fv1": 3.2}`` or ``{"p4": 0}``; ``fixed_standard``: known standard
+      parameters, such as ``{"my2": 0}``.
+    - ``known``: a torque that is subtracted from the measured one, as a function of the motion.
+    - ``split``: which part of the data is fitted; ``guard`` (s): guard band on both sides of its borders, the reach of
+      the filters if None.
+    - ``consistent``: also compute the physically consistent estimate, with ``prior`` (from the robot if None) of weight
+      ``prior_strength``.
+    - ``essential``: also reduce the model to its essential parameters.
+    - ``correlated``: allow for correlated residuals in the standard deviations.
+    - ``limits`` (2, n), ``poses``: range and number of the random poses at which M(q) is tested.
+    - ``seed``: of all random numbers; ``jobs``, ``cluster``: processes, or a Dask scheduler, that share the work.
     """
 
     method: Method = "weighted"
@@ -96,10 +103,11 @@ class Options:
 
 @dataclass(frozen=True)
 class Delivered:
-    """The identified combinations ``x`` (r,) of the model that is written, and their standard deviations ``std`` (r,).
+    """The estimate written to ``robot.yaml``: identifiable combinations ``x`` (r,) and standard deviations ``std``
+    (r,).
 
-    ``origin`` says which estimate that is: the physically consistent one where there is one. ``at_bound`` marks drive
-    parameters that stand at their bound of 0.
+    ``origin`` names the estimate: the physically consistent one if it was computed. ``at_bound`` (r,) marks drive
+    parameters that lie on their bound of 0.
     """
 
     origin: str
@@ -110,18 +118,24 @@ class Delivered:
 
 @dataclass(frozen=True)
 class Identification:
-    """The result: ``estimate`` of the identifiable combinations, ``theta`` (p,) of all columns, scores, and what is
-    left open.
+    """The result of an identification.
 
-    ``fit`` and ``held_out`` are the scores on the rows that were fitted and on the same of the other part (0 rows
-    without a split); ``consistent_*`` those of the physically consistent estimate. ``scores`` has these and those on
-    all rows and on unfiltered torques, each with the share of rows it was measured on. ``tuning`` says what the filters
-    are and who chose them, ``split`` has its guard bands, ``fitted`` tells the samples that were fitted from others.
-    ``indefinite`` maps an estimate to the share of random poses with an indefinite mass matrix. ``repairs`` tell what
-    was put right in the recordings, ``diagnoses`` what is probably wrong with them (see
-    :mod:`rrrgen.identify.diagnosis`). ``delivered`` are the parameters of the model that is written, with ``units`` and
-    ``meanings`` of their names; ``hardly_determined`` names combinations that the data tell badly. ``notes`` say in
-    words what the robot's structure and the motion leave open.
+    - ``columns``, ``structure``: all columns of the regressor, and their identifiable combinations.
+    - ``estimate``: of the identifiable combinations; ``iid_std``: its standard deviations if residuals were white;
+      ``theta`` (p,): the parameters of all columns.
+    - ``tuning``: the filters and how they were chosen; ``split``: fitted part of the data with its guard bands;
+      ``fitted``: fingerprint of the fitted samples.
+    - ``fit``, ``held_out``: scores on the fitted rows and on the held-out ones (0 rows without a split);
+      ``consistent_fit``, ``consistent_held_out``: those of the physically consistent estimate ``consistent``;
+      ``scores``: these and the scores on all rows and on unfiltered torques.
+    - ``whiteness``: of the residuals of every joint; ``essential``: the reduced model, None if not asked for.
+    - ``indefinite``: for each estimate, the share of random poses with an indefinite mass matrix.
+    - ``structural_notes``, ``motion_notes``, ``hardly_determined``: sentences on parameters that the structure of the
+      robot leaves undetermined, that the motion does, and that the data determine poorly; ``weak``: combinations that
+      are hardly excited.
+    - ``delivered``: the parameters of the written model, with their ``units`` and ``meanings``.
+    - ``repairs``, ``diagnoses``: repairs of the recordings, and probable faults in them or in the robot file.
+    - ``blocks``, ``held_out_blocks``, ``transform``: the rows and the map to the identifiable parameters, for figures.
     """
 
     columns: tuple[Column, ...]
@@ -156,12 +170,12 @@ class Identification:
 
     @property
     def processing(self) -> Processing:
-        """How the recordings were made ready, with nothing left open."""
+        """The preprocessing settings of the recordings, all of them determined."""
         return self.tuning.processing
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the identified combinations."""
+        """Names of the identifiable combinations."""
         return self.estimate.names
 
 
@@ -177,9 +191,10 @@ def identify(
 ) -> Identification:
     """Estimate the base parameters and drive terms of ``model`` from ``recordings``.
 
-    ``progress(done, total, message)`` is called as the work goes on; ``checkpoint`` and ``digest`` as in
-    :func:`~rrrgen.identify.estimation.factoring.factor_recordings`. Raises :class:`InputError` for data that cannot be
-    used, and :class:`~rrrgen.errors.DerivationError` where nothing can be told from them.
+    ``processing`` holds the preprocessing settings; those left None are chosen from the bandwidth of the motion.
+    ``checkpoint`` is a file from which an interrupted run is resumed if its ``digest``, of recordings and settings,
+    agrees. ``progress(done, total, message)`` is called as the work proceeds. Raises :class:`InputError` for
+    recordings or options that cannot be used, :class:`~rrrgen.errors.DerivationError` if the data determine nothing.
     """
     options = options or Options()
     tell: Progress = progress or (lambda done, total, message: None)
@@ -202,7 +217,6 @@ def identify(
     else:
         blocks = FittedRows(observations, options.split)
         held_out = ScoredRows(observations, options.split)
-        held_out = ScoredRows(observations, options.split)
         factors = factor_recordings(
             observations,
             options.split,
@@ -219,7 +233,7 @@ def identify(
 
 
 class _Run:
-    """The estimates of one set of factors."""
+    """Computes all estimates and scores from the triangular factors of the rows."""
 
     def __init__(
         self,
@@ -306,7 +320,7 @@ class _Run:
         )
 
     def delivered(self, estimate: Estimate, consistent: ConsistentEstimate | None, reduced: JointFactors) -> Delivered:
-        """The parameters of the model that is written; ``reduced`` are the factors of x that were fitted."""
+        """Parameters and standard deviations of the written model; ``reduced`` are the fitted factors in x."""
         if consistent is None or consistent.near is None:
             return Delivered(self.options.method, estimate.x, estimate.std, np.zeros(len(estimate.x), bool))
         chosen, names = self.chosen, [column.name for column in self.regressor.columns]
@@ -326,7 +340,7 @@ class _Run:
         return Delivered("physically consistent", x, std, np.all(along == 0.0, axis=1) | ((x == 0.0) & (std == 0.0)))
 
     def consistent_estimate(self, estimate: Estimate, robust: JointFactors | None = None) -> ConsistentEstimate:
-        """The physically consistent estimate of the same rows and weights, those of a ``robust`` estimate if given."""
+        """The physically consistent estimate from the same rows and weights; ``robust`` are reweighted rows, if any."""
         self.tell(0, 0, "physically consistent estimate")
         options, fit = self.options, self.factors.fit
         columns = self.regressor.columns
@@ -356,7 +370,7 @@ class _Run:
         return replace(found, theta=T @ found.theta + known, names=self.regressor.names)
 
     def scores(self, theta: Array, consistent: ConsistentEstimate | None) -> tuple[Score, ...]:
-        """Of every estimate on the rows fitted, on all rows, and on unfiltered torques; in sample and held out."""
+        """Scores of every estimate on fitted rows, on all rows and on unfiltered torques, in sample and held out."""
         self.tell(0, 0, "scores on all samples")
         estimates = {self.options.method: theta} | ({} if consistent is None else {"consistent": consistent.theta})
         stacked = np.column_stack(list(estimates.values()))
@@ -375,7 +389,7 @@ class _Run:
         )
 
     def indefinite(self, theta: Array, consistent: ConsistentEstimate | None) -> dict[str, float]:
-        """Share of random poses with an indefinite M(q), by estimate."""
+        """Share of random poses at which M(q) is indefinite, for each estimate."""
         self.tell(0, 0, "mass matrix at random poses")
         n = self.model.n
         limits = self.options.limits if self.options.limits is not None else pose_limits(self.model.spec, n)

@@ -1,4 +1,4 @@
-"""Units and meaning of identified parameters, for tables and figures that explain themselves."""
+"""Units and meaning of the identified parameters, for tables and figures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rrrgen.identify.estimation.structure import Structure
     from rrrgen.model.estimated_terms import Column
 
-NEGLIGIBLE = 1e-9  # of the largest weight: round-off of a projection
+NEGLIGIBLE = 1e-9  # weights below this share of the largest are round-off of the projection
 DIGITS = 4
 UNITS = ("kg", "kg m", "kg m^2")
 DRIVE_UNITS = {
@@ -39,9 +39,11 @@ WORD = re.compile(r"\w+")
 
 
 def column_unit(column: Column, weights: Array, revolute: Sequence[bool]) -> str:
-    """SI unit of one column; ``weights`` (10 n,) are those of the standard parameters in a rigid one.
+    """SI unit of the parameter of one column.
 
-    Lengths multiply masses up to first moments and those up to inertia, so the highest of them gives the unit.
+    ``weights`` (10 n,) express a base parameter in standard parameters. Masses and first moments in it are multiplied
+    by lengths, so that the unit is that of the term of highest order: kg, kg m or kg m^2. ``revolute`` (n,) gives the
+    type of each joint, for drive parameters.
     """
     if column.kind != "rigid":
         turning = [revolute[i] for i, weight in enumerate(column.direction) if weight]
@@ -58,9 +60,9 @@ def _order(name: str) -> int:
 def identified_units(
     structure: Structure, columns: Sequence[Column], free: Sequence[int], model: Any
 ) -> tuple[str, ...]:
-    """Units of the identified combinations; ``free`` are their columns among ``columns``.
+    """SI units of the identifiable combinations in ``structure``, whose columns are ``free`` among ``columns``.
 
-    All terms of a combination have one unit but for lengths, so the one of the highest order counts.
+    The terms of a combination differ in unit only by lengths; the unit of the highest order is that of the combination.
     """
     revolute = [joint.is_revolute for joint in model.spec.joints]
     K = np.asarray(model.base_projection)
@@ -74,7 +76,7 @@ def identified_units(
 
 
 def explained_names(names: Sequence[str], columns: Sequence[Column], model: Any) -> tuple[str, ...]:
-    """What ``names`` stand for: kinds of parameters once, and the user's own base parameters one by one."""
+    """Lines that explain the ``names``: each kind of parameter once, and every base parameter named by the user."""
     used = {word for name in names for word in WORD.findall(name)}
     K = np.asarray(model.base_projection)
     standard = standard_names(K.shape[1] // 10)

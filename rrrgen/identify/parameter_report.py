@@ -1,4 +1,4 @@
-"""The identified parameters as lines of text: the model that is written, its deviations, units and meaning."""
+"""The identified parameters as lines of text: values, standard deviations, units and the meaning of the names."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ if TYPE_CHECKING:
     from rrrgen.identify.identification import Identification
 
 LONGEST = 40
-"""Characters of a name beside the numbers; longer ones stand on a line of their own."""
+"""Longest name (characters) printed in the row of its numbers; a longer one gets a line of its own."""
 
 
 def parameter_lines(found: Identification) -> Iterator[str]:
-    """The table, what its deviations are, the names, and the essential parameters where they were asked for."""
+    """Lines of the parameter table, of its legend, and of the essential parameters if they were computed."""
     delivered, estimate = found.delivered, found.estimate
     width = max(9, min(LONGEST, max(len(name) for name in estimate.names)))
     unit = max(4, max(len(text) for text in found.units))

@@ -1,4 +1,4 @@
-"""The results of an identification as records, tables, and a robot file with the identified parameters."""
+"""Writes the results of an identification: JSON record, CSV tables, figures, and the identified robot file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CONFIDENCE = 0.95
 
 
 def as_record(found: Identification) -> dict[str, Any]:
-    """Everything worth keeping, as plain data."""
+    """The content of ``identification.json``: estimates, scores, filters, notes, repairs and diagnoses."""
     estimate = found.estimate
     header, rows = parameter_table(found)
     return {
@@ -104,8 +104,10 @@ def _consistent_record(found: Identification) -> dict[str, Any] | None:
 
 
 def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Sequence[Any]]]:
-    """Header and rows: every identified combination of the model that is written, with the standard deviation of this
-    estimate and its confidence interval, and the unconstrained estimate beside it.
+    """Header and rows of ``parameters.csv``, one row per identifiable combination.
+
+    A row holds value, standard deviation and 95 % confidence interval of the written model, and the unconstrained
+    estimate for comparison.
     """
     estimate, delivered = found.estimate, found.delivered
     half = confidence_factor(CONFIDENCE, estimate.freedom)
@@ -137,11 +139,11 @@ def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Se
 
 
 def identified_spec(spec: RobotSpec, consistent: ConsistentEstimate, description: str = "") -> RobotSpec:
-    """``spec`` with the links, friction and drives, coupled ones included, of a physically consistent estimate.
+    """Copy of ``spec`` with the links, friction and (also coupled) drives of a physically consistent estimate.
 
-    Inertia is written about the origin of the link frame, as it was estimated; terms that the file does not state yet
-    are added. Raises :class:`DerivationError` for an estimate that a robot file cannot hold: a link without mass, or
-    terms of motors that the robot does not have.
+    Inertia is stated about the origin of the link frame, as estimated; friction and drive terms that ``spec`` lacks are
+    added. ``description`` replaces that of the robot unless empty. Raises :class:`DerivationError` for an estimate that
+    a robot file cannot hold: a link without mass, or terms of a motor that the robot does not have.
     """
     phi = consistent.phi.reshape(spec.n, len(STANDARD))
     if np.any(phi[:, 0] <= 0):
@@ -168,7 +170,7 @@ def identified_spec(spec: RobotSpec, consistent: ConsistentEstimate, description
 def _identified(
     owner: str, friction: FrictionSpec | None, left: dict[str, float]
 ) -> tuple[FrictionSpec | None, float | None]:
-    """Friction and inertia of the joint or motor whose parameters end in ``owner``, taken out of ``left``."""
+    """Friction and inertia of the joint or motor whose parameter names end in ``owner``; removes them from ``left``."""
     given = {field: left.pop(f"{symbol}{owner}", None) for field, symbol in FRICTION_SYMBOLS.items()}
     found = {field: value for field, value in given.items() if value is not None}
     if found:
@@ -177,7 +179,7 @@ def _identified(
 
 
 def fitted_data(found: Identification, recordings: str = "") -> FitSpec:
-    """What a robot file tells of the samples that its parameters were fitted to; ``recordings`` are their names."""
+    """The ``provenance`` entry of the robot file: fingerprint of the fitted samples; ``recordings`` are file names."""
     from rrrgen.robotfile.robot_spec import FitSpec
 
     data = "all" if found.split.kind == "none" else str(found.split)
@@ -193,11 +195,12 @@ def write_identification(
     model: RigidModel | None = None,
     recording: Recording | None = None,
 ) -> None:
-    """Write an identification into a run folder; ``recordings`` are the names for the provenance of the robot file.
+    """Write the result of an identification into a run folder.
 
-    ``identification.json``, ``parameters.csv``, ``robot.yaml`` (of the physically consistent estimate),
-    ``convergence.csv``, and the figures ``torques``, ``convergence`` and ``whiteness``; with the ``model`` and a
-    ``recording`` also ``friction``. Long recordings are read again for the figures, which show every k-th row of them.
+    Writes ``identification.json``, ``parameters.csv``, ``robot.yaml`` (of the physically consistent estimate),
+    ``convergence.csv``, and the figures ``torques``, ``convergence`` and ``whiteness``; with a ``model`` and a
+    ``recording`` also ``friction``. ``recordings`` names the data files in the provenance of the robot file; ``points``
+    is the approximate number of points of the convergence curves. Long recordings are read again for the figures.
     """
     from rrrgen.identify.convergence import convergence
     from rrrgen.identify.estimation_plots import plot_convergence, plot_whiteness
@@ -231,7 +234,7 @@ def write_identification(
 def _write_friction(
     folder: RunFolder, found: Identification, model: RigidModel, recording: Recording, theta: Array
 ) -> None:
-    """The figure ``friction``, where the model has friction at a joint."""
+    """Write the figure ``friction`` if the model has friction."""
     from rrrgen.identify.diagnosis.sample import sample_of
     from rrrgen.identify.torque_plots import plot_friction
     from rrrgen.model.drive_columns import drive_columns

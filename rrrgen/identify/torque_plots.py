@@ -1,4 +1,4 @@
-"""Figures of torques: measured and modelled over time with the residual in a panel of its own, friction over speed."""
+"""Figures of measured and modelled torques over time with their residuals, and of friction over speed."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from rrrgen.model.estimated_terms import Column
 
 MOST_POINTS = 20_000
-"""Instants of a figure; of longer recordings every k-th row is drawn, and no more is held in memory."""
+"""Largest number of instants in a figure; of longer recordings only every k-th row is drawn and kept in memory."""
 
 
 @dataclass(frozen=True)
 class TorqueCurves:
-    """Measured and modelled torques (N, n) at the instants ``t`` (N,), and which of them are in ``use``."""
+    """Measured and modelled torques (N, n), N m (N), at the instants ``t`` (N,), s; ``use`` (N, n) marks rows in use.
+    """
 
     t: Array
     measured: Array
@@ -34,12 +35,15 @@ class TorqueCurves:
     use: NDArray[np.bool_]
 
     def halved(self) -> TorqueCurves:
-        """Every second instant."""
+        """The curves with every second instant only."""
         return TorqueCurves(self.t[::2], self.measured[::2], self.model[::2], self.use[::2])
 
 
 def torque_curves(blocks: Iterable[Rows], theta: Array, most: int = MOST_POINTS) -> TorqueCurves | None:
-    """Torques of a stream of rows against those of the parameters ``theta``; None where no row is in use."""
+    """Measured torques of a stream of rows, and those modelled with parameters ``theta`` (p,); None if none is in use.
+
+    At most ``most`` instants are kept.
+    """
     kept: TorqueCurves | None = None
     step, seen = 1, 0
     for rows in blocks:
@@ -62,17 +66,17 @@ def _joined(a: TorqueCurves, b: TorqueCurves) -> TorqueCurves:
 
 
 def force_units(spec: Any) -> list[str]:
-    """``N m`` of joints that turn, ``N`` of those that slide."""
+    """Unit of the torque of every joint: ``N m`` if revolute, ``N`` if prismatic."""
     return ["N m" if joint.is_revolute else "N" for joint in spec.joints]
 
 
 def plot_torque_curves(
     curves: TorqueCurves, joints: Sequence[str], units: Sequence[str], titles: Sequence[str] = ()
 ) -> Figure:
-    """Two panels a joint: the torque measured and that of the model, and below the residual on a scale of its own.
+    """Two panels per joint: measured and modelled torque, and below them the residual on its own scale.
 
-    Where rows are not in use (at rest, or of the other part of the data) the model is drawn thin and grey, and no
-    residual is.
+    For rows that are not in use (at rest, or in the other part of the data), the model is drawn thin and grey, without
+    a residual.
     """
     n = len(joints)
     ratios = [2.2, 1.0] * n
@@ -98,10 +102,11 @@ def plot_torque_curves(
 def plot_friction(
     sample: Sample, W: Array, columns: Sequence[Column], theta: Array, joints: Sequence[str], revolute: Sequence[bool]
 ) -> Figure:
-    """Friction over speed, joint by joint: the measured torque less the rest of the model, and the identified law.
+    """Friction over speed for every joint: measured torque minus the rest of the model, and the identified law.
 
-    ``W`` (N, n, p) are the rows of the sample, ``columns`` and ``theta`` those of the model. The cloud shows what a law
-    linear in sgn and speed leaves: more near standstill, or another slope at high speed.
+    ``W`` (N, n, p) is the regressor at the instants of ``sample``, ``columns`` and ``theta`` (p,) are its columns and
+    their parameters; ``revolute`` (n,) gives the joint types. Points off the line show what Coulomb and viscous
+    friction do not describe, such as a rise near standstill or another slope at high speed.
     """
     n = len(joints)
     across = min(3, n)

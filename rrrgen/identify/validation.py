@@ -1,7 +1,7 @@
-"""Validation: the torque of an identified model against the torque that was applied, joint by joint, with a verdict.
+"""Validation: compares the torques of an identified model with the recorded ones, joint by joint, and gives a verdict.
 
-A model is fed the reconstructed motion and its torque set against the recorded one (Fig. 14.4, Fig. 14.13). Scoring on
-other data than was fitted is the default; a fit that is scored on its own data is labelled so.
+The model is evaluated along the reconstructed motion (Fig. 14.4, Fig. 14.13). The result states whether the recording
+was held out or was used in the fit.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ TorqueModel = Callable[[Array, Array, Array], Array]
 """Motion (q, dq, ddq), (N, n) each, to joint torques (N, n)."""
 
 MAIN_LOBE = 2
-"""Decimated samples on either side with which the decimation filter mixes a sample."""
+"""Half width, in decimated samples, of the main lobe of the decimation filter: neighbours that it mixes strongly."""
 
 
 @dataclass(frozen=True)
 class Thresholds:
-    """What a model must reach to pass; None where nothing is asked.
+    """Upper limits that a model must meet to pass; None switches a criterion off.
 
-    ``relative_error`` is ``|tau - tau_model| / |tau|`` over all joints, ``joint_relative_error`` the same joint by
-    joint, ``beyond_noise`` the part of the error that known noise does not explain over the RMS torque, joint by joint,
-    ``indefinite_share`` the share of random poses with an indefinite mass matrix. ``require_held_out`` fails a model
-    that is scored on data it was fitted to.
+    - ``relative_error``: ``|tau - tau_model| / |tau|`` over all joints; ``joint_relative_error``: the same per joint.
+    - ``beyond_noise``: error that known noise does not explain, over the RMS torque, per joint.
+    - ``indefinite_share``: share of random poses with an indefinite mass matrix.
+    - ``require_held_out``: the data must be known not to have been fitted.
     """
 
     relative_error: float | None = 0.1
@@ -52,11 +52,11 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class JointScore:
-    """Agreement at one joint, N m (N): RMS and largest error, RMS torque, and their ratio.
+    """Torque error at one joint: RMS torque, RMS and largest error, N m (N), and the relative error.
 
-    ``beyond_noise`` is ``sqrt(max(error^2 - noise^2, 0))`` over the RMS torque, None where the noise is not known;
-    ``samples`` is how many instants count, ``share`` which part of the recording that is, and ``relative_error_all``
-    the relative error over all of it: at rest friction takes any value up to its limit, which no model tells.
+    ``beyond_noise`` is ``sqrt(max(error^2 - noise^2, 0))`` over the RMS torque, None if the noise is unknown;
+    ``samples`` is the number of instants scored and ``share`` their share of the recording. ``relative_error_all`` is
+    the relative error over the whole recording, including rest, where static friction is not determined by the motion.
     """
 
     joint: str
@@ -72,10 +72,11 @@ class JointScore:
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """The score of a model on one recording, its verdict, and the curves behind it (N, n).
+    """Result of a validation: scores, verdict, and the torque curves ``measured`` and ``predicted`` (N, n) at ``t``.
 
-    ``relative_error`` is that of the ``used`` rows, ``scores`` has the errors on all rows and on unfiltered torques,
-    ``tuning`` the filters; without them the torques were given as they are.
+    ``relative_error`` is that of the ``used`` (N, n) rows; ``scores`` also holds the errors on all rows and on
+    unfiltered torques. ``label`` states whether the data were held out; ``failures`` lists the thresholds missed, empty
+    if the model passes. ``tuning`` describes the filters, None if torques were compared as given.
     """
 
     joints: tuple[JointScore, ...]
@@ -92,7 +93,7 @@ class Validation:
 
     @property
     def share(self) -> float:
-        """Which part of all rows ``relative_error`` was measured on."""
+        """Share of all rows on which ``relative_error`` was measured."""
         return float(np.mean(self.used))
 
     @property
@@ -101,7 +102,7 @@ class Validation:
         return not self.failures
 
     def to_json(self) -> dict[str, Any]:
-        """Everything but the curves."""
+        """The result without the curves, as plain data."""
         return {
             "passed": self.passed,
             "failures": list(self.failures),
@@ -129,9 +130,10 @@ def score_torques(
 ) -> Validation:
     """Score ``predicted`` torques against ``measured`` ones, (N, n) each, at the instants ``t`` (N,).
 
-    ``used`` (N, n) leaves out samples whose torque is not valid or whose joint hardly moves; ``noise`` (n,) is the
-    standard deviation of the measured torque; ``indefinite`` the share of poses with an indefinite mass matrix.
-    Raises InputError where there is nothing to compare.
+    ``joints`` are the n joint names; ``used`` (N, n) is False for samples to leave out, such as invalid torques or a
+    joint near rest; ``noise`` (n,) is the standard deviation of the measured torque; ``label`` states the origin of the
+    data; ``indefinite`` is the share of poses with an indefinite mass matrix. Raises InputError if shapes differ or no
+    sample is left at a joint.
     """
     tau, model = np.asarray(measured, dtype=float), np.asarray(predicted, dtype=float)
     use = np.ones(tau.shape, bool) if used is None else np.asarray(used, dtype=bool)
@@ -150,7 +152,10 @@ def score_torques(
 
 
 def validate(torque_model: TorqueModel, motion: Any, measured: Array, **options: Any) -> Validation:
-    """Score ``torque_model`` along a known ``motion`` (t, q, dq, ddq); ``options`` are those of score_torques."""
+    """Score ``torque_model`` along a known ``motion`` (t, q, dq, ddq) against ``measured`` torques (N, n).
+
+    ``options`` are the keyword arguments of :func:`score_torques`.
+    """
     return score_torques(motion.t, measured, torque_model(motion.q, motion.dq, motion.ddq), **options)
 
 
@@ -162,13 +167,13 @@ def validate_recordings(
     noise: Sequence[float] | None = None,
     **options: Any,
 ) -> Validation:
-    """Score ``torque_model`` on recordings, made ready exactly as for identification.
+    """Score ``torque_model`` on recordings that are preprocessed exactly as for identification.
 
-    The motion is reconstructed, and the model's torque passes the same decimation filter as the measured one. Samples
-    below the lowest speed or with invalid torque are left out, and those next to them that the filter mixes with them.
-    What the processing leaves open follows the rule of :mod:`rrrgen.identify.scoring.bandwidth`, from these
-    recordings. ``noise`` (n,) is the standard deviation of the *recorded* torque; what the filter leaves of it is
-    known. ``options`` are those of score_torques.
+    The motion is reconstructed, and the torque of the model passes the same decimation filter as the measured one.
+    Samples below the lowest speed or with an invalid torque are left out, together with their neighbours within the
+    main lobe of the filter. Settings that ``processing`` leaves None are chosen from the bandwidth of these recordings.
+    ``noise`` (n,) is the standard deviation of the *recorded* torque, from which that of the filtered torque follows.
+    ``options`` are the other keyword arguments of :func:`score_torques`.
     """
 
     def as_column(q: Array, dq: Array, ddq: Array) -> Array:
@@ -192,7 +197,7 @@ def validate_recordings(
 
 
 def _undisturbed(blocks: Sequence[Rows], decimate: int) -> NDArray[np.bool_]:
-    """The samples to score: those in use whose neighbours within the filter's main lobe are in use too."""
+    """Mask (N, n) of the samples in use whose neighbours within the main lobe of the filter are in use too."""
     use = np.concatenate([rows.use for rows in blocks])
     segment = np.concatenate([rows.segment for rows in blocks])
     kept = use.copy()
@@ -204,7 +209,7 @@ def _undisturbed(blocks: Sequence[Rows], decimate: int) -> NDArray[np.bool_]:
 
 
 def noise_gain(decimate: int) -> float:
-    """Standard deviation that the decimation filter leaves of white noise of standard deviation 1."""
+    """Standard deviation of unit white noise after the decimation filter of factor ``decimate``."""
     filtered = Decimator(decimate)
     middle = filtered.memory
     taps = filtered(np.eye(2 * middle + 1))[middle // decimate]
@@ -256,7 +261,7 @@ def _failures(
 
 
 def column_model(regressor: Callable[[Array, Array, Array], Array], theta: Array) -> TorqueModel:
-    """``tau = W(q, dq, ddq) theta`` from a full regressor and the parameters of all its columns."""
+    """Torque model ``tau = W(q, dq, ddq) theta`` from a regressor and the parameters ``theta`` (p,) of its columns."""
 
     def torque(q: Array, dq: Array, ddq: Array) -> Array:
         return np.asarray(regressor(q, dq, ddq) @ theta)
@@ -265,9 +270,10 @@ def column_model(regressor: Callable[[Array, Array, Array], Array], theta: Array
 
 
 def robot_model(model: Any) -> TorqueModel:
-    """The torque of a compiled robot as its file describes it: inverse dynamics, and the friction that was fitted.
+    """Torque model of a compiled robot as its file describes it: inverse dynamics plus friction.
 
-    Friction comes from the columns of identification, in which the round-off speeds of a drive at rest have no sign.
+    Friction is computed from the columns of identification, whose Coulomb term is zero at rest, so that round-off of a
+    reconstructed speed has no sign.
     """
     terms = friction_terms(model.spec)
     values = np.array([term.value for term in terms])
@@ -280,7 +286,7 @@ def robot_model(model: Any) -> TorqueModel:
 
 
 def summary(result: Validation) -> list[Mapping[str, Any]]:
-    """One row per joint for a table: RMS torque and error (N m), relative errors (%)."""
+    """One row per joint for the printed table: RMS torque and error (N m or N), relative errors (%), samples scored."""
     return [
         {
             "joint": score.joint,
@@ -297,7 +303,10 @@ def summary(result: Validation) -> list[Mapping[str, Any]]:
 
 
 def plot_torques(result: Validation, units: Sequence[str] | None = None) -> Any:
-    """Applied torque and model torque of every joint over time, their difference in a panel below (Fig. 14.13)."""
+    """Figure of applied and modelled torque of every joint over time, with the residual below (Fig. 14.13).
+
+    ``units`` (n,) are those of the torques, N m by default.
+    """
     from rrrgen.identify.torque_plots import TorqueCurves, plot_torque_curves
 
     told = list(units or ["N m"] * len(result.joints))

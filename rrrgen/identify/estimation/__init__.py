@@ -1,1 +1,1 @@
-"""Estimation of parameters from the rows of the regressor, and how far the data determine them."""
+"""Estimation of parameters from the rows of the regressor, and of how well the data determine them."""

@@ -2,8 +2,8 @@
 
 ``min |R [beta; theta] - z|^2 / s^2 + lambda sum_j D(P_j)``, ``beta = K phi``, subject to ``P_j(phi) > 0`` for every
 link (a linear matrix inequality), and drive inertia, viscous and Coulomb friction not negative. D is the entropic
-divergence from a prior P0, ``tr(P0^-1 P) - log det P``: it decides what the torques leave open (Wensing, Kim and
-Slotine 2018; Lee, Wensing and Park 2020).
+divergence from a prior P0, ``tr(P0^-1 P) - log det P``; it determines the parameters that the torques do not
+(Wensing, Kim and Slotine 2018; Lee, Wensing and Park 2020).
 """
 
 from __future__ import annotations
@@ -24,18 +24,19 @@ from rrrgen.model.estimated_terms import Column
 from rrrgen.model.standard_parameters import standard_parameters
 
 NON_NEGATIVE = ("inertia", "viscous", "coulomb")
-ATTEMPTS = 3  # with a stronger prior, where the solver fails
+ATTEMPTS = 3  # repetitions with a tenfold prior if the solver fails
 DEFAULT_STRENGTH = 1.0
-"""Weight lambda of the prior: that of one observation with the standard deviation of the noise, per link."""
-AT_BOUND = 1e-3  # in standard deviations of a drive parameter known to perfection otherwise: it is at its bound of 0
+"""Weight lambda of the prior: per link, that of one observation with the standard deviation of the noise."""
+AT_BOUND = 1e-3  # a drive parameter below this many (conditional) standard deviations lies on its bound of 0
 TINY = 1e-9
-SMALLEST_LENGTH = 0.05  # m, of the prior of a link without length
+SMALLEST_LENGTH = 0.05  # m, assumed for the prior of a link without length
 
 
 @dataclass(frozen=True)
 class Prior:
-    """A guess of the pseudo-inertias ``P0`` (n, 4, 4), each positive definite, and the weight ``strength`` given to
-    it.
+    """Prior pseudo-inertias ``P0`` (n, 4, 4), positive definite, and the weight ``strength`` of the prior.
+
+    Raises :class:`InputError` if a pseudo-inertia is not positive definite or the weight is not positive.
     """
 
     P0: Array
@@ -50,10 +51,10 @@ class Prior:
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """The objective near the estimate, along the r directions that no active bound or known value holds.
+    """Second-order model of the objective at the estimate, in the r coordinates free of active bounds and known values.
 
-    ``directions`` (p, r) lead from them to the columns; ``curvature`` (r, r) is the Hessian of half the objective,
-    ``pull`` (r, r) the part of the prior in it. Drives at their bound of 0 do not move.
+    ``directions`` (p, r) maps these coordinates to the parameters of the columns; ``curvature`` (r, r) is the Hessian
+    of half the objective, ``pull`` (r, r) the contribution of the prior to it.
     """
 
     directions: Array
@@ -61,11 +62,12 @@ class Neighbourhood:
     pull: Array
 
     def covariance(self, directions: Array, scores: Array, noise: float = 1.0) -> Array:
-        """Covariance of the parameters that move along ``directions`` (k, r): ``D H^-1 (D' S D + v P) H^-1 D'``.
+        """Covariance (k, k) by the delta method: ``D H^-1 (D' S D + v P) H^-1 D'``.
 
-        The delta method: ``scores`` S (k, k) is the covariance of the data's pull on these parameters, correlated
-        residuals included, and the prior counts as an observation with the variance ``noise`` v of a weighted row. Its
-        doubt stays where the data say nothing.
+        D is ``directions`` (k, r), the derivative of k parameters with respect to the free coordinates; H is the
+        curvature. ``scores`` S (k, k) is the covariance of the gradient of the data term, correlated residuals
+        included. The prior P counts as an observation with the variance ``noise`` v of a weighted row, and so
+        determines the covariance of parameters on which the data carry no information.
         """
         step = np.linalg.solve(self.curvature, directions.T)
         return np.asarray(step.T @ (directions.T @ scores @ directions + noise * self.pull) @ step)
@@ -73,12 +75,14 @@ class Neighbourhood:
 
 @dataclass(frozen=True)
 class ConsistentEstimate:
-    """Standard parameters ``phi`` (10n,), ``beta = K phi`` (b,), and the drive parameters ``drives`` by column name.
+    """A physically consistent estimate.
 
-    ``theta`` (p,) are the values of all columns, rigid and drive. ``eigenvalues`` (n,) are the smallest of the
-    pseudo-inertias in scaled coordinates (kg). ``relative_error`` and ``joint_rms`` belong to the rows of the fit;
-    ``loss`` is the rise of the weighted residual over the unconstrained one; ``facts`` tell the solver, its status and
-    the weight of the prior.
+    - ``phi`` (10n,): standard parameters; ``beta = K phi`` (b,): base parameters; ``drives``: drive parameters by name.
+    - ``theta`` (p,), ``names``: the parameters of all columns, rigid and drive.
+    - ``eigenvalues`` (n,): smallest eigenvalue of each pseudo-inertia, scaled by the prior.
+    - ``relative_error``, ``joint_rms`` (n,): torque errors on the scored rows.
+    - ``loss``: relative rise of the weighted residual sum of squares over the unconstrained estimate.
+    - ``facts``: solver, status and final weight of the prior; ``near``: second-order model of the objective.
     """
 
     phi: Array
@@ -95,7 +99,10 @@ class ConsistentEstimate:
 
 
 def pseudo_inertia(phi: Array) -> Array:
-    """``J = int [x y z 1]' [x y z 1] dm`` (..., 4, 4) of standard parameters (..., 10): (14.9) with tensor products."""
+    """Pseudo-inertia ``J = int [x y z 1]' [x y z 1] dm`` (..., 4, 4) of standard parameters ``phi`` (..., 10), (14.9).
+
+    Products of inertia are tensor entries, ``Ixy = -int x y dm``; kg, kg m, kg m^2 about the link origin.
+    """
     m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz = np.moveaxis(np.asarray(phi, float), -1, 0)
     half = 0.5 * (Ixx + Iyy + Izz)
     rows = [
@@ -126,10 +133,11 @@ def parameters_of(J: Array) -> Array:
 
 
 def default_prior(spec: Any, torque_rms: float, strength: float = DEFAULT_STRENGTH) -> Prior:
-    """A prior from the robot alone: its links if the file has them, else round bodies at the joints.
+    """Prior from the robot file ``spec``: its links if they are physical, otherwise spheres at the link origins.
 
-    Without links, every link weighs ``m0 = tau_rms / (g L n)`` (N m over gravity, reach and joints), the share of a
-    mass that would explain the torques, and its radius of gyration is a third of its own length (from the table).
+    Without links, each of the n links has the mass ``m0 = tau_rms / (g L n)``, where ``torque_rms`` (N m) is the RMS
+    torque, g the gravity and L the reach; its radius of gyration is a third of the link length from the
+    Denavit-Hartenberg table. ``strength`` is the weight of the prior.
     """
     n = spec.n
     if spec.links is not None:
@@ -145,7 +153,8 @@ def default_prior(spec: Any, torque_rms: float, strength: float = DEFAULT_STRENG
 
 
 def link_lengths(spec: Any) -> Array:
-    """A length (m) for every link: the larger of its own offsets and those that lead to the next joint."""
+    """Length (n,) of every link, m: the largest of ``|a|`` and ``|d|`` in its own and the next DH row, at least 5 cm.
+    """
     sizes = [max(abs(a), abs(d)) for _, _, a, d, _ in spec.dh_table()]
     after = [*sizes[1:], 0.0]
     return np.maximum(SMALLEST_LENGTH, np.maximum(sizes, after))
@@ -161,12 +170,12 @@ def consistent_estimate(
     fixed: Mapping[int, float] | None = None,
     scored: JointFactors | None = None,
 ) -> ConsistentEstimate:
-    """Solve the semidefinite program for the rows in ``factors``, whose columns are ``columns``.
+    """Solve the semidefinite program of the module for the rows in ``factors``, whose columns are ``columns``.
 
-    ``weights`` (n,) are those of the joints, ``1 / sigma_j``, so that the noise counts alike; ``reference`` is the
-    unconstrained estimate, to tell what consistency costs; ``fixed`` are standard parameters with known values, by
-    index; ``scored`` are the rows of the errors where they are not
-    those of the fit, as in robust estimation. Raises :class:`DerivationError` where the solver fails.
+    ``weights`` (n,) are those of the joints, ``1 / sigma_j``, which make the noise of all rows equal; ``reference`` is
+    the unconstrained estimate to which the residual is compared; ``fixed`` maps indices of standard parameters to known
+    values; ``scored`` are the rows on which errors are reported if they differ from the fitted ones, as in robust
+    estimation. Raises :class:`DerivationError` if the solver fails.
     """
     b, n = model.base_projection.shape[0], model.n
     R = factors.stacked(weights)
@@ -224,10 +233,11 @@ class _Program:
         self.n, self.basis, self.strength = n, basis, prior.strength
 
     def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, dict[str, Any], Neighbourhood]:
-        """phi (10n,), the drive parameters, facts about the solution, and the objective near it.
+        """Solve; returns phi (10n,), the drive parameters, facts on the solution and its second-order model.
 
-        A very weak prior next to an impossible least-squares estimate makes the problem too ill-conditioned for the
-        solver; then the prior is strengthened by tens, and the facts tell the weight that was used.
+        ``fixed`` maps indices of standard parameters to known values. If the least-squares estimate is far from
+        physical, a very weak prior makes the problem too ill-conditioned for the solver; the prior is then strengthened
+        tenfold and the problem solved again. The facts state the weight used.
         """
         strength = self.strength
         for _ in range(1 + ATTEMPTS):
@@ -240,7 +250,7 @@ class _Program:
         raise DerivationError(f"no physically consistent estimate was found: the solver reports '{status}'")
 
     def _near(self, x: Array, strength: float, fixed: Mapping[int, float]) -> Neighbourhood:
-        """Second derivatives at the solution: those of ``-log det X`` are ``tr(X^-1 E_k X^-1 E_l)``."""
+        """Second-order model at the solution ``x``; the Hessian of ``-log det X`` is ``tr(X^-1 E_k X^-1 E_l)``."""
         m = len(x)
         pull = np.zeros((m, m))
         for j in range(self.n):
@@ -257,7 +267,7 @@ class _Program:
         to_columns = np.zeros((self.K.shape[0] + m - 10 * self.n, m))
         to_columns[: self.K.shape[0]] = self.K @ back[: 10 * self.n]
         to_columns[self.K.shape[0] :] = back[10 * self.n :]
-        # free drives have no prior but the tiny pull that makes the solution unique
+        # unbounded drive parameters have no prior except the small term that makes the solution unique
         curvature = self.A.T @ self.A + pull
         return Neighbourhood(to_columns @ Z, Z.T @ curvature @ Z + TINY * np.eye(Z.shape[1]), Z.T @ pull @ Z)
 
@@ -275,7 +285,7 @@ class _Program:
             constraints.append(x[self.bounded] >= 0)
         for index, value in fixed.items():
             constraints.append(self.to_phi[index] @ x[: 10 * self.n] == value)
-        # a tiny pull on what is neither determined nor bounded, so that the solution is unique
+        # a small quadratic term makes unbounded parameters unique that the data do not determine
         if self.free:
             penalty = penalty + 1e-9 * cp.sum_squares(x[self.free])
         problem = cp.Problem(cp.Minimize(cp.sum_squares(self.A @ x - self.z) + strength * penalty), constraints)
@@ -291,7 +301,7 @@ class _Program:
 
 
 def _null_space(rows: Array) -> Array:
-    """Orthonormal directions that ``rows`` do not see."""
+    """Orthonormal basis of the null space of ``rows`` (m, k), as columns."""
     _, s, Vt = np.linalg.svd(rows)
     return np.asarray(Vt[int(np.sum(s > TINY * s[0])) :].T)
 
@@ -304,7 +314,7 @@ def _cvxpy() -> Any:
 
 
 def _reduced(A: Array, z: Array) -> tuple[Array, Array]:
-    """Rows with the same normal equations, at most one per column."""
+    """An equivalent least-squares problem (same normal equations) with at most as many rows as columns."""
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     kept = s > 1e-13 * s[0]
     return s[kept, None] * Vt[kept], np.asarray(U[:, kept].T @ z)

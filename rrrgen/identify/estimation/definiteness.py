@@ -1,4 +1,4 @@
-"""Whether an estimated mass matrix is positive definite everywhere, as simulation and computed torque need it."""
+"""Tests whether an estimated mass matrix is positive definite, as simulation and computed torque require."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ POSES = 10_000
 
 
 def mass_matrix(model: RigidModel, columns: Sequence[Column], theta: Array, q: Array) -> Array:
-    """M(q) (N, n, n) of the parameters ``theta`` of all columns: rigid body and drive inertia.
+    """Mass matrix M(q) (N, n, n), kg m^2 (kg), from the parameters ``theta`` (p,) of all ``columns``, at ``q`` (N, n).
 
-    Column k is the torque at rest with ``ddq = e_k`` less that with ``ddq = 0``.
+    Column k is the torque at rest with ``ddq = e_k`` minus that with ``ddq = 0``; drive inertia is included.
     """
     n, b = model.n, len(model.base_parameter_names)
     M = np.empty((*q.shape, n))
@@ -39,7 +39,8 @@ def mass_matrix(model: RigidModel, columns: Sequence[Column], theta: Array, q: A
 
 
 def pose_limits(spec: Any, n: int) -> Array:
-    """Lowest and highest joint positions (2, n): the limits of the robot file, else a turn (or a metre) about zero."""
+    """Lowest and highest joint positions (2, n), rad (m): limits of the robot file, or +-pi (+-1 m) where it has none.
+    """
     bounds = []
     for joint in spec.joints if spec is not None else [None] * n:
         limits = getattr(joint, "limits", None)
@@ -53,9 +54,9 @@ def pose_limits(spec: Any, n: int) -> Array:
 def indefinite_share(
     mass: Callable[[Array], Array], lower: Array, upper: Array, poses: int = POSES, seed: int = 0
 ) -> tuple[float, float]:
-    """Share of random poses at which M(q) is not positive definite, and the smallest eigenvalue over its largest one.
+    """Share of random poses at which M(q) is not positive definite, and the smallest ratio of extreme eigenvalues.
 
-    ``mass(q)`` gives (N, n, n); the poses are uniform between ``lower`` and ``upper`` (n,).
+    ``mass(q)`` maps poses (N, n) to matrices (N, n, n); the ``poses`` are uniform between ``lower`` and ``upper`` (n,).
     """
     rng = np.random.default_rng(seed)
     M = np.asarray(mass(rng.uniform(lower, upper, (poses, len(lower)))))

@@ -1,4 +1,4 @@
-"""Essential parameters: the smallest set that explains the torques as well as the data can tell.
+"""Essential parameters: the smallest set that explains the torques as well as all parameters do, within the noise.
 
 Parameters are left out one at a time, the one with the largest relative standard deviation first (Khalil and Dombre,
 Modeling, Identification and Control of Robots, ch. 12), as long as the fit does not suffer: an F test compares every
@@ -16,7 +16,7 @@ from rrrgen.errors import InputError
 from rrrgen.identify.estimation.regression import Estimate, weighted_least_squares
 from rrrgen.identify.estimation.tsqr import JointFactors
 
-LARGEST_SPREAD = 30.0  # largest over smallest relative standard deviation that ends the reduction
+LARGEST_SPREAD = 30.0  # ratio of largest to smallest relative standard deviation at which the reduction ends
 SIGNIFICANCE = 0.05
 
 Estimator = Callable[[JointFactors, Sequence[str]], Estimate]
@@ -24,7 +24,7 @@ Estimator = Callable[[JointFactors, Sequence[str]], Estimate]
 
 @dataclass(frozen=True)
 class Essential:
-    """The reduced estimate, the columns ``kept`` of the full one, and the names in the order they were left out."""
+    """Result of the reduction: estimate, indices ``kept``, names ``dropped`` in order, and why it stopped."""
 
     estimate: Estimate
     kept: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""Triangular factors of whole recordings: split into data to fit and data to score, in parallel, resumable."""
+"""Triangular factors of whole recordings, for fitted and held-out data, computed in parallel and resumable."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from rrrgen.identify.scoring.split import Split
 from rrrgen.runs.ordered_map import ordered_map
 
 IN_MEMORY = 64_000_000
-"""Bytes of rows that are kept; more are computed anew in every pass over them."""
+"""Largest size (bytes) of rows kept in memory; more are recomputed in every pass over them."""
 
 Progress = Callable[[int, int, str], None]
-"""Called as ``progress(done, total, message)``; total 0: not known."""
+"""Called as ``progress(done, total, message)``; a total of 0 means unknown."""
 
 
 @dataclass(frozen=True)
 class Factors:
-    """Factors of the rows that are fitted, and of those that are only scored."""
+    """Triangular factors of the fitted rows (``fit``) and of the held-out rows (``score``)."""
 
     fit: JointFactors
     score: JointFactors
@@ -34,7 +34,7 @@ class Factors:
 
 @dataclass(frozen=True)
 class _Task:
-    """Factors of one window; picklable, so that any process can do it."""
+    """Computes the factors of one window; picklable, so that it can run in any process."""
 
     maker: RowMaker
     split: Split
@@ -64,10 +64,12 @@ def factor_recordings(
     digest: str = "",
     progress: Progress | None = None,
 ) -> Factors:
-    """Factors of all rows, window by window, in constant memory, merged in the order of time whoever computes them.
+    """Compute the factors of all rows window by window, in constant memory.
 
-    With a ``checkpoint`` (a file) the state is kept after every window, and a repeated call with the same ``digest``
-    (of recordings and settings) goes on from there, with the same result to the last bit.
+    ``split`` chooses the fitted part of the data. ``jobs`` processes, or the Dask scheduler at ``cluster``, share the
+    windows, which are always merged in order of time. The state is stored in the file ``checkpoint`` after every
+    window; a repeated call with the same ``digest`` (of recordings and settings) resumes from it with a bit-identical
+    result. Raises :class:`InputError` if the recordings hold no samples.
     """
     spans = tuple(recording.span for recording in observations.recordings)
     total = sum(len(recording) for recording in observations.recordings)
@@ -82,7 +84,7 @@ def factor_recordings(
 
 
 class _State:
-    """What has been merged so far, on disk if asked for."""
+    """The merged factors so far, stored in a file if ``path`` is given."""
 
     def __init__(self, path: Path | None, digest: str) -> None:
         self.path, self.digest = path, digest
@@ -105,7 +107,7 @@ class _State:
         return Factors(self.fit, self.score)
 
     def _read(self, path: Path) -> None:
-        """A state of other data or settings, or a damaged one, counts as absent."""
+        """Restore the state; one of other data or settings, or a damaged one, is ignored."""
         try:
             with np.load(path, allow_pickle=False) as data:
                 if str(data["digest"]) != self.digest:
@@ -137,8 +139,9 @@ class _State:
 
 
 def score(factors: JointFactors, theta: Array) -> dict[str, Any]:
-    """How ``theta`` explains rows: ``relative_error``, ``rms`` (N m) and ``joint_rms``, or None where there are no
-    rows.
+    """Torque errors of the parameters ``theta`` (p,): ``rows``, ``relative_error``, ``rms`` and ``joint_rms``, N m (N).
+
+    The errors are None if there are no rows.
     """
     count = int(np.sum(factors.counts))
     if count == 0:
@@ -162,7 +165,7 @@ def fits_in_memory(observations: Observations, limit: int = IN_MEMORY) -> bool:
 def rows_of_recordings(
     observations: Observations, split: Split, progress: Progress | None = None
 ) -> tuple[Factors, list[Rows], list[Rows]]:
-    """Factors as by :func:`factor_recordings`, with the rows they were made of: those fitted and those only scored."""
+    """Compute the factors of all rows in memory; returns them with the fitted and the held-out blocks of rows."""
     total = sum(len(recording) for recording in observations.recordings)
     state = _State(None, "")
     fitted: list[Rows] = []
@@ -181,7 +184,7 @@ def rows_of_recordings(
 
 @dataclass(frozen=True)
 class FittedRows:
-    """The rows that are fitted, computed anew in every pass; the others stay, out of use, to keep time."""
+    """The fitted rows, recomputed in every iteration; the other instants are kept, marked as not in use."""
 
     observations: Observations
     split: Split
@@ -195,7 +198,7 @@ class FittedRows:
 
 @dataclass(frozen=True)
 class ScoredRows(FittedRows):
-    """The rows that are only scored, computed anew in every pass."""
+    """The held-out rows, recomputed in every iteration; the other instants are kept, marked as not in use."""
 
     def __iter__(self) -> Iterator[Rows]:
         for window in self.observations.windows():

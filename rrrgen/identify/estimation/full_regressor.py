@@ -1,4 +1,4 @@
-"""The regressor that is fitted: base columns of the compiled model beside the drive columns, (14.10) and (14.11)."""
+"""The regressor of the estimation: base columns of the compiled model and columns of the drives, (14.10), (14.11)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rrrgen.model.estimated_terms import Column, DriveTerms
 
 
 class RigidModel(Protocol):
-    """What identification needs of a compiled robot (:class:`rrrgen.runtime.Model` has it)."""
+    """Interface of the compiled robot that identification needs; :class:`rrrgen.runtime.Model` implements it."""
 
     @property
     def n(self) -> int: ...  # noqa: D102
@@ -31,8 +31,9 @@ class RigidModel(Protocol):
 
 @dataclass(frozen=True)
 class FullRegressor:
-    """``W(q, dq, ddq)`` (N, n, p): the base columns of the model and the drive columns, side by side (14.10),
-    (14.11).
+    """Regressor ``W(q, dq, ddq)`` (N, n, p): base columns of ``model``, then the columns of the drive ``terms``.
+
+    ``tau = W theta`` with the base parameters and the drive parameters in theta. Source: (14.10), (14.11).
     """
 
     model: RigidModel
@@ -40,17 +41,17 @@ class FullRegressor:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """All columns in order."""
+        """The p columns in order."""
         rigid = tuple(Column(name, "rigid") for name in self.model.base_parameter_names)
         return rigid + self.terms.columns(self.model.n)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The parameter of every column."""
+        """The name of the parameter of every column."""
         return tuple(column.name for column in self.columns)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A compiled model holds code of this machine: another process compiles the robot itself."""
+        """Pickle the robot file instead of the compiled model, which holds machine code; the receiver compiles it."""
         from rrrgen.runtime.model import Model
 
         if isinstance(self.model, Model):
@@ -58,7 +59,7 @@ class FullRegressor:
         return FullRegressor, (self.model, self.terms)
 
     def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Evaluate at N instants; ``q``, ``dq``, ``ddq`` are (N, n)."""
+        """W (N, n, p) at N instants; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds."""
         drives = drive_columns(self.terms.columns(self.model.n), np.asarray(dq, float), np.asarray(ddq, float))
         return np.concatenate([np.asarray(self.model.regressor(q, dq, ddq)), drives], axis=-1)
 
@@ -67,7 +68,7 @@ _COMPILED: dict[bytes, RigidModel] = {}
 
 
 def _compiled_regressor(spec: Any, terms: DriveTerms) -> FullRegressor:
-    """The regressor of ``spec`` in this process, which compiles every robot once."""
+    """The regressor of ``spec``; each robot is compiled once per process."""
     import pickle
 
     from rrrgen.pipeline import compile

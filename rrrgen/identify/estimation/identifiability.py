@@ -1,4 +1,4 @@
-"""What a motion cannot tell, in words; and parameters that are known beforehand."""
+"""Parameters that a motion does not excite or hardly determines, in words; and constraints by known parameters."""
 
 from __future__ import annotations
 
@@ -17,16 +17,19 @@ from rrrgen.yamltext.suggest import did_you_mean
 
 WEAK = 1e-4
 """Scaled singular values below this share of the largest belong to directions that the motion hardly excites."""
-SMALL_PART = 0.1  # of the largest weight of a direction: below it a parameter is not named
+SMALL_PART = 0.1  # parameters below this share of the largest weight of a direction are not named
 NOT_EXCITED = 1e-10
-INDEX = 30.0  # condition index from which Belsley, Kuh and Welsch speak of moderate to strong dependence
-HALF = 0.5  # of the variance of a parameter, or of a direction: what names it
+INDEX = 30.0  # condition index above which Belsley, Kuh and Welsch call a dependence moderate to strong
+HALF = 0.5  # a direction names the parameters that owe it this share of their variance, or have this weight in it
 MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
 class Direction:
-    """A combination of parameters, of unit length in columns scaled alike, and its singular value over the largest."""
+    """A weakly excited combination of parameters: ``sentence`` for the user, ``weights`` (p,) in scaled columns.
+
+    ``excitation`` is its singular value divided by the largest one.
+    """
 
     sentence: str
     weights: Array
@@ -34,7 +37,10 @@ class Direction:
 
 
 def unexcited(factors: JointFactors, names: Sequence[str], weights: Array | None = None) -> tuple[str, ...]:
-    """One sentence for every parameter that this motion leaves undetermined although the structure would allow it."""
+    """One sentence for every structurally identifiable parameter that this motion does not determine.
+
+    ``factors`` are those of the fitted rows, ``weights`` (n,) those of the joints.
+    """
     p = factors.parameters
     R = factors.stacked(weights)[:p, :p]
     found = structure_of_matrix(R, names, NOT_EXCITED)
@@ -52,7 +58,11 @@ def unexcited(factors: JointFactors, names: Sequence[str], weights: Array | None
 def weak_directions(
     factors: JointFactors, names: Sequence[str], weights: Array | None = None, limit: float = WEAK
 ) -> tuple[Direction, ...]:
-    """Combinations of parameters that the motion hardly excites, weakest first."""
+    """Combinations of parameters that the motion hardly excites, weakest first.
+
+    These are right singular vectors of the regressor with columns of unit length whose singular value is below
+    ``limit`` times the largest.
+    """
     p = factors.parameters
     R = factors.stacked(weights)[:p, :p]
     size = np.linalg.norm(R, axis=0)
@@ -73,10 +83,11 @@ def weak_directions(
 
 
 def collinear(factors: JointFactors, estimate: Estimate) -> tuple[str, ...]:
-    """Combinations of parameters that the data hardly determine, worst first, in words.
+    """Sentences on combinations of parameters that the data hardly determine, worst first.
 
-    Condition indices and variance shares (Belsley, Kuh and Welsch 1980) of columns of unit length: a direction whose
-    singular value is INDEX times smaller than the largest, and the parameters that owe most of their variance to it.
+    Collinearity diagnosis by condition indices and variance decomposition (Belsley, Kuh and Welsch 1980), columns
+    scaled to unit length: each direction whose singular value is INDEX times smaller than the largest is reported with
+    the parameters that owe most of their variance to it.
     """
     p = factors.parameters
     R = factors.stacked(estimate.weights)[:p, :p]
@@ -105,9 +116,9 @@ def collinear(factors: JointFactors, estimate: Estimate) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Restriction:
-    """Base parameters under known standard parameters: ``beta = B z + beta_0``, z (r,) being a choice of them.
+    """Constraint on the base parameters from known standard parameters: ``beta = B z + beta_0``.
 
-    ``kept`` are the indices of the base parameters that z keeps; the others follow.
+    z (r,) are the base parameters with indices ``kept``; B (b, r) and beta_0 (b,) give all others.
     """
 
     kept: tuple[int, ...]
@@ -121,11 +132,10 @@ class Restriction:
 
 
 def fix_standard(projection: Array, known: Mapping[str, float]) -> Restriction:
-    """What known standard parameters, ``{"my2": 0.0, "my3": 0.0}``, say about ``beta = K phi``; ``projection`` is K
-    (b, 10n).
+    """Constraint that known standard parameters, such as ``{"my2": 0.0}``, impose on ``beta = K phi``.
 
-    As in the chapter: links 2 and 3 balanced in y, ``y2 = y3 = 0``, make ``p4 = p15 = 0`` and leave 13 of 15
-    parameters.
+    ``projection`` is K (b, 10n). For the RRR arm, links 2 and 3 balanced in y, ``my2 = my3 = 0``, make ``p4 = p15 = 0``
+    and leave 13 of 15 base parameters. Raises :class:`InputError` for a name that is not a standard parameter.
     """
     names = standard_names(projection.shape[1] // len(STANDARD))
     phi = np.zeros(len(names))

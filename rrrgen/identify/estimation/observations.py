@@ -1,7 +1,7 @@
-"""From a recording to the rows of the estimation problem: reconstruct, evaluate the regressor, decimate, leave out.
+"""From a recording to the rows of the estimation problem: reconstruct, evaluate the regressor, decimate, select.
 
-The rows come in blocks, and the recording may be longer than the memory: every block is computed from a window that
-reaches as far beyond it as the filters remember, so that it does not depend on where the recording was cut.
+Rows are produced in blocks, so that a recording may exceed the memory. Every block is computed from a window that is
+longer than it by the memory of the filters on both sides; the result does not depend on where the recording was cut.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rrrgen.signals.decimation import Decimator
 from rrrgen.signals.processing import Processing
 from rrrgen.signals.reconstruction import Reconstruction, Reconstructor
 
-BLOCK_BYTES = 4_000_000  # of the regressor that is held at a time
+BLOCK_BYTES = 4_000_000  # size of the part of the regressor held in memory
 SHORTEST_BLOCK = 500  # samples
 
 Regressor = Callable[[Array, Array, Array], Array]
@@ -29,7 +29,7 @@ KnownTorque = Callable[[Reconstruction], Array]
 
 
 class Recording(Protocol):
-    """A :class:`~rrrgen.recordings.logs.Log` or a :class:`~rrrgen.recordings.log_stream.LogStream`."""
+    """Interface of a recording: a :class:`~rrrgen.recordings.logs.Log` in memory, or a ``LogStream`` on disk."""
 
     @property
     def period(self) -> float: ...  # noqa: D102
@@ -46,10 +46,11 @@ class Recording(Protocol):
 
 @dataclass(frozen=True)
 class RowMaker:
-    """Makes rows of recorded samples: ``regressor(q, dq, ddq)`` gives W (N, n, p) with p = ``columns``.
+    """Turns recorded samples into rows of the estimation problem.
 
-    ``known`` is a torque that is subtracted from the measured one before anything else, (14.19): friction that is known
-    already.
+    ``regressor(q, dq, ddq)`` gives W (N, n, p) with p = ``columns``; ``processing`` holds filters and lowest speeds.
+    ``known`` is a torque as a function of the motion that is subtracted from the measured one first, such as friction
+    that is already known, (14.19).
     """
 
     regressor: Regressor
@@ -58,11 +59,11 @@ class RowMaker:
     known: KnownTorque | None = None
 
     def memory(self, period: float) -> int:
-        """Samples on either side that a row depends on."""
+        """Number of samples on either side that a row depends on, for a sampling ``period`` in s."""
         return _reconstruction_memory(self.processing, period) + Decimator(self.processing.decimate or 1).memory
 
     def rows(self, window: Window) -> Iterator[Rows]:
-        """The rows of one window, block by block."""
+        """Iterate over the rows of one window in blocks; raises InputError for a recording without torques."""
         part = window.part
         if part.tau is None:
             raise InputError("the recording has no torques: nothing can be estimated from it")
@@ -78,7 +79,7 @@ class RowMaker:
             yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
 
     def _block(self, motion: Reconstruction, tau: Array, part: Part, decimate: Decimator, kept: slice) -> Rows:
-        """Both sides of the equations through the same filter; a sample that is not valid is zero on both sides."""
+        """Filter both sides of the equations alike; samples with an invalid torque are set to zero on both sides."""
         first = part.first
         W = self.regressor(motion.q, motion.dq, motion.ddq) * part.valid[..., None]
         sound = decimate(part.valid.astype(float), first)[kept] > 0.5
@@ -96,16 +97,19 @@ class RowMaker:
 
 
 def _kept(decimate: Decimator, first: int, start: int, stop: int, length: int) -> slice:
-    """Which of the decimated samples of a stretch belong to its samples ``start`` to ``stop``."""
+    """Slice of the decimated indices that fall in [start, stop) of a piece of ``length`` samples.
+
+    ``first`` is the index in the recording of the first sample of the piece.
+    """
     grid = np.arange(-first % decimate.factor, length, decimate.factor)
     return slice(int(np.searchsorted(grid, start)), int(np.searchsorted(grid, stop)))
 
 
 @dataclass(frozen=True)
 class Window:
-    """Samples ``start`` to ``stop`` of ``part`` are to be delivered; the others are there for the filters.
+    """A piece of a recording: rows are made of samples ``start`` to ``stop`` of ``part``; the others feed the filters.
 
-    ``recording`` counts the recordings, ``segment`` the uninterrupted stretches of all of them.
+    ``recording`` is the number of the recording, ``segment`` that of the uninterrupted stretch over all recordings.
     """
 
     part: Part
@@ -117,7 +121,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Observations:
-    """Re-iterable blocks of :class:`Rows` of several recordings, one after the other."""
+    """The rows of several recordings, one after the other; each iteration recomputes them block by block."""
 
     recordings: tuple[Recording, ...]
     maker: RowMaker
@@ -127,7 +131,7 @@ class Observations:
             yield from self.maker.rows(window)
 
     def windows(self) -> Iterator[Window]:
-        """The windows of all recordings."""
+        """Iterate over the windows of all recordings."""
         segment = -1
         for number, recording in enumerate(self.recordings):
             last = -1
@@ -137,7 +141,7 @@ class Observations:
 
 
 def windows(recording: Recording, memory: int) -> Iterator[Window]:
-    """A recording cut into windows that overlap by ``memory`` samples on either side."""
+    """Split a recording into windows that overlap by ``memory`` samples on either side."""
     pending: Part | None = None
     done = 0  # index within its stretch of the first sample that is still to be delivered
     for part in recording.parts():
@@ -157,12 +161,15 @@ def windows(recording: Recording, memory: int) -> Iterator[Window]:
 
 
 def reconstruct(part: Part, processing: Processing) -> Reconstruction:
-    """The motion of one stretch."""
+    """Reconstruct the motion of one stretch by the method of ``processing``.
+
+    Raises :class:`InputError` for the method ``logged`` if speeds and accelerations were not recorded.
+    """
     if processing.method == "logged":
         if part.dq is None or part.ddq is None:
             raise InputError("the recording has no speeds and accelerations; choose a method of reconstruction")
         return Reconstruction(part.t, part.q, part.dq, part.ddq, "as recorded")
-    # instants made anew: their differences must not depend on how far from zero the stretch lies
+    # uniform instants from zero: the round-off of their differences must not depend on where the stretch begins
     period = (part.t[-1] - part.t[0]) / max(1, len(part) - 1)
     method = processing.reconstructor()
     motion = method(np.arange(len(part)) * _rounded(period), part.q)
@@ -170,7 +177,7 @@ def reconstruct(part: Part, processing: Processing) -> Reconstruction:
 
 
 def _rounded(period: float) -> float:
-    """The period without the round-off of the instants it was taken from."""
+    """``period`` rounded to ten digits, to remove the round-off of the instants it was computed from."""
     return float(f"{period:.9e}")
 
 

@@ -1,4 +1,4 @@
-"""Which parameters are sought: the identifiable combinations that are left when known ones are fixed."""
+"""The parameters to estimate: identifiable combinations of the columns after known parameters are fixed."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from rrrgen.identify.estimation.tsqr import JointFactors
 
 @dataclass(frozen=True)
 class Parametrisation:
-    """``theta = T x + known``: T (p, r) of the identifiable parameters; ``structure`` names them.
+    """Map between the identifiable parameters x (r,) and the parameters theta (p,) of all columns.
 
-    ``free`` are the columns whose parameters the structure regroups: ``x = G theta[free]`` for every theta that
-    respects what is known.
+    ``theta = T x + known`` with T (p, r), and ``x = G theta[free]`` with G from ``structure``, which also names x;
+    ``free`` are the columns without a known value.
     """
 
     structure: Structure
@@ -29,25 +29,26 @@ class Parametrisation:
     free: tuple[int, ...]
 
     def transform(self, factors: JointFactors) -> JointFactors:
-        """The factors of the problem in x."""
+        """The triangular factors of the problem in x, from those in theta."""
         return factors.mapped(self.T, self.known)
 
     def expand(self, x: Array) -> Array:
-        """The parameters of all columns."""
+        """The parameters theta (p,) of all columns for identifiable parameters ``x`` (r,)."""
         return np.asarray(self.T @ x + self.known)
 
     def contract(self, theta: Array) -> Array:
-        """The identifiable parameters x of values (or of directions, as columns) of all columns."""
+        """The identifiable parameters (r,) of ``theta`` (p,); directions (p, k) are mapped column by column."""
         return np.asarray(self.structure.G @ theta[list(self.free)])
 
 
 def parametrise(
     regressor: FullRegressor, fixed: Mapping[str, float], fixed_standard: Mapping[str, float], seed: int = 0
 ) -> Parametrisation:
-    """The identifiable parameters of ``regressor`` that known ones leave.
+    """Find the identifiable parameters of ``regressor`` after known parameters are fixed.
 
-    ``fixed`` are columns with known values by name, ``fixed_standard`` standard parameters. Raises
-    :class:`InputError` for names that do not exist.
+    ``fixed`` maps column names to known values, ``fixed_standard`` standard parameters; ``seed`` is that of the random
+    motions from which the rank is taken. Raises :class:`InputError` for a name that does not exist or a column that
+    already follows from the fixed standard parameters.
     """
     names = regressor.names
     unknown = [name for name in fixed if name not in names]

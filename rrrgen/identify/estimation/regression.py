@@ -1,7 +1,7 @@
-"""Estimation of the parameters from the stacked rows, (14.17)-(14.20): ordinary, weighted and robust least squares.
+"""Ordinary, weighted and robust least squares from the stacked rows, (14.17)-(14.20).
 
 All estimators work on the triangular factors of :mod:`rrrgen.identify.estimation.tsqr`. Columns are scaled to unit
-length before the rank is decided, so that the decision does not depend on units.
+length before the rank is determined, so that it does not depend on units.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from rrrgen.identify.estimation.statistics import confidence_factor, normal_expe
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows
 
 RANK_TOLERANCE = 1e-10
-"""Relative to the largest singular value of the scaled regressor; the round-off of a factor is some 1e-14."""
-NOISE_FLOOR = 1e-11  # residuals below this share of the torque are round-off, not noise to be weighted by
+"""Singular values of the scaled regressor below this share of the largest are zero; factors have round-off 1e-14."""
+NOISE_FLOOR = 1e-11  # residuals below this share of the torque are round-off and not used as a weight
 HUBER = 1.345  # 95 % efficiency for normal noise
 SETTLED = 1e-8  # relative change of the weights at which their iteration stops
-MOST_PREWHITENED = 0.97  # correlation of neighbours; nearer to 1 its inverse is noise
+MOST_PREWHITENED = 0.97  # largest correlation of neighbours removed by prewhitening; closer to 1, 1/(1 - a) is noise
 ROBUST_SETTLED = 1e-5  # change in standard deviations at which the slower, robust iteration stops
 
 
@@ -30,11 +30,12 @@ ROBUST_SETTLED = 1e-5  # change in standard deviations at which the slower, robu
 class Estimate:
     """Estimated parameters ``x`` (p,) with their covariance (p, p) and the quality of the fit.
 
-    ``joint_sigma`` (n,) is the standard deviation of the residual of every joint, N m (N); ``relative_error`` is
-    ``|tau - W x| / |tau|``. ``condition`` is ``sigma_max / sigma_min`` of W as it stands (it depends on units),
-    ``scaled_condition`` with columns of unit length. ``singular`` are the scaled singular values, largest first;
-    ``rank`` of them count. ``variance`` is that of a weighted row, so that ``covariance / variance`` is ``(Phi'
-    Phi)^-1``.
+    ``joint_sigma`` (n,) is the standard deviation of the residual of every joint, N m (N), ``joint_rms`` (n,) its RMS
+    and ``counts`` (n,) the number of rows; ``relative_error`` is ``|tau - W x| / |tau|``. ``condition`` is
+    ``sigma_max / sigma_min`` of W (it depends on units), ``scaled_condition`` that with columns of unit length.
+    ``singular`` are the scaled singular values, largest first, of which ``rank`` exceed the tolerance. ``variance`` is
+    that of a weighted row, so that ``covariance / variance`` is ``(Phi' Phi)^-1``; ``weights`` (n,) are those of the
+    joints.
     """
 
     names: tuple[str, ...]
@@ -60,13 +61,13 @@ class Estimate:
 
     @property
     def relative_std(self) -> Array:
-        """Standard deviations over the sizes of the values; infinite for a value of zero."""
+        """Standard deviations divided by the absolute values of the estimates (p,); infinite for an estimate of 0."""
         size = np.abs(self.x)
         return np.asarray(np.divide(self.std, size, out=np.full(len(size), np.inf), where=size > 0))
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom: rows less rank."""
+        """Degrees of freedom: number of rows minus rank."""
         return float(np.sum(self.counts)) - self.rank
 
     @property
@@ -75,7 +76,7 @@ class Estimate:
         return float(np.sqrt(np.sum(self.joint_rms**2 * self.counts) / np.sum(self.counts)))
 
     def confidence(self, level: float = 0.95) -> Array:
-        """Confidence intervals (p, 2) at ``level``, from Student's t."""
+        """Confidence intervals (p, 2) at the confidence ``level`` (0..1), by Student's t distribution."""
         half = confidence_factor(level, self.freedom) * self.std
         return np.column_stack([self.x - half, self.x + half])
 
@@ -87,10 +88,12 @@ def least_squares(
     tolerance: float = RANK_TOLERANCE,
     method: str = "least squares",
 ) -> Estimate:
-    """``x = Phi^# y`` (14.20) by singular values of the scaled triangular factor, rows of joint j times ``weights[j]``.
+    """Least squares ``x = Phi^# y``, (14.20), by the SVD of the scaled triangular factor.
 
-    Singular values below ``tolerance`` of the largest are taken as zero: the minimum-norm solution in scaled columns.
-    Without weights one standard deviation serves all joints. Raises :class:`DerivationError` where nothing is excited.
+    ``names`` are those of the p parameters; ``weights`` (n,) multiply the rows of each joint, 1 by default. Singular
+    values below ``tolerance`` times the largest are taken as zero, which gives the minimum-norm solution in scaled
+    columns. ``method`` is the name stored in the estimate. Raises :class:`DerivationError` if no parameter is excited
+    or there are no more rows than parameters.
     """
     p = factors.parameters
     if len(names) != p:
@@ -134,9 +137,7 @@ def least_squares(
 
 
 def residual_weights(estimate: Estimate, factors: JointFactors) -> Array:
-    """Weights ``1 / sigma_j`` (n,); a joint whose residual is round-off is weighted as if it were at the noise
-    floor.
-    """
+    """Weights ``1 / sigma_j`` (n,) from the residuals of an estimate; sigma is bounded below by the noise floor."""
     scale = np.sqrt(factors.torque_squares / np.maximum(1, factors.counts))
     floor = NOISE_FLOOR * float(np.max(scale))
     return np.asarray(1.0 / np.maximum(estimate.joint_sigma, max(floor, np.finfo(float).tiny)))
@@ -145,9 +146,12 @@ def residual_weights(estimate: Estimate, factors: JointFactors) -> Array:
 def weighted_least_squares(
     factors: JointFactors, names: Sequence[str], passes: int = 50, tolerance: float = RANK_TOLERANCE
 ) -> Estimate:
-    """Least squares weighted by the residual of every joint, ``w_j = 1 / sigma_j``, iterated until the weights settle.
+    """Least squares weighted by the residual of every joint, ``w_j = 1 / sigma_j``, iterated until the weights
+    converge.
 
-    ``passes`` bounds the iterations (three are customary); the first estimate is unweighted.
+    ``names`` are those of the p parameters; ``passes`` is the largest number of iterations (three are customary),
+    ``tolerance`` that of the rank. The first estimate is unweighted. Raises :class:`DerivationError` if no parameter is
+    excited.
     """
     estimate = least_squares(factors, names, None, tolerance)
     weights = residual_weights(estimate, factors)
@@ -172,11 +176,12 @@ def robust_least_squares(
     transform: Callable[[JointFactors], JointFactors] | None = None,
     expand: Callable[[Array], Array] | None = None,
 ) -> Estimate:
-    """Huber's M-estimate by iteratively reweighted least squares; outliers beyond ``limit`` scales lose weight.
+    """Huber's M-estimate by iteratively reweighted least squares: residuals beyond ``limit`` scales lose weight.
 
-    ``blocks()`` streams the rows anew in every pass; ``transform`` maps their factors to the parameters sought and
-    ``expand`` maps those back to the columns of the rows (both the identity by default). The scale of every joint is
-    Huber's proposal 2, re-estimated in each pass.
+    ``blocks()`` returns an iterable of the rows for every pass; ``transform`` maps their factors to the parameters x
+    and ``expand`` maps x to the columns of the rows (both the identity by default). ``start`` is the first estimate,
+    ``passes`` the largest number of iterations. The scale of every joint is Huber's proposal 2, re-estimated in each
+    pass.
     """
     expand = expand or (lambda x: x)
     sigma = np.maximum(start.joint_sigma, np.finfo(float).tiny)
@@ -199,8 +204,9 @@ def robust_least_squares(
 
 
 def _reweighted(blocks: Iterable[Rows], theta: Array, sigma: Array, limit: float) -> tuple[JointFactors, Array]:
-    """Factors of rows times ``sqrt(min(1, limit/|u|)) / sigma`` and sums of ``min(u^2, limit^2)``, ``u = r /
-    sigma``.
+    """Factors of the rows times ``sqrt(min(1, limit/|u|)) / sigma``, and the sums of ``min(u^2, limit^2)`` per joint.
+
+    ``u = r / sigma`` are the residuals r of ``theta`` scaled by ``sigma`` (n,).
     """
     total: JointFactors | None = None
     clipped = np.zeros(len(sigma))
@@ -215,7 +221,7 @@ def _reweighted(blocks: Iterable[Rows], theta: Array, sigma: Array, limit: float
 
 
 def _scored(blocks: Iterable[Rows], expand: Callable[[Array], Array], estimate: Estimate) -> Estimate:
-    """The estimate with the unweighted residuals of its rows."""
+    """Copy of ``estimate`` whose errors are those of the unweighted rows."""
     theta = expand(estimate.x)
     squares = torque = 0.0
     for rows in blocks:
@@ -237,14 +243,14 @@ def correlated_covariance(
     project: Array,
     limit: float | None = None,
 ) -> Array:
-    """Covariance (p, p) that allows for residuals correlated over up to ``lags`` samples and between joints.
+    """Covariance (p, p) of an estimate with residuals correlated over up to ``lags`` samples and between joints.
 
     ``(Phi' Phi)^-1 S (Phi' Phi)^-1`` with S the long-run covariance of the scores ``s_k = sum_j w_j^2 W_jk' r_jk``
-    under Bartlett's weights after prewhitening (Newey and West 1987, Andrews and Monahan 1992).
-    ``project`` (columns of the rows, p) maps x to theta.
+    with Bartlett weights after prewhitening (Newey and West 1987, Andrews and Monahan 1992). ``blocks`` are the rows in
+    order of time; ``project`` (columns of the rows, p) is the linear part of ``expand``, which maps x to theta.
 
-    With the ``limit`` of a robust estimate, residuals enter clipped at that many scales, and the outer matrices count
-    only the rows that are not: ``(sum psi' W W')^-1 S (sum psi' W W')^-1`` (Huber and Ronchetti 2009, ch. 7).
+    For a robust estimate with ``limit``, residuals are clipped at that many scales, and the outer matrices count only
+    the rows that are not clipped: ``(sum psi' W W')^-1 S (sum psi' W W')^-1`` (Huber and Ronchetti 2009, ch. 7).
     """
     w2 = estimate.weights**2
     theta = expand(estimate.x)
@@ -275,10 +281,10 @@ def correlated_covariance(
 
 
 def _long_run_covariance(products: Array) -> Array:
-    """Long-run covariance from the sums ``G_l = sum s_k s_{k-l}'`` of scores, l = 0 .. lags + 1.
+    """Long-run covariance (p, p) from the sums ``products[l] = sum s_k s_{k-l}'`` of scores, l = 0 .. lags + 1.
 
-    Every score is prewhitened by its own correlation a of neighbours (Andrews and Monahan 1992): of ``u_k = s_k - a
-    s_{k-1}`` the window cuts off less than of s, whose correlation dies out slowly; ``1/(1 - a)`` colours it again.
+    Each score is prewhitened by its lag-one correlation a (Andrews and Monahan 1992): ``u_k = s_k - a s_{k-1}`` is less
+    correlated than s, so that the window truncates less of it; the factor ``1/(1 - a)`` restores the variance of s.
     """
     own = np.diag(products[0])
     a = np.divide(np.diag(products[1]), own, out=np.zeros(len(own)), where=own > 0.0)
@@ -290,7 +296,7 @@ def _long_run_covariance(products: Array) -> Array:
         G = products[lag] - products[lag + 1] * a - a[:, None] * earlier + a[:, None] * products[lag] * a
         S += G if lag == 0 else (1.0 - lag / (lags + 1)) * (G + G.T)
     whole = S / np.outer(1.0 - a, 1.0 - a)
-    # differences of sums over the ends of stretches may leave a direction below zero
+    # sums over stretches differ in their end terms, which may leave a slightly negative eigenvalue
     values, V = np.linalg.eigh(0.5 * (whole + whole.T))
     return np.asarray((V * np.maximum(values, 0.0)) @ V.T)
 
@@ -302,5 +308,5 @@ def _unclipped(rows: Rows, inside: NDArray[np.bool_], weights: Array, project: A
 
 
 def robust_rows(blocks: Iterable[Rows], theta: Array, estimate: Estimate, limit: float = HUBER) -> JointFactors:
-    """Factors of the rows as the last pass of the robust estimate weighted them; theta are the columns' parameters."""
+    """Factors of the rows with the weights of the last pass of a robust estimate; ``theta`` are all parameters (p,)."""
     return _reweighted(blocks, theta, 1.0 / estimate.weights, limit)[0]

@@ -1,4 +1,4 @@
-"""How good an estimate is: errors, confidence, whiteness of what is left."""
+"""Statistics of an estimate: errors, confidence intervals, whiteness of the residuals."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from rrrgen.identify.estimation.tsqr import Rows
 
 
 def rms(x: Array, axis: int | None = None) -> Array:
-    """Root of the mean square."""
+    """Root mean square of ``x`` over all entries or along ``axis``."""
     return np.asarray(np.sqrt(np.mean(np.square(x), axis=axis)))
 
 
 def relative_error(measured: Array, predicted: Array) -> float:
-    """``||tau - tau_hat|| / ||tau||`` over all entries."""
+    """Relative error ``||measured - predicted|| / ||measured||`` over all entries."""
     return float(np.linalg.norm(measured - predicted) / max(float(np.linalg.norm(measured)), 1e-300))
 
 
@@ -32,11 +32,11 @@ def confidence_factor(level: float, freedom: float) -> float:
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Autocorrelation of a residual at lags 1, 2, ... and what it says.
+    """Autocorrelation of a residual at lags 1, 2, ... and tests of its whiteness.
 
-    ``durbin_watson`` is near 2 for white residuals, below for positive correlation. ``p_value`` is that of the
-    Ljung-Box test over the lags: the chance of such correlations if the residual were white. ``inflation`` is the
-    number of samples that carry the information of one: ``1 + 2 sum rho``.
+    ``durbin_watson`` is about 2 for a white residual and smaller for positive correlation. ``ljung_box`` is the test
+    statistic over all lags, ``p_value`` the probability of at least that value for a white residual. ``inflation`` is
+    the number of samples per independent one, ``1 + 2 sum rho``; ``samples`` the number of samples.
     """
 
     autocorrelation: Array
@@ -48,13 +48,13 @@ class Whiteness:
 
 
 def whiteness(residual: Array, lags: int = 20) -> Whiteness:
-    """Whiteness of one residual (N,), NaN where a sample is missing; the mean is not removed."""
+    """Test the whiteness of one ``residual`` (N,), NaN where missing, over ``lags``; its mean is not removed."""
     sums, pairs = _products(np.asarray(residual, float), None, min(lags, max(1, len(residual) - 1)))
     return _whiteness(sums, pairs)
 
 
 def residual_whiteness(blocks: Iterable[Rows], x: Array, lags: int = 20) -> tuple[Whiteness, ...]:
-    """Whiteness of the residuals ``tau - W x`` of every joint, over a stream of blocks in order of time."""
+    """Test the whiteness of the residuals ``tau - W x`` of every joint, over ``blocks`` of rows in order of time."""
     sums = pairs = None
     tail: Array | None = None
     tail_segment: NDArray[np.int64] | None = None
@@ -101,7 +101,7 @@ def _whiteness(sums: Array, pairs: NDArray[np.int64]) -> Whiteness:
     rho = np.divide(sums[1:], pairs[1:], out=np.zeros(len(sums) - 1), where=pairs[1:] > 0) / variance
     weights = np.maximum(pairs[1:], 1)
     box = float(count * (count + 2) * np.sum(rho**2 / weights))
-    # correlations below the noise of their estimate are not summed, nor any after the first such lag
+    # the sum ends at the first lag whose correlation is below the noise of its estimate
     noise = 2.0 / math.sqrt(count)
     below = np.flatnonzero(rho < noise)
     until = int(below[0]) if len(below) else len(rho)
@@ -110,7 +110,7 @@ def _whiteness(sums: Array, pairs: NDArray[np.int64]) -> Whiteness:
 
 
 def normal_expectation_of_clipped_square(limit: float) -> float:
-    """``E min(u^2, limit^2)`` of a standard normal u, the consistency factor of Huber's scale."""
+    """``E[min(u^2, limit^2)]`` for a standard normal u: the consistency factor of Huber's scale estimate."""
     tail = math.erfc(limit / math.sqrt(2.0))
     density = math.exp(-0.5 * limit * limit) / math.sqrt(2.0 * math.pi)
     return (1.0 - tail) - 2.0 * limit * density + limit * limit * tail
@@ -120,11 +120,11 @@ MOST_LAGS = 200
 
 
 def correlation_lags(white: Whiteness) -> int:
-    """Over how many samples residuals are taken to be correlated in the covariance of estimates.
+    """Number of lags at which residuals are treated as correlated in the covariance of the estimates.
 
-    The larger of two rules: twice the lag at which the correlation is within the noise of its own estimate, and the
-    bandwidth of Andrews (1991) for Bartlett's window, ``1.1447 (4 r^2 N / ((1-r)^2 (1+r)^2))^(1/3)`` with the
-    correlation r of neighbours, which grows where the first rule runs out of lags.
+    The larger of two rules: twice the lag at which the autocorrelation falls below the noise of its estimate, and the
+    bandwidth of Andrews (1991) for Bartlett's window, ``1.1447 (4 r^2 N / ((1-r)^2 (1+r)^2))^(1/3)`` with the lag-one
+    correlation r. The second also applies if the correlation stays above the noise at all computed lags.
     """
     noise = 2.0 / math.sqrt(max(1, white.samples))
     small = np.flatnonzero(white.autocorrelation < noise)

@@ -1,7 +1,7 @@
-"""Which parameters a robot's torques can tell apart at all, whatever the motion: rank and regrouping.
+"""Structural identifiability: rank of the regressor over all motions, and the identifiable combinations of parameters.
 
-The rank is taken from random motions, by singular values of columns scaled to unit length against a *relative*
-tolerance, and must agree with the number of columns that survive a projection on those kept before.
+The rank is determined from random motions, by the singular values of columns scaled to unit length with a *relative*
+tolerance. It must agree with the number of columns that are independent of those before them.
 """
 
 from __future__ import annotations
@@ -15,16 +15,17 @@ from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 
 RELATIVE_TOLERANCE = 1e-9
-"""Between the smallest true singular value of a scaled random regressor (1e-3 and above) and round-off (1e-15)."""
-NO_COLUMN = 1e-12  # a column this much smaller than the largest one is round-off, as from cos(pi/2)
+"""Lies between the smallest true singular values of a scaled random regressor (1e-3 and above) and round-off (1e-15).
+"""
+NO_COLUMN = 1e-12  # a column smaller than this share of the largest is round-off, for example of cos(pi/2)
 
 
 @dataclass(frozen=True)
 class Structure:
-    """The identifiable part of a regressor ``W`` (N rows, p columns): ``W = W[:, kept] G``.
+    """Identifiable combinations ``x = G theta`` of the parameters of a regressor: ``W = W[:, kept] G``.
 
-    ``G`` (r, p) regroups: the parameters that can be told are ``x = G theta``. ``names`` (r) spell them out,
-    ``singular`` are the singular values of the scaled random regressor, largest first.
+    ``G`` is (r, p) for p columns and rank r; ``names`` (r) are the combinations as text, ``all_names`` (p) the
+    parameters; ``singular`` are the singular values of the scaled random regressor, largest first.
     """
 
     all_names: tuple[str, ...]
@@ -45,7 +46,7 @@ class Structure:
         return tuple(j for j in range(len(self.all_names)) if j not in kept)
 
     def in_words(self) -> tuple[str, ...]:
-        """One sentence for every parameter that cannot be told on its own."""
+        """One sentence for every parameter that is not identifiable on its own."""
         sentences = []
         for j in self.dependent:
             name = self.all_names[j]
@@ -59,7 +60,7 @@ class Structure:
 
 
 def random_motion(n: int, samples: int, seed: int) -> tuple[Array, Array, Array]:
-    """Positions in +-pi, speeds in +-3, accelerations in +-10, uniform, each (samples, n)."""
+    """Random states (q, dq, ddq), (samples, n) each: uniform within +-pi, +-3 and +-10, in rad (m) and seconds."""
     rng = np.random.default_rng(seed)
     return (
         rng.uniform(-np.pi, np.pi, (samples, n)),
@@ -75,9 +76,10 @@ def structure_of(
     seed: int = 0,
     tolerance: float = RELATIVE_TOLERANCE,
 ) -> Structure:
-    """The identifiable combinations of the columns of ``regressor``, from random motions of ``n`` joints.
+    """Identifiable combinations of the columns of ``regressor(q, dq, ddq)``, from random states of ``n`` joints.
 
-    Raises :class:`DerivationError` where the rank is not clear-cut.
+    ``names`` are those of the columns, ``seed`` that of the random states, ``tolerance`` the relative one of the rank.
+    Raises :class:`DerivationError` if the rank is not clear-cut.
     """
     samples = 3 * (1 + len(names) // n) + 50
     W = regressor(*random_motion(n, samples, seed)).reshape(-1, len(names))
@@ -85,7 +87,10 @@ def structure_of(
 
 
 def structure_of_matrix(W: Array, names: Sequence[str], tolerance: float = RELATIVE_TOLERANCE) -> Structure:
-    """The same for the rows ``W`` (rows, p) of sampled motions; earlier columns are kept rather than later ones."""
+    """Identifiable combinations of the columns of a sampled regressor ``W`` (rows, p).
+
+    Of dependent columns the first ones are kept. Raises :class:`DerivationError` if the rank is not clear-cut.
+    """
     size = np.linalg.norm(W, axis=0)
     present = size > NO_COLUMN * float(np.max(size, initial=0.0))
     scaled = W / np.where(present, size, 1.0) * present
@@ -99,7 +104,7 @@ def structure_of_matrix(W: Array, names: Sequence[str], tolerance: float = RELAT
         )
     R = Q.T @ W[:, kept]
     G = np.linalg.solve(R, Q.T @ W) if rank else np.zeros((0, len(names)))
-    # entries are ratios of lengths and their squares: what is below the tolerance after scaling is round-off
+    # true entries are ratios of lengths or their squares; scaled entries below the tolerance are round-off
     weight = np.abs(G) * size[kept, None] / np.where(present, size, np.inf)
     G = np.where(weight > 1e3 * tolerance, G, 0.0)
     G[:, kept] = np.eye(rank)
@@ -108,7 +113,7 @@ def structure_of_matrix(W: Array, names: Sequence[str], tolerance: float = RELAT
 
 
 def combination(names: Sequence[str], weights: Array, digits: int = 6) -> str:
-    """``p3 + 0.5*p7 - p9``: a linear combination in words."""
+    """A linear combination as text, such as ``p3 + 0.5*p7 - p9``; zero weights are left out."""
     text = ""
     for name, weight in zip(names, weights, strict=True):
         if weight == 0.0:
@@ -121,9 +126,9 @@ def combination(names: Sequence[str], weights: Array, digits: int = 6) -> str:
 
 
 def _leading_columns(W: Array, tolerance: float) -> tuple[list[int], Array]:
-    """Columns that stick out of the space of those kept before, and an orthonormal basis of that space.
+    """Indices of the columns of W that are independent of those before them, and an orthonormal basis of their span.
 
-    Gram-Schmidt, done twice per column, against kept columns only: a dependent column leaves no trace that could hide a
+    Gram-Schmidt with reorthogonalisation, against the kept columns only, so that a dependent column cannot affect a
     later one.
     """
     Q = np.zeros((W.shape[0], min(W.shape)))

@@ -1,8 +1,8 @@
-"""Least squares without the stacked regressor: triangular factors, one per joint, merged as rows arrive (TSQR).
+"""Least squares in constant memory: triangular QR factors, one per joint, merged as rows arrive (TSQR).
 
-The rows ``[W_j | tau_j]`` of joint j enter only through their triangular factor ``R_j`` of p+1 columns, which holds all
-that any quadratic estimator needs: weights per joint, parameters fixed or left out, residual norms. Memory does not
-depend on the length of the recording, and ``W' W``, whose condition number is squared, is never formed.
+The rows ``[W_j | tau_j]`` of joint j enter only through their triangular factor ``R_j`` of p+1 columns. It suffices for
+every quadratic estimator: weights per joint, fixed or removed parameters, residual norms. The memory does not depend
+on the length of the recording, and ``W' W``, whose condition number is squared, is never formed.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from rrrgen.errors import InputError
 class Rows:
     """Rows of the estimation problem at N instants: ``tau = W theta``.
 
-    ``t`` (N,) s, ``W`` (N, n, p), ``tau`` (N, n) N m (N), ``use`` (N, n): False where a joint's row is left out.
-    ``segment`` (N,) counts the uninterrupted stretches of the recording, for statistics over time. ``valid`` (N, n) is
-    False only where the torque cannot be used, and True for slow rows that are left out; None: as ``use``.
+    ``t`` (N,) s, ``W`` (N, n, p), ``tau`` (N, n) N m (N); ``use`` (N, n) is False for rows that are left out.
+    ``segment`` (N,) is the number of the uninterrupted stretch of each instant, for statistics over time. ``valid``
+    (N, n) is False only where the torque is invalid, and True for rows left out because of a low speed; None means that
+    it equals ``use``.
     """
 
     t: Array
@@ -35,18 +36,17 @@ class Rows:
 
     @property
     def sound(self) -> NDArray[np.bool_]:
-        """All rows with a valid torque, slow ones included (N, n)."""
+        """Mask (N, n) of the rows with a valid torque, those at low speed included."""
         return self.use if self.valid is None else self.valid
 
     def chosen(self, mask: NDArray[np.bool_]) -> Rows:
-        """The same with only the instants of ``mask`` (N,) in use; the others stay, out of use, to keep time."""
+        """A copy with only the instants of ``mask`` (N,) in use; the others are kept, so that time remains uniform."""
         return replace(self, use=self.use & mask[:, None])
 
 
 @dataclass(frozen=True)
 class JointFactors:
-    """Triangular factors ``R`` (n, p+1, p+1) of the rows of every joint, and how many rows ``counts`` (n,) there
-    were.
+    """Triangular factors ``R`` (n, p+1, p+1) of the rows ``[W_j | tau_j]`` of every joint, and their ``counts`` (n,).
     """
 
     R: Array
@@ -59,15 +59,15 @@ class JointFactors:
 
     @property
     def torque_squares(self) -> Array:
-        """``|tau_j|^2`` of every joint."""
+        """Sum of squared torques ``|tau_j|^2`` of every joint (n,)."""
         return np.asarray(np.sum(self.R[:, :, -1] ** 2, axis=1))
 
     def residual_squares(self, x: Array) -> Array:
-        """``|tau_j - W_j x|^2`` of every joint."""
+        """Sum of squared residuals ``|tau_j - W_j x|^2`` of every joint (n,), for parameters ``x`` (p,)."""
         return np.asarray(np.sum((self.R[:, :, -1] - self.R[:, :, :-1] @ x) ** 2, axis=1))
 
     def stacked(self, weights: Array | None = None) -> Array:
-        """One factor (p+1, p+1) of all joints' rows, those of joint j times ``weights[j]``."""
+        """The factor (p+1, p+1) of the rows of all joints together, those of joint j times ``weights[j]``."""
         w = np.ones(len(self.R)) if weights is None else np.asarray(weights, float)
         return triangular((self.R * w[:, None, None]).reshape(-1, self.R.shape[2]))
 
@@ -80,7 +80,7 @@ class JointFactors:
         return JointFactors(np.stack([triangular(R @ change) for R in self.R]), self.counts)
 
     def selected(self, kept: Sequence[int], fixed: Mapping[int, float] | None = None) -> JointFactors:
-        """Only the columns ``kept``; those of ``fixed`` at their given values, all others at zero."""
+        """The factors of the problem in the columns ``kept``; ``fixed`` columns have given values, all others zero."""
         T = np.eye(self.parameters)[:, list(kept)]
         known = np.zeros(self.parameters)
         for column, value in (fixed or {}).items():
@@ -96,9 +96,7 @@ class JointFactors:
 
 
 def triangular(A: Array) -> Array:
-    """The upper triangular factor R (p, p) of A (rows, p) with a non-negative diagonal; rows of zeros where A is
-    short.
-    """
+    """Upper triangular QR factor R (p, p) of A (rows, p), with a non-negative diagonal; padded with rows of zeros."""
     p = A.shape[1]
     R: Array = np.asarray(np.linalg.qr(A, mode="r"))
     if len(R) < p:
@@ -108,7 +106,10 @@ def triangular(A: Array) -> Array:
 
 
 def factor_rows(rows: Rows, weights: Array | None = None) -> JointFactors:
-    """Factors of one block of rows; ``weights`` (N, n) multiply each row, and are 1 by default."""
+    """Triangular factors of one block of rows; ``weights`` (N, n) multiply the rows, 1 by default.
+
+    Raises :class:`InputError` if a row is not finite.
+    """
     _, n, p = rows.W.shape
     R = np.zeros((n, p + 1, p + 1))
     for joint in range(n):
