@@ -14,9 +14,9 @@
  * stands in rows beyond count has no meaning.
  * Stack: the bytes stated with each function are upper bounds for builds with -O1, -O2 or -O3 (not -O0) by gcc or
  * clang; its callees are in them, functions of math.h are not. They are the local arrays along the deepest chain of
- * calls and a quarter more (callees compiled into one caller do not always share their space), 192 bytes for every
+ * calls and half as much again (callees compiled into one caller do not always share their space), 192 bytes for every
  * function in it, and 2048 for loops that clang unrolls. Of the chains measured (gcc 12 and clang 14 on x86-64, gcc 12
- * for Cortex-M4) none takes more than nine tenths of its bound; long ones mostly take half of it or more.
+ * for Cortex-M4) none takes more than nine tenths of its bound; long ones mostly take half of it.
  */
 #ifndef RRR_IK_H
 #define RRR_IK_H
@@ -86,7 +86,7 @@ typedef struct rrr_ik_solutions {
  * base frame. `q_ref` (may be null: zeros, no turns added) gives free angles at singular configurations and the turn
  * to which angles are taken. Every row satisfies forward kinematics. With no row the status says why, and `distance`
  * how far the target is from the nearest that can be reached.
- * Stack: at most 4080 bytes.
+ * Stack: at most 4256 bytes.
  */
 rrr_ik_status rrr_inverse_kinematics(
     const rrr_real target[RRR_RESTRICT 3], const rrr_real *RRR_RESTRICT q_ref, unsigned options,
@@ -94,13 +94,13 @@ rrr_ik_status rrr_inverse_kinematics(
 
 /* The same for `count` targets: q[count][RRR_IK_ROWS][RRR_IK_JOINTS], flags and branch [count][RRR_IK_ROWS]; q_ref[RRR_IK_JOINTS] is one for all.
  * counts, statuses and distances have `count` entries. Any of flags, branch, statuses, distances may be a null pointer.
- * Stack: at most 4496 bytes. */
+ * Stack: at most 4720 bytes. */
 void rrr_inverse_kinematics_batch(
     size_t count, const rrr_real *RRR_RESTRICT targets, const rrr_real *RRR_RESTRICT q_ref, unsigned options,
     rrr_real *RRR_RESTRICT q, int *RRR_RESTRICT counts, unsigned *flags, unsigned *branch, int *statuses, rrr_real *distances);
 
 /* The configuration that comes nearest to `target` in the least-squares sense of `residual`: one row, the best that
- * descent from the branches, from q_ref and from a few fixed configurations finds. Stack: at most 3888 bytes. */
+ * descent from the branches, from q_ref and from a few fixed configurations finds. Stack: at most 4064 bytes. */
 rrr_ik_status rrr_closest(
     const rrr_real target[RRR_RESTRICT 3], const rrr_real *RRR_RESTRICT q_ref, unsigned options,
     rrr_ik_solutions *RRR_RESTRICT out);

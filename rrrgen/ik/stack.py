@@ -15,9 +15,9 @@ from rrrgen.errors import InternalError
 STACK_RULE = (
     "Stack: the bytes stated with each function are upper bounds for builds with -O1, -O2 or -O3 (not -O0) by gcc or "
     "clang; its callees are in them, functions of math.h are not. They are the local arrays along the deepest chain of "
-    "calls and a quarter more (callees compiled into one caller do not always share their space), 192 bytes for every "
-    "function in it, and 2048 for loops that clang unrolls. Of the chains measured (gcc 12 and clang 14 on x86-64, gcc "
-    "12 for Cortex-M4) none takes more than nine tenths of its bound; long ones mostly take half of it or more."
+    "calls and half as much again (callees compiled into one caller do not always share their space), 192 bytes for "
+    "every function in it, and 2048 for loops that clang unrolls. Of the chains measured (gcc 12 and clang 14 on "
+    "x86-64, gcc 12 for Cortex-M4) none takes more than nine tenths of its bound; long ones mostly take half of it."
 )
 """The rule in words, for the head of the header."""
 
@@ -51,7 +51,7 @@ def stack_bounds(source: str, name: str, real: str, joints: int, rows: int) -> d
     def deepest(function: str) -> int:
         """Arrays and margins along the deepest chain of calls from here; the emitted code has no recursion."""
         below = max(map(deepest, functions[function].calls), default=0)
-        return 5 * functions[function].arrays // 4 + _EACH + below
+        return 3 * functions[function].arrays // 2 + _EACH + below
 
     return {function: -(-(_FIXED + deepest(function)) // 16) * 16 for function in functions}
 

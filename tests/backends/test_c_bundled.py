@@ -71,6 +71,15 @@ def test_no_function_takes_more_stack_than_its_bound(robot, real, command, flags
         assert stated <= 4 * size or size < 400, f"{name}: a bound that says too little"
 
 
+def test_no_function_takes_more_stack_on_arm(derived, tmp_path):
+    folder = emitted(derived["panda"], tmp_path, "float")
+    command = [compiler("arm-none-eabi-gcc"), "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-O2"]
+    used = frames(folder / "panda.c", command)
+    for name, program in derived["panda"].programs.items():
+        assert used.get(f"panda_{name}", 0) <= stack_bound(program, "float").gcc, name
+    assert used["panda_standard_regressor"] > 400
+
+
 UNITY = """#include "rrr.inc"
 #include "rrr_nominal.inc"
 #include "rrr_derivatives.inc"

@@ -89,8 +89,8 @@ def test_the_figure_counts_arrays_structures_and_the_deepest_chain():
     arrays = 8 * 2 * 4 + 4 * 3 + 4 * 1  # x, flags, k
     solutions = 4 + 4 + 8 + 2 * (3 * 8 + 4 + 4 + 8)
     assert set(bounds) == {"r_inner", "r_outer"}
-    assert 0 <= bounds["r_inner"] - (2048 + 192 + 1.25 * arrays) < 16
-    assert 0 <= bounds["r_outer"] - (2048 + 2 * 192 + 1.25 * (arrays + solutions)) < 16
+    assert 0 <= bounds["r_inner"] - (2048 + 192 + 1.5 * arrays) < 16
+    assert 0 <= bounds["r_outer"] - (2048 + 2 * 192 + 1.5 * (arrays + solutions)) < 16
 
 
 def test_an_array_of_unknown_size_is_a_fault():
