@@ -116,6 +116,14 @@ class FaultList:
         return Fault(self.file, place.line, min(column, len(line) + 1), message, line, hint, severity)
 
 
+def place_at(text: str, offset: int) -> Place:
+    """Line and column of the character ``offset`` of ``text``, counted from 0."""
+    line, start = 1, 0
+    for line_break in _LINE_BREAK.finditer(text, 0, offset):
+        line, start = line + 1, line_break.end()
+    return Place(line, offset - start + 1)
+
+
 def decode(data: bytes, file: str) -> str:
     """Decode the bytes of a file, which must be UTF-8 (a byte order mark is dropped) of at most 1 MB.
 

@@ -1,1 +1,1 @@
-"""Commands about a model: new, robots, check, show, schema, generate, verify, ik."""
+"""Commands about a model: new, import, robots, check, show, schema, generate, verify, ik."""

@@ -1,0 +1,1 @@
+"""The formats that can be imported: every module here has an ``IMPORTER``."""

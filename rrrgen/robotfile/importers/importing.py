@@ -1,0 +1,112 @@
+"""File of another program -> text of a robot file, or every fault with its place."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pkgutil
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import sympy as sp
+
+from rrrgen.errors import Fault, InputError
+from rrrgen.robotfile.importers import formats
+from rrrgen.robotfile.importers.interface import Importer, Source
+from rrrgen.robotfile.names import MAX_NAME, name_fault
+from rrrgen.robotfile.reader import read_spec
+from rrrgen.robotfile.robot_spec import RobotSpec
+from rrrgen.robotfile.writer import dumps
+from rrrgen.yamltext.document import MAX_BYTES, FaultList, decode
+from rrrgen.yamltext.expressions import ExpressionError, parse_expression
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A robot from a file of another format: its description, the text of its robot file, what was left out."""
+
+    spec: RobotSpec
+    text: str
+    format: str
+    notes: tuple[Fault, ...]
+
+
+def importers() -> dict[str, Importer]:
+    """Every importer by its name: the modules of the folder ``formats``."""
+    names = sorted(module.name for module in pkgutil.iter_modules(formats.__path__))
+    found = [importlib.import_module(f"{formats.__name__}.{name}").IMPORTER for name in names]
+    return {importer.name: importer for importer in found}
+
+
+def import_robot(
+    path: str | os.PathLike[str],
+    form: str | None = None,
+    name: str | None = None,
+    values: Mapping[str, str] | None = None,
+) -> Imported:
+    """Read the file ``path`` of another program.
+
+    ``form`` is the name of an importer; without it the content decides, then the suffix. ``name`` renames the robot.
+    ``values`` give names that the file leaves open a value each, as text in SI units or with a unit (``"450 mm"``).
+    Raises :class:`InputError` with every fault.
+    """
+    file = os.fspath(path)
+    try:
+        with Path(file).open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise InputError([Fault(file[:200], 0, 0, f"the file cannot be read: {reason}")]) from None
+    text = decode(data, file)
+    importer = _choose(text, file, form)
+    faults = FaultList(file, text)
+    given = {key: _value(key, entry) for key, entry in (values or {}).items()}
+    spec = importer.read(Source(text, given, _from_stem(Path(file).stem)), faults)
+    faults.raise_errors()
+    assert spec is not None  # every None comes with an error
+    return _written(replace(spec, name=name or spec.name), importer.name, file, tuple(faults.warnings))
+
+
+def _choose(text: str, file: str, form: str | None) -> Importer:
+    known = importers()
+    if form is not None:
+        if form not in known:
+            raise InputError([Fault(file, 0, 0, f"no format '{form}'", hint=f"formats are {', '.join(known)}")])
+        return known[form]
+    suffix = Path(file).suffix.lower()
+    for importer in known.values():
+        if importer.recognises(text):
+            return importer
+    for importer in known.values():
+        if suffix in importer.suffixes:
+            return importer
+    hint = "; ".join(f"{each.name}: {each.meaning}" for each in known.values())
+    raise InputError([Fault(file, 0, 0, "the file is of no format that can be imported", hint=f"formats are {hint}")])
+
+
+def _value(name: str, text: str) -> sp.Expr:
+    try:
+        value = parse_expression(text)
+    except ExpressionError as error:
+        raise InputError([Fault(f"value of {name}", 1, error.offset + 1, error.message, text, error.hint)]) from None
+    return value.expr * value.unit.si() if value.unit is not None else value.expr
+
+
+def _from_stem(stem: str) -> str:
+    return re.sub(r"\W+", "_", stem, flags=re.ASCII).strip("_")[:MAX_NAME]
+
+
+def _written(spec: RobotSpec, form: str, file: str, notes: tuple[Fault, ...]) -> Imported:
+    """The text of the robot file, read back: what is written is valid, and says what was read."""
+    if fault := name_fault(spec.name, "robot"):
+        raise InputError([Fault(file, 0, 0, fault[0], hint=f"{fault[1]}; give another with --name")])
+    text = dumps(spec)
+    try:
+        again = read_spec(text, f"{spec.name}.yaml")
+    except InputError as error:
+        refused = [Fault(file, 0, 0, f"no robot file can say this: {f.message}", hint=f.hint) for f in error.faults]
+        raise InputError(refused) from None
+    about = tuple(Fault(file, 0, 0, f.message, hint=f.hint, severity="warning") for f in again.faults)
+    return Imported(again, text, form, notes + about)
