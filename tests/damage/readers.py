@@ -216,6 +216,19 @@ def make_robot(folder: Path) -> None:
     (folder / "robot.yaml").write_bytes((ROOT / "rrrgen/robotfile/robots/rrr.yaml").read_bytes())
 
 
+def make_par(folder: Path) -> None:
+    from tests.robotfile.par_files import SLIDING, inertia, text
+
+    (folder / "arm.par").write_text(text({**SLIDING, **inertia(3, 1)}), encoding="utf-8")
+
+
+def read_par(folder: Path) -> None:
+    """An OpenSYMORO file, with the one value that it leaves open, to the text of a robot file."""
+    from rrrgen.robotfile.importers.importing import import_robot
+
+    import_robot(folder / "arm.par", "symoro", values={"L2": "350 mm"})
+
+
 def make_mapping(folder: Path) -> None:
     write_csv(folder / "log.csv")
     (folder / "log.yaml").write_text(FULL_MAPPING, encoding="utf-8")
@@ -262,6 +275,7 @@ OF_STRUCT = ("log.t", "log.q(1)", "log.q(2)", "log.tau(1)", "log.tau(2)")
 OF_MESSAGE = ("t", "position.a", "position.b", "effort.a", "effort.b")
 READERS = (
     Reader("robot YAML", "robot.yaml", make_robot, read_robot, text=True),
+    Reader("OpenSYMORO", "arm.par", make_par, read_par, text=True),
     Reader("mapping YAML", "log.yaml", make_mapping, read_mapping, text=True),
     Reader("experiment YAML", "experiment.yaml", make_experiment, read_experiment, text=True),
     recording("CSV", "log.csv", write_csv, text=True),

@@ -1,0 +1,55 @@
+"""``rrrgen import``: a robot file from one of another program."""
+
+from __future__ import annotations
+
+import pytest
+
+from rrrgen.cli.main import run
+from rrrgen.robotfile import load_spec
+from rrrgen.robotfile.importers.importing import importers
+from tests.robotfile.par_files import SLIDING, inertia, text
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    columns = {**SLIDING, **inertia(3, 1), "FX": "0,0,1,0"}
+    (tmp_path / "slider.par").write_text(text(columns, "slider"), encoding="utf-8")
+    return tmp_path
+
+
+def test_a_robot_file_is_written_and_never_overwritten_by_chance(folder, capsys):
+    assert run(["import", "slider.par", "--set", "L2=350 mm"]) == 0
+    said = capsys.readouterr()
+    assert "slider.yaml written from symoro" in said.out
+    assert "slider.par:" in said.err
+    assert "FX left out" in said.err
+    assert load_spec("./slider.yaml").n == 3
+    before = (folder / "slider.yaml").read_bytes()
+    assert run(["import", "slider.par", "--set", "L2=400 mm"]) == 3
+    assert (folder / "slider.yaml").read_bytes() == before
+    assert run(["import", "slider.par", "--set", "L2=400 mm", "--force", "--name", "longer", "-o", "slider.yaml"]) == 0
+    spec = load_spec("./slider.yaml")
+    assert (spec.name, float(spec.parameters["L2"])) == ("longer", 0.4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["slider.par"], 3, "'L2' has no value"),
+        (["missing.par"], 3, "missing.par: error: the file cannot be read"),
+        (["slider.par", "--format", "urdf"], 3, "formats are"),
+        (["slider.par", "--set", "L2"], 2, "NAME=VALUE"),
+        (["slider.par", "--set", "L2=0.4", "--name", "while"], 3, "--name"),
+    ],
+)
+def test_faults_end_with_their_code_and_write_nothing(folder, capsys, arguments, code, message):
+    assert run(["import", *arguments]) == code
+    assert message in capsys.readouterr().err
+    assert list(folder.glob("*.yaml")) == []
+
+
+def test_help_names_every_format(capsys):
+    assert run(["import", "--help"]) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in importers())
