@@ -229,6 +229,18 @@ def read_par(folder: Path) -> None:
     import_robot(folder / "arm.par", "symoro", values={"L2": "350 mm"})
 
 
+def make_calibration(folder: Path) -> None:
+    from tests.robotfile.test_import_ur_calibration import FAR_AWAY
+
+    (folder / "ur.yaml").write_text(FAR_AWAY, encoding="utf-8")
+
+
+def read_calibration(folder: Path) -> None:
+    from rrrgen.robotfile.importers.importing import import_robot
+
+    import_robot(folder / "ur.yaml", "ur-calibration")
+
+
 def make_mapping(folder: Path) -> None:
     write_csv(folder / "log.csv")
     (folder / "log.yaml").write_text(FULL_MAPPING, encoding="utf-8")
@@ -276,6 +288,7 @@ OF_MESSAGE = ("t", "position.a", "position.b", "effort.a", "effort.b")
 READERS = (
     Reader("robot YAML", "robot.yaml", make_robot, read_robot, text=True),
     Reader("OpenSYMORO", "arm.par", make_par, read_par, text=True),
+    Reader("UR calibration", "ur.yaml", make_calibration, read_calibration, text=True),
     Reader("mapping YAML", "log.yaml", make_mapping, read_mapping, text=True),
     Reader("experiment YAML", "experiment.yaml", make_experiment, read_experiment, text=True),
     recording("CSV", "log.csv", write_csv, text=True),
