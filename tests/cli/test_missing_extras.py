@@ -17,6 +17,7 @@ from rrrgen.recordings.readers.table_formats import open_here
 from rrrgen.robotfile.robots import bundled_path
 from rrrgen.signals.fourier import FourierTrajectory
 from samples.recordings import write_log
+from tests.robotfile.test_import_ur_calibration import FAR_AWAY
 
 
 class Hider:
@@ -89,6 +90,7 @@ def test_a_command_names_the_extra_that_it_lacks(use, package, folder, monkeypat
 
 PLAIN = {
     "new": ["arm"],
+    "import": ["ur.yaml", "-o", "imported.yaml"],
     "robots": [],
     "check": ["pendulum.yaml"],
     "show": ["pendulum"],
@@ -108,6 +110,7 @@ def test_every_command_is_tried():
 def test_commands_that_need_no_extra_work_without_any(command, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     shutil.copy(bundled_path("pendulum"), folder)
+    (folder / "ur.yaml").write_text(FAR_AWAY, encoding="utf-8")
     hide(monkeypatch, *EXTRAS)
     code = run([command, *PLAIN[command]])
     assert code == 0, capsys.readouterr().err
