@@ -1,4 +1,4 @@
-"""Judging a trajectory on the controller's own grid: condition number, singular values, and every limit."""
+"""Checks a trajectory on the sampling grid of the controller: condition number, singular values and all limits."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from rrrgen.excitation.problem import ExcitationProblem
 from rrrgen.signals.fourier import Floats, FourierTrajectory, intersample_peak_factor
 
 CHUNK = 2000
-"""Instants evaluated at a time: bounds the memory of robots with many columns."""
+"""Number of instants evaluated at a time; bounds the memory for robots with many columns."""
 
 
 @dataclass(frozen=True)
 class LimitUse:
-    """How far one limited quantity goes: ``use`` is 1 at its limit; ``instant`` where it peaks (s)."""
+    """Peak of one limited quantity relative to its limit: ``use`` is 1 at the limit, ``instant`` (s) that of the peak.
+
+    ``index`` is the joint, or the axis of a tip coordinate, counted from 0.
+    """
 
     quantity: str
     index: int
@@ -26,10 +29,11 @@ class LimitUse:
 
 @dataclass(frozen=True)
 class ExcitationCheck:
-    """The verdict on one trajectory on a grid of ``samples`` instants per cycle.
+    """Excitation and use of the limits of one trajectory, on a grid of ``samples`` instants per cycle.
 
-    ``condition`` = largest over smallest singular value of the stacked, weighted regressor (after (14.20));
-    ``singular_values`` are divided by the square root of the number of instants.
+    ``condition`` is the largest over the smallest singular value of the stacked, weighted regressor (after (14.20)),
+    ``frobenius_condition`` is ``|W|_F |W^-1|_F`` and ``log_determinant`` that of ``W' W``; ``singular_values`` are
+    divided by the square root of the number of instants.
     """
 
     samples: int
@@ -41,7 +45,7 @@ class ExcitationCheck:
 
     @property
     def worst_use(self) -> float:
-        """The largest use of any limit; 0 without limits."""
+        """The largest use of any limit, 1 at the limit; 0 without limits."""
         return max((limit.use for limit in self.limits), default=0.0)
 
     @property
@@ -50,7 +54,7 @@ class ExcitationCheck:
         return self.worst_use <= 1.0
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for a run folder."""
+        """The check as plain data for JSON."""
         return {
             "samples": self.samples,
             "condition": self.condition,
@@ -63,7 +67,7 @@ class ExcitationCheck:
 
 
 class ProblemFunctions:
-    """The problem's CasADi functions, brought to life and evaluated over many instants."""
+    """The CasADi functions of a problem, deserialised, with evaluation over many instants."""
 
     def __init__(self, problem: ExcitationProblem) -> None:
         import casadi
@@ -75,14 +79,14 @@ class ProblemFunctions:
 
     @staticmethod
     def over(function: Any, *columns: Floats) -> Floats:
-        """``function`` at every row of the arguments (m, k); returns (m, rows, cols)."""
+        """Evaluate ``function`` at every row of its arguments, (m, k) each; returns (m, rows, cols)."""
         m = columns[0].shape[0]
         values = np.asarray(function.map(m)(*(c.T for c in columns)).full())
         rows, cols = function.size_out(0)
         return np.ascontiguousarray(values.reshape(rows, m, cols).transpose(1, 0, 2))
 
     def weighted(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
-        """The stacked regressor (n m, b) under the problem's weights and scales."""
+        """The stacked regressor (n m, b) at m states (m, n), times the row weights and column scales of the problem."""
         problem = self.problem
         Y = self.over(self.regressor, q, dq, ddq)
         if problem.row_weights is not None:
@@ -92,7 +96,8 @@ class ProblemFunctions:
         return Y.reshape(-1, problem.columns)
 
     def triangular(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
-        """The R of a QR factorisation of :meth:`weighted`, chunk by chunk: singular values without squaring them."""
+        """QR factor R (b, b) of the stacked, weighted regressor, computed in chunks; it has the same singular values.
+        """
         R: Floats = np.zeros((0, self.problem.columns))
         for k in range(0, q.shape[0], CHUNK):
             part = slice(k, k + CHUNK)
@@ -101,9 +106,10 @@ class ProblemFunctions:
 
 
 class LimitedQuantity(NamedTuple):
-    """One limited quantity over time: ``use`` (m,) is 1 at the limit; ``joint`` is an axis for the tip.
+    """One limited quantity over time: ``use`` (m,) is 1 at the limit; ``joint`` is the axis 0..2 of a tip coordinate.
 
-    ``polynomial`` marks the absolute value of a trigonometric polynomial of the trajectory's own degree.
+    ``polynomial`` is true if the quantity is the absolute value of a trigonometric polynomial of the degree of the
+    trajectory, so that its maximum between samples is bounded.
     """
 
     name: str
@@ -113,7 +119,7 @@ class LimitedQuantity(NamedTuple):
 
 
 def limited_quantities(functions: ProblemFunctions, trajectory: FourierTrajectory, t: Floats) -> list[LimitedQuantity]:
-    """Every limited quantity at the times ``t``, joint by joint and axis by axis."""
+    """All limited quantities of ``trajectory`` at the times ``t`` (m,), s, for every joint and tip axis."""
     limits, n = functions.problem.limits, functions.problem.joints
     q, dq, ddq = trajectory.evaluate(t)
     found: list[LimitedQuantity] = []
@@ -136,7 +142,8 @@ def _below(name: str, values: Floats, bounds: tuple[float, ...], polynomial: boo
 def _between(
     name: str, values: Floats, lower: tuple[float, ...], upper: tuple[float, ...], polynomial: bool
 ) -> list[LimitedQuantity]:
-    """A two-sided bound is measured from its middle; a one-sided one has use 1 at the limit, 0 one unit inside."""
+    """Use of position bounds: measured from the middle if two-sided; 1 at the limit and 0 one unit inside if one-sided.
+    """
     found = []
     for i, (v, low, high) in enumerate(zip(values.T, lower, upper, strict=True)):
         if np.isfinite(low) and np.isfinite(high):
@@ -151,9 +158,10 @@ def _between(
 def check_trajectory(
     problem: ExcitationProblem, trajectory: FourierTrajectory, samples: int | None = None
 ) -> ExcitationCheck:
-    """Judge a trajectory on ``samples`` equispaced instants of one cycle (default: the controller's sampling).
+    """Check a trajectory on ``samples`` equispaced instants of one cycle (by default those of the controller).
 
-    Uses of speed, acceleration and position are raised by ``1/cos(pi N/M)``, so they also hold *between* the samples.
+    The uses of speed, acceleration and position limits are multiplied by ``1/cos(pi N/M)`` for N harmonics and M
+    samples, so that they are bounds *between* the samples too.
     """
     functions = ProblemFunctions(problem)
     M = samples or problem.samples_per_period

@@ -1,4 +1,4 @@
-"""Design of exciting trajectories: many starts, the best feasible one, its files and its figures.
+"""Design of an exciting trajectory: search from several starts, choice of the best feasible result, and its files.
 
 Source: (14.24) and the excitation measures after (14.20).
 """
@@ -42,14 +42,14 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class ExcitationDesign:
-    """The outcome of a search: the problem and every start, the best one first."""
+    """Result of a search: the problem and the results of all starts, the best first."""
 
     problem: ExcitationProblem
     starts: tuple[StartResult, ...]
 
     @property
     def best(self) -> StartResult:
-        """The start that was chosen."""
+        """The result of the best start."""
         return self.starts[0]
 
     @property
@@ -58,7 +58,7 @@ class ExcitationDesign:
         return self.best.trajectory
 
     def to_json(self) -> dict[str, Any]:
-        """The result as plain data: trajectory, verdict, and one line per start."""
+        """The design as plain data for JSON: trajectory, check, and a summary of every start."""
         return {
             "problem": self.problem.digest(),
             "objective": self.problem.objective,
@@ -77,7 +77,8 @@ class ExcitationDesign:
         }
 
     def write(self, folder: Path) -> list[Path]:
-        """Write the trajectory (coefficients and samples at the controller's rate) into ``folder``."""
+        """Write ``excitation.json`` (coefficients) and ``excitation.csv`` (samples for the controller); returns both.
+        """
         result, samples = folder / "excitation.json", folder / "excitation.csv"
         write_atomically(result, json.dumps(self.to_json(), indent=1) + "\n")
         write_trajectory_csv(samples, self.trajectory, self.problem.sample_period)
@@ -96,8 +97,10 @@ def design_excitation(
 ) -> ExcitationDesign:
     """Search from ``starts`` seeds (seed, seed+1, ...) and keep the best trajectory that meets every limit.
 
-    The result depends on (problem, starts, seed) only, not on ``jobs``, ``cluster`` or interruptions. See
-    :func:`run_starts` for these. Raises DerivationError when no start meets the limits, saying by how much it fails.
+    ``jobs`` is the number of processes, ``cluster`` ("tcp://host:port") the Dask scheduler used instead. Finished
+    starts are stored in the folder ``checkpoints`` and read back by a repeated call. ``progress(done, total, message)``
+    is called after each start. The result depends on (problem, starts, seed) only. Raises DerivationError, with the
+    violations, if no start meets all limits.
     """
     results = run_starts(
         problem, range(seed, seed + starts), jobs=jobs, cluster=cluster, checkpoints=checkpoints, progress=progress
@@ -114,7 +117,9 @@ def _violations(limits: Sequence[LimitUse]) -> str:
 
 
 def write_trajectory_csv(path: Path, trajectory: FourierTrajectory, sample_period: float, cycles: float = 1.0) -> None:
-    """Write ``t, q1.., dq1.., ddq1..`` at the controller's rate, SI, in digits that read back exactly."""
+    """Write ``t, q1.., dq1.., ddq1..`` in SI for ``cycles`` periods, every ``sample_period`` s; floats read back
+    exactly.
+    """
     t = trajectory.times(sample_period, cycles)
     q, dq, ddq = trajectory.evaluate(t)
     text = io.StringIO()

@@ -1,4 +1,5 @@
-"""Interruptions that a solver does not lose: what CasADi and IPOPT make of Ctrl-C is a failed evaluation, and go on."""
+"""Ctrl-C during a solver run: CasADi and IPOPT treat it as a failed evaluation and continue; here it is raised again.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +11,11 @@ from typing import Any
 
 
 @contextmanager
-def heard_interrupts() -> Iterator[None]:
-    """Raise KeyboardInterrupt at the end of the block if Ctrl-C came inside, whatever the code in it made of that.
+def reraised_interrupts() -> Iterator[None]:
+    """Raise KeyboardInterrupt at the end of the block if Ctrl-C was pressed in it, even if its code swallowed that.
 
-    The handler that was there is called at once, as ever. Only the main thread hears signals: elsewhere, and where the
-    signal is ignored or handled outside Python, this does nothing.
+    The previous signal handler is still called at once. Has no effect outside the main thread, which alone receives
+    signals, or if the signal is ignored or handled outside Python.
     """
     before: Any = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):

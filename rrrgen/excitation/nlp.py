@@ -1,8 +1,8 @@
-"""The nonlinear program behind an exciting trajectory, in CasADi: smooth objectives and limits with exact derivatives.
+"""The nonlinear program of an exciting trajectory in CasADi: smooth objectives, limits, and exact derivatives.
 
 The condition number is a quotient of extreme eigenvalues, which is not differentiable where they cross, and at the
-optimum several of them coincide. It is approached from above through the norms ``|A|_p = (tr A^p)^(1/p)``: their
-quotient ``(|A|_p |A^-1|_p)^(1/2)`` is smooth and tends to cond as p grows.
+optimum several of them coincide. It is approximated from above with the norms ``|A|_p = (tr A^p)^(1/p)``:
+``(|A|_p |A^-1|_p)^(1/2)`` is smooth and tends to the condition number as p grows.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from rrrgen.excitation.problem import ExcitationProblem
 from rrrgen.signals.fourier import Floats, FourierTrajectory, fourier_basis
 
 MARGIN = 1e-3
-"""Fraction of every limit kept in reserve for the solver's own tolerance."""
+"""Fraction by which every limit is tightened, to allow for the tolerance of the solver."""
 
 REGULARISATION = 1e-6
-"""Of the mean eigenvalue of the starting information matrix, added to every eigenvalue under the log-determinant."""
+"""Share of the mean eigenvalue of the first information matrix that is added to all eigenvalues in the log-determinant.
+"""
 
 
 class Constraints:
@@ -31,7 +32,7 @@ class Constraints:
         self.upper: list[float] = []
 
     def limit(self, value: Any, low: float, high: float) -> None:
-        """``low <= value <= high`` with a reserve of MARGIN; one of the two may be infinite."""
+        """Add the constraint ``low <= value <= high``, tightened by MARGIN; one of the bounds may be infinite."""
         if np.isfinite(low) and np.isfinite(high):
             centre, half = 0.5 * (low + high), 0.5 * (high - low)
             bottom, top = MARGIN - 1.0, 1.0 - MARGIN
@@ -44,14 +45,14 @@ class Constraints:
         self.upper += [top] * value.numel()
 
     def vanish(self, value: Any) -> None:
-        """``value = 0``."""
+        """Add the constraint ``value = 0``."""
         self.values.append(value)
         self.lower.append(0.0)
         self.upper.append(0.0)
 
 
 class ExcitationProgram:
-    """The nonlinear program: variables are the scaled coefficients, column by column."""
+    """The nonlinear program; its variables are the Fourier coefficients, scaled by the speed limits, joint by joint."""
 
     def __init__(self, problem: ExcitationProblem) -> None:
         import casadi
@@ -99,7 +100,7 @@ class ExcitationProgram:
         return casadi.reshape(packed[place.ravel().tolist()], b, b)
 
     def objective(self, stage: str, p: int, mean_eigenvalue: float) -> Any:
-        """The smooth objective of one stage."""
+        """The smooth objective of a stage: "logdet", "cond" or "sigma_min", with the exponent ``p`` of its norms."""
         import casadi
 
         A, b = self.information, self.problem.columns
@@ -112,7 +113,7 @@ class ExcitationProgram:
         return 0.5 * inverse if stage == "sigma_min" else 0.5 * (_log_norm(A, p) + inverse)
 
     def constraints(self, instants: dict[tuple[str, int], set[int]]) -> Constraints:
-        """Every limited quantity at its own instants, then the conditions of rest."""
+        """The limits of every quantity at its own sample numbers ``instants``, then the conditions of rest."""
         problem, n = self.problem, self.n
         limits = problem.limits
         bounds = {
@@ -148,7 +149,7 @@ class ExcitationProgram:
         return function.map(t.size)(*((q, dq, ddq) if name == "torque" else (q,)))[i, :].T
 
     def _rest(self, collected: Constraints) -> None:
-        """dq(0) = sum a_j = 0 and ddq(0) = sum w_j b_j = 0, so every cycle starts and ends at rest."""
+        """Start and end of a cycle at rest: dq(0) = sum a_j = 0 and ddq(0) = sum w_j b_j = 0 for every joint."""
         import casadi
 
         order = casadi.DM(np.arange(1, self.N + 1) / self.N)
@@ -159,12 +160,12 @@ class ExcitationProgram:
             collected.vanish(casadi.dot(order, b))
 
     def trajectory(self, x: Floats) -> FourierTrajectory:
-        """The trajectory that the variables ``x`` stand for."""
+        """The trajectory with the variables ``x``."""
         X = x.reshape(self.n, self.size).T * self.factors
         return FourierTrajectory.from_coefficients(X, self.problem.base_frequency)
 
     def variables(self, trajectory: FourierTrajectory) -> Floats:
-        """The variables that stand for ``trajectory``."""
+        """The variables of ``trajectory``, the inverse of :meth:`trajectory`."""
         return np.asarray((trajectory.coefficients / self.factors).T.ravel())
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def design_figures(design: ExcitationDesign, unit: str = "rad") -> dict[str, Figure]:
-    """Every figure of a design by name: motion, torque (where it is limited), singular values, condition, starts."""
+    """All figures of a design by name: motion, torque (if it is limited), singular values, condition, starts."""
     figures = {"motion": plot_motion(design.trajectory, design.problem.limits, unit=unit)}
     functions = ProblemFunctions(design.problem)
     if functions.torque is not None:
@@ -104,7 +104,7 @@ def plot_convergence(design: ExcitationDesign) -> Figure:
 
 
 def plot_information(design: ExcitationDesign, samples: int = 400) -> Figure:
-    """How the condition number falls while the cycle goes on: cond of the regressor stacked up to time t."""
+    """Condition number of the regressor stacked up to time t, over t within one cycle."""
     functions = ProblemFunctions(design.problem)
     t = np.arange(samples) * (design.trajectory.period / samples)
     W = functions.weighted(*design.trajectory.evaluate(t)).reshape(samples, design.problem.joints, -1)

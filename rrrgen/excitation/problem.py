@@ -1,7 +1,7 @@
-"""What an exciting trajectory has to be: the regressor it excites, the measure of excitation, and its limits.
+"""The optimisation problem of an exciting trajectory: regressor, measure of excitation, and limits.
 
-A problem is plain data (CasADi functions travel serialised), so it can be hashed, sent to another machine and solved
-there: a start of the search is a pure function of (problem, seed).
+A problem is plain data (its CasADi functions are serialised), so that it can be hashed, sent to another machine and
+solved there: the result of a start is a pure function of (problem, seed).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ OBJECTIVES: tuple[str, ...] = get_args(Objective)
 
 @dataclass(frozen=True)
 class ExcitationLimits:
-    """Limits on the motion, joint by joint; ``None`` where there is none.
+    """Limits on the motion, one entry per joint; None where there is no limit.
 
     ``speed``, ``acceleration`` and ``torque`` bound absolute values (rad/s or m/s, their rates, N m or N);
     ``position_lower`` and ``position_upper`` bound q; ``box_lower`` and ``box_upper`` (3,) bound the tip, base frame,
@@ -37,7 +37,7 @@ class ExcitationLimits:
     box_upper: tuple[float | None, ...] | None = None
 
     def row(self, name: str, size: int) -> tuple[float, ...]:
-        """One limit as ``size`` numbers, infinite where it is open (minus infinite for a lower bound)."""
+        """The limit called ``name`` as ``size`` numbers: inf where there is none, -inf for a lower bound."""
         values: Sequence[float | None] | None = getattr(self, name)
         free = -math.inf if name.endswith("lower") else math.inf
         return tuple(free if v is None else float(v) for v in (values if values is not None else [None] * size))
@@ -81,7 +81,7 @@ class ExcitationProblem:
             object.__setattr__(self, "design_instants", max(10 * self.harmonics, 100))
 
     def to_json(self) -> dict[str, Any]:
-        """Every field as plain data, what :meth:`digest` hashes."""
+        """All fields as plain data; :meth:`digest` hashes them."""
         return asdict(self)
 
     def digest(self) -> str:
@@ -90,7 +90,7 @@ class ExcitationProblem:
 
     @property
     def samples_per_period(self) -> int:
-        """Instants of the grid on which everything is judged."""
+        """Number of controller samples per period, the grid on which a trajectory is checked."""
         return round(1.0 / (self.base_frequency * self.sample_period))
 
 

@@ -9,7 +9,7 @@ from rrrgen.excitation.problem import ExcitationLimits, ExcitationProblem, excit
 
 
 def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
-    """The limits that a robot file states for its joints; with ``torque`` also those of the drives."""
+    """Motion limits of the joints from the robot file ``spec``; with ``torque`` also their torque limits."""
 
     def row(name: str) -> tuple[float | None, ...] | None:
         values = tuple(None if v is None else float(v) for v in (getattr(j.limits, name) for j in spec.joints))

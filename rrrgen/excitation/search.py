@@ -1,8 +1,8 @@
 """One start of the search for an exciting trajectory: a pure function of (problem, seed).
 
-From a poor start the gradient of the condition number is worthless (cond > 1e8), so a regularised log-determinant leads
-the way. Limits are imposed at a few instants; where the controller's grid then shows a violation, its peak joins the
-instants and IPOPT goes on (the exchange method of semi-infinite programming).
+From a poor start (cond > 1e8) the gradient of the condition number is useless, so a regularised log-determinant is
+maximised first. Limits are imposed at a few instants; if the grid of the controller then shows a violation, its peak is
+added to these instants and IPOPT continues (the exchange method of semi-infinite programming).
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 
 from rrrgen.errors import InputError
 from rrrgen.excitation.check import ExcitationCheck, ProblemFunctions, check_trajectory, limited_quantities
-from rrrgen.excitation.interrupts import heard_interrupts
+from rrrgen.excitation.interrupts import reraised_interrupts
 from rrrgen.excitation.nlp import MARGIN, ExcitationProgram
 from rrrgen.excitation.problem import ExcitationProblem
 from rrrgen.signals.fourier import FourierTrajectory
 
 EXCHANGES = 8
-"""Rounds in which violated instants may join the last stage."""
+"""Largest number of repetitions of the last stage with the violated instants added."""
 
 LARGEST_SHRINKING = 0.03
 """A trajectory that exceeds a limit by more than this is reported as infeasible instead of being scaled down."""
@@ -36,7 +36,7 @@ STAGES: dict[str, tuple[tuple[str, int], ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class StartResult:
-    """What one start found: the trajectory, its verdict on the controller's grid, and the way it went."""
+    """Result of one start: trajectory, check on the grid of the controller, and history of the objective."""
 
     seed: int
     trajectory: FourierTrajectory
@@ -50,7 +50,7 @@ class StartResult:
         return (not self.check.feasible, self.check.condition)
 
     def objective(self, name: str) -> tuple[bool, float]:
-        """Sorting key for the objective that was asked for; smaller is better."""
+        """Sorting key for the objective ``name``: feasible trajectories first; smaller is better."""
         sigma = np.asarray(self.check.singular_values)
         value = {
             "cond": self.check.condition,
@@ -62,7 +62,7 @@ class StartResult:
 
 
 def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
-    """A random trajectory inside the speed, acceleration and position limits, the same for the same seed."""
+    """A random trajectory within the speed, acceleration and position limits, reproducible from ``seed``."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0x52525247]))
     n, N = problem.joints, problem.harmonics
     a, b = rng.normal(size=(2, n, N))
@@ -88,9 +88,9 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
 
 
 def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
-    """Search from one random start; a pure function of its arguments, fit to run on any machine.
+    """Search from the random start of ``seed``; a pure function of its arguments, so that it can run on any machine.
 
-    Raises InputError when the regressor's columns are linearly dependent at random states.
+    Raises InputError if the columns of the regressor are linearly dependent at random states.
     """
     program = ExcitationProgram(problem)
     _require_independent_columns(program.functions, seed)
@@ -126,7 +126,7 @@ def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None
 
 
 def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory) -> dict[tuple[str, int], set[int]]:
-    """Two instants per cycle of the top harmonic for every limited quantity."""
+    """Sample numbers at which limits are imposed first: two per cycle of the highest harmonic, for every quantity."""
     count = min(2 * program.N, program.problem.samples_per_period)
     chosen = {int(k) for k in np.linspace(0, program.problem.samples_per_period, count, endpoint=False)}
     quantities = limited_quantities(program.functions, trajectory, np.zeros(1))
@@ -138,7 +138,8 @@ def _exchange(
 ) -> None:
     """Add the local maxima of every violated quantity, on the controller's grid, to its instants.
 
-    Their neighbours at a twelfth of the top harmonic's cycle come along, or the peak would only step aside.
+    Instants a twelfth of a cycle of the highest harmonic before and after each are added too; otherwise the peak would
+    merely move to a neighbouring instant.
     """
     M = program.problem.samples_per_period
     beside = max(1, M // (12 * program.N))
@@ -178,11 +179,11 @@ def _solve(
     objective = program.objective(stage, p, eigenvalue)
     nlp = {"x": program.x, "f": objective, "g": casadi.vertcat(*constraints.values)}
     solver = casadi.nlpsol("excitation", "ipopt", nlp, options)
-    with heard_interrupts():  # the solver takes one for a failed evaluation and goes on, elsewhere than undisturbed
+    with reraised_interrupts():  # the solver takes Ctrl-C for a failed evaluation and would return a perturbed result
         solution = solver(x0=program.variables(trajectory), lbg=constraints.lower, ubg=constraints.upper)
     statistics = solver.stats()
     if statistics["return_status"] == "User_Requested_Stop":
-        raise KeyboardInterrupt  # half a search is no result
+        raise KeyboardInterrupt  # the result of an interrupted search must not be used
     path = tuple(float(v) for v in statistics.get("iterations", {}).get("obj", ()))
     history.append((f"{stage}{p or ''}", path))
     x = np.asarray(solution["x"]).ravel()
@@ -190,9 +191,9 @@ def _solve(
 
 
 def _within_limits(problem: ExcitationProblem, trajectory: FourierTrajectory) -> FourierTrajectory:
-    """Shrink the motion about q0 by the last percent that the solver may have left over.
+    """Scale the motion about q0 down to remove the small violations that the solver may leave.
 
-    A limit that is not centred on q0 takes more than its excess: the shrinking doubles until all is well.
+    A limit that is not symmetric about q0 needs more than its excess: the reduction is doubled until all limits hold.
     """
     excess = check_trajectory(problem, trajectory).worst_use - 1.0
     if not 0.0 < excess < LARGEST_SHRINKING:

@@ -1,7 +1,7 @@
-"""Many starts of the search at once: on this machine's cores or on a Dask cluster, interruptible and resumable.
+"""Parallel starts of the search, on the cores of this machine or a Dask cluster, interruptible and resumable.
 
-A start is a pure function of (problem, seed). Every finished start is written to disk before the next is waited for, so
-an interrupted search loses at most the starts in flight, and a repeated one returns the same result.
+The result of a start is a pure function of (problem, seed). Every finished start is written to disk at once, so that an
+interrupted search loses only unfinished starts, and a repeated search returns the same result.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rrrgen.runs.run_folder import write_atomically
 from rrrgen.signals.fourier import FourierTrajectory
 
 CLUSTER_TIMEOUT = "15s"
-"""How long a scheduler may take to answer."""
+"""Longest time to wait for an answer of the scheduler."""
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, message)``."""
@@ -35,11 +35,12 @@ def run_starts(
     checkpoints: Path | None = None,
     progress: Progress | None = None,
 ) -> list[StartResult]:
-    """Solve ``problem`` from every seed, in the order of ``seeds``.
+    """Solve ``problem`` from every seed; returns the results in the order of ``seeds``.
 
-    ``jobs`` processes of this machine (-1: all cores), or the Dask scheduler at ``cluster`` ("tcp://host:port"), which
-    must be able to import rrrgen. With ``checkpoints`` (a folder), finished starts of the same problem are read back
-    instead of being solved again. Raises InputError when the cluster cannot be reached.
+    ``jobs`` is the number of processes on this machine (-1: all cores); ``cluster`` ("tcp://host:port") instead names a
+    Dask scheduler whose workers can import rrrgen. With ``checkpoints`` (a folder), finished starts of the same problem
+    are read back instead of solved again. ``progress(done, total, message)`` is called after each start. Raises
+    InputError if the cluster cannot be reached.
     """
     digest = problem.digest()
     done = {} if checkpoints is None else _finished(checkpoints, digest, seeds)
@@ -73,7 +74,7 @@ def _solve_all(
 
 @contextmanager
 def _backend(jobs: int, cluster: str | None) -> Iterator[None]:
-    """joblib's own processes, or a Dask cluster: the calling code is the same."""
+    """Select the joblib backend: processes of this machine, or a Dask cluster."""
     import joblib
 
     if cluster is None:
@@ -97,7 +98,7 @@ def _place(folder: Path, digest: str, seed: int) -> Path:
 
 
 def _finished(folder: Path, digest: str, seeds: Sequence[int]) -> dict[int, StartResult]:
-    """Checkpoints of exactly this problem; damaged or foreign files count as absent."""
+    """Results stored for exactly this problem; damaged files and those of other problems are ignored."""
     found = {}
     for seed in seeds:
         try:

@@ -32,7 +32,7 @@ from rrrgen.extras import require
 @click.option("--starts", type=click.IntRange(min=1), help="Number of random starts of the search; default 4.")
 @jobs_options
 @seed_option(default=None)
-@click.option("--fresh", is_flag=True, help="Clear DIR if it holds another run, and start over.")
+@click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
 @json_option
 def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     """Design an exciting trajectory within the limits of a robot file, or of an experiment file.

@@ -66,7 +66,7 @@ if TYPE_CHECKING:
 @click.option("--essential", is_flag=True, help="Reduce the model to its essential parameters, too.")
 @jobs_options
 @seed_option(default=0)
-@click.option("--fresh", is_flag=True, help="Clear DIR if it holds another run, and start over.")
+@click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
 @json_option
 def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **options: Any) -> int:
     """Estimate base parameters, drive inertia and friction from recordings.

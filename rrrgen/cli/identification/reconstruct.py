@@ -24,7 +24,7 @@ from rrrgen.extras import require
 @output_option
 @reconstruction_options
 @truncated_option
-@click.option("--fresh", is_flag=True, help="Clear DIR if it holds another run, and start over.")
+@click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
 @json_option
 def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: Any) -> int:
     """Reconstruct joint positions, speeds and accelerations from the recording LOG (or its mapping file).

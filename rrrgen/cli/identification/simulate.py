@@ -50,7 +50,7 @@ from rrrgen.extras import require
     "--base-mode", type=float, metavar="HZ", help="Natural frequency of a flexible base, such as 28; default: rigid."
 )
 @seed_option(default=None)
-@click.option("--fresh", is_flag=True, help="Clear DIR if it holds another run, and start over.")
+@click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
 @json_option
 def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     """Simulate an experiment: the robot file's links, friction, drives, encoders and torque limits under control.

@@ -44,7 +44,7 @@ NO_RECORDING = Path("none")
     help="Largest torque error that passes, as a share of the RMS torque.",
 )
 @click.option("--require-held-out", is_flag=True, help="Fail unless the recordings are known not to have been fitted.")
-@click.option("--fresh", is_flag=True, help="Clear DIR if it holds another run, and start over.")
+@click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
 @json_option
 def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **options: Any) -> int:
     """Compare the torques of a robot file (rigid body, drives, friction) with recorded ones.

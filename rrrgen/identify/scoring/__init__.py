@@ -1,1 +1,1 @@
-"""What a figure was measured on: which data are fitted, what the filters let through, errors on named rows."""
+"""Torque errors with the data and filters they refer to: split of the data, choice of the filters, scores."""

@@ -1,12 +1,12 @@
-"""The one rule for what the filters let through, applied to whatever nobody has named.
+"""Choice of the filters from the bandwidth of the motion, for all settings that the user leaves open.
 
-The *bandwidth* B of the motion is the frequency below which 99.9 % of the power of every joint's speed lies, measuring
-noise taken off. Rows come at 10 B: the decimation filter then passes torque and regressor up to 4 B, where the products
-of the motion (speeds squared: 2 B; with the sines of gravity and inertia: 3 B and some) are still there and the noise
-of the torque is not. A Butterworth filter of the position cuts at 5 B, above the filter of the torque, so that it does
-not decide what is compared. The variances of a Kalman filter maximise the likelihood of its innovations.
+The *bandwidth* B of the motion is the frequency below which 99.9 % of the power of every joint's speed lies, after the
+measuring noise is subtracted. The row rate is 10 B: the decimation filter then passes torque and regressor up to 4 B.
+The torques of the motion lie below that (squares of speeds reach 2 B; with the sines of gravity and inertia, about
+3 B), most of their noise above. A Butterworth filter of the positions has its cut-off at 5 B, above the decimation
+filter, so that it hardly affects the rows. The variances of a Kalman filter maximise the likelihood of its innovations.
 
-All of it is taken from positions of the part of the data that is fitted, never from torques or from held-out data.
+Only positions of the fitted part of the data are used, never torques or held-out data.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from rrrgen.signals.processing import DEFAULT_ORDER, KALMAN, Processing
 
 TUNING_SAMPLES = 50_000
 SHORTEST = 64
-"""Samples of an uninterrupted fitted stretch that filters can be tuned on."""
+"""Smallest number of samples of an uninterrupted fitted stretch on which filters are tuned."""
 MOTION_POWER = 0.999
-RATE_OVER_BANDWIDTH = 10.0  # of the rows that are kept, over the bandwidth of the motion
-CUTOFF_OVER_BANDWIDTH = 5.0  # of the Butterworth filter of the position
-HIGHEST_CUTOFF = 0.4  # of the sampling rate
-FINER = 4  # frequencies at which a spectrum is looked at, over those it tells apart
-OF_THE_WINDOW = 1.5  # cycles per window: where 99.9 % of the power of a Hann window itself lies
-AT_AN_END = 7  # samples that tell the speed at the end of a stretch
-ENERGY = 0.99  # of an impulse response, within what counts as its width
+RATE_OVER_BANDWIDTH = 10.0  # row rate after decimation over the bandwidth of the motion
+CUTOFF_OVER_BANDWIDTH = 5.0  # cut-off of the Butterworth filter over the bandwidth of the motion
+HIGHEST_CUTOFF = 0.4  # largest cut-off over the sampling rate
+ZERO_PADDING = 4  # zero-padding factor of the spectrum
+WINDOW_WIDTH = 1.5  # cycles per window below which 99.9 % of the power of a Hann window lies
+END_SAMPLES = 7  # samples from which the speed at the end of a stretch is taken
+ENERGY_SHARE = 0.99  # share of the energy of an impulse response that defines its width
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """``processing`` with nothing left open, and where its numbers come from.
+    """Complete preprocessing settings ``processing``, and how they were chosen.
 
-    ``by_rule`` names what the rule chose (``decimate``, ``cutoff``, ``variances``); ``motion`` is the bandwidth B (Hz)
-    it was chosen by, None where it was not needed; ``period`` (s) is that of the samples, ``on`` (s) the duration of
-    what was looked at.
+    ``by_rule`` names the settings chosen by the rule (``decimate``, ``cutoff``, ``variances``); ``motion`` is the
+    bandwidth B (Hz), None if it was not needed; ``period`` (s) is the sampling period, ``on`` (s) the duration of the
+    data that the choice is based on.
     """
 
     processing: Processing
@@ -53,17 +53,17 @@ class Tuning:
 
     @property
     def row_rate(self) -> float:
-        """Of the rows that are kept, Hz."""
+        """Rate of the rows after decimation, Hz."""
         return 1.0 / (self.period * (self.processing.decimate or 1))
 
     @property
     def torque_cutoff(self) -> float | None:
-        """Where the filter of torque and regressor is down to one half (-6 dB), Hz; None where there is none."""
+        """The -6 dB frequency (Hz) of the filter on torque and regressor; None if they are not filtered."""
         factor = self.processing.decimate or 1
         return None if factor == 1 else CUTOFF_RATIO * 0.5 * self.row_rate
 
     def sentences(self) -> tuple[str, ...]:
-        """What the filters are, and who chose them."""
+        """Two sentences that describe the filters and how they were chosen."""
         return (self._motion_sentence(), self._torque_sentence())
 
     def _motion_sentence(self) -> str:
@@ -97,7 +97,7 @@ class Tuning:
         return f"{what} ({RATE_OVER_BANDWIDTH:g} rows for a cycle of {self.motion:.3g} Hz, the bandwidth of the motion)"
 
     def to_json(self) -> dict[str, object]:
-        """The same as plain data."""
+        """The filters and their choice as plain data for JSON."""
         return {
             "sampling_rate": 1.0 / self.period,
             "row_rate": self.row_rate,
@@ -110,10 +110,11 @@ class Tuning:
 
 
 def tune(processing: Processing, recordings: Sequence[Recording], split: Split | None = None) -> Tuning:
-    """What ``processing`` leaves open, by the rule of this module, from the fitted part of ``recordings``.
+    """Choose the settings that ``processing`` leaves None by the rule of this module.
 
-    Recordings sampled at different rates share one decimation, that of the slowest. Raises :class:`InputError` where
-    the fitted stretches are too short or nothing moves.
+    The choice is based on the positions in the fitted part of ``recordings``, given by ``split`` (all if None).
+    Recordings sampled at different rates share one decimation factor, that of the slowest. Raises :class:`InputError`
+    if the fitted stretches are too short or no joint moves.
     """
     from rrrgen.signals.smoother import tune_stretches
 
@@ -143,7 +144,7 @@ def tune(processing: Processing, recordings: Sequence[Recording], split: Split |
 
 @dataclass(frozen=True)
 class Stretch:
-    """Uninterrupted positions ``q`` (N, n), from the sample ``first`` on of the recording's stretch ``segment``."""
+    """Uninterrupted positions ``q`` (N, n) that begin at sample ``first`` of the stretch ``segment`` of a recording."""
 
     q: Array
     segment: int
@@ -151,14 +152,14 @@ class Stretch:
 
     @property
     def end(self) -> int:
-        """Of its stretch of the recording, the sample after the last one."""
+        """Index, within the stretch of the recording, of the sample after the last one."""
         return self.first + len(self.q)
 
 
 def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAMPLES) -> list[Stretch]:
-    """The positions that are fitted, from the beginning of a recording on, some ``limit`` samples in all.
+    """Uninterrupted stretches of fitted positions from the beginning of a recording, up to ``limit`` samples in all.
 
-    Raises :class:`InputError` where no stretch is long enough to tune filters on it.
+    Raises :class:`InputError` if no stretch is long enough to tune filters on it.
     """
     start, duration = recording.span
     found: list[Stretch] = []
@@ -188,16 +189,17 @@ def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAM
 def bandwidth_of(stretches: Sequence[Stretch], period: float) -> float:
     """The bandwidth of the motion (Hz) from its fitted stretches.
 
-    Short blocks by themselves tell no slow motion, and bridging the gaps between them adds kinks; both can only make
-    the bandwidth larger, and the smaller figure counts.
+    It is estimated twice: from the stretches alone, which resolve slow motion poorly, and with the gaps between them
+    interpolated, which adds kinks. Both errors enlarge the bandwidth, so the smaller estimate is returned.
     """
     apart = motion_bandwidth([stretch.q for stretch in stretches], period)
     return min(apart, motion_bandwidth(bridged(stretches), period)) if len(stretches) > 1 else apart
 
 
 def bridged(stretches: Sequence[Stretch]) -> list[Array]:
-    """Positions of whole stretches of the recording: held-out gaps are cubics with the positions and speeds at both
-    ends, so that blocks do not hide how slow a motion is.
+    """Positions of whole stretches of the recording, with held-out gaps interpolated by cubics.
+
+    The cubics match position and speed at both ends of a gap; long stretches resolve slow motion.
     """
     whole: list[list[Array]] = []
     before: Stretch | None = None
@@ -211,10 +213,11 @@ def bridged(stretches: Sequence[Stretch]) -> list[Array]:
 
 
 def _cubic(before: Array, after: Array, gap: int) -> Array:
-    """``gap`` samples between two stretches; the speeds are those of parabolas through the samples at their ends."""
-    instants = np.arange(float(AT_AN_END))[:, None] ** np.arange(3)
+    """``gap`` samples of a cubic between two stretches; end speeds are those of parabolas fitted to the last samples.
+    """
+    instants = np.arange(float(END_SAMPLES))[:, None] ** np.arange(3)
     slope = np.linalg.pinv(instants)[1]  # of the parabola, at the first of its samples
-    start, end = -slope @ before[: -AT_AN_END - 1 : -1], slope @ after[:AT_AN_END]
+    start, end = -slope @ before[: -END_SAMPLES - 1 : -1], slope @ after[:END_SAMPLES]
     length = gap + 1
     s = np.arange(1, length)[:, None] / length
     inside = (2 * s + 1) * (1 - s) ** 2 * before[-1] + s**2 * (3 - 2 * s) * after[0]
@@ -222,17 +225,18 @@ def _cubic(before: Array, after: Array, gap: int) -> Array:
 
 
 def motion_bandwidth(q: Array | Sequence[Array], period: float) -> float:
-    """The frequency (Hz) below which 99.9 % of the power of every joint's speed lies, measuring noise taken off.
+    """The frequency (Hz) below which 99.9 % of the power of every joint's speed lies, without the measuring noise.
 
     ``q`` (N, n), or several stretches: the power is then averaged over those at least half as long as the longest.
-    White noise of the position has the power ``4 sin^2(pi f Ts)`` in its differences; its level is read off the upper
-    half of the spectrum. What a window of length T adds by itself, 1.5/T, is taken off too.
+    Position noise that is white has a power proportional to ``4 sin^2(pi f Ts)`` in the differences; its level is
+    estimated from the upper half of the spectrum and subtracted, as is the width 1.5/T of a window of length T.
+    ``period`` is Ts in s. Raises :class:`InputError` if no joint moves.
     """
     stretches = [q] if isinstance(q, np.ndarray) else list(q)
     longest = max(map(len, stretches))
     alike = [stretch for stretch in stretches if 2 * len(stretch) >= longest]
     length = min(map(len, alike)) - 1
-    window, padded = np.hanning(length)[:, None], FINER * length
+    window, padded = np.hanning(length)[:, None], ZERO_PADDING * length
     speeds = (np.diff(x[: length + 1], axis=0) * window for x in alike)
     power = np.sum([np.abs(np.fft.rfft(speed, padded, axis=0)) ** 2 for speed in speeds], axis=0)
     power = power[:, np.sum(power, axis=0) > 0]
@@ -245,13 +249,13 @@ def motion_bandwidth(q: Array | Sequence[Array], period: float) -> float:
     total = np.cumsum(power - noise * shape, axis=0)
     last = np.max(np.argmax(total >= MOTION_POWER * np.max(total, axis=0), axis=0))
     resolution = 1.0 / (period * length)
-    return float(max((last + 1) / FINER - OF_THE_WINDOW, 1.0) * resolution)
+    return float(max((last + 1) / ZERO_PADDING - WINDOW_WIDTH, 1.0) * resolution)
 
 
 def reach(tuning: Tuning) -> float:
-    """Half the width (s) of the impulse response from samples to rows, by which guard bands are measured.
+    """Default width (s) of a guard band: half the width of the impulse response from samples to rows.
 
-    The reach within which 99 % of the energy of the reconstructed acceleration's response lies, plus the same of the
+    It is the radius that holds 99 % of the energy of the response of the reconstructed acceleration, plus that of the
     decimation filter.
     """
     processing, decimate = tuning.processing, Decimator(tuning.processing.decimate or 1)
@@ -272,4 +276,4 @@ def _energy_radius(response: Array) -> int:
     energy = np.square(response)
     both = np.concatenate([energy[half : half + 1], energy[half + 1 :] + energy[:half][::-1]])
     total = np.cumsum(both, axis=0)
-    return int(np.max(np.argmax(total >= ENERGY * total[-1], axis=0)))
+    return int(np.max(np.argmax(total >= ENERGY_SHARE * total[-1], axis=0)))

@@ -1,17 +1,16 @@
-"""Fingerprints of recorded samples: whether a model is scored on samples that it was fitted to.
+"""Fingerprints of recorded samples, which show whether a model is scored on samples that it was fitted to.
 
-A *window* is k samples of a recording, 20 ms apart (one apart where the recording is slower), of positions and torques
-of all joints in SI. The values are rounded to cells, 2^-12 of the next power of two above the largest position in the
-window, and of that above the largest torque, and the cells are hashed. Neither the instants themselves nor the file
-enter: the same samples give the same hashes from CSV, NumPy, MATLAB, Parquet or a bag, in radians or degrees, whole or
-in part, with other filters, splits and versions of the program. Of samples rounded to six significant digits most
-hashes stay (those of which no value lies at the border of its cell), to five enough to be recognised in part, to four
-none. What changes the samples themselves (another zero, sign, gear ratio or torque constant, other instants by
-resampling, a filter) gives other hashes, and so does the noise of the same motion measured once more.
+A *window* consists of k samples of a recording, 20 ms apart (consecutive if the sampling is slower), with the positions
+and torques of all joints in SI. Positions are rounded to 2^-12 of the power of two above the largest position in the
+window, torques likewise, and the results are hashed. Instants and file format do not enter: the same samples give the
+same hashes from CSV, NumPy, MATLAB, Parquet or a bag, in radians or degrees, whole or in part, with other filters,
+splits and versions of the program. Rounding the samples to six significant digits preserves most hashes, to five enough
+to recognise the data in part, to four none. Changed samples (another zero, sign, gear ratio or torque constant,
+resampling, a filter) give other hashes, and so does the noise of a repeated measurement of the same motion.
 
-A fingerprint keeps the smallest hashes, which are a random choice of windows. Windows of another recording whose hashes
-lie in the same range should all be among them if these are the same samples, and none if they are not: so the share of
-common samples is estimated from some hundred hashes (the sketch of Broder's minwise hashing).
+A fingerprint keeps the smallest hashes, which amounts to a random selection of windows. All hashes of another recording
+within the same range occur in it if the samples are the same, and none if they are not; the share of common samples is
+therefore estimated from a few hundred hashes (a sketch, as in Broder's minwise hashing).
 """
 
 from __future__ import annotations
@@ -28,46 +27,46 @@ from rrrgen.identify.estimation.observations import Recording
 from rrrgen.identify.scoring.split import Split
 from rrrgen.recordings.log_stream import Part, joined
 
-SPACING = 0.02  # s, of the samples of a window
-VALUES = 12  # of one window, at least
-BITS = 48
-SMALLEST, LARGEST = 512, 4096  # hashes in a fingerprint
-WINDOWS_PER_HASH = 64  # of a long recording, until the largest size
-CELL_BITS = 12  # a cell is 2^-12 of the power of two above the largest value
-SHIFT = 0.381966  # of the cells: values on a grid of their own are never at the border of one
+SPACING = 0.02  # s between the samples of a window
+VALUES = 12  # smallest number of values in a window
+BITS = 48  # length of a hash
+SMALLEST, LARGEST = 512, 4096  # smallest and largest number of hashes in a fingerprint
+WINDOWS_PER_HASH = 64  # windows per stored hash of a long recording
+CELL_BITS = 12  # values are rounded to 2^-12 of the power of two above the largest
+SHIFT = 0.381966  # offset of the rounding, so that quantised values do not fall on a rounding boundary
 COINCIDENCE = 0.01
-"""Share of common windows below which they are a coincidence: rest in the same pose."""
+"""Share of common windows that counts as coincidence, such as rest in the same pose."""
 NEARLY_ALL = 0.95
 
 Hashes = NDArray[np.uint64]
 Label = Literal["held-out data", "partly its own data", "its own data", "data of unknown origin"]
 UNKNOWN: Label = "data of unknown origin"
-"""Nothing says what the model was fitted to, or there is too little to tell."""
+"""Label if it is not recorded what the model was fitted to, or the recording has too few windows to decide."""
 
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """The smallest ``hashes`` (rising) of all ``windows`` of a recording; all of them where there are few."""
+    """The smallest ``hashes``, in rising order, of the ``windows`` of a recording; all of them if there are few."""
 
     hashes: tuple[int, ...]
     windows: int
 
     @property
     def range(self) -> int:
-        """Hashes up to here are among :attr:`hashes` if the recording has them."""
+        """Largest hash up to which :attr:`hashes` is complete."""
         return self.hashes[-1] if len(self.hashes) >= SMALLEST else (1 << BITS) - 1
 
 
 @dataclass(frozen=True)
 class Common:
-    """Which ``share`` of the windows of one recording is known from others, told from ``looked`` of them."""
+    """Estimated ``share`` of the windows of a recording that occur in known ones, from ``looked`` compared hashes."""
 
     share: float
     looked: int
 
     @property
     def label(self) -> Label:
-        """In words."""
+        """The origin of the data in words: held out, partly or wholly the model's own, or unknown."""
         if self.looked == 0:
             return UNKNOWN
         if self.share < COINCIDENCE:
@@ -76,7 +75,7 @@ class Common:
 
 
 def fingerprint(recordings: Sequence[Recording], split: Split | None = None) -> Fingerprint:
-    """The fingerprint of the fitted part of ``recordings``, guard bands included: filters reach into them."""
+    """Fingerprint of the fitted part of ``recordings``, including the guard bands, into which the filters reach."""
     whole = Split() if split is None else Split(split.kind, split.value)
     kept: Hashes = np.zeros(0, np.uint64)
     windows = 0
@@ -89,7 +88,7 @@ def fingerprint(recordings: Sequence[Recording], split: Split | None = None) -> 
 
 
 def common_share(known: Sequence[Fingerprint], recordings: Sequence[Recording]) -> Common:
-    """Which share of ``recordings`` is among the samples of the ``known`` fingerprints."""
+    """Estimate the share of the windows of ``recordings`` that occur in the ``known`` fingerprints."""
     top = max((each.range for each in known), default=(1 << BITS) - 1)
     seen: Hashes = np.zeros(0, np.uint64)
     for recording in recordings:
@@ -105,7 +104,7 @@ def common_share(known: Sequence[Fingerprint], recordings: Sequence[Recording]) 
 
 
 def window_hashes(recording: Recording, split: Split) -> Iterator[Hashes]:
-    """The hashes of all windows that lie in the fitted part of a recording, block by block."""
+    """Iterate over the hashes of all windows in the fitted part of a recording, in blocks."""
     start, duration = recording.span
     step = recording.period * max(1, int(SPACING / recording.period + 0.25))
     pending: Part | None = None
@@ -128,7 +127,7 @@ def window_hashes(recording: Recording, split: Split) -> Iterator[Hashes]:
 
 
 def _hashed(q: Array, tau: Array) -> Hashes:
-    """Hashes of windows, (N, values) each; windows without any torque or position are left out."""
+    """Hashes of windows with positions ``q`` and torques ``tau``, (N, values) each; all-zero windows are left out."""
     largest = np.max(np.abs(q), axis=1), np.max(np.abs(tau), axis=1)
     some = (largest[0] > 0) & (largest[1] > 0)
     state = np.full(int(np.sum(some)), q.shape[1], np.uint64)
@@ -141,7 +140,7 @@ def _hashed(q: Array, tau: Array) -> Hashes:
 
 
 def _mixed(state: Hashes, value: Hashes) -> Hashes:
-    """One step of the hash, that of the generator SplitMix64."""
+    """Mix ``value`` into the hash ``state`` with the finaliser of the SplitMix64 generator."""
     x = (state ^ value) + np.uint64(0x9E3779B97F4A7C15)
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

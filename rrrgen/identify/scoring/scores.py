@@ -1,7 +1,7 @@
-"""How far the torques of a model are off, on rows that are named: which data, which filter, which share.
+"""Torque errors of a model, each with the data, the filter and the share of rows it refers to.
 
-An error depends on what it is measured on. The rows that are fitted are filtered, and slow ones may be left out; the
-same model is therefore also scored on all rows, and on the torques as they were recorded, sample by sample.
+The rows of a fit are filtered, and slow ones may be left out, which makes the error smaller. A model is therefore also
+scored on all rows, and on the unfiltered torques, sample by sample.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ Selection = Literal["moving", "all"]
 class Score:
     """The error of one estimate on one set of rows: ``|tau - tau_model| / |tau|`` over all joints, and N m (N) RMS.
 
-    ``data`` says whether the rows were fitted; ``torque`` how they are filtered; ``rows`` whether slow ones are left
-    out (``moving``) or not (``all``). ``share`` is how many of the rows of these data count: those with an invalid
-    torque never do. The errors are None where no row is left.
+    ``data`` states whether the rows were fitted, ``torque`` how they are filtered, ``rows`` whether slow ones are left
+    out (``moving``) or not (``all``). ``count`` rows are scored, a ``share`` of all rows of these data; rows with an
+    invalid torque never are. The errors are None if no row is left.
     """
 
     estimate: str
@@ -46,13 +46,13 @@ class Score:
 
     @property
     def where(self) -> str:
-        """What the figure was measured on, in words."""
+        """The data, rows and filter that the error refers to, in words."""
         slow = ", slow ones left out" if self.rows == "moving" else ""
         return f"{self.data}, {100 * self.share:.0f} % of the rows{slow}, {self.torque}"
 
 
 def torque_filter(tuning: Tuning) -> str:
-    """What happened to the torques of filtered rows, in words."""
+    """The filter on torque and regressor in words, such as ``filtered at 4 Hz``."""
     return "unfiltered" if tuning.torque_cutoff is None else f"filtered at {tuning.torque_cutoff:.3g} Hz"
 
 
@@ -67,11 +67,12 @@ def score_models(
     columns: int = 1,
     labels: tuple[str, str] = ("in sample", "held out"),
 ) -> tuple[Score, ...]:
-    """Scores of the models ``names``, whose ``torques`` are given, on both parts of ``recordings``.
+    """Score several models on the fitted and the held-out part of ``recordings``.
 
-    The rows as they are fitted come first, then all of them, then unfiltered torques on all samples; what would be the
-    same figure again is left out. ``columns`` is the width of the regressor behind the models, which bounds the blocks
-    they are evaluated in; ``known`` a torque that is subtracted from the measured one; ``labels`` name the two parts.
+    ``names`` are those of the models, ``torques(q, dq, ddq)`` computes their joint torques. For each part, the scores
+    are those on the rows as fitted, on all rows, and on unfiltered torques at all samples; duplicates are left out.
+    ``tuning`` holds the filters; ``columns`` is the width of the regressor, which bounds the size of the blocks;
+    ``known`` is a torque subtracted from the measured one; ``labels`` name the two parts.
     """
     split = split or Split()
     filtered = RowMaker(torques, tuning.processing, columns, known)
@@ -95,7 +96,7 @@ def score_models(
 
 
 class _Sums:
-    """Squares of torques and errors, gathered block by block."""
+    """Sums of squared torques and errors, accumulated block by block."""
 
     def __init__(self) -> None:
         self.total = 0
@@ -104,7 +105,7 @@ class _Sums:
         self.error = np.zeros((0, 0))
 
     def add(self, rows: Rows, mask: NDArray[np.bool_], use: NDArray[np.bool_]) -> None:
-        """Count the rows of ``mask`` (N,), and of those the torques in ``use`` (N, n)."""
+        """Add the torques in ``use`` (N, n) of the instants in ``mask`` (N,)."""
         chosen = use & mask[:, None]
         if not len(self.counts):
             joints, models = rows.W.shape[1:]
@@ -128,7 +129,7 @@ class _Sums:
 
 
 def score_table(scores: Sequence[Score]) -> list[str]:
-    """Lines for a screen: one for every set of rows, the relative errors of the estimates side by side."""
+    """Lines of a table with one row per set of rows and one column of relative errors per estimate."""
     names = list(dict.fromkeys(score.estimate for score in scores))
     by_rows: dict[str, dict[str, Score]] = {}
     for score in scores:

@@ -1,4 +1,4 @@
-"""Which part of a recording is fitted, which is only scored, and the guard band between the two."""
+"""Split of a recording into a fitted and a held-out part, with a guard band between them."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from rrrgen.errors import InputError
 
 @dataclass(frozen=True)
 class Split:
-    """Which instants are fitted; the others are there to score.
+    """Rule that decides which instants of a recording are fitted; the others are held out and scored.
 
-    ``none``: all are fitted. ``first``: the first share ``value`` of the duration. ``blocks``: every other block of
-    ``value`` seconds, the first one included. Instants nearer than ``guard`` (s) to a border belong to neither part:
-    the filters mix samples from both sides of the border into their rows.
+    ``kind`` "none" fits all; "first" fits the first share ``value`` of the duration; "blocks" fits every other block of
+    ``value`` seconds, beginning with the first. Instants closer than ``guard`` (s) to a border belong to neither part,
+    because the filters mix samples from both sides of it.
     """
 
     kind: Literal["none", "first", "blocks"] = "none"
@@ -28,7 +28,7 @@ class Split:
 
     @classmethod
     def parse(cls, text: str) -> Split:
-        """``none``, ``first:0.6`` or ``blocks:0.5``."""
+        """Parse ``none``, ``first:0.6`` or ``blocks:0.5``; raises :class:`InputError` for any other text."""
         match = re.fullmatch(r"\s*(none|first|blocks)\s*(?::\s*([0-9.eE+-]+)\s*)?", text)
         try:
             value = float(match.group(2) or 0.0) if match else 0.0
@@ -44,9 +44,9 @@ class Split:
         return cls(kind, value)
 
     def guarded(self, guard: float) -> Split:
-        """The same with a guard band of ``guard`` seconds on either side of every border.
+        """A copy with a guard band of ``guard`` seconds on both sides of every border.
 
-        Raises :class:`InputError` where nothing would be left between two guard bands.
+        Raises :class:`InputError` if nothing would be left between two guard bands.
         """
         if self.kind == "none":
             return self
@@ -58,15 +58,16 @@ class Split:
         return Split(self.kind, self.value, guard)
 
     def fitted(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Which of the instants ``t`` of a recording from ``start`` on are fitted."""
+        """Mask (N,) of the fitted instants among ``t`` (N,), for a recording from ``start`` of ``duration``, all in s.
+        """
         return self._first(t - start, duration) & ~self.between(t, start, duration)
 
     def scored(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Which of the instants are held out, to be scored."""
+        """Mask (N,) of the held-out instants among ``t`` (N,), for a recording from ``start`` of ``duration``, in s."""
         return ~self._first(t - start, duration) & ~self.between(t, start, duration)
 
     def between(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Which of the instants lie in a guard band."""
+        """Mask (N,) of the instants among ``t`` (N,) that lie in a guard band."""
         since = np.asarray(t) - start
         if self.kind == "none" or self.guard == 0.0:
             return np.zeros(len(since), bool)
@@ -77,7 +78,7 @@ class Split:
         return np.asarray(near & (border > 0) & (border * self.value < duration))
 
     def _first(self, since: Array, duration: float) -> NDArray[np.bool_]:
-        """Without the guard bands: which instants, counted from the start, are on the fitted side."""
+        """Mask (N,) of the instants ``since`` (N,), s after the start, on the fitted side, guard bands disregarded."""
         if self.kind == "first":
             return np.asarray(since < self.value * duration)
         if self.kind == "blocks":
