@@ -1,4 +1,4 @@
-"""The benchmark: rrrgen's emitted C side by side with what a user would pick instead.
+"""The benchmark: rrrgen's emitted C against the alternatives a user would choose.
 
-Every contestant gets the same states and the same compiler with the same flags, in one run; ``make bench`` runs it.
+Every contender gets the same states, compiler and flags, and all are measured in one run: ``make bench``.
 """

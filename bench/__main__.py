@@ -20,10 +20,10 @@ PARTS = ("functions", "python", "ik", "growth", "generation")
 @click.command()
 @click.argument("robots", nargs=-1, shell_complete=complete_robot, metavar="[ROBOT]...")
 @click.option("--quick", is_flag=True, help="Fewer and shorter samples, shorter chains.")
-@click.option("--only", type=click.Choice(PARTS), multiple=True, help="Only this part; may be given several times.")
-@click.option("--flags", default="-O3 -march=native", show_default=True, help="Compiler flags of every contestant.")
+@click.option("--only", type=click.Choice(PARTS), multiple=True, help="Run only this part; repeat for several.")
+@click.option("--flags", default="-O3 -march=native", show_default=True, help="Compiler flags for all contenders.")
 @click.option(
-    "--pinocchio/--no-pinocchio", default=True, help="Whether Pinocchio takes part; building its headers takes minutes."
+    "--pinocchio/--no-pinocchio", default=True, help="Include Pinocchio; compiling its headers takes minutes."
 )
 @click.option(
     "-o",
@@ -44,11 +44,11 @@ def bench(
     output: Path,
     as_json: bool,
 ) -> int:
-    """Measure emitted C side by side with Pinocchio, hand-written CasADi and EAIK, as far as they are installed.
+    """Compare emitted C with Pinocchio, hand-written CasADi and EAIK, as far as they are installed.
 
-    Everything is built with the same compiler and flags, checked against independent dynamics, and measured in turns:
-    nanoseconds, instructions, operation counts, calls from Python, batches, inverse kinematics, growth with the number
-    of joints. Without ROBOT the four of the published table are taken.
+    Everything is built with the same compiler and flags, checked against independent dynamics, and measured
+    alternately: nanoseconds, instructions, operation counts, calls from Python, batches, inverse kinematics, growth
+    with the number of joints. Without ROBOT, the four robots of the published table are measured.
 
     \b
     Examples:
@@ -56,7 +56,7 @@ def bench(
       python -m bench rrr --only functions
       CC=clang python -m bench -o clang_results
     """
-    from bench.contestants.cases import ROBOTS
+    from bench.contenders.cases import ROBOTS
     from bench.page import page
     from bench.session import Plan
     from bench.session import bench as run_bench
@@ -92,13 +92,11 @@ def _print(results: Results) -> None:
     from bench.targets import verdicts
 
     for score in results.scores:
-        contestant, count = score.contestant, score.instructions
-        counted = (
-            "" if contestant.operations is None else f"{contestant.operations['mul']}/{contestant.operations['add']}"
-        )
+        contender, count = score.contender, score.instructions
+        counted = "" if contender.operations is None else f"{contender.operations['mul']}/{contender.operations['add']}"
         instructions = "-" if count is None else f"{count:.0f}"
         click.echo(
-            f"{score.robot:9} {contestant.function:22} {contestant.label:26} {score.nanoseconds:9.1f} ns "
+            f"{score.robot:9} {contender.function:22} {contender.label:26} {score.nanoseconds:9.1f} ns "
             f"{instructions:>8} instr {counted:>9}"
         )
     for text in results.left_out:

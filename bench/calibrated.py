@@ -1,7 +1,8 @@
-"""``python -m bench.calibrated``: whether inverse kinematics loses configurations of arms off every special geometry.
+"""``python -m bench.calibrated``: whether inverse kinematics misses solutions of arms without any special geometry.
 
-Poses are made from random configurations. One is missed if no row lies within 1e-4 (rad, m) of it and the answer does
-not say that it may be incomplete. Calibrated arms have normal errors: eps (rad) in alpha, half of it (m) in a and d.
+Targets are the poses of random configurations. A configuration is missed if no solution lies within 1e-4 (rad, m) of it
+and the status does not say that the result may be incomplete. Calibrated arms deviate from the nominal table by
+normally distributed errors with standard deviation eps (rad) in alpha and eps/2 (m) in a and d.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ CALIBRATED = ("panda", "iiwa14", "stanford")
 ERRORS = (1e-5, 1e-4, 1e-3, 5e-3)
 RANDOM = ("RRRRRRR", "PRRRRR", "RPRRRR", "RRPRRR", "RRRPRR", "RRRRPR", "RRRRRP")
 SAME = 1e-4
-"""Largest difference (rad, m) between the configuration that made a pose and the row that gives it back."""
+"""Largest difference (rad, m) between the configuration of a target and the solution that counts as the same."""
 
 FK_ERROR = 1e-9
-"""Largest entry of forward kinematics of a row less the pose, lengths in reaches."""
+"""Largest allowed entry of the pose error of a solution; lengths are divided by the reach of the arm."""
 
 STROKE = 1.0
-"""Displacements are drawn from +-STROKE (m)."""
+"""Displacements of prismatic joints are drawn from +-STROKE (m)."""
 
 INCOMPLETE = 5
 
@@ -40,7 +41,7 @@ Row = tuple[str, float, float, float, float]
 
 @dataclass(frozen=True)
 class Loss:
-    """What came of the poses of one arm; ``error`` is the worst of forward kinematics, ``microseconds`` per pose."""
+    """The result for one arm: missed and incomplete targets, largest pose ``error``, ``microseconds`` per pose."""
 
     arm: str
     family: str
@@ -52,11 +53,11 @@ class Loss:
 
     @property
     def sound(self) -> bool:
-        """No configuration is lost in silence, and every row meets its pose."""
+        """Whether no configuration was missed silently and every solution meets its pose."""
         return self.missed == 0 and self.error <= FK_ERROR
 
     def text(self) -> str:
-        """One line of the table."""
+        """The result as a line of the table."""
         return (
             f"{self.arm:16} {self.family:12} {self.poses:7} {self.missed:7} {self.incomplete:11} {self.error:9.1e} "
             f"{self.microseconds:8.0f}"
@@ -64,7 +65,7 @@ class Loss:
 
 
 def arms(seed: int) -> Iterator[tuple[str, RobotSpec]]:
-    """Every arm with its name."""
+    """The names and descriptions of all arms, with random errors from ``seed``."""
     from rrrgen.robotfile import load_spec
 
     for name in CALIBRATED:
@@ -113,7 +114,7 @@ def _spec(rows: list[Row], convention: str) -> RobotSpec:
 
 
 def measured(name: str, spec: RobotSpec, poses: int, seed: int) -> Loss:
-    """Solve the poses of random configurations, and look for these among the rows."""
+    """Solve for the poses of random configurations and look for these among the solutions."""
     from rrrgen.runtime.inverse_kinematics import load_solver
 
     solver = load_solver(spec)
@@ -142,10 +143,10 @@ def _wrapped(difference: Array, turning: Array) -> Array:
 
 
 @click.command()
-@click.option("--poses", default=10_000, show_default=True, help="Random poses of each arm.")
-@click.option("--seed", default=0, show_default=True, help="Of the arms' errors and of the poses.")
+@click.option("--poses", default=10_000, show_default=True, help="Number of random poses per arm.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the errors and the poses.")
 def calibrated(poses: int, seed: int) -> int:
-    """Count the configurations that inverse kinematics loses on calibrated and random arms; exit 1 if there are any."""
+    """Count the solutions that inverse kinematics misses on calibrated and random arms; exit with 1 if any."""
     click.echo(f"{'arm':16} {'family':12} {'poses':>7} {'missed':>7} {'incomplete':>11} {'FK error':>9} {'us/pose':>8}")
     sound = True
     for name, spec in arms(seed):

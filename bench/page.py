@@ -1,16 +1,16 @@
-"""Results as a Markdown page."""
+"""The results as a Markdown page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from bench.contestants.contestant import HAND, HAND_FILE, OWN, OWN_FILE, OWN_LIBM, PINOCCHIO, TITLES
+from bench.contenders.contender import HAND, HAND_FILE, OURS, OURS_FILE, OURS_LIBM, PINOCCHIO, TITLES
 from bench.measurements.growth import COMPARED
 from bench.measurements.race import Score
 from bench.results import Results, work
 from bench.targets import verdicts
 
-COLUMNS = (OWN, OWN_FILE, OWN_LIBM, HAND, HAND_FILE, PINOCCHIO)
+COLUMNS = (OURS, OURS_FILE, OURS_LIBM, HAND, HAND_FILE, PINOCCHIO)
 
 
 def page(results: Results, plot: str = "benchmark.svg") -> str:
@@ -29,17 +29,17 @@ def _opening(results: Results) -> str:
         "Written by `make bench`; the figures below are one run on one machine.",
         "",
         f"- Machine: {results.machine}",
-        f"- Compiler and flags, the same for every contestant: {results.compiler}",
+        f"- Compiler and flags, the same for every contender: {results.compiler}",
         f"- Peers: {peers}",
         f"- Effort: {results.effort}",
         "",
-        "Every contestant is checked against the built-in Newton-Euler on the same states before anything is timed. "
+        "Every contender is checked against the built-in Newton-Euler on the same states before anything is timed. "
         "Times are the least of many samples, taken in turns; on a shared machine they hold as ratios only. "
         "Instructions are exact: each is single-stepped, mathematical library included. Operations are "
         "multiplications/additions.",
         "",
-        f"*{OWN}*: emitted C with base parameters at run time, compared with *{HAND}* and *{PINOCCHIO}* on dense "
-        f"bodies. *{OWN_FILE}* and *{HAND_FILE}* use the numbers of the robot file, zeros included. *{OWN_LIBM}*: "
+        f"*{OURS}*: emitted C with base parameters at run time, compared with *{HAND}* and *{PINOCCHIO}* on dense "
+        f"bodies. *{OURS_FILE}* and *{HAND_FILE}* use the numbers of the robot file, zeros included. *{OURS_LIBM}*: "
         f"sines of the C library instead of the inline kernel. *{HAND}*: Newton-Euler and composite bodies written by "
         "hand in CasADi, in joint frames and pseudo-inertia base form with all numbers folded, CasADi's common "
         f"subexpressions and C code. *{PINOCCHIO}*: its headers, compiled here.",
@@ -66,11 +66,11 @@ def _targets(results: Results) -> str:
 
 def _functions(results: Results, robot: str) -> str:
     scores = [score for score in results.scores if score.robot == robot]
-    present = [label for label in COLUMNS if any(score.contestant.label == label for score in scores)]
+    present = [label for label in COLUMNS if any(score.contender.label == label for score in scores)]
     rows = []
     for function, title in TITLES.items():
-        own = {s.contestant.label: s for s in scores if s.contestant.function == function}
-        if OWN in own:
+        own = {s.contender.label: s for s in scores if s.contender.function == function}
+        if OURS in own:
             rows.append([title, *(_cell(own.get(label)) for label in present), *_ratios(own)])
     head = ["function", *present, f"/ {HAND}", f"/ {PINOCCHIO}"]
     return f"## {robot}\n\nInstructions, ns, operations.\n\n" + _table(head, rows)
@@ -80,13 +80,13 @@ def _cell(score: Score | None) -> str:
     if score is None:
         return ""
     count = "-" if score.instructions is None else f"{score.instructions:.0f}"
-    operations = score.contestant.operations
+    operations = score.contender.operations
     tail = f", {operations['mul']}/{operations['add']}" if operations else ""
     return f"{count}, {score.nanoseconds:.1f} ns{tail}"
 
 
 def _ratios(scores: dict[str, Score]) -> list[str]:
-    return [f"{work(scores[OWN]) / work(scores[rival]):.2f}" if rival in scores else "" for rival in (HAND, PINOCCHIO)]
+    return [f"{work(scores[OURS]) / work(scores[rival]):.2f}" if rival in scores else "" for rival in (HAND, PINOCCHIO)]
 
 
 def _calls(results: Results) -> str:
@@ -130,11 +130,11 @@ def _growth(results: Results) -> str:
     chains = list(dict.fromkeys(score.robot for score in results.growth))
     rows = []
     for chain, seconds in zip(chains, results.derivations, strict=True):
-        found = {(s.contestant.function, s.contestant.label): s for s in results.growth if s.robot == chain}
+        found = {(s.contender.function, s.contender.label): s for s in results.growth if s.robot == chain}
         row = [chain.removeprefix("chain"), f"{seconds:.1f}"]
         for function in COMPARED:
-            scores = {label: found[function, label] for label in (OWN, HAND, PINOCCHIO) if (function, label) in found}
-            row += [_cell(scores.get(OWN)), *_ratios(scores)]
+            scores = {label: found[function, label] for label in (OURS, HAND, PINOCCHIO) if (function, label) in found}
+            row += [_cell(scores.get(OURS)), *_ratios(scores)]
         rows.append(row)
     head = ["n", "derivation s"]
     for function in COMPARED:

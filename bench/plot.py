@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from bench.contestants.contestant import HAND, OWN, PINOCCHIO, TITLES
+from bench.contenders.contender import HAND, OURS, PINOCCHIO, TITLES
 from bench.results import Results, work
 
-COLOURS = {OWN: "#0b6e4f", HAND: "#e08e0b", PINOCCHIO: "#8a8fa3"}
+COLOURS = {OURS: "#0b6e4f", HAND: "#e08e0b", PINOCCHIO: "#8a8fa3"}
 SHOWN = ("inverse_dynamics", "mass_matrix", "bias", "gravity", "forward_dynamics", "kinematics", "regressor")
 RANGE = (50.0, 30000.0)
-"""The same for all robots: on a logarithmic axis the foot of a bar is a choice."""
+"""Lower end of the logarithmic axis, the same for all robots."""
 SHORT = {"bias": "c + g", "mass_matrix": "M", "kinematics": "FK + J", "gravity": "g"}
 
 
@@ -67,7 +67,7 @@ def _lines(axes: Any, results: Results, function: str, unit: str) -> None:
         points = [
             (int(score.robot.removeprefix("chain")), work(score))
             for score in results.growth
-            if (score.contestant.function, score.contestant.label) == (function, label)
+            if (score.contender.function, score.contender.label) == (function, label)
         ]
         if points:
             axes.plot(*zip(*points, strict=True), "o-", color=colour, label=label, markersize=3.5)

@@ -1,11 +1,11 @@
-"""What a run found, and how to look things up in it."""
+"""The results of one run, and look-ups in them."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from bench.contestants.contestant import OWN_FILE, PINOCCHIO
+from bench.contenders.contender import OURS_FILE, PINOCCHIO
 from bench.measurements.batches import BatchTime
 from bench.measurements.generation import Generation
 from bench.measurements.inverse_kinematics import IKScore
@@ -31,15 +31,15 @@ class Results:
     left_out: list[str] = field(default_factory=list)
 
     def score(self, robot: str, function: str, label: str) -> Score | None:
-        """The score of one contestant, if it took part."""
+        """The score of one contender; None if it was not measured."""
         for score in self.scores:
-            if (score.robot, score.contestant.function, score.contestant.label) == (robot, function, label):
+            if (score.robot, score.contender.function, score.contender.label) == (robot, function, label):
                 return score
         return None
 
     def batch_ratio(self, robot: str) -> float | None:
-        """A state in a batch against Pinocchio's call."""
-        own, rival = (self.score(robot, "inverse_dynamics", label) for label in (OWN_FILE, PINOCCHIO))
+        """The time of one state in a batch, relative to a call of Pinocchio."""
+        own, rival = (self.score(robot, "inverse_dynamics", label) for label in (OURS_FILE, PINOCCHIO))
         if own is None or rival is None or robot not in self.batches:
             return None
         # noise changes between races, so both ratios are of times taken in turns
@@ -55,7 +55,7 @@ class Results:
         return next((c.nanoseconds for c in self.calls if (c.robot, c.interface) == (robot, interface)), None)
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """The results as plain data for JSON."""
         return {
             "machine": self.machine,
             "compiler": self.compiler,
@@ -73,18 +73,18 @@ class Results:
 
 
 def _plain(score: Score) -> dict[str, Any]:
-    contestant = score.contestant
+    contender = score.contender
     return {
         "robot": score.robot,
-        "function": contestant.function,
-        "contestant": contestant.label,
+        "function": contender.function,
+        "contender": contender.label,
         "nanoseconds": score.nanoseconds,
         "instructions": score.instructions,
-        "operations": contestant.operations,
+        "operations": contender.operations,
         "deviation": score.deviation,
     }
 
 
 def work(score: Score) -> float:
-    """Instructions, the figure of record; nanoseconds where instructions could not be counted."""
+    """The instructions per call; nanoseconds if instructions could not be counted."""
     return score.nanoseconds if score.instructions is None else score.instructions

@@ -1,4 +1,4 @@
-"""A whole run: every robot, every part, within a time limit."""
+"""A complete benchmark run: all robots and parts, within a time limit."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bench.contestants.cases import ROBOTS, Case, make_case
+from bench.contenders.cases import ROBOTS, Case, make_case
 from bench.measurements.race import QUICK, Effort, race
 from bench.results import Results
 from bench.toolchain import FLAGS, find_toolchain, machine
 from rrrgen.errors import RrrgenError
 
 if TYPE_CHECKING:
-    from bench.contestants.contestant import Party
+    from bench.contenders.contender import Supplier
     from bench.toolchain import Toolchain
     from rrrgen.robotfile.robot_spec import RobotSpec
 
@@ -24,7 +24,7 @@ GROWTH_SECONDS = {True: 20.0, False: 120.0}
 
 @dataclass(frozen=True)
 class Plan:
-    """What a run contains."""
+    """The contents of a run: robots, flags, rivals and parts."""
 
     robots: tuple[str, ...] = ROBOTS
     quick: bool = False
@@ -40,11 +40,11 @@ class Plan:
 
 def bench(plan: Plan, say: Say) -> Results:
     """Run ``plan``; ``say`` gets one line per step. Raises BuildError without a C compiler."""
-    from bench.contestants.rivals import installed_versions
+    from bench.contenders.rivals import installed_versions
 
     toolchain = find_toolchain(plan.flags)
     effort = plan.effort
-    words = f"{effort.rounds} rounds of {effort.sample / 1e3:.0f} us per contestant"
+    words = f"{effort.rounds} rounds of {effort.sample / 1e3:.0f} us per contender"
     results = Results(machine(), toolchain.describe(), installed_versions(), words)
     for robot in plan.robots:
         _robot(robot, plan, toolchain, results, say)
@@ -58,7 +58,7 @@ def bench(plan: Plan, say: Say) -> Results:
 
 
 def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
-    from bench.contestants.own import own_party
+    from bench.contenders.emitted import emitted_contenders
     from rrrgen import pipeline
     from rrrgen.output.manifest import identify
     from rrrgen.runtime.derived_cache import recall
@@ -68,9 +68,9 @@ def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: 
     if "functions" in plan.parts:
         say(f"{robot}: deriving")
         derived = recall(spec, identify(spec), pipeline.derive)
-        parties = [own_party(case, derived), *_rivals(case, plan, toolchain, results)]
+        groups = [emitted_contenders(case, derived), *_rivals(case, plan, toolchain, results)]
         say(f"{robot}: compiling and measuring (Pinocchio's headers take minutes, once)")
-        results.scores += race(case, parties, toolchain, plan.effort)
+        results.scores += race(case, groups, toolchain, plan.effort)
     if "python" in plan.parts and case.file is not None:
         say(f"{robot}: calls from Python")
         _python(case, plan, toolchain, results)
@@ -78,12 +78,15 @@ def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: 
 
 def _rivals(
     case: Case, plan: Plan, toolchain: Toolchain, results: Results, names: Collection[str] | None = None
-) -> list[Party]:
+) -> list[Supplier]:
     """The installed rivals that can take part; the report names the others."""
-    from bench.contestants.rivals import hand_party, pinocchio_party
+    from bench.contenders.rivals import hand_contenders, pinocchio_contenders
 
-    parties = []
-    rivals = {"CasADi": hand_party(case, names), "Pinocchio C++": pinocchio_party(case) if plan.pinocchio else None}
+    groups = []
+    rivals = {
+        "CasADi": hand_contenders(case, names),
+        "Pinocchio C++": pinocchio_contenders(case) if plan.pinocchio else None,
+    }
     for name, rival in rivals.items():
         if rival is None:
             asked = plan.pinocchio or name == "CasADi"
@@ -92,8 +95,8 @@ def _rivals(
         elif rival.cpp is not None and toolchain.cxx is None:
             _leave_out(results, f"{name}: no C++ compiler")
         else:
-            parties.append(rival)
-    return parties
+            groups.append(rival)
+    return groups
 
 
 def _python(case: Case, plan: Plan, toolchain: Toolchain, results: Results) -> None:

@@ -1,11 +1,11 @@
-"""The targets that rrrgen sets itself, and whether a run met them."""
+"""The performance targets of rrrgen, and whether a run met them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from bench.contestants.contestant import HAND, OWN, OWN_FILE, PINOCCHIO, TITLES
+from bench.contenders.contender import HAND, OURS, OURS_FILE, PINOCCHIO, TITLES
 from bench.measurements.python_calls import BOUND_RUN, PIN
 from bench.results import Results, work
 
@@ -48,7 +48,7 @@ MEGABYTES = 500.0
 
 @dataclass(frozen=True)
 class Verdict:
-    """One target: what is compared, the limit, what was found."""
+    """One target: what is compared, the limit, and the measured value."""
 
     work: str
     robot: str
@@ -66,21 +66,21 @@ def verdicts(results: Results) -> list[Verdict]:
 
 def _operations(results: Results) -> Iterator[Verdict]:
     for (robot, function), (mul, add) in OPERATIONS.items():
-        score = results.score(robot, function, OWN)
-        if score is not None and score.contestant.operations:
-            got = score.contestant.operations
+        score = results.score(robot, function, OURS)
+        if score is not None and score.contender.operations:
+            got = score.contender.operations
             met = got["mul"] <= mul and got["add"] <= add
             what = f"{TITLES[function]}, operations"
             yield Verdict(what, robot, f"<= {mul}/{add}", f"{got['mul']}/{got['add']}", met)
     for robot, flops in CORIOLIS_FLOPS.items():
-        score = results.score(robot, "coriolis_matrix", OWN)
-        if score is not None and score.contestant.operations:
-            total = score.contestant.operations["mul"] + score.contestant.operations["add"]
+        score = results.score(robot, "coriolis_matrix", OURS)
+        if score is not None and score.contender.operations:
+            total = score.contender.operations["mul"] + score.contender.operations["add"]
             yield Verdict("Coriolis matrix, operations", robot, f"< {flops}", str(total), total < flops)
 
 
 def _ratio(results: Results, what: str, robot: str, function: str, rival: str, limit: float) -> Iterator[Verdict]:
-    own, other = results.score(robot, function, OWN), results.score(robot, function, rival)
+    own, other = results.score(robot, function, OURS), results.score(robot, function, rival)
     if own is not None and other is not None:
         value, times = work(own) / work(other), own.nanoseconds / other.nanoseconds
         yield Verdict(what, robot, f"<= {limit:.2f} x", f"{value:.2f} x (time {times:.2f} x)", value <= limit)
@@ -95,8 +95,8 @@ def _ratios(results: Results) -> Iterator[Verdict]:
 
 def _transpose(results: Results) -> Iterator[Verdict]:
     for robot in results.robots():
-        own = results.score(robot, "regressor_transpose", OWN)
-        regressor, inverse = (results.score(robot, name, OWN) for name in ("regressor", "inverse_dynamics"))
+        own = results.score(robot, "regressor_transpose", OURS)
+        regressor, inverse = (results.score(robot, name, OURS) for name in ("regressor", "inverse_dynamics"))
         if own is not None and regressor is not None and inverse is not None:
             to_regressor, to_inverse = work(own) / work(regressor), work(own) / work(inverse)
             yield Verdict("Y' e against forming Y", robot, "< 1.00 x", f"{to_regressor:.2f} x", to_regressor < 1)
@@ -126,12 +126,12 @@ def _batches(results: Results) -> Iterator[Verdict]:
 
 def _inverse_kinematics(results: Results) -> Iterator[Verdict]:
     robot, nanoseconds = REFERENCE
-    pinocchio, own = (results.score(robot, "inverse_dynamics", label) for label in (PINOCCHIO, OWN_FILE))
+    pinocchio, own = (results.score(robot, "inverse_dynamics", label) for label in (PINOCCHIO, OURS_FILE))
     if pinocchio is None or own is None:
         return
     for score in results.ik:
         limit = INVERSE_KINEMATICS.get(score.robot)
-        if score.solver == OWN and limit is not None and score.reference is not None:
+        if score.solver == OURS and limit is not None and score.reference is not None:
             # noise changes between races, so both ratios are of times taken in turns
             ratio = score.nanoseconds / score.reference * own.nanoseconds / pinocchio.nanoseconds
             found = f"{ratio:.2f} x ({score.nanoseconds:.0f} ns, {score.rows:.1f} rows)"
@@ -143,8 +143,8 @@ def _inverse_kinematics(results: Results) -> Iterator[Verdict]:
 def _inverse_kinematics_rivals(results: Results) -> Iterator[Verdict]:
     times = {(score.robot, score.solver): score.nanoseconds for score in results.ik}
     for robot, (rival, limit) in IK_RATIOS.items():
-        if (robot, OWN) in times and (robot, rival) in times:
-            ratio = times[robot, OWN] / times[robot, rival]
+        if (robot, OURS) in times and (robot, rival) in times:
+            ratio = times[robot, OURS] / times[robot, rival]
             what = f"inverse kinematics against {rival}"
             yield Verdict(what, robot, f"<= {limit:.2f} x", f"{ratio:.2f} x", ratio <= limit)
 

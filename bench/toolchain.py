@@ -1,4 +1,4 @@
-"""Compilers, flags and the cache of what they made."""
+"""Compilers, their flags, and the cache of object files."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from rrrgen.errors import BuildError
 from rrrgen.runtime.build import find_compiler
 
 FLAGS = ("-O3", "-march=native")
-"""For every contestant. Contraction to fused multiply-adds stays as the compiler has it by default: on, for all."""
+"""For every contender. Contraction to fused multiply-adds stays as the compiler has it by default: on, for all."""
 
 STANDARDS = {"c": "-std=gnu99", "cpp": "-std=c++17"}
 
 
 @dataclass(frozen=True)
 class Toolchain:
-    """A C and a C++ compiler of one make, and the flags for both."""
+    """A C and a C++ compiler of the same vendor, and the flags for both."""
 
     cc: tuple[str, ...]
     cxx: str | None
@@ -73,7 +73,7 @@ def find_toolchain(flags: Sequence[str] = FLAGS) -> Toolchain:
 
 
 def run(command: Sequence[str], seconds: float = 3600.0) -> str:
-    """Run a command and return what it printed; BuildError with its words where it fails."""
+    """Run a command and return its output. Raises BuildError with its error message if it fails."""
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=seconds, check=False)
     if done.returncode:
         words = "\n".join(line[:300] for line in done.stderr.splitlines() if "error" in line)
@@ -82,7 +82,7 @@ def run(command: Sequence[str], seconds: float = 3600.0) -> str:
 
 
 def machine() -> str:
-    """The processor, in words."""
+    """The name of the processor."""
     return f"{_processor()}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"
 
 

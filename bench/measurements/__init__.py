@@ -1,1 +1,1 @@
-"""What is measured: calls in C, calls from Python, batches, inverse kinematics, growth, generation."""
+"""The measurements: calls in C, calls from Python, batches, inverse kinematics, growth with joints, generation."""

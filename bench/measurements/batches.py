@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.contestants.cases import Case
-from bench.contestants.contestant import DisagreementError
+from bench.contenders.cases import Case
+from bench.contenders.contender import DisagreementError
 from bench.measurements.python_calls import turns
 from bench.measurements.race import TOLERANCE
 from bench.toolchain import Toolchain, run

@@ -1,4 +1,4 @@
-"""How cost grows with the number of joints: random chains, the same contestants."""
+"""How cost grows with the number of joints: random chains, the same contenders."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from bench.contestants.cases import Case, make_case
-from bench.contestants.contestant import Party
-from bench.contestants.own import own_party
+from bench.contenders.cases import Case, make_case
+from bench.contenders.contender import Supplier
+from bench.contenders.emitted import emitted_contenders
 from bench.measurements.race import Effort, Score, race
 from bench.toolchain import Toolchain
 from rrrgen.robotfile.robot_spec import RobotSpec
 
-Rivals = Callable[[Case], list[Party]]
+Rivals = Callable[[Case], list[Supplier]]
 
 COMPARED = ("mass_matrix", "bias", "inverse_dynamics")
 RIGHT_ANGLES = ("0", "pi/2", "-pi/2")
@@ -61,7 +61,7 @@ def _one(spec: RobotSpec, toolchain: Toolchain, effort: Effort, rivals: Rivals) 
     derived = optimize(replace(recorded, alternatives={name: recorded.alternatives[name] for name in COMPARED}))
     duration = time.perf_counter() - start
     case = make_case(spec)
-    parties = [own_party(case, derived, libm=False), *rivals(case)]
-    for party in parties:
-        party.contestants = [each for each in party.contestants if each.function in COMPARED]
-    return race(case, parties, toolchain, effort), duration
+    groups = [emitted_contenders(case, derived, libm=False), *rivals(case)]
+    for group in groups:
+        group.contenders = [each for each in group.contenders if each.function in COMPARED]
+    return race(case, groups, toolchain, effort), duration

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench.contestants.contestant import OWN, Contestant, DisagreementError
+from bench.contenders.contender import OURS, Contender, DisagreementError
 from bench.measurements.python_calls import turns
 from bench.measurements.race import Driver, Effort
 from bench.templates import render
@@ -93,24 +93,24 @@ def _compiled(
         f"static {name}_ik_solutions s; (void){name}_inverse_kinematics(in, 0, 0u, &s); out[0] = s.count; "
         f"for (int i = 0; i < s.count * {n}; i++) out[1 + i] = ((const double *)s.q)[i];"
     )
-    contestants = [Contestant(OWN, "inverse_kinematics", outputs, statements)]
+    contenders = [Contender(OURS, "inverse_kinematics", outputs, statements)]
     by_hand = _elbow(spec) if position else None
     if by_hand is not None:
         sources["elbow.c"] = by_hand
-        contestants.append(Contestant("C by hand", "inverse_kinematics", outputs, "elbow(in, out);"))
+        contenders.append(Contender("C by hand", "inverse_kinematics", outputs, "elbow(in, out);"))
     sources |= _reference_sources()
-    contestants.append(Contestant("reference", "inverse_dynamics", 3, REFERENCE))
+    contenders.append(Contender("reference", "inverse_dynamics", 3, REFERENCE))
     targets = poses[:, :3, 3] if position else poses.reshape(len(poses), -1)
     scores = []
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
         declarations = f'#include "{name}_ik.h"\n#include "rrr.h"\nvoid elbow(const double *, double *);\n'
-        driver = Driver.build(Path(place), contestants, sources, declarations, targets, toolchain)
+        driver = Driver.build(Path(place), contenders, sources, declarations, targets, toolchain)
         everything, counts, times = driver.values(), driver.instructions(effort.counted), driver.times(effort)
-        for k, (contestant, values) in enumerate(zip(contestants[:-1], everything[:-1], strict=True)):
+        for k, (contender, values) in enumerate(zip(contenders[:-1], everything[:-1], strict=True)):
             solutions = [row[1 : 1 + int(row[0]) * n].reshape(-1, n) for row in values]
-            found = _rows_checked(contestant.label, name, solutions, poses, oracle, position)
-            reference = times[len(contestants) - 1]
-            scores.append(IKScore(name, contestant.label, times[k], found, counts.get(k), reference))
+            found = _rows_checked(contender.label, name, solutions, poses, oracle, position)
+            reference = times[len(contenders) - 1]
+            scores.append(IKScore(name, contender.label, times[k], found, counts.get(k), reference))
     return scores
 
 

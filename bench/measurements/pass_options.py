@@ -1,4 +1,4 @@
-"""What the options of the passes are worth: operations and time over the bundled robots, one option changed at a time.
+"""The effect of every option of the passes: operations and time over the bundled robots, one option changed at a time.
 
     python -m bench.measurements.pass_options [ROBOT ...]
 
@@ -26,7 +26,7 @@ from rrrgen.robotfile import bundled_names, load_spec
 
 
 def changes() -> Iterator[tuple[str, Optimizer]]:
-    """A name for every change, and the optimizer that has it."""
+    """The changes of one option each: a name, and the optimizer with that option."""
     usual = Optimizer()
     yield "as it is", usual
     chosen = usual.cheapest

@@ -1,4 +1,4 @@
-"""Calls from Python: what one evaluation costs through each interface."""
+"""Calls from Python: the time of one evaluation through each interface."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench.contestants.cases import Case
-from bench.contestants.contestant import DisagreementError
+from bench.contenders.cases import Case
+from bench.contenders.contender import DisagreementError
 from bench.measurements.race import TOLERANCE
 from bench.toolchain import Toolchain, run
 from rrrgen.verify.references.chain import Array, Chain
@@ -54,7 +54,7 @@ def python_calls(case: Case, model: Model, toolchain: Toolchain, rounds: int) ->
 
 
 def turns(calls: Mapping[str, Callable[[], Any]], rounds: int, sample: float) -> dict[str, float]:
-    """Least seconds per call; the calls take turns, each for about ``sample`` seconds."""
+    """The smallest seconds per call. The calls alternate, each for about ``sample`` seconds at a time."""
     numbers: dict[str, int] = {}
     for name, call in calls.items():
         start = time.perf_counter()
@@ -118,8 +118,8 @@ def _casadi_calls(
         return {}
     import casadi as ca
 
-    from bench.contestants import hand_casadi
-    from bench.contestants.joint_frames import joint_frames
+    from bench.contenders import hand_casadi
+    from bench.contenders.joint_frames import joint_frames
 
     hand = hand_casadi.hand_functions(joint_frames(case.chain, case.phi("file")), ["inverse_dynamics"])
     source, library = place / "hand.c", place / "hand.so"

@@ -1,4 +1,4 @@
-"""One executable per robot with every contestant in it; its values, times and instruction counts."""
+"""The race: one executable per robot that contains every contender, with its values, times and instruction counts."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.contestants.cases import Case
-from bench.contestants.contestant import TITLES, Contestant, DisagreementError, Party, deviation
+from bench.contenders.cases import Case
+from bench.contenders.contender import TITLES, Contender, DisagreementError, Supplier, deviation
 from bench.templates import source
 from bench.toolchain import Toolchain
 from rrrgen.errors import BuildError
 from rrrgen.verify.references.chain import Array
 
 TOLERANCE = 1e-9
-"""Largest relative deviation: round-off of thousands of operations, and the condition of random mass matrices."""
+"""Largest allowed relative deviation: round-off of thousands of operations, times the condition of random mass
+matrices."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How long to measure: rounds of turns, nanoseconds per sample, states whose instructions are counted."""
+    """How long to measure: rounds, nanoseconds per sample, number of states whose instructions are counted."""
 
     rounds: int = 120
     sample: float = 3e4
@@ -36,10 +37,10 @@ QUICK = Effort(rounds=25, sample=2e4, counted=1)
 
 @dataclass(frozen=True)
 class Score:
-    """What one contestant did on one robot."""
+    """The result of one contender on one robot."""
 
     robot: str
-    contestant: Contestant
+    contender: Contender
     deviation: float
     nanoseconds: float
     instructions: float | None
@@ -47,17 +48,17 @@ class Score:
 
 @dataclass(frozen=True)
 class Driver:
-    """The executable, its contestants and its states."""
+    """The executable, its contenders and its states."""
 
     place: Path
-    contestants: Sequence[Contestant]
+    contenders: Sequence[Contender]
     states: Array
 
     @classmethod
     def build(
         cls,
         place: Path,
-        contestants: Sequence[Contestant],
+        contenders: Sequence[Contender],
         sources: Mapping[str, str],
         declarations: str,
         states: Array,
@@ -69,24 +70,24 @@ class Driver:
         headers = {name: text for name, text in sources.items() if name.endswith(".h")}
         objects = [toolchain.object(name, text, headers) for name, text in sources.items() if name.endswith(".c")]
         objects += [toolchain.object(name, source, {}, includes) for name, source, includes in cpp]
-        own = _header(contestants)
-        table = _table(contestants, declarations, setup)
-        objects.append(toolchain.object("contestants.c", table, {**headers, "contestants.h": own}))
-        objects.append(toolchain.object("driver.c", source("driver.c"), {"contestants.h": own}))
+        own = _header(contenders)
+        table = _table(contenders, declarations, setup)
+        objects.append(toolchain.object("contenders.c", table, {**headers, "contenders.h": own}))
+        objects.append(toolchain.object("driver.c", source("driver.c"), {"contenders.h": own}))
         toolchain.link(objects, place / "driver", bool(cpp))
         values = np.ascontiguousarray(states, dtype=float)
         (place / "states").write_bytes(np.array(values.shape, dtype=np.int64).tobytes() + values.tobytes())
-        return cls(place, contestants, values)
+        return cls(place, contenders, values)
 
     def values(self) -> list[Array]:
-        """What every contestant returns: (states, outputs) each."""
+        """The values that every contender computes, (states, outputs) each."""
         self._run("evaluate", str(self.place / "values"))
         flat = np.fromfile(self.place / "values")
-        sizes = [len(self.states) * contestant.outputs for contestant in self.contestants]
+        sizes = [len(self.states) * contender.outputs for contender in self.contenders]
         return [part.reshape(len(self.states), -1) for part in np.split(flat, np.cumsum(sizes)[:-1])]
 
     def times(self, effort: Effort) -> dict[int, float]:
-        """Least nanoseconds per call of every contestant."""
+        """The smallest time of a call in nanoseconds, by contender."""
         return _lines(self._run("time", str(effort.rounds), str(effort.sample)))
 
     def instructions(self, states: int) -> dict[int, float]:
@@ -102,56 +103,56 @@ class Driver:
         return done.stdout if done.returncode == 0 else ""
 
 
-def race(case: Case, parties: Sequence[Party], toolchain: Toolchain, effort: Effort) -> list[Score]:
-    """Build, check and measure. Raises DisagreementError where a contestant computes something else."""
+def race(case: Case, groups: Sequence[Supplier], toolchain: Toolchain, effort: Effort) -> list[Score]:
+    """Build, check and measure all contenders. Raises DisagreementError if one returns wrong values."""
     order = list(TITLES)
-    contestants = sorted(
-        (contestant for party in parties for contestant in party.contestants),
-        key=lambda contestant: order.index(contestant.function),
+    contenders = sorted(
+        (contender for group in groups for contender in group.contenders),
+        key=lambda contender: order.index(contender.function),
     )
-    sources = {name: text for party in parties for name, text in party.sources.items()}
-    declarations = "".join(party.declarations for party in parties)
-    setup = " ".join(party.setup for party in parties)
-    cpp = [party.cpp for party in parties if party.cpp]
+    sources = {name: text for group in groups for name, text in group.sources.items()}
+    declarations = "".join(group.declarations for group in groups)
+    setup = " ".join(group.setup for group in groups)
+    cpp = [group.cpp for group in groups if group.cpp]
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
         driver = Driver.build(
-            Path(place), contestants, sources, declarations, case.states, toolchain, setup=setup, cpp=cpp
+            Path(place), contenders, sources, declarations, case.states, toolchain, setup=setup, cpp=cpp
         )
-        deviations = _checked(case, contestants, driver.values())
+        deviations = _checked(case, contenders, driver.values())
         times, counts = driver.times(effort), driver.instructions(effort.counted)
     return [
-        Score(case.name, contestant, deviations[k], times[k], counts.get(k)) for k, contestant in enumerate(contestants)
+        Score(case.name, contender, deviations[k], times[k], counts.get(k)) for k, contender in enumerate(contenders)
     ]
 
 
-def _checked(case: Case, contestants: Sequence[Contestant], values: Sequence[Array]) -> list[float]:
+def _checked(case: Case, contenders: Sequence[Contender], values: Sequence[Array]) -> list[float]:
     deviations = []
-    for contestant, result in zip(contestants, values, strict=True):
-        deviations.append(deviation(contestant, result, case))
+    for contender, result in zip(contenders, values, strict=True):
+        deviations.append(deviation(contender, result, case))
         if not deviations[-1] < TOLERANCE:
             raise DisagreementError(
-                f"{case.name}: {contestant.function} of {contestant.label} differs from the reference by "
+                f"{case.name}: {contender.function} of {contender.label} differs from the reference by "
                 f"{deviations[-1]:.1e} (at most {TOLERANCE:.0e} is allowed); nothing is timed"
             )
     return deviations
 
 
-def _header(contestants: Sequence[Contestant]) -> str:
+def _header(contenders: Sequence[Contender]) -> str:
     return (
-        f"#define CONTESTANTS {len(contestants)}\n#define MAX_OUTPUT {max(c.outputs for c in contestants)}\n"
-        "struct contestant { int group, outputs; void (*run)(const double *, double *); };\n"
-        "extern const struct contestant contestants[CONTESTANTS];\nvoid contestants_setup(void);\n"
+        f"#define CONTENDERS {len(contenders)}\n#define MAX_OUTPUT {max(c.outputs for c in contenders)}\n"
+        "struct contender { int group, outputs; void (*run)(const double *, double *); };\n"
+        "extern const struct contender contenders[CONTENDERS];\nvoid contenders_setup(void);\n"
     )
 
 
-def _table(contestants: Sequence[Contestant], declarations: str, setup: str) -> str:
-    functions = list(dict.fromkeys(contestant.function for contestant in contestants))
-    lines = ['#include "contestants.h"', declarations]
-    for k, contestant in enumerate(contestants):
-        lines.append(f"static void run{k}(const double *in, double *out) {{ {contestant.statements} }}")
-    rows = [f"    {{{functions.index(c.function)}, {c.outputs}, run{k}}}," for k, c in enumerate(contestants)]
-    lines += ["const struct contestant contestants[CONTESTANTS] = {", *rows, "};"]
-    return "\n".join([*lines, f"void contestants_setup(void) {{ {setup} }}", ""])
+def _table(contenders: Sequence[Contender], declarations: str, setup: str) -> str:
+    functions = list(dict.fromkeys(contender.function for contender in contenders))
+    lines = ['#include "contenders.h"', declarations]
+    for k, contender in enumerate(contenders):
+        lines.append(f"static void run{k}(const double *in, double *out) {{ {contender.statements} }}")
+    rows = [f"    {{{functions.index(c.function)}, {c.outputs}, run{k}}}," for k, c in enumerate(contenders)]
+    lines += ["const struct contender contenders[CONTENDERS] = {", *rows, "};"]
+    return "\n".join([*lines, f"void contenders_setup(void) {{ {setup} }}", ""])
 
 
 def _lines(text: str) -> dict[int, float]:

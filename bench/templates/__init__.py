@@ -1,4 +1,4 @@
-"""C and C++ around the contestants: the driver that times them, the adapter of Pinocchio, an arm solved by hand."""
+"""C and C++ files for the contenders: the timing driver, the adapter for Pinocchio, an arm solved by hand."""
 
 from __future__ import annotations
 

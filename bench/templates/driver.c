@@ -1,4 +1,4 @@
-/* Runs every contestant on the same states: values for the check, minimum times in turns, instructions by single steps.
+/* Runs every contender on the same states: values for the check, minimum times in turns, instructions by single steps.
 
    driver evaluate STATES OUT | time STATES ROUNDS NANOSECONDS | count STATES STATES_TO_COUNT
    STATES: two 64-bit integers, number and size, then doubles. Times and instructions go to stdout, one line each. */
@@ -14,7 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "contestants.h"
+#include "contenders.h"
 
 static int64_t count, size;
 static double *states;
@@ -39,11 +39,11 @@ static void evaluate(const char *path)
 {
     FILE *file = fopen(path, "wb");
     if (!file) fail(path);
-    for (int c = 0; c < CONTESTANTS; c++)
+    for (int c = 0; c < CONTENDERS; c++)
         for (int64_t k = 0; k < count; k++) {
-            for (int i = 0; i < contestants[c].outputs; i++) out[i] = 1e300;
-            contestants[c].run(states + k * size, out);
-            fwrite(out, sizeof *out, (size_t)contestants[c].outputs, file);
+            for (int i = 0; i < contenders[c].outputs; i++) out[i] = 1e300;
+            contenders[c].run(states + k * size, out);
+            fwrite(out, sizeof *out, (size_t)contenders[c].outputs, file);
         }
     if (fclose(file)) fail(path);
 }
@@ -63,21 +63,21 @@ static double sample(void (*run)(const double *, double *), long sweeps)
     return (now() - start) / (double)(sweeps * count);
 }
 
-/* Contestants of one function take turns, so that all of them see the same quiet and busy moments. */
+/* Contenders of one function take turns, so that all of them see the same quiet and busy moments. */
 static void measure_times(long rounds, double target)
 {
-    for (int first = 0, last; first < CONTESTANTS; first = last) {
-        for (last = first; last < CONTESTANTS && contestants[last].group == contestants[first].group; last++) {}
-        double best[CONTESTANTS];
-        long sweeps[CONTESTANTS];
+    for (int first = 0, last; first < CONTENDERS; first = last) {
+        for (last = first; last < CONTENDERS && contenders[last].group == contenders[first].group; last++) {}
+        double best[CONTENDERS];
+        long sweeps[CONTENDERS];
         for (int c = first; c < last; c++) {
-            best[c] = sample(contestants[c].run, 1);
-            best[c] = sample(contestants[c].run, 1);
+            best[c] = sample(contenders[c].run, 1);
+            best[c] = sample(contenders[c].run, 1);
             sweeps[c] = 1 + (long)(target / (best[c] * (double)count));
         }
         for (long r = 0; r < rounds; r++)
             for (int c = first; c < last; c++) {
-                double t = sample(contestants[c].run, sweeps[c]);
+                double t = sample(contenders[c].run, sweeps[c]);
                 if (t < best[c]) best[c] = t;
             }
         for (int c = first; c < last; c++) printf("%d %.3f\n", c, best[c]);
@@ -94,8 +94,8 @@ static void nothing(const double *in, double *result)
 static void child(long used)
 {
     if (ptrace(PTRACE_TRACEME, 0, 0, 0)) _exit(3);
-    for (int c = -1; c < CONTESTANTS; c++) {
-        void (*volatile run)(const double *, double *) = c < 0 ? nothing : contestants[c].run;
+    for (int c = -1; c < CONTENDERS; c++) {
+        void (*volatile run)(const double *, double *) = c < 0 ? nothing : contenders[c].run;
         for (long k = 0; k < used; k++) {
             run(states + k * size, out);
             raise(SIGSTOP);
@@ -121,7 +121,7 @@ static int count_instructions(long used)
     if (pid < 0) fail("fork");
     if (pid == 0) child(used);
     double empty = 0.0;
-    for (int c = -1; c < CONTESTANTS; c++) {
+    for (int c = -1; c < CONTENDERS; c++) {
         double total = 0.0;
         for (long k = 0; k < used; k++) {
             int status;
@@ -144,7 +144,7 @@ int main(int argc, char **argv)
 {
     if (argc < 4) return 2;
     read_states(argv[2]);
-    contestants_setup();
+    contenders_setup();
     if (strcmp(argv[1], "evaluate") == 0) evaluate(argv[3]);
     if (strcmp(argv[1], "time") == 0) measure_times(atol(argv[3]), argc > 4 ? atof(argv[4]) : 2e4);
     if (strcmp(argv[1], "count") == 0) return count_instructions(atol(argv[3]));

@@ -1,4 +1,4 @@
-"""Backends print programs; here is what all of them need. Backends never import each other."""
+"""Backends print programs as files of a language. This module holds the types that all of them share."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ Real = Literal["double", "float"]
 
 
 Language = Literal["rust"]
-"""Languages that are printed when asked for, beside C and CasADi."""
+"""Optional languages, printed on request in addition to C and CasADi."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What ties emitted code to its model: hash of the normalised robot description, and who wrote the code."""
+    """The origin of emitted code: SHA-256 of the normalized robot description, and the version of rrrgen."""
 
     model_hash: str
     tool_version: str

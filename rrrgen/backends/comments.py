@@ -1,4 +1,4 @@
-"""Text for comments: safe whatever the user wrote, wrapped, and aligned in columns."""
+"""Text for comments in emitted files: escaped, wrapped, aligned in columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every language's files say of a robot, and which functions they hold."""
+"""The facts about a robot that the files of every language state, and the functions they contain."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _CONVENTIONS = {
 
 
 def programs_of(model: DerivedModel) -> dict[str, Program]:
-    """The programs that are emitted: the model's own, and the nominal parameters where the file gives links."""
+    """The programs to emit: those of the model, and ``nominal_parameters`` if the robot file states links."""
     programs = {name: program.described(name=name) for name, program in model.programs.items()}
     if model.beta_nominal is not None:
         programs["nominal_parameters"] = _nominal_parameters(model)
@@ -34,13 +34,13 @@ def programs_of(model: DerivedModel) -> dict[str, Program]:
 
 
 def title(spec: RobotSpec) -> str:
-    """What the files are about, in a clause."""
+    """The subject of the emitted files, as a clause."""
     structure = " ".join("R" if joint.is_revolute else "P" for joint in spec.joints)
     return f"kinematics and dynamics of {spec.name}, a serial robot with joints {structure}"
 
 
 def facts(model: DerivedModel, identity: Identity) -> dict[str, str]:
-    """What a reader of the code must know, by headings, in order."""
+    """Heading -> fact: origin, convention, units, gravity, frames and drives of the robot."""
     spec = model.spec
     gravity = ", ".join(_number(component) for component in spec.gravity)
     return {
@@ -57,7 +57,7 @@ def facts(model: DerivedModel, identity: Identity) -> dict[str, str]:
 
 
 def large_angles(programs: Mapping[str, Program], real: Real) -> dict[str, str]:
-    """For which q round-off is all that is lost, where sines and cosines are of sums; nothing where they are not."""
+    """Heading -> the range of q in which results are exact to round-off; empty if no angles are added before sines."""
     nodes = [(program.nodes, node) for program in programs.values() for node in program.nodes]
     angles = [within[node.args[0]] for within, node in nodes if node.op in (Op.SIN, Op.COS)]
     if all(angle.op is Op.INPUT for angle in angles):
@@ -76,7 +76,7 @@ def _number(value: sp.Expr) -> str:
 
 
 def _drive_facts(spec: RobotSpec) -> list[tuple[str, str]]:
-    """How coupled drives move the joints, and what is stated of their motors; nothing without coupling."""
+    """The facts about coupled drives: their equations, and the data of the motors; empty without coupling."""
     if spec.drives is None:
         return []
     rows = [("Drives", f"coupled; speeds of joints and drives: {', '.join(coupling_equations(spec))}")]

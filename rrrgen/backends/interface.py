@@ -1,4 +1,4 @@
-"""What a back end is, and what a language tells the shared printer: protocols, checked by mypy."""
+"""The protocols, checked by mypy, of a backend and of a target language of the shared printer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
 
 CHOICE, SUM, PRODUCT, UNARY, ATOM = range(5)
-"""How tightly printed text binds, weakest first."""
+"""Binding strength (operator precedence) of printed expressions, weakest first."""
 
 
 class Text(NamedTuple):
@@ -29,7 +29,7 @@ class Text(NamedTuple):
 
 
 class Target(Protocol):
-    """A language with infix arithmetic, as :mod:`rrrgen.backends.printing` asks for it."""
+    """A language with infix arithmetic, in which :mod:`rrrgen.backends.printing` writes expressions."""
 
     @property
     def reserved(self) -> frozenset[str]:
@@ -73,7 +73,7 @@ class FunctionTarget(Target, Protocol):
         ...
 
     def outcome(self, status: Status, value: Text) -> list[str]:
-        """What ends a function that can fail: ``value`` is 0 after success and 1 after failure; NaN is a failure."""
+        """The statements that report the status: ``value`` is 0 after success, 1 after failure; NaN is a failure."""
         ...
 
 

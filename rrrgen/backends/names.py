@@ -1,4 +1,4 @@
-"""Names of local variables: readable, unique in their function, and no words of the language."""
+"""Names of local variables: readable, unique within their function, and not reserved by the language."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 class Names:
-    """Hands out the local names of one function; ``reserved`` and ``taken`` are not among them."""
+    """Generates the local names of one function, different from those in ``reserved`` and ``taken``."""
 
     def __init__(self, reserved: frozenset[str], taken: Iterable[str] = ()) -> None:
         self._taken = {*reserved, *taken}
@@ -24,7 +24,7 @@ class Names:
                 return name
 
     def suggested(self, hint: str) -> str:
-        """A name close to ``hint``; a number is appended where the hint is taken."""
+        """The name ``hint``, made a valid identifier; a number is appended if it is taken."""
         base = re.sub(r"\W+", "_", hint, flags=re.ASCII).strip("_") or "t"
         if base[0].isdigit():
             base = f"t{base}"

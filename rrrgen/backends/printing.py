@@ -222,7 +222,7 @@ def decimal(value: Fraction | int, real: Real = "double") -> str:
 
 
 def _count(indices: Iterable[int], size: int) -> list[int]:
-    """How often each number occurs."""
+    """How often each number in 0 .. size - 1 occurs in ``indices``."""
     tally = Counter(indices)
     return [tally[index] for index in range(size)]
 

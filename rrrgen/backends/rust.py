@@ -1,7 +1,7 @@
 """The Rust backend: a crate without dependencies, heap or standard library, for rustc 1.63 or newer.
 
-Every function of the model is an associated function of ``Model<F>``, where ``F`` brings the sines, cosines and roots
-that Rust's core lacks. Arrays have the shapes of the ports; what can fail returns a ``Result``.
+Every function of the model is an associated function of ``Model<F>``, where ``F`` supplies the sines, cosines and roots
+that Rust's core lacks. Arrays have the shapes of the ports; functions that can fail return a ``Result``.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class RustBackend:
 
 
 def crate_name(robot: str) -> str:
-    """Rust's lints want crates in lower case, and the ending keeps clear of its keywords."""
+    """The name of the crate: lower case, as Rust's lints require, with a suffix so that it is never a keyword."""
     return f"{robot.lower()}_model"
 
 

@@ -1,4 +1,4 @@
-"""Checked arguments: whatever the caller passes becomes dense arrays of the right shape, or a clear error."""
+"""Argument checking: converts what the caller passes to dense arrays of the right shape, or raises a clear error."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def prepare(
 ) -> tuple[Batch, list[Array]]:
     """The batch shape of a call of ``function`` and its arguments as dense, aligned arrays of ``dtype``.
 
-    Every value has the shape of its port, with any leading dimensions; these are broadcast against each other. An
-    array without leading dimensions stays single: it serves all states.
-    Raises TypeError for complex, boolean, text, object or masked arrays, ValueError for wrong shapes.
+    Every value has the shape of its port, with any leading dimensions, which are broadcast against each other. An array
+    without leading dimensions is not repeated: it serves all states. Raises TypeError for complex, boolean, text,
+    object or masked arrays, ValueError for wrong shapes.
     """
     arrays: list[Array] = []
     batches: list[Batch] = []
@@ -40,7 +40,7 @@ def prepare(
     for k, array in enumerate(arrays):
         if batches[k] != batch and batches[k]:
             array = np.broadcast_to(array, (*batch, *ports[k].shape))
-        if not array.flags.carray:  # np.require copies only where density or alignment is missing
+        if not array.flags.carray:  # np.require copies only arrays that are not contiguous or not aligned
             array = np.require(array, dtype, ["C_CONTIGUOUS", "ALIGNED"])
         arrays[k] = array
     return batch, arrays
@@ -60,7 +60,7 @@ def _real(function: str, port: Port, value: Any, dtype: np.dtype[Any]) -> Array:
 
 
 def _common(function: str, ports: Sequence[Port], batches: Sequence[Batch]) -> Batch:
-    """The leading dimensions of the result; the usual cases, all equal or absent, without asking NumPy."""
+    """The common leading dimensions. All equal or absent is the usual case, decided without the cost of NumPy."""
     longest: Batch = ()
     for batch in batches:
         if len(batch) > len(longest):

@@ -1,4 +1,4 @@
-"""Calls for control loops: buffers made once, nothing checked or allocated per call."""
+"""Calls for control loops: buffers are allocated once, and a call checks and allocates nothing."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Array = NDArray[Any]
 
 
 class BoundFunction:
-    """One function of a model between preallocated arrays.
+    """One function of a model with preallocated input and output arrays.
 
-    Write the state into ``inputs["q"]``, ... (``f.inputs["q"][:] = q``), call ``f()``, read the result, which is always
-    the same array. ``run`` is the bare call for the tightest loops; it returns the status of functions that have one,
-    else None.
+    Write the state into ``inputs`` (``f.inputs["q"][:] = q``), call ``f()``, and read the result, which is always the
+    same array. ``run`` is the bare call for the tightest loops; it returns the status (0 or 1) of a function that can
+    fail, else None.
     """
 
     __slots__ = ("_failure", "_result", "inputs", "name", "outputs", "run")
@@ -35,7 +35,7 @@ class BoundFunction:
         self.run: Callable[[], Any] = engine.bind(program.name, list(inputs.values()), list(outputs.values()))
         self._failure = program.status.message if program.status else ""
         self._result = next(iter(outputs.values()))
-        self.inputs: Mapping[str, Array] = MappingProxyType(inputs)  # other arrays in their place would go unseen
+        self.inputs: Mapping[str, Array] = MappingProxyType(inputs)  # read-only: a replaced array would not be used
         self.outputs: Mapping[str, Array] = MappingProxyType(outputs)
 
     def __repr__(self) -> str:
@@ -46,9 +46,10 @@ class BoundFunction:
         return f"<bound {self.name}: {taken} -> {given}>"
 
     def __call__(self, *values: Any) -> Array:
-        """Evaluate; ``values``, if any, are first copied into the inputs in order. Returns the (first) output array.
+        """Evaluate the function and return its first output array.
 
-        A status other than 0 raises numpy's LinAlgError, as the unbound call does.
+        ``values``, if any, are first copied into the inputs, in their order. Raises numpy.linalg.LinAlgError if the
+        status is not 0.
         """
         if values:
             for array, value in zip(self.inputs.values(), values, strict=False):

@@ -1,4 +1,4 @@
-"""C sources -> a loaded extension module: cffi's API mode, built once per content, safe under parallel builds."""
+"""Compiling C sources into an extension module with cffi (API mode), cached by content, safe for parallel builds."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ from rrrgen.cache import cache_directory, digest, keep_library, prune, recall_li
 from rrrgen.errors import BuildError, StorageError, storage_error
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-fast-math", "-fPIC")
-"""No contraction to fused multiply-adds: results then do not depend on the processor."""
+"""Flags of every build. No contraction to fused multiply-adds: results then do not depend on the processor."""
 
 CONTRACT = ("-ffp-contract=fast",)
-"""For packs of states: a fifth faster where the processor fuses, and equal to the single states to round-off."""
+"""Flag for vectorized loops over states: a fifth faster with fused multiply-adds, equal to single states to
+round-off."""
 
 NATIVE = ("-march=native", "-Wno-psabi")
-"""For this processor: packs of states then fill its widest registers. Its features become part of the cache's key."""
+"""Flags for this processor, so that vectorized loops use its widest registers. The cache key contains its features."""
 
 _loaded: dict[str, tuple[Any, Any]] = {}
 
@@ -38,10 +39,9 @@ def build_extension(
 ) -> tuple[Any, Any]:
     """Compile C ``sources`` (file name -> text) and load them; returns cffi's ``(ffi, lib)``.
 
-    ``cdef`` declares what ``lib`` offers; every header among the
-    sources is included. ``module_key`` only makes names in the cache readable. The result is cached by the content of
-    everything that enters, in this process and on disk.
-    Raises BuildError where there is no compiler, or where it refuses the code.
+    ``cdef`` declares the functions of ``lib``; every header among the sources is included. ``module_key`` makes the
+    names in the cache readable. The result is cached in this process and on disk, by the hash of sources, flags,
+    compiler and Python. Raises BuildError if the compiler is missing or rejects the code.
     """
     compiler = find_compiler()
     identity = [sys.implementation.cache_tag, platform.machine(), _cffi_version(), *compiler, _stamp(compiler[0])]
@@ -61,7 +61,7 @@ def build_extension(
 
 
 def find_compiler() -> list[str]:
-    """The C compiler's command: ``$CC``, or the first of cc, gcc, clang that is installed."""
+    """The command of the C compiler: ``$CC``, else the first of cc, gcc, clang. Raises BuildError if there is none."""
     chosen = shlex.split(os.environ.get("CC", ""))
     for command in [chosen] if chosen else [["cc"], ["gcc"], ["clang"]]:
         program = shutil.which(command[0])
@@ -85,7 +85,7 @@ def _include_directory() -> str:
 
 
 def _build(module: str, sources: Mapping[str, str], cdef: str, compile_command: list[str]) -> bytes:
-    """Compile in a directory of its own; returns the library."""
+    """Compile and link in a temporary directory; returns the bytes of the library."""
     include = _include_directory()
     with tempfile.TemporaryDirectory(dir=cache_directory(), prefix=".build-") as name:
         directory = Path(name)
@@ -95,7 +95,7 @@ def _build(module: str, sources: Mapping[str, str], cdef: str, compile_command: 
             _write_wrapper(directory / f"{module}.c", module, sources, cdef)
         except OSError as error:
             raise storage_error(directory, error) or error from error
-        # the wrapper only passes pointers on: optimising it took a third of the build and gained 1 %
+        # the wrapper only forwards pointers: optimizing it would take a third of the build time and gain 1 %
         units = {f"{module}.c": ["-O0"], **{file: [] for file in sources if file.endswith(".c")}}
         _run(
             [
@@ -111,7 +111,7 @@ def _build(module: str, sources: Mapping[str, str], cdef: str, compile_command: 
 
 
 def _write_wrapper(file: Path, module: str, sources: Mapping[str, str], cdef: str) -> None:
-    """cffi's C file, which makes the functions of ``cdef`` callable from Python."""
+    """Write the C file of cffi that makes the functions of ``cdef`` callable from Python."""
     from cffi import FFI, recompiler
 
     ffi = FFI()
@@ -121,7 +121,7 @@ def _write_wrapper(file: Path, module: str, sources: Mapping[str, str], cdef: st
 
 
 def _run(commands: list[list[str]], directory: Path) -> None:
-    """Run compiler commands side by side; the first that fails becomes a BuildError with the compiler's words."""
+    """Run compiler commands in parallel. Raises BuildError with the compiler's message for the first that fails."""
     environment = {**os.environ, "LC_ALL": "C"}
     running = [
         subprocess.Popen(command, cwd=directory, env=environment, stderr=subprocess.PIPE, text=True, errors="replace")
@@ -145,13 +145,13 @@ def _load(path: Path, module: str) -> tuple[Any, Any]:
         extension = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(extension)
     except ImportError as error:
-        path.unlink(missing_ok=True)  # a damaged file must not stay in the way of the next build
+        path.unlink(missing_ok=True)  # so that the next run builds it again
         raise BuildError(f"the built extension cannot be loaded: {error}; it was removed, please try again") from error
     return extension.ffi, extension.lib
 
 
 def _processor() -> str:
-    """The features of this processor, as far as the system tells them."""
+    """The instruction-set features of this processor, as far as the system reports them."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
@@ -166,6 +166,6 @@ def _cffi_version() -> str:
 
 
 def _stamp(program: str) -> str:
-    """Changes when the compiler is exchanged."""
+    """Size and modification time of the compiler, which change when another version is installed."""
     status = Path(program).resolve().stat()
     return f"{status.st_size} {status.st_mtime_ns}"

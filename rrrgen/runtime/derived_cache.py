@@ -1,4 +1,4 @@
-"""Derived programs, kept between runs: derivation is the slow part of loading a robot that was compiled before."""
+"""The cache of derived models: derivation is the slow part of loading a robot that was compiled before."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 
 def recall(spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel]) -> DerivedModel:
-    """``derive(spec)``, or what an earlier run of the same compiler made of the same robot.
+    """``derive(spec)``, or its cached result from an earlier run of the same compiler on the same robot.
 
-    Everything is kept but the description, which the caller has.
+    The cache holds all fields except ``spec``, which the caller has.
     """
     name = f"{spec.name}-{digest(identity.model_hash, _compiler_hash())[:24]}.derived"
     found = _load(name)
     if found is None:
         derived = derive(spec)
         found = {field.name: getattr(derived, field.name) for field in fields(derived) if field.name != "spec"}
-        # the cache may be full or read-only, and only saves time
+        # optional: the cache may be full or read-only
         with contextlib.suppress(OSError, StorageError):
             keep(name, dumps(found))
     return DerivedModel(spec=spec, **found)
@@ -42,12 +42,12 @@ def _load(name: str) -> dict[str, Any] | None:
     try:
         return None if data is None else loads(data)
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
-        return None  # not what this version writes; deriving anew replaces it
+        return None  # not the format of this version; the model is derived again and replaces it
 
 
 @cache
 def _compiler_hash() -> str:
-    """Changes with every source file of this package, with SymPy and with Python."""
+    """The hash of all source files of this package and of the versions of SymPy and Python."""
     import sympy
 
     root = Path(__file__).resolve().parents[1]

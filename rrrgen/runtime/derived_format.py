@@ -1,9 +1,9 @@
-"""Derived models as JSON: plain data, so that reading a file never runs anything that stands in it.
+"""The JSON format of derived models: pure data, so that reading a file never executes anything.
 
-Numbers, texts, None and tuples (JSON lists) are written as they are; everything else is an object with one key:
-``dict`` a list of pairs, ``ratio`` a fraction "p/q", ``expr`` an expression, ``role`` that of a port, and ``program``
-or another of :data:`RECORDS` the fields of a record. The nodes of a program are columns: operations, operands and
-values one after the other.
+Numbers, strings, None and tuples (as JSON lists) are written directly; everything else is an object with one key:
+``dict`` (a list of pairs), ``ratio`` (a fraction "p/q"), ``expr`` (an expression), ``role`` (of a port), ``program``,
+or another of :data:`RECORDS` with the list of its fields. The nodes of a program are stored as three columns:
+operations, operands and values.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ CONSTANTS: dict[str, sp.Expr] = {"pi": sp.pi}
 
 
 def dumps(values: Mapping[str, Any]) -> bytes:
-    """``values`` as JSON in UTF-8. Raises TypeError where a value has no place in the format."""
+    """``values`` as JSON in UTF-8. Raises TypeError for a value that the format cannot represent."""
     return json.dumps({name: _plain(value) for name, value in values.items()}, separators=(",", ":")).encode()
 
 
 def loads(data: bytes) -> dict[str, Any]:
-    """What :func:`dumps` was given. Raises ValueError, TypeError, LookupError or AttributeError on other data."""
+    """The inverse of :func:`dumps`. Raises ValueError, TypeError, LookupError or AttributeError on other data."""
     return {name: _value(plain) for name, plain in json.loads(data).items()}
 
 
@@ -120,7 +120,7 @@ def _node_value(plain: Any) -> Any:
 
 
 def _plain_expression(expression: sp.Basic) -> Any:
-    """A number, ``["symbol", name, assumptions]``, ``["number", "p/q"]``, or ``[function, operand, ...]``."""
+    """An int, ``["symbol", name, assumptions]``, ``["number", "p/q"]``, or ``[function, operand, ...]``."""
     if isinstance(expression, sp.Symbol):
         return ["symbol", expression.name, _assumed(expression)]
     if isinstance(expression, sp.Rational):
@@ -134,7 +134,7 @@ def _plain_expression(expression: sp.Basic) -> Any:
 
 
 def _assumed(symbol: sp.Symbol) -> dict[str, bool]:
-    """The assumptions that a symbol was made with."""
+    """The assumptions with which a symbol was created, such as real."""
     return {name: bool(value) for name, value in symbol._assumptions_orig.items() if value is not None}
 
 

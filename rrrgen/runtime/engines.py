@@ -1,4 +1,4 @@
-"""What computes: compiled C, or the reference evaluation with NumPy. Both take checked arguments only."""
+"""The engines that evaluate programs: compiled C, and the reference evaluation with NumPy."""
 
 from __future__ import annotations
 
@@ -18,26 +18,33 @@ Array = NDArray[Any]
 
 
 SMALLEST_SHARE = 2048
-"""States below which another thread costs more than it brings."""
+"""Smallest number of states per thread; with fewer, another thread costs more than it gains."""
 
 
 class Engine(Protocol):
-    """Evaluates the programs of one robot; ``threads`` is how many may work on one batch."""
+    """Evaluates the programs of one robot in ``dtype``; up to ``threads`` threads share one batch."""
 
     dtype: np.dtype[Any]
     threads: int
 
     def call(self, name: str, values: Sequence[Any]) -> Sequence[Array]:
-        """Check ``values`` and evaluate program ``name``: one array (..., *port.shape) per output."""
+        """Check ``values`` (one per input port) and evaluate the program ``name``.
+
+        Returns one array (..., *port.shape) per output, status included. Raises ValueError for wrong shapes, TypeError
+        for values that are no real numbers.
+        """
         ...
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
-        """A function without arguments that evaluates one state between fixed arrays; it returns the status or None."""
+        """A function without arguments that reads ``inputs`` and writes ``outputs``; it returns the status or None.
+
+        The arrays hold one state and are dense, of the engine's ``dtype``, and not checked again.
+        """
         ...
 
 
 class NumpyEngine:
-    """The reference evaluation: slow, needs no compiler."""
+    """The reference evaluation with NumPy: slow, but it needs no compiler."""
 
     dtype: np.dtype[Any] = np.dtype(np.float64)
 
@@ -46,13 +53,13 @@ class NumpyEngine:
         self._programs = programs
 
     def call(self, name: str, values: Sequence[Any]) -> Sequence[Array]:
-        """See :class:`Engine`."""
+        """Check ``values`` and evaluate the program ``name`` node by node; one array per output."""
         program = self._programs[name]
         _, arrays = prepare(name.removesuffix("_nominal"), program.inputs, values, self.dtype)
         return evaluate(program, *arrays)
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
-        """See :class:`Engine`."""
+        """A function that evaluates the program for the state in ``inputs`` and copies the results to ``outputs``."""
         program = self._programs[name]
         status = program.status
 
@@ -67,9 +74,11 @@ class NumpyEngine:
 
 
 class CompiledEngine:
-    """Emitted C through cffi: ``functions`` by program name, and ``loops`` over states, built when first asked for.
+    """Emitted C called through cffi.
 
-    cffi releases Python's global lock during every call, so threads run side by side.
+    ``functions`` are the C functions for one state by program name; ``loops`` returns the vectorized loops over states,
+    which are built at its first call. cffi releases the global interpreter lock during a call, so threads run in
+    parallel.
     """
 
     def __init__(
@@ -90,17 +99,17 @@ class CompiledEngine:
         }
 
     def call(self, name: str, values: Sequence[Any]) -> Sequence[Array]:
-        """See :class:`Engine`."""
+        """Check ``values`` and call the C function ``name``, or its loop for a batch; one array per output."""
         return self._calls[name](values, self.threads)
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
-        """See :class:`Engine`."""
+        """The C function with the pointers of the arrays bound to its parameters."""
         pointers = [self._ffi.from_buffer(self._pointer, array) for array in (*inputs, *outputs)]
         return functools.partial(self._functions[name], *pointers)
 
 
 class CompiledCall:
-    """One function and its loop over states with everything precomputed that does not depend on the arguments."""
+    """One C function and its loop over states; whatever does not depend on the arguments is precomputed."""
 
     def __init__(
         self,
@@ -128,7 +137,7 @@ class CompiledCall:
         self._address, self._pointer = address, pointer
 
     def __call__(self, values: Sequence[Any], threads: int = 1) -> Sequence[Array]:
-        """Check ``values`` and evaluate: one array (..., *port.shape) per output."""
+        """Check ``values`` and evaluate the function; one array (..., *port.shape) per output."""
         dense = self._dense(values) if self._plain else None
         address, pointer = self._address, self._pointer
         if dense == 0:
@@ -166,7 +175,7 @@ class CompiledCall:
         return self._loops()[self._name]
 
     def _one_state(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> None:
-        """The function itself; scalars go by value, and the status comes back."""
+        """Call the function for one state; scalars are passed by value, and the status is the return value."""
         address, pointer = self._address, self._pointer
         arguments = [address(pointer, a) if a.ndim else a.item() for a in arrays]
         arguments += [address(pointer, out) for k, out in enumerate(outputs) if k != self._status]
@@ -175,9 +184,9 @@ class CompiledCall:
             outputs[self._status][...] = status
 
     def _dense(self, values: Sequence[Any]) -> int | None:
-        """The usual calls, in which nothing has to be converted, copied or repeated.
+        """Recognizes the usual calls, whose arrays need no conversion, copy or broadcast.
 
-        0 for one state, the number of states for a batch of one dimension, None for everything else.
+        Returns 0 for one state, the number of states for a one-dimensional batch, None for everything else.
         """
         first = values[0]
         if type(first) is not np.ndarray:
@@ -200,7 +209,7 @@ class CompiledCall:
         return batch[0] or None if len(batch) == 1 else None
 
     def _share(self, count: int, threads: int, arrays: Sequence[Array], outputs: Sequence[Array]) -> None:
-        """Split a batch between threads; each writes its own rows of the outputs."""
+        """Split a batch of ``count`` states between threads, which write disjoint rows of the outputs."""
         shares = min(threads, count // SMALLEST_SHARE)
         bounds = [count * k // shares for k in range(shares + 1)]
         inputs = [

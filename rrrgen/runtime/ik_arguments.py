@@ -1,4 +1,4 @@
-"""Checked arguments of the inverse kinematics: option bits for the C, arrays of real numbers, or a clear error."""
+"""Argument checking of the inverse kinematics: option bits for the C code, arrays of real numbers, or a clear error."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LIMITS, NEAREST, RESIDUAL = 1, 2, 4
-"""Option bits of the emitted functions; see the emitted header."""
+"""Option bits of the emitted functions, as in the emitted header: respect limits, sort by distance, keep residual."""
 
 SORTS = ("branch", "nearest")
 
@@ -22,7 +22,7 @@ def options(limits: Any, sort: Any = "branch", residual: Any = False) -> int:
 
 
 def flag(name: str, value: Any) -> bool:
-    """``value`` if it is a boolean; a number would be taken for one without a word."""
+    """``value`` as a bool. Raises TypeError for anything else, such as a number passed by mistake."""
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name} must be True or False, not {value!r}")
     return bool(value)

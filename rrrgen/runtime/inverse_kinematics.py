@@ -1,4 +1,4 @@
-"""The Python face of emitted inverse kinematics: builds the C once, checks arguments, returns NumPy arrays."""
+"""The Python interface of the emitted inverse kinematics: builds the C code, checks arguments, returns NumPy arrays."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ and "incomplete" is the status with rows and without them, but for targets farth
 
 @dataclass(frozen=True)
 class IKResult:
-    """Every configuration found for one target.
+    """All solutions found for one target.
 
-    ``q`` (k, n) in rad or m; ``flags`` (k,) sums of MULTIPLE, FREE, OUTSIDE, INEXACT; ``branches`` (k,) numbers that
-    stay the same along a path without singularities (see :meth:`InverseKinematics.branch_names`); ``residual`` (k,)
-    what is left of the task error. With no row, ``status`` and ``reason`` say why and ``distance`` (m) how far the
-    target is from what can be reached (negative if unknown). The status "incomplete" says that there may be more
-    configurations than these, none perhaps.
+    ``q`` (k, n) are the configurations in rad or m; ``flags`` (k,) sums of MULTIPLE, FREE, OUTSIDE, INEXACT;
+    ``branches`` (k,) numbers that stay constant along a path without singularities
+    (:meth:`InverseKinematics.branch_names` decodes them); ``residual`` (k,) the remaining task error. Without a
+    solution, ``status`` and ``reason`` say why, and ``distance`` (m) is the distance of the target from the workspace
+    (negative if unknown). With the status "incomplete" there may be further solutions, even if none was found.
     """
 
     q: NDArray[np.float64]
@@ -53,9 +53,10 @@ class IKResult:
 
 @dataclass(frozen=True)
 class IKBatch:
-    """Solutions of a batch of targets of shape (...): ``counts`` (...) of the ``q`` (..., rows, n) are solutions.
+    """Solutions of a batch of targets of shape (...).
 
-    The rest of ``q`` is NaN. ``flags`` and ``branches`` are (..., rows); ``statuses`` and ``distances`` (...).
+    For each target the first ``counts`` (...) of the ``q`` (..., rows, n) are solutions; the rest of ``q`` is NaN.
+    ``flags`` and ``branches`` are (..., rows); ``statuses`` and ``distances`` (...).
     """
 
     q: NDArray[np.float64]
@@ -67,7 +68,11 @@ class IKBatch:
 
 
 class InverseKinematics:
-    """The compiled inverse kinematics of one robot; made by :func:`load_solver`."""
+    """The compiled inverse kinematics of one robot, created by :func:`load_solver`.
+
+    ``plan`` describes the family of the arm, ``max_solutions`` is the largest number of solutions, ``n`` the number of
+    joints.
+    """
 
     def __init__(self, emitted: Emitted, ffi: Any, lib: Any, name: str) -> None:
         self.plan: SolverPlan = emitted.plan
@@ -94,17 +99,21 @@ class InverseKinematics:
     ) -> IKResult:
         """All configurations that bring the tip to ``target``: a pose (4, 4), or a position (3,) for position solvers.
 
-        ``q_ref`` (n,) gives free angles at singular configurations, the turn that angles are taken to, and the order
-        with ``sort="nearest"``. ``limits`` leaves out rows outside the joint limits. ``redundancy`` is the prescribed
-        joint (or arm angle) of a redundant arm, by default its value in ``q_ref``. ``residual`` keeps rows that meet a
-        pose only as far as 4 or 5 joints can.
+        ``q_ref`` (n,) gives angles that are free at singular configurations, determines the full turns of angles, and
+        the order with ``sort="nearest"``. ``limits`` leaves out solutions outside the joint limits. ``redundancy`` is
+        the prescribed joint or arm angle of a redundant arm, by default its value in ``q_ref``. ``residual`` keeps
+        solutions that meet a pose only as far as 4 or 5 joints can. Raises InputError for wrong shapes, TypeError for
+        wrong types.
         """
         return self._call(self._solve, target, q_ref, options(limits, sort, residual), redundancy)
 
     def closest(
         self, target: ArrayLike, q_ref: ArrayLike | None = None, *, limits: bool = True, redundancy: float | None = None
     ) -> IKResult:
-        """The configuration nearest to ``target`` in the least-squares sense: one row, also out of reach."""
+        """The one configuration with the smallest least-squares error to ``target``, even if that is unreachable.
+
+        Arguments are as in :meth:`solve`.
+        """
         return self._call(self._closest, target, q_ref, options(limits), redundancy)
 
     def solve_batch(
@@ -116,7 +125,10 @@ class InverseKinematics:
         sort: Literal["branch", "nearest"] = "branch",
         redundancy: ArrayLike | None = None,
     ) -> IKBatch:
-        """:meth:`solve` for targets (..., 4, 4) or (..., 3) in one call of C; ``redundancy`` is (...) or one number."""
+        """All configurations for each of ``targets``, (..., 4, 4) or (..., 3), in one call of the C code.
+
+        Arguments are as in :meth:`solve`, except that ``redundancy`` is one number or one per target, (...).
+        """
         chosen = options(limits, sort)
         given_targets = real_array("targets", targets)
         core = 2 if given_targets.shape[-2:] == (4, 4) else 1
@@ -154,7 +166,10 @@ class InverseKinematics:
     def sweep(
         self, target: ArrayLike, values: ArrayLike, q_ref: ArrayLike | None = None, *, limits: bool = True
     ) -> IKBatch:
-        """The solutions of one target for many values of the redundancy parameter (N,)."""
+        """The solutions of one target for the ``values`` (N,) of the redundancy parameter, rad or m.
+
+        Raises DerivationError if the arm is not redundant.
+        """
         if not self._locked:
             raise DerivationError(f"{self._name} has no redundancy parameter")
         parameters = np.atleast_1d(real_array("values", values))
@@ -163,7 +178,7 @@ class InverseKinematics:
         return self.solve_batch(goals, q_ref, limits=limits, redundancy=parameters)
 
     def branch_names(self, branch: int) -> dict[str, int]:
-        """The parts of a branch number by name: 0 is the plus side of a two-way choice."""
+        """A branch number decoded into named choices, such as elbow; 0 is the plus side of a choice between two."""
         return {name: (int(branch) >> bit) & ((1 << bits) - 1) for name, bit, bits in self.labels}
 
     # -- arguments ----------------------------------------------------------------------------------------------------
@@ -248,7 +263,7 @@ def load_solver(spec: RobotSpec, redundancy: int | None = None) -> InverseKinema
 
 
 def _declarations(header: str) -> str:
-    """The declarations of an emitted header in the subset of C that cffi reads."""
+    """The declarations of an emitted header, reduced to the subset of C that cffi parses."""
     text = re.sub(r"/\*.*?\*/", "", header, flags=re.S)
     text = re.sub(r"#ifdef __cplusplus.*?#endif", "", text, flags=re.S)
     defined = dict(re.findall(r"#define (\w+) (\d+)", text))

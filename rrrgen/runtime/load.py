@@ -1,4 +1,4 @@
-"""A derived model -> a model that can be called: emitted, built, loaded."""
+"""From a derived model to a callable one: emit the C code, build it, load it."""
 
 from __future__ import annotations
 
@@ -29,9 +29,11 @@ def load_model(
     closed_form: Callable[[str], ClosedForm] | None = None,
     remake: Callable[[], Model] | None = None,
 ) -> Model:
-    """A callable model; ``backend="numpy"`` needs no compiler. Raises BuildError where C cannot be built.
+    """A callable model of ``derived``.
 
-    ``closed_form`` gives the closed form of a function by its name; ``remake`` makes the same model in another process.
+    ``backend`` is "c", or "numpy", which needs no compiler; ``real`` is the floating-point type of the C code.
+    ``closed_form`` returns the closed form of a function by name; ``remake`` creates the same model again, for copies
+    and other processes. Raises ValueError for unknown options, BuildError if the C code cannot be built.
     """
     if backend not in ("c", "numpy"):
         raise ValueError(f"backend must be 'c' or 'numpy', not {backend!r}")
@@ -60,7 +62,7 @@ def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> Compiled
 
 
 def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:
-    """The loops over states: an extension of its own, because it takes the C compiler longer than all the rest."""
+    """The loops over states, built as a separate extension because they take longer to compile than all the rest."""
     from rrrgen.backends.c.batches.loops import loop_declarations, loop_files, loop_name
     from rrrgen.runtime.build import CONTRACT, NATIVE, build_extension
 

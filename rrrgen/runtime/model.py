@@ -1,4 +1,8 @@
-"""The compiled robot as seen from Python: checked NumPy calls for one state or many."""
+"""The Python interface of a compiled robot: NumPy calls with checked arguments, for one state or a batch.
+
+Equation numbers (14.x) are those of Kostic, de Jager and Steinbuch, Modeling and Identification for Robot Motion
+Control, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
+"""
 
 from __future__ import annotations
 
@@ -67,7 +71,7 @@ class Model:
 
     @property
     def threads(self) -> int:
-        """How many threads share one batch (1 unless set); every call releases Python's global lock."""
+        """Number of threads that share one batch, 1 by default; calls release the global interpreter lock."""
         return self.engine.threads
 
     @threads.setter
@@ -78,7 +82,7 @@ class Model:
 
     @property
     def name(self) -> str:
-        """The robot's name, the prefix of its emitted C."""
+        """The name of the robot, which is the prefix of its emitted C symbols."""
         return self.spec.name
 
     @property
@@ -88,7 +92,7 @@ class Model:
 
     @property
     def limits(self) -> JointLimits:
-        """The limits of the robot file, each (n,), SI; -inf or inf where it is silent."""
+        """The joint limits of the robot file, each (n,), in SI units; -inf or inf where it states none."""
         each = [joint.limits for joint in self.spec.joints]
         lower = [-np.inf if one.lower is None else one.lower for one in each]
         above = {
@@ -101,7 +105,7 @@ class Model:
         return f"<rrrgen.Model {self.name}: {self._structure}, {len(self.base_parameters)} base parameters>"
 
     def _repr_html_(self) -> str:
-        """The robot for notebooks: its joints, and its base parameters with their nominal values."""
+        """HTML for notebooks: the joints, and the base parameters with their nominal values."""
         return html_summary(self)
 
     @property
@@ -109,7 +113,7 @@ class Model:
         return "".join("R" if joint.is_revolute else "P" for joint in self.spec.joints)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A model pickles and copies by its description: compiled code belongs to this process."""
+        """Pickle and copy by the description of the robot, since compiled code belongs to one process."""
         if self._remake is None:
             raise TypeError("this model was made without its description and cannot be copied; use rrrgen.compile")
         return self._remake, (), {"threads": self.threads}
@@ -144,12 +148,12 @@ class Model:
         return Kinematics(*self.engine.call("kinematics", (q,)))
 
     def jacobian_dot_dq(self, q: ArrayLike, dq: ArrayLike) -> Array:
-        """dJ/dt dq: the tip's acceleration where ddq = 0, (..., 6)."""
+        """(dJ/dt) dq, the acceleration of the tip for ddq = 0 in the base frame, linear part first, (..., 6)."""
         return self._call("jacobian_dot_dq", q, dq)
 
     @property
     def ik(self) -> InverseKinematics:
-        """The compiled inverse kinematics with all its options; DerivationError where the chain has none."""
+        """The compiled inverse kinematics with all its options. Raises DerivationError if the arm has no solver."""
         if self._ik is None:
             from rrrgen.runtime.inverse_kinematics import load_solver
 
@@ -202,7 +206,7 @@ class Model:
         return self._call_with("gravity", (q,), beta)
 
     def bias(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
-        """Bias torques c(q, dq) + g(q), what forward dynamics subtracts from tau, (..., n)."""
+        """Bias torques h = c(q, dq) + g(q), (..., n): the joint torques for ddq = 0, without friction."""
         return self._call_with("bias", (q, dq), beta)
 
     def dynamics_terms(

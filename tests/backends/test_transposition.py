@@ -1,4 +1,4 @@
-"""States between arrays and packs: every size, every width of register, dense and strided, there and back."""
+"""States between arrays and vector registers: every size and register width, dense and strided, both directions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from backends.c_tools import compiler
-from rrrgen.backends.c.batches.packs import PackSinCos
+from rrrgen.backends.c.batches.simd import SimdSinCos
 from rrrgen.backends.c.batches.transposition import SIZES, transfers
 from rrrgen.backends.c.dialect import Dialect
 
@@ -17,20 +17,20 @@ WIDTHS = {"sse2": "-msse2", "avx": "-mavx", "avx512f": "-mavx512f"}
 CHECK = """
 static int check{size}(void)
 {{
-    robot_real x[PACK_LANES*{size}], y[PACK_LANES*{size}], wide[PACK_LANES*({size} + 5)];
-    robot_pack packs[{size}], strided[{size}], same[{size}];
+    robot_real x[SIMD_LANES*{size}], y[SIMD_LANES*{size}], wide[SIMD_LANES*({size} + 5)];
+    robot_simd lanes_of[{size}], strided[{size}], same[{size}];
     int wrong = 0;
-    for (int k = 0; k < PACK_LANES*{size}; k++)
+    for (int k = 0; k < SIMD_LANES*{size}; k++)
         x[k] = (robot_real)(k + 1);
-    for (int k = 0; k < PACK_LANES*({size} + 5); k++)
+    for (int k = 0; k < SIMD_LANES*({size} + 5); k++)
         wide[k] = (robot_real)(k + 1);
-    robot_pack_in{size}(x, {size}, packs);
-    robot_pack_in{size}(wide, {size} + 5, strided);
-    robot_pack_in{size}(x, 0, same);
-    robot_pack_out{size}(packs, y);
-    for (int lane = 0; lane < PACK_LANES; lane++)
+    robot_simd_in{size}(x, {size}, lanes_of);
+    robot_simd_in{size}(wide, {size} + 5, strided);
+    robot_simd_in{size}(x, 0, same);
+    robot_simd_out{size}(lanes_of, y);
+    for (int lane = 0; lane < SIMD_LANES; lane++)
         for (int e = 0; e < {size}; e++) {{
-            wrong += packs[e][lane] != x[lane*{size} + e];
+            wrong += lanes_of[e][lane] != x[lane*{size} + e];
             wrong += strided[e][lane] != wide[lane*({size} + 5) + e];
             wrong += same[e][lane] != x[e];
             wrong += y[lane*{size} + e] != x[lane*{size} + e];
@@ -54,10 +54,10 @@ def test_numbers_arrive_in_their_places(tmp_path, real, feature, command_name):
     program = compiler(command_name)
     if not runs(feature):
         pytest.skip(f"this processor has no {feature}")
-    source = [f"typedef {real} robot_real;", PackSinCos().preamble(Dialect("robot", real))]
+    source = [f"typedef {real} robot_real;", SimdSinCos().preamble(Dialect("robot", real))]
     source += [transfers(SIZES, SIZES, "robot", "robot_real", real), *(CHECK.format(size=size) for size in SIZES)]
     calls = " + ".join(f"check{size}()" for size in SIZES)
-    source += [f"int main(void) {{ (void)robot_pack_fill; (void)robot_pack_sincos; return ({calls}) != 0; }}"]
+    source += [f"int main(void) {{ (void)robot_simd_fill; (void)robot_simd_sincos; return ({calls}) != 0; }}"]
     (tmp_path / "check.c").write_text("\n".join(source))
     command = [program, "-std=c99", "-O2", WIDTHS[feature], "-Wno-psabi", "check.c", "-lm", "-o", "check"]
     subprocess.run(command, cwd=tmp_path, check=True)

@@ -15,19 +15,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.contestants.cases import Case, dense_bodies, make_case
-from bench.contestants.contestant import (
+from bench.contenders.cases import Case, dense_bodies, make_case
+from bench.contenders.contender import (
     HAND,
-    OWN,
-    OWN_FILE,
+    OURS,
+    OURS_FILE,
     PINOCCHIO,
     TITLES,
-    Contestant,
+    Contender,
     DisagreementError,
-    Party,
+    Supplier,
     deviation,
 )
-from bench.contestants.joint_frames import joint_frames, regrouped
+from bench.contenders.joint_frames import joint_frames, regrouped
 from bench.measurements.batches import BatchTime
 from bench.measurements.growth import COMPARED, chain_text, growth
 from bench.measurements.inverse_kinematics import IKScore, ik_scores
@@ -52,7 +52,7 @@ needs_gcc = pytest.mark.skipif(not any(shutil.which(cc) for cc in ("cc", "gcc", 
 @cache
 def hand_of(robot: str) -> tuple[Case, Any]:
     """A bundled robot with few states, and the rival's functions."""
-    from bench.contestants.hand_casadi import hand_functions
+    from bench.contenders.hand_casadi import hand_functions
 
     case = few_states(make_case(load_spec(robot)))
     return case, hand_functions(joint_frames(case.chain, case.dense))
@@ -73,21 +73,21 @@ def test_the_hand_made_rival_agrees_with_newton_euler_in_every_function(robot: s
     case, hand = hand_of(robot)
     for name, function in hand.functions.items():
         values = values_of(case, function)
-        contestant = Contestant(HAND, name, values.shape[1], "", "dense", hand.parameters.get(name))
-        assert deviation(contestant, values, case) < ROUND_OFF, name
+        contender = Contender(HAND, name, values.shape[1], "", "dense", hand.parameters.get(name))
+        assert deviation(contender, values, case) < ROUND_OFF, name
 
 
 @needs_casadi
 @settings(max_examples=5, deadline=None)
 @given(n=st.integers(1, 3), seed=st.integers(0, 1000))
 def test_the_hand_made_rival_agrees_on_random_chains(n: int, seed: int) -> None:
-    from bench.contestants.hand_casadi import hand_functions
+    from bench.contenders.hand_casadi import hand_functions
 
     case = few_states(make_case(loads_spec(chain_text(n, seed), "chain.yaml"), seed))
     functions = hand_functions(joint_frames(case.chain, case.dense), ("inverse_dynamics", "mass_matrix")).functions
     for name, function in functions.items():
         values = values_of(case, function)
-        assert deviation(Contestant(HAND, name, values.shape[1], ""), values, case) < ROUND_OFF
+        assert deviation(Contender(HAND, name, values.shape[1], ""), values, case) < ROUND_OFF
 
 
 def test_regrouping_leaves_no_mass_and_keeps_the_chain_solvable() -> None:
@@ -103,7 +103,7 @@ def test_regrouping_leaves_no_mass_and_keeps_the_chain_solvable() -> None:
 @needs_casadi
 @pytest.mark.parametrize("robot", ["rrr", "puma560"])
 def test_operation_counts_of_the_rival_are_those_of_a_serious_one(robot: str) -> None:
-    from bench.contestants.hand_casadi import operations
+    from bench.contenders.hand_casadi import operations
 
     known = {  # multiplications and additions together of the best hand-written codes
         "rrr": {"inverse_dynamics": 196, "mass_matrix": 74, "regressor": 159},
@@ -121,10 +121,10 @@ def test_dense_bodies_are_possible_and_have_no_zero() -> None:
     assert np.all(bodies != 0)
 
 
-def copying_party(wrong: bool) -> Party:
-    """Two contestants that return q as gravity, the first of them off by one if ``wrong``."""
+def copying_party(wrong: bool) -> Supplier:
+    """Two contenders that return q as gravity, the first of them off by one if ``wrong``."""
     statements = "for (int i = 0; i < 2; i++) out[i] = in[i]" + (" + 1.0;" if wrong else ";")
-    return Party([Contestant("one", "gravity", 2, statements), Contestant("two", "gravity", 2, "run0(in, out);")])
+    return Supplier([Contender("one", "gravity", 2, statements), Contender("two", "gravity", 2, "run0(in, out);")])
 
 
 def copying_case() -> Case:
@@ -137,7 +137,7 @@ def copying_case() -> Case:
 @needs_gcc
 def test_growth_measures_the_compared_functions_of_every_size() -> None:
     scores, seconds = growth([1, 2], find_toolchain(("-O1",)), SHORT, 60.0, lambda case: [], lambda words: None)
-    assert [(s.robot, s.contestant.function) for s in scores] == [
+    assert [(s.robot, s.contender.function) for s in scores] == [
         (f"chain{n}", function) for n in (1, 2) for function in sorted(COMPARED, key=list(TITLES).index)
     ]
     assert len(seconds) == 2
@@ -145,7 +145,7 @@ def test_growth_measures_the_compared_functions_of_every_size() -> None:
 
 
 @needs_gcc
-def test_the_driver_times_and_counts_and_refuses_wrong_contestants() -> None:
+def test_the_driver_times_and_counts_and_refuses_wrong_contenders() -> None:
     case, toolchain = copying_case(), find_toolchain(("-O1",))
     one, two = race(case, [copying_party(wrong=False)], toolchain, SHORT)
     assert one.deviation == 0
@@ -158,10 +158,10 @@ def test_the_driver_times_and_counts_and_refuses_wrong_contestants() -> None:
 
 def results_with(own: float, hand: float, pinocchio: float) -> Results:
     results = Results("a machine", "cc -O3", {"pin": "4"}, "few rounds")
-    for label, count in ((OWN, own), (OWN_FILE, 200), (HAND, hand), (PINOCCHIO, pinocchio)):
+    for label, count in ((OURS, own), (OURS_FILE, 200), (HAND, hand), (PINOCCHIO, pinocchio)):
         operations = {"mul": 54, "add": 42, "div": 0, "sincos": 2}
-        contestant = Contestant(label, "inverse_dynamics", 3, "", operations=operations)
-        results.scores.append(Score("rrr", contestant, 1e-16, count / 10, count))
+        contender = Contender(label, "inverse_dynamics", 3, "", operations=operations)
+        results.scores.append(Score("rrr", contender, 1e-16, count / 10, count))
     results.calls = [CallTime("rrr", BOUND_RUN, 100.0), CallTime("rrr", PIN, 500.0)]
     results.batches = {"rrr": BatchTime(5.0, 20.0)}
     results.ik = [IKScore("rrr", "rrrgen", 150.0, 4.0, 700.0, 20.0), IKScore("rrr", "C by hand", 300.0, 4.0, 1000.0)]
@@ -171,8 +171,8 @@ def results_with(own: float, hand: float, pinocchio: float) -> Results:
 @needs_gcc
 def test_inverse_kinematics_by_hand_finds_the_same_four_rows() -> None:
     scores = {score.solver: score for score in ik_scores(load_spec("rrr"), find_toolchain(), SHORT)}
-    assert set(scores) == {OWN, "C by hand"}
-    assert scores[OWN].rows == scores["C by hand"].rows == 4.0  # every row was checked by forward kinematics
+    assert set(scores) == {OURS, "C by hand"}
+    assert scores[OURS].rows == scores["C by hand"].rows == 4.0  # every row was checked by forward kinematics
 
 
 def test_verdicts_compare_with_the_limits() -> None:

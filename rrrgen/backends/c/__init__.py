@@ -1,1 +1,1 @@
-"""Programs as C99 that is also C++17: readable, without state, and the same bytes every time."""
+"""The C backend: programs as C99 that is also C++17, readable, stateless and reproducible."""

@@ -1,4 +1,4 @@
-"""The C backend: everything below the output directory that is C, except what other backends print."""
+"""The C backend: header, sources and self-test of a robot."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def _nothing() -> tuple[Files, str]:
 
 @dataclass(frozen=True)
 class CBackend:
-    """Prints header, sources and self-test; ``trig`` says where sines and cosines come from.
+    """Prints header, sources and self-test; ``trig`` is the source of sines and cosines.
 
-    ``beside`` makes further C files of the robot and the text of their checks in the self-test, in the process that
-    makes the self-test: both load NumPy.
+    ``beside`` returns further C files of the robot and the text of their checks in the self-test. It is called in the
+    process that prints the self-test, since both need NumPy.
     """
 
     trig: Trig = "inline"
@@ -38,11 +38,11 @@ class CBackend:
         return self.assemble(model, identity, [task() for task in self.tasks(model, identity, real)])
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], Files]]:
-        """The sources; the self-test."""
+        """Two tasks: header and sources, and the self-test."""
         return [partial(self._sources, model, identity, real), partial(self._selftest, model, identity, real)]
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[Files]) -> Files:
-        """All files, side by side."""
+        """The union of the files of all tasks."""
         return {name: text for files in results for name, text in files.items()}
 
     def _sources(self, model: DerivedModel, identity: Identity, real: Real) -> Files:

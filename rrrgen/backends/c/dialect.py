@@ -1,4 +1,4 @@
-"""The spelling of C: the real type, literals, library functions, and names that must not be used."""
+"""The dialect of C for one robot: real type, literals, library functions, reserved names."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ modf abs hypot cbrt erf erfc gamma lgamma tgamma j0 j1 jn y0 y1 yn signbit isnan
 fmax signgam index time clock div labs main near far small linux unix i386"""
 
 RESERVED = KEYWORDS | frozenset(_LIBRARY.split())
-"""What a local variable must not be called: keywords, functions of the C library, macros of common compilers."""
+"""Names that a local variable must not have: keywords, C library functions, macros of common compilers."""
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How one robot's C is spelled: ``prefix`` of every symbol and the ``real`` type behind the one switch."""
+    """The naming and the floating-point type of one robot's C: ``prefix`` of every symbol, ``real`` type."""
 
     prefix: str
     real: Real = "double"
 
     @property
     def real_type(self) -> str:
-        """Name of the typedef."""
+        """Name of the typedef of the floating-point type."""
         return f"{self.prefix}_real"
 
     @property
@@ -37,26 +37,26 @@ class Dialect:
 
     @property
     def success(self) -> str:
-        """The enumerator of success."""
+        """The enumerator that stands for success."""
         return f"{self.macro}_OK"
 
     def failure(self, status: Status) -> str:
-        """The enumerator of a failure."""
+        """The enumerator that stands for the failure of ``status``."""
         return f"{self.macro}_{status.failure.upper().replace(' ', '_')}"
 
     def literal(self, value: Fraction | int) -> str:
-        """A constant with a cast, so that no conversion is implicit in either precision."""
+        """A constant with an explicit cast to the real type, which avoids warnings about implicit conversions."""
         return f"({self.real_type}){decimal(value, self.real)}"
 
     def function(self, name: str) -> str:
-        """Name of a function of math.h in the file's precision."""
+        """Name of the math.h function in the precision of the file, ``sin`` or ``sinf``."""
         return name if self.real == "double" else f"{name}f"
 
     def select(self, condition: str, yes: str, no: str) -> str:
-        """``yes`` where ``condition`` is positive, else ``no``."""
+        """The C expression of ``yes`` if ``condition`` is positive, else ``no``."""
         return f"({condition} > {self.literal(Fraction(0))}) ? {yes} : {no}"
 
     def sign(self, x: str) -> str:
-        """-1, 0 or 1; NaN stays NaN."""
+        """The C expression of sgn x: -1, 0 or 1; NaN stays NaN."""
         zero, one = self.literal(Fraction(0)), self.literal(Fraction(1))
         return f"({x} > {zero}) ? {one} : (({x} < {zero}) ? -{one} : {x})"

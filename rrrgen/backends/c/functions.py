@@ -1,4 +1,4 @@
-"""Header and source of functions beside the robot's model: a motion, a filter, friction."""
+"""Header and source of functions that are not part of the model: a motion, a filter, friction."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from rrrgen.version import VERSION
 def function_files(
     prefix: str, title: str, programs: Sequence[Program], real: Real, sincos: SinCos | None = None
 ) -> dict[str, str]:
-    """``<prefix>.h`` and ``<prefix>.c`` with ``<prefix>_<program>`` for every program; ``title`` says what they are.
+    """``<prefix>.h`` and ``<prefix>.c`` with the C functions ``<prefix>_<program>``; ``title`` heads the header.
 
-    The rules are those of the robot's own code: no state, no heap, no work that depends on the data.
+    As in the code of the model, functions have no state, use no heap, and take the same operations for all data.
     """
     sincos = sincos or LibmSinCos()
     dialect = Dialect(prefix, real)

@@ -1,4 +1,4 @@
-"""C as a target of the shared printer."""
+"""C as a target language of the shared printer."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _FUNCTIONS = {Op.SQRT: "sqrt", Op.ABS: "fabs", Op.EXP: "exp", Op.TANH: "tanh"}
 
 
 def print_body(program: Program, dialect: Dialect, sincos: SinCos | None = None) -> list[str]:
-    """The statements of ``program`` as lines without indentation; the last may be the return of the status."""
+    """The C statements of ``program``, one per line, unindented; the last may return the status."""
     return printing.print_body(program, CTarget(dialect, sincos or LibmSinCos()))
 
 
 @dataclass(frozen=True)
 class CTarget:
-    """C in one of its dialects, with one way to a sine and a cosine."""
+    """C in the dialect of one robot, with a strategy for sines and cosines."""
 
     dialect: Dialect
     trigonometry: SinCos
@@ -32,28 +32,28 @@ class CTarget:
         return RESERVED
 
     def literal(self, value: Fraction | int) -> str:
-        """With a cast to the real type."""
+        """A constant with a cast to the real type."""
         return self.dialect.literal(value)
 
     def declaration(self, name: str, value: str) -> str:
-        """A constant of the real type."""
+        """The declaration of a const local variable of the real type."""
         return f"const {self.dialect.real_type} {name} = {value};"
 
     def call(self, op: Op, argument: str) -> str:
-        """A function of math.h."""
+        """A call of the math.h function for ``op``."""
         return f"{self.dialect.function(_FUNCTIONS[op])}({argument})"
 
     def sign(self, x: Text) -> Text:
-        """Two comparisons."""
+        """sgn x by two comparisons."""
         return Text(self.dialect.sign(x.code), CHOICE)
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
-        """One comparison."""
+        """A conditional expression."""
         texts = condition.within(PRODUCT), positive.within(SUM), otherwise.within(SUM)
         return Text(self.dialect.select(*texts), CHOICE)
 
     def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
-        """As the strategy has it."""
+        """The statements of the strategy for the sine and the cosine of ``angle``."""
         return self.trigonometry.statements(self.dialect, angle, sine, cosine)
 
     def element(self, port: Port, element: int, output: bool = False) -> str:
@@ -63,11 +63,11 @@ class CTarget:
         return f"{port.name}[{element}]"
 
     def unused(self, port: Port) -> str:
-        """A cast to void."""
+        """A cast to void, which avoids the warning about an unused parameter."""
         return f"(void){port.name};"
 
     def outcome(self, status: Status, value: Text) -> list[str]:
-        """The return of an enumerator."""
+        """The return statement with the enumerator of success or failure."""
         half = self.dialect.literal(Fraction(1, 2))
         condition = f"{value.within(SUM)} < {half}"  # a NaN must not read as OK
         return [f"return ({condition}) ? {self.dialect.success} : {self.dialect.failure(status)};"]

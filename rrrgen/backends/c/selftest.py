@@ -1,4 +1,4 @@
-"""The self-test that runs on the target: golden vectors of the reference evaluation, and identities of mechanics."""
+"""The self-test that runs on the target: golden values from the reference evaluation, and identities of mechanics."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ TABLES = {
     Role.BASE_PARAMETERS: "beta",
     Role.DRIVE_INERTIA: "Ia",
 }
-"""Which of the self-test's tables feeds an input."""
+"""The table of the self-test from which an input of this role is read."""
 
 
 @dataclass(frozen=True)
 class Golden:
-    """One function's expected values at every state."""
+    """The expected values of one function at all states of the self-test."""
 
     name: str
     call: str  # arguments in C, for state k
@@ -51,9 +51,9 @@ class Golden:
 
 
 def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: str = "") -> dict[str, str]:
-    """``<name>_selftest.c``: returns 0 and prints a line per check, or 1.
+    """``<name>_selftest.c``, a program that prints a line per check and exits with 0, or with 1 if one fails.
 
-    ``checks`` is C text of ``static int inverse_kinematics(void)``, for a robot with ``<name>_ik.h``.
+    ``checks`` is the C text of ``static int inverse_kinematics(void)``, for a robot with ``<name>_ik.h``.
     """
     states = _states(model.spec)
     parameters = _parameters(model)
@@ -83,9 +83,9 @@ def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: 
 
 
 def _states(spec: RobotSpec) -> dict[str, Array]:
-    """Rest and motion at zero, right angles, half turns (singular for most robots), and scattered states.
+    """The states of the self-test: rest and motion at zero, right angles, half turns (singular for most), random ones.
 
-    All are multiples of 1/64, which are exact in either precision.
+    All numbers are multiples of 1/64, which are exact in float and double.
     """
     n = spec.n
     span = np.array([3.0 if joint.is_revolute else 0.5 for joint in spec.joints])
@@ -101,7 +101,7 @@ def _states(spec: RobotSpec) -> dict[str, Array]:
 
 
 def _scattered(rows: int, columns: int, seed: int = 1) -> Array:
-    """Numbers in (-1, 1) of a linear congruential generator: the same for every version of every library."""
+    """Random numbers in (-1, 1) from a linear congruential generator, independent of library versions."""
     values, state = [], seed
     for _ in range(rows * columns):
         state = (1103515245 * state + 12345) % 2**31
@@ -110,7 +110,7 @@ def _scattered(rows: int, columns: int, seed: int = 1) -> Array:
 
 
 def _parameters(model: DerivedModel) -> dict[str, Array]:
-    """phi, beta and Ia: of the robot file, or of plausible links where it has none."""
+    """The parameters phi, beta and Ia of the robot file; for plausible links if it states none."""
     links = model.spec.links
     known = [np.array(standard_parameters(link), float) for link in links or ()]
     phi = np.concatenate(known or _plausible(model.spec.n))
@@ -134,7 +134,7 @@ def _plausible(n: int) -> list[Array]:
 
 
 def _reflected(spec: RobotSpec) -> tuple[str, ...]:
-    """What coupled drives add to the mass matrix, as rows for C; empty where every joint has its own drive."""
+    """The matrix that coupled drives add to M, as rows of C numbers; empty without coupled drives."""
     terms = inertia_terms(spec) if spec.drives is not None else ()
     total = np.zeros((spec.n, spec.n))
     for term in terms:
@@ -163,7 +163,7 @@ def _evaluated(program: Program, states: dict[str, Array], parameters: dict[str,
 
 
 def _is_positive(programs: Mapping[str, Program], states: dict[str, Array], parameters: dict[str, Array]) -> bool:
-    """Whether M > 0 at the states; a robot file may hold inertias that no body has, which is a warning only."""
+    """Whether M > 0 at the states. It need not be: unphysical inertias in a robot file are only a warning."""
     if "mass_matrix" not in programs:
         return False
     (M,) = _evaluated(programs["mass_matrix"], states, parameters)
@@ -171,7 +171,7 @@ def _is_positive(programs: Mapping[str, Program], states: dict[str, Array], para
 
 
 def _twins(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
-    """Functions with a nominal twin: both calls in C and the size of the output."""
+    """Functions with a nominal specialization: both calls in C, and the size of the output."""
     twins = []
     for name, program in model.programs.items():
         twin = model.programs.get(f"{name}_nominal")
@@ -190,12 +190,12 @@ def _twins(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
 
 
 def _arguments(program: Program) -> list[str]:
-    """The inputs of a function in C: row k of the tables of states, and the vectors of parameters."""
+    """The arguments of a call in C: row k of the tables of states, and the parameter vectors."""
     return [TABLES[p.role] if p.role.is_parameter else f"{TABLES[p.role]}[k]" for p in program.inputs]
 
 
 def _rows(table: Array) -> tuple[str, ...]:
-    """One brace-enclosed row per state, broken over lines."""
+    """One C initializer in braces per state, wrapped over lines."""
     return tuple("{" + ",\n     ".join(_lines(row)) + "}" for row in table)
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Function:
-    """One emitted function, ready for the templates."""
+    """The text of one emitted function for the templates."""
 
     prototype: str
     explanation: tuple[str, ...]
@@ -34,7 +34,7 @@ class Function:
 def header_and_sources(
     model: DerivedModel, identity: Identity, dialect: Dialect, sincos: SinCos | None = None
 ) -> dict[str, str]:
-    """``<name>.h``, ``<name>.c`` and the sources beside it (:data:`BESIDE`), as far as there are functions for them."""
+    """``<name>.h``, ``<name>.c`` and the further sources (:data:`BESIDE`) for which there are functions."""
     sincos = sincos or LibmSinCos()
     programs = programs_of(model)
     functions = print_functions(programs, dialect, sincos)
@@ -62,16 +62,16 @@ def header_and_sources(
 
 
 def _failures(programs: Iterable[Program], dialect: Dialect) -> list[tuple[str, Status]]:
-    """What can go wrong in any of the functions, each once: its enumerator, numbered from 1, and what it means."""
+    """The distinct failures of all functions, as (enumerator, status), to be numbered from 1."""
     return list({dialect.failure(p.status): p.status for p in programs if p.status is not None}.items())
 
 
 BESIDE = {"_nominal": "functions with the numbers of the robot file", "_derivatives": "derivatives"}
-"""Sources of their own, for who leaves such functions out, and for compilers that run side by side."""
+"""Suffix of a separate source file -> its content. A project can leave these out, and compile them in parallel."""
 
 
 def _parts(programs: Iterable[str]) -> dict[str, list[str]]:
-    """What is added to the robot's name for a source file, and the functions in it."""
+    """Suffix of a source file ("" for the main one) -> the functions in it."""
     parts: dict[str, list[str]] = {"": []}
     for name in programs:
         stem = name.removesuffix("_nominal")
@@ -81,17 +81,17 @@ def _parts(programs: Iterable[str]) -> dict[str, list[str]]:
 
 
 def naming(dialect: Dialect, identity: Identity) -> dict[str, object]:
-    """What all templates of C know."""
+    """The variables that all C templates share."""
     return {"prefix": dialect.prefix, "macro": dialect.macro, "real": dialect.real, "identity": identity}
 
 
 def preamble(programs: Iterable[Program], dialect: Dialect, sincos: SinCos) -> str:
-    """What stands before the functions; nothing where they have no angles, as compilers warn of what is not used."""
+    """The sine and cosine kernel if any function needs it; unused, it would cause a compiler warning."""
     return sincos.preamble(dialect) if any(count_operations(program).sincos for program in programs) else ""
 
 
 def print_functions(programs: Mapping[str, Program], dialect: Dialect, sincos: SinCos) -> dict[str, Function]:
-    """Every program as prototype, explanation and body."""
+    """The prototype, comment and body of every program, by name."""
     return {
         name: Function(
             prototype=prototype(program, dialect),
@@ -109,7 +109,7 @@ def _sources(prefix: str, model: DerivedModel) -> str:
 
 
 def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: SinCos) -> list[str]:
-    """The first comment of the header: what this is, the conventions, the rules, the base parameters."""
+    """The opening comment of the header: content, conventions, rules, base parameters."""
     spec, macro = model.spec, dialect.macro
     lines = [f"{dialect.prefix}.h: {title(spec)}", ""]
     lines += [*wrapped(spec.description), ""] if spec.description else []

@@ -1,4 +1,4 @@
-"""How emitted C computes a sine and a cosine of one angle: a strategy, so that kernels can be exchanged."""
+"""Strategies for computing the sine and the cosine of one angle in emitted C."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rrrgen.backends.c.dialect import Dialect
 from rrrgen.resources import render
 
 Trig = Literal["inline", "libm"]
-"""``inline``: the kernel below, in the emitted file; ``libm``: the C library."""
+"""Source of sines and cosines: ``inline`` is the kernel below, in the emitted file; ``libm`` is the C library."""
 
 
 class SinCos(Protocol):
@@ -19,7 +19,7 @@ class SinCos(Protocol):
         ...
 
     def description(self, dialect: Dialect) -> str:
-        """For the header: where sines come from and how accurate they are."""
+        """A clause for the header: the source of sines and cosines, and their accuracy."""
         ...
 
     def statements(self, dialect: Dialect, angle: str, sine: str | None, cosine: str | None) -> list[str]:
@@ -28,7 +28,7 @@ class SinCos(Protocol):
 
 
 class LibmSinCos:
-    """Calls ``sin`` and ``cos`` of the C library (``sinf``, ``cosf``); compilers merge the pair where they can."""
+    """Calls ``sin`` and ``cos`` of the C library (``sinf``, ``cosf``); some compilers merge the pair into one call."""
 
     def preamble(self, dialect: Dialect) -> str:
         """Nothing beyond math.h."""
@@ -74,10 +74,11 @@ HALF_PI = {
     "double": ("1.57079632673412561416626", "6.07710050630396597660e-11", "2.02226624879595063154e-21"),
     "float": ("1.5703125", "4.837512969970703125e-4", "7.54978995489188216e-8"),
 }
-"""pi/2 in three parts; the first two are so short that their products with the number of quarter turns are exact."""
+"""pi/2 as a sum of three numbers; the first two have so few bits that their products with the number of quarter turns
+are exact."""
 
 ROUNDING = {"double": "6755399441055744.0", "float": "12582912.0"}
-"""1.5 * 2^52 (2^23): adding and taking it away rounds to the nearest integer."""
+"""1.5 * 2^52 (float: 1.5 * 2^23): adding and subtracting it rounds to the nearest integer."""
 
 RANGE = {"double": "1.0e6", "float": "2.0e3"}
 """Largest angle in rad for the kernel; beyond it the C library is called."""
@@ -89,8 +90,8 @@ ERROR_BOUND = {"double": 2.3e-16, "float": 1.2e-7}
 class InlineSinCos:
     """A kernel in the emitted file: Cody-Waite reduction by quarter turns and minimax polynomials, without branches.
 
-    Both results have an absolute error below :data:`ERROR_BOUND` for ``|angle| <= RANGE``; beyond, and for NaN and
-    infinities, the C library answers. It answers everything where the compiler may rearrange arithmetic.
+    Both results have an absolute error below :data:`ERROR_BOUND` for ``|angle| <= RANGE``. For larger angles, NaN and
+    infinities it calls the C library, and for all angles if the compiler may reorder arithmetic (-ffast-math).
     """
 
     def preamble(self, dialect: Dialect) -> str:
@@ -115,7 +116,7 @@ class InlineSinCos:
 
 
 def kernel_values(dialect: Dialect) -> dict[str, object]:
-    """What the kernel's template needs."""
+    """The variables of the kernel's template."""
     real = dialect.real
     return {
         "prefix": dialect.prefix,
@@ -133,5 +134,5 @@ def kernel_values(dialect: Dialect) -> dict[str, object]:
 
 
 def sincos_strategy(trig: Trig) -> SinCos:
-    """The strategy of the ``--trig`` option."""
+    """The strategy for a value of the option ``--trig``."""
     return InlineSinCos() if trig == "inline" else LibmSinCos()

@@ -1,4 +1,4 @@
-"""Derivatives of programs as programs: the Jacobian, one forward and one reverse direction, in CasADi's signatures.
+"""Derivatives of programs with CasADi's signatures: Jacobian, one forward direction, one reverse direction.
 
 CasADi looks up the derivatives of an external function ``f`` by name and calls them with fixed signatures:
 
@@ -6,8 +6,8 @@ CasADi looks up the derivatives of an external function ``f`` by name and calls 
 - ``fwd1_f(inputs, out_*, fwd_inputs)`` returns J v, one ``fwd_*`` per output;
 - ``adj1_f(inputs, out_*, adj_outputs)`` returns J' w, one ``adj_*`` per input;
 
-where ``out_*`` are the outputs of ``f`` for whoever can reuse them (nothing here does: they have no nonzeros). The
-transformations take and return a :class:`Routine`, so they nest: ``fwd1_adj1_f`` gives Hessian-vector products.
+where ``out_*`` are the outputs of ``f``, which an implementation may reuse (this one does not: they have no nonzeros).
+The transformations take and return a :class:`Routine`, so they nest: ``fwd1_adj1_f`` gives Hessian-vector products.
 
 Differentiation works on the program's nodes (:mod:`rrrgen.program.differentiate`); zeros known while recording never
 become operations, so Jacobians come out with their structural sparsity.
@@ -25,7 +25,7 @@ from rrrgen.program.differentiate import Tangent, is_zero, pull_back, record, ta
 from rrrgen.program.nodes import Node
 
 ROWS_FACTOR = 4
-"""A reverse sweep costs about this many times a forward direction that shares the sweep with others."""
+"""Approximate cost of a reverse sweep, relative to one of several forward directions computed together."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def input_place(node: Node) -> tuple[int, int]:
 
 
 def matrix_size(port: Port) -> tuple[int, int]:
-    """Rows and columns of a port in a world of matrices: (), (n,), (m, n), and (k, m, n) as k blocks on top."""
+    """Rows and columns of a port as a CasADi matrix: () is 1 x 1, (n,) n x 1, (m, n) m x n, (k, m, n) k*m x n."""
     if len(port.shape) < 2:
         return port.size, 1
     cols = port.shape[-1]
@@ -85,14 +85,14 @@ def matrix_size(port: Port) -> tuple[int, int]:
 
 
 def row_major_place(rows: int, cols: int) -> list[int]:
-    """For each entry by columns, where it stands by rows."""
+    """For each entry in column-major order, its row-major index."""
     return [r * cols + c for c in range(cols) for r in range(rows)]
 
 
 def routine(program: Program, name: str) -> Routine:
-    """``program`` in CasADi's order: dense matrices by columns.
+    """``program`` as a routine with dense, column-major matrices, CasADi's order.
 
-    Raises InternalError when the program breaks the rules of the representation.
+    Raises InternalError if the program is malformed.
     """
     program.validate()
     builder = Builder()
@@ -115,7 +115,7 @@ def routine(program: Program, name: str) -> Routine:
 def jacobian(base: Routine) -> Routine:
     """The sparse blocks d vec(output) / d vec(input), for every output (outer) and input (inner).
 
-    Written by columns (forward) or, when outputs are few, by rows (reverse), whichever takes less arithmetic.
+    Computed by columns in forward mode, or by rows in reverse mode if there are few outputs.
     """
     builder = Builder()
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs)]
@@ -171,7 +171,7 @@ def _block(out: Matrix, row: Sequence[Tangent], source: Matrix, offset: int) -> 
 
 
 def forward(base: Routine) -> Routine:
-    """The directional derivative J v."""
+    """The routine of the directional derivative J v, for one vector v."""
     builder = Builder()
     seeds = [m.renamed("fwd_") for m in base.inputs]
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs), *seeds]
@@ -185,7 +185,7 @@ def forward(base: Routine) -> Routine:
 
 
 def reverse(base: Routine) -> Routine:
-    """The adjoint derivative J' w."""
+    """The routine of the adjoint derivative J' w, for one vector w."""
     builder = Builder()
     seeds = [m.renamed("adj_") for m in base.outputs]
     inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs), *seeds]

@@ -47,9 +47,9 @@ DERIVATIVES: dict[str, tuple[str, ...]] = {
 }
 """Functions that the C file contains and the derivatives that come with them.
 
-A ``_nominal`` twin has the derivatives of its original. Second derivatives, which exact Hessians need, are left to the
-twin where there is one: with the parameters as inputs they are the largest part of the file and hardly ever wanted, and
-the rebuilt module has them anyway.
+A ``_nominal`` specialization has the derivatives of its general function. If there is one, it alone has the second
+derivatives, which exact Hessians need: with the parameters as inputs these would be the largest part of the file and
+are hardly ever needed. The Python module can compute them in any case.
 """
 
 
@@ -77,7 +77,7 @@ def _notice(identity: Identity) -> tuple[str, ...]:
 
 
 def casadi_programs(model: DerivedModel) -> dict[str, Program]:
-    """Public name -> program of everything the CasADi side offers: the model's, and smooth twins where sgn occurs."""
+    """Public name -> program of all CasADi functions: those of the model, and smooth variants of those with sgn."""
     programs: dict[str, Program] = {}
     for name, program in model.programs.items():
         programs[name] = program

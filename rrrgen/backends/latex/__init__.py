@@ -1,4 +1,4 @@
-"""Closed forms for people: LaTeX and plain text."""
+"""Closed forms as LaTeX and as plain text."""
 
 from rrrgen.backends.latex.layout import Display, Equation, lay_out, trig_abbreviates
 from rrrgen.backends.latex.notation import GREEK, Notation, Quantity, notation, quantity

@@ -1,8 +1,8 @@
-"""Laying closed forms out as equations of readable size, before any markup.
+"""The layout of closed forms as equations of readable size, before any markup.
 
-A matrix whose entries are all short stays a matrix. Otherwise its entries become equations of their own, zeros and
-the mirrored half of a symmetric matrix left out and said so. Expressions that share much are written through common
-subexpressions first.
+A matrix whose entries are all short is shown as a matrix. Otherwise every entry becomes an equation; zeros and the
+lower triangle of a symmetric matrix are left out, and a remark says so. Long quantities are written with common
+subexpressions.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import sympy as sp
 
 from rrrgen.backends.latex.notation import Quantity, quantity
 
-ENTRY_LIMIT = 12  # operations in an entry of a matrix that is still written as a matrix
-COLUMNS_LIMIT = 6  # and its number of columns
-CSE_LIMIT = 400  # operations of a quantity from which common subexpressions are given names
+ENTRY_LIMIT = 12  # largest number of operations of an entry in a quantity shown as a matrix
+COLUMNS_LIMIT = 6  # largest number of columns of such a matrix
+CSE_LIMIT = 400  # operations of a quantity beyond which common subexpressions get names
 SHARED = "t"  # the letter of common subexpressions
 
 

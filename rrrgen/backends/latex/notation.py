@@ -64,7 +64,7 @@ def short_angle(angle: sp.Expr) -> str | None:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a function of the model computes: its letter and its arguments."""
+    """The notation of a model function: letter, arguments and meaning."""
 
     letter: str
     arguments: tuple[str, ...]
@@ -99,5 +99,5 @@ QUANTITIES = {
 
 
 def quantity(name: str) -> Quantity:
-    """The letter of a function of the model; an unknown name stands for itself."""
+    """The notation of a model function; an unknown name is its own letter."""
     return QUANTITIES.get(name, Quantity(name, (), name.replace("_", " ")))

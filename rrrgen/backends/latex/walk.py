@@ -1,4 +1,4 @@
-"""One walk over an exact expression, any markup: LaTeX, plain text, MathML."""
+"""Writing an exact expression in any markup: LaTeX, plain text, MathML."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 
 
 class Markup(Protocol):
-    """How the parts of a formula are written."""
+    """A markup language: how each part of a formula is written."""
 
     def symbol(self, parts: Notation) -> str:
         """A letter with dots and subscript."""
@@ -55,9 +55,9 @@ class Markup(Protocol):
 
 
 def decimal_text(value: sp.Rational) -> str | None:
-    """An integer, or a decimal fraction that a robot file would contain; None for what reads better as p/q.
+    """``value`` as an integer or a decimal fraction; None if p/q is easier to read.
 
-    Simple fractions stay fractions; expansions that do not end, or are very long, are shown to 12 digits.
+    Simple fractions stay fractions; infinite or very long decimal expansions are shown to 12 digits.
     """
     if value.q == 1:
         return str(value.p)
@@ -71,7 +71,7 @@ def decimal_text(value: sp.Rational) -> str | None:
 
 
 def _with_decimals_inside(product: sp.Expr) -> sp.Expr:
-    """``0.025*(13*c1 + 11*c12)`` as ``0.325*c1 + 0.275*c12``: the numbers of the robot file come back."""
+    """``0.025*(13*c1 + 11*c12)`` as ``0.325*c1 + 0.275*c12``, which shows the numbers of the robot file."""
     number, rest = product.as_coeff_Mul()
     if number.q == 1 or decimal_text(number) is None:
         return product
@@ -84,7 +84,7 @@ def _with_decimals_inside(product: sp.Expr) -> sp.Expr:
 
 
 def _by_parameters(term: sp.Expr) -> list[tuple[str, int]]:
-    """Terms with the same parameters stand together, p9 before p10."""
+    """The sort key of a term: groups terms with the same parameters, with p9 before p10."""
     names = [str(symbol) for symbol in term.free_symbols]
     numbered = [re.fullmatch(r"(.*?)(\d*)", name) for name in names if not re.fullmatch(r"d{0,2}q\d+", name)]
     return sorted(((match[1], int(match[2] or 0)) for match in numbered if match), reverse=True)

@@ -1,10 +1,10 @@
-"""Loops over many states, for the extension that Python loads; they are not part of the emitted library."""
+"""Vectorized loops over many states, for the extension that Python loads; not part of the emitted library."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from rrrgen.backends.c.batches.packs import STATUS_LANES, pack_functions, pack_name
+from rrrgen.backends.c.batches.simd import STATUS_LANES, simd_functions, simd_name
 from rrrgen.backends.c.batches.transposition import SIZES, transfers
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import function_name
@@ -12,7 +12,7 @@ from rrrgen.program import Program
 
 
 def loop_name(program: Program, dialect: Dialect) -> str:
-    """The loop over ``program``."""
+    """The name of the C function that evaluates ``program`` for many states."""
     return f"{dialect.prefix}_loop_{program.name}"
 
 
@@ -24,7 +24,7 @@ def loop_files(programs: Iterable[Program], dialect: Dialect) -> dict[str, str]:
     """
     programs = list(programs)
     header, source = [], [f'#include "{dialect.prefix}_loops.h"', ""]
-    source += [pack_functions({program.name: program for program in programs}, dialect)]
+    source += [simd_functions({program.name: program for program in programs}, dialect)]
     taken = {port.size for program in programs for port in program.inputs}.intersection(SIZES)
     given = {port.size for program in programs for port in program.data_outputs}.intersection(SIZES)
     source += [transfers(taken, given, dialect.prefix, dialect.real_type, dialect.real)]
@@ -41,13 +41,13 @@ def loop_files(programs: Iterable[Program], dialect: Dialect) -> dict[str, str]:
 
 
 def loop_declarations(programs: Iterable[Program], dialect: Dialect) -> str:
-    """What cffi must know of the loops."""
+    """The declarations of the loops for cffi."""
     loops = [_loop_signature(program, dialect).replace(dialect.real_type, dialect.real) for program in programs]
     return "\n".join(f"{loop};" for loop in loops)
 
 
 def declarations(programs: Iterable[Program], dialect: Dialect) -> str:
-    """What cffi must know of the functions for one state, with plain pointers and without enums."""
+    """The declarations of the functions for one state for cffi, with plain pointers and without enums."""
     lines = []
     for program in programs:
         inputs = [f"const {dialect.real} *" if port.shape else dialect.real for port in program.inputs]
@@ -68,73 +68,73 @@ def _loop_signature(program: Program, dialect: Dialect) -> str:
 
 def _loop_body(program: Program, dialect: Dialect) -> list[str]:
     return [
-        "if (count < PACK_LANES) {",
+        "if (count < SIMD_LANES) {",
         *(f"    {line}" for line in _few_states(program, dialect)),
         "    return;",
         "}",
-        "for (long long k = 0; k < count; k += PACK_LANES) {",
-        "    if (k > count - PACK_LANES)",
-        "        k = count - PACK_LANES; /* once more over some states, so that all are computed alike */",
-        *(f"    {line}" for line in _pack_body(program, dialect)),
+        "for (long long k = 0; k < count; k += SIMD_LANES) {",
+        "    if (k > count - SIMD_LANES)",
+        "        k = count - SIMD_LANES; /* once more over some states, so that all are computed alike */",
+        *(f"    {line}" for line in _simd_body(program, dialect)),
         "}",
     ]
 
 
 def _few_states(program: Program, dialect: Dialect) -> list[str]:
-    """A batch that fills no pack: its last state is repeated until it does."""
+    """The code for fewer states than a register has lanes: the last state is repeated to fill it."""
     real = dialect.real_type
     few: list[str] = []
-    arguments = ["PACK_LANES"]
+    arguments = ["SIMD_LANES"]
     for port in program.inputs:
         few += [
-            f"{real} {port.name}_few[PACK_LANES*{port.size}];",
-            f"{dialect.prefix}_pack_fill({port.name}, {port.name}_step, count, {port.size}, {port.name}_few);",
+            f"{real} {port.name}_few[SIMD_LANES*{port.size}];",
+            f"{dialect.prefix}_simd_fill({port.name}, {port.name}_step, count, {port.size}, {port.name}_few);",
         ]
         arguments += [f"{port.name}_few", f"{port.size}"]
     outputs = [("int", "status", 1)] if program.status else []
     outputs += [(real, port.name, port.size) for port in program.data_outputs]
-    few += [f"{kind} {name}_few[PACK_LANES*{size}];" for kind, name, size in outputs]
+    few += [f"{kind} {name}_few[SIMD_LANES*{size}];" for kind, name, size in outputs]
     arguments += [f"{name}_few" for _, name, _ in outputs]
     few.append(f"{loop_name(program, dialect)}({', '.join(arguments)});")
     few += [f"memcpy({name}, {name}_few, (size_t)count*{size}*sizeof *{name});" for _, name, size in outputs]
     return ["if (count <= 0)", "    return;", *few]
 
 
-def _pack_body(program: Program, dialect: Dialect) -> list[str]:
-    """Gather one state per lane, evaluate the pack, scatter the results."""
-    pack = f"{dialect.prefix}_pack"
+def _simd_body(program: Program, dialect: Dialect) -> list[str]:
+    """The code that gathers one state per lane, evaluates all lanes, and scatters the results."""
+    simd = f"{dialect.prefix}_simd"
     lines: list[str] = []
     arguments: list[str] = []
     for port in program.inputs:
         first, step = f"{port.name} + k*{port.name}_step", f"{port.name}_step"
-        lines.append(f"{pack} {port.name}_pack[{port.size}];")
+        lines.append(f"{simd} {port.name}_simd[{port.size}];")
         if port.size in SIZES:
-            lines.append(f"{pack}_in{port.size}({first}, {step}, {port.name}_pack);")
+            lines.append(f"{simd}_in{port.size}({first}, {step}, {port.name}_simd);")
         else:
-            lines += _each(port.size, f"{port.name}_pack[{{0}}] = ({pack})PACK_GATHER({first} + {{0}}, {step});")
-        arguments.append(f"{port.name}_pack" if port.shape else f"{port.name}_pack[0]")
+            lines += _each(port.size, f"{port.name}_simd[{{0}}] = ({simd})SIMD_GATHER({first} + {{0}}, {step});")
+        arguments.append(f"{port.name}_simd" if port.shape else f"{port.name}_simd[0]")
     stores: list[str] = []
     for k, port in enumerate(program.outputs):
         if program.is_status(k):
-            lines.append(f"{pack} {STATUS_LANES}_pack[1];")
-            arguments.append(f"{STATUS_LANES}_pack")
+            lines.append(f"{simd} {STATUS_LANES}_simd[1];")
+            arguments.append(f"{STATUS_LANES}_simd")
             stores += [
-                "for (int lane = 0; lane < PACK_LANES; lane++)",  # a NaN must not read as ok
-                f"    status[k + lane] = ({STATUS_LANES}_pack[0][lane] < ({dialect.real_type})0.5) ? 0 : 1;",
+                "for (int lane = 0; lane < SIMD_LANES; lane++)",  # a NaN must not read as ok
+                f"    status[k + lane] = ({STATUS_LANES}_simd[0][lane] < ({dialect.real_type})0.5) ? 0 : 1;",
             ]
             continue
-        lines.append(f"{pack} {port.name}_pack[{port.size}];")
-        arguments.append(f"{port.name}_pack")
+        lines.append(f"{simd} {port.name}_simd[{port.size}];")
+        arguments.append(f"{port.name}_simd")
         place = f"{port.name} + k*{port.size}"
         if port.size in SIZES:
-            stores.append(f"{pack}_out{port.size}({port.name}_pack, {place});")
+            stores.append(f"{simd}_out{port.size}({port.name}_simd, {place});")
             continue
-        stores += _each(port.size, f"PACK_SCATTER({place} + {{0}}, {port.size}, {port.name}_pack[{{0}}]);")
-    return [*lines, f"{pack_name(program, dialect)}({', '.join(arguments)});", *stores]
+        stores += _each(port.size, f"SIMD_SCATTER({place} + {{0}}, {port.size}, {port.name}_simd[{{0}}]);")
+    return [*lines, f"{simd_name(program, dialect)}({', '.join(arguments)});", *stores]
 
 
 def _each(size: int, statement: str) -> list[str]:
-    """The statement for every element, in a loop: written out, many elements take the C compiler twice as long."""
+    """``statement`` for every element, as a C loop: unrolled, it would take twice as long to compile."""
     if size == 1:
         return [statement.format(0)]
     return [f"for (int element = 0; element < {size}; element++)", f"    {statement.format('element')}"]

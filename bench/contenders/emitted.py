@@ -1,4 +1,4 @@
-"""rrrgen's own emitted C as contestants."""
+"""rrrgen's emitted C as contenders."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.contestants.cases import Case, Numbers
-from bench.contestants.contestant import OWN, OWN_FILE, OWN_LIBM, TITLES, Contestant, Party
+from bench.contenders.cases import Case, Numbers
+from bench.contenders.contender import OURS, OURS_FILE, OURS_LIBM, TITLES, Contender, Supplier
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.trigonometry import sincos_strategy
@@ -20,45 +20,47 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
 
 PLACES = {Role.POSITION: 0, Role.VELOCITY: 1, Role.ACCELERATION: 2, Role.TORQUE: 2, Role.COVECTOR: 3}
-"""Where inputs stand in a state, in multiples of n."""
+"""Offset of each input in a state, in multiples of n."""
 
 
-def own_party(case: Case, derived: DerivedModel, libm: bool = True) -> Party:
+def emitted_contenders(case: Case, derived: DerivedModel, libm: bool = True) -> Supplier:
     """Every compared function with base parameters at run time and with the file's numbers folded in.
 
     With the C library's sines instead of the inline kernel only inverse dynamics takes part.
     """
-    party = Party([])
-    _add(party, case, derived, OWN, "inline", "", list(TITLES))
+    group = Supplier([])
+    _add(group, case, derived, OURS, "inline", "", list(TITLES))
     if libm:
-        _add(party, case, derived, OWN_LIBM, "libm", "_libm", ["inverse_dynamics"])
-    return party
+        _add(group, case, derived, OURS_LIBM, "libm", "_libm", ["inverse_dynamics"])
+    return group
 
 
-def _add(party: Party, case: Case, derived: DerivedModel, label: str, trig: Trig, tag: str, names: list[str]) -> None:
+def _add(
+    group: Supplier, case: Case, derived: DerivedModel, label: str, trig: Trig, tag: str, names: list[str]
+) -> None:
     name = derived.name
     prefix = f"{name}{tag}"
     files = header_and_sources(derived, identify(derived.spec), Dialect(name, "double"), sincos_strategy(trig))
     for file, text in files.items():
         renamed = text.replace(f"{name}_", f"{prefix}_").replace(f"{name}.h", f"{prefix}.h") if tag else text
-        party.sources[file.replace(name, prefix, 1)] = renamed
-    party.declarations += f'#include "{prefix}.h"\n' + _constants(case, derived, prefix)
+        group.sources[file.replace(name, prefix, 1)] = renamed
+    group.declarations += f'#include "{prefix}.h"\n' + _constants(case, derived, prefix)
     for function in names:
         for suffix, numbers in _variants(label, function, derived):
-            shown = OWN_FILE if suffix else label
+            shown = OURS_FILE if suffix else label
             program = derived.programs.get(function + suffix)  # of long chains only some functions are derived
             if program is not None:
-                party.contestants.append(_contestant(case, derived, prefix, shown, function, program, numbers))
+                group.contenders.append(_contender(case, derived, prefix, shown, function, program, numbers))
 
 
 def _variants(label: str, function: str, derived: DerivedModel) -> list[tuple[str, Numbers]]:
-    with_twin = label == OWN and f"{function}_nominal" in derived.programs
-    return [("", "dense"), ("_nominal", "file")] if with_twin else [("", "dense")]
+    with_nominal = label == OURS and f"{function}_nominal" in derived.programs
+    return [("", "dense"), ("_nominal", "file")] if with_nominal else [("", "dense")]
 
 
-def _contestant(
+def _contender(
     case: Case, derived: DerivedModel, prefix: str, label: str, function: str, program: Program, numbers: Numbers
-) -> Contestant:
+) -> Contender:
     arguments = [
         f"in + {PLACES[port.role] * case.n}" if port.role in PLACES else f"{prefix}_{port.name}_values"
         for port in program.inputs
@@ -71,7 +73,7 @@ def _contestant(
     count = count_operations(program)
     operations = {key: getattr(count, key) for key in ("mul", "add", "div", "sincos")}
     statement = f"(void){call}" if program.status else call
-    return Contestant(label, function, filled, statement, numbers, _multiplied(case, derived, function), operations)
+    return Contender(label, function, filled, statement, numbers, _multiplied(case, derived, function), operations)
 
 
 def _multiplied(case: Case, derived: DerivedModel, function: str) -> Array | None:

@@ -1,4 +1,4 @@
-"""The rivals that are installed, as contestants."""
+"""The installed rivals as contenders: hand-written CasADi and Pinocchio."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.contestants.cases import Case, Numbers
-from bench.contestants.contestant import HAND, HAND_FILE, PINOCCHIO, Contestant, Party
+from bench.contenders.cases import Case, Numbers
+from bench.contenders.contender import HAND, HAND_FILE, PINOCCHIO, Contender, Supplier
 from bench.templates import source
 from rrrgen.verify.references.chain import Array, centre_and_tensor
 
@@ -27,40 +27,40 @@ _INPUTS = {
     "regressor_transpose": (0, 1, 2, 3),
 }
 _WITH_BODIES = ("inverse_dynamics", "mass_matrix", "bias", "gravity", "forward_dynamics")
-"""Functions with numbers of bodies in them: only they differ between two sets of numbers."""
+"""Functions that depend on inertias; only these are built again for the second set of numbers."""
 
 
-def hand_party(case: Case, names: Collection[str] | None = None) -> Party | None:
+def hand_contenders(case: Case, names: Collection[str] | None = None) -> Supplier | None:
     """The hand-made CasADi code with dense numbers, and with the file's; None without CasADi or with sliding joints."""
     if util.find_spec("casadi") is None or not all(case.chain.revolute):
         return None
-    party = Party([])
-    _add_hand(party, case, HAND, "dense", "", names)
+    group = Supplier([])
+    _add_hand(group, case, HAND, "dense", "", names)
     if case.file is not None:
-        _add_hand(party, case, HAND_FILE, "file", "_file", names or _WITH_BODIES)
-    return party
+        _add_hand(group, case, HAND_FILE, "file", "_file", names or _WITH_BODIES)
+    return group
 
 
-def _add_hand(party: Party, case: Case, label: str, numbers: Numbers, tag: str, names: Collection[str] | None) -> None:
-    from bench.contestants import hand_casadi
-    from bench.contestants.joint_frames import joint_frames
+def _add_hand(
+    group: Supplier, case: Case, label: str, numbers: Numbers, tag: str, names: Collection[str] | None
+) -> None:
+    from bench.contenders import hand_casadi
+    from bench.contenders.joint_frames import joint_frames
 
     hand = hand_casadi.hand_functions(joint_frames(case.chain, case.phi(numbers)), names)
     # CasADi guards its helper macros itself; only the exported names have to differ between the two files
-    party.sources[f"hand{tag}.c"] = hand_casadi.c_source(hand).replace("hand_", f"hand{tag}_")
+    group.sources[f"hand{tag}.c"] = hand_casadi.c_source(hand).replace("hand_", f"hand{tag}_")
     for name, function in hand.functions.items():
         symbol = f"hand{tag}_{name}"
-        party.declarations += f"int {symbol}(const double **, double **, long long int *, double *, int);\n"
+        group.declarations += f"int {symbol}(const double **, double **, long long int *, double *, int);\n"
         inputs = ", ".join(f"in + {place * case.n}" for place in _INPUTS[name])
         statements = f"const double *arg[] = {{{inputs}}}; double *res[] = {{out}}; {symbol}(arg, res, 0, 0, 0);"
         outputs = int(function.numel_out(0))
         counts = hand_casadi.operations(function)
-        party.contestants.append(
-            Contestant(label, name, outputs, statements, numbers, hand.parameters.get(name), counts)
-        )
+        group.contenders.append(Contender(label, name, outputs, statements, numbers, hand.parameters.get(name), counts))
 
 
-def pinocchio_party(case: Case) -> Party | None:
+def pinocchio_contenders(case: Case) -> Supplier | None:
     """Pinocchio's headers with dense bodies; None where its wheel or Eigen's headers are missing."""
     includes = pinocchio_includes()
     if includes is None or not all(case.chain.revolute):
@@ -70,19 +70,19 @@ def pinocchio_party(case: Case) -> Party | None:
         "inverse_dynamics": n, "bias": n, "gravity": n, "forward_dynamics": n, "mass_matrix": n * n,
         "coriolis_matrix": n * n, "standard_regressor": 10 * n * n, "kinematics": 16 + 6 * n,
     }  # fmt: skip
-    party = Party([], cpp=("pinocchio.cpp", source("pinocchio.cpp"), includes))
+    group = Supplier([], cpp=("pinocchio.cpp", source("pinocchio.cpp"), includes))
     joints, bodies, tool = _joint_frame_bodies(case)
-    party.declarations = (
+    group.declarations = (
         _array("pinocchio_joints", joints) + _array("pinocchio_bodies", bodies) + _array("pinocchio_tool", tool)
     )
-    party.declarations += _array("pinocchio_acceleration", case.chain.gravity)
-    party.declarations += "void pinocchio_setup(int, const double *, const double *, const double *, const double *);\n"
-    party.setup = f"pinocchio_setup({n}, pinocchio_joints, pinocchio_bodies, pinocchio_tool, pinocchio_acceleration);"
+    group.declarations += _array("pinocchio_acceleration", case.chain.gravity)
+    group.declarations += "void pinocchio_setup(int, const double *, const double *, const double *, const double *);\n"
+    group.setup = f"pinocchio_setup({n}, pinocchio_joints, pinocchio_bodies, pinocchio_tool, pinocchio_acceleration);"
     for name, size in outputs.items():
-        party.declarations += f"void pinocchio_{name}(const double *, double *);\n"
+        group.declarations += f"void pinocchio_{name}(const double *, double *);\n"
         parameters = _body_parameters(bodies) if name == "standard_regressor" else None
-        party.contestants.append(Contestant(PINOCCHIO, name, size, f"pinocchio_{name}(in, out);", "dense", parameters))
-    return party
+        group.contenders.append(Contender(PINOCCHIO, name, size, f"pinocchio_{name}(in, out);", "dense", parameters))
+    return group
 
 
 def pinocchio_includes() -> tuple[str, ...] | None:
@@ -129,7 +129,7 @@ def _array(name: str, values: Array) -> str:
 
 
 def installed_versions() -> dict[str, str]:
-    """Versions of the peers, for the report."""
+    """Versions of the installed rivals, for the report."""
     names = ("pin", "casadi", "EAIK", "ssik", "sympybotics")
     versions = {}
     for name in names:

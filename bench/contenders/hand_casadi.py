@@ -1,7 +1,7 @@
-"""The strongest thing a user can write by hand: Newton-Euler and composite bodies in CasADi, every number folded.
+"""The strongest code a user can write by hand: Newton-Euler and composite bodies in CasADi with all numbers folded in.
 
-Joint frames, pseudo-inertia form ``N = vex(U E - (U E)')`` with ``U = [dw]x + [w]x [w]x``, regrouped inertias (m, hz
-and Ezz of every link are zero). CasADi turns the expressions into C.
+It works in joint frames, with the pseudo-inertia form ``N = vex(U E - (U E)')``, ``U = [dw]x + [w]x [w]x``, and with
+regrouped inertias (m, hz and Ezz of every link are zero). CasADi generates the C code.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.contestants.joint_frames import JointFrames, JointRow, regrouped
+from bench.contenders.joint_frames import JointFrames, JointRow, regrouped
 from rrrgen.verify.references.chain import Array
 
 Vector = tuple[Any, Any, Any]
@@ -25,14 +25,14 @@ BASE_COLUMNS = 7
 
 @dataclass(frozen=True)
 class HandFunctions:
-    """CasADi functions by name, and the parameters that their regressors multiply, by name."""
+    """CasADi functions by name, and for regressors, by name, the parameters that they multiply."""
 
     functions: dict[str, Any]
     parameters: dict[str, Array]
 
 
 def hand_functions(frames: JointFrames, names: Collection[str] | None = None) -> HandFunctions:
-    """The functions of the rival for one robot with its numbers folded in; all of them, or those in ``names``."""
+    """The functions for one robot with its numbers folded in: those in ``names``, or all."""
     import casadi as ca
 
     arm = HandArm(frames, regrouped(frames))
@@ -71,7 +71,7 @@ def hand_functions(frames: JointFrames, names: Collection[str] | None = None) ->
 
 
 def _with_derivatives(values: list[Any], inputs: tuple[Any, ...]) -> list[Any]:
-    """Values and CasADi's derivatives of them, each matrix by rows."""
+    """``values`` followed by their derivatives with respect to each input, each matrix row-major."""
     import casadi as ca
 
     column = ca.vertcat(*values)
@@ -79,7 +79,7 @@ def _with_derivatives(values: list[Any], inputs: tuple[Any, ...]) -> list[Any]:
 
 
 class HandArm:
-    """The recursions over one arm, on CasADi's scalars."""
+    """The recursions for one arm with CasADi's scalars."""
 
     def __init__(self, frames: JointFrames, inertias: Array) -> None:
         self.frames = frames
@@ -94,7 +94,7 @@ class HandArm:
         return len(self.rows)
 
     def _outward(self, q: Any, dq: Any, ddq: Any) -> tuple[list[Turn], list[list[Vector]], list[Vector]]:
-        """Turns, U and the acceleration of the origin (gravity included) of every link."""
+        """For every link the joint transform, U, and the acceleration of the origin (gravity included)."""
         g = self.frames.gravity
         w, dw, a = ZERO, ZERO, (-float(g[0]), -float(g[1]), -float(g[2]))
         U: list[Vector] = [ZERO, ZERO, ZERO]
@@ -111,7 +111,7 @@ class HandArm:
         return turns, us, accelerations
 
     def inverse_dynamics(self, q: Any, dq: Any, ddq: Any) -> list[Any]:
-        """Torques; ``ddq=None`` gives the bias torques."""
+        """The joint torques (n,); with ``ddq=None`` the bias torques."""
         turns, us, accelerations = self._outward(q, dq, ddq)
         f, moment = ZERO, ZERO
         tau: list[Any] = [0.0] * self.n
@@ -129,7 +129,7 @@ class HandArm:
         return tau
 
     def gravity(self, q: Any) -> list[Any]:
-        """Gravity torques through first moments of composite bodies, whose mass is zero."""
+        """The gravity torques (n,) from the first moments of composite bodies, whose regrouped mass is zero."""
         turns = turns_of(self.rows, q)
         a = (-float(self.frames.gravity[0]), -float(self.frames.gravity[1]), -float(self.frames.gravity[2]))
         accelerations = []
@@ -144,7 +144,7 @@ class HandArm:
         return tau
 
     def mass_matrix(self, q: Any) -> list[list[Any]]:
-        """M from composite bodies; only the lower half is computed."""
+        """M (n, n) from composite bodies; only the lower triangle is computed."""
         turns = turns_of(self.rows, q)
         M: list[list[Any]] = [[0.0] * self.n for _ in range(self.n)]
         E, h = (0.0,) * 6, ZERO
@@ -177,7 +177,7 @@ class HandArm:
         return pose + [v[k] for k in range(3) for v in linear] + [z[k] for k in range(3) for z in axes]
 
     def regressor(self, q: Any, dq: Any, ddq: Any, standard: bool) -> list[list[Any]]:
-        """Rows of Y: virtual power of axis i on the wrench of every parameter of link j >= i."""
+        """The rows of Y: power of the wrench of every parameter of link j for a unit rate of joint i <= j."""
         turns, us, accelerations = self._outward(q, dq, ddq)
         columns = [
             (_standard_columns if standard else _base_columns)(U, a) for U, a in zip(us, accelerations, strict=True)
@@ -194,7 +194,7 @@ class HandArm:
         return self._drop(Y, width)
 
     def regressor_transpose(self, q: Any, dq: Any, ddq: Any, e: Any) -> list[Any]:
-        """Y' e in one pass: all axes at once, weighted with e."""
+        """Y' e in one pass, with the joint axes weighted by e and summed."""
         turns, us, accelerations = self._outward(q, dq, ddq)
         axis, lever, r = ZERO, ZERO, []
         for j, turn in enumerate(turns):
@@ -204,7 +204,7 @@ class HandArm:
         return self._drop([r], BASE_COLUMNS)[0]
 
     def _drop(self, Y: list[list[Any]], width: int) -> list[list[Any]]:
-        """Without the columns of link 1 that do not act; link 1 keeps its moment about the axis."""
+        """``Y`` without the columns of link 1 that have no effect; only its moment about the axis stays."""
         if width != BASE_COLUMNS or not self._first_is_reduced():
             return Y
         return [[row[2], *row[BASE_COLUMNS:]] for row in Y]
@@ -213,12 +213,12 @@ class HandArm:
         return not np.any(np.delete(self._used[0], 2))
 
     def base_parameters(self) -> Array:
-        """What :meth:`regressor` multiplies."""
+        """The base parameters, which :meth:`regressor` multiplies to give torques."""
         first = self._used[0][2:3] if self._first_is_reduced() else self._used[0]
         return np.concatenate([first, *self._used[1:]])
 
     def standard_parameters(self) -> Array:
-        """What the standard regressor multiplies: m, h, E of every link as it is, in joint frames."""
+        """The parameters that the standard regressor multiplies: m, h, E of every link in joint frames."""
         return np.concatenate(
             [np.r_[P[3, 3], P[:3, 3], [P[r, c] for r, c in _PLACES]] for P in self.frames.pseudo_inertias]
         )
@@ -229,31 +229,31 @@ _PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
 @dataclass(frozen=True)
 class Turn:
-    """The step from one joint frame to the next, with the joint's sine and cosine."""
+    """The transform from one joint frame to the next, with the sine and cosine of the joint."""
 
     row: JointRow
     c: Any
     s: Any
 
     def down(self, v: Vector) -> Vector:
-        """Components of v in the next frame."""
+        """The vector ``v``, expressed in the next frame."""
         ca, sa = self.row.ca, self.row.sa
         x, y, z = v[0], ca * v[1] + sa * v[2], ca * v[2] - sa * v[1]
         return self.c * x + self.s * y, self.c * y - self.s * x, z
 
     def up(self, v: Vector) -> Vector:
-        """Components of v in the frame before."""
+        """The vector ``v``, expressed in the previous frame."""
         x, y = self.c * v[0] - self.s * v[1], self.s * v[0] + self.c * v[1]
         ca, sa = self.row.ca, self.row.sa
         return x, ca * y - sa * v[2], sa * y + ca * v[2]
 
     def wrench_up(self, f: Vector, moment: Vector) -> tuple[Vector, Vector]:
-        """Force and moment at the origin before."""
+        """Force and moment, moved to the previous origin and frame."""
         f = self.up(f)
         return f, _add(self.up(moment), _cross(self.row.p, f))
 
     def twist_down(self, axis: Vector, lever: Vector) -> tuple[Vector, Vector]:
-        """Angular and linear velocity at the next origin."""
+        """Angular and linear velocity, moved to the next origin and frame."""
         return self.down(axis), self.down(_add(lever, _cross(axis, self.row.p)))
 
     def body_up(self, E: Tensor, h: Vector) -> tuple[Tensor, Vector, Vector, Vector]:
@@ -286,7 +286,7 @@ class Turn:
 
 
 def turns_of(rows: tuple[JointRow, ...], q: Any) -> list[Turn]:
-    """The steps at q."""
+    """The joint transforms at ``q``."""
     import casadi as ca
 
     angles = [q[j] + row.theta if row.theta else q[j] for j, row in enumerate(rows)]
@@ -314,7 +314,7 @@ def _moment(U: list[Vector], E: Tensor) -> Vector:
 
 
 def _base_columns(U: list[Vector], a: Vector) -> list[tuple[Vector, Vector]]:
-    """Force and moment per unit of hx, hy, E00, E01, E11, E02, E12."""
+    """Force and moment for unit values of hx, hy, E00, E01, E11, E02, E12."""
     return [
         ((U[0][0], U[1][0], U[2][0]), (0.0, -a[2], a[1])),
         ((U[0][1], U[1][1], U[2][1]), (a[2], 0.0, -a[0])),
@@ -327,7 +327,7 @@ def _base_columns(U: list[Vector], a: Vector) -> list[tuple[Vector, Vector]]:
 
 
 def _standard_columns(U: list[Vector], a: Vector) -> list[tuple[Vector, Vector]]:
-    """Force and moment per unit of m, hx, hy, hz, E00, E01, E11, E02, E12, E22."""
+    """Force and moment for unit values of m, hx, hy, hz, E00, E01, E11, E02, E12, E22."""
     hx, hy, *tensor = _base_columns(U, a)
     hz = ((U[0][2], U[1][2], U[2][2]), (-a[1], a[0], 0.0))
     return [(a, ZERO), hx, hy, hz, *tensor, (ZERO, (-U[1][2], U[0][2], 0.0))]
@@ -353,7 +353,7 @@ def _solve(M: list[list[Any]], bias: list[Any], tau: Any) -> list[Any]:
 
 
 def _flat(rows: list[list[Any]]) -> list[Any]:
-    """Row-major as one list."""
+    """The entries of a matrix, row-major."""
     return [entry for row in rows for entry in row]
 
 

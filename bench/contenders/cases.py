@@ -1,4 +1,4 @@
-"""What is computed: robots, two sets of inertias for each, states, and reference values."""
+"""The test cases: robots, two sets of inertias for each, states, and reference values."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 ROBOTS = ("rrr", "puma560", "ur10e", "panda")
 STATES = 16
-"""States per robot: enough that no branch predictor learns them, few enough for the first-level cache."""
+"""States per robot: too many for a branch predictor to learn, few enough for the first-level cache."""
 
 Numbers = Literal["dense", "file"]
-"""``dense``: random bodies without any zero, as identification delivers; ``file``: those of the robot file."""
+"""Set of inertias. ``dense``: random bodies without zeros, as identification gives; ``file``: the file's."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Case:
 
 
 class References:
-    """Values of the built-in Newton-Euler, which shares no code with any contestant."""
+    """Values of the built-in Newton-Euler, which shares no code with any contender."""
 
     def __init__(self, model: NewtonEuler, case: Case) -> None:
         q, dq, ddq, e = case.parts()
@@ -96,7 +96,7 @@ def _inverse_derivatives(model: NewtonEuler, q: Array, dq: Array, ddq: Array) ->
 
 
 def _flat(*parts: Array) -> Array:
-    """Parts (N, ...) side by side, (N, sum of sizes)."""
+    """``parts`` (N, ...) flattened and concatenated, (N, sum of sizes)."""
     return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
 
 
@@ -116,7 +116,7 @@ _WEIGHTS = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 
 
 def make_case(spec: RobotSpec, seed: int = 0) -> Case:
-    """A case with random states and random dense bodies; drives are left out, because not every rival knows them."""
+    """A case with random states and random dense bodies, without drives, which not every rival supports."""
     rng = np.random.default_rng([seed, spec.n])
     chain = chain_of(spec)
     chain = replace(chain, drive_inertia=np.zeros((chain.n, chain.n)))
@@ -126,7 +126,7 @@ def make_case(spec: RobotSpec, seed: int = 0) -> Case:
 
 
 def dense_bodies(rng: np.random.Generator, n: int) -> Array:
-    """Standard parameters (n, 10) of clouds of points: possible bodies without symmetry."""
+    """Standard parameters (n, 10) of random clouds of point masses: physical bodies without symmetry."""
     rows = []
     for _ in range(n):
         mass = rng.uniform(1.0, 5.0)

@@ -1,4 +1,4 @@
-"""Who takes part: a C function on a state, the numbers it works with, and what it should return."""
+"""Contender: one implementation of one function, as C statements, and its comparison with the reference values."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bench.contestants.cases import Case, Numbers, References
+from bench.contenders.cases import Case, Numbers, References
 from rrrgen.errors import RrrgenError
 from rrrgen.verify.references.chain import Array
 
-OWN, OWN_FILE, OWN_LIBM = "rrrgen", "rrrgen, numbers folded", "rrrgen, libm"
+OURS, OURS_FILE, OURS_LIBM = "rrrgen", "rrrgen, numbers folded", "rrrgen, libm"
 HAND, HAND_FILE, PINOCCHIO = "hand CasADi", "hand CasADi, file's numbers", "Pinocchio"
 
 TITLES = {
@@ -31,20 +31,22 @@ TITLES = {
 
 
 ZERO = 1e-6
-"""Of the largest torque: values below it, such as the gravity of a vertical axis, are compared with it instead."""
+"""Fraction of the largest torque below which a quantity, such as the gravity torque of a vertical axis, counts as zero:
+its error is then relative to this value."""
 
 
 class DisagreementError(RrrgenError):
-    """Two contestants compute different things, so their times cannot be compared."""
+    """A contender returns wrong values, so its time cannot be compared."""
 
     exit_code = 1
 
 
 @dataclass(frozen=True)
-class Contestant:
-    """One way to compute one function: ``statements`` fill ``out`` from the state ``in``.
+class Contender:
+    """One implementation of one function: the C ``statements`` compute ``out`` from the state ``in``.
 
-    ``parameters`` is what a regressor multiplies to give torques. ``operations`` are counted ones, where known.
+    ``outputs`` is the size of ``out``, ``parameters`` the vector that a regressor multiplies to give torques,
+    ``operations`` the counted operations, if known.
     """
 
     label: str
@@ -57,35 +59,35 @@ class Contestant:
 
 
 @dataclass
-class Party:
-    """The contestants of one supplier for one robot, with the C files that they need."""
+class Supplier:
+    """The contenders of one supplier (rrrgen, CasADi, Pinocchio) for one robot, with the C files that they need."""
 
-    contestants: list[Contestant]
+    contenders: list[Contender]
     sources: dict[str, str] = field(default_factory=dict)
     declarations: str = ""
     setup: str = ""
     cpp: tuple[str, str, tuple[str, ...]] | None = None  # a C++ file, its text and its include flags
 
 
-def deviation(contestant: Contestant, values: Array, case: Case) -> float:
+def deviation(contender: Contender, values: Array, case: Case) -> float:
     """Largest difference to the reference over all states, relative to the largest reference value.
 
     A regressor is compared through ``Y beta = tau``, ``Y' e`` through ``beta' (Y' e) = e' tau``, a Coriolis matrix
     through ``C dq = c``.
     """
-    reference: References = case.references[contestant.numbers]
+    reference: References = case.references[contender.numbers]
     known, N, n = reference.values, len(case.states), case.n
-    name = contestant.function
-    if contestant.parameters is not None and name == "regressor_transpose":
-        got, wanted = values @ contestant.parameters, np.sum(reference.e * known["inverse_dynamics"], axis=1)
-    elif contestant.parameters is not None:
-        got, wanted = values.reshape(N, n, -1) @ contestant.parameters, known["inverse_dynamics"]
+    name = contender.function
+    if contender.parameters is not None and name == "regressor_transpose":
+        got, wanted = values @ contender.parameters, np.sum(reference.e * known["inverse_dynamics"], axis=1)
+    elif contender.parameters is not None:
+        got, wanted = values.reshape(N, n, -1) @ contender.parameters, known["inverse_dynamics"]
     elif name == "coriolis_matrix":
         got, wanted = np.einsum("kij,kj->ki", values.reshape(N, n, n), reference.dq), known["coriolis"]
     else:
         wanted = known[name].reshape(N, -1)
         got = values
     if got.shape != wanted.shape:
-        raise DisagreementError(f"{case.name}: {name} of {contestant.label} returns {got.shape}, not {wanted.shape}")
+        raise DisagreementError(f"{case.name}: {name} of {contender.label} returns {got.shape}, not {wanted.shape}")
     scale = max(float(np.max(np.abs(wanted))), ZERO * float(np.max(np.abs(known["inverse_dynamics"]))))
     return float(np.max(np.abs(got - wanted))) / scale

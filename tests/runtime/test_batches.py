@@ -1,11 +1,11 @@
-"""Batches: packs of states in vector registers, and several threads, give what single states give."""
+"""Batches: states in the lanes of vector registers, and several threads, give what single states give."""
 
 import numpy as np
 import pytest
 
 import rrrgen
 
-ROUND_OFF = 1e-12  # relative to the largest entry: the packs repeat the scalar arithmetic
+ROUND_OFF = 1e-12  # relative to the largest entry: the lanes repeat the scalar arithmetic
 FLOAT_ROUND_OFF = 1e-4
 FUNCTIONS = {
     "inverse_dynamics": 3,
@@ -34,9 +34,9 @@ def rows(result, count: int) -> np.ndarray:
 
 @pytest.mark.parametrize("real", ["double", "float"])
 @pytest.mark.parametrize("function", FUNCTIONS)
-def test_packs_equal_single_states(function, real):
+def test_batches_equal_single_states(function, real):
     model = rrrgen.compile("rrr", real=real)
-    arguments = states(model.n, 37)[: FUNCTIONS[function]]  # not a multiple of any pack
+    arguments = states(model.n, 37)[: FUNCTIONS[function]]  # not a multiple of any simd
     evaluate = getattr(model, function)
     batch = rows(evaluate(*arguments), 37)
     single = np.concatenate([rows(evaluate(*(a[k] for a in arguments)), 1) for k in range(37)])
@@ -81,7 +81,7 @@ def test_threads_share_a_batch_without_changing_it():
 
 
 def test_a_state_gives_the_same_numbers_anywhere_in_a_batch():
-    """The last states of a batch, too few for a pack of their own, are computed like the others."""
+    """The last states of a batch, too few to fill a register, are computed like the others."""
     model = rrrgen.compile("rrr")
     arguments = states(model.n, 37)
     whole = model.inverse_dynamics(*arguments)

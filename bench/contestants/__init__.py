@@ -1,1 +1,0 @@
-"""What rrrgen is measured against; nothing here uses rrrgen's derivation."""
