@@ -26,8 +26,7 @@ MOST_POINTS = 20_000
 
 @dataclass(frozen=True)
 class TorqueCurves:
-    """Measured and modelled torques (N, n), N m (N), at the instants ``t`` (N,), s; ``use`` (N, n) marks rows in use.
-    """
+    """Measured and modelled torques (N, n), N m (N), at the instants ``t`` (N,), s; ``use`` (N, n): rows in use."""
 
     t: Array
     measured: Array

@@ -153,8 +153,7 @@ def default_prior(spec: Any, torque_rms: float, strength: float = DEFAULT_STRENG
 
 
 def link_lengths(spec: Any) -> Array:
-    """Length (n,) of every link, m: the largest of ``|a|`` and ``|d|`` in its own and the next DH row, at least 5 cm.
-    """
+    """Length (n,) of every link, m: the largest of ``|a|`` and ``|d|`` in its own and the next DH row, 5 cm or more."""
     sizes = [max(abs(a), abs(d)) for _, _, a, d, _ in spec.dh_table()]
     after = [*sizes[1:], 0.0]
     return np.maximum(SMALLEST_LENGTH, np.maximum(sizes, after))

@@ -39,8 +39,7 @@ def mass_matrix(model: RigidModel, columns: Sequence[Column], theta: Array, q: A
 
 
 def pose_limits(spec: Any, n: int) -> Array:
-    """Lowest and highest joint positions (2, n), rad (m): limits of the robot file, or +-pi (+-1 m) where it has none.
-    """
+    """Lowest and highest joint positions (2, n), rad (m): limits of the robot file, +-pi (+-1 m) where it has none."""
     bounds = []
     for joint in spec.joints if spec is not None else [None] * n:
         limits = getattr(joint, "limits", None)

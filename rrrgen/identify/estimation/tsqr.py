@@ -46,8 +46,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class JointFactors:
-    """Triangular factors ``R`` (n, p+1, p+1) of the rows ``[W_j | tau_j]`` of every joint, and their ``counts`` (n,).
-    """
+    """Triangular factors ``R`` (n, p+1, p+1) of the rows ``[W_j | tau_j]`` of every joint, and ``counts`` (n,)."""
 
     R: Array
     counts: NDArray[np.int64]
