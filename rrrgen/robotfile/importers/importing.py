@@ -66,7 +66,7 @@ def import_robot(
     spec = importer.read(Source(text, given, _from_stem(Path(file).stem)), faults)
     faults.raise_errors()
     assert spec is not None  # every None comes with an error
-    return _written(replace(spec, name=name or spec.name), importer.name, file, tuple(faults.warnings))
+    return _written(replace(spec, name=name or spec.name), importer.name, file, tuple(sorted(faults.warnings)))
 
 
 def _choose(text: str, file: str, form: str | None) -> Importer:

@@ -40,8 +40,8 @@ def _read(source: Source, faults: FaultList) -> RobotSpec | None:
         return None
     for name, node, d in zip(JOINTS, getattr(entries["dh_d"][1], "items", ()), columns["dh_d"], strict=True):
         if abs(d) > FAR:
-            message = f"d of {name} is {float(d):g} m: its axis is nearly parallel to the next"
-            faults.warning(node, message, "so far-off frames cost digits: about 1e-16 of the distance, in m")
+            hint = "nearly parallel axes put frames far away; positions lose about 1e-16 of that distance"
+            faults.warning(node, f"d of {name} is {float(d):g} m", hint)
     what = "gravity and inertial parameters are not in a calibration: an upright arm without links"
     faults.warning(root, what, "change gravity for another mounting; without links base parameters are an input")
     rows = zip(JOINTS, *(columns[key] for key in COLUMNS), strict=True)
