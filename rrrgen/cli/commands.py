@@ -20,6 +20,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "identify": ("rrrgen.cli.identification.identify:identify", "Estimate parameters from recordings."),
     "validate": ("rrrgen.cli.identification.validate:validate", "Score a robot file against recordings."),
     "frf": ("rrrgen.cli.identification.frf:frf", "Estimate a frequency response with its uncertainty."),
+    "response-model": (
+        "rrrgen.cli.identification.response_model:response_model",
+        "Fit a linear model and its resonances to a response.",
+    ),
     "case-study": ("rrrgen.cli.identification.case_study:case_study", "Run the whole case study on the virtual RRR."),
     "controller": (
         "rrrgen.cli.identification.controller:controller",

@@ -22,12 +22,14 @@ HANN_EFFICIENCY = 0.947  # independent averages per half-overlapping Hann segmen
 class AveragedSpectra:
     """Spectra of n, u, q at ``frequency`` (L,): ``Phi`` (L, 3, 3) with ``Phi[:, a, b] = E conj(A) B``.
 
-    ``averages`` is the number of independent averages.
+    ``averages`` is the number of independent averages, ``independent`` the share of the lines that share no data with
+    others: a Hann window spreads a line over its neighbours.
     """
 
     frequency: Array
     Phi: Complex
     averages: float
+    independent: float
 
     def instrumental(self) -> tuple[Complex, Array]:
         """``Phi_nq/Phi_nu`` and its variance: unbiased in closed loop."""
@@ -74,7 +76,7 @@ def averaged_spectra(record: ResponseRecording, samples: int | None) -> Averaged
     else:
         magnitude[:2] = 0.0  # the window spreads what is left of the mean
         k = excited_lines(magnitude, record.name)
-    return AveragedSpectra(k / (length * record.period), Phi[k], HANN_EFFICIENCY * segments)
+    return AveragedSpectra(k / (length * record.period), Phi[k], HANN_EFFICIENCY * segments, 1.0 if samples else 0.5)
 
 
 def _averages(rows: Array, length: int) -> tuple[Complex, int]:

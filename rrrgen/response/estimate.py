@@ -61,8 +61,9 @@ def estimate_one(
         spectra = averaged_spectra(record, samples)
         P, variance = spectra.instrumental() if method == "instrumental" else spectra.direct()
         dof, frequency, coherence = spectra.averages - 1.0, spectra.frequency, spectra.coherence()
+        independent = spectra.independent
     else:
-        dof, frequency = float(lines.dof), lines.frequency
+        dof, frequency, independent = float(lines.dof), lines.frequency, lines.independent
         coherence = lines.signal / (lines.signal + lines.noise)
         P, variance = plain, spread
         if method == "indirect":
@@ -78,6 +79,7 @@ def estimate_one(
         band95=radius(variance, dof) / np.abs(P),
         coherence=coherence,
         period=record.period,
+        independent=independent,
         findings=tuple(findings),
         details=details,
     )
@@ -175,6 +177,7 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
         band95=widest / np.abs(mean),
         coherence=np.mean([each.coherence for each in found], axis=0),
         period=first.period,
+        independent=first.independent,
         findings=tuple(findings),
         details=details,
     )

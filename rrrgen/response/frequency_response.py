@@ -26,7 +26,8 @@ class FrequencyResponse:
 
     ``band95`` (L,) is the radius of the circle around P that holds the true response with 95 %, relative to \\|P\\|;
     ``variance`` (L,) that of the complex P; ``coherence`` (L,) the share of the output's power that is due to the
-    excitation (14.37); ``period`` the sampling period in s. ``findings`` are reasons against the recording as a whole.
+    excitation (14.37); ``period`` the sampling period in s. ``independent`` is the
+    share of the lines that do not share data with others. ``findings`` are reasons against the recording as a whole.
     """
 
     name: str
@@ -37,6 +38,7 @@ class FrequencyResponse:
     band95: Array
     coherence: Array
     period: float
+    independent: float = 1.0
     findings: tuple[Finding, ...] = ()
     details: dict[str, Any] = field(default_factory=dict)
 
@@ -63,6 +65,7 @@ class FrequencyResponse:
             "name": self.name,
             "method": self.method,
             "sampling_period": self.period,
+            "independent_share": self.independent,
             "verdict": {
                 "trusted": not self.findings,
                 "trusted_lines": int(np.count_nonzero(self.trusted)),
@@ -89,13 +92,14 @@ def read_frf(path: Path) -> FrequencyResponse:
             key: np.array(found[key], float) for key in ("frequency", "re", "im", "variance", "band95", "coherence")
         }
         findings = tuple(Finding(**each) for each in found["verdict"]["findings"])
+        independent = float(found["independent_share"])
         period, name, method = float(found["sampling_period"]), str(found["name"]), str(found["method"])
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is no frequency response of `rrrgen frf`: {error!r}") from None
-    if len({len(column) for column in columns.values()}) > 1 or not period > 0.0:
-        raise InputError(f"{path} is no frequency response of `rrrgen frf`: columns of different length")
+    if len({len(column) for column in columns.values()}) > 1 or not (period > 0.0 and 0.0 < independent <= 1.0):
+        raise InputError(f"{path} is no frequency response of `rrrgen frf`: columns of different length, or no period")
     return FrequencyResponse(
         name=name,
         method=method,
@@ -105,5 +109,6 @@ def read_frf(path: Path) -> FrequencyResponse:
         band95=columns["band95"],
         coherence=columns["coherence"],
         period=period,
+        independent=independent,
         findings=findings,
     )

@@ -22,6 +22,7 @@ LEAST_WINDOW = 6  # unexcited lines at either side of an excited one
 MOST_WINDOW = 20  # lines at either side, with noise
 EXCITED = 1e-3  # of the largest line
 LEAST_SAMPLES = 500
+PARABOLA_AT_ITS_CENTRE = 9.0 / 4.0  # variance of its fitted value, over that of the mean of the same lines
 STEP = 4  # lines between two estimates from noise: neighbours share most of their window
 
 
@@ -31,7 +32,8 @@ class LineEstimates:
 
     ``G`` (L, 2); ``covariance`` (L, 2, 2) of G, complex; ``dof``, complex degrees of freedom of the covariance;
     ``signal`` and ``noise`` (L,): power of q due to n and the rest, for the coherence of one period or line.
-    ``line`` (L,): number of the line in units of the lowest one that the period allows.
+    ``line`` (L,): number of the line in units of the lowest one that the period allows. ``independent``: share of the
+    lines that share no data with others.
     """
 
     frequency: Array
@@ -41,6 +43,7 @@ class LineEstimates:
     dof: int
     signal: Array
     noise: Array
+    independent: float = 1.0
 
 
 def spectrum(values: Array) -> Complex:
@@ -148,6 +151,7 @@ def noise_lines(record: ResponseRecording) -> LineEstimates:
         dof=dof,
         signal=np.abs(solution[:, 1]) ** 2 * power,
         noise=V[:, 1, 1].real,
+        independent=min(1.0, STEP * PARABOLA_AT_ITS_CENTRE / (2 * width + 1)),
     )
 
 

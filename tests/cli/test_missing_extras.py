@@ -67,6 +67,7 @@ USES = {
     "reconstruct": (["log.csv", "-o", "x"], ("scipy", "matplotlib")),
     "controller": (["pendulum", "--tuning", "tuning.json", "-o", "x"], ("scipy",)),
     "frf": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
+    "response-model": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "case-study": (["-o", "x"], ("casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")),
     "generate": (["pendulum", "--casadi-files", "-o", "x"], ("casadi",)),
 }

@@ -1,0 +1,292 @@
+"""Difference equations fitted to recordings: ARX (14.41) and output error, the order chosen on rows left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.response.controller import Controller
+from rrrgen.response.response_file import ResponseRecording
+from rrrgen.response.response_model import ResponseModel, resonances_of
+
+HIGHEST_ORDER = 20
+VALIDATION = 0.25  # of the rows to fit: the last ones choose the order
+NEARLY_BEST = 1.2  # times the smallest validation error: the lowest order below it is taken
+REFINEMENTS = 20
+PREFILTERS = 10
+
+
+@dataclass(frozen=True)
+class Equation:
+    """``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}`` with the covariance of [a, b]."""
+
+    a: Array
+    b: Array
+    delay: int
+    covariance: Array
+
+    @property
+    def past(self) -> int:
+        """Rows before the first one that can be computed."""
+        return max(len(self.a), self.delay + len(self.b) - 1)
+
+
+def fit_difference_model(
+    record: ResponseRecording,
+    rows: tuple[int, int] | None = None,
+    method: str = "auto",
+    controller: Controller | None = None,
+) -> ResponseModel:
+    """The model of a recording fitted on ``rows`` (first, last, counted from 1; all but the last third by default).
+
+    ``method`` is "arx" or "output_error", "auto" for the better of both on the validation rows, or "indirect": an ARX
+    model from n to q, from which the plant follows with the controller. Orders are chosen inside the rows to fit; the
+    others are the test of the model. Raises :class:`DerivationError` for too few rows.
+    """
+    u = record.n if method == "indirect" else record.u
+    if method == "indirect" and controller is None:
+        raise InputError("the indirect method needs the controller: name it in the response file")
+    for name, column in (("input", u), ("output", record.q)):
+        if not float(np.ptp(column)) > 0.0:
+            raise DerivationError(f"{record.name}: the column of the {name} is constant, so there is no response")
+    y, (first, last) = record.q, rows or (1, 2 * len(u) // 3)
+    if not 1 <= first < last <= len(y):
+        raise InputError(f"rows {first}:{last} of a recording with rows 1:{len(y)}")
+    start, stop = first - 1, last
+    cut = stop - int(VALIDATION * (stop - start))
+    open_loop = u is record.n or np.array_equal(record.u, record.n)
+    candidates, table = [], []
+    for equation, kind in _candidates(u, y, start, cut, method, 0 if open_loop and method != "indirect" else 1):
+        error = _relative(y[cut:stop] - continued_run(equation, u, y, start, cut, stop), y[cut:stop])
+        row = {"method": kind, "order": len(equation.a), "delay": equation.delay, "validation_fit": 100.0 * (1 - error)}
+        candidates.append((error, len(equation.a), kind, equation.delay))
+        table.append(row)
+    finite = [each for each in candidates if np.isfinite(each[0])]
+    if not finite:
+        raise DerivationError(
+            f"{record.name}: {cut - start} rows are too few for an order of 1 and its validation, or no model is stable"
+        )
+    limit = NEARLY_BEST * min(finite)[0]
+    _, order, kind, delay = min((each[1], each) for each in finite if each[0] <= limit)[1]
+    equation = arx(u, y, start, stop, order, delay)
+    if kind == "output_error":
+        equation = output_error(equation, u, y, start, stop)
+    fit = _scores(equation, u, y, start, stop)
+    a, b, delay = equation.a, equation.b, equation.delay
+    covariance: Array | None = equation.covariance[: len(a), : len(a)]
+    if method == "indirect" and controller is not None:
+        a, b = plant_of_loop(a, b, delay, controller)
+        covariance, fit["of"] = None, "the closed loop from n to q"
+    return ResponseModel(
+        method=f"indirect {kind}" if method == "indirect" else kind,
+        a=a,
+        b=b,
+        delay=delay,
+        period=record.period,
+        resonances=resonances_of(a, covariance, record.period),
+        fit=fit,
+        table=tuple(table),
+    )
+
+
+def _candidates(
+    u: Array, y: Array, start: int, stop: int, method: str, least_delay: int
+) -> Iterator[tuple[Equation, str]]:
+    for order in range(1, HIGHEST_ORDER + 1):
+        for delay in (least_delay,) if least_delay == 0 else (1, 2):
+            if stop - start - order < 3 * (2 * order + 1):
+                return
+            equation = arx(u, y, start, stop, order, delay)
+            if method != "output_error":
+                yield equation, "arx"
+            if method in ("output_error", "auto"):
+                yield output_error(equation, u, y, start, stop), "output_error"
+
+
+def arx(u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Equation:
+    """Least squares ``theta = F# Q`` (14.41) on the rows [start, stop): order coefficients a, as many b from the delay
+    on, one more without delay.
+
+    Row k of F is ``[y_{k-1} .. y_{k-n}, u_{k-delay} .. ]``; the last one is that of k = stop - 1, so that the columns
+    of (14.42) end at t_{zeta-n} (the book's t_{zeta-n+1} is a misprint).
+    """
+    size = order + 1 if delay == 0 else order
+    past = max(order, delay + size - 1)
+    k = np.arange(start + past, stop)
+    F = np.column_stack([*(y[k - i] for i in range(1, order + 1)), *(u[k - delay - j] for j in range(size))])
+    scale = np.linalg.norm(F, axis=0)
+    theta, _, _, _ = np.linalg.lstsq(F / scale, y[k], rcond=1e-13)
+    theta = theta / scale
+    variance = float(np.sum((y[k] - F @ theta) ** 2)) / max(len(k) - len(theta), 1)
+    covariance = variance * np.linalg.pinv((F / scale).T @ (F / scale)) / np.outer(scale, scale)
+    return Equation(theta[:order], theta[order:], delay, covariance)
+
+
+def free_run(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Array:
+    """The model's outputs in the rows [start, stop) by the measured inputs and the outputs measured before start."""
+    from scipy.signal import lfilter, lfiltic
+
+    denominator = np.concatenate([[1.0], -equation.a])
+    numerator = np.concatenate([np.zeros(equation.delay), equation.b])
+    past = y[max(0, start - len(equation.a)) : start][::-1]
+    before = u[max(0, start - len(numerator)) : start][::-1]
+    found, _ = lfilter(numerator, denominator, u[start:stop], zi=lfiltic(numerator, denominator, past, before))
+    return np.asarray(found)
+
+
+def _prefiltered(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
+    """The better start for output error: ARX again and again on signals filtered by the last 1/A (Steiglitz-McBride).
+
+    Plain ARX is biased by noise of measurement; the filter turns its equation error into output error.
+    """
+    from scipy.signal import lfilter
+
+    best, found = equation, equation
+    least = _fitted_error(equation, u[start:stop], y[start:stop])
+    for _ in range(PREFILTERS):
+        denominator = np.concatenate([[1.0], -found.a])
+        if np.max(np.abs(np.roots(denominator))) > 1.0:
+            break
+        filtered = [lfilter([1.0], denominator, column[start:stop]) for column in (u, y)]
+        found = arx(filtered[0], filtered[1], 0, stop - start, len(equation.a), equation.delay)
+        error = _fitted_error(found, u[start:stop], y[start:stop])
+        if error < least:
+            best, least = found, error
+    return best
+
+
+def output_error(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
+    """The equation refined to the smallest free-run error over its rows, by Levenberg-Marquardt steps.
+
+    They begin at the equation, or at what prefiltering makes of it.
+    The derivatives of the free run by a_i and b_j are the past outputs and inputs filtered by 1/A.
+    """
+    equation = _prefiltered(equation, u, y, start, stop)
+    order, size, delay = len(equation.a), len(equation.b), equation.delay
+    part, measured = u[start:stop], y[start:stop]
+    theta, damping = np.concatenate([equation.a, equation.b, _initial_state(equation, part, measured)]), 1e-3
+    model = _run(theta, order, delay, size, part)
+    cost = float(np.sum((measured - model) ** 2))
+    information = np.eye(len(theta))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(REFINEMENTS):
+            J = _derivatives(theta, order, delay, size, part, model)
+            if not np.all(np.isfinite(J)):
+                break
+            information = J.T @ J
+            D = np.diag(np.diag(information))
+            step = np.linalg.lstsq(information + damping * D, J.T @ (measured - model), rcond=None)[0]
+            run = _run(theta + step, order, delay, size, part)
+            new = float(np.sum((measured - run) ** 2))
+            if np.isfinite(new) and new < cost:
+                done = cost - new < 1e-7 * cost
+                theta, model, cost, damping = theta + step, run, new, damping / 5.0
+                if done:
+                    break
+            else:
+                damping *= 10.0
+    variance = cost / max(len(measured) - len(theta), 1)
+    covariance = variance * np.linalg.pinv(information, hermitian=True)[: order + size, : order + size]
+    return Equation(theta[:order], theta[order : order + size], delay, covariance)
+
+
+def _run(theta: Array, order: int, delay: int, size: int, u: Array) -> Array:
+    """Outputs of ``theta = [a, b, initial state]``, the state that of a filter in transposed form."""
+    from scipy.signal import lfilter
+
+    state = theta[order + size :]
+    numerator = np.concatenate([np.zeros(delay), theta[order : order + size]])
+    return np.asarray(lfilter(numerator, np.concatenate([[1.0], -theta[:order]]), u, zi=state)[0])
+
+
+def _derivatives(theta: Array, order: int, delay: int, size: int, u: Array, model: Array) -> Array:
+    """Of the outputs by theta: past outputs, inputs and unit pulses, filtered by 1/A."""
+    from scipy.signal import lfilter
+
+    pulse = np.zeros(len(u))
+    pulse[0] = 1.0
+    shifted = [(model, i) for i in range(1, order + 1)] + [(u, delay + j) for j in range(size)]
+    shifted += [(pulse, i) for i in range(len(theta) - order - size)]
+    columns = np.zeros((len(u), len(shifted)))
+    for column, (signal, shift) in zip(columns.T, shifted, strict=True):
+        column[shift:] = signal[: len(u) - shift]
+    return np.asarray(lfilter([1.0], np.concatenate([[1.0], -theta[:order]]), columns, axis=0))
+
+
+def _initial_state(equation: Equation, u: Array, y: Array) -> Array:
+    """The state at the first row with which the free run is nearest to the outputs, by least squares."""
+    order, size, delay = len(equation.a), len(equation.b), equation.delay
+    states = max(order, delay + size - 1)
+    theta = np.concatenate([equation.a, equation.b, np.zeros(states)])
+    with np.errstate(over="ignore", invalid="ignore"):
+        rest = y - _run(theta, order, delay, size, u)
+        J = _derivatives(theta, order, delay, size, u, u)[:, order + size :]
+        if not (np.all(np.isfinite(J)) and np.all(np.isfinite(rest))):
+            return np.zeros(states)
+        return np.asarray(np.linalg.lstsq(J, rest, rcond=None)[0])
+
+
+def continued_run(equation: Equation, u: Array, y: Array, start: int, begin: int, end: int) -> Array:
+    """The free run in the rows [begin, end), its state told by the rows [start, begin) before."""
+    state = _initial_state(equation, u[start:begin], y[start:begin])
+    theta = np.concatenate([equation.a, equation.b, state])
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _run(theta, len(equation.a), equation.delay, len(equation.b), u[start:end])[begin - start :]
+
+
+def plant_of_loop(a: Array, b: Array, delay: int, controller: Controller) -> tuple[Array, Array]:
+    """The plant P in ``T = P/(1 + C P)`` from T by n to q: ``P = T/(1 - C T) = B D/(A D - N B)`` for C = N/D."""
+    N, D = np.array(controller.numerator), np.array(controller.denominator)
+    A, B = np.concatenate([[1.0], -a]), np.concatenate([np.zeros(delay), b])
+    left, right = np.convolve(A, D), np.convolve(N, B)
+    size = max(len(left), len(right))
+    denominator = np.pad(left, (0, size - len(left))) - np.pad(right, (0, size - len(right)))
+    return -denominator[1:] / denominator[0], np.convolve(b, D) / denominator[0]
+
+
+def _relative(error: Array, y: Array) -> float:
+    size = float(np.linalg.norm(y - y.mean()))
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = float(np.linalg.norm(error)) / size if size > 0.0 else np.inf
+    return found if np.isfinite(found) else np.inf
+
+
+def _fitted_error(equation: Equation, u: Array, y: Array) -> float:
+    """Of the free run from the best state at the first row."""
+    theta = np.concatenate([equation.a, equation.b, _initial_state(equation, u, y)])
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _relative(y - _run(theta, len(equation.a), equation.delay, len(equation.b), u), y)
+
+
+def _free_run_error(equation: Equation, u: Array, y: Array, start: int, stop: int) -> float:
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _relative(y[start:stop] - free_run(equation, u, y, start, stop), y[start:stop])
+
+
+def _scores(equation: Equation, u: Array, y: Array, start: int, stop: int) -> dict[str, Any]:
+    """Scores 100 (1 - |y - y_model|/|y - mean y|) of the rows after the fitted ones, else of these, by protocol."""
+    after = len(y) - stop >= 10 * max(len(equation.a), 1)
+    begin, end = (stop, len(y)) if after else (start + equation.past, stop)
+    k = np.arange(begin, end)
+    step = sum(c * y[k - i] for i, c in enumerate(equation.a, start=1))
+    step = step + sum(c * u[k - equation.delay - j] for j, c in enumerate(equation.b))
+    rest = np.zeros_like(y)
+    quiet = free_run(equation, np.concatenate([np.zeros(begin), u[begin:]]), rest, begin, end)
+    continued = continued_run(equation, u, y, start, begin, end) if after else free_run(equation, u, y, begin, end)
+    part = y[begin:end]
+    return {
+        "value": 100.0 * (1.0 - _free_run_error(equation, u, y, begin, end)),
+        "unit": "100 (1 - |y - y_model|/|y - mean y|)",
+        "protocol": "free run from the measured past: measured inputs, outputs measured before the first scored row",
+        "fitted_rows": [start + 1, stop],
+        "scored_rows": [begin + 1, end],
+        "held_out": after,
+        "one_step": 100.0 * (1.0 - _relative(part - step, part)),
+        "free_run_from_zero_state": 100.0 * (1.0 - _relative(part - quiet, part)),
+        "free_run_with_state_from_fitted_rows": 100.0 * (1.0 - _relative(part - continued, part)),
+    }

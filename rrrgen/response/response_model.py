@@ -1,0 +1,114 @@
+"""A linear model of a response: difference equation, resonances, and how well it fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.response.controller import Complex
+
+SCHEMA = "rrrgen-response-model/1"
+HIGHEST_DAMPING = 0.3  # of what is called a resonance
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """A pair of poles ``exp(s T)``: ``frequency`` \\|s\\|/(2 pi) in Hz, ``damping`` -Re s/\\|s\\|, standard deviations
+    (None where the method gives none).
+    """
+
+    frequency: float
+    damping: float
+    frequency_std: float | None = None
+    damping_std: float | None = None
+
+
+@dataclass(frozen=True)
+class ResponseModel:
+    """``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}``, i from 1, j from 0; ``period`` in s.
+
+    ``fit`` names its protocol; ``table`` holds one row per candidate.
+    """
+
+    method: str
+    a: Array
+    b: Array
+    delay: int
+    period: float
+    resonances: tuple[Resonance, ...] = ()
+    fit: dict[str, Any] = field(default_factory=dict)
+    table: tuple[dict[str, Any], ...] = ()
+
+    @property
+    def denominator(self) -> Array:
+        """``1 - sum a_i z^-i`` in ascending powers of z^-1."""
+        return np.concatenate([[1.0], -self.a])
+
+    @property
+    def numerator(self) -> Array:
+        """``sum b_j z^-(delay + j)`` in ascending powers of z^-1."""
+        return np.concatenate([np.zeros(self.delay), self.b])
+
+    def response(self, frequency: Array) -> Complex:
+        """At ``frequency`` (L,) in Hz."""
+        z = np.exp(-2j * np.pi * np.asarray(frequency) * self.period)
+        powers = np.polynomial.polynomial.polyval
+        return np.asarray(powers(z, self.numerator) / powers(z, self.denominator))
+
+    def to_json(self) -> dict[str, Any]:
+        """What ``results/response_model.json`` holds."""
+        return {
+            "schema": SCHEMA,
+            "method": self.method,
+            "equation": "y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}, i from 1, j from 0",
+            "sampling_period": self.period,
+            "order": len(self.a),
+            "a": self.a,
+            "b": self.b,
+            "delay": self.delay,
+            "resonances": [vars(each) for each in self.resonances],
+            "fit": self.fit,
+            "candidates": list(self.table),
+        }
+
+
+def poles_to_modes(a: Array, period: float) -> Array:
+    """Rows [Hz, damping] (m, 2) of the pole pairs of ``1 - sum a_i z^-i`` that swing, by frequency."""
+    roots = np.roots(np.concatenate([[1.0], -a]))
+    s = np.log(roots[roots.imag > 1e-9]) / period
+    modes = np.column_stack([np.abs(s) / (2.0 * np.pi), -s.real / np.abs(s)])
+    return modes[np.argsort(modes[:, 0])]
+
+
+def resonances_of(a: Array, covariance: Array | None, period: float) -> tuple[Resonance, ...]:
+    """The weakly damped pole pairs, with deviations by the covariance (n, n) of ``a``, to first order."""
+    modes = poles_to_modes(a, period)
+    spread = np.full(modes.shape, np.nan)
+    if covariance is not None:
+        J = _jacobian(lambda x: poles_to_modes(x, period), a, modes)
+        spread = np.sqrt(np.maximum(np.einsum("mci,ij,mcj->mc", J, covariance, J), 0.0))
+    return tuple(
+        Resonance(
+            float(mode[0]),
+            float(mode[1]),
+            *(float(x) if np.isfinite(x) else None for x in each),
+        )
+        for mode, each in zip(modes, spread, strict=True)
+        if abs(mode[1]) < HIGHEST_DAMPING
+    )
+
+
+def _jacobian(function: Callable[[Array], Array], at: Array, value: Array) -> Array:
+    """Central differences (.., n) of ``function``; NaN where a step changes the number of values."""
+    columns = []
+    for i in range(len(at)):
+        step = np.zeros(len(at))
+        step[i] = 1e-7 * max(1.0, abs(at[i]))
+        ends = [function(at + step), function(at - step)]
+        same = all(end.shape == value.shape for end in ends)
+        columns.append((ends[0] - ends[1]) / (2.0 * step[i]) if same else np.full(value.shape, np.nan))
+    return np.stack(columns, axis=-1)
