@@ -1,4 +1,4 @@
-"""Progress of long work: a bar on a terminal, nothing when the output is piped."""
+"""Progress of long computations: a bar on a terminal, nothing if stderr is redirected."""
 
 from __future__ import annotations
 

@@ -32,7 +32,11 @@ def fourier_program(joints: int, harmonics: int) -> Program:
 def fixed_fourier_program(
     q0: Sequence[float], a: Sequence[Sequence[float]], b: Sequence[Sequence[float]], base_frequency: float
 ) -> Program:
-    """The same with the coefficients of one trajectory folded in: the only input is the time. Source: (14.24)."""
+    """The trajectory of :func:`fourier_program` with its coefficients folded in, as a function of time alone.
+
+    ``q0`` (n,) in rad or m, ``a`` and ``b`` (n, harmonics) in rad/s or m/s, ``base_frequency`` in Hz. Input ``t`` (s);
+    outputs ``q``, ``dq``, ``ddq`` (n,). Raises InputError for inconsistent shapes. Source: (14.24).
+    """
     harmonics = len(a[0])
     if any(len(row) != harmonics for row in (*a, *b)) or not len(q0) == len(a) == len(b):
         raise InputError("Fourier series: a and b must be (n, N), q0 (n,)")
@@ -73,7 +77,7 @@ def _recorded(
 
 
 def _harmonics(builder: Builder, angle: Value, count: int) -> tuple[dict[int, Any], dict[int, Any]]:
-    """sin and cos of 1..count times the angle, each from two of about half its number."""
+    """sin and cos of 1..count times the angle, each by the addition theorem from two multiples about half as large."""
     sines: dict[int, Any] = {1: builder.sin(angle)}
     cosines: dict[int, Any] = {1: builder.cos(angle)}
     for j in range(2, count + 1):

@@ -1,4 +1,4 @@
-"""The regressor columns of drive terms with numbers, for the runtime, identification and validation alike."""
+"""The regressor columns of drive terms as NumPy arrays, shared by runtime, identification and validation."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 STANDSTILL = 1e-7
-"""Speed (rad/s, m/s) up to which a drive stands still, so that its Coulomb column is zero.
+"""Speed (rad/s, m/s) up to which a drive counts as standing still, so that its Coulomb column is zero.
 
-Reconstructed speeds of a drive at rest are round-off, whose sign means nothing. The emitted friction function, which
-is given true speeds, has ``sgn(0) = 0`` alone.
+Reconstructed speeds of a drive at rest are round-off, whose sign is meaningless. The emitted friction function receives
+true speeds and needs no such threshold; there only sgn(0) = 0.
 """
 
 
 class Term(Protocol):
-    """What a column is computed from, see :mod:`rrrgen.model.drive_terms`."""
+    """The parts of a drive term that determine its column: its ``kind`` and its direction ``w`` (n,)."""
 
     @property
     def kind(self) -> str: ...  # noqa: D102

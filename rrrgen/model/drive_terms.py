@@ -1,9 +1,9 @@
-"""The linear terms of a robot's drives: what the file states of inertia and friction, and along which direction.
+"""The linear terms of a robot's drives, inertia and friction, as the robot file states them.
 
-A term acts along a direction ``w`` (n,) of joint space: with the speed ``s' = w dq`` it adds the generalised force
+A term acts along a direction ``w`` (n,) of joint space. With the speed ``s' = w . dq`` it adds the generalized force
 ``w f`` to the joint torques, where f is ``Ia s''`` (inertia), ``fv s'`` (viscous), ``fc sgn(s')`` (Coulomb) or ``off``
-(offset). A term of one joint has the unit vector as direction, one of a motor among coupled drives its row of the
-matrix ``motor_from_joint``: then s is the angle of the motor, and all terms of all motors together are
+(offset). The direction of a term at a joint is a unit vector. The direction of a term at a coupled motor is the row of
+that motor in ``motor_from_joint``, and s is the angle of the motor; all terms of all motors together are
 ``S^-T (Ia ddq_m + friction(dq_m))`` with ``dq = S dq_m``.
 """
 
@@ -22,9 +22,9 @@ SYMBOLS: dict[Kind, str] = {"inertia": "Ia", "viscous": "fv", "coulomb": "fc", "
 
 @dataclass(frozen=True)
 class DriveTerm:
-    """One term: its parameter's name and nominal value, its kind, and its direction ``w`` (n,), exact.
+    """One drive term: name and nominal value of its parameter, its kind, and its exact direction ``w`` (n,).
 
-    ``joint`` is the joint (from 0) at which it is stated, ``motor`` the motor, whichever it is.
+    It belongs either to the joint number ``joint`` or to the motor number ``motor`` (from 0); the other is None.
     """
 
     name: str
@@ -38,16 +38,17 @@ class DriveTerm:
 def drive_terms(spec: RobotSpec) -> tuple[DriveTerm, ...]:
     """The terms of ``spec`` in the order of the identification regressor.
 
-    First those of the joints kind by kind (Ia1, Ia2, .., fv1, ..), then those of coupled motors, motor by motor
-    (Ia_m1, fv_m1, ..). A field that the file states, 0 included, is a term.
+    First come the terms of the joints, kind by kind (Ia1, Ia2, .., fv1, ..), then those of coupled motors, motor by
+    motor (Ia_m1, fv_m1, ..). Every field that the robot file states, even as 0, is a term.
     """
     return (*_joint_terms(spec), *_motor_terms(spec))
 
 
 def inertia_terms(spec: RobotSpec) -> tuple[DriveTerm, ...]:
-    """What the input ``Ia`` of the model functions holds; empty where the file states no inertia of a drive.
+    """The terms whose parameters are the elements of the input ``Ia``; empty if the file states no drive inertia.
 
-    Without coupled drives one entry per joint, 0 where the file is silent; with them one entry per inertia stated.
+    Without coupled drives there is one element per joint, 0 if the file states none for it; with coupled drives there
+    is one element per stated inertia.
     """
     stated = tuple(term for term in drive_terms(spec) if term.kind == "inertia")
     if not stated or spec.drives is not None:
@@ -57,14 +58,14 @@ def inertia_terms(spec: RobotSpec) -> tuple[DriveTerm, ...]:
 
 
 def friction_terms(spec: RobotSpec) -> tuple[DriveTerm, ...]:
-    """The terms that are no inertia."""
+    """The friction terms: all terms that are not inertias."""
     return tuple(term for term in drive_terms(spec) if term.kind != "inertia")
 
 
 def friction_surfaces(spec: RobotSpec) -> dict[str, tuple[Any, ...]] | None:
-    """Where friction acts among coupled drives: names and directions; None where every joint has its own drive.
+    """The joints and motors at which friction acts, name -> direction (n,); None without coupled drives.
 
-    The joints and motors for which the file states friction, or all motors where it states none.
+    These are the joints and motors for which the file states friction, or all motors if it states none.
     """
     if spec.drives is None:
         return None
@@ -75,7 +76,7 @@ def friction_surfaces(spec: RobotSpec) -> dict[str, tuple[Any, ...]] | None:
 
 
 def unit(joint: int, n: int) -> tuple[int, ...]:
-    """The direction of one joint (from 0) of ``n``."""
+    """The direction of one joint: the unit vector (n,) with 1 at index ``joint``."""
     return tuple(int(i == joint) for i in range(n))
 
 
@@ -99,7 +100,7 @@ def _motor_terms(spec: RobotSpec) -> Iterator[DriveTerm]:
 
 
 def _stated(owner: JointSpec | MotorSpec, kind: Kind) -> float | None:
-    """What a joint or a motor states of one kind, None where it is silent."""
+    """The value that the file states for ``kind`` at a joint or motor; None if it states none."""
     inertial: DriveSpec | MotorSpec | None = owner if isinstance(owner, MotorSpec) else owner.drive
     source: DriveSpec | MotorSpec | FrictionSpec | None = inertial if kind == "inertia" else owner.friction
     value = None if source is None else getattr(source, kind)

@@ -1,4 +1,4 @@
-"""Coupled drives in words and as plain data, as every page about a robot prints them."""
+"""Coupled drives as text and as plain data, for printing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _UNITS = {
 
 
 def coupling_equations(spec: RobotSpec) -> list[str]:
-    """Every joint's speed as a sum of those of the drives, ``roll = -1/3*left + right``; empty without coupling."""
+    """One equation per joint: its speed as a sum of drive speeds, ``roll = -1/3*left + right``. Empty if uncoupled."""
     if spec.drives is None:
         return []
     names = [motor.name for motor in spec.drives.motors]
@@ -37,7 +37,7 @@ def _sum(names: list[str], factors: list[str]) -> str:
 
 
 def motor_facts(motor: MotorSpec) -> str:
-    """What the file states of a motor, at its shaft, in SI."""
+    """The data of a motor in the robot file, at its shaft, in SI units, as a clause."""
     units = _UNITS[motor.type]
     values = {name: value for name, value in _values(motor).items() if value is not None}
     facts = ["linear motor"] if motor.type == "prismatic" else []

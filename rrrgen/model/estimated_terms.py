@@ -1,6 +1,6 @@
-"""Which parameters are estimated: the base parameters, and linear terms of the drives at chosen joints.
+"""The choice of parameters to estimate: base parameters, and linear drive terms at chosen joints.
 
-The terms themselves are those of :mod:`rrrgen.model.drive_terms`; here is the choice among them, and names for all.
+The drive terms are those of :mod:`rrrgen.model.drive_terms`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Kind = Literal["rigid"] | DriveKind
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its name, its kind and, for a drive term, its direction ``w`` (n,)."""
+    """One column of the identification regressor: name, kind and, for a drive term, direction ``w`` (n,)."""
 
     name: str
     kind: Kind
@@ -27,7 +27,7 @@ class Column:
 
 @dataclass(frozen=True)
 class CoupledDrive:
-    """A motor that turns with ``s = w q``: adds the given terms along ``w``, named ``Ia_<name>``, ``fv_<name>``, ..."""
+    """A motor with angle ``s = w . q``; its ``terms`` act along ``w`` and are named ``Ia_<name>``, ``fv_<name>``."""
 
     name: str
     direction: tuple[float, ...]
@@ -36,7 +36,7 @@ class CoupledDrive:
 
 @dataclass(frozen=True)
 class DriveTerms:
-    """Which joints (counted from 0) have which linear drive terms, and the coupled drives."""
+    """For each kind of drive term the joints (from 0) that have one, and the coupled drives."""
 
     inertia: tuple[int, ...] = ()
     viscous: tuple[int, ...] = ()
@@ -58,18 +58,18 @@ class DriveTerms:
         }
         coupled = []
         for k in dict.fromkeys(term.motor for term in terms if term.motor is not None):
-            own = [term for term in terms if term.motor == k]
-            direction = tuple(float(weight) for weight in own[0].direction)
-            coupled.append(CoupledDrive(spec.drives.motors[k].name, direction, tuple(term.kind for term in own)))
+            of_motor = [term for term in terms if term.motor == k]
+            direction = tuple(float(weight) for weight in of_motor[0].direction)
+            coupled.append(CoupledDrive(spec.drives.motors[k].name, direction, tuple(term.kind for term in of_motor)))
         return cls(**parts, coupled=tuple(coupled))
 
     def without(self, *kinds: DriveKind) -> DriveTerms:
-        """The same without the per-joint terms of these kinds."""
+        """A copy without the joint terms of these kinds; coupled drives stay."""
         parts = {kind: () if kind in kinds else getattr(self, kind) for kind in KINDS}
         return DriveTerms(**parts, coupled=self.coupled)
 
     def columns(self, n: int) -> tuple[Column, ...]:
-        """The columns, kind by kind, then the coupled drives."""
+        """The columns for ``n`` joints: joint terms kind by kind, then coupled drives. Raises InputError."""
         found = []
         for kind in KINDS:
             for joint in getattr(self, kind):

@@ -1,18 +1,18 @@
-"""The robot in canonical frames: one exact normal form for both Denavit-Hartenberg conventions.
+"""The robot in canonical frames: an exact normal form for both Denavit-Hartenberg conventions.
 
 Link i (1..n) carries the canonical frame ``P_i`` with its z axis on joint i. The chain is
 
     T_0_tip = X_1 J_1(q_1) X_2 J_2(q_2) ... X_n J_n(q_n) X_tip,    X_i = [[R_i, p_i], [0, 1]] constant,
 
 with ``J_i = Rz(q_i + theta_i)`` for a revolute joint and ``J_i = Tz(q_i)`` for a prismatic one. A standard DH row
-``Rz(theta) Tz(d) Tx(a) Rx(alpha)`` is cut after ``Tz(d)``, a modified row ends there anyway, so both conventions give
-``R_i = Rx(alpha)`` and the frame-fixed offsets; the user's link frame ``D_i`` follows from ``P_i`` by the constant
-transform ``link_frames[i]``.
+``Rz(theta) Tz(d) Tx(a) Rx(alpha)`` is split after ``Tz(d)``, where a modified row ends; so both conventions give
+``R_i = Rx(alpha)``. The user's link frame ``D_i`` follows from ``P_i`` by the constant transform ``link_frames[i]``.
 
-An origin may slide along its own joint axis without changing the form. It does where that removes offsets from the
-dynamics: joints with parallel axes in a row (a *block*) are brought into one plane, but for the last one, which slides
-to where the next joint's offset has no part along the axis; the last block of the chain is brought to the plane of the
-joint before it. ``D`` of the reference robot (d_2 + d_3) arises here.
+The origin of ``P_i`` may be moved along its joint axis without changing this form, and is moved so that offsets vanish
+from the dynamics. Consecutive joints with parallel axes form a *block*. The origins of a block are moved into one
+plane, except the last, which is moved to the point at which the offset of the next joint has no component along the
+axis. The last block of the chain is moved into the plane of the joint before it. This produces the length ``D = d_2 +
+d_3`` of the reference robot.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ IDENTITY = sp.eye(3)
 
 @dataclass(frozen=True)
 class RigidTransform:
-    """A constant homogeneous transform with exact entries."""
+    """A constant homogeneous transform with exact entries: rotation ``R`` (3, 3) and translation ``p`` (3, 1) in m."""
 
     R: sp.ImmutableMatrix
     p: sp.ImmutableMatrix
@@ -41,12 +41,12 @@ class RigidTransform:
 
     @staticmethod
     def of(R: sp.MatrixBase = IDENTITY, p: tuple[sp.Expr, ...] = (0, 0, 0)) -> RigidTransform:
-        """From a rotation matrix and a translation."""
+        """The transform with rotation ``R`` and translation ``p`` (m); identity by default."""
         return RigidTransform(sp.ImmutableMatrix(R), sp.ImmutableMatrix(3, 1, list(p)))
 
 
 def normal_form(expression: sp.Expr) -> sp.Expr:
-    """Expanded, with even powers of sines written in cosines, so that zeros show."""
+    """``expression`` expanded, with even powers of sines in terms of cosines, so that cancelling terms vanish."""
     expanded = sp.expand(expression)
     powers = {
         power: (1 - sp.cos(power.base.args[0]) ** 2) ** (power.exp // 2) * power.base ** (power.exp % 2)
@@ -57,7 +57,10 @@ def normal_form(expression: sp.Expr) -> sp.Expr:
 
 
 def cosine_sine(angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-    """Exact cosine and sine; only values with at most one square root are written out, others stay functions."""
+    """The exact cosine and sine of ``angle`` (rad).
+
+    Values with at most one square root are evaluated, as for 45 degrees; others stay cos(angle) and sin(angle).
+    """
     c, s = sp.cos(angle), sp.sin(angle)
     if all((value**2).is_Rational or (value**2).base.func in (sp.cos, sp.sin) for value in (c, s)):
         return c, s
@@ -66,32 +69,35 @@ def cosine_sine(angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
 
 
 def rotation_x(angle: sp.Expr) -> sp.Matrix:
-    """Rx(angle)."""
+    """The rotation matrix Rx(angle), angle in rad."""
     c, s = cosine_sine(angle)
     return sp.Matrix([[1, 0, 0], [0, c, -s], [0, s, c]])
 
 
 def rotation_z(angle: sp.Expr) -> sp.Matrix:
-    """Rz(angle)."""
+    """The rotation matrix Rz(angle), angle in rad."""
     c, s = cosine_sine(angle)
     return sp.Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
 
 @dataclass(frozen=True)
 class JointModel:
-    """Joint i: the constant transform X_i before it, its kind, and the constant added to its angle."""
+    """Joint i: the constant transform X_i ``before`` it, its type, and the constant ``theta`` (rad) of its angle."""
 
     name: str
     revolute: bool
     before: RigidTransform
     theta: sp.Expr
     parallel: bool
-    """The axis is parallel, in the same sense, to the axis of the joint before, and R_i = 1."""
+    """Whether the axis has the same direction as that of the previous joint, so that R_i = 1."""
 
 
 @dataclass(frozen=True)
 class RobotModel:
-    """A robot in canonical frames; every entry exact, named parameters as symbols."""
+    """A robot in canonical frames, with exact entries; named parameters are symbols.
+
+    ``tip`` is X_tip, ``link_frames[i]`` the constant transform from ``P_i`` to the user's link frame ``D_i``.
+    """
 
     spec: RobotSpec
     joints: tuple[JointModel, ...]
@@ -100,7 +106,7 @@ class RobotModel:
     _nominal: dict[sp.Expr, sp.Expr] = field(default_factory=dict, compare=False, repr=False)
 
     def nominal(self, expression: sp.Expr) -> sp.Expr:
-        """``expression`` with every named parameter at its nominal value; remembered, since constants recur."""
+        """``expression`` with named parameters at their nominal values; cached, since constants recur."""
         if expression not in self._nominal:
             self._nominal[expression] = self.spec.nominal(expression)
         return self._nominal[expression]
@@ -112,7 +118,7 @@ class RobotModel:
 
     @property
     def blocks(self) -> tuple[tuple[int, ...], ...]:
-        """Joint indices (from 0) of each maximal run of parallel axes."""
+        """The joint indices (from 0) of each maximal sequence of parallel axes."""
         blocks: list[list[int]] = []
         for i, joint in enumerate(self.joints):
             if joint.parallel:
@@ -123,8 +129,8 @@ class RobotModel:
 
 
 def build_model(spec: RobotSpec) -> RobotModel:
-    """The canonical form of ``spec``."""
-    before, joints, frames = _cut_rows(spec)
+    """The canonical form of the robot described by ``spec``."""
+    before, joints, frames = _split_rows(spec)
     base = RigidTransform(
         sp.ImmutableMatrix(3, 3, list(spec.base.rotation)), sp.ImmutableMatrix(list(spec.base.translation))
     )
@@ -142,7 +148,7 @@ def build_model(spec: RobotSpec) -> RobotModel:
             angles.append(sp.S.Zero)
     constants[0] = base @ constants[0]
     parallel = [i > 0 and X.R == IDENTITY for i, X in enumerate(constants)]
-    slides = _slides(constants, parallel)
+    slides = _origin_shifts(constants, parallel)
     moved = [RigidTransform.of(p=(0, 0, t)) for t in slides]
     back = [RigidTransform.of(p=(0, 0, -t)) for t in slides]
     for i in range(len(constants)):
@@ -159,10 +165,10 @@ def build_model(spec: RobotSpec) -> RobotModel:
     )
 
 
-def _cut_rows(
+def _split_rows(
     spec: RobotSpec,
 ) -> tuple[list[RigidTransform], tuple[JointSpec, ...], list[RigidTransform]]:
-    """Constant transforms before each joint, the joints, and P_i -> D_i, for either convention."""
+    """The constant transform before each joint, the joints, and the transforms P_i -> D_i, for both conventions."""
     twists = [
         RigidTransform(sp.ImmutableMatrix(rotation_x(joint.alpha)), sp.ImmutableMatrix([joint.a, 0, 0]))
         for joint in spec.joints
@@ -173,8 +179,8 @@ def _cut_rows(
     return [identity, *twists[:-1]], spec.joints, twists
 
 
-def _slides(constants: list[RigidTransform], parallel: list[bool]) -> list[sp.Expr]:
-    """How far each origin moves back along its own axis (see the module's text)."""
+def _origin_shifts(constants: list[RigidTransform], parallel: list[bool]) -> list[sp.Expr]:
+    """How far (m) each origin is moved back along its joint axis, by the rules stated at the top of this module."""
     slides: list[sp.Expr] = []
     last_block = max((i for i, flag in enumerate(parallel) if not flag), default=0)
     for i, X in enumerate(constants):

@@ -1,8 +1,8 @@
-"""The ten standard inertial parameters of a link: their order, their values for a link of a file, and back.
+"""The ten standard inertial parameters of a link: their order, and conversion from and to the links of a robot file.
 
 ``phi = (m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz)``: mass (kg), first moments (kg m) and inertia tensor (kg m^2,
-``Ixy = -integral of x y dm``) about the origin of the link frame, in its axes. This is the only place that knows the
-order; the references of :mod:`rrrgen.verify` state it again on purpose, because they share nothing with the compiler.
+``Ixy = -integral of x y dm``) about the origin of the link frame, in its axes. The order is stated only here; the
+references of :mod:`rrrgen.verify` repeat it on purpose, because they share no code with the compiler.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ def standard_names(n: int) -> tuple[str, ...]:
 
 
 def standard_parameters(link: LinkSpec) -> tuple[sp.Rational, ...]:
-    """The exact standard parameters of a link, in the order of :data:`STANDARD`."""
+    """The exact standard parameters (10,) of a link, in the order of :data:`STANDARD`."""
     Ixx, Iyy, Izz, Ixy, Ixz, Iyz = link.inertia_about_origin()
     mx, my, mz = (link.mass * c for c in link.com)
     return (link.mass, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz)
 
 
 def link_of(phi: Iterable[float]) -> LinkSpec:
-    """The link with the standard parameters ``phi`` (10,), each number the exact decimal of its double; mass not 0."""
+    """The link with the standard parameters ``phi`` (10,), mass > 0; each double becomes its exact decimal."""
     exact = [sp.Rational(repr(float(value))) for value in phi]
     m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz = exact
     com = tuple(sp.Rational(repr(float(first) / float(m))) for first in (mx, my, mz))

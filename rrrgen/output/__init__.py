@@ -1,1 +1,1 @@
-"""What is written: the only writer of files, and the manifest that lists them."""
+"""Output: the only writer of files, and the manifest that lists them."""

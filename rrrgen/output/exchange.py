@@ -1,8 +1,8 @@
-"""Replaces a directory in one step: the new state is completed beside the old one, and the two change places.
+"""Atomic replacement of a directory: the new state is completed beside the old one, then the two are exchanged.
 
-The system call that exchanges two directories (Linux ``renameat2``, macOS ``renamex_np``) either happens or does not,
-so whatever ends the process, the directory is the old state or the new one. Files of the user in it become hard links
-in the new state: the same files under a second name, of which the old one goes.
+The system call that exchanges two directories (Linux ``renameat2``, macOS ``renamex_np``) is atomic: even if the
+process is killed, the directory is in its old or its new state. Files of the user in it are hard-linked into the new
+state, so they stay the same files.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rrrgen.output.staging import remove
 AT_FDCWD = -100
 RENAME_EXCHANGE = 2  # Linux, <linux/fs.h>
 RENAME_SWAP = 2  # macOS, <sys/stdio.h>
-MOST_FOREIGN = 20_000  # files of the user; linking more would take longer than generating
+MAX_LINKED_FILES = 20_000  # files of the user; linking more would take longer than generating
 
 
 class CannotExchangeError(Exception):
@@ -29,7 +29,7 @@ class CannotExchangeError(Exception):
 
 
 def exchange(one: Path, other: Path) -> None:
-    """Let two directories change places in one step. Raises OSError where the system or the file system cannot."""
+    """Exchange two directories atomically. Raises OSError if the system or the file system does not support it."""
     if sys.platform not in ("linux", "darwin"):
         raise OSError("this system cannot exchange directories")
     library = ctypes.CDLL(None, use_errno=True)
@@ -46,10 +46,10 @@ def exchange(one: Path, other: Path) -> None:
 
 
 def replace_directory(staging: Path, directory: Path, replaced: Set[str]) -> None:
-    """Let ``staging``, a complete new state, take the place of ``directory``, whose old state is removed.
+    """Replace ``directory`` by ``staging``, the complete new state, and remove the old state.
 
-    ``replaced`` are the files of the old state (relative, with /) that are rrrgen's own; all others go over to the new
-    state. Raises CannotExchangeError where that cannot be done, before anything has been changed.
+    ``replaced`` are the files of the old state (relative, with /) that rrrgen has written; all others move to the new
+    state. Raises CannotExchangeError, before anything has been changed, if the exchange is not possible.
     """
     if _in_use(directory):
         raise CannotExchangeError("a process works in it, and would stay behind in the old state")
@@ -66,7 +66,7 @@ def replace_directory(staging: Path, directory: Path, replaced: Set[str]) -> Non
 
 
 def _in_use(directory: Path) -> bool:
-    """Whether a process that can be asked has its working directory in ``directory``: a shell, an editor, make."""
+    """Whether a process (a shell, an editor, make) has its working directory in ``directory``, as far as visible."""
     target, places = _number(str(directory)), ["."]
     with contextlib.suppress(OSError), os.scandir("/proc") as entries:
         places += [f"{entry.path}/cwd" for entry in entries if entry.name.isdecimal()]
@@ -74,9 +74,9 @@ def _in_use(directory: Path) -> bool:
 
 
 def _upwards(place: str) -> Iterator[tuple[int, int]]:
-    """The directory ``place`` and those around it up to the root, by number.
+    """The directory ``place`` and its parents up to the root, as (device, inode).
 
-    Names would not do: a process in a container has others for the same directories.
+    Paths are not compared, because a process in a container may see the same directories under other paths.
     """
     last = None
     while (number := _number(place)) is not None and number != last:
@@ -85,7 +85,7 @@ def _upwards(place: str) -> Iterator[tuple[int, int]]:
 
 
 def _number(path: str) -> tuple[int, int] | None:
-    """Device and inode; None for processes of other users and ended ones."""
+    """Device and inode of ``path``; None if it cannot be read (a process of another user, or one that has ended)."""
     try:
         status = os.stat(path)
     except OSError:
@@ -94,7 +94,7 @@ def _number(path: str) -> tuple[int, int] | None:
 
 
 def _link_foreign(directory: Path, staging: Path, replaced: Set[str]) -> dict[str, int]:
-    """Give every file of the user a second name in ``staging``; returns the numbers of these files (inodes)."""
+    """Hard-link every file of the user into ``staging``; returns relative path -> inode."""
     linked: dict[str, int] = {}
     device = directory.stat().st_dev
     for entry in _foreign(directory, replaced):
@@ -106,8 +106,8 @@ def _link_foreign(directory: Path, staging: Path, replaced: Set[str]) -> dict[st
                 raise OSError(f"{entry} is a file system of its own")
             place.mkdir(parents=True, exist_ok=True)
             continue
-        if len(linked) >= MOST_FOREIGN:
-            raise OSError(f"more than {MOST_FOREIGN} other files")
+        if len(linked) >= MAX_LINKED_FILES:
+            raise OSError(f"more than {MAX_LINKED_FILES} other files")
         place.parent.mkdir(parents=True, exist_ok=True)
         os.link(entry, place, follow_symlinks=False)
         linked[name] = status.st_ino
@@ -115,7 +115,7 @@ def _link_foreign(directory: Path, staging: Path, replaced: Set[str]) -> dict[st
 
 
 def _foreign(directory: Path, replaced: Set[str]) -> Iterator[Path]:
-    """All directories and files below ``directory`` but those replaced; links are not followed."""
+    """All directories and files below ``directory`` except those in ``replaced``; links are not followed."""
     for folder, folders, files in os.walk(directory):
         for name in [*folders, *files]:
             path = Path(folder, name)
@@ -124,7 +124,7 @@ def _foreign(directory: Path, replaced: Set[str]) -> Iterator[Path]:
 
 
 def _copy_rights(directory: Path, staging: Path) -> None:
-    """Owner, mode and times of every directory, from the bottom up."""
+    """Copy owner, mode and times of every directory, from the bottom up."""
     for folder, _, _ in os.walk(directory, topdown=False):
         target = staging / os.path.relpath(folder, directory)
         if not target.is_dir():
@@ -136,7 +136,7 @@ def _copy_rights(directory: Path, staging: Path) -> None:
 
 
 def _rescue(old: Path, directory: Path, replaced: Set[str], linked: dict[str, int]) -> None:
-    """Take along what was made or replaced in the old state since its files were linked."""
+    """Move files that others created or replaced in the old state, after its files were linked, to the new state."""
     for path in _foreign(old, replaced):
         name = path.relative_to(old).as_posix()
         try:

@@ -1,12 +1,12 @@
-"""Replaces files in a directory one by one, where it cannot be replaced as a whole; an interruption is made up for.
+"""Replacement of files one by one, for a directory that cannot be replaced as a whole; it survives interruptions.
 
-    1. all new files are complete in a staging directory inside the directory
-    2. that is renamed to ``.rrrgen-commit``: from now on the new state is decided
-    3. the old manifest goes, so that a mixed directory is never taken for a whole one
-    4. the new files move to their places, files that are no longer emitted go, the new manifest comes last
-    5. ``.rrrgen-commit`` goes
+    1. complete all new files in a staging directory inside the directory
+    2. rename that to ``.rrrgen-commit``: this commits the new state
+    3. remove the old manifest, so that a mixture of old and new files is never taken for a complete directory
+    4. move the new files to their places, remove files that are no longer emitted, move the new manifest last
+    5. remove ``.rrrgen-commit``
 
-Whatever ends the process before 2. has changed nothing; after 2., the next run completes 3. to 5. first.
+A process killed before step 2 has changed nothing; after step 2, the next run first completes steps 3 to 5.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from rrrgen.output.staging import remove
 
 COMMIT = ".rrrgen-commit"
 STALE = "stale.json"
-"""In the commit: the names of the files that are no longer emitted."""
+"""File in the commit directory that lists the files no longer emitted."""
 
 FILES = "files"
-"""In the commit: the new files."""
+"""Folder in the commit directory that holds the new files."""
 
 
 def move_in(staging: Path, directory: Path, stale: Iterable[str], manifest: str) -> None:
-    """Move the new files in ``staging / FILES`` into ``directory`` and remove the ``stale`` ones."""
+    """Move the new files from ``staging / FILES`` into ``directory`` and remove the ``stale`` ones."""
     (staging / STALE).write_text(json.dumps(sorted(stale)), encoding="utf-8")
     os.rename(staging, directory / COMMIT)
     try:
         complete(directory, manifest)
-    except BaseException:  # told to end in between: once more, and then obey
+    except BaseException:  # interrupted, e.g. by Ctrl-C: complete the commit first
         complete(directory, manifest)
         raise
 
 
 def complete(directory: Path, manifest: str) -> None:
-    """Finish what an earlier run has decided and not completed, if anything."""
+    """Complete the commit of an interrupted earlier run, if there is one."""
     commit = directory / COMMIT
     if not commit.is_dir():
         return
@@ -57,7 +57,7 @@ def complete(directory: Path, manifest: str) -> None:
 
 
 def _remove_stale(commit: Path, directory: Path) -> None:
-    """Remove the files that are no longer emitted, none outside the directory."""
+    """Remove the files that are no longer emitted; names that lead outside ``directory`` are ignored."""
     try:
         names = json.loads((commit / STALE).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""``manifest.json``: what was emitted, for machines."""
+"""``manifest.json``: the emitted functions, parameters and files in machine-readable form."""
 
 from __future__ import annotations
 
@@ -23,11 +23,14 @@ if TYPE_CHECKING:
 _NOT_THE_ROBOT = frozenset(
     {"file", "faults", "places", "description", "source", "angle_unit", "length_unit", "provenance"}
 )
-"""Fields of a description that do not change the robot: two files of one robot have one hash."""
+"""Fields of a description that do not change the robot and are left out of its hash."""
 
 
 def identify(spec: RobotSpec) -> Identity:
-    """The hash of the robot (normalised: SI, exact, without comments and spelling) and the version of this tool."""
+    """The hash of the robot and the version of rrrgen.
+
+    The hash is that of the normalized description (SI units, exact numbers), independent of comments and spelling.
+    """
     robot = _canonical(spec)
     if spec.drives is None:  # robots without coupled drives keep the hash that they had before these were known
         del robot["drives"]

@@ -1,7 +1,7 @@
-"""Places for what is not finished: named so that a later run recognises what an ended process has left, and locked.
+"""Staging files and directories for unfinished output: recognizable by name, and locked while a process uses them.
 
-A lock belongs to an open file, so it ends with the process that holds it, however that ends, and it holds between
-containers that share a folder. Where the file system has no locks, nothing is ever taken for abandoned.
+A lock belongs to an open file. It therefore ends with the process that holds it, even if that is killed, and it works
+between containers that share a folder. On a file system without locks nothing is ever treated as abandoned.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ MARK = ".rrrgen-"
 
 
 def staging_directory(place: Path, name: str) -> Path:
-    """A new, empty, private directory in ``place`` for something that will be called ``name``."""
+    """Create an empty, private staging directory in ``place`` for the output ``name``."""
     return Path(tempfile.mkdtemp(dir=place, prefix=f".{name}{MARK}"))
 
 
 def staging_file(place: Path, name: str) -> tuple[int, Path]:
-    """A new, empty, private file in ``place`` for something that will be called ``name``, open and locked."""
+    """Create an empty, private staging file in ``place`` for the output ``name``; returns locked handle and path."""
     handle, staged = tempfile.mkstemp(dir=place, prefix=f".{name}{MARK}")
     _try_lock(handle)
     return handle, Path(staged)
@@ -31,9 +31,9 @@ def staging_file(place: Path, name: str) -> tuple[int, Path]:
 
 @contextmanager
 def locked(path: Path, wait: bool = True) -> Iterator[int | None]:
-    """Hold the lock of a file or directory; yields its handle, or None where there is no lock to be had.
+    """Hold the lock of a file or directory; yields its handle, or None if it cannot be locked.
 
-    ``wait`` for another process to give it up.
+    With ``wait``, waits for another process to release the lock.
     """
     handle = -1
     with contextlib.suppress(OSError):
@@ -58,12 +58,12 @@ def _try_lock(handle: int, wait: bool = False) -> bool:
 
 
 def is_staged(path: Path, name: str | None = None) -> bool:
-    """Whether ``path`` is called like something unfinished: of ``name``, or of anything."""
+    """Whether ``path`` has the name of a staging file or directory: of the output ``name``, or of any (None)."""
     return path.name.startswith(f".{name}{MARK}") if name is not None else path.name[:1] == "." and MARK in path.name
 
 
 def remove_abandoned(place: Path, name: str | None = None) -> None:
-    """Remove what ended processes have left unfinished in ``place``: of ``name``, or of anything."""
+    """Remove staging files in ``place`` whose process has ended: of the output ``name``, or of any (None)."""
     with contextlib.suppress(OSError):
         for path in [entry for entry in place.iterdir() if is_staged(entry, name)]:
             with locked(path, wait=False) as abandoned:
@@ -72,7 +72,7 @@ def remove_abandoned(place: Path, name: str | None = None) -> None:
 
 
 def remove(path: Path) -> None:
-    """Remove a file, or a directory with all that is in it, as far as that is possible."""
+    """Remove a file, or a directory with its contents; errors are ignored."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
     else:

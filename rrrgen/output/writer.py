@@ -1,4 +1,4 @@
-"""The only writer: files go to disk all or none, with LF line ends, and the same bytes every time."""
+"""The only writer of files: all or none are written, with LF line ends, reproducibly."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rrrgen.output.staging import locked, remove, remove_abandoned, staging_dire
 MANIFEST = "manifest.json"
 
 INSIDE = "new"
-"""What a staging directory inside the directory is called after."""
+"""Output name of a staging directory inside the output directory."""
 
 Contents = str | bytes
 
@@ -27,12 +27,12 @@ Contents = str | bytes
 def write(files: Mapping[str, Contents], directory: Path) -> None:
     """Write ``files`` (relative path -> contents) below ``directory``, all or none.
 
-    Whatever ends the process, the directory is in its old state or in its new one, where the system can exchange two
-    directories (:mod:`rrrgen.output.exchange`). Where it cannot, or where a process works in the directory and would
-    be left in the old one, files move in one by one and the next run completes what was interrupted
-    (:mod:`rrrgen.output.journal`). Files that an earlier manifest lists and that are no longer emitted are removed;
-    other files stay. What ended processes have left unfinished is removed. Raises InputError where the place cannot be
-    written, StorageError where the disk is full.
+    If the system can exchange two directories, the directory is in its old or its new state even if the process is
+    killed (:mod:`rrrgen.output.exchange`). Otherwise, or if another process works in the directory and would stay in
+    the old state, files are moved one by one, and the next run completes an interrupted one
+    (:mod:`rrrgen.output.journal`). Files listed in an earlier manifest but no longer emitted are removed; other files
+    stay. Staging files of ended processes are removed. Raises InputError if the directory cannot be written,
+    StorageError if the disk is full.
     """
     for name in files:
         _checked(name)
@@ -44,20 +44,20 @@ def write(files: Mapping[str, Contents], directory: Path) -> None:
         remove_abandoned(directory.parent, directory.name)
         if not directory.exists() and _appear(files, directory):
             return
-        with _settled(directory):
+        with _locked_directory(directory):
             if not os.access(directory, os.W_OK | os.X_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
             remove_abandoned(directory, INSIDE)
             complete(directory, MANIFEST)
             if not _is_up_to_date(files, directory):
-                _check_way(files, directory)
+                _check_obstacles(files, directory)
                 _replace(files, directory)
     except OSError as error:
         raise _cannot_write(directory, error) from error
 
 
 def _appear(files: Mapping[str, Contents], directory: Path) -> bool:
-    """Make a directory that does not exist yet, complete; False where another process was faster."""
+    """Create the complete directory; False if another process has created it first."""
     with _staging(directory.parent, directory.name) as staging:
         _fill(staging, files)
         staging.chmod(0o777 & ~_umask())  # it was made private
@@ -70,8 +70,8 @@ def _appear(files: Mapping[str, Contents], directory: Path) -> bool:
     return True
 
 
-def _check_way(files: Mapping[str, Contents], directory: Path) -> None:
-    """Raise InputError where a directory of the user has the name of a file to write, or the other way round."""
+def _check_obstacles(files: Mapping[str, Contents], directory: Path) -> None:
+    """Raise InputError if a directory exists where a file must be written, or a file where a directory is needed."""
     for name in files:
         place = directory / name
         if place.is_dir():
@@ -82,8 +82,8 @@ def _check_way(files: Mapping[str, Contents], directory: Path) -> None:
 
 
 @contextmanager
-def _settled(directory: Path) -> Iterator[None]:
-    """Keep other runs of rrrgen from writing to ``directory``; it may be another one when its lock comes free."""
+def _locked_directory(directory: Path) -> Iterator[None]:
+    """Lock ``directory`` against other runs of rrrgen; tries again if it was replaced while waiting for the lock."""
     while True:
         with locked(directory) as held:
             if held is None or os.path.samestat(os.stat(directory), os.fstat(held)):
@@ -92,7 +92,7 @@ def _settled(directory: Path) -> Iterator[None]:
 
 
 def _replace(files: Mapping[str, Contents], directory: Path) -> None:
-    """Bring a directory that exists to its new state."""
+    """Replace the contents of an existing directory."""
     stale = set(listed_files(directory)) - set(files)
     try:
         with _staging(directory.parent, directory.name) as staging:
@@ -112,7 +112,7 @@ def _replace(files: Mapping[str, Contents], directory: Path) -> None:
 
 @contextmanager
 def _staging(place: Path, name: str) -> Iterator[Path]:
-    """A locked staging directory, which goes in the end, unless it has been renamed."""
+    """A locked staging directory, removed at the end unless it has been renamed."""
     staging = staging_directory(place, name)
     try:
         with locked(staging):
@@ -129,7 +129,7 @@ def _fill(folder: Path, files: Mapping[str, Contents]) -> None:
 
 
 def _is_up_to_date(files: Mapping[str, Contents], directory: Path) -> bool:
-    """Whether every file is there with its contents, and none that is no longer emitted."""
+    """Whether every file exists with its contents, and no file is left that is no longer emitted."""
     if set(listed_files(directory)) - set(files):
         return False
     return all(_read(directory / name) == as_bytes(contents) for name, contents in files.items())
@@ -143,10 +143,9 @@ def _read(path: Path) -> bytes | None:
 
 
 def write_file(file: Path, contents: Contents) -> None:
-    """Write one file, whole or not at all, with the permissions that the umask leaves.
+    """Write one file atomically, with the permissions of the umask; other files in the directory are not touched.
 
-    Unlike :func:`write` it concerns nothing else in the directory. Raises InputError where the place cannot be written,
-    StorageError where the disk is full.
+    Raises InputError if the file cannot be written, StorageError if the disk is full.
     """
     file = Path(os.path.abspath(file))
     if file.is_dir():
@@ -161,7 +160,7 @@ def write_file(file: Path, contents: Contents) -> None:
         with os.fdopen(handle, "wb") as stream:
             stream.write(as_bytes(contents))
             stream.flush()
-            if os.name == "nt":  # Windows renames what is closed, and has no lock that would be lost by it
+            if os.name == "nt":  # Windows can rename only closed files, and the file is not locked there
                 stream.close()
             os.chmod(staged, 0o666 & ~_umask())  # it was made private
             os.replace(staged, file)
@@ -176,7 +175,7 @@ def _cannot_write(place: Path, error: OSError) -> RrrgenError:
 
 
 def differences(files: Mapping[str, Contents], directory: Path) -> str:
-    """A unified diff from what lies in ``directory`` to ``files``; empty where nothing would change."""
+    """A unified diff from the contents of ``directory`` to ``files``; empty if nothing would change."""
     stale = set(listed_files(directory)) - set(files)
     parts = [_difference(name, files.get(name), directory / name) for name in sorted({*files, *stale})]
     return "".join(parts)
@@ -202,7 +201,7 @@ def _difference(name: str, new: Contents | None, place: Path) -> str:
 
 
 def listed_files(directory: Path) -> list[str]:
-    """The files that the manifest of an earlier run lists, the manifest included; none where there is no manifest."""
+    """The files listed in the manifest of an earlier run, and the manifest; empty if there is none."""
     manifest = directory / MANIFEST
     try:
         entries = json.loads(manifest.read_text(encoding="utf-8"))["files"]
@@ -213,17 +212,17 @@ def listed_files(directory: Path) -> list[str]:
 
 
 def as_bytes(contents: Contents) -> bytes:
-    """What is written: text as UTF-8 with LF."""
+    """The bytes to write: text is encoded as UTF-8."""
     return contents if isinstance(contents, bytes) else contents.encode("utf-8")
 
 
 def checksum(contents: Contents) -> str:
-    """SHA-256 of what is written."""
+    """SHA-256, in hexadecimal, of the bytes to write."""
     return hashlib.sha256(as_bytes(contents)).hexdigest()
 
 
 def _checked(name: str) -> str:
-    """``name`` if it stays below the output directory."""
+    """``name``, if it stays below the output directory. Raises InternalError otherwise."""
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts or not path.parts:
         raise InternalError(f"a backend wants to write outside the output directory: {name}")

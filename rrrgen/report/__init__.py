@@ -1,4 +1,4 @@
-"""One HTML file about a robot: its table, frames, parameters and equations, and how well they were verified."""
+"""The HTML report of a robot: its table, frames, parameters and equations, and the results of verification."""
 
 from rrrgen.report.document import html_report
 

@@ -1,4 +1,4 @@
-"""The report as one HTML file: no scripts, no fonts, nothing fetched, the same bytes for the same robot."""
+"""The report as one self-contained, reproducible HTML file without scripts, fonts and external resources."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ Transform = tuple[tuple[float, float, float, float], ...]
 
 @dataclass(frozen=True)
 class Stage:
-    """Frame i in the zero pose, the joint that moves it, and the way along the link to its origin.
+    """Frame i in the zero pose, the joint that moves it, and the path along the link to its origin.
 
     ``axis`` is a point on the joint axis and its direction; ``path`` the corner points of the DH displacements from the
     frame before.
@@ -48,12 +48,12 @@ def zero_pose(spec: RobotSpec) -> tuple[Transform, list[Stage], Transform]:
 
 
 def origin(T: Transform) -> Point:
-    """The position of a frame."""
+    """The origin (3,) of a frame, m."""
     return T[0][3], T[1][3], T[2][3]
 
 
 def column(T: Transform, k: int) -> Point:
-    """The direction of axis k of a frame."""
+    """The unit vector (3,) of axis k of a frame."""
     return T[0][k], T[1][k], T[2][k]
 
 

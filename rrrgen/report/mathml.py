@@ -1,4 +1,4 @@
-"""Presentation MathML for the walk over expressions, and whole equations; browsers show it without scripts or fonts."""
+"""Expressions and equations as presentation MathML, which browsers display without scripts or fonts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LINE = 84
 
 
 class MathmlMarkup:
-    """Elements of presentation MathML."""
+    """The markup of formulas as presentation MathML."""
 
     def symbol(self, parts: Notation) -> str:
         """A letter with dots and subscript."""
@@ -80,7 +80,7 @@ def _with_subscript(base: str, parts: Sequence[str]) -> str:
 
 
 def sum_of(terms: Sequence[tuple[bool, str]]) -> str:
-    """``a - b + c`` as a run of elements."""
+    """The elements of the sum ``a - b + c``, one after the other."""
     text = ""
     for negative, term in terms:
         if text or negative:
@@ -101,7 +101,7 @@ def bold(letter: str) -> str:
 
 
 def inline(expression: sp.Expr, walk: Walk) -> str:
-    """An expression within a line of text."""
+    """An expression as inline MathML, for use within text."""
     return f"<math>{walk.write(expression)}</math>"
 
 

@@ -1,4 +1,4 @@
-"""A sketch of the frames in the zero pose: SVG in orthographic projection, nothing but lines and letters."""
+"""A sketch of the frames in the zero pose, as SVG in orthographic projection."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COINCIDENT = 1e-9  # m
 
 @dataclass(frozen=True)
 class View:
-    """Projection to the screen: right and up in space, a scale, and where the middle of the scene goes."""
+    """Orthographic projection: directions of right and up in space, scale, and centre of the scene."""
 
     scale: float
     middle: tuple[float, float]
@@ -94,7 +94,7 @@ def _polyline(view: View, path: Sequence[Point], kind: str) -> str:
 
 
 def _screen(direction: Point) -> tuple[float, float]:
-    """Where a unit direction points on the screen, foreshortened."""
+    """The projection of a unit vector to the screen, without scale."""
     u, v = _flat(direction)
     return u, -v
 
@@ -149,7 +149,7 @@ def _variable_labels(view: View, stages: Sequence[Stage]) -> list[Label]:
 
 
 def _apart(labels: Sequence[Label]) -> list[str]:
-    """Each label at its place or, where another one stands already, below it."""
+    """The labels without overlap: one that would cover another is moved below it."""
     boxes: list[tuple[float, float, float]] = []  # middle, half width
     texts = []
     for name, (x, y), kind in labels:
@@ -162,7 +162,7 @@ def _apart(labels: Sequence[Label]) -> list[str]:
 
 
 def _merged(places: Sequence[tuple[str, tuple[float, float]]]) -> list[tuple[str, tuple[float, float]]]:
-    """Labels that would cover each other become one."""
+    """The labels, with those at the same place merged into one."""
     groups: list[tuple[list[str], tuple[float, float]]] = []
     for name, place in places:
         for names, taken in groups:

@@ -1,4 +1,4 @@
-"""The rows of the report's tables, as text or MathML, ready for the template."""
+"""The tables of the report, with cells as text or MathML."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def number(value: float, digits: int = 6) -> str:
 
 
 def dh_exact(spec: RobotSpec, walk: Walk) -> Table:
-    """The rows as written, with named parameters."""
+    """The table of Denavit-Hartenberg parameters as in the robot file, with named parameters."""
     rows = []
     for i, joint in enumerate(spec.joints, start=1):
         q = sp.Symbol(f"q{i}", real=True)
@@ -51,7 +51,7 @@ def dh_exact(spec: RobotSpec, walk: Walk) -> Table:
 
 
 def dh_numbers(spec: RobotSpec, in_degrees: bool) -> Table:
-    """The rows at the nominal parameters, in rad and m or in degrees and mm."""
+    """The Denavit-Hartenberg table at nominal parameters, in rad and m or in degrees and mm."""
     angle, length = (degrees, 1000.0) if in_degrees else (float, 1.0)
     rows = []
     for i, (joint, (_, alpha, a, d, theta)) in enumerate(zip(spec.joints, spec.dh_table(), strict=True), start=1):
@@ -73,7 +73,7 @@ def _with_variable(i: int, offset: str) -> str:
 
 
 def limits(spec: RobotSpec) -> Table | None:
-    """Joint limits and drives where the file gives any, in SI units."""
+    """The table of joint limits and drives, in SI units, if the robot file states any."""
     columns: list[tuple[str, Callable[[JointSpec], float | None]]] = [
         ("lower", lambda j: j.limits.lower),
         ("upper", lambda j: j.limits.upper),
@@ -106,7 +106,7 @@ def drives(spec: RobotSpec) -> tuple[Table, Table] | None:
 
 
 def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
-    """Name, expression, unit, and the nominal value where the file gives the links."""
+    """The table of base parameters: name, expression, unit and, with link data, nominal value."""
     rows = []
     for k, parameter in enumerate(parameters.rows):
         symbol = Markup(inline(sp.Symbol(parameter.name, real=True), walk))
@@ -128,7 +128,7 @@ _COUNTS = ("multiplications", "additions", "divisions", "roots", "sine and cosin
 
 
 def operations(model: DerivedModel) -> Table:
-    """Arithmetic of one evaluation of every function."""
+    """The table of operation counts per evaluation of every function."""
     rows = tuple((name, *_counts(count_operations(program))) for name, program in model.programs.items())
     return Table(("function", *_COUNTS), rows, frozenset(range(1, len(_COUNTS) + 1)))
 
@@ -139,13 +139,13 @@ def _counts(count: OperationCount) -> tuple[str, ...]:
 
 
 def passes(model: DerivedModel) -> Table:
-    """What each optimisation pass did: totals before and after."""
+    """The table of optimization passes: operations before and after."""
     rows = tuple((p.function, p.name, str(p.before.total), str(p.after.total)) for p in model.passes)
     return Table(("function", "pass", "operations before", "after"), rows, frozenset({2, 3}))
 
 
 def verification(report: Report) -> Table:
-    """The comparisons of a verification."""
+    """The table of comparisons of a verification."""
     rows, failed = [], []
     for k, row in enumerate(report.rows):
         difference, tolerance = f"{row.difference:.1e}", f"{row.tolerance:.0e}" if row.tolerance else "0"

@@ -1,4 +1,4 @@
-"""What functions with several results return: named, so that nobody counts positions."""
+"""The named tuples that functions with several results return."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 
 class JointLimits(NamedTuple):
-    """Limits of all joints, each (n,), SI: -inf or inf where the robot file is silent.
+    """Limits of all joints, each (n,), in SI units; -inf or inf where the robot file states none.
 
     ``lower`` and ``upper`` bound q (rad, m); ``velocity``, ``acceleration`` and ``torque`` bound the magnitudes of dq,
     ddq and tau (N m, N).

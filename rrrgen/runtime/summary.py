@@ -1,4 +1,4 @@
-"""A compiled model as a few rows of HTML, for notebooks."""
+"""A short HTML summary of a compiled model, for notebooks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def html_summary(model: Model) -> str:
-    """Joints with their Denavit-Hartenberg rows (nominal, rad and m) and limits, then the base parameters."""
+    """HTML tables of the joints (nominal Denavit-Hartenberg rows in rad and m, limits) and the base parameters."""
     limits = model.limits
     joints = [
         (name, kind, *map(_number, numbers), f"{_number(low)} .. {_number(high)}")

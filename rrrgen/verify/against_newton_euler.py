@@ -1,4 +1,4 @@
-"""Every function of the model against the built-in Newton-Euler."""
+"""Comparison of every function of the model with the built-in Newton-Euler recursion."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NO_PARAMETERS = "-"
 
 
 def check_kinematics(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
-    """Frames and Jacobians."""
+    """Compare frames and Jacobians."""
     check = rows.against(ne.name, NO_PARAMETERS, tolerances.exact, s.count)
     for name in FUNCTIONS_OF_POSITION:
         check(name, partial(_at, model, name, s.q), getattr(ne, name)(s.q))
@@ -40,7 +40,7 @@ def _at(model: Model, name: str, q: Array) -> Array:
 
 
 def check_regressors(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
-    """Y phi = Y_base K phi for every phi, hence Y = Y_base K column by column; as many columns as the rank of Y."""
+    """Check Y = Y_base K column by column, and that Y_base has as many columns as the rank of Y."""
     check = rows.against(ne.name, NO_PARAMETERS, tolerances.exact, s.count)
     Y, K = ne.standard_regressor(s.q, s.dq, s.ddq), np.asarray(model.base_projection)
     applied = np.einsum("nij,ni->nj", Y, s.e)
@@ -62,7 +62,7 @@ def check_regressors(model: Model, ne: NewtonEuler, s: States, tolerances: Toler
 
 
 def base_rank(ne: NewtonEuler) -> int:
-    """Rank of the stacked standard regressor, its non-zero columns scaled to unit length."""
+    """The rank of the standard regressor stacked over many states, with non-zero columns scaled to unit length."""
     s = draw_states(ne.chain, RANK_STATES, np.random.default_rng(0))
     Y = ne.standard_regressor(s.q, s.dq, s.ddq).reshape(-1, 10 * ne.chain.n)
     norms = np.linalg.norm(Y, axis=0)
@@ -72,7 +72,7 @@ def base_rank(ne: NewtonEuler) -> int:
 
 
 def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collector) -> None:
-    """fv dq + fc sgn(dq) + offset (14.11), a field that the description leaves out being zero."""
+    """Compare friction with fv dq + fc sgn(dq) + offset (14.11); fields missing in the description count as zero."""
 
     spec = model.spec
     expected = _linear_friction([joint.friction for joint in spec.joints], s.dq)
@@ -84,7 +84,7 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
 
 
 def _linear_friction(given: Sequence[FrictionSpec | None], speeds: Array) -> Array:
-    """Torques (N, k) at ``speeds`` (N, k), an absent coefficient being zero."""
+    """Friction torques (N, k) at ``speeds`` (N, k); missing coefficients count as zero."""
 
     def coefficients(kind: str) -> Array:
         terms = [None if friction is None else getattr(friction, kind) for friction in given]
@@ -109,7 +109,7 @@ def _extra_columns(model: Model, s: States) -> Array:
 
 
 def _motor_columns(spec: RobotSpec, motors: Sequence[MotorSpec], s: States) -> list[Array]:
-    """The same of coupled motors: what each term of a motor adds to the joint torques."""
+    """The columns of coupled motors: the joint torques (N, n) per unit of each term of a motor."""
     speeds, accelerations = motor_speeds(spec, s.dq), motor_speeds(spec, s.ddq)
     signals = {"inertia": accelerations, "viscous": speeds, "coulomb": np.sign(speeds), "offset": np.ones_like(speeds)}
     lever = motor_speeds(spec, np.eye(spec.n))  # joint by motor
@@ -123,7 +123,7 @@ def _motor_columns(spec: RobotSpec, motors: Sequence[MotorSpec], s: States) -> l
 
 
 def _identification_columns(model: Model, K: Array, s: States, extra: Array) -> Array:
-    """The model's identification regressor, base columns times K, the others in the order of ``extra``."""
+    """The identification regressor of the model: base columns times K, then the others in the order of ``extra``."""
     got = np.asarray(model.identification_regressor(s.q, s.dq, s.ddq))
     names = len(model.identification_parameter_names)
     if got.shape[-1] != names or names != len(K) + extra.shape[-1]:
@@ -137,7 +137,7 @@ def _identification_columns(model: Model, K: Array, s: States, extra: Array) -> 
 def check_dynamics(
     model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """Everything that depends on inertial parameters."""
+    """Compare all functions that depend on inertial parameters."""
     check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
     beta = parameters.beta
     tau, c, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.coriolis(s.q, s.dq), ne.mass_matrix(s.q)
@@ -173,7 +173,7 @@ def check_dynamics(
 def _check_forward_dynamics(
     model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """Accelerations put back into the torque where M > 0; a refusal where it is indefinite."""
+    """Check that accelerations reproduce the torques if M > 0, and that an indefinite M is refused."""
     tau, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.mass_matrix(s.q)
     definite = is_definite(M, tolerances)
     check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
@@ -189,7 +189,7 @@ def _check_forward_dynamics(
 
 
 def _nominal_beta(model: Model) -> Array:
-    """The model's own base parameters."""
+    """The nominal base parameters (b,) of the model."""
     if model.beta is None:
         raise ValueError("the description has links, but the model has no nominal base parameters")
     return np.asarray(model.beta)
@@ -198,16 +198,16 @@ def _nominal_beta(model: Model) -> Array:
 def _check_energy(
     model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """Kinetic and potential energy, the latter up to its value at q = 0."""
+    """Compare kinetic energy, and potential energy relative to its value at q = 0."""
     check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
     home = np.zeros_like(s.q)
     kinetic, potential = ne.energy(s.q, s.dq)
     potential = potential - ne.energy(home, s.dq)[1]
     scale = max(size(kinetic), size(potential))
 
-    def own_potential() -> Array:
+    def model_potential() -> Array:
         here, there = (model.energy(q, s.dq, beta=parameters.beta)[1] for q in (s.q, home))
         return np.asarray(here - there)
 
     check("energy, kinetic", lambda: np.asarray(model.energy(s.q, s.dq, beta=parameters.beta)[0]), kinetic, scale=scale)
-    check("energy, potential", own_potential, potential, scale=scale)
+    check("energy, potential", model_potential, potential, scale=scale)

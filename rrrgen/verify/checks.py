@@ -16,7 +16,7 @@ from rrrgen.verify.references.libraries import LIBRARIES
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.reference import ReferenceUnavailableError
 from rrrgen.verify.report import Report
-from rrrgen.verify.subject import BothWays, Parameters, States, draw_states, parameter_sets
+from rrrgen.verify.subject import Parameters, SplitCalls, States, draw_states, parameter_sets
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -54,7 +54,7 @@ def verify(
         raise ValueError(f"samples must be at least 1, got {samples}")
     rng = np.random.default_rng(seed)
     single_model = model
-    model = cast("Model", BothWays(model))
+    model = cast("Model", SplitCalls(model))
     chain = chain_of(model.spec)
     states = draw_states(chain, samples, rng)
     single = _answers_in_single(model, states)

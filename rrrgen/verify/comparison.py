@@ -1,4 +1,4 @@
-"""Relative differences, collected as rows of a report."""
+"""Relative differences between values and references, collected as rows of a report."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 
 
 def rate(function: Callable[[float], Array], step: float) -> Array:
-    """df/ds at s = 0."""
+    """The derivative df/ds at s = 0, by eighth-order central differences with the given step."""
     return np.asarray(sum(w * (function(k * step) - function(-k * step)) for k, w in STENCIL) / step)
 
 

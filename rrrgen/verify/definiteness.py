@@ -1,4 +1,4 @@
-"""Forward dynamics where the mass matrix is not positive definite: the model has to say so."""
+"""Check that forward dynamics reports a mass matrix that is not positive definite."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from rrrgen.verify.subject import States
 
 ASKED = 5  # states where M is not positive definite that the model is asked at, one by one
 INDEFINITE = 1e-3
-"""An eigenvalue of M below minus this share of the largest is negative in any arithmetic; nearer to zero M is as good
-as singular, and round-off decides whether it is refused."""
+"""M counts as indefinite if an eigenvalue is below minus this fraction of the largest. Closer to zero M is nearly
+singular, and round-off decides whether it is refused."""
 
 
 def is_definite(M: Array, tolerances: Tolerances) -> NDArray[np.bool_]:

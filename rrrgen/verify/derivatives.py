@@ -1,4 +1,4 @@
-"""Derivatives of inverse and forward dynamics against differences of the built-in Newton-Euler."""
+"""The derivatives of inverse and forward dynamics, compared with differences of the built-in Newton-Euler."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def check_derivatives(
     model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """d tau by q, dq and ddq; the derivatives of ddq multiplied by M, so that the conditioning of M does not count."""
+    """Compare the derivatives of tau, and those of ddq multiplied by M, which removes the effect of M's condition."""
     _check_inverse(model, ne, parameters, s, tolerances, rows)
     M = ne.mass_matrix(s.q)
     definite = is_definite(M, tolerances)
@@ -45,8 +45,8 @@ def _check_inverse(
     exact = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
     close = rows.against(ne.name, parameters.label, tolerances.differenced, s.count)
     tau, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.mass_matrix(s.q)
-    by_q = _slopes(lambda step: ne.inverse_dynamics(s.q + step, s.dq, s.ddq), s.q, tolerances.step)
-    by_dq = _slopes(lambda step: ne.inverse_dynamics(s.q, s.dq + step, s.ddq), s.q, tolerances.step)
+    by_q = _derivatives_of(lambda step: ne.inverse_dynamics(s.q + step, s.dq, s.ddq), s.q, tolerances.step)
+    by_dq = _derivatives_of(lambda step: ne.inverse_dynamics(s.q, s.dq + step, s.ddq), s.q, tolerances.step)
     scale = max(size(by_q), size(by_dq), size(tau))
 
     @cache
@@ -66,8 +66,8 @@ def _check_forward(
     exact = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
     close = rows.against(ne.name, parameters.label, tolerances.differenced, s.count)
     tau, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.mass_matrix(s.q)
-    by_q = _slopes(lambda step: ne.inverse_dynamics(s.q + step, s.dq, s.ddq), s.q, tolerances.step)
-    by_dq = _slopes(lambda step: ne.inverse_dynamics(s.q, s.dq + step, s.ddq), s.q, tolerances.step)
+    by_q = _derivatives_of(lambda step: ne.inverse_dynamics(s.q + step, s.dq, s.ddq), s.q, tolerances.step)
+    by_dq = _derivatives_of(lambda step: ne.inverse_dynamics(s.q, s.dq + step, s.ddq), s.q, tolerances.step)
     scale = max(size(by_q), size(by_dq), size(tau))
 
     @cache
@@ -87,8 +87,8 @@ def _check_forward(
     )
 
 
-def _slopes(function: Callable[[Array], Array], like: Array, step: float) -> Array:
-    """Derivatives (N, n, n) of a function (N, n) of a shift of all states."""
+def _derivatives_of(function: Callable[[Array], Array], like: Array, step: float) -> Array:
+    """The derivatives (N, n, n) of ``function``, which maps a shift of all states to values (N, n)."""
 
     def along(unit: Array) -> Array:
         return rate(lambda t: function(t * unit), step)

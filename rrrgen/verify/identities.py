@@ -1,4 +1,4 @@
-"""Identities that the model's own functions must satisfy among themselves."""
+"""Identities between the functions of the model itself."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ SELF = "identity"
 
 
 @dataclass(frozen=True)
-class _Own:
-    """The model's torque (N, n), mass matrix and Coriolis matrix (N, n, n) at the states."""
+class _ModelTerms:
+    """The torque (N, n), mass matrix and Coriolis matrix (N, n, n) that the model computes at the states."""
 
     tau: Array
     M: Array
@@ -33,7 +33,7 @@ def check_identities(
     """tau = M ddq + C dq + g = Y beta (+ Ia ddq), M = M' > 0, C'dq, dM/dt - 2C skew, power balance."""
     beta = parameters.beta
     try:
-        own = _Own(
+        own = _ModelTerms(
             np.asarray(model.inverse_dynamics(s.q, s.dq, s.ddq, beta=beta)),
             np.asarray(model.mass_matrix(s.q, beta=beta)),
             np.asarray(model.coriolis_matrix(s.q, s.dq, beta=beta)),
@@ -51,11 +51,11 @@ def _check_sums(
     chain: Chain,
     parameters: Parameters,
     s: States,
-    own: _Own,
+    own: _ModelTerms,
     tolerances: Tolerances,
     rows: Collector,
 ) -> None:
-    """Identities without derivatives."""
+    """Check the identities that contain no time derivative."""
     beta = parameters.beta
     check = rows.against(SELF, parameters.label, tolerances.exact, s.count)
     inertial = np.einsum("nij,nj->ni", own.M, s.ddq) + np.einsum("nij,nj->ni", own.C, s.dq)
@@ -84,9 +84,9 @@ def _check_sums(
 
 
 def _check_rates(
-    model: Model, parameters: Parameters, s: States, own: _Own, tolerances: Tolerances, rows: Collector
+    model: Model, parameters: Parameters, s: States, own: _ModelTerms, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """The two identities with a derivative, taken along q + t dq, dq + t ddq."""
+    """Check the two identities with a time derivative, taken along q + t dq, dq + t ddq at t = 0."""
     beta = parameters.beta
     check = rows.against(SELF, parameters.label, tolerances.differenced, s.count)
 

@@ -26,16 +26,16 @@ STARTS = 64
 
 STEPS = 60
 FOUND = 1e-11
-"""Error (rad, reaches) at which a start has converged."""
+"""Error at which a start counts as converged; angles in rad, lengths divided by the reach of the arm."""
 
 EXACT = 4e-12
-"""What the error of a row may be, in rad and reaches."""
+"""Largest allowed error of a solution; angles in rad, lengths divided by the reach."""
 
 SHARP = 1e-3
-"""Solutions whose Jacobian has a smaller singular value are left out: near a multiple root they are not determined."""
+"""Solutions whose Jacobian has a smaller singular value are left out: near a multiple root they are ill-conditioned."""
 
 APART = 1e-5
-"""Two configurations nearer than this (rad, reaches) are one."""
+"""Two configurations with a smaller difference (rad, lengths divided by the reach) count as the same."""
 
 Tell = Callable[[int, int, str], None]
 
@@ -50,7 +50,7 @@ class Arm:
         self.reach = size if size > 0.0 else 1.0
 
     def poses(self, q: Array) -> Array:
-        """The tip (N, 4, 4)."""
+        """The poses (N, 4, 4) of the tip for configurations ``q`` (N, n)."""
         return self._walk(q)[0]
 
     def _walk(self, q: Array) -> tuple[Array, list[Array], list[Array]]:
@@ -70,7 +70,7 @@ class Arm:
         return T @ self.tool, axes, points
 
     def error(self, goals: Array, q: Array) -> tuple[Array, Array]:
-        """What is left to the goals, lengths in reaches (N, 3 or 6), and its Jacobian by q in rad and reaches."""
+        """The task error (N, 3 or 6) and its Jacobian by q; lengths are divided by the reach, angles in rad."""
         T, axes, points = self._walk(q)
         tip = T[:, :3, 3]
         linear, angular = [], []
@@ -84,13 +84,13 @@ class Arm:
         return np.concatenate([e, turn], axis=1), np.concatenate([J, np.stack(angular, axis=2)], axis=1)
 
     def distance(self, goals: Array, q: Array) -> Array:
-        """The largest entry of the difference of pose, lengths in reaches (N,)."""
+        """The largest entry (N,) of the difference between pose and goal; lengths are divided by the reach."""
         D = np.abs(self.poses(q) - goals)
         D[:, :3, 3] /= self.reach
         return np.asarray((D[:, :3, 3:] if self.position else D).reshape(len(q), -1).max(axis=1, initial=0.0))
 
     def apart(self, a: Array, b: Array) -> Array:
-        """The largest difference of configurations, angles without whole turns, displacements in reaches (...)."""
+        """The largest difference (...) of two configurations: angles modulo full turns, lengths over the reach."""
         d = a - b
         turned = np.abs(np.mod(d + np.pi, 2 * np.pi) - np.pi)
         return np.asarray(np.where(self.revolute, turned, np.abs(d) / self.reach).max(axis=-1))
@@ -100,11 +100,11 @@ class Arm:
         return np.asarray(np.linalg.svd(self.error(goals, q)[1], compute_uv=False)[:, -1])
 
     def drawn(self, count: int, rng: np.random.Generator) -> Array:
-        """Configurations over the whole turn, displacements up to ``STROKE``."""
+        """Random configurations (count, n): angles over a full turn, displacements up to ``STROKE`` (m)."""
         return rng.uniform(-1, 1, (count, self.n)) * np.where(self.revolute, np.pi, STROKE)
 
     def search(self, goals: Array, q: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Configurations that damped Gauss-Newton steps reach from ``q``, and whether each meets its goal."""
+        """The configurations after damped Gauss-Newton steps from ``q``, and whether each meets its goal."""
         identity, scale = np.eye(self.n), np.where(self.revolute, 1.0, self.reach)
         for _ in range(STEPS):
             e, J = self.error(goals, q)

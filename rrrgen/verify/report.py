@@ -28,7 +28,7 @@ class Row:
 
     @property
     def ok(self) -> bool:
-        """Within tolerance; False for nan."""
+        """Whether the difference is within the tolerance; False for nan."""
         return self.difference <= self.tolerance
 
     @property
@@ -39,7 +39,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Report:
-    """All comparisons of one model; ``skipped`` names references that could not be asked, with the reason."""
+    """All comparisons of one model; ``skipped`` maps references that are not available to the reason."""
 
     robot: str
     samples: int
@@ -49,7 +49,7 @@ class Report:
 
     @property
     def ok(self) -> bool:
-        """Every comparison passed, and there was at least one."""
+        """Whether there is at least one comparison and all have passed."""
         return bool(self.rows) and all(row.ok for row in self.rows)
 
     @property
@@ -83,11 +83,11 @@ class Report:
         }
 
     def to_json(self) -> str:
-        """:meth:`to_dict` as JSON text."""
+        """The report as JSON text."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
 
     def to_text(self) -> str:
-        """A table of all rows, the references that were not asked, and the verdict."""
+        """The report as text: a table of all comparisons, the references not available, and the verdict."""
         cells = [HEADINGS] + [
             (
                 row.function,

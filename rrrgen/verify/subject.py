@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
 
 ANGLE_RANGE, STROKE, SPEED, ACCELERATION = np.pi, 0.5, 3.0, 10.0
-"""States are uniform in plus or minus these: rad, m, rad/s or m/s, rad/s^2 or m/s^2. Limits play no role."""
+"""States are uniform in plus or minus these: rad, m, rad/s or m/s, rad/s^2 or m/s^2. Joint limits are ignored."""
 
 
-class BothWays:
+class SplitCalls:
     """A model whose functions evaluate half of the states one by one and the rest as a batch.
 
     Single states run the emitted functions themselves, batches the loops over vector registers: both are verified.
@@ -60,19 +60,19 @@ class States:
 
     @property
     def count(self) -> int:
-        """N."""
+        """The number N of states."""
         return len(self.q)
 
     def at(self, chosen: NDArray[np.bool_]) -> States:
-        """Those where the mask ``chosen`` (N,) is true."""
+        """The states for which the mask ``chosen`` (N,) is true."""
         return States(self.q[chosen], self.dq[chosen], self.ddq[chosen], self.e[chosen])
 
     def first(self, count: int) -> States:
-        """At most ``count`` of them."""
+        """The first ``count`` states, or all if there are fewer."""
         return States(self.q[:count], self.dq[:count], self.ddq[:count], self.e[:count])
 
     def rounded(self, dtype: type[np.floating[Any]]) -> States:
-        """The nearest states whose numbers ``dtype`` holds exactly, still as float64."""
+        """The states rounded to the precision of ``dtype``, as float64."""
         return States(*(part.astype(dtype).astype(np.float64) for part in (self.q, self.dq, self.ddq, self.e)))
 
 
@@ -90,7 +90,7 @@ def draw_states(chain: Chain, count: int, rng: np.random.Generator) -> States:
 
 @dataclass(frozen=True)
 class Parameters:
-    """Standard parameters (n, 10) for the references, and the base parameters for the model (None: its own)."""
+    """Standard parameters (n, 10) for the references, and base parameters for the model (None: its nominal ones)."""
 
     label: str
     phi: Array
@@ -98,7 +98,7 @@ class Parameters:
 
     @property
     def physical(self) -> bool:
-        """Whether M(q) > 0 must hold."""
+        """Whether all links are physical, so that M(q) > 0 must hold."""
         return is_physical(self.phi)
 
 

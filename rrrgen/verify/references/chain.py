@@ -1,4 +1,4 @@
-"""A robot as plain floats: what every reference is built from."""
+"""A robot as floating-point numbers, the input of every reference."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Chain:
 
 
 def chain_of(spec: RobotSpec) -> Chain:
-    """The numbers of a description at the nominal values of its named parameters."""
+    """The chain of a description, with named parameters at their nominal values."""
 
     def matrix(transform: FixedTransform) -> Array:
         T = np.eye(4)
@@ -127,7 +127,7 @@ def centre_and_tensor(parameters: Array) -> tuple[Array, Array]:
 
 
 def is_physical(parameters: Array) -> bool:
-    """Whether every link's pseudo-inertia is positive definite, so that M(q) > 0 everywhere."""
+    """Whether the pseudo-inertia of every link is positive definite, which implies M(q) > 0 for all q."""
     for row in parameters:
         S = inertia_tensor(row)
         P = np.empty((4, 4))

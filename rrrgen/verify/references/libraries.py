@@ -1,4 +1,4 @@
-"""The reference libraries, each imported when it is asked for."""
+"""The reference libraries, each imported only when it is used."""
 
 from __future__ import annotations
 
@@ -31,4 +31,4 @@ LIBRARIES: dict[str, Callable[[Chain, Array], Reference]] = {
     "MuJoCo": _mujoco,
     "Robotics Toolbox": _toolbox,
 }
-"""Name -> constructor; it raises ReferenceUnavailableError when it cannot serve."""
+"""Name -> constructor, which raises ReferenceUnavailableError if the library is missing or cannot model the robot."""

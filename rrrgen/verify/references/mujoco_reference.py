@@ -30,7 +30,7 @@ class MujocoReference:
             raise ReferenceUnavailableError(f"refuses the model: {str(error).splitlines()[0]}") from error
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         self._data = mujoco.MjData(self._model)
-        # an armature is the diagonal alone; what couples joints is added to the answers
+        # MuJoCo's armature is a diagonal matrix; the off-diagonal drive inertia is added to its results
         self._coupling = chain.drive_inertia - np.diag(np.diag(chain.drive_inertia))
 
     def _mjcf(self, chain: Chain, phi: Array) -> str:
@@ -64,13 +64,13 @@ class MujocoReference:
         self._mujoco.mj_forward(self._model, self._data)
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """``mj_inverse``."""
+        """tau (n,) by ``mj_inverse``."""
         self._data.qpos[:], self._data.qvel[:], self._data.qacc[:] = q, dq, ddq
         self._mujoco.mj_inverse(self._model, self._data)
         return np.array(self._data.qfrc_inverse) + self._coupling @ ddq
 
     def mass_matrix(self, q: Array) -> Array:
-        """Column by column with ``mj_mulM``, whose signature is the same in all versions."""
+        """M (n, n), column by column, by ``mj_mulM``, whose signature is the same in all versions."""
         self._at(q)
         n = self._model.nv
         columns = np.zeros((n, n))
@@ -79,7 +79,7 @@ class MujocoReference:
         return columns.T + self._coupling
 
     def forward_kinematics(self, q: Array) -> Array:
-        """The site at the tip."""
+        """The pose (4, 4) of the site at the tip."""
         self._at(q)
         tip, T = self._data.site("tip"), np.eye(4)
         T[:3, :3], T[:3, 3] = np.reshape(tip.xmat, (3, 3)), tip.xpos

@@ -67,7 +67,7 @@ class NewtonEuler:
         return (z, np.cross(z, arm)) if self.chain.revolute[i] else (np.zeros(3), z)
 
     def _steps(self, q: Array) -> list[Array]:
-        """A_i(q_i) (N, 4, 4) per joint."""
+        """The transforms A_i(q_i) (N, 4, 4), one per joint."""
         steps = []
         for i, (before, after) in enumerate(self._around):
             motion = np.tile(np.eye(4), (len(q), 1, 1))
@@ -80,7 +80,7 @@ class NewtonEuler:
         return steps
 
     def link_frames(self, q: Array) -> Array:
-        """T_0_i (N, n, 4, 4)."""
+        """The poses T_0_i (N, n, 4, 4) of the link frames 1..n in the base frame."""
         T = np.tile(self.chain.base, (len(q), 1, 1))
         frames = []
         for step in self._steps(q):
@@ -89,7 +89,7 @@ class NewtonEuler:
         return np.stack(frames, axis=1)
 
     def forward_kinematics(self, q: Array) -> Array:
-        """The tip (N, 4, 4) in the base frame."""
+        """The pose (N, 4, 4) of the tip in the base frame."""
         return np.asarray(self.link_frames(q)[:, -1] @ self.chain.tool)
 
     def jacobian(self, q: Array) -> Array:
@@ -189,11 +189,11 @@ class NewtonEuler:
         return np.stack(columns, axis=2)
 
     def coriolis(self, q: Array, dq: Array) -> Array:
-        """c (N, n)."""
+        """The Coriolis and centrifugal torques c(q, dq), (N, n)."""
         return self.inverse_dynamics(q, dq, np.zeros_like(q), with_gravity=False)
 
     def gravity(self, q: Array) -> Array:
-        """g (N, n)."""
+        """The gravity torques g(q), (N, n)."""
         still = np.zeros_like(q)
         return self.inverse_dynamics(q, still, still)
 

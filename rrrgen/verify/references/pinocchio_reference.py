@@ -38,16 +38,16 @@ class PinocchioReference:
         self._drive_inertia = chain.drive_inertia
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Pinocchio's ``rnea``; drive inertia is added here because its meaning there changed between versions."""
+        """tau (n,) by ``rnea``; drive inertia is added here, as its meaning there differs between versions."""
         tau = self._pin.rnea(self._model, self._data, q, dq, ddq)
         return np.array(tau) + self._drive_inertia @ ddq
 
     def mass_matrix(self, q: Array) -> Array:
-        """Pinocchio's ``crba``, of which only the upper triangle is defined in some versions."""
+        """M (n, n) by ``crba``, which fills only the upper triangle in some versions."""
         upper = np.triu(self._pin.crba(self._model, self._data, q))
         return np.asarray(upper + np.triu(upper, 1).T + self._drive_inertia)
 
     def forward_kinematics(self, q: Array) -> Array:
-        """The tip."""
+        """The pose (4, 4) of the tip in the base frame."""
         self._pin.forwardKinematics(self._model, self._data, q)
         return np.array((self._data.oMi[self._last] * self._tip).homogeneous)

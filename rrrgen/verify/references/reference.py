@@ -1,4 +1,4 @@
-"""What a reference library must answer."""
+"""The interface of a reference library."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rrrgen.verify.references.chain import Array
 
 
 class Reference(Protocol):
-    """Another library's model of the same robot, asked one state (n,) at a time."""
+    """The model of the same robot in another library, evaluated at one state (n,) at a time."""
 
     name: str
 
@@ -30,7 +30,7 @@ class ReferenceUnavailableError(Exception):
 
     @classmethod
     def at_import(cls, error: ImportError, package: str) -> ReferenceUnavailableError:
-        """Not there, or there and broken: the text of ``error`` tells."""
+        """The error for a failed import of ``package``; its text says whether it is missing or broken."""
         if isinstance(error, ModuleNotFoundError):
             return cls(f"not installed (pip install {package}): {error}")
         return cls(f"installed, but its import fails: {error}")

@@ -45,12 +45,12 @@ class ToolboxReference:
                 joints.append(prismatic(theta=theta, offset=d, **common, **drive))
         self._arm = rtb.DHRobot(joints, name=chain.name)
         self._gravity = chain.base[:3, :3].T @ chain.gravity
-        # rotors of the toolbox belong to one joint each; what couples joints is added to the answers
+        # a rotor of the toolbox belongs to one joint; the off-diagonal drive inertia is added to its results
         self._coupling = chain.drive_inertia - np.diag(np.diag(chain.drive_inertia))
         self._base, self._tool, self._n = chain.base, chain.tool, chain.n
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """The toolbox's recursive Newton-Euler in Python."""
+        """tau (n,) by the toolbox's recursive Newton-Euler in Python."""
         return self._rne(q, dq, ddq, self._gravity)
 
     def _rne(self, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
@@ -58,10 +58,10 @@ class ToolboxReference:
         return tau + self._coupling @ ddq
 
     def mass_matrix(self, q: Array) -> Array:
-        """Columns from unit accelerations."""
+        """M (n, n), column by column, from unit accelerations."""
         still = np.zeros(self._n)
         return np.stack([self._rne(q, still, unit, np.zeros(3)) for unit in np.eye(self._n)], axis=1)
 
     def forward_kinematics(self, q: Array) -> Array:
-        """The tip."""
+        """The pose (4, 4) of the tip in the base frame."""
         return np.asarray(self._base @ np.asarray(self._arm.fkine(q).A) @ self._tool)
