@@ -270,7 +270,7 @@ def test_an_indefinite_mass_matrix_must_be_refused():
     assert report.ok, report.to_text()
     asked = {row.function for row in report.rows if row.parameters == "nominal"}
     assert {f"{name} refuses an indefinite M" for name in ("forward_dynamics", DERIVATIVES[1])} <= asked
-    assert {name for name, _ in report.skipped} <= {"Pinocchio", "MuJoCo", "Robotics Toolbox"}
+    assert {name for name, _ in report.skipped} <= {"Pinocchio", "MuJoCo", "Robotics Toolbox", "inverse_kinematics"}
 
 
 @pytest.mark.parametrize("name", ["forward_dynamics", "forward_dynamics_derivatives"])
@@ -297,8 +297,7 @@ def test_missing_library_is_reported_and_is_no_failure(monkeypatch, complete, mo
     monkeypatch.setitem(sys.modules, module, None)
     report = verify(complete, samples=1)
     assert report.ok
-    assert any("not installed" in reason for _, reason in report.skipped)
-    assert len(report.skipped) == 1
+    assert ["not installed" in reason for name, reason in report.skipped if name != "inverse_kinematics"] == [True]
     assert "not asked" in report.to_text()
 
 
@@ -353,7 +352,10 @@ def test_nothing_of_the_compiler_is_imported():
     """The references would prove nothing if they shared code with the derivation."""
     allowed = {"rrrgen.errors", "rrrgen.robotfile.robot_spec"}
     for file in Path(package.__file__).parent.glob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        for block in [node for node in tree.body if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node)]:
+            tree.body.remove(block)  # names for the type checker, of the model that is judged; nothing of it runs
+        for node in ast.walk(tree):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             ours = {name for name in names if name.startswith("rrrgen") and not name.startswith("rrrgen.verify")}
