@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.output.writer import Contents
     from rrrgen.robotfile.robot_spec import RobotSpec
-    from rrrgen.runtime.load import EngineName
+    from rrrgen.runtime.engines import EngineName
     from rrrgen.runtime.model import Model
 
     Robot: TypeAlias = str | os.PathLike[str] | RobotSpec

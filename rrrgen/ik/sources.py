@@ -29,19 +29,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Emitted:
-    """The files and what a loader must know about them."""
+    """The files, and the rows that an answer has room for."""
 
     plan: SolverPlan
     files: dict[str, str]
     rows: int
-    labels: tuple[tuple[str, int, int], ...]
-    reasons: tuple[str, ...]
     stack: dict[str, int]
     """Bytes of stack that the functions with solutions take at most, callees included."""
 
 
 FUNCTIONS = ("inverse_kinematics", "inverse_kinematics_batch", "closest", "ik_status_string", "ik_reason")
 """Public functions of the emitted files, after the robot's name and an underscore."""
+
+
+STATUS_TEXTS = (
+    "ok",
+    "the target is out of reach",
+    "every solution is outside the joint limits",
+    "a number of the target, of the reference or of the redundancy parameter is not finite",
+    "the rotation of the target is not orthonormal and right-handed",
+    "the arm has no complete solver: there may be more configurations",
+)
+"""What the statuses of an answer mean, by their numbers."""
 
 
 def sources(spec: RobotSpec, real: str = "double", redundancy: int | None = None) -> dict[str, str]:
@@ -75,7 +84,7 @@ def manifest(spec: RobotSpec, real: str = "double", redundancy: int | None = Non
             "files": [f"{spec.name}_ik.c", f"{spec.name}_ik.h"],
             "functions": _public(spec),
             "branch": [{"name": name, "bit": bit, "bits": bits} for name, bit, bits in labels(plan)],
-            "reasons": list(_reasons(plan)),
+            "reasons": list(reasons_of(plan)),
             "tolerances": {name: float(value) for name, value in runtime(real).items()},
             "operations": None if counted is None else counted.as_dict(),
             "stack": emit(spec, plan, real).stack,
@@ -108,7 +117,7 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: str = "double") -> Emitted:
     header = render("c/ik/header.h.j2", **values, stack=stack)
     files = {f"{prefix}.h": header, f"{prefix}.c": source}
     public = {name: stack[name] for name in _public(spec)[:3]}  # the others only return a text
-    return Emitted(plan, files, values["rows"], labels(plan), values["reasons"], public)
+    return Emitted(plan, files, values["rows"], public)
 
 
 def _parts(plan: SolverPlan) -> list[SolverPlan]:
@@ -136,6 +145,11 @@ def stages(plan: SolverPlan) -> tuple[Stage, ...]:
     return (root_stage(plan.solving, plan.locked),) if plan.general else plan.equations.stages
 
 
+def most_rows(plan: SolverPlan) -> int:
+    """The rows that an answer has room for."""
+    return max(part.max_solutions for part in _parts(plan))
+
+
 def labels(plan: SolverPlan) -> tuple[tuple[str, int, int], ...]:
     """The parts of a branch number: name, lowest bit, bits."""
     return (ASPECT,) if plan.general else plan.equations.leaf.labels
@@ -152,7 +166,7 @@ def _values(spec: RobotSpec, plan: SolverPlan, real: str) -> dict[str, Any]:
     banded = plan.snapped or plan.companion is not None
     parts = _parts(plan)
     bodies = [_body(spec, part, banded=banded) for part in parts]
-    reasons = _reasons(plan)
+    reasons = reasons_of(plan)
     needs = frozenset().union(*(body.needs for body in bodies))
     comments = ("The candidates of every branch.", "The candidates of a simpler arm that is nearly this one.")
     functions = [
@@ -183,7 +197,7 @@ def _values(spec: RobotSpec, plan: SolverPlan, real: str) -> dict[str, Any]:
         "functions": functions, "opened": any(map(_opens, parts)),
         "open_bits": sum({256 << joint for part in parts for joint, _ in _opens(part)}),
         "needs": needs, "fragment": _fragment(plan, prefix, real), "banded": banded,
-        "rows": max(part.max_solutions for part in parts), "single": single,
+        "rows": most_rows(plan), "single": single,
         "sound": single and not needs & {"near", "unknown"},
         "aspects": plan.general,
         # numbers
@@ -191,7 +205,8 @@ def _values(spec: RobotSpec, plan: SolverPlan, real: str) -> dict[str, Any]:
         "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
         "steps": 200 if banded else 12, "starts": 6, "spread": "2.0",
         # words
-        "reasons": reasons, "far_stage": len(reasons) - 1 - bool(plan.incomplete), "outside_stage": len(reasons) - 1,
+        "reasons": reasons, "texts": STATUS_TEXTS,
+        "far_stage": len(reasons) - 1 - bool(plan.incomplete), "outside_stage": len(reasons) - 1,
         "incomplete": bool(plan.incomplete), "branch_text": _branch_text(labels(plan)),
         "explanation": _explanation(plan), "opening": _opening(spec, plan, real), "version": VERSION,
         "hash": model,
@@ -223,7 +238,7 @@ def _tables(plan: SolverPlan) -> list[str]:
     return [", ".join(_number(float(x) + 0.0) for row in matrix for x in row) for matrix in matrices]
 
 
-def _reasons(plan: SolverPlan) -> tuple[str, ...]:
+def reasons_of(plan: SolverPlan) -> tuple[str, ...]:
     """One text per stage; then one for rows that fail the check and one for targets out of range.
 
     Where the solver is incomplete, no text claims that there is no configuration; the last one is for the limits.

@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from rrrgen.runtime.arguments import prepare
 
 Array = NDArray[Any]
 
+EngineName = Literal["c", "numpy"]
+"""What computes: emitted C, or Python itself."""
+
 
 SMALLEST_SHARE = 2048
 """Smallest number of states per thread; with fewer, another thread costs more than it gains."""
@@ -24,6 +27,7 @@ SMALLEST_SHARE = 2048
 class Engine(Protocol):
     """Evaluates the programs of one robot in ``dtype``; up to ``threads`` threads share one batch."""
 
+    name: ClassVar[EngineName]
     dtype: np.dtype[Any]
     threads: int
 
@@ -46,6 +50,7 @@ class Engine(Protocol):
 class NumpyEngine:
     """The reference evaluation with NumPy: slow, but it needs no compiler."""
 
+    name: ClassVar[EngineName] = "numpy"
     dtype: np.dtype[Any] = np.dtype(np.float64)
 
     def __init__(self, programs: Mapping[str, Program]) -> None:
@@ -80,6 +85,8 @@ class CompiledEngine:
     which are built at its first call. cffi releases the global interpreter lock during a call, so threads run in
     parallel.
     """
+
+    name: ClassVar[EngineName] = "c"
 
     def __init__(
         self,

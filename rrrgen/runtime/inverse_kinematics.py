@@ -1,24 +1,26 @@
-"""The Python interface of the emitted inverse kinematics: builds the C code, checks arguments, returns NumPy arrays."""
+"""The Python interface of the inverse kinematics: C or the record evaluated, checked arguments, NumPy arrays."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.evaluation.solve import Evaluation, Wish
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.ik.sources import Emitted, emit
-from rrrgen.runtime.ik_arguments import options, real_array, real_number
+from rrrgen.ik.sources import STATUS_TEXTS, emit, labels, most_rows, reasons_of
+from rrrgen.runtime.ik_arguments import LIMITS, NEAREST, RESIDUAL, options, real_array, real_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.runtime.engines import EngineName
 
 MULTIPLE, FREE, OUTSIDE, INEXACT = 1, 2, 4, 8
 """Bits of :attr:`IKResult.flags`; see the emitted header."""
@@ -67,25 +69,156 @@ class IKBatch:
     distances: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class _Answer:
+    """What an engine says about one target: status, rows, the number of the reason, the distance (m)."""
+
+    code: int
+    q: NDArray[np.float64]
+    flags: NDArray[np.uint32]
+    branches: NDArray[np.uint32]
+    residual: NDArray[np.float64]
+    stage: int
+    distance: float
+
+
+class _Engine(Protocol):
+    """What solves; targets are (3,) or (4, 4) and have been checked for their shapes."""
+
+    def answer(
+        self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
+    ) -> _Answer:
+        """The rows of one target, or the nearest configuration."""
+        ...
+
+    def batch(
+        self,
+        goals: NDArray[np.float64],
+        reference: NDArray[np.float64] | None,
+        given: NDArray[np.float64] | None,
+        bits: int,
+    ) -> IKBatch:
+        """The rows of N targets."""
+        ...
+
+
+class _Compiled:
+    """The emitted C through cffi."""
+
+    def __init__(self, plan: SolverPlan, rows: int, ffi: Any, lib: Any, name: str) -> None:
+        self._n, self._rows, self._locked = plan.chain.n, rows, plan.locked is not None
+        self._ffi, self._name = ffi, name
+        self._solve = getattr(lib, f"{name}_inverse_kinematics")
+        self._closest = getattr(lib, f"{name}_closest")
+        self._batch = getattr(lib, f"{name}_inverse_kinematics_batch")
+
+    def answer(
+        self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
+    ) -> _Answer:
+        """See :class:`_Engine`."""
+        out = self._ffi.new(f"{self._name}_ik_solutions *")
+        extra = (given,) if self._locked else ()
+        function = self._closest if closest else self._solve
+        code = function(self._pointer("double *", goal), self._pointer("double *", reference), *extra, bits, out)
+        k, rows, n = out.count, self._rows, self._n
+        q = np.frombuffer(self._ffi.buffer(out.q), float, rows * n).reshape(rows, n)[:k].copy()
+        flags = np.frombuffer(self._ffi.buffer(out.flags), np.uint32, rows)[:k].copy()
+        branches = np.frombuffer(self._ffi.buffer(out.branch), np.uint32, rows)[:k].copy()
+        residual = np.frombuffer(self._ffi.buffer(out.residual), float, rows)[:k].copy()
+        return _Answer(code, q, flags, branches, residual, out.stage, float(out.distance))
+
+    def batch(
+        self,
+        goals: NDArray[np.float64],
+        reference: NDArray[np.float64] | None,
+        given: NDArray[np.float64] | None,
+        bits: int,
+    ) -> IKBatch:
+        """See :class:`_Engine`."""
+        out = _empty(len(goals), self._rows, self._n)
+        extra = (self._pointer("double *", given),) if self._locked else ()
+        self._batch(
+            len(goals), self._pointer("double *", goals), self._pointer("double *", reference), *extra, bits,
+            self._pointer("double *", out.q), self._pointer("int *", out.counts),
+            self._pointer("unsigned *", out.flags), self._pointer("unsigned *", out.branches),
+            self._pointer("int *", out.statuses), self._pointer("double *", out.distances),
+        )  # fmt: skip
+        return out
+
+    def _pointer(self, kind: str, array: NDArray[Any] | None) -> Any:
+        if array is None:
+            return self._ffi.NULL
+        return self._ffi.cast(kind, array.ctypes.data)
+
+
+class _Evaluated:
+    """The recorded solver in Python's floats: slow, needs no compiler."""
+
+    def __init__(self, plan: SolverPlan, rows: int) -> None:
+        self._n, self._rows, self._evaluation = plan.chain.n, rows, Evaluation(plan, len(reasons_of(plan)))
+
+    def answer(
+        self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
+    ) -> _Answer:
+        """See :class:`_Engine`."""
+        wish = Wish(bool(bits & LIMITS), bool(bits & NEAREST), bool(bits & RESIDUAL))
+        function = self._evaluation.closest if closest else self._evaluation.solve
+        found = function(goal.ravel().tolist(), None if reference is None else reference.tolist(), given, wish)
+        rows = found.rows
+        return _Answer(
+            found.status,
+            np.array([row.q for row in rows], float).reshape(len(rows), self._n),
+            np.array([row.flags for row in rows], np.uint32),
+            np.array([row.branch for row in rows], np.uint32),
+            np.array([row.residual for row in rows], float),
+            found.stage,
+            found.distance,
+        )
+
+    def batch(
+        self,
+        goals: NDArray[np.float64],
+        reference: NDArray[np.float64] | None,
+        given: NDArray[np.float64] | None,
+        bits: int,
+    ) -> IKBatch:
+        """See :class:`_Engine`."""
+        out = _empty(len(goals), self._rows, self._n)
+        for i, goal in enumerate(goals):
+            found = self.answer(goal, reference, 0.0 if given is None else float(given[i]), bits, closest=False)
+            k = out.counts[i] = len(found.q)
+            out.q[i, :k], out.flags[i, :k], out.branches[i, :k] = found.q, found.flags, found.branches
+            out.statuses[i], out.distances[i] = found.code, found.distance
+        return out
+
+
+def _empty(count: int, rows: int, n: int) -> IKBatch:
+    """A batch without solutions yet."""
+    return IKBatch(
+        np.full((count, rows, n), np.nan),
+        np.zeros(count, np.int32),
+        np.zeros((count, rows), np.uint32),
+        np.zeros((count, rows), np.uint32),
+        np.zeros(count, np.int32),
+        np.zeros(count),
+    )
+
+
 class InverseKinematics:
-    """The compiled inverse kinematics of one robot, created by :func:`load_solver`.
+    """The inverse kinematics of one robot, compiled or evaluated, created by :func:`load_solver`.
 
     ``plan`` describes the family of the arm, ``max_solutions`` is the largest number of solutions, ``n`` the number of
     joints.
     """
 
-    def __init__(self, emitted: Emitted, ffi: Any, lib: Any, name: str) -> None:
-        self.plan: SolverPlan = emitted.plan
-        self.labels = emitted.labels
-        self.max_solutions = emitted.rows
-        self.n = emitted.plan.chain.n
-        self._ffi, self._name = ffi, name
-        self._solve = getattr(lib, f"{name}_inverse_kinematics")
-        self._closest = getattr(lib, f"{name}_closest")
-        self._batch = getattr(lib, f"{name}_inverse_kinematics_batch")
-        self._reason = getattr(lib, f"{name}_ik_reason")
-        self._status_string = getattr(lib, f"{name}_ik_status_string")
-        self._locked = emitted.plan.locked is not None
+    def __init__(self, plan: SolverPlan, engine: _Engine, name: str) -> None:
+        self.plan = plan
+        self.labels = labels(plan)
+        self.max_solutions = most_rows(plan)
+        self.n = plan.chain.n
+        self._reasons = reasons_of(plan)
+        self._engine, self._name = engine, name
+        self._locked = plan.locked is not None
 
     def solve(
         self,
@@ -105,7 +238,7 @@ class InverseKinematics:
         solutions that meet a pose only as far as 4 or 5 joints can. Raises InputError for wrong shapes, TypeError for
         wrong types.
         """
-        return self._call(self._solve, target, q_ref, options(limits, sort, residual), redundancy)
+        return self._call(target, q_ref, options(limits, sort, residual), redundancy)
 
     def closest(
         self, target: ArrayLike, q_ref: ArrayLike | None = None, *, limits: bool = True, redundancy: float | None = None
@@ -114,7 +247,7 @@ class InverseKinematics:
 
         Arguments are as in :meth:`solve`.
         """
-        return self._call(self._closest, target, q_ref, options(limits), redundancy)
+        return self._call(target, q_ref, options(limits), redundancy, closest=True)
 
     def solve_batch(
         self,
@@ -134,33 +267,21 @@ class InverseKinematics:
         core = 2 if given_targets.shape[-2:] == (4, 4) else 1
         batch = given_targets.shape[:-core]
         goals = self._targets(given_targets.reshape(-1, *given_targets.shape[-core:]))
-        N, rows = len(goals), self.max_solutions
-        q = np.full((N, rows, self.n), np.nan)
-        counts, statuses = np.zeros(N, np.int32), np.zeros(N, np.int32)
-        flags, branches = np.zeros((N, rows), np.uint32), np.zeros((N, rows), np.uint32)
-        distances = np.zeros(N)
-        reference = self._reference(q_ref)
-        extra: tuple[Any, ...] = ()
-        given = self._given(redundancy, q_ref)
+        reference, given = self._reference(q_ref), self._given(redundancy, q_ref)
+        prescribed = None
         if self._locked:
             value = real_array("redundancy", given)
             if value.shape not in ((), batch):
                 raise InputError(f"redundancy must be one number or of shape {batch}, not of shape {value.shape}")
-            prescribed = np.ascontiguousarray(np.broadcast_to(value, batch).reshape(N))
-            extra = (self._pointer("double *", prescribed),)
-        self._batch(
-            N, self._pointer("double *", goals), self._pointer("double *", reference), *extra, chosen,
-            self._pointer("double *", q), self._pointer("int *", counts), self._pointer("unsigned *", flags),
-            self._pointer("unsigned *", branches), self._pointer("int *", statuses),
-            self._pointer("double *", distances),
-        )  # fmt: skip
+            prescribed = np.ascontiguousarray(np.broadcast_to(value, batch).reshape(len(goals)))
+        found, rows = self._engine.batch(goals, reference, prescribed, chosen), self.max_solutions
         return IKBatch(
-            q.reshape(*batch, rows, self.n),
-            counts.reshape(batch),
-            flags.reshape(*batch, rows),
-            branches.reshape(*batch, rows),
-            statuses.reshape(batch),
-            distances.reshape(batch),
+            found.q.reshape(*batch, rows, self.n),
+            found.counts.reshape(batch),
+            found.flags.reshape(*batch, rows),
+            found.branches.reshape(*batch, rows),
+            found.statuses.reshape(batch),
+            found.distances.reshape(batch),
         )
 
     def sweep(
@@ -184,32 +305,18 @@ class InverseKinematics:
     # -- arguments ----------------------------------------------------------------------------------------------------
 
     def _call(
-        self, function: Any, target: ArrayLike, q_ref: ArrayLike | None, bits: int, redundancy: float | None
+        self, target: ArrayLike, q_ref: ArrayLike | None, bits: int, redundancy: float | None, *, closest: bool = False
     ) -> IKResult:
         goal = self._targets(real_array("target", target)[None])
-        out = self._ffi.new(f"{self._name}_ik_solutions *")
         reference = self._reference(q_ref)
         given = self._given(redundancy, q_ref)
-        extra = (real_number("redundancy", given),) if self._locked else ()
-        code = function(self._pointer("double *", goal), self._pointer("double *", reference), *extra, bits, out)
-        k, rows = out.count, self.max_solutions
-        q = np.frombuffer(self._ffi.buffer(out.q), float, rows * self.n).reshape(rows, self.n)[:k].copy()
-        flags = np.frombuffer(self._ffi.buffer(out.flags), np.uint32, rows)[:k].copy()
-        branches = np.frombuffer(self._ffi.buffer(out.branch), np.uint32, rows)[:k].copy()
-        residual = np.frombuffer(self._ffi.buffer(out.residual), float, rows)[:k].copy()
-        status = STATUS[code]
-        reason = "" if code == 0 else self._text(self._status_string(code))
-        if code == 1 or (code == 5 and k == 0):
-            reason = self._text(self._reason(out.stage))
-        return IKResult(q, flags, branches, residual, status, reason, float(out.distance))
-
-    def _text(self, pointer: Any) -> str:
-        return str(self._ffi.string(pointer).decode())
-
-    def _pointer(self, kind: str, array: NDArray[Any] | None) -> Any:
-        if array is None:
-            return self._ffi.NULL
-        return self._ffi.cast(kind, array.ctypes.data)
+        value = real_number("redundancy", given) if self._locked else 0.0
+        found = self._engine.answer(goal, reference, value, bits, closest)
+        code, count = found.code, len(found.q)
+        reason = "" if code == 0 else STATUS_TEXTS[code]
+        if code == 1 or (code == 5 and count == 0):
+            reason = self._reasons[found.stage]
+        return IKResult(found.q, found.flags, found.branches, found.residual, STATUS[code], reason, found.distance)
 
     def _targets(self, goals: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.plan.task == "position":
@@ -249,17 +356,23 @@ class InverseKinematics:
         return parameter(self.plan, real_array("q", q))
 
 
-def load_solver(spec: RobotSpec, redundancy: int | None = None) -> InverseKinematics:
+def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineName = "c") -> InverseKinematics:
     """Derive, emit, compile and load the inverse kinematics of ``spec``; ``redundancy`` as in :func:`classify.plan`.
 
-    Raises :class:`rrrgen.errors.DerivationError` with the reason where the chain has no solver, and
-    :class:`rrrgen.errors.BuildError` without a C compiler.
+    ``backend="numpy"`` evaluates the recorded solver instead, which takes milliseconds a target and no compiler. Raises
+    :class:`rrrgen.errors.DerivationError` with the reason where the chain has no solver, or without a compiler none (an
+    elimination for six joints is solved in C only), and :class:`rrrgen.errors.BuildError` without a C compiler.
     """
+    plan = make_plan(spec, redundancy)
+    if not plan.solvable:
+        raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
+    if backend == "numpy":
+        return InverseKinematics(plan, _Evaluated(plan, most_rows(plan)), spec.name)
     from rrrgen.runtime.build import build_extension
 
-    emitted = emit(spec, make_plan(spec, redundancy))
-    ffi, lib = build_extension(emitted.files, _declarations(emitted.files[f"{spec.name}_ik.h"]), f"{spec.name}_ik")
-    return InverseKinematics(emitted, ffi, lib, spec.name)
+    files = emit(spec, plan).files
+    ffi, lib = build_extension(files, _declarations(files[f"{spec.name}_ik.h"]), f"{spec.name}_ik")
+    return InverseKinematics(plan, _Compiled(plan, most_rows(plan), ffi, lib, spec.name), spec.name)
 
 
 def _declarations(header: str) -> str:

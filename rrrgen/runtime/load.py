@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rrrgen.backends import Identity, Real
-from rrrgen.runtime.engines import CompiledEngine, Engine, NumpyEngine
+from rrrgen.runtime.engines import CompiledEngine, Engine, EngineName, NumpyEngine
 from rrrgen.runtime.model import Model
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from rrrgen.derive.closed_forms.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.program import Program
-
-EngineName = Literal["c", "numpy"]
 
 
 def load_model(

@@ -153,11 +153,14 @@ class Model:
 
     @property
     def ik(self) -> InverseKinematics:
-        """The compiled inverse kinematics with all its options. Raises DerivationError if the arm has no solver."""
+        """The inverse kinematics with all its options. Raises DerivationError if the arm has no solver.
+
+        It is compiled, or evaluated with the NumPy backend; an elimination for six joints is solved in C only.
+        """
         if self._ik is None:
             from rrrgen.runtime.inverse_kinematics import load_solver
 
-            self._ik = load_solver(self.spec)
+            self._ik = load_solver(self.spec, backend=self.engine.name)
         return self._ik
 
     def inverse_kinematics(

@@ -9,6 +9,7 @@ import click
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
 
 if TYPE_CHECKING:
+    from rrrgen.runtime.engines import EngineName
     from rrrgen.runtime.inverse_kinematics import IKResult, InverseKinematics
 
 
@@ -27,8 +28,15 @@ if TYPE_CHECKING:
 @click.option(
     "--closest", is_flag=True, help="Also for unreachable poses: the configuration with the least-squares error."
 )
+@click.option(
+    "--backend",
+    type=click.Choice(["c", "numpy"]),
+    default="c",
+    show_default=True,
+    help="Compiled C, or the recorded equations in Python, which need no compiler.",
+)
 @json_option
-def ik(robot: str, pose: str, near: str | None, as_json: bool, **options: Any) -> int:
+def ik(robot: str, pose: str, near: str | None, backend: EngineName, as_json: bool, **options: Any) -> int:
     """Solve the inverse kinematics in closed form: all configurations that reach a pose.
 
     Prints the family of the arm and one line per solution with its branch. If there is none, prints the reason and the
@@ -41,7 +49,7 @@ def ik(robot: str, pose: str, near: str | None, as_json: bool, **options: Any) -
     """
     from rrrgen.runtime.inverse_kinematics import load_solver
 
-    solver = load_solver(read_with_warnings(robot))
+    solver = load_solver(read_with_warnings(robot), backend=backend)
     target = _target(pose)
     reference = None if near is None else _numbers(near, "--near", (solver.n,))
     chosen = {"limits": options["limits"], "redundancy": options["redundancy"]}

@@ -12,7 +12,7 @@ from rrrgen.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
-    from rrrgen.runtime.load import EngineName
+    from rrrgen.runtime.engines import EngineName
 
 
 @click.command()

@@ -16,7 +16,7 @@ from rrrgen.ik.geometry.rigid import S
 from rrrgen.ik.recording.builder import Builder
 from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.ik.recording.solver_text import text_of
-from rrrgen.ik.recording.steps import Residual, Stage, Step
+from rrrgen.ik.recording.steps import Pair, Residual, Stage, Step
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,11 @@ class Solver:
                     found[joint.index] = ((1 << bits) - 1) << bit
             choice += step.stage is not None
         return tuple(sorted(found.items()))
+
+    @cached_property
+    def fixed_pairs(self) -> frozenset[int]:
+        """The joints decided by a pair whose direction (A, B) is a constant of the robot."""
+        return frozenset(step.joint.index for step in self.steps if isinstance(step, Pair) and step.fixed)
 
     def play(self, b: Builder) -> None:
         """Let ``b`` interpret the recorded steps."""

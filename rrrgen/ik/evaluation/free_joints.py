@@ -1,0 +1,211 @@
+"""Joints that the target leaves open, after ``templates/c/ik/open.c.j2``: one row stands for a continuum."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+from rrrgen.ik.evaluation.branches import Query, Row, candidates
+from rrrgen.ik.evaluation.kernels import FREE, MULTIPLE, TOLERANCE, Settings
+from rrrgen.ik.evaluation.limits import Limits
+from rrrgen.ik.evaluation.task import Task
+from rrrgen.ik.plan import SolverPlan
+
+GONE, FIXED = 32, 64
+"""Inner flags: another row stands for this one; refined already, with the free joint held."""
+
+_STEP = pi / 64
+_NO_ROW = 10.0
+
+
+def held_joints(row: Row) -> int:
+    """The joints of a row that are free (bits)."""
+    return (row.flags >> 16) & 0x7F
+
+
+class FreeJoints:
+    """Reopens the candidates of one plan for one target."""
+
+    def __init__(
+        self, plan: SolverPlan, task: Task, query: Query, settings: Settings, accuracy: float, limits: Limits | None
+    ) -> None:
+        self._plan, self._task, self._query, self._settings = plan, task, query, settings
+        self._accuracy, self._limits = accuracy, limits
+        self._opens = plan.equations.opens
+        self._tolerance = max(16.0 * accuracy * accuracy, TOLERANCE["accept"])
+
+    def reopen(self, rows: list[Row]) -> None:
+        """Replace candidates whose joint the target does not decide by one with the joint at its reference.
+
+        With limits, at the nearest value that brings all joints inside. Directions are taken for none from ever greater
+        lengths on, until the joints are free that the target leaves open.
+        """
+        mask = sum(256 << joint for joint, _ in self._opens)
+        pending = sum(bool(row.flags & mask) and self._loose(row) != 0 for row in rows)
+        least = TOLERANCE["free"]
+        while pending > 0 and least < 2 * TOLERANCE["doubt"]:
+            for wide in candidates(self._plan, self._query, replace(self._settings, least=least))[0]:
+                same = self._same_branch(rows, wide)
+                if not same:
+                    continue
+                held = held_joints(wide)
+                wide.q, wide.residual = self._task.refine(wide.q, 12, 0.01, held)
+                if wide.residual > self._tolerance:
+                    continue
+                for row in same:
+                    row.flags = GONE
+                pending -= len(same)
+                if self._limits is not None and self._limits.outside(wide.q, TOLERANCE["limit"]) > 0.0:
+                    self._fit(wide, held, least)
+                first = same[0]
+                first.q, first.branch, first.residual = wide.q, wide.branch, wide.residual
+                first.flags = (wide.flags & MULTIPLE) | FREE | FIXED
+            least *= 10.0
+
+    def _same_branch(self, rows: list[Row], wide: Row) -> list[Row]:
+        held = held_joints(wide)
+        other = ~self._merged(held)
+        return [row for row in rows if held and held_joints(row) == held and not (row.branch ^ wide.branch) & other]
+
+    def _merged(self, held: int) -> int:
+        """The choices of a branch that fall together where these joints are free."""
+        return sum(mask for joint, mask in self._opens if (held >> joint) & 1)
+
+    def _loose(self, row: Row) -> int:
+        """The joints (bits) of which one, turned a little and held there, still lets the others meet the target."""
+        held = held_joints(row)
+        if held == 0 and not 0.0 <= row.residual <= TOLERANCE["tight"]:
+            row.q, row.residual = self._task.refine(row.q, 12, 0.01)
+        for j in range(len(row.q)):
+            for side in (-1, 1):
+                if (row.flags >> (8 + j)) & ~(held >> j) & 1:
+                    q = list(row.q)
+                    q[j] += side * TOLERANCE["turn"]
+                    if self._task.refine(q, 12, 0.01, 1 << j)[1] <= self._accuracy**2:
+                        held |= 1 << j
+        if held:
+            row.flags |= held << 16 | FREE
+        return held
+
+    # -- limits -------------------------------------------------------------------------------------------------------
+
+    def _fit(self, wide: Row, held: int, least: float) -> None:
+        """Take the free joints to the values nearest to the reference that bring every joint inside its limits."""
+        assert self._limits is not None
+        q, margin = list(wide.q), TOLERANCE["limit"]
+        free = [j for j in range(len(q)) if (held >> j) & 1]
+        for j in free:
+            if self._limits.outside(q, margin) > 0.0:
+                self._shift(q, j)
+        for j in free:
+            if self._limits.outside(q, margin) > 0.0:
+                q = _Search(self, wide.branch, held, least, j).nearest() or q
+        q, error = self._task.refine(q, 12, 0.01, held)
+        if error <= self._tolerance and not self._limits.outside(q, margin) > 0.0:
+            wide.q, wide.residual = q, error
+
+    def _shift(self, q: list[float], j: int) -> None:
+        """Move joint j inside its limits; where one other joint has the same axis, inside the limits of both."""
+        import numpy as np
+
+        assert self._limits is not None
+        near, x = 4 * TOLERANCE["doubt"], self._limits.clamped(self._query.reference[j], j)
+        _, J = self._task.error(q)
+        if np.abs(J[:, j]).sum() < near:
+            q[j] = x
+            return
+        partner, sense = -1, 0.0
+        for k in range(len(q) if len(J) == 6 else 0):
+            same, opposite = (np.abs(J[:, j] + sign * J[:, k]).sum() < near for sign in (-1, 1))
+            if k != j and (same or opposite):
+                partner, sense = k, -1.0 if same else 1.0
+        if partner < 0:
+            return
+        low = self._limits.lower[partner]
+        width = self._limits.upper[partner] - low
+        other = q[partner] + sense * (x - q[j])
+        if width < 2 * pi and (other - low) % (2 * pi) > width:
+            ends = (x + sense * ((low - other) % (2 * pi)), x - sense * ((other - low - width) % (2 * pi)))
+            inside = [end for end in ends if end == self._limits.clamped(end, j)]
+            if not inside:
+                return
+            x = min(inside, key=lambda end: abs(end - x))
+        q[partner] += sense * (x - q[j])
+        q[j] = x
+
+    def row_with(self, j: int, x: float, branch: int, held: int, least: float) -> tuple[list[float], float]:
+        """The row of a branch with the free joint j at x, and how far it is outside; 10 if there is no such row."""
+        assert self._limits is not None
+        at = list(self._query.reference)
+        at[j] = x
+        other = ~self._merged(held)
+        found, _ = candidates(self._plan, replace(self._query, reference=at), replace(self._settings, least=least))
+        for row in found:
+            if held_joints(row) == held and not (row.branch ^ branch) & other:
+                for k in range(len(row.q)):
+                    if k != j and (held >> k) & 1:
+                        self._shift(row.q, k)
+                return row.q, self._limits.outside(row.q, 0.5 * TOLERANCE["limit"])
+        return at, _NO_ROW
+
+    def start(self, j: int) -> float:
+        """Where the search for joint j begins."""
+        return self.clamped(self._query.reference[j], j)
+
+    def clamped(self, x: float, j: int) -> float:
+        """``x`` inside the limits of joint j."""
+        assert self._limits is not None
+        return self._limits.clamped(x, j)
+
+
+class _Search:
+    """Steps of a free joint away from its reference to the nearest value that takes all joints inside their limits."""
+
+    def __init__(self, free: FreeJoints, branch: int, held: int, least: float, j: int) -> None:
+        self._free, self._fixed, self._joint = free, (branch, held, least), j
+
+    def _outside(self, x: float) -> float:
+        return self._free.row_with(self._joint, x, *self._fixed)[1]
+
+    def nearest(self) -> list[float] | None:
+        """The row with the joint at the nearest such value, found by bisection; None where there is none."""
+        start = self._free.start(self._joint)
+        found = [x for side in (-1, 1) if (x := self._towards(start, side)) is not None]
+        if not found:
+            return None
+        return self._free.row_with(self._joint, min(found, key=lambda x: abs(x - start)), *self._fixed)[0]
+
+    def _towards(self, start: float, side: int) -> float | None:
+        back = middle = start
+        before = now = self._outside(start)
+        dips = 0
+        for k in range(1, 129):
+            front = self._free.clamped(start + side * k * _STEP, self._joint)
+            ahead = self._outside(front)
+            bad, good, deep = middle, front, ahead
+            if ahead > 0.0 and k > 1 and now <= before and now <= ahead and dips < 8:
+                dips += 1
+                good, deep = self._dip(back, front)
+                bad = back
+            if deep <= 0.0:
+                return self._border(bad, good)
+            back, before, middle, now = middle, now, front, ahead
+        return None
+
+    def _dip(self, a: float, b: float) -> tuple[float, float]:
+        """The lowest value between two steps, as far as it must be known."""
+        good, deep = b, 1.0
+        for _ in range(24):
+            u, v = a + (b - a) / 3, b - (b - a) / 3
+            at_u, at_v = self._outside(u), self._outside(v)
+            good, deep = (u, at_u) if at_u <= at_v else (v, at_v)
+            a, b = (a, v) if at_u <= at_v else (u, b)
+            if deep <= 0.0:
+                break
+        return good, deep
+
+    def _border(self, bad: float, good: float) -> float:
+        for _ in range(48):
+            half = 0.5 * (bad + good)
+            bad, good = (half, good) if self._outside(half) > 0.0 else (bad, half)
+        return good

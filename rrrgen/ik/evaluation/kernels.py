@@ -1,0 +1,182 @@
+"""The root stages in floats, after ``templates/c/ik/roots.c.j2``: the roots, and what is doubtful about them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import atan2, copysign, cos, hypot, sin, sqrt
+
+from rrrgen.ik.recording.builder import Feasible, Turn
+from rrrgen.ik.tolerances import runtime
+
+TOLERANCE = {name: float(text) for name, text in runtime("double").items()}
+
+MULTIPLE, FREE, OUTSIDE, INEXACT, NEAR = 1, 2, 4, 8, 16
+"""Flags of a row; NEAR is an inner one: a root of this row may be double."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How roots are looked for.
+
+    ``slack``: how far below zero a discriminant may fall; ``least``: a direction shorter than this is none; ``band``:
+    how far double roots are moved apart, None for equations of the arm itself.
+    """
+
+    slack: float
+    least: float
+    band: float | None = None
+
+
+@dataclass(frozen=True)
+class Roots:
+    """The roots of a stage: their number, the values that the stage needs, and flags."""
+
+    count: int
+    values: tuple[float, ...]
+    flags: int
+
+
+def root(w2: float, size: float, settings: Settings) -> Roots:
+    """w >= 0 with w^2 = ``w2``: two signs, one at a double root, or none."""
+    flags = 0
+    if settings.band is not None and w2 <= TOLERANCE["band"] * size:
+        flags = NEAR
+        if -settings.slack * size <= w2 < settings.band * size:
+            w2 = settings.band * size
+    if w2 > 0.0:
+        return Roots(2, (sqrt(w2),), flags | (NEAR if w2 <= TOLERANCE["merge"] * size else 0))
+    return Roots(int(w2 >= -settings.slack * size), (0.0,), flags | MULTIPLE)
+
+
+def cosine(k: float, w2: float, settings: Settings) -> Roots:
+    """cos(e) = k: k and w = sin(e) >= 0; a double root takes k to the nearer of -1 and 1."""
+    found = root(w2, 1.0, settings)
+    return Roots(found.count, (copysign(1.0, k) if found.count == 1 else k, *found.values), found.flags)
+
+
+def linear(
+    equation: tuple[float, float, float],
+    better: float | None,
+    unit: float,
+    reference: float,
+    bits: tuple[int, int],
+    settings: Settings,
+) -> Roots:
+    """a cos(x) + b sin(x) = k: a, b, k, w with cos(x) = a k -+ b w and sin(x) = b k +- a w.
+
+    Where every x solves it, x is the reference; ``bits`` are flagged where that may be so, and where it is.
+    """
+    a, b, k = equation
+    h2, flags = a * a + b * b, 0
+    if h2 <= (TOLERANCE["doubt"] * unit) ** 2:
+        flags = bits[0]
+        if h2 <= (settings.least * unit) ** 2:
+            solved = k * k <= settings.slack * unit * unit
+            return Roots(int(solved), (cos(reference), sin(reference), 1.0, 0.0), flags | bits[1])
+    found = root(h2 - k * k if better is None or better < 0.0 else better, h2, settings)
+    k = (copysign(sqrt(h2), k) if found.count == 1 else k) / h2
+    return Roots(found.count, (a, b, k, found.values[0] / h2), flags | found.flags)
+
+
+def direction(c: float, s: float, bits: tuple[int, int], settings: Settings) -> tuple[Turn | None, int]:
+    """(c, s) at length 1 with its flags; no direction where it is too short."""
+    h = hypot(c, s)
+    if h <= TOLERANCE["doubt"] and h <= settings.least:
+        return None, bits[1]
+    return Turn(c / h, s / h), 0 if h > TOLERANCE["doubt"] else bits[0]
+
+
+def quadratic(k: Sequence[float], unit: float, settings: Settings) -> tuple[list[float], list[int], int]:
+    """The real roots of a quadratic with their branch numbers, the larger one first, and flags."""
+    k0, k1, k2 = k
+    if abs(k2) * unit <= TOLERANCE["eps"] * abs(k1):
+        return ([-k0 / k1], [0 if k1 > 0.0 else 1], 0) if k1 else ([], [], 0)
+    found = root(k1 * k1 - 4.0 * k0 * k2, k1 * k1 + abs(4.0 * k0 * k2), settings)
+    if found.count < 2:
+        return [-0.5 * k1 / k2] * found.count, [0] * found.count, found.flags
+    w = found.values[0]
+    total = -0.5 * (k1 + (-w if k1 < 0.0 else w))
+    pair = (total / k2, k0 / total)
+    return [max(pair), min(pair)], [0, 1], found.flags
+
+
+def quartic(k: Sequence[float], settings: Settings) -> tuple[list[float], list[int]]:
+    """The angles with k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0, ascending, with their branch numbers."""
+    import numpy as np
+
+    size = sum(map(abs, k))
+    if not size > 0.0:
+        return [], []
+    k0, k1, k2, k3, k4 = (x / size for x in k)
+    ends, middle = complex(k3, k4) / 2, complex(k1, k2) / 2
+    z = np.roots([ends.conjugate(), middle.conjugate(), k0, middle, ends])
+    close = TOLERANCE["circle"] + settings.slack**2
+    angles = []
+    for x in (float(np.angle(each)) for each in z if abs(each) > 0 and (abs(each) ** 2 - 1) ** 2 <= close):
+        for _ in range(2):
+            f = k0 + k1 * cos(x) + k2 * sin(x) + k3 * cos(2 * x) + k4 * sin(2 * x)
+            d = _slope(k1, k2, k3, k4, x)
+            x -= min(max(f * d / (d * d + TOLERANCE["eps"]), -0.01), 0.01)
+        angles.append(atan2(sin(x), cos(x)))
+    angles.sort()
+    return angles, _numbered([_slope(k1, k2, k3, k4, x) for x in angles])
+
+
+def _slope(k1: float, k2: float, k3: float, k4: float, x: float) -> float:
+    return -k1 * sin(x) + k2 * cos(x) - 2 * k3 * sin(2 * x) + 2 * k4 * cos(2 * x)
+
+
+def power4(k: Sequence[float], unit: float, settings: Settings) -> tuple[list[float], list[int]]:
+    """The real roots of a polynomial of degree four for lengths of the size of ``unit``, ascending."""
+    import numpy as np
+
+    scaled = np.array([x * unit**i for i, x in enumerate(k)])
+    size = float(np.abs(scaled).sum())
+    if not size > 0.0:
+        return [], []
+    p = np.polynomial.Polynomial(scaled / size)
+    slope, close = p.deriv(), TOLERANCE["circle"] + settings.slack**2
+    real = []
+    for z in map(complex, p.roots()):
+        y = z.real
+        if z.imag**2 > close * (1.0 + abs(z) ** 2):
+            continue
+        for _ in range(2):
+            f, d = float(p(y)), float(slope(y))
+            y -= min(max(f * d / (d * d + TOLERANCE["eps"]), -0.01), 0.01)
+        real.append(y)
+    real.sort()
+    return [y * unit for y in real], _numbered([float(slope(y)) for y in real])
+
+
+def _numbered(slopes: list[float]) -> list[int]:
+    """Branch numbers of the roots of a quartic: the sign of the slope, then the rank."""
+    rising = falling = 0
+    numbers = []
+    for d in slopes:
+        if d > 0.0:
+            numbers.append(2 * (rising & 1))
+            rising += 1
+        else:
+            numbers.append(2 * (falling & 1) + 1)
+            falling += 1
+    return numbers
+
+
+def nearest_feasible(reference: float, bounds: Feasible) -> float:
+    """The angle nearest to the reference that is feasible; the reference where none is."""
+    mean, a, b, lower, upper = bounds
+    h, now = hypot(a, b), mean + a * cos(reference) + b * sin(reference)
+    if lower <= now <= upper or not h > 0.0:
+        return reference
+    best, away = reference, 10.0
+    for limit in (lower, upper):
+        k = (limit - mean) / h
+        e = atan2(sqrt(max(1.0 - k * k, 0.0)), k)
+        for side in (e, -e):
+            x = atan2(b, a) + side - reference
+            x = atan2(sin(x), cos(x))
+            if k * k <= 1.0 and abs(x) < away:
+                best, away = reference + x, abs(x)
+    return best

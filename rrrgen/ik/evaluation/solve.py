@@ -1,0 +1,223 @@
+"""Solving for one target in floats, after ``templates/c/ik/source.c.j2``: every row, or why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, sin, sqrt
+from typing import TYPE_CHECKING
+
+from rrrgen.errors import DerivationError
+from rrrgen.ik.derive import ARM_ANGLE
+from rrrgen.ik.evaluation.branches import Query, Row, candidates
+from rrrgen.ik.evaluation.free_joints import FIXED, GONE, FreeJoints
+from rrrgen.ik.evaluation.kernels import INEXACT, MULTIPLE, NEAR, OUTSIDE, TOLERANCE, Settings
+from rrrgen.ik.evaluation.limits import Limits
+from rrrgen.ik.evaluation.targets import accuracy_of, repaired
+from rrrgen.ik.evaluation.task import Task
+
+if TYPE_CHECKING:
+    from rrrgen.ik.plan import SolverPlan
+
+OK, UNREACHABLE, OUTSIDE_LIMITS, NOT_FINITE, NOT_A_ROTATION, INCOMPLETE = range(6)
+"""The statuses of the emitted code."""
+
+_PUBLIC = 15
+_STARTS, _SPREAD = 6, 2.0
+
+
+@dataclass(frozen=True)
+class Wish:
+    """The options of a call: rows outside the limits left out, nearest row first, rows that meet the task partly."""
+
+    limits: bool = False
+    nearest: bool = False
+    residual: bool = False
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Status, rows (residuals not squared), the stage that tells why there are none, and the distance to reach (m)."""
+
+    status: int
+    rows: tuple[Row, ...] = ()
+    stage: int = 0
+    distance: float = 0.0
+
+
+class Evaluation:
+    """The inverse kinematics of one plan; DerivationError where an elimination solves it, which only the C does."""
+
+    def __init__(self, plan: SolverPlan, reasons: int) -> None:
+        self._parts = [plan] if plan.companion is None else [plan, plan.companion]
+        if any(part.general for part in self._parts):
+            raise DerivationError(f"{plan.chain.name}: {plan.title}: solved by the emitted C only; use the C backend")
+        self._plan, self._chain = plan, plan.chain
+        self._limits = Limits(plan.chain)
+        self._banded = plan.snapped or plan.companion is not None
+        self._most = max(part.max_solutions for part in self._parts)
+        self._far_stage = reasons - 1 - bool(plan.incomplete)
+
+    def solve(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
+        """Every row for a target of 3 or 16 numbers."""
+        call = self._called(target, q_ref, given, wish)
+        return call if isinstance(call, Answer) else call.solve()
+
+    def closest(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
+        """The configuration nearest to a target."""
+        call = self._called(target, q_ref, given, wish)
+        return call if isinstance(call, Answer) else call.closest()
+
+    def _called(
+        self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish
+    ) -> _Call | Answer:
+        """A call with a checked target, or the answer where something is wrong with it."""
+        if not all(map(isfinite, [*target, *(q_ref or ()), given])):
+            return Answer(NOT_FINITE)
+        T = list(target) if len(target) == 3 else repaired(target)
+        if T is None:
+            return Answer(NOT_A_ROTATION)
+        place = T if len(T) == 3 else (T[3], T[7], T[11])
+        if any(abs(x) >= 1e6 * self._chain.scale for x in place):
+            return Answer(UNREACHABLE, (), self._far_stage, -1.0)
+        query = Query(T, [0.0] * self._chain.n if q_ref is None else q_ref, given)
+        return _Call(self, query, q_ref, accuracy_of(target, self._chain), wish)
+
+
+class _Call:
+    """One call: its checked target and its options."""
+
+    def __init__(
+        self, solver: Evaluation, query: Query, q_ref: Sequence[float] | None, accuracy: float, wish: Wish
+    ) -> None:
+        self._plan, self._parts, self._most = solver._plan, solver._parts, solver._most
+        self._limits, self._banded, self._far_stage = solver._limits, solver._banded, solver._far_stage
+        self._query, self._q_ref, self._accuracy, self._wish = query, q_ref, accuracy, wish
+        self._task = Task(solver._plan, query.T)
+        self._usual = Settings(TOLERANCE["slack"], TOLERANCE["free"], 0.0 if solver._banded else None)
+        self._rows: list[Row] = []
+        self._stage = 0
+
+    def solve(self) -> Answer:
+        """All rows, or the nearest configuration's distance."""
+        found = self._collect()
+        self._rows, inside = self._finished(self._rows, self._q_ref)
+        outside, distance = not inside, 0.0
+        if not self._rows and not outside:
+            if found:  # candidates from discriminants a little below zero, perhaps: which one is it?
+                rows, self._stage = candidates(self._plan, self._query, replace(self._usual, slack=0.0))
+                self._stage = self._far_stage - 1 if rows else self._stage
+            kept, _, distance = self._descended()
+            self._rows, _ = self._finished(kept, self._query.reference)
+            outside = bool(kept)
+        if not self._rows:
+            return self._nothing(outside, distance)
+        if self._wish.nearest:
+            self._rows.sort(key=self._away)
+        return Answer(INCOMPLETE if self._plan.incomplete else OK, tuple(self._rows), 0, distance)
+
+    def closest(self) -> Answer:
+        """One row: the best that descent finds."""
+        kept, best, distance = self._descended()
+        rows, _ = self._finished([*kept, best][:1], self._query.reference)
+        return Answer(OK if rows else OUTSIDE_LIMITS, tuple(rows), 0, distance)
+
+    def _nothing(self, outside: bool, distance: float) -> Answer:
+        if self._plan.incomplete:
+            return Answer(INCOMPLETE, (), self._far_stage + 1 if outside else self._stage, distance)
+        if outside:
+            return Answer(OUTSIDE_LIMITS, (), 0, distance)
+        return Answer(UNREACHABLE, (), self._stage, distance)
+
+    def _collect(self) -> int:
+        """Collect the rows that meet the task; how many candidates the last equations had."""
+        count = near = 0
+        for part in self._parts:
+            rows, stage = candidates(part, self._query, self._usual)
+            count, self._stage = len(rows), max(self._stage, stage)
+            self._reopen(part, rows)
+            for row in rows:
+                near |= row.flags & NEAR
+                self._keep(row)
+        if self._banded and (near or not self._rows):
+            for share in (1.0, 1e-3, 1e-6):  # near a double root: look for its two halves on the true arm
+                settings = replace(self._usual, band=TOLERANCE["band"] * share)
+                rows, stage = candidates(self._parts[-1], self._query, settings)
+                count, self._stage = len(rows), max(self._stage, stage)
+                for row in rows:
+                    self._keep(row)
+        return count
+
+    def _reopen(self, part: SolverPlan, rows: list[Row]) -> None:
+        limits = self._limits if self._wish.limits and self._limits.any else None
+        FreeJoints(part, self._task, self._query, self._usual, self._accuracy, limits).reopen(rows)
+
+    def _keep(self, row: Row) -> None:
+        if len(self._rows) < self._most and self._settled(row):
+            row.flags &= _PUBLIC
+            if not self._repeated(self._rows, row):
+                self._rows.append(row)
+
+    def _settled(self, row: Row) -> bool:
+        """Whether a candidate meets the task, refined where it needs that."""
+        if row.flags & GONE:
+            return False
+        if row.flags & FIXED or 0.0 <= row.residual <= TOLERANCE["tight"]:
+            return True
+        if self._plan.virtual and row.residual > TOLERANCE["loose"] and not self._wish.residual:
+            return False
+        row.q, row.residual = self._task.refine(row.q, 200 if self._banded else 12, 0.01)
+        if not row.residual <= TOLERANCE["accept"]:
+            if not self._wish.residual or not row.residual <= 1e6:
+                return False
+            row.flags |= INEXACT
+        return True
+
+    def _repeated(self, rows: list[Row], row: Row) -> bool:
+        """Whether a row says the same as an earlier one, which is then a multiple root."""
+        for other in rows:
+            if self._task.apart(row.q, other.q) < TOLERANCE["same"]:
+                other.flags |= MULTIPLE
+                return True
+        return False
+
+    def _finished(self, rows: Sequence[Row], reference: Sequence[float] | None) -> tuple[list[Row], bool]:
+        """Rows at the turns asked for, their residuals no longer squared; whether all are inside the limits."""
+        kept, every = [], True
+        for row in rows:
+            q, inside = self._limits.placed(row.q, reference)
+            every = every and inside
+            if inside or not self._wish.limits:
+                flags = row.flags if inside else row.flags | OUTSIDE
+                kept.append(Row(q, flags, row.branch, sqrt(row.residual)))
+        return kept, every
+
+    def _away(self, row: Row) -> float:
+        reference = self._q_ref or [0.0] * len(row.q)
+        units = [1.0 if joint.revolute else self._plan.chain.reach for joint in self._plan.chain.joints]
+        return sum(((x - r) / unit) ** 2 for x, r, unit in zip(row.q, reference, units, strict=True))
+
+    def _descended(self) -> tuple[list[Row], Row, float]:
+        """Rows that descent finds from clamped branches and a few starts, the nearest configuration, its distance."""
+        found, _ = candidates(self._parts[-1], self._query, replace(self._usual, slack=1e30))
+        reference, locked = self._query.reference, self._plan.locked
+        kept: list[Row] = []
+        best = Row(list(reference), INEXACT, 0, 1e30)
+        for start in range(len(found) + _STARTS):
+            if len(kept) >= self._most or (start == len(found) and kept):
+                break
+            if start < len(found):
+                x, branch = list(found[start].q), found[start].branch
+            else:
+                away = _SPREAD if start > len(found) else 0.0
+                x, branch = [r + away * sin(start * (i + 1)) for i, r in enumerate(reference)], 0
+            if locked not in (None, ARM_ANGLE):
+                x[locked] = self._query.given
+            q, cost = self._task.refine(x, 200, 0.1)
+            if cost <= TOLERANCE["accept"]:
+                row = Row(q, MULTIPLE, branch, cost)
+                if (kept or cost < best.residual) and not self._repeated(kept, row):
+                    kept.append(row)
+            if cost < best.residual:
+                best = Row(q, INEXACT if cost > TOLERANCE["accept"] else MULTIPLE, branch, cost)
+        return kept, best, 0.0 if kept else sqrt(best.residual) * self._plan.chain.reach

@@ -1,0 +1,50 @@
+"""What is wrong with a target pose, and the nearest rotation to one that is nearly right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rrrgen.ik.evaluation.kernels import TOLERANCE
+
+if TYPE_CHECKING:
+    from rrrgen.ik.geometry.chain import Chain
+
+
+def repaired(target: Sequence[float]) -> list[float] | None:
+    """A row-major pose with an exact rotation; None where its rotation is none."""
+    T = list(target)
+    xx, yy, xy = _products(T)
+    defect = _defect(T)
+    if not defect <= TOLERANCE["orthonormal"]:
+        return None
+    if defect > 64 * TOLERANCE["eps"]:
+        for i in range(3):
+            x, y = T[4 * i], T[4 * i + 1]
+            T[4 * i] = x * (1.0 - 0.5 * xx) - 0.5 * xy * y
+            T[4 * i + 1] = y * (1.0 - 0.5 * yy) - 0.5 * xy * x
+        T[2], T[6], T[10] = _third(T)
+    return T
+
+
+def accuracy_of(target: Sequence[float], chain: Chain) -> float:
+    """How accurate a target is taken to be: as its rotation is orthonormal, never better than some rounding."""
+    rounding = 64.0 * chain.scale / chain.reach * TOLERANCE["eps"]
+    return rounding if len(target) == 3 else max(rounding, _defect(target))
+
+
+def _defect(T: Sequence[float]) -> float:
+    zx, zy, zz = _third(T)
+    return sum(map(abs, (*_products(T), zx - T[2], zy - T[6], zz - T[10])))
+
+
+def _products(T: Sequence[float]) -> tuple[float, float, float]:
+    """x x - 1, y y - 1 and x y of the first two columns."""
+    xx = T[0] ** 2 + T[4] ** 2 + T[8] ** 2 - 1.0
+    yy = T[1] ** 2 + T[5] ** 2 + T[9] ** 2 - 1.0
+    return xx, yy, T[0] * T[1] + T[4] * T[5] + T[8] * T[9]
+
+
+def _third(T: Sequence[float]) -> tuple[float, float, float]:
+    """The vector product of the first two columns."""
+    return T[4] * T[9] - T[8] * T[5], T[8] * T[1] - T[0] * T[9], T[0] * T[5] - T[4] * T[1]

@@ -1,0 +1,96 @@
+"""The task error of a row and its refinement, after ``templates/c/ik/refine.c.j2``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrrgen.ik.derive import ARM_ANGLE
+from rrrgen.ik.evaluation.kernels import TOLERANCE
+from rrrgen.ik.interpreters.float_builder import wrapped
+
+if TYPE_CHECKING:
+    from rrrgen.ik.plan import SolverPlan
+
+
+class Task:
+    """What rows of one target must meet: its position, or its pose; lengths count in reaches."""
+
+    def __init__(self, plan: SolverPlan, T: Sequence[float]) -> None:
+        self.chain = plan.chain
+        self._position = plan.task == "position"
+        self._target = np.array(T).reshape(-1) if self._position else np.array(T).reshape(4, 4)
+        self._revolute = np.array([joint.revolute for joint in self.chain.joints])
+        self._units = np.where(self._revolute, 1.0, self.chain.reach)
+        self._locked = None if plan.locked in (None, ARM_ANGLE) else plan.locked
+
+    def error(self, q: Any, held: int = 0) -> tuple[Any, Any]:
+        """What is left to the target, and its Jacobian without the columns of the joints in ``held`` (bits)."""
+        F, J = self.chain.forward(q), self.chain.jacobian(q)
+        J[:3] *= np.where(self._revolute, 1.0 / self.chain.reach, 1.0)
+        for k in range(self.chain.n):
+            if (held >> k) & 1 or k == self._locked:
+                J[:, k] = 0.0
+        if self._position:
+            return (self._target - F[:3, 3]) / self.chain.reach, J[:3]
+        missing = (self._target[:3, 3] - F[:3, 3]) / self.chain.reach
+        return np.concatenate([missing, _axis(self._target[:3, :3] @ F[:3, :3].T)]), J
+
+    def refine(self, q: list[float], steps: int, damping: float, held: int = 0) -> tuple[list[float], float]:
+        """The best configuration of at most ``steps`` Levenberg-Marquardt steps, and its squared error."""
+        x = np.array(q)
+        e, J = self.error(x, held)
+        cost = best = float(e @ e)
+        found, worse = x.copy(), 0
+        for _ in range(steps):
+            if not (best > TOLERANCE["done"] and damping < 1e6):
+                break
+            d = _step(J, e, damping * cost**0.5 + TOLERANCE["eps"])
+            x = x + d / max(1.0, float(np.abs(d).max(initial=0.0))) * self._units
+            e, J = self.error(x, held)
+            cost = float(e @ e)
+            if cost < best:
+                stuck = cost > 0.999999999 * best and damping > 1.0
+                found, best, worse = x.copy(), cost, 0
+                damping = 0.2 * damping if damping > 0.01 else damping
+                if stuck:
+                    break
+            else:
+                worse += 1
+                if worse > 3 or not cost < 1e4:
+                    x, worse, damping = found.copy(), 0, 100 * damping
+                    e, J = self.error(x, held)
+                    cost = float(e @ e)
+        return [float(value) for value in found], best
+
+    def apart(self, a: Sequence[float], b: Sequence[float]) -> float:
+        """The largest difference of two configurations, rad or reaches."""
+        return max(
+            (
+                abs(wrapped(x - y)) if turning else abs(x - y) / self.chain.reach
+                for x, y, turning in zip(a, b, self._revolute, strict=True)
+            ),
+            default=0.0,
+        )
+
+
+def _step(J: Any, e: Any, damping: float) -> Any:
+    """The step d that minimises |J d - e|^2 + damping^2 |d|^2."""
+    n = J.shape[1]
+    A = np.vstack([J, damping * np.eye(n)])
+    return np.linalg.lstsq(A, np.concatenate([e, np.zeros(n)]), rcond=None)[0]
+
+
+def _axis(E: Any) -> Any:
+    """The rotation ``E`` as an axis of the length of its angle; its sine for angles of less than 26 degrees."""
+    e = 0.5 * np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
+    s2, c = float(e @ e), 0.5 * (float(np.trace(E)) - 1.0)
+    if c >= 0.9:
+        return e
+    if s2 > TOLERANCE["eps"]:
+        return e * (np.arctan2(s2**0.5, c) / s2**0.5)
+    j = int(np.argmax(np.diag(E)))
+    half = E[:, j] + np.eye(3)[j]
+    return half * (np.pi / np.linalg.norm(half))
