@@ -13,6 +13,7 @@ from rrrgen.response.response_file import ResponseRecording
 
 NEIGHBOURS = 4  # lines at either side of the smooth curve through a response
 LARGEST_RATIO = 1.5  # of total to noise variance
+LARGEST_SCATTER = 1.65  # the same between harmonics, where the smooth curve adds an error of its own
 LARGEST_PART_RATIO = 5.0  # the same in a sixth of the lines, where it scatters more
 MATERIAL = 0.01  # of the response: what nobody has to care about
 MATERIAL_BIAS = 0.002  # the same of what friction biases: it spreads the response more than it biases it
@@ -48,7 +49,10 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
     groups = [(ratio[part], misfit[part]) for part in np.array_split(np.arange(len(ratio)), PARTS)]
     worst = max((_relative_quantile(r, QUANTILE, lines.dof) for r, e in groups if np.median(e) > MATERIAL), default=0.0)
     apart = int(np.median(np.diff(lines.line))) > 1  # curvature between the lines counts for more
-    limits = ((overall, 2.0 * LARGEST_RATIO if apart else LARGEST_RATIO), (0.0 if apart else worst, LARGEST_PART_RATIO))
+    limits = (
+        (overall, 2.0 * LARGEST_SCATTER if apart else LARGEST_SCATTER),
+        (0.0 if apart else worst, LARGEST_PART_RATIO),
+    )
     for measure, limit in limits:
         if measure > limit and worst > LARGEST_RATIO:
             message = (

@@ -9,6 +9,7 @@ from rrrgen.errors import DerivationError
 from rrrgen.response.response_file import ResponseRecording
 
 SAME = 1e-3  # difference of two periods relative to the excitation: rounding in the file
+ALIKE = 0.05  # the same where a period is stated
 SHORTEST = 16  # samples
 
 
@@ -20,6 +21,12 @@ def samples_of(record: ResponseRecording, period: float | None) -> int | None:
     if samples < 2 or abs(samples * record.period - period) > 1e-3 * record.period * max(1.0, 1e-3 * samples):
         raise DerivationError(
             f"{record.name}: the period of {period:.9g} s is not a whole number of samples of {record.period:.9g} s"
+        )
+    last, before = record.n[-samples:], record.n[-2 * samples : -samples]
+    if len(before) == samples and np.std(last - before) > ALIKE * np.std(last):
+        raise DerivationError(
+            f"{record.name}: the excitation does not repeat after {period:.9g} s; leave the key 'period' out and it is "
+            "found, where there is one"
         )
     return samples
 

@@ -159,6 +159,7 @@ def test_postures_stand_beside_one_another(periodic, noisy, tmp_path):
         (3000, "period: 2 s\n", "1.50 periods"),
         (200, "", "too few"),
         (4000, "period: 1.0005 s\n", "not a whole number of samples"),
+        (4000, "period: 1.5 s\n", "does not repeat"),
     ],
 )
 def test_too_little_data_is_refused(periodic, tmp_path, capsys, samples, extra, message):

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rrrgen.response.response_model import ResponseModel
 
 METHODS = ("auto", "modes", "arx", "output_error", "indirect")
+CURVE = 2000  # points of the model's curve in the figure
 
 
 def _rows(ctx: click.Context, parameter: click.Parameter, value: str | None) -> tuple[int, int] | None:
@@ -51,6 +52,8 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
       rrrgen response-model arm.yaml --fit-rows 1:512 -o runs/model
     """
     require("rrrgen response-model", "scipy", "matplotlib")
+    import numpy as np
+
     from rrrgen.backends.c.functions import function_files
     from rrrgen.control.difference_equation import difference_equation_program
     from rrrgen.response.modal_fit import fit_modes
@@ -79,7 +82,7 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
         for name, text in function_files("response_model", "a linear model", [step], options["real"]).items():
             folder.write_text(name, text)
         if measured:
-            frequency = measured[0].frequency
+            frequency = np.geomspace(measured[0].frequency[0], measured[0].frequency[-1], CURVE)
             folder.figure("response_model", plot_responses(measured, [("model", frequency, model.response(frequency))]))
     if as_json:
         print_json(plain(model.to_json()))
