@@ -32,8 +32,8 @@ class ExcitationCheck:
     """Excitation and use of the limits of one trajectory, on a grid of ``samples`` instants per cycle.
 
     ``condition`` is the largest over the smallest singular value of the stacked, weighted regressor (after (14.20)),
-    ``frobenius_condition`` is ``|W|_F |W^-1|_F`` and ``log_determinant`` that of ``W' W``; ``singular_values`` are
-    divided by the square root of the number of instants.
+    ``frobenius_condition`` is ``|W|_F |W^+|_F`` and ``log_determinant`` is ``log det(W' W / samples)``;
+    ``singular_values`` are divided by the square root of the number of instants.
     """
 
     samples: int
@@ -96,7 +96,8 @@ class ProblemFunctions:
         return Y.reshape(-1, problem.columns)
 
     def triangular(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
-        """QR factor R (b, b) of the stacked, weighted regressor, computed in chunks; it has the same singular values.
+        """QR factor R (b, b) of the stacked, weighted regressor, computed in chunks; it has the same singular
+        values.
         """
         R: Floats = np.zeros((0, self.problem.columns))
         for k in range(0, q.shape[0], CHUNK):
@@ -142,7 +143,8 @@ def _below(name: str, values: Floats, bounds: tuple[float, ...], polynomial: boo
 def _between(
     name: str, values: Floats, lower: tuple[float, ...], upper: tuple[float, ...], polynomial: bool
 ) -> list[LimitedQuantity]:
-    """Use of position bounds: measured from the middle if two-sided; 1 at the limit and 0 one unit inside if one-sided.
+    """Use of position bounds: measured from the middle if two-sided; 1 at the limit and 0 one unit inside if
+    one-sided.
     """
     found = []
     for i, (v, low, high) in enumerate(zip(values.T, lower, upper, strict=True)):

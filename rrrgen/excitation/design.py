@@ -77,7 +77,8 @@ class ExcitationDesign:
         }
 
     def write(self, folder: Path) -> list[Path]:
-        """Write ``excitation.json`` (coefficients) and ``excitation.csv`` (samples for the controller); returns both.
+        """Write ``excitation.json`` (coefficients) and ``excitation.csv`` (samples for the controller); returns
+        both.
         """
         result, samples = folder / "excitation.json", folder / "excitation.csv"
         write_atomically(result, json.dumps(self.to_json(), indent=1) + "\n")

@@ -1,4 +1,5 @@
-"""Ctrl-C during a solver run: CasADi and IPOPT treat it as a failed evaluation and continue; here it is raised again.
+"""Ctrl-C during a solver run: CasADi and IPOPT treat it as a failed evaluation and continue; here it is raised
+again.
 """
 
 from __future__ import annotations

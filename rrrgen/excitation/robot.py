@@ -25,11 +25,11 @@ def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
 
 
 def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings: Any) -> ExcitationProblem:
-    """The excitation problem of a compiled robot (:class:`rrrgen.Model`), by default within the limits of its file.
+    """Build the excitation problem of a compiled robot (:class:`rrrgen.Model`), by default within its file's limits.
 
-    Torque limits are those of the joints, of the nominal parameters with drive inertia; a Cartesian box bounds the tip.
-    ``settings`` are the fields of :class:`~rrrgen.excitation.problem.ExcitationProblem`. Raises InputError
-    where a limit lacks what it needs.
+    Torque limits apply to the joint torques of the nominal model, drive inertia included; a Cartesian box bounds the
+    tip. ``settings`` are further fields of ``ExcitationProblem``, such as ``harmonics`` or ``sample_period``. Raises
+    InputError if torques are limited but the robot file has no links, or for an inconsistent problem.
     """
     import casadi
 

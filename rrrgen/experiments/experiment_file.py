@@ -1,7 +1,7 @@
-"""The experiment file: YAML that says what to excite, what to write, and how the virtual robot behaves.
+"""Reads the experiment file (YAML): excitation, writing task, virtual robot and control of a simulated experiment.
 
-Every section is optional. Lists run over the joints; one number stands for all of them. Faults are collected and
-reported with their places.
+Every section is optional. A list has one entry per joint; a single number applies to all joints. All faults are
+reported together with their places.
 """
 
 from __future__ import annotations
@@ -28,9 +28,11 @@ EFFORT = units.TORQUE | units.FORCE
 
 @dataclass(frozen=True)
 class ControlSection:
-    """How the virtual robot is controlled: ``kind`` "pd" or "computed_torque", gains or a bandwidth (Hz).
+    """Control of the virtual robot: law, gains or bandwidth, and observer.
 
-    ``observer`` is "kalman" or "difference"; ``jerk`` (rad/s^3) tunes the former, by default the reference's largest.
+    ``kind`` is "pd" or "computed_torque"; its gains ``kp``, ``kd`` (n,) follow from ``bandwidth`` (Hz) and ``damping``
+    if they are None. ``observer`` is "kalman" or "difference"; ``jerk`` (n,), rad/s^3 (m/s^3), tunes the Kalman
+    observer and is by default the largest jerk of the reference.
     """
 
     kind: str = "pd"
@@ -44,11 +46,14 @@ class ControlSection:
 
 @dataclass(frozen=True)
 class Experiment:
-    """What an experiment file says; sections that are absent are empty.
+    """The content of an experiment file; absent sections are empty.
 
-    ``excitation`` are fields of the excitation problem, ``limits`` among them None for those of the robot file;
-    ``starts`` how many starts. ``writing`` are arguments of the writing task, ``branch`` where its inverse kinematics
-    begins. ``virtual_robot`` are friction, instruments and flexible parts by name.
+    - ``excitation``: fields of the excitation problem; ``limits``: its limits, those of the robot file if None;
+      ``starts``: number of random starts.
+    - ``writing``: arguments of the writing task; ``branch`` (n,): joint positions near which its inverse kinematics
+      begins.
+    - ``virtual_robot``: friction, instruments and flexible parts by name; ``control``: control law and observer.
+    - ``period``: sampling period, s; ``seed``: of all random numbers.
     """
 
     excitation: Mapping[str, Any] = field(default_factory=dict)
@@ -63,7 +68,7 @@ class Experiment:
 
 
 def load_experiment(path: str | os.PathLike[str], joints: int) -> Experiment:
-    """Read an experiment file for a robot of ``joints`` joints. Raises InputError with every fault."""
+    """Read the experiment file ``path`` for a robot of ``joints`` joints; raises InputError with every fault."""
     try:
         data = Path(path).read_bytes()
     except OSError as error:
@@ -73,7 +78,10 @@ def load_experiment(path: str | os.PathLike[str], joints: int) -> Experiment:
 
 
 def loads_experiment(text: str, joints: int, file: str = "experiment.yaml") -> Experiment:
-    """Read an experiment from YAML text; ``file`` is the name for messages."""
+    """Read an experiment from YAML ``text`` for a robot of ``joints`` joints; ``file`` names it in messages.
+
+    Raises InputError with every fault and its line and column.
+    """
     faults = FaultList(file, text)
     found = _Reader(faults, joints).experiment(parse_document(text, faults))
     faults.raise_errors()
@@ -258,16 +266,19 @@ class _Reader(Reader):
     # -- values ------------------------------------------------------------------------------------------------------
 
     def section(self, node: Node, what: str, table: Mapping[str, Take], complete: bool = False) -> dict[str, Any]:
-        """The values of a mapping, each read as its key asks; unknown keys are faults, absent ones are absent."""
+        """Read the values of a mapping with the reader that ``table`` assigns to each key.
+
+        Unknown keys are faults; absent keys are absent from the result, and faults too if ``complete``.
+        """
         values = self.values(node, what, table, table if complete else ()) or {}
         return {name: table[name](value, name) for name, value in values.items()}
 
     def one(self, table: Mapping[str, float], bare: str, positive: bool = False) -> Take:
-        """Takes one value with a unit."""
+        """A reader of one value with a unit of ``table``; a bare number is in ``bare``."""
         return lambda node, what: self.quantity(node, what, table, bare, positive)
 
     def each(self, table: Mapping[str, float], bare: str) -> Take:
-        """Takes one value for each joint."""
+        """A reader of one value per joint, with units as in :meth:`one`."""
         return lambda node, what: self.per_joint(node, what, self.n, table, bare)
 
     def count(self, node: Node, what: str) -> int:
@@ -290,7 +301,7 @@ class _Reader(Reader):
         return low, high
 
     def open_pair(self, node: Node, what: str) -> tuple[float | None, float | None]:
-        """A pair of which either side may be left open: ``[0.2, ~]``."""
+        """A pair [lowest, highest] of lengths in which either side may be null: ``[0.2, ~]``."""
         return self.pair(node, what, open_side=True)
 
     def yes_or_no(self, node: Node, what: str) -> bool:

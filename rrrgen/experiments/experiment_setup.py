@@ -1,4 +1,4 @@
-"""From an experiment file to what runs: the excitation problem, the writing path, the virtual robot's experiment."""
+"""Sets up what an experiment file describes: excitation problem, writing path, and simulation of the virtual robot."""
 
 from __future__ import annotations
 
@@ -19,31 +19,35 @@ from rrrgen.signals.kalman import kalman_matrices
 from rrrgen.signals.smoother import quantisation_variance
 
 DEFAULT_RESOLUTION = 1e-5
-"""rad (m), where neither the experiment nor the robot file states one: the chapter's encoders."""
+"""Encoder resolution, rad (m), if neither file states one: that of the encoders in the case study of the RRR arm."""
 
 BASE_TO_ARM = 10.0
-"""Inertia of a flexible base whose file states none, over that of the arm about joint 1 in its zero pose."""
+"""Default inertia of a flexible base, over that of the arm about joint 1 in its zero pose."""
 
 LARGEST_POSITION_TASK = 3
-"""Joints up to which the inverse kinematics takes tip positions, see :mod:`rrrgen.ik`."""
+"""Largest number of joints for which the closed-form inverse kinematics takes tip positions instead of poses."""
 
 POSES = 200
-"""Poses of the motion for which gains are chosen and tested."""
+"""Number of poses along the motion for which gains are chosen and their stability is tested."""
 
 LARGEST_DAMPING = 1.0
-"""Of ``M^-1 Kd`` times the sample period: above 1 a held torque overshoots the speed it brakes, above 2 it diverges."""
+"""Bound on the eigenvalues of ``M^-1 Kd`` times the sampling period: the held torque overshoots above 1, diverges above
+2.
+"""
 
 Motion = Callable[[Array], tuple[Array, Array, Array]]
 
 
 def problem_of(experiment: Experiment, model: Any) -> ExcitationProblem:
-    """The excitation problem that the file describes for a compiled robot."""
+    """The excitation problem of an experiment file for a compiled robot; limits default to those of the robot file."""
     limits = experiment.limits if experiment.limits is not None else limits_of(model.spec)
     return robot_problem(model, limits, sample_period=experiment.period, **experiment.excitation)
 
 
 def writing_path(experiment: Experiment, model: Any) -> JointPath:
-    """The joint motion of the writing task, by the closed form of the arm's position where it has one."""
+    """Joint motion of the writing task, by closed-form inverse kinematics for up to three joints, else by Newton's
+    method.
+    """
     from rrrgen.runtime.inverse_kinematics import load_solver
 
     start = experiment.branch if experiment.branch is not None else (0.0,) * model.n
@@ -62,11 +66,13 @@ def simulate_motion(
     *,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> tuple[Any, Any]:
-    """Run the virtual robot along ``reference(t) -> (q, dq, ddq)``; returns its recording and its instruments.
+    """Run the virtual robot along ``reference(t) -> (q, dq, ddq)`` for ``duration`` s; returns recording and
+    instruments.
 
-    Links, drive inertia, friction, encoders and torque limits are those of the robot file where the experiment states
-    no others; motors of coupled drives keep their friction and their torque limits beside what it states of joints.
-    Rotors of flexible joints take the place of the robot file's drive inertia.
+    Links, drive inertia, friction, encoders and torque limits are those of the robot file unless the experiment states
+    others. Friction and torque limits of coupled motors remain in effect in addition to those that the experiment
+    states for joints. Rotors of flexible joints replace the drive inertia of the robot file. Raises InputError if the
+    robot file has no links or the control is unstable at the sampling rate.
     """
     from rrrgen.simulate.experiment import VirtualRobot
 
@@ -103,7 +109,7 @@ def _plant(experiment: Experiment, model: Any) -> Any:
 
 
 def _friction(experiment: Experiment, model: Any) -> Any:
-    """That of the experiment at the joints, else that of the robot file; coupled motors keep their own."""
+    """Joint friction from the experiment, or else the robot file, together with that of coupled motors."""
     from rrrgen.simulate.friction import MotorFriction
 
     joints = experiment.virtual_robot.get("friction") or robot_friction(model.spec)
@@ -130,7 +136,7 @@ def _instruments(experiment: Experiment, model: Any) -> Any:
 
 
 def _drives(model: Any) -> tuple[float, ...] | None:
-    """The torque limits of the robot file, where it states them for every joint."""
+    """The torque limits (n,) of the robot file; None unless it states them for every joint."""
     limits = [joint.limits.torque for joint in model.spec.joints]
     return None if any(limit is None for limit in limits) else tuple(float(limit) for limit in limits)
 
@@ -164,7 +170,10 @@ def _controller(experiment: Experiment, model: Any, reference: Motion, duration:
 
 
 def _moved(experiment: Experiment, model: Any, M: Array) -> tuple[Array, Array]:
-    """The mass matrices (m, n, n) that a controller moves in the long run, and within a sample: then rotors alone."""
+    """Mass matrices (m, n, n) that act on the controller at low frequency, and within a sample.
+
+    They differ for flexible joints: within a sample only the rotors respond.
+    """
     from rrrgen.simulate.plant import without_drives
 
     flexible = experiment.virtual_robot.get("flexible_joints")
@@ -176,7 +185,7 @@ def _moved(experiment: Experiment, model: Any, M: Array) -> tuple[Array, Array]:
 
 
 def _observer(experiment: Experiment, model: Any, instruments: Any, reference: Motion, duration: float) -> Any:
-    """A Kalman filter by the chapter's rules: quantisation of the encoder, and the largest jerk squared."""
+    """The observer; a Kalman filter has the variances of the encoder quantisation and of the largest jerk."""
     from rrrgen.simulate.control import BackwardDifference, DeviationFilter
 
     period, control = experiment.period, experiment.control

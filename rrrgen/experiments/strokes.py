@@ -57,12 +57,12 @@ class Arc:
 
     @property
     def start(self) -> Point:
-        """Where it begins."""
+        """The first point."""
         return self._point(self.begin)
 
     @property
     def end(self) -> Point:
-        """Where it ends."""
+        """The last point."""
         return self._point(self.begin + self.sweep)
 
     def _point(self, angle: float) -> Point:
@@ -98,7 +98,7 @@ _HALF = math.pi
 
 
 def _bowl(left: float, bottom: float, top: float, right: float) -> Stroke:
-    """From the top left: straight, a half circle clockwise, straight back to the bottom left."""
+    """The bowl of a letter from top left to bottom left: a line, a clockwise half circle, and a line back."""
     r = (top - bottom) / 2.0
     x = right - r
     return (Line((left, top), (x, top)), Arc((x, bottom + r), r, _UP, -_HALF), Line((x, bottom), (left, bottom)))

@@ -1,8 +1,9 @@
-"""The writing task: letters in a vertical plane with an imposed tip speed, and the joint motion that draws them.
+"""The writing task: letters in a vertical plane with a prescribed tip speed, and the joint motion that draws them.
 
-Every segment is run from rest to rest, because direction or curvature jumps at its ends; in between the tip follows
-``s = L (u - sin(2 pi u)/(2 pi))``, so speed and acceleration are continuous over the whole task. Longer segments are
-faster. Source: (14.32), Fig. 14.3, Fig. 14.6.
+Every segment starts and ends at rest, because direction or curvature jump between segments. Along it, the tip follows
+``s = L (u - sin(2 pi u)/(2 pi))`` with u = t/T, so that speed and acceleration are continuous over the whole task.
+Longer segments are faster. Source: (14.32), Fig. 14.3, Fig. 14.6 of D. Kostic, B. de Jager, M. Steinbuch, Modeling and
+Identification for Robot Motion Control, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ InverseKinematics = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class WritingPlane:
-    """The window of the chapter: a vertical plane y = const, m, base frame. Source: Fig. 14.3."""
+    """The writing window: ranges of ``x`` and ``z`` in the vertical plane at ``y``, m, base frame. Source: Fig.
+    14.3.
+    """
 
     x: tuple[float, float] = (-0.25, 0.25)
     z: tuple[float, float] = (0.35, 0.85)
@@ -47,7 +50,7 @@ class WritingTask:
 
     @property
     def duration(self) -> float:
-        """The whole task, s."""
+        """Duration of the whole task, s."""
         return math.fsum(self.durations)
 
     @property
@@ -80,7 +83,9 @@ class WritingTask:
 
 
 def _along(segment: Segment, u: Array, duration: float) -> tuple[Array, Array, Array]:
-    """Plane position, velocity, acceleration at the fractions ``u`` of a segment's time, each (m, 2)."""
+    """Position, velocity and acceleration in the plane, (m, 2) each, at fractions ``u`` (m,) of the segment's
+    duration.
+    """
     L, turn = segment.length, 2.0 * math.pi
     s = L * (u - np.sin(turn * u) / turn)
     v = L / duration * (1.0 - np.cos(turn * u))
@@ -100,9 +105,9 @@ def writing_task(
 ) -> WritingTask:
     """Write ``text`` into the window in ``duration`` s without exceeding ``peak_speed`` (m/s).
 
-    All segments share one peak acceleration, times the pace squared of their letter stroke (``pace`` repeats over the
-    segments of ink): fast and slow phases. ``margin`` (m) stays free around the text. Raises InputError when the text
-    cannot be written that slowly.
+    All segments have the same peak acceleration, times the square of their ``pace``, which is repeated over the drawn
+    segments and makes some of them faster. ``plane`` is the window, ``margin`` (m) stays free around the text. Raises
+    InputError if the duration is too short for the peak speed, or for letters that are not known.
     """
     window = plane if plane is not None else WritingPlane()
     size = (window.x[1] - window.x[0] - 2.0 * margin, window.z[1] - window.z[0] - 2.0 * margin)
@@ -127,9 +132,9 @@ def writing_task(
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """A tip motion as joint motion, the reference of the experiment.
+    """The joint motion of a writing task: the reference of the experiment.
 
-    ``dq = J_v^-1 v``, ``ddq = J_v^-1 (a - dJ/dt dq)`` (least norm where the arm has more than three joints).
+    ``dq = J_v^-1 v`` and ``ddq = J_v^-1 (a - dJ/dt dq)``, with the pseudoinverse for more than three joints.
     """
 
     task: WritingTask
@@ -155,10 +160,11 @@ def _solve(J: Array, rows: Array) -> Array:
 def newton_inverse_kinematics(
     model: Any, start: ArrayLike, tolerance: float = 1e-12, iterations: int = 50
 ) -> InverseKinematics:
-    """Inverse kinematics by Newton's method, from each point of the path to the next, beginning near ``start`` (n,).
+    """Inverse kinematics of tip positions by Newton's method, which starts at ``start`` (n,) and follows the path.
 
-    Works for any arm; stays on the branch of ``start``. ``tolerance`` in m. The returned function raises
-    DerivationError, naming the point, where it does not converge: out of reach or singular.
+    Works for any arm and stays on the branch of ``start``. ``tolerance`` is that of the tip position, m; ``iterations``
+    bounds the steps per point. The returned function raises DerivationError, naming the point, if it does not converge
+    because the point is out of reach or singular.
     """
 
     def solve(positions: Array) -> Array:
@@ -208,11 +214,12 @@ def follow_branch(
     start: ArrayLike | None = None,
     revolute: Sequence[bool] | None = None,
 ) -> Array:
-    """One continuous joint path out of all solutions along a path.
+    """Choose one continuous joint path (m, n) among all solutions along a path of m points.
 
-    ``solutions`` (m, s, n) and ``valid`` (m, s) as closed-form inverse kinematics gives them; every row goes to the
-    solution nearest to the last one, revolute joints unwound. ``start`` (n,) picks the first; without it the first
-    valid one does. Raises DerivationError where no solution is valid.
+    ``solutions`` (m, s, n) and ``valid`` (m, s) are those of closed-form inverse kinematics. At each point the solution
+    nearest to the previous one is taken, revolute joints unwrapped; ``start`` (n,) determines the first, by default the
+    first valid one. ``revolute`` (n,) gives the joint types, all revolute by default. Raises DerivationError if a point
+    has no valid solution.
     """
     paths = np.asarray(solutions, dtype=float)
     reachable = np.asarray(valid).any(axis=1)

@@ -1,4 +1,4 @@
-"""The robot file: YAML text -> :class:`RobotSpec`, exact and validated, or every fault at once.
+"""The robot file: YAML text -> :class:`RobotSpec`, exact and validated; all faults are reported together.
 
 SymPy and the YAML reader are imported on first use, so that the command line starts fast.
 """
@@ -60,8 +60,9 @@ __all__ = [
 def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSpec:
     """Read a robot file, or a bundled robot by its name.
 
-    Lengths of the result are in m, angles in rad, everything exact. Non-physical inertia is a warning in
-    ``RobotSpec.faults``, with ``strict`` an error. Raises :class:`rrrgen.errors.InputError` with every fault.
+    ``robot`` is a path, or a bare word without suffix such as "rrr". All values of the result are exact, in m, rad, kg.
+    Non-physical inertia is a warning in ``RobotSpec.faults``, or with ``strict`` an error. Raises
+    :class:`rrrgen.errors.InputError` with every fault.
     """
     from rrrgen.robotfile.reader import load_spec as load
 
@@ -69,21 +70,24 @@ def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSp
 
 
 def loads_spec(text: str, file: str = "robot.yaml", *, strict: bool = False) -> RobotSpec:
-    """Read a robot from YAML text; ``file`` is the name that messages show."""
+    """Read a robot from YAML ``text``; ``file`` names it in messages, ``strict`` makes non-physical inertia an error.
+
+    Raises :class:`rrrgen.errors.InputError` with every fault.
+    """
     from rrrgen.robotfile.reader import read_spec
 
     return read_spec(text, file, strict)
 
 
 def dumps(spec: RobotSpec) -> str:
-    """YAML text that loads back to an equal spec."""
+    """Write ``spec`` as YAML text, exactly: loading the text gives an equal spec."""
     from rrrgen.robotfile.writer import dumps as write
 
     return write(spec)
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema (draft 7) of the robot file, for editors."""
+    """JSON Schema (draft 7) of the robot file, for editors that complete and check YAML."""
     from rrrgen.robotfile.schema import json_schema as make_schema
 
     return make_schema()

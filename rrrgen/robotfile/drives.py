@@ -24,7 +24,7 @@ _KEYS = {key.name: key for key in MOTOR}
 
 
 def read_drives(node: Node, joints: Row[JointSpec | None], scope: Scope) -> DrivesSpec | None:
-    """The coupled drives of a robot with these joints (None for a joint with a fault)."""
+    """Read the section ``drives`` of a robot with these joints (None for a joint with a fault); None if faulty."""
     values = read_section(node, "drives", "drives", scope.faults, ROBOT_FILE)
     if not values or not joints:
         return None
@@ -36,7 +36,7 @@ def read_drives(node: Node, joints: Row[JointSpec | None], scope: Scope) -> Driv
 
 
 def _read_coupling(node: Node, values: dict[str, Node], n: int, scope: Scope) -> Matrix | None:
-    """The matrix ``joint_from_drive``, whichever of the two directions the file states."""
+    """The matrix ``joint_from_drive``; if the file states ``drive_from_joint``, its inverse."""
     given = [name for name in _MATRICES if name in values]
     if len(given) != 1:
         hint = "joint_from_drive: joint speeds = matrix * drive speeds; drive_from_joint: the other way round"
@@ -113,7 +113,7 @@ def _read_motors(
 
 
 def _read_motor(node: Node, number: int, scope: Scope) -> tuple[MotorSpec, dict[str, Node]]:
-    """The motor (as far as it can be read), and where its values stand."""
+    """The motor, as far as it can be read, and the nodes of its values."""
     what = f"motor {number}"
     values = read_section(node, "motor", what, scope.faults, ROBOT_FILE) or {}
     kind = read_choice(values["type"], _KEYS["type"], scope.faults) if "type" in values else "revolute"
@@ -165,7 +165,7 @@ def _read_name(node: Node | None, number: int, scope: Scope) -> str:
 def _check_not_twice(
     direction: Row[sp.Expr], motor: MotorSpec, places: dict[str, Node], joints: Row[JointSpec | None], scope: Scope
 ) -> None:
-    """A motor whose speed is that of one joint times a number: a term may be stated at one of the two only."""
+    """If a motor moves a single joint, refuse a friction or inertia term stated at both of them."""
     moved = [joint for joint, weight in zip(joints, direction, strict=True) if weight != 0]
     joint = moved[0] if len(moved) == 1 else None
     if joint is None:

@@ -21,7 +21,7 @@ _SHORTEST_ARM = 0.005  # m; a whole mm file below it was written in metres
 
 
 def read_joints(node: Node, scope: Scope) -> list[JointSpec | None]:
-    """One joint per row; None for a row with a fault, so that the number of rows is kept."""
+    """Read the list ``joints``; a row with a fault gives None, so that the number of joints is preserved."""
     items = read_list(node, "joints", None, scope.faults)
     if items is None:
         return []
@@ -80,7 +80,7 @@ def _read_name(node: Node | None, number: int, scope: Scope) -> str:
 
 
 def _check_variable(node: Node, values: dict[str, Node], joint_type: str, name: str, what: str, scope: Scope) -> None:
-    """The constant that a joint of this type needs, and the joint variable where only its offset may stand."""
+    """Check that the constant of this joint type is given, and that its variable has an offset, not its own name."""
     needed, variable = ("d", "theta") if joint_type == "revolute" else ("theta", "d")
     if needed not in values:
         scope.faults.error(node, f"{what} needs the key '{needed}'", f"{needed}: constant of a {joint_type} joint")
@@ -103,7 +103,7 @@ def _check_names(items: list[Node], joints: list[JointSpec | None], scope: Scope
 
 
 def _check_scale(node: Node, scope: Scope) -> None:
-    """A file in mm whose longest bare length is under 5 mm was written in metres."""
+    """Report a file in mm whose longest bare length is below 5 mm: it was probably written in metres."""
     longest = max(scope.bare_lengths, default=0.0)
     if 0.0 < longest < _SHORTEST_ARM:
         message = f"the longest length of the robot is {longest * 1000:g} mm"
@@ -125,7 +125,7 @@ def _read_limits(node: Node | None, joint_type: str, what: str, scope: Scope) ->
 def read_floats(
     node: Node | None, table: tuple[Key, ...], section: str, joint_type: str, what: str, scope: Scope
 ) -> dict[str, float | None] | None:
-    """The numbers of a mapping by key, None for a key that is missing; None without a mapping."""
+    """The SI values of a mapping by key, None for an absent key; None if ``node`` is absent or faulty."""
     if node is None or (isinstance(node, Scalar) and node.is_null):
         return None
     values = read_section(node, section, f"{section} of {what}", scope.faults, ROBOT_FILE)

@@ -1,4 +1,4 @@
-"""Links: mass, centre of mass, inertia, and whether a rigid body with them can exist."""
+"""Reads the links (mass, centre of mass, inertia) and tests whether they are physical."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ _PRODUCTS = next(key for key in INERTIA if key.name == "products")
 
 
 def read_links(node: Node, joints: int, strict: bool, scope: Scope) -> list[LinkSpec | None]:
-    """One link per joint; None for a link with a fault."""
+    """Read the list ``links``, one link per joint; a link with a fault gives None.
+
+    Non-physical inertia is a warning, with ``strict`` an error.
+    """
     items = read_list(node, "links", None, scope.faults)
     if items is None:
         return []
@@ -97,7 +100,7 @@ def _read_inertia(
 
 
 def inertia_about_com(link: LinkSpec) -> tuple[sp.Rational, ...]:
-    """The tensor about the centre of mass (xx, yy, zz, xy, xz, yz): Steiner's theorem."""
+    """Inertia tensor (xx, yy, zz, xy, xz, yz), kg m^2, about the centre of mass, by Steiner's theorem."""
     if link.about == "com":
         return link.inertia
     m, (x, y, z) = link.mass, link.com
@@ -106,7 +109,7 @@ def inertia_about_com(link: LinkSpec) -> tuple[sp.Rational, ...]:
 
 
 def physical_fault(link: LinkSpec) -> str:
-    """Why no rigid body has these parameters, or an empty text.
+    """The reason why no rigid body has the parameters of ``link``; empty if one exists.
 
     A body exists exactly if the pseudo-inertia ``J = integral of [r; 1][r; 1]^T dm`` (14.9) is positive
     semidefinite; that is ``m >= 0`` and ``integral of r r^T dm`` about the centre of mass positive semidefinite,
@@ -128,7 +131,7 @@ def physical_fault(link: LinkSpec) -> str:
 
 
 def _other_reading(link: LinkSpec) -> str:
-    """A hint: the other readings of the numbers that would be physical."""
+    """Hint: another choice of ``about`` and ``products`` with which the numbers would be physical."""
     x, y, z, xy, xz, yz = link.inertia
     flipped = (x, y, z, -xy, -xz, -yz)
     other: Literal["com", "origin"] = "origin" if link.about == "com" else "com"
@@ -143,7 +146,7 @@ def _other_reading(link: LinkSpec) -> str:
 
 
 def is_positive_semidefinite(matrix: Row[Row[sp.Rational]]) -> bool:
-    """Exact test of a symmetric rational matrix, by symmetric elimination."""
+    """Whether a symmetric rational matrix is positive semidefinite; exact, by symmetric elimination."""
     rows = [list(row) for row in matrix]
     while rows:
         pivot, rest = rows[0][0], rows[0][1:]

@@ -1,4 +1,4 @@
-"""Which words may name a robot, a joint or a parameter."""
+"""Rules for the names of robots, joints, motors and parameters."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ IDENTIFIER = rf"^[A-Za-z][A-Za-z0-9_]{{0,{MAX_NAME - 1}}}$"
 
 
 def name_fault(name: str, role: str) -> tuple[str, str] | None:
-    """What is wrong with ``name`` as the name of a ``robot``, ``joint``, ``parameter`` or ``base parameter``.
+    """Message and hint if ``name`` is not allowed; None if it is.
 
-    Returns message and hint, or None.
+    ``role`` is "robot", "joint", "motor", "parameter" or "base parameter".
     """
     shown = name if len(name) <= MAX_NAME else name[:MAX_NAME] + "..."
     if len(name) > MAX_NAME:

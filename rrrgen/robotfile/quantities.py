@@ -1,8 +1,8 @@
-"""Scalars of a robot file -> exact values in SI and radians, with the rules for bare numbers.
+"""Converts the scalars of a robot file to exact values in SI and radians, with the rules for bare numbers.
 
-A number with a unit is what it says. A bare number is in the units of the file where the key says so (joint rows,
-base, tool), in SI elsewhere. Parameters carry their own unit; one declared without a unit is taken in SI, and where
-the unit of the file differs from SI that is refused as ambiguous, as is everything else that could be read two ways.
+A bare number (without a unit) is in the units declared by the file in joint rows, base and tool, and in SI elsewhere.
+Parameters carry their own unit; one declared without a unit is in SI, which is refused as ambiguous where the unit of
+the file differs from SI. Everything else that could be read in two ways is refused too.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SUSPICIOUS_RIGHT_ANGLE = 1e-5  # rad; a decimal this near to a multiple of pi/2 
 
 @dataclass
 class Scope:
-    """What the values of one file are read with: faults, units, parameters declared so far and their values."""
+    """Context in which the values of one file are read: faults, units, and the parameters declared so far."""
 
     faults: FaultList
     units: FileUnits = field(default_factory=FileUnits)
@@ -38,7 +38,7 @@ class Scope:
     declared_at: dict[str, Scalar] = field(default_factory=dict)
     parameter_units: dict[str, str] = field(default_factory=dict)
     bare_lengths: list[float] = field(default_factory=list)  # m, of values without unit in a mm file
-    undeclared: set[str] = field(default_factory=set)  # parameters further down
+    undeclared: set[str] = field(default_factory=set)  # parameters declared further down in the file
     broken: set[str] = field(default_factory=set)  # parameters whose own fault is already reported
 
     def substitute(self, expr: sp.Expr) -> sp.Expr:
@@ -49,7 +49,11 @@ class Scope:
 
 
 def read_value(node: Node, what: str, quantity: str, scope: Scope, file_units: bool = False) -> sp.Expr | None:
-    """The exact SI value of one scalar, parameters kept as symbols; None and a fault where it cannot be read."""
+    """Exact SI value of one scalar, with parameters as symbols; a fault and None if it cannot be read.
+
+    ``what`` names the value in messages, ``quantity`` is a key of QUANTITIES; with ``file_units`` a bare number is in
+    the units of the file, otherwise in SI.
+    """
     value = parse_scalar(node, what, scope)
     if value is None or not isinstance(node, Scalar):
         return None
@@ -77,13 +81,13 @@ def read_value(node: Node, what: str, quantity: str, scope: Scope, file_units: b
 
 
 def read_number(node: Node, what: str, quantity: str, scope: Scope, file_units: bool = False) -> float | None:
-    """One value as a float, parameters at their nominal values."""
+    """SI value of one scalar as a float, with parameters at their nominal values; a fault and None if unreadable."""
     expr = read_value(node, what, quantity, scope, file_units)
     return None if expr is None else float(scope.substitute(expr))
 
 
 def read_rational(node: Node, what: str, quantity: str, scope: Scope) -> sp.Rational | None:
-    """One value as an exact rational, parameters at their nominal values."""
+    """SI value of one scalar as an exact rational, with parameters at their nominal values; a fault and None if not."""
     expr = read_value(node, what, quantity, scope)
     if expr is None:
         return None
@@ -95,7 +99,7 @@ def read_rational(node: Node, what: str, quantity: str, scope: Scope) -> sp.Rati
 
 
 def read_vector(node: Node, what: str, quantity: str, scope: Scope, file_units: bool = False) -> list[sp.Expr] | None:
-    """Three values."""
+    """Exact SI values of a list of three scalars; faults and None if one cannot be read."""
     items = read_list(node, what, 3, scope.faults)
     if items is None:
         return None
@@ -107,7 +111,7 @@ def read_vector(node: Node, what: str, quantity: str, scope: Scope, file_units: 
 
 
 def _warn_about_commas(node: Node, items: list[Node], what: str, scope: Scope) -> None:
-    """``[0, -9,81]`` has three entries, but was meant to have two and a decimal comma."""
+    """Warn of a list such as ``[0, -9,81]``, in which a decimal comma has split a number into two entries."""
     scalars = [item for item in items if isinstance(item, Scalar)]
     pairs = list(pairwise(scalars))
     tight = [right.place.column - left.place.column - len(left.text) == 1 for left, right in pairs]
@@ -120,7 +124,7 @@ def _warn_about_commas(node: Node, items: list[Node], what: str, scope: Scope) -
 
 
 def parse_scalar(node: Node, what: str, scope: Scope) -> Value | None:
-    """The parsed text of a scalar, without any unit applied."""
+    """Parse a scalar without applying its unit; a fault and None if it is not a valid expression."""
     if not isinstance(node, Scalar) or node.is_null:
         scope.faults.error(node, f"{what} is {describe(node)}, not a value", "write a number or an expression")
         return None
@@ -133,7 +137,7 @@ def parse_scalar(node: Node, what: str, scope: Scope) -> Value | None:
 
 
 def report_expression(error: ExpressionError, node: Scalar, what: str, scope: Scope, offset: int = 0) -> None:
-    """Report a value that cannot be read, unless it only uses a parameter whose own fault is reported already."""
+    """Report an invalid expression, unless its only fault is a parameter whose own fault is already reported."""
     if error.unknown_name in scope.broken:
         return
     hint = error.hint
@@ -143,7 +147,7 @@ def report_expression(error: ExpressionError, node: Scalar, what: str, scope: Sc
 
 
 def nominal_number(node: Node, what: str, expr: sp.Expr, scope: Scope) -> float | None:
-    """The float of ``expr`` at the nominal parameters; None and a fault unless it is finite and real."""
+    """``expr`` at the nominal parameters as a float; a fault and None unless it is finite and real."""
     try:
         number = complex(scope.substitute(expr))
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
@@ -211,14 +215,14 @@ def _confusion(
 
 
 def _in_degrees(radians: sp.Expr) -> str:
-    """``"-45 or "`` for -pi/4; nothing where it is no short decimal number of degrees."""
+    """Text such as ``"-45 or "`` for -pi/4; empty if the angle is not a short decimal number of degrees."""
     degrees = sp.nsimplify(radians * 180 / sp.pi)
     text = f"{float(degrees):.6g}" if degrees.is_Rational else ""
     return f"{text} or " if text and sp.Rational(text) == degrees else ""
 
 
 def _right_angle(radians: float, decimals: int | None) -> int:
-    """k where ``radians`` is k*pi/2 rounded or cut to ``decimals`` digits, or nearly so, else 0."""
+    """k if ``radians`` equals k*pi/2 rounded or truncated to ``decimals`` digits, or nearly so; otherwise 0."""
     multiple = round(radians / (cmath.pi / 2))
     exact = abs(multiple) * cmath.pi / 2
     digits = 6 if decimals is None else decimals

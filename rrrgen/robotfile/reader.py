@@ -1,4 +1,4 @@
-"""The robot file as a whole: text -> RobotSpec, or every fault at once."""
+"""Reads a whole robot file into a RobotSpec; all faults are reported together."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ _UNITS = {key.name: key for key in UNITS}
 
 
 def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSpec:
-    """Read a robot file, or a bundled robot by name; see :func:`rrrgen.robotfile.load_spec`."""
+    """Read a robot file, or a bundled robot by its name; with ``strict``, non-physical inertia is an error.
+
+    Raises :class:`InputError` with every fault.
+    """
     name = os.fspath(robot)
     path = Path(name)
     if not path.suffix and path.name == name:  # a bare word is a bundled robot; ./word is a file
@@ -49,7 +52,7 @@ def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSp
 
 
 def read_spec(text: str, file: str, strict: bool = False) -> RobotSpec:
-    """The robot described by ``text``; raises :class:`InputError` with every fault in it."""
+    """Read a robot from YAML ``text``; ``file`` names it in messages. Raises :class:`InputError` with every fault."""
     faults = FaultList(file, text)
     root = parse_document(text, faults)
     values = read_section(root, "robot", "the robot", faults, ROBOT_FILE)

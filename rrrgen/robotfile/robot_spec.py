@@ -25,7 +25,10 @@ def parameter_symbol(name: str) -> sp.Symbol:
 
 @dataclass(frozen=True)
 class Limits:
-    """Joint limits, SI; ``None`` where the file is silent. ``torque`` is N m, or N for a prismatic joint."""
+    """Limits of one joint in SI, None if not stated.
+
+    Positions ``lower``, ``upper`` in rad (m), ``velocity`` and ``acceleration`` per s and s^2, ``torque`` in N m (N).
+    """
 
     lower: float | None = None
     upper: float | None = None
@@ -49,7 +52,11 @@ class FrictionSpec:
 
 @dataclass(frozen=True)
 class DriveSpec:
-    """The drive of a joint, seen at the joint; ``inertia`` is Ia (kg m^2, or kg for a prismatic joint)."""
+    """The drive of one joint, all values at the joint; None if not stated.
+
+    ``inertia`` Ia, kg m^2 (kg); ``gear_ratio``, motor turns per joint turn; ``torque_constant``, N m/A (N/A);
+    ``encoder_resolution``, rad (m).
+    """
 
     inertia: float | None = None
     gear_ratio: float | None = None
@@ -150,14 +157,14 @@ class FixedTransform:
     translation: tuple[sp.Expr, ...] = (sp.S.Zero, sp.S.Zero, sp.S.Zero)
 
     def matrix(self) -> sp.Matrix:
-        """The 4x4 matrix."""
+        """The homogeneous matrix T (4, 4)."""
         R = sp.Matrix(3, 3, list(self.rotation))
         return R.row_join(sp.Matrix(self.translation)).col_join(sp.Matrix([[0, 0, 0, 1]]))
 
 
 @dataclass(frozen=True)
 class BasisSpec:
-    """The user's own base parameters: names and expressions in link symbols.
+    """Base parameters chosen by the user: names and expressions in link symbols.
 
     Link symbols (link i, counted from 1, in the axes of link frame i): ``m{i}``; COM ``x{i} y{i} z{i}``; first moments
     ``mx{i} my{i} mz{i}``; inertia about the *origin* of the link frame ``Ixx{i} Iyy{i} Izz{i} Ixy{i} Ixz{i} Iyz{i}``,
@@ -175,8 +182,8 @@ class BasisSpec:
 class FitSpec:
     """A fingerprint of recorded samples that the parameters were fitted to.
 
-    ``hashes`` are the smallest of the hashes of ``windows`` windows of samples, in rising order, as computed by
-    :mod:`rrrgen.identify.scoring.fingerprint`; the rest is for people.
+    ``hashes`` are the smallest hashes of ``windows`` windows of samples, in rising order, as computed by
+    :mod:`rrrgen.identify.scoring.fingerprint`; ``program``, ``recordings`` and ``data`` are informative texts.
     """
 
     hashes: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""JSON Schema (draft 7) of the robot file, made from the same tables that the reader uses."""
+"""JSON Schema (draft 7) of the robot file, generated from the key tables that the reader uses."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class _Printer:
         return _with_unit(value / UNITS[unit].si(), unit) if unit else number_text(value)
 
     def value(self, value: sp.Expr, quantity: str) -> str:
-        """One geometric value, bare in the units of the file where that is read back without doubt."""
+        """One geometric value: bare in the units of the file if that is unambiguous, otherwise with a unit."""
         target = QUANTITIES[quantity]
         unit = self.units.of(target)
         value = sp.sympify(value, strict=True)
@@ -129,7 +129,7 @@ class _Printer:
         return all(unit is not None and UNITS[unit].dimension == NUMBER for unit in units)
 
     def number(self, value: float, quantity: str, file_units: bool) -> str:
-        """A float so that the same float is read back."""
+        """A float, printed such that exactly the same float is read back."""
         target = QUANTITIES[quantity]
         unit = self.units.of(target) if file_units else FileUnits().of(target)
         return _float_text(value, target, unit)

@@ -1,1 +1,1 @@
-"""The case study of the chapter on the virtual RRR, from excitation to the writing task."""
+"""The case study of the RRR arm (Kostic, de Jager, Steinbuch 2005, section 14.6) on the virtual robot."""

@@ -1,9 +1,10 @@
 """The case study of the chapter on the virtual RRR: excitation, experiment, base parameters, writing task.
 
-Section 14.6 from beginning to end with data of its own: an exciting trajectory under the chapter's limits, an
-experiment under PD control with a Kalman observer, batch least squares for the base parameters and the friction, and
-validation on a motion that was not fitted. Every stage leaves its result in a run folder, where an interrupted run is
-taken up again.
+Repeats section 14.6 of D. Kostic, B. de Jager, M. Steinbuch, Modeling and Identification for Robot Motion Control,
+Robotics and Automation Handbook, CRC Press 2005 ("the chapter"), with simulated data: an exciting trajectory within the
+limits of the chapter, an experiment under PD control with a Kalman observer, batch least squares for base parameters
+and friction, and validation on a motion that was not fitted. Every stage stores its result in a run folder, from which
+an interrupted run is resumed.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ LARGEST_ERROR = 0.01
 
 @dataclass(frozen=True)
 class CaseStudySettings:
-    """What the chapter leaves open, and how much effort to spend.
+    """Settings that the chapter does not state, and the effort of the search.
 
     ``viscous``, ``coulomb`` friction (N m s/rad, N m), ``torque_noise`` (N m) and ``bandwidth`` (Hz) of the PD control
     belong to the virtual robot; ``low_speed`` (rad/s) and ``decimate`` to the estimation. ``symmetric_links`` takes
@@ -73,7 +74,7 @@ class CaseStudySettings:
 
 @dataclass(frozen=True, eq=False)
 class CaseStudy:
-    """Everything that was found, for tables and figures."""
+    """All results of the case study, from which its tables and figures are made."""
 
     settings: CaseStudySettings
     model: Any
@@ -103,7 +104,7 @@ class CaseStudy:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What does not come up to the standards of the case study, in words; empty when all is well."""
+        """The required accuracies that are missed, in words; empty if the case study passes."""
         found = list(self.validation.failures)
         check = self.design.best.check
         if not check.condition <= LARGEST_CONDITION:
@@ -115,7 +116,7 @@ class CaseStudy:
         return tuple(found)
 
     def to_json(self) -> dict[str, Any]:
-        """The result in plain data."""
+        """The results as plain data for JSON."""
         check, estimate = self.design.best.check, self.identification.estimate
         rows = zip(self.identification.names, estimate.x, estimate.std, self.truth, self.deviations, strict=True)
         return {
@@ -137,11 +138,11 @@ def run_case_study(
     cluster: str | None = None,
     progress: Progress | None = None,
 ) -> CaseStudy:
-    """Run section 14.6 on the virtual RRR and leave results and figures in ``folder``.
+    """Run section 14.6 of the chapter on the virtual RRR and write results and figures to ``folder``.
 
-    ``jobs`` and ``cluster`` (a Dask scheduler) serve the search for the exciting trajectory. An interrupted run in the
-    same folder is taken up where it stopped, and gives the same result. ``progress(done, total, message)`` is called
-    as the work goes on.
+    ``jobs`` processes, or the Dask scheduler at ``cluster``, share the search for the exciting trajectory. An
+    interrupted run in the same folder is resumed with the same result. ``progress(done, total, message)`` is called as
+    the work proceeds.
     """
     from rrrgen.experiments.case_study.figures import write_figures
     from rrrgen.pipeline import compile
@@ -157,7 +158,7 @@ def run_case_study(
 
 
 class _Work:
-    """The stages, in order."""
+    """The stages of the case study."""
 
     def __init__(
         self, run: RunFolder, settings: CaseStudySettings, model: Any, jobs: int, cluster: str | None, tell: Progress
@@ -169,7 +170,7 @@ class _Work:
         self.friction = coulomb_viscous(settings.viscous, settings.coulomb)
 
     def study(self) -> CaseStudy:
-        """All stages."""
+        """Run all stages in order."""
         design = self.excitation()
         observer = self.observer(design)
         path, recursive = self.writing()
@@ -275,7 +276,7 @@ class _Work:
 
     @property
     def processing(self) -> Processing:
-        """Kalman smoother tuned by its innovations, low speeds left out, both sides behind one filter."""
+        """Kalman smoother tuned by its innovations, parallel decimation, and low speeds left out."""
         settings = self.settings
         speeds = (settings.low_speed,) * self.model.n
         return Processing(method="kalman", decimate=settings.decimate, low_speed=speeds)

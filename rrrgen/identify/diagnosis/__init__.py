@@ -1,4 +1,4 @@
-"""What is probably wrong with a recording or a robot file, with the evidence and what to write instead.
+"""Diagnosis of a recording and a robot file: probable faults, their evidence, and what to write instead.
 
-One rule per file; each states its threshold and the reason for it. A clean recording passes all of them in silence.
+There is one rule per file, which states its thresholds and the reasons for them. A sound recording triggers none.
 """

@@ -1,6 +1,6 @@
-"""A likely cause of trouble with its evidence and its remedy, and the causes that the rules know.
+"""A probable fault with its evidence and its remedy, and the wording of the faults that the rules can find.
 
-The same cause is worded alike whichever rule finds it, so that the evidence of several rules comes together.
+A fault is worded identically whichever rule finds it, so that the evidence of several rules is merged.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ NAMES = {"position": "position", "velocity": "speed", "torque": "torque"}
 
 @dataclass(frozen=True)
 class Cause:
-    """A likely cause in words, the evidence in numbers, and what to write instead in which file.
+    """A probable fault: its description, the evidence in numbers, and what to write instead in which file.
 
-    A ``general`` cause only says that something is wrong: it is dropped where a rule knows what. A cause that may be
-    ``either`` of some causes adds its evidence to the one that another rule found.
+    A ``general`` cause only states that something is wrong and is dropped if another rule finds a specific one. A cause
+    that may be ``either`` of several adds its evidence to the one of them that another rule found.
     """
 
     cause: str
@@ -40,11 +40,11 @@ class Cause:
     either: tuple[str, ...] = ()
 
     def because(self, *evidence: str) -> Cause:
-        """The same with more evidence."""
+        """A copy with more evidence."""
         return replace(self, evidence=(*self.evidence, *evidence))
 
     def lines(self) -> list[str]:
-        """For people."""
+        """The cause, its evidence and its remedy as lines to print."""
         return [
             f"diagnosis: {self.cause}",
             *(f"  evidence: {sentence}" for sentence in self.evidence),
@@ -52,12 +52,12 @@ class Cause:
         ]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data, for records."""
+        """The cause as plain data for JSON."""
         return {"cause": self.cause, "evidence": list(self.evidence), "write_instead": self.remedy}
 
 
 def merged(causes: Iterable[Cause]) -> tuple[Cause, ...]:
-    """Every cause once, with the evidence of all rules that found it."""
+    """Merge equal causes and their evidence; general causes are dropped if there are specific ones."""
     found: dict[str, Cause] = {}
     for each in causes:
         before = found.get(each.cause)
@@ -76,7 +76,7 @@ def merged(causes: Iterable[Cause]) -> tuple[Cause, ...]:
 
 @dataclass(frozen=True)
 class Wording:
-    """Words for the causes in one recording: its joints, whether they turn, and the mapping that read it, if any."""
+    """Words the causes for one recording: ``joints`` (names), ``revolute`` (n,), and its mapping if it has one."""
 
     joints: tuple[str, ...]
     revolute: tuple[bool, ...]
@@ -90,7 +90,9 @@ class Wording:
         return f"joint{'s' if len(joints) > 1 else ''} {', '.join(self.joints[i] for i in joints)}"
 
     def wrong_unit(self, signal: Signal, joints: Sequence[int], factor: float) -> Cause:
-        """A ``signal`` that is ``factor`` times what was read: its unit is another one."""
+        """The cause that the ``signal`` of ``joints`` was read in a wrong unit: it is ``factor`` times what was
+        read.
+        """
         units = [self._unit(signal, i, factor) for i in joints]
         read, told = (" and ".join(dict.fromkeys(column)) for column in zip(*units, strict=True))
         told = told if all(unit for _, unit in units) else ""
@@ -108,7 +110,7 @@ class Wording:
         return Cause(cause, "; ".join(entries) + self._where())
 
     def wrong_sign(self, signals: Sequence[Signal], joint: int) -> Cause:
-        """One of ``signals`` of a joint is recorded with the other sign."""
+        """The cause that one of the ``signals`` of a joint is recorded with the wrong sign."""
         what = " or the ".join(NAMES[signal] for signal in signals)
         entries = []
         for signal in signals:
@@ -123,14 +125,14 @@ class Wording:
         )
 
     def swapped(self, signal: Signal, i: int, k: int) -> Cause:
-        """The columns of two joints are exchanged."""
+        """The cause that the columns of a ``signal`` are exchanged between the joints ``i`` and ``k``."""
         first, second = (self._column(signal, j) for j in (i, k))
         entries = [self._entry(signal, i, column=second), self._entry(signal, k, column=first)]
         cause = f"the {NAMES[signal]}s of joints {self.joints[i]} and {self.joints[k]} are exchanged"
         return Cause(cause, "; ".join(entries) + self._where())
 
     def clock(self, factor: float) -> Cause:
-        """Time that is ``factor`` times what was read."""
+        """The cause that time was read in a wrong unit: the true instants are ``factor`` times those read."""
         source = None if self.mapping is None else self.mapping.time
         size = f"{factor:.4g} times too small" if factor > 1.0 else f"{1.0 / factor:.4g} times too large"
         cause = f"the clock is wrong: the instants in seconds are {size}"
@@ -147,7 +149,7 @@ class Wording:
         return Cause(cause, f"time: {{column: {column}, {told}}}{self._where()}")
 
     def missing(self, joint: int, section: str, keys: Sequence[str], what: str) -> Cause:
-        """Terms of a drive that the robot file does not ask for."""
+        """The cause that the terms ``keys`` of the ``section`` of a joint are missing in the robot file."""
         inside = ", ".join(f"{key}: 0" for key in keys)
         return Cause(
             f"{what} of joint {self.joints[joint]} is not in the model",

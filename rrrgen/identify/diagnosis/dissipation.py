@@ -1,6 +1,7 @@
-"""Rule: friction that drives, or inertia below zero: the torque or the position of the joint has the other sign.
+"""Rule: negative friction or inertia means that the torque or the position of the joint has the wrong sign.
 
-Turning both columns of a joint, or that of a joint which moves by itself, changes no error: only these signs tell.
+Reversing both signals of a joint, or one signal of a joint that is decoupled from the others, leaves the error of the
+fit unchanged; only the signs of friction and inertia reveal it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ SHARE = 0.01  # of the joint's RMS torque: what is smaller says nothing about th
 
 
 def dissipation(regressor: AllTerms, sample: Sample, fit: Fit, words: Wording) -> Iterator[Cause]:
-    """Joints whose friction or inertia has the wrong sign beyond doubt."""
+    """Report joints whose friction or inertia is significantly negative in ``fit``."""
     names = list(regressor.names)
     _, M = gravity_and_inertia(regressor, sample, fit.theta)
     tau = np.sqrt(np.mean(sample.tau**2, axis=0))

@@ -20,7 +20,7 @@ THOUSAND = 1000.0**0.5  # times the limit: a factor of 1000 is nearer than none
 
 
 def limits(motion: Motion) -> Iterator[Cause]:
-    """Everything beyond the limits."""
+    """Report positions, speeds and torques far beyond the limits of the robot file."""
     yield from _positions(motion)
     if len(motion.part) > 2 * LAG:
         yield from _speeds(motion)

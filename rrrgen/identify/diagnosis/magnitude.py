@@ -27,7 +27,9 @@ LEVEL = 1e-6  # gravity torques over those of the same mass by inertia: below, g
 
 
 def gravity_and_inertia(regressor: AllTerms, sample: Sample, theta: Array) -> tuple[Array, Array]:
-    """Gravity torques and diagonal of M(q), drive inertia included, at POSES of the recording: (K, n) each."""
+    """Gravity torques and diagonal of M(q), drive inertia included, (K, n) each, at K <= POSES poses of the
+    recording.
+    """
     q = sample.q[np.linspace(0, len(sample.q) - 1, min(POSES, len(sample.q))).astype(int)]
     beta, zero = theta[: len(regressor.model.base_parameter_names)], np.zeros_like(q)
     g = np.asarray(regressor.model.regressor(q, zero, zero)) @ beta
@@ -40,7 +42,7 @@ def gravity_and_inertia(regressor: AllTerms, sample: Sample, theta: Array) -> tu
 
 
 def magnitude(spec: Any, regressor: AllTerms, sample: Sample, theta: Array, words: Wording) -> Iterator[Cause]:
-    """The unit of all torques, or the clock, where the masses cannot be."""
+    """Report a wrong unit of all torques, or a wrong clock, if the masses implied by ``theta`` are implausible."""
     g, M = gravity_and_inertia(regressor, sample, theta)
     nominal = getattr(regressor.model, "beta", None)
     if nominal is not None:
@@ -71,7 +73,7 @@ def _against_links(g: Array, M: Array, g0: Array, M0: Array, words: Wording) -> 
 
 
 def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording) -> Iterator[Cause]:
-    """The same without links: a mass at the reach of every joint, over the cube of the reach."""
+    """Judge without nominal links: express gravity and inertia as a mass at full reach, over the cube of the reach."""
     # an offset along the first axis does not take the arm away from it
     sizes = [abs(a) if i == 0 else max(abs(a), abs(d)) for i, (_, _, a, d, _) in enumerate(spec.dh_table())]
     travel = np.ptp(sample.q, axis=0)

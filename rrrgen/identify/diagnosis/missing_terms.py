@@ -1,4 +1,4 @@
-"""Rule: a friction, offset or drive inertia that the robot file does not ask for, but the torques show."""
+"""Rule: friction, a torque offset or drive inertia that the torques show, but the robot file does not state."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ TERMS = (
 def missing_terms(
     regressor: AllTerms, estimated: Sequence[str], trial: Trial, mix: Array, words: Wording
 ) -> Iterator[Cause]:
-    """``estimated`` are the names of the columns in the model; ``regressor`` has all terms at all joints."""
+    """Report terms whose addition to the model lowers the error of a joint significantly.
+
+    ``regressor`` holds all terms at all joints, ``estimated`` names those in the model; ``mix`` corrects the torques.
+    """
     names = list(regressor.names)
     inside = [k for k, name in enumerate(names) if name in estimated]
     before = trial.fit(mix, inside)
@@ -46,6 +49,6 @@ def missing_terms(
 
 
 def _clear(fit: Fit, columns: Sequence[int]) -> bool:
-    """Whether one of the coefficients is told from zero beyond doubt."""
+    """Whether one of the coefficients differs from zero by more than CLEAR standard deviations."""
     std = np.sqrt(np.maximum(np.diag(fit.covariance)[list(columns)], 0.0))
     return bool(np.any(np.abs(fit.theta[list(columns)]) > CLEAR * std))

@@ -1,4 +1,4 @@
-"""Rule: a clock that is a thousand times off, from sampling and motion alone; what rules without a model look at."""
+"""Rule: a clock wrong by a factor of 1000, from sampling and motion alone; data of the rules that need no model."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LAG = 10  # samples over which positions are differenced: encoder noise is a ten
 
 @dataclass(frozen=True)
 class Motion:
-    """The first stretch of a recording, with the robot's spec and the words for its faults."""
+    """The first stretch of a recording (``part``), with the robot file ``spec`` and the wording of its faults."""
 
     spec: Any
     words: Wording
@@ -35,13 +35,13 @@ class Motion:
 
     @classmethod
     def of(cls, spec: Any, words: Wording, recording: Recording) -> Motion:
-        """The first stretch, up to some seconds."""
+        """The first stretch of ``recording``, cut to at most TUNING_SAMPLES samples."""
         part = next(iter(recording.parts()))
         return cls(spec, words, part.sliced(0, min(len(part), TUNING_SAMPLES)), recording.period)
 
     @cached_property
     def bandwidth(self) -> float:
-        """Of the motion, Hz; NaN where no joint moves."""
+        """Bandwidth of the motion, Hz; NaN if no joint moves."""
         try:
             return motion_bandwidth(self.part.q, self.period)
         except InputError:
@@ -53,14 +53,14 @@ class Motion:
 
 
 def clock_factor(motion: Motion) -> float:
-    """What the instants must be multiplied by: 1, or 1000 or 1/1000 where sampling and motion are both out of range."""
+    """Correction factor of the clock: 1000 or 1/1000 if sampling and motion are both implausible by it, otherwise 1."""
     slow = motion.period >= SLOW_PERIOD and motion.bandwidth < SLOW_MOTION
     fast = motion.period <= FAST_PERIOD and motion.bandwidth > FAST_MOTION
     return 1e-3 if slow else 1e3 if fast else 1.0
 
 
 def clock(motion: Motion) -> Iterator[Cause]:
-    """Sampling and motion that are both a thousand times off what arms do."""
+    """Report a clock that makes both sampling and motion implausible by a factor of 1000."""
     factor = clock_factor(motion)
     if factor != 1.0:
         yield motion.words.clock(factor).because(

@@ -18,7 +18,7 @@ FACTORS = (TURN, 1.0 / TURN, 30.0 / math.pi, math.pi / 30.0, 1e3, 1e-3)
 
 
 def recorded_speed(motion: Motion) -> Iterator[Cause]:
-    """Recorded speeds that are not the derivatives of the positions."""
+    """Report recorded speeds that are not the derivatives of the recorded positions."""
     if motion.part.dq is None or len(motion.part) <= 2 * LAG:
         return
     own = motion.speeds()
@@ -43,7 +43,7 @@ def recorded_speed(motion: Motion) -> Iterator[Cause]:
 
 
 def _slopes(x: Array, y: Array) -> tuple[Array, Array]:
-    """``y = slope x`` and the squared correlation, column by column."""
+    """Least-squares slope of ``y = slope x`` and squared correlation, for each column."""
     xy, xx, yy = np.sum(x * y, axis=0), np.sum(x * x, axis=0), np.sum(y * y, axis=0)
     some = (xx > 0.0) & (yy > 0.0)
     slope = np.divide(xy, xx, out=np.ones(len(xx)), where=some)
@@ -51,7 +51,7 @@ def _slopes(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _nearest(ratio: float) -> float:
-    """The known factor between units that a ratio is, 0 where it is none."""
+    """The known factor between units that is nearest to ``ratio``; 0 if none agrees."""
     return next((factor for factor in FACTORS if abs(ratio / factor - 1.0) <= AGREES), 0.0)
 
 
@@ -61,7 +61,7 @@ def _ratios(words: Wording, joints: list[int], ratio: Array) -> str:
 
 
 def _exchanged(motion: Motion, own: Array, told: Array, shape: Array) -> Iterator[Cause]:
-    """Speeds that follow the position of another joint."""
+    """Report pairs of joints whose recorded speeds are exchanged."""
     for i in range(len(shape)):
         for k in range(i + 1, len(shape)):
             if shape[i] < 1.0 - SHAPE and shape[k] < 1.0 - SHAPE:

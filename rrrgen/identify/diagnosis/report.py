@@ -1,4 +1,4 @@
-"""All rules on all recordings: before the fit those that need no model, after it the others."""
+"""Applies all rules to all recordings: those without a model before the fit, the others after it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ BEFORE: tuple[Callable[[Motion], Any], ...] = (clock, recorded_speed, limits)
 
 
 def wording(spec: Any, recording: Recording) -> Wording:
-    """Words for the faults of one recording of a robot."""
+    """The wording of faults in one recording of the robot ``spec``."""
     return Wording(
         joints=tuple(recording.joints),
         revolute=tuple(joint.is_revolute for joint in spec.joints),
@@ -38,7 +38,7 @@ def wording(spec: Any, recording: Recording) -> Wording:
 
 
 def diagnose_recordings(spec: Any, recordings: Sequence[Recording]) -> tuple[Cause, ...]:
-    """What the recordings show by themselves: clock, speeds, limits."""
+    """Diagnose recordings without a fit: clock, recorded speeds, limits of the robot file ``spec``."""
     found = []
     for recording in recordings:
         motion = Motion.of(spec, wording(spec, recording), recording)
@@ -48,7 +48,10 @@ def diagnose_recordings(spec: Any, recordings: Sequence[Recording]) -> tuple[Cau
 
 
 def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Identification) -> tuple[Cause, ...]:
-    """What the torques show: signs, exchanged columns, units, the clock, missing terms, and what nothing explains."""
+    """Diagnose recordings by their torques: signs, exchanged columns, units, clock, missing terms, unexplained errors.
+
+    ``found`` is the identification of ``model`` from these recordings.
+    """
     regressor = AllTerms(model, found.columns)
     causes: list[Cause] = []
     for recording in recordings:
@@ -62,7 +65,7 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
 
 
 def _of_sample(regressor: AllTerms, sample: Sample, words: Wording, found: Identification) -> list[Cause]:
-    """Wiring first; masses, signs and missing terms on what it put right; and if none of it, what is left."""
+    """Test wiring first, then masses, signs and missing terms on the corrected sample, and last unexplained errors."""
     names = regressor.names
     estimated = [column.name for column in found.columns]
     inside = [k for k, name in enumerate(names) if name in estimated]

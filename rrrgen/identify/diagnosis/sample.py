@@ -1,4 +1,4 @@
-"""A few hundred instants of a recording, behind the filters of the estimation: what the rules look at."""
+"""A sample of a few hundred instants of a recording, filtered as for the estimation, to which the rules are applied."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ class Sample:
         return int(self.q.shape[1])
 
     def moved(self, change: Array, zero: Array) -> Sample:
-        """Positions turned by ``change`` (n, n) about ``zero`` (n,), with their speeds and accelerations."""
+        """A copy with positions ``zero + change (q - zero)``, ``change`` (n, n), ``zero`` (n,), and rates to match."""
         q = zero + (self.q - zero) @ change.T
         return replace(self, q=q, dq=self.dq @ change.T, ddq=self.ddq @ change.T)
 
     def slowed(self, factor: float) -> Sample:
-        """The same motion in ``factor`` times the time."""
+        """A copy of the motion in ``factor`` times the time."""
         return replace(self, dq=self.dq / factor, ddq=self.ddq / factor**2)
 
 
 def sample_of(recording: Recording, processing: Processing) -> Sample | None:
-    """Instants spread evenly over a recording, None where it has no torques or nothing usable is left."""
+    """Instants spread evenly over a recording; None if it has no torques or no usable instant."""
     decimate = Decimator(processing.decimate or 1)
     memory = RowMaker(lambda q, dq, ddq: q, processing, 1).memory(recording.period)
     found: list[tuple[Any, ...]] = []

@@ -1,4 +1,4 @@
-"""Fits of a sample, quick enough to try many: what if this column had the other sign, or that unit?"""
+"""Fast fits of a sample by normal equations, to test many hypotheses such as a wrong sign or a wrong unit."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class AllTerms:
         return np.concatenate([rigid, drive_columns(self.drives, dq, ddq)], axis=-1)
 
     def inertia(self, theta: Sequence[float] | Array) -> Array:
-        """What the drives add to the diagonal of M, (n,)."""
+        """Contribution (n,) of the drives to the diagonal of M, kg m^2 (kg), for parameters ``theta`` (p,)."""
         values = np.asarray(theta)[len(self.model.base_parameter_names) :]
         found = np.zeros(self.model.n)
         for column, value in zip(self.drives, values, strict=True):
@@ -82,7 +82,9 @@ class Trial:
         self.T = np.stack([sample.tau[u].T @ sample.tau[u] for u in use])
 
     def fit(self, mix: Array | None = None, columns: Sequence[int] | None = None) -> Fit:
-        """The fit of torques ``tau @ mix`` (as they are by default) by some ``columns`` (all by default)."""
+        """Fit the torques ``tau @ mix``, with ``mix`` (n, n) the identity by default, by ``columns``, all by
+        default.
+        """
         n = self.sample.n
         A = np.eye(n) if mix is None else mix
         kept = list(range(self.G.shape[1])) if columns is None else list(columns)
@@ -104,7 +106,7 @@ class Trial:
 
 
 def _solved(G: Array, c: Array) -> tuple[Array, Array]:
-    """The shortest solution of ``G x = c`` in columns of unit length, and the inverse of G over the same directions."""
+    """Minimum-norm solution of ``G x = c`` in columns scaled to unit length, and the pseudoinverse of G."""
     size = np.sqrt(np.diag(G))
     safe = np.where(size > 0.0, size, 1.0)
     values, V = np.linalg.eigh(G / np.outer(safe, safe))

@@ -1,4 +1,4 @@
-"""Rule: an error that is large and is no noise, where no other rule knows the cause."""
+"""Rule: a large torque error that is not noise and that no other rule explains."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COLOURED = 1.0
 
 
 def unexplained(joint_errors: Any, whiteness: tuple[Whiteness, ...], words: Wording) -> Iterator[Cause]:
-    """``joint_errors`` (n,) are relative; ``whiteness`` of the residuals of the estimate."""
+    """Report joints with a large relative error (``joint_errors``, (n,)) and correlated residuals (``whiteness``)."""
     for i, (error, white) in enumerate(zip(np.asarray(joint_errors), whiteness, strict=False)):
         if error > LARGE and white.durbin_watson < COLOURED:
             name = words.joints[i]

@@ -1,9 +1,9 @@
-"""Rule: a sign, a unit, an exchange of columns, or the clock, with which the same rows fit far better.
+"""Rule: a wrong sign, wrong unit, exchanged columns or wrong clock whose correction improves the fit considerably.
 
-Every hypothesis is undone on the motion or the torques and the model fitted anew, with friction, offset and drive
-inertia at every joint, so that a term that the robot file lacks is not taken for a fault of wiring. Accepted are
-changes that at least halve the error of some joint and divide the product of all squared errors by four or more
-(a likelihood ratio no noise reaches: its differences between hypotheses are some percent); taken one after the other.
+Each hypothesis is corrected in the motion or the torques, and the model is fitted again, with friction, offset and
+drive inertia at every joint, so that a term missing in the robot file is not mistaken for such a fault. Corrections are
+accepted one after the other, if they at least halve the error of some joint and divide the product of all squared
+errors by four or more. Noise does not reach this likelihood ratio: it changes the product by a few percent.
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ THOUSANDS = (1e-3, 1e3)
 
 @dataclass(frozen=True)
 class Change:
-    """One hypothesis: recorded positions or torques times ``matrix`` (n, n), or time times ``slower``, are right."""
+    """A hypothesis: the true signal is the recorded one times ``matrix`` (n, n), or true time is ``slower`` times
+    it.
+    """
 
     cause: Cause
     signal: Signal | None  # None: the clock
@@ -49,7 +51,7 @@ Doubts = Callable[["Corrected"], int]
 
 @dataclass(frozen=True)
 class Corrected:
-    """A sample with the accepted changes undone, its torques' recombination ``mix``, and the causes found."""
+    """A sample with the accepted corrections applied: torques are ``tau @ mix``; ``causes`` are the faults found."""
 
     trial: Trial
     mix: Array
@@ -58,15 +60,15 @@ class Corrected:
 
     @property
     def sample(self) -> Sample:
-        """Motion and torques as they should have been recorded."""
+        """The corrected motion and torques."""
         return replace(self.trial.sample, tau=self.trial.sample.tau @ self.mix)
 
 
 def corrected(sample: Sample, regressor: Regressor, words: Wording, doubts: Doubts = lambda found: 0) -> Corrected:
-    """Try all changes, accept the best, and again, until none helps.
+    """Apply the best correction repeatedly until none improves the fit enough.
 
-    Of changes that the errors cannot tell apart those are taken that leave the fewest ``doubts``: impossible signs and
-    masses. Torques of an arm with the opposite sign at one joint, say, may be explained by turning all others.
+    Among corrections with equal errors, those that leave the fewest ``doubts`` (impossible signs and masses) are
+    preferred: a wrong sign at one joint, for instance, is explained equally well by reversing all the others.
     """
     start = Trial(regressor, sample)
     first = Corrected(start, np.eye(sample.n), start.fit())
@@ -84,13 +86,14 @@ def corrected(sample: Sample, regressor: Regressor, words: Wording, doubts: Doub
 def _descent(
     now: Corrected, regressor: Regressor, words: Wording, doubts: Doubts, choice: int
 ) -> tuple[Corrected, int]:
-    """Accept the best change until none helps; at the first step with several as good, the one numbered ``choice``.
+    """Greedy descent: accept the best correction until none improves the fit enough.
 
-    Returns the result and how many there were to choose from.
+    At the first step with several equally good corrections, that with index ``choice`` is taken. Returns the result and
+    the number of such corrections.
     """
     choices = 1
     while len(now.causes) < MOST and np.max(now.fit.error) > SMALL:
-        tried = [(change, _tried(change, now, regressor, words)) for change in changes(now.trial.sample, words)]
+        tried = [(change, _corrected_fit(change, now, regressor, words)) for change in changes(now.trial.sample, words)]
         best = min(after.fit.score for _, after in tried)
         if now.fit.score - best < SCORE:
             break
@@ -103,13 +106,13 @@ def _descent(
         chosen = alike[0][1]
         if not np.any(chosen.fit.error <= HALVED * now.fit.error):
             break
-        cause = _told([change for change, *_ in alike], now.fit, chosen.fit, words)
+        cause = _cause_of([change for change, *_ in alike], now.fit, chosen.fit, words)
         now = replace(chosen, causes=(*now.causes, cause))
     return now, choices
 
 
 def changes(sample: Sample, words: Wording) -> Iterator[Change]:
-    """All hypotheses."""
+    """Iterate over all hypotheses: units, signs, exchanged columns, clock."""
     n = sample.n
     unit = np.eye(n)
     turning = [i for i in range(n) if words.revolute[i]]
@@ -140,8 +143,8 @@ def changes(sample: Sample, words: Wording) -> Iterator[Change]:
         yield Change(words.clock(factor), None, unit, slower=factor)
 
 
-def _tried(change: Change, now: Corrected, regressor: Regressor, words: Wording) -> Corrected:
-    """The fit with one more change undone."""
+def _corrected_fit(change: Change, now: Corrected, regressor: Regressor, words: Wording) -> Corrected:
+    """The corrected sample and its fit after one more correction."""
     trial, mix, n = now.trial, now.mix, now.trial.sample.n
     if change.signal == "torque":
         N = _transmission(words, "torque", n)
@@ -159,7 +162,7 @@ def _tried(change: Change, now: Corrected, regressor: Regressor, words: Wording)
 
 
 def _transmission(words: Wording, signal: Signal, n: int) -> Array:
-    """Motor angles over joint angles where a signal is recorded at the motors."""
+    """Matrix (n, n) from joint to motor angles for a signal recorded at the motors; the identity for the joint side."""
     mapping = words.mapping
     if mapping is None or mapping.transmission is None:
         return np.eye(n)
@@ -169,8 +172,8 @@ def _transmission(words: Wording, signal: Signal, n: int) -> Array:
     return np.diag(np.where(side, np.diag(mapping.transmission), 1.0))
 
 
-def _told(alike: list[Change], before: Fit, after: Fit, words: Wording) -> Cause:
-    """The cause behind changes that explain the data alike, with the fall of the error."""
+def _cause_of(alike: list[Change], before: Fit, after: Fit, words: Wording) -> Cause:
+    """The cause of equally good corrections, with the fall of the torque error as evidence."""
     joints = [i for i in range(len(words.joints)) if after.error[i] <= HALVED * before.error[i]]
     fall = ", ".join(
         f"{words.joints[i]} from {100 * before.error[i]:.3g} % to {100 * after.error[i]:.2g} %" for i in joints

@@ -213,7 +213,8 @@ def bridged(stretches: Sequence[Stretch]) -> list[Array]:
 
 
 def _cubic(before: Array, after: Array, gap: int) -> Array:
-    """``gap`` samples of a cubic between two stretches; end speeds are those of parabolas fitted to the last samples.
+    """``gap`` samples of a cubic between two stretches; end speeds are those of parabolas fitted to the last
+    samples.
     """
     instants = np.arange(float(END_SAMPLES))[:, None] ** np.arange(3)
     slope = np.linalg.pinv(instants)[1]  # of the parabola, at the first of its samples

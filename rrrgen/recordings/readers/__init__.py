@@ -1,1 +1,1 @@
-"""Readers of recorded tables, one format a file, behind one interface."""
+"""Readers of recorded tables with a common interface, one format per module."""

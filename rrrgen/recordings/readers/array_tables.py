@@ -31,13 +31,13 @@ from rrrgen.recordings.readers.tables import (
 )
 
 NUMBERS = "fiub"
-"""Kinds of arrays that are numbers; complex numbers, texts and dates are none."""
+"""NumPy kinds of real numbers; complex numbers, texts and dates are not accepted."""
 
 MAT, HDF5, PARQUET, NUMPY = "a MATLAB file", "an HDF5 file", "a Parquet file", "a NumPy file"
 
 
 def open_arrays(path: Path, kind: str) -> Table:
-    """The table of a container; MATLAB v7.3 files are HDF5 and recognised by their content."""
+    """Open a container of arrays; MATLAB v7.3 files are HDF5 and are recognised by their content."""
     if kind == "npy":
         return NpyTable(path)
     if kind == "npz":
@@ -51,7 +51,10 @@ def open_arrays(path: Path, kind: str) -> Table:
 
 
 def column_of(path: Path, name: str, array: Any, index: int | None) -> Any:
-    """One column of an array of one or two dimensions, as a slice that is not read yet where the array is on disk."""
+    """One column of an array of one or two dimensions, read lazily if the array is on disk.
+
+    ``index`` selects the column of a two-dimensional array. Raises :class:`InputError` for other shapes and types.
+    """
     shape = array.shape
     if array.dtype.kind not in NUMBERS:
         raise table_fault(path, f"'{name}' is of type {array.dtype}, not numbers")
@@ -129,9 +132,9 @@ class _ArrayTable:
 
 
 class NpyTable(_ArrayTable):
-    """One array in a .npy file, read piece by piece; its columns are named by their numbers from 1, or ``data[k]``.
+    """One array in a .npy file, read in pieces; its columns are called by their number from 1, or ``data[k]`` from 0.
 
-    The file is not mapped into memory: it may be larger than the address space that the process is allowed.
+    The file is not memory-mapped, because it may be larger than the address space allowed to the process.
     """
 
     def __init__(self, path: Path) -> None:
@@ -178,7 +181,7 @@ class NpyTable(_ArrayTable):
 
 
 class _ArrayFile:
-    """An array of one or two dimensions in a .npy file, of which pieces are read."""
+    """An array of one or two dimensions in a .npy file, read in pieces."""
 
     def __init__(self, path: Path, stream: BinaryIO) -> None:
         self.shape, self.fortran, self.dtype = read_array_header(stream)
@@ -334,7 +337,7 @@ class ParquetTable:
 
 
 def read_array_header(stream: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, order and type of an array in NumPy's format, of which ``stream`` is at the beginning."""
+    """Read the header of an array in NumPy's format: shape, whether in Fortran order, and type."""
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, fortran, dtype = read(stream)
@@ -342,7 +345,7 @@ def read_array_header(stream: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]
 
 
 def check_array(path: Path, shape: tuple[int, ...], dtype: np.dtype[Any], size: int) -> None:
-    """Raise the fault of a header that claims more than the ``size`` bytes that there are."""
+    """Raise :class:`InputError` if the header claims an array larger than the ``size`` bytes present."""
     if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize > size:
         claim = " x ".join(str(length) for length in shape)
         raise table_fault(

@@ -22,8 +22,8 @@ class BagTable:
     """One JointState topic as a table: ``t`` (header stamp, s), ``position.<joint>``, ``velocity.<joint>``,
     ``effort.<joint>``.
 
-    ``t`` counts from the first message. A message that lacks a wanted joint (of another publisher on the same topic) is
-    passed over.
+    ``t`` counts from the first message. A message without a wanted joint, such as one of another publisher on the same
+    topic, is skipped.
     """
 
     def __init__(self, source: FileSource) -> None:
@@ -98,7 +98,7 @@ class BagTable:
             yield reader
 
     def _messages(self, reader: Any) -> Iterator[tuple[int, Any]]:
-        """Stamps (ns) and messages of the topic; the time of recording where a message has no stamp."""
+        """Iterate over the messages of the topic with their stamps (ns), or the time of recording if unstamped."""
         connections = [c for c in reader.connections if c.topic == self.topic]
         for connection, received, data in reader.messages(connections=connections):
             message = reader.deserialize(data, connection.msgtype)

@@ -1,4 +1,4 @@
-"""Text tables as people have them: any separator, decimal comma, one header or none, units under the names, gaps."""
+"""Text tables with any separator, decimal point or comma, any number of header lines, and missing entries."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?")
 
 
 class CsvTable:
-    """A text table; what its source leaves open (separator, decimal sign, header) is taken from its first lines."""
+    """A text table; separator, decimal sign and header are detected from its first lines unless declared."""
 
     def __init__(self, source: FileSource) -> None:
         self.source, self.path = source, source.path
@@ -58,7 +58,9 @@ class CsvTable:
         self.columns = tuple(names) if names else tuple(str(i + 1) for i in range(len(data[0])))
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
-        """Blocks of the wanted columns; raises at the first entry that is neither a number nor missing."""
+        """Iterate over blocks of the wanted columns; raises InputError at an entry that is neither number nor
+        missing.
+        """
         places = [named_column(self.path, name, self.columns) for name in wanted]
         with self._open() as stream:
             numbered = ((n, self._plain(line)) for n, line in enumerate(_bounded(stream), 1) if n > self.source.skip)
@@ -91,7 +93,7 @@ class CsvTable:
             raise self._undecodable() from None
 
     def _undecodable(self) -> InputError:
-        """The fault of the first line that is no text in the file's encoding, located where lines are bytes."""
+        """The error for the first line that is not text in the declared encoding, with line and column if possible."""
         message, hint = f"not text in {self.source.encoding}", "damaged, or another encoding: encoding: latin-1"
         with self.path.open("rb") as stream:
             for number, line in enumerate(_bounded(stream), 1):
@@ -131,10 +133,11 @@ class CsvTable:
             return np.array([self._row(number, line, places) for number, line in block])
 
     def _is_cut(self, number: int, line: str, places: list[int]) -> bool:
-        """Whether the last line is left out: the recording ended in the middle of it. A fault unless it is asked for.
+        """Whether the last line is left out because the recording ended in the middle of it.
 
-        Such a line has too few entries, or none of numbers at its end; where lines that are cut off are to be skipped,
-        one without a line end counts too: its last number may have lost digits.
+        Such a line has too few entries, or its last entry is not a number. It is an InputError unless truncated lines
+        are to be skipped; in that case a last line without a line end is left out too, because its last number may have
+        lost digits.
         """
         with self.path.open("rb") as stream:
             stream.seek(-min(4, self.path.stat().st_size), 2)
@@ -154,7 +157,7 @@ class CsvTable:
         return False
 
     def _row(self, number: int, line: str, places: list[int]) -> list[float]:
-        """One line, entry by entry, to say where it is wrong."""
+        """Parse one line entry by entry, to locate the faulty one."""
         cells = self._cells(line)
         return [self._entry(number, line, cells, place) for place in places]
 
@@ -204,7 +207,7 @@ class CsvTable:
         )
 
     def _header_lines(self, head: list[str]) -> int:
-        """Leading lines with an entry that is no number."""
+        """Number of leading lines with an entry that is not a number."""
         for count, line in enumerate(head):
             cells = [cell.strip().strip('"') for cell in self._cells(line)]
             if all(cell.lower() in MISSING or _NUMBER.fullmatch(cell) for cell in cells) and any(cells):
@@ -214,7 +217,7 @@ class CsvTable:
         )
 
     def _decimal(self, data: list[list[str]]) -> str:
-        """A comma inside the entries is a decimal comma, unless points occur too."""
+        """The decimal sign: a comma if entries contain commas; both commas and points are an InputError."""
         text = [cell for row in data for cell in row]
         commas = any("," in cell for cell in text)
         points = any("." in cell for cell in text)
@@ -224,5 +227,5 @@ class CsvTable:
 
 
 def _bounded(stream: IO[AnyStr]) -> Iterator[AnyStr]:
-    """The lines of ``stream``; of one that is too long only its beginning, so that memory is bounded."""
+    """Iterate over the lines of ``stream``, cut at a little over LONGEST_LINE, so that memory is bounded."""
     return iter(partial(stream.readline, LONGEST_LINE + 1), stream.read(0))

@@ -1,4 +1,4 @@
-"""Tables whose files are read by another process, so that a damaged file ends that process and not this one."""
+"""Tables whose files are read in a separate process, so that a damaged file can crash only that process."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _START = "import sys; sys.path[:] = {path!r}; from rrrgen.recordings.readers.rea
 
 
 class GuardedTable:
-    """The table of a file that libraries with native code read; see :mod:`rrrgen.recordings.readers.reading_process`.
+    """A table whose file is read by a library with native code, in a separate process with limited time and memory.
 
-    Whatever the file does to them, what reaches the caller is an :class:`InputError` with the file and the reason.
+    If that process crashes, hangs or runs out of memory, the caller receives an :class:`InputError` with the reason.
     """
 
     def __init__(self, source: FileSource) -> None:
@@ -37,7 +37,7 @@ class GuardedTable:
             process.free = True
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
-        """Blocks of the wanted columns; the process that reads them ends with an iteration that is given up."""
+        """Iterate over blocks of the wanted columns; abandoning the iteration ends the reading process."""
         rows = 0
         with _borrowed(self.source) as process:
             answer = process.ask({"wanted": list(wanted), "size": size})
@@ -51,7 +51,7 @@ class GuardedTable:
 
 
 class _Process:
-    """A reading process at work on one file; ``free`` once it has given its last answer."""
+    """A reading process assigned to one file; ``free`` once it has sent its last answer."""
 
     def __init__(self) -> None:
         path = [os.path.abspath(folder) for folder in sys.path]
@@ -69,16 +69,16 @@ class _Process:
         self._asked = 0.0
 
     def serves(self, source: FileSource) -> _Process:
-        """Turn to another file."""
+        """Assign the process to the file ``source``; returns itself."""
         self._source, self.free = source, False
         return self
 
     def alive(self) -> bool:
-        """Whether it can be asked."""
+        """Whether the process is still running."""
         return self._popen.poll() is None
 
     def ask(self, request: dict[str, Any]) -> dict[str, Any]:
-        """The first answer to a request."""
+        """Send a request and return the first answer to it."""
         assert self._source is not None
         source = {**asdict(self._source), "path": os.path.abspath(self._source.path)}
         with contextlib.suppress(BrokenPipeError, OSError):  # it has ended, as the missing answer tells
@@ -87,7 +87,7 @@ class _Process:
         return self.answer()
 
     def answer(self) -> dict[str, Any]:
-        """The next answer; raises what was wrong with the file."""
+        """Wait for the next answer; raises the error that the process reports for the file."""
         self._asked = time.monotonic()
         line = self._from.readline()
         if not line.endswith(b"\n"):
@@ -104,7 +104,7 @@ class _Process:
         return answer
 
     def block(self, rows: int, width: int, size: int) -> Array:
-        """The numbers that follow an answer."""
+        """Read the block of numbers (rows, width) that follows an answer; ``size`` is the largest number of rows."""
         if not 0 <= rows <= size:
             raise InternalError(f"a block of {rows} rows, where at most {size} were asked for")
         numbers = np.empty((rows, width))
@@ -113,7 +113,7 @@ class _Process:
         return numbers
 
     def end(self) -> None:
-        """Stop it at once."""
+        """Kill the process and close its pipes."""
         with contextlib.suppress(OSError):
             self._popen.kill()
         with contextlib.suppress(OSError):
@@ -127,11 +127,11 @@ class _Process:
         return self._source.path
 
     def _named(self, entry: list[Any]) -> list[Any]:
-        """A fault with the file named as the caller named it."""
+        """The fields of a reported fault, with the path of the file as the caller wrote it."""
         return [str(self._path) if entry[0] == os.path.abspath(self._path) else entry[0], *entry[1:]]
 
     def _ended(self) -> InputError:
-        """Why the process ended without an answer."""
+        """The error for a process that ended without an answer: time limit, crash or memory limit."""
         waited = time.monotonic() - self._asked
         status = self._popen.wait()
         if waited >= 0.9 * seconds_for(self._path):
@@ -149,12 +149,12 @@ class _Process:
 
 
 _idle: dict[int, list[_Process]] = {}
-"""Processes that wait for a file, by the process that started them: a forked one must not share its parent's."""
+"""Idle reading processes by the id of the process that started them; a forked process must not share its parent's."""
 
 
 @contextlib.contextmanager
 def _borrowed(source: FileSource) -> Iterator[_Process]:
-    """A process that reads ``source``; kept for the next file if it has answered to the end."""
+    """A process that reads ``source``; afterwards it is kept for the next file if it has answered completely."""
     waiting = _idle.setdefault(os.getpid(), [])
     process = waiting.pop() if waiting else _Process()
     if not process.alive():

@@ -1,7 +1,7 @@
-"""Reads recordings in a process of its own, where a damaged file may crash, hang or exhaust a library in native code.
+"""Entry point of the reading process, in which a damaged file may crash, block or exhaust a library with native code.
 
-HDF5, MATLAB and Parquet files and ROS recordings are parsed by native code, which a mutated file can bring down by a
-signal, keep busy for ever, or make ask for any amount of memory. The parent process
+HDF5, MATLAB and Parquet files and ROS recordings are parsed by native code. A damaged file can crash it by a signal,
+make it loop forever, or make it request any amount of memory. The parent process
 (:mod:`rrrgen.recordings.readers.guarded_table`) writes one request a line to standard input,
 ``{"source": ..., "columns": true}`` or ``{"source": ..., "wanted": [...], "size": n}``, and reads answers: one line of
 JSON each, which for a block of rows precedes its numbers as raw doubles. Nothing in an answer can be executed.
@@ -26,7 +26,7 @@ from rrrgen.errors import InputError, MissingExtraError
 from rrrgen.recordings.mapping import FileSource
 from rrrgen.recordings.readers.tables import Table, bytes_of, seconds_for
 
-MEMORY = 2 << 30  # bytes that reading may take beside 64 times the size of the file, which allows for compression
+MEMORY = 2 << 30  # bytes allowed in addition to EXPANSION times the size of the file, which may be compressed
 EXPANSION = 64
 
 
@@ -48,27 +48,27 @@ def serve() -> None:
 
 
 def _answer(request: dict[str, Any], source: FileSource, opened: _Opened, watch: _Watch, answers: BinaryIO) -> None:
-    """Write the answers to one request, the last of them ``end`` or what went wrong."""
+    """Write the answers to one request; the last one is ``end`` or an error."""
     try:
         with watch:
             table = opened.table(source)
         if "wanted" in request:
             for block in watch.each(table.chunks(request["wanted"], request["size"])):
-                _tell(answers, {"rows": len(block)}, np.ascontiguousarray(block, float))
-            _tell(answers, {"end": True})
+                _send(answers, {"rows": len(block)}, np.ascontiguousarray(block, float))
+            _send(answers, {"end": True})
         else:
-            _tell(answers, {"columns": list(table.columns)})
+            _send(answers, {"columns": list(table.columns)})
     except InputError as error:
-        _tell(answers, {"faults": [astuple(fault) for fault in error.faults]})
+        _send(answers, {"faults": [astuple(fault) for fault in error.faults]})
     except MissingExtraError as error:
-        _tell(answers, {"missing": [error.purpose, error.package, error.extra]})
+        _send(answers, {"missing": [error.purpose, error.package, error.extra]})
     except BrokenPipeError:
         raise
     except Exception as error:  # a fault of the reader's own code, to be reported as one
-        _tell(answers, {"internal": f"{type(error).__name__}: {error}"})
+        _send(answers, {"internal": f"{type(error).__name__}: {error}"})
 
 
-def _tell(answers: BinaryIO, content: dict[str, Any], block: Array | None = None) -> None:
+def _send(answers: BinaryIO, content: dict[str, Any], block: Array | None = None) -> None:
     answers.write(json.dumps(content).encode() + b"\n")
     if block is not None:
         answers.write(block.data if block.size else b"")
@@ -76,7 +76,7 @@ def _tell(answers: BinaryIO, content: dict[str, Any], block: Array | None = None
 
 
 class _Opened:
-    """The table opened last: its columns are asked for first, and then its rows."""
+    """Cache of the last table opened, because a request for its columns is followed by one for its rows."""
 
     def __init__(self) -> None:
         self._key: tuple[Any, ...] = ()
@@ -102,7 +102,7 @@ def _stamp(path: Path) -> tuple[int, ...]:
 
 
 class _Watch:
-    """Ends this process when a step takes longer than ``seconds``, also inside native code that never returns."""
+    """Watchdog: ends this process if a step takes longer than ``seconds``, even within native code."""
 
     def __init__(self, log: int, seconds: float) -> None:
         self._log, self._seconds = log, seconds
@@ -114,7 +114,7 @@ class _Watch:
         faulthandler.cancel_dump_traceback_later()
 
     def each(self, blocks: Iterator[Array]) -> Iterator[Array]:
-        """``blocks``, with the time watched that it takes to read them, and not the time that the parent takes."""
+        """Iterate over ``blocks`` with a time limit on reading each, but not on the parent between them."""
         while True:
             with self:
                 block = next(blocks, None)
@@ -124,7 +124,7 @@ class _Watch:
 
 
 class _Memory:
-    """The limit of this process's memory, where the system has one."""
+    """Sets the limit on the address space of this process, on systems that support one."""
 
     def __init__(self) -> None:
         self._base = self._taken()

@@ -1,4 +1,4 @@
-"""Which reader reads which recorded file."""
+"""Chooses the reader of a recorded file from its declared format or its suffix."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ SUFFIXES = {
 }  # fmt: skip
 
 NATIVE = ("mat", "hdf5", "parquet", "rosbag")
-"""Formats that libraries parse in native code, or decompress without bounds: read by another process."""
+"""Formats read in a separate process, because libraries parse them in native code or decompress without bounds."""
 
 
 def open_table(source: FileSource) -> Table:
-    """The table of one file; raises :class:`InputError` where it cannot be read."""
+    """Open one file as a table, in a separate process for native formats; raises :class:`InputError` if unreadable."""
     if kind_of(source) in NATIVE:
         from rrrgen.recordings.readers.guarded_table import GuardedTable
 
@@ -25,7 +25,7 @@ def open_table(source: FileSource) -> Table:
 
 
 def open_here(source: FileSource) -> Table:
-    """The table of one file, read by this process."""
+    """Open one file as a table in this process; raises :class:`InputError` if it cannot be read."""
     kind, path = kind_of(source), source.path
     if kind == "csv":
         from rrrgen.recordings.readers.csv_table import CsvTable
@@ -45,7 +45,10 @@ def open_here(source: FileSource) -> Table:
 
 
 def kind_of(source: FileSource) -> str:
-    """The format of a file, by its description, its suffix, or for a folder a ROS recording."""
+    """The format of a file: as declared, by its suffix, or a ROS recording for a folder.
+
+    Raises :class:`InputError` if the file does not exist or its format is not known.
+    """
     path = source.path
     try:
         folder = path.is_dir()

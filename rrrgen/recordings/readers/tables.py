@@ -1,4 +1,4 @@
-"""Recorded tables: what readers of all file formats share. They are read in chunks."""
+"""The interface of recorded tables, which are read in chunks, and functions shared by the readers of all formats."""
 
 from __future__ import annotations
 
@@ -16,30 +16,32 @@ from rrrgen.errors import Fault, InputError, RrrgenError
 from rrrgen.yamltext.suggest import did_you_mean
 
 ROWS_PER_BYTE = 1000
-"""What no compression reaches: deflate and zstd leave at least a byte of some hundred equal rows."""
+"""Upper bound on rows per byte of any compressed file: deflate and zstd need a byte for some hundred equal rows."""
 
 
 class Table(Protocol):
-    """A table of numbers; a missing entry is NaN."""
+    """Interface of a table of numbers that is read in chunks; a missing entry is NaN."""
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """What can be asked for."""
+        """The names of the columns."""
         ...
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
-        """Blocks (up to ``size`` rows, len(wanted)) in order."""
+        """Iterate over blocks of the ``wanted`` columns (by name or number), each (up to ``size`` rows,
+        len(wanted)).
+        """
         ...
 
 
 def table_fault(path: Path, message: str, hint: str = "", line: int = 0, column: int = 0, text: str = "") -> InputError:
-    """A fault in a recorded file."""
+    """An :class:`InputError` located in a recorded file; ``text`` is the line quoted in the message."""
     return InputError([Fault(str(path), line, column, message, text, hint)])
 
 
 @contextlib.contextmanager
 def foreign_reader(path: Path, what: str, hint: str = "was it copied completely?") -> Iterator[None]:
-    """Calls into a library that reads the file: whatever it raises about the bytes becomes a fault of the file.
+    """Context of calls into a library that reads the file: any exception it raises becomes an InputError on the file.
 
     Libraries raise nearly anything on damaged files (AssertionError, struct.error, RuntimeError, MemoryError, ...), so
     nothing narrower would do. ``what`` names what the file should be, e.g. "an HDF5 file".
@@ -56,7 +58,7 @@ def foreign_reader(path: Path, what: str, hint: str = "was it copied completely?
 
 
 def bytes_of(path: Path) -> int:
-    """Size of a file, or of all files in a folder; 0 where it cannot be told."""
+    """Size in bytes of a file, or of all files in a folder; 0 if it cannot be determined."""
     try:
         if path.is_dir():
             return sum(file.stat().st_size for file in path.iterdir() if file.is_file())
@@ -66,7 +68,9 @@ def bytes_of(path: Path) -> int:
 
 
 def seconds_for(path: Path) -> float:
-    """How long reading one block may take: a minute (or ``$RRRGEN_READ_SECONDS``), and a second for every 20 MB."""
+    """Time limit (s) for reading one block: a minute (or ``$RRRGEN_READ_SECONDS``) plus a second per 20 MB of the
+    file.
+    """
     try:
         patience = float(os.environ.get("RRRGEN_READ_SECONDS", ""))
     except ValueError:
@@ -75,21 +79,24 @@ def seconds_for(path: Path) -> float:
 
 
 def check_rows(path: Path, rows: int) -> None:
-    """Raise the fault of a file that claims, or delivers, more rows than its bytes can hold."""
+    """Raise :class:`InputError` if a file claims or delivers more ``rows`` than its bytes can hold."""
     most = ROWS_PER_BYTE * (bytes_of(path) + 1000)
     if rows > most:
         raise table_fault(path, f"{rows} rows, more than the file's {bytes_of(path)} bytes can hold", "it is damaged")
 
 
 def unknown_column(path: Path, wanted: str | int, columns: Sequence[str]) -> InputError:
-    """The fault of a column that is not there."""
+    """The error for a ``wanted`` column that is not among ``columns``."""
     shown = ", ".join(columns[:40]) + (", ..." if len(columns) > 40 else "")
     hint = f"{did_you_mean(str(wanted), columns)} there are: {shown}".strip()
     return table_fault(path, f"no column '{wanted}'", hint)
 
 
 def named_column(path: Path, wanted: str | int, columns: Sequence[str]) -> int:
-    """The place (from 0) of a column given by its name, or by its number counted from 1."""
+    """Index (from 0) of the column with the name ``wanted``, or with that number counted from 1.
+
+    Raises :class:`InputError` if there is no such column or its name occurs more than once.
+    """
     if isinstance(wanted, int):
         if not 1 <= wanted <= len(columns):
             raise table_fault(path, f"column {wanted} of a table with {len(columns)} columns", "columns count from 1")
@@ -102,8 +109,9 @@ def named_column(path: Path, wanted: str | int, columns: Sequence[str]) -> int:
 
 
 def indexed_name(wanted: str) -> tuple[str, int | None]:
-    """``q[2]`` -> ("q", 2), counted from 0 as in Python; ``q(3)`` -> ("q", 2), from 1 as in MATLAB; ``q`` -> ("q",
-    None).
+    """Split a column of a two-dimensional array into name and index from 0; the index is None for a plain name.
+
+    ``q[2]`` counts from 0 as in Python, ``q(3)`` from 1 as in MATLAB; both give ("q", 2).
     """
     match = re.fullmatch(r"\s*(.*?)\s*(?:\[\s*(\d+)\s*\]|\(\s*(\d+)\s*\))\s*", wanted)
     if match is None:
@@ -112,7 +120,7 @@ def indexed_name(wanted: str) -> tuple[str, int | None]:
 
 
 def blocks(columns: Sequence[Array], size: int) -> Iterator[Array]:
-    """Blocks of rows of columns that are in memory."""
+    """Iterate over blocks (up to ``size`` rows, len(columns)) of columns that can be sliced."""
     length = len(columns[0]) if columns else 0
     for start in range(0, length, size):
         yield np.column_stack([np.asarray(column[start : start + size], float) for column in columns])

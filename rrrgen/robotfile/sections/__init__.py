@@ -1,1 +1,1 @@
-"""Readers of the sections that not every robot file has: fixed transforms, a basis of one's own, provenance."""
+"""Readers of optional sections of a robot file: fixed transforms, user-defined base parameters, provenance."""

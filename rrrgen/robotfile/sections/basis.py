@@ -1,4 +1,4 @@
-"""The user's own base parameters: expressions in link symbols."""
+"""Reads base parameters defined by the user: expressions in link symbols."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def link_symbol_names(joints: int) -> list[str]:
 
 
 def read_basis(node: Node, joints: int, links: Row[LinkSpec] | None, scope: Scope) -> BasisSpec | None:
-    """A list of ``"expr"``, ``"name = expr"`` or ``{name: expr}``, or ``{products: ..., parameters: [...]}``."""
+    """Read a list of ``"expr"``, ``"name = expr"`` or ``{name: expr}``, or ``{products: ..., parameters: [...]}``."""
     products: Products | None = None
     items = node
     if isinstance(node, Mapping):

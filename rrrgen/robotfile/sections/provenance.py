@@ -1,6 +1,6 @@
 """The section ``provenance`` of a robot file: which recorded samples its parameters were fitted to.
 
-Written by ``rrrgen identify``, read by ``rrrgen validate``; nothing else looks at it.
+It is written by ``rrrgen identify`` and used by ``rrrgen validate`` only.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _KEYS = {key.name: key for key in FIT}
 
 
 def read_provenance(node: Node, faults: FaultList) -> tuple[FitSpec, ...]:
-    """The fits that the file tells of; faults are recorded."""
+    """Read the section: one entry per fit; faults are added to ``faults``."""
     items = read_list(node, "provenance", None, faults) or []
     if len(items) > MAX_FITS:
         faults.error(node, f"provenance has {len(items)} fits", f"at most {MAX_FITS}")

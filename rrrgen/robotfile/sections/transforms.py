@@ -1,4 +1,4 @@
-"""Fixed transforms: base and tool."""
+"""Reads the fixed transforms ``base`` and ``tool``."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ ROTATION_TOLERANCE = 1e-9  # decimals of a rotation matrix must be orthonormal t
 
 
 def read_transform(node: Node, what: str, scope: Scope) -> FixedTransform | None:
-    """``{translation: [x, y, z]}`` with one of ``rpy: [r, p, y]`` and ``rotation: [[...], [...], [...]]``.
+    """Read ``{translation: [x, y, z]}`` with one of ``rpy: [r, p, y]`` and ``rotation: [[...], [...], [...]]``.
 
-    ``rpy`` turns about the fixed axes x, y, z in this order: ``R = Rz(y) Ry(p) Rx(r)``.
+    ``rpy`` are rotations about the fixed axes x, y, z in this order: ``R = Rz(y) Ry(p) Rx(r)``. A fault and None if the
+    rotation is not orthonormal or a reflection.
     """
     if isinstance(node, Scalar) and node.is_null:
         return FixedTransform()
