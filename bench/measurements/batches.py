@@ -48,7 +48,7 @@ void calls(const double *q, const double *dq, const double *ddq, double *tau)
 
 @dataclass(frozen=True)
 class BatchTime:
-    """Nanoseconds per state of inverse dynamics with the file's numbers: in a batch, and call by call in C."""
+    """Nanoseconds per state of inverse dynamics with the file's numbers: in a batch, and by single calls in C."""
 
     batch: float
     single: float

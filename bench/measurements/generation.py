@@ -53,7 +53,7 @@ class Generation:
 
 
 def generations(robots: Sequence[str], toolchain: Toolchain, rounds: int = ROUNDS) -> list[Generation]:
-    """The fastest of ``rounds`` runs of each robot, with what any earlier run leaves behind: bytecode and templates.
+    """The fastest of ``rounds`` runs of each robot, with the bytecode and templates that earlier runs have cached.
 
     Nothing of a robot is taken from a cache. The peak is None where the system does not tell it.
     """

@@ -91,7 +91,7 @@ class Driver:
         return _lines(self._run("time", str(effort.rounds), str(effort.sample)))
 
     def instructions(self, states: int) -> dict[int, float]:
-        """Mean instructions per call over the first ``states`` states; empty where processes cannot be stepped."""
+        """Mean instructions per call over the first ``states`` states; empty if the system cannot single-step."""
         return _lines(self._run("count", str(states), may_fail=True))
 
     def _run(self, mode: str, *arguments: str, may_fail: bool = False) -> str:

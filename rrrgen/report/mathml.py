@@ -34,7 +34,7 @@ class MathmlMarkup:
         return f"<mrow>{sum_of(terms)}</mrow>"
 
     def product(self, factors: Sequence[str]) -> str:
-        """Factors side by side, with a dot between numbers."""
+        """A product: juxtaposed factors, with a dot before a number."""
         text = factors[0]
         for factor in factors[1:]:
             text += ("<mo>·</mo>" if factor.startswith("<mn>") else "<mo>⁢</mo>") + factor
@@ -53,7 +53,7 @@ class MathmlMarkup:
         return f"<msqrt>{argument}</msqrt>"
 
     def function(self, name: str, argument: str, exponent: str) -> str:
-        """A function, the exponent after its name."""
+        """``name(argument)``, with a non-empty exponent between name and argument."""
         head = f"<mi>{name}</mi>"
         head = f"<msup>{head}<mrow>{exponent}</mrow></msup>" if exponent else head
         return f"<mrow>{head}<mo>⁡</mo>{self.group(argument)}</mrow>"

@@ -378,7 +378,7 @@ class Model:
         return self.engine.call(chosen, (*values, *parameters.values()))
 
     def _chosen(self, name: str, beta: Any, Ia: Any) -> tuple[str, dict[str, Any]]:
-        """The program to run, the nominal twin if no parameters are given, and the parameters it takes."""
+        """The name of the program to run, the nominal specialization if no parameters are given, and its parameters."""
         nominal = f"{name}_nominal"
         if beta is None and Ia is None and nominal in self.derived.programs:
             return nominal, {}

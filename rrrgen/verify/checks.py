@@ -81,7 +81,7 @@ def verify(
 
 
 def _answers_in_single(model: Model, states: States) -> bool:
-    """Whether poses come as float32; no where they do not come, which fails in its own row."""
+    """Whether the model returns poses as float32; False if it raises, which another row reports."""
     try:
         return bool(np.asarray(model.forward_kinematics(states.q)).dtype == np.float32)
     except Exception:

@@ -14,7 +14,7 @@ from rrrgen.verify.report import Row
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What is accepted, relative, for a model in double or in float arithmetic.
+    """The largest accepted relative differences for a model in double or in float arithmetic.
 
     ``exact``: both sides are closed computations, so only round-off differs; the margin covers cancellation in sums of
     hundreds of terms. ``differenced``: one side is an eighth-order difference over ``step`` (rad or m per unit speed),

@@ -119,7 +119,7 @@ class Arm:
 def check_inverse_kinematics(
     model: Any, chain: Chain, samples: int, rng: np.random.Generator, rows: Collector, tell: Tell | None = None
 ) -> None:
-    """Rows of the solver at random, singular and unreachable targets.
+    """Check the solutions of the solver at random, singular and unreachable targets.
 
     Every row must meet its target; the configuration that made a target must be among the rows; so must every solution
     that the search finds from ``STARTS`` random starts for each of samples / 20 targets; a target out of reach has
@@ -163,7 +163,7 @@ class _Checks:
             self._add(what, *entry)
 
     def _solved(self, goals: Array, q: Array) -> list[Array]:
-        """The rows of every goal; a redundant arm is asked at the redundancy parameter of ``q``."""
+        """The solutions of every goal; a redundant arm is solved at the redundancy parameter of ``q``."""
         locked = self.solver.plan.locked is not None
         given = {"redundancy": np.array([self.solver.parameter(x) for x in q])} if locked else {}
         targets = goals[:, :3, 3] if self.arm.position else goals

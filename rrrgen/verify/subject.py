@@ -1,4 +1,4 @@
-"""What is verified: a compiled model, and the states and parameters it is asked at."""
+"""The subject of verification: a compiled model, and the states and parameters at which it is compared."""
 
 from __future__ import annotations
 

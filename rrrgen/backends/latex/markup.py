@@ -43,7 +43,7 @@ class LatexMarkup:
         return join_terms(terms)
 
     def product(self, factors: Sequence[str]) -> str:
-        r"""Factors side by side, with \cdot between numbers."""
+        r"""A product: factors separated by spaces, with \cdot before a number."""
         text = factors[0]
         for factor in factors[1:]:
             text += (r" \cdot " if factor[0].isdigit() else " ") + factor
@@ -62,7 +62,7 @@ class LatexMarkup:
         return rf"\sqrt{{{argument}}}"
 
     def function(self, name: str, argument: str, exponent: str) -> str:
-        """A function, the exponent after its name."""
+        """``name(argument)``, with a non-empty exponent between name and argument."""
         command = rf"\{name}" if name in _KNOWN else rf"\operatorname{{{name}}}"
         raised = f"^{{{exponent}}}" if exponent else ""
         return rf"{command}{raised}\left({argument}\right)"
@@ -106,7 +106,7 @@ class TextMarkup:
         return f"sqrt({argument})"
 
     def function(self, name: str, argument: str, exponent: str) -> str:
-        """A function, the exponent behind."""
+        """``name(argument)``, followed by ``^exponent`` unless that is empty."""
         return f"{name}({argument})" + (f"^{_enclosed(exponent, ' */-')}" if exponent else "")
 
     def group(self, content: str) -> str:

@@ -1,1 +1,1 @@
-"""Independent dynamics: a Newton-Euler recursion of its own, and other libraries where they are installed."""
+"""Independent references: a built-in Newton-Euler recursion, and other libraries if they are installed."""
