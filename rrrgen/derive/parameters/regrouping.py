@@ -60,15 +60,18 @@ def _leading_parallel(model: RobotModel, link: int) -> bool:
 
 def _why_without_effect(model: RobotModel, link: int, kind: str) -> str:
     if not any(joint.revolute for joint in model.joints[: link + 1]):
-        what = "its first moments and inertia" if kind != "m" else "a slide that carries it against nothing"
-        return f"link {link + 1} never turns, so {what} cannot act"
+        what = "its first moments and inertia have" if kind != "m" else "its mass has"
+        return f"link {link + 1} does not rotate, so {what} no effect"
     if _leading_parallel(model, link):
         if kind in ("mx", "my", "m", "mz"):
             return (
-                f"link {link + 1} turns about one fixed direction only; gravity along it, or an origin at rest, "
-                "leaves this moment without effect"
+                f"link {link + 1} rotates about one fixed direction only; with gravity along it, or with the origin at "
+                "rest, this parameter has no effect"
             )
-        return f"link {link + 1} turns about one fixed direction only: of its inertia just that about the axis acts"
+        return (
+            f"link {link + 1} rotates about one fixed direction only; of its inertia tensor, only the moment about that "
+            "axis has an effect"
+        )
     return f"the motion of link {link + 1} never excites it"
 
 
@@ -76,13 +79,14 @@ def _why_regrouped(model: RobotModel, compiler_set: BaseSet, link: int, kind: st
     joint = model.joints[link]
     extra = any(d.parameter[0] == link and d.combination for d in compiler_set.dependencies)
     if not joint.revolute:
-        reason = f"joint {link + 1} slides: link {link + 1} never turns relative to link {link}"
+        reason = f"joint {link + 1} is prismatic: link {link + 1} does not rotate relative to link {link}"
     else:
         reason = (
-            f"mass spread along the axis of joint {link + 1} moves like a part of link {link}"
+            f"mass along the axis of joint {link + 1} is regrouped to link {link}: "
+            f"J{link} += X{link + 1} [Jzz, hz, m] X{link + 1}'"
             if link
-            else "joint 1 turns about a fixed axis"
+            else "joint 1 rotates about a fixed axis"
         )
     if extra and _leading_parallel(model, link):
-        reason += "; axes parallel to the first one excite no more"
+        reason += "; further axes parallel to the first one excite no more parameters"
     return reason
