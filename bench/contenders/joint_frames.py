@@ -60,7 +60,7 @@ class JointFrames:
 
 
 def joint_frames(chain: Chain, phi: Array) -> JointFrames:
-    """``chain`` in joint frames, with standard parameters ``phi`` (n, 10) about its link frames; revolute joints only."""
+    """``chain`` in joint frames, with standard parameters ``phi`` (n, 10) of its link frames; revolute joints only."""
     if not all(chain.revolute):
         raise ValueError("the hand-made rival is written for revolute joints")
     n = chain.n
