@@ -96,9 +96,7 @@ class ProblemFunctions:
         return Y.reshape(-1, problem.columns)
 
     def triangular(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
-        """QR factor R (b, b) of the stacked, weighted regressor, computed in chunks; it has the same singular
-        values.
-        """
+        """QR factor R (b, b) of the stacked, weighted regressor, computed in chunks; same singular values."""
         R: Floats = np.zeros((0, self.problem.columns))
         for k in range(0, q.shape[0], CHUNK):
             part = slice(k, k + CHUNK)
@@ -107,7 +105,7 @@ class ProblemFunctions:
 
 
 class LimitedQuantity(NamedTuple):
-    """One limited quantity over time: ``use`` (m,) is 1 at the limit; ``joint`` is the axis 0..2 of a tip coordinate.
+    """One limited quantity over time: ``use`` (m,) is 1 at the limit; ``joint`` counts joints, or tip axes, from 0.
 
     ``polynomial`` is true if the quantity is the absolute value of a trigonometric polynomial of the degree of the
     trajectory, so that its maximum between samples is bounded.
@@ -143,9 +141,7 @@ def _below(name: str, values: Floats, bounds: tuple[float, ...], polynomial: boo
 def _between(
     name: str, values: Floats, lower: tuple[float, ...], upper: tuple[float, ...], polynomial: bool
 ) -> list[LimitedQuantity]:
-    """Use of position bounds: measured from the middle if two-sided; 1 at the limit and 0 one unit inside if
-    one-sided.
-    """
+    """Use of position bounds: measured from the middle if two-sided; else 1 at the limit and 0 one unit inside."""
     found = []
     for i, (v, low, high) in enumerate(zip(values.T, lower, upper, strict=True)):
         if np.isfinite(low) and np.isfinite(high):

@@ -77,9 +77,7 @@ class ExcitationDesign:
         }
 
     def write(self, folder: Path) -> list[Path]:
-        """Write ``excitation.json`` (coefficients) and ``excitation.csv`` (samples for the controller); returns
-        both.
-        """
+        """Write ``excitation.json`` (coefficients) and ``excitation.csv`` (samples for the controller); returns paths."""
         result, samples = folder / "excitation.json", folder / "excitation.csv"
         write_atomically(result, json.dumps(self.to_json(), indent=1) + "\n")
         write_trajectory_csv(samples, self.trajectory, self.problem.sample_period)
@@ -118,9 +116,7 @@ def _violations(limits: Sequence[LimitUse]) -> str:
 
 
 def write_trajectory_csv(path: Path, trajectory: FourierTrajectory, sample_period: float, cycles: float = 1.0) -> None:
-    """Write ``t, q1.., dq1.., ddq1..`` in SI for ``cycles`` periods, every ``sample_period`` s; floats read back
-    exactly.
-    """
+    """Write ``t, q1.., dq1.., ddq1..`` in SI for ``cycles`` periods, every ``sample_period`` s; exact floats."""
     t = trajectory.times(sample_period, cycles)
     q, dq, ddq = trajectory.evaluate(t)
     text = io.StringIO()

@@ -1,6 +1,4 @@
-"""Ctrl-C during a solver run: CasADi and IPOPT treat it as a failed evaluation and continue; here it is raised
-again.
-"""
+"""Ctrl-C during a solver run: CasADi and IPOPT treat it as a failed evaluation and continue; here it is raised."""
 
 from __future__ import annotations
 

@@ -119,9 +119,7 @@ class FourierTrajectory:
         return self.derivative(t, 0), self.derivative(t, 1), self.derivative(t, 2)
 
     def times(self, sample_period: float, cycles: float = 1.0) -> Floats:
-        """Sampling instants (s) of ``cycles`` periods at ``sample_period`` (s), without the end, which repeats the
-        start.
-        """
+        """Sampling instants (s) of ``cycles`` periods at ``sample_period`` (s), without the end (= start)."""
         count = round(cycles * self.period / sample_period)
         return np.arange(count) * sample_period
 

@@ -1,6 +1,4 @@
-"""Simulated experiments: sampled control of the virtual robot with encoders, drives and noise, recorded as on a real
-one.
-"""
+"""Simulated experiments: sampled control of the virtual robot with encoders, drives and noise."""
 
 from __future__ import annotations
 

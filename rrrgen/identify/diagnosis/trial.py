@@ -82,9 +82,7 @@ class Trial:
         self.T = np.stack([sample.tau[u].T @ sample.tau[u] for u in use])
 
     def fit(self, mix: Array | None = None, columns: Sequence[int] | None = None) -> Fit:
-        """Fit the torques ``tau @ mix``, with ``mix`` (n, n) the identity by default, by ``columns``, all by
-        default.
-        """
+        """Fit the torques ``tau @ mix``, with ``mix`` (n, n) the identity by default, by ``columns`` (or all)."""
         n = self.sample.n
         A = np.eye(n) if mix is None else mix
         kept = list(range(self.G.shape[1])) if columns is None else list(columns)

@@ -58,9 +58,7 @@ class Split:
         return Split(self.kind, self.value, guard)
 
     def fitted(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Mask (N,) of the fitted instants among ``t`` (N,), for a recording from ``start`` of ``duration``, all in
-        s.
-        """
+        """Mask (N,) of the fitted instants among ``t`` (N,), for a recording from ``start`` of ``duration``, in s."""
         return self._first(t - start, duration) & ~self.between(t, start, duration)
 
     def scored(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
