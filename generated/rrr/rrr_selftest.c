@@ -939,7 +939,7 @@ static int derivatives(void)
     return report(&same) | report(&position) | report(&velocity) | report(&doubled) | report(&inverse) | report(&refused);
 }
 
-static int nominal_twins(void)
+static int nominal_specializations(void)
 {
     int failed = 0, k;
     {
@@ -1142,7 +1142,7 @@ int main(void)
     failed |= inversion();
     failed |= together();
     failed |= derivatives();
-    failed |= nominal_twins();
+    failed |= nominal_specializations();
     failed |= inverse_kinematics();
     puts(failed ? "rrr: FAILED" : "rrr: all checks passed");
     return failed ? 1 : 0;

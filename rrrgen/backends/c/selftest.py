@@ -76,7 +76,7 @@ def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: 
         drives=len(model.drive_inertia_nominal or ()),
         reflected=_reflected(model.spec),
         positive=_is_positive(model.programs, states, parameters),
-        twins=_twins(model, dialect),
+        specializations=_specializations(model, dialect),
         checks=checks,
     )
     return {f"{dialect.prefix}_selftest.c": text}
@@ -170,23 +170,23 @@ def _is_positive(programs: Mapping[str, Program], states: dict[str, Array], para
     return bool(np.linalg.eigvalsh(M).min() > 1e-9 * np.abs(M).max())
 
 
-def _twins(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
+def _specializations(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
     """Functions with a nominal specialization: both calls in C, and the size of the output."""
-    twins = []
+    specializations = []
     for name, program in model.programs.items():
-        twin = model.programs.get(f"{name}_nominal")
-        if twin is None or len(twin.outputs) > 1:
+        specialization = model.programs.get(f"{name}_nominal")
+        if specialization is None or len(specialization.outputs) > 1:
             continue
-        arguments = [_arguments(each) for each in (program, twin)]
-        twins.append(
+        arguments = [_arguments(each) for each in (program, specialization)]
+        specializations.append(
             {
                 "name": name,
                 "general": f"{function_name(program, dialect)}({', '.join(arguments[0])}, expected)",
-                "nominal": f"{function_name(twin, dialect)}({', '.join(arguments[1])}, result)",
+                "nominal": f"{function_name(specialization, dialect)}({', '.join(arguments[1])}, result)",
                 "size": program.outputs[0].size,
             }
         )
-    return twins
+    return specializations
 
 
 def _arguments(program: Program) -> list[str]:

@@ -69,7 +69,7 @@ def _why_without_effect(model: RobotModel, link: int, kind: str) -> str:
                 "rest, this parameter has no effect"
             )
         return (
-            f"link {link + 1} rotates about one fixed direction only; of its inertia tensor, only the moment about that "
+            f"link {link + 1} rotates about one fixed direction only; of its inertia, only the moment about that "
             "axis has an effect"
         )
     return f"the motion of link {link + 1} never excites it"
