@@ -10,10 +10,10 @@ import numpy as np
 
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.ik.classify import plan as make_plan
-from rrrgen.ik.evaluation.solve import Evaluation, Wish
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.sources import STATUS_TEXTS, emit, labels, most_rows, reasons_of
+from rrrgen.runtime.evaluation.solve import Evaluation, Wish
 from rrrgen.runtime.ik_arguments import LIMITS, NEAREST, RESIDUAL, options, real_array, real_number
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rrrgen.ik.evaluation.kernels import TOLERANCE
+from rrrgen.runtime.evaluation.kernels import TOLERANCE
 
 if TYPE_CHECKING:
     from rrrgen.ik.geometry.chain import Chain

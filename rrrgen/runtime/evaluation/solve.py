@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik.derive import ARM_ANGLE
-from rrrgen.ik.evaluation.branches import Query, Row, candidates
-from rrrgen.ik.evaluation.free_joints import FIXED, GONE, FreeJoints
-from rrrgen.ik.evaluation.kernels import INEXACT, MULTIPLE, NEAR, OUTSIDE, TOLERANCE, Settings
-from rrrgen.ik.evaluation.limits import Limits
-from rrrgen.ik.evaluation.targets import accuracy_of, repaired
-from rrrgen.ik.evaluation.task import Task
+from rrrgen.runtime.evaluation.branches import Query, Row, candidates
+from rrrgen.runtime.evaluation.free_joints import FIXED, GONE, FreeJoints
+from rrrgen.runtime.evaluation.kernels import INEXACT, MULTIPLE, NEAR, OUTSIDE, TOLERANCE, Settings
+from rrrgen.runtime.evaluation.limits import Limits
+from rrrgen.runtime.evaluation.targets import accuracy_of, repaired
+from rrrgen.runtime.evaluation.task import Task
 
 if TYPE_CHECKING:
     from rrrgen.ik.plan import SolverPlan

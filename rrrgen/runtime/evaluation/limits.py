@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import ceil, pi
 from typing import TYPE_CHECKING
 
-from rrrgen.ik.evaluation.kernels import TOLERANCE
+from rrrgen.runtime.evaluation.kernels import TOLERANCE
 
 if TYPE_CHECKING:
     from rrrgen.ik.geometry.chain import Chain

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.ik.derive import ARM_ANGLE
-from rrrgen.ik.evaluation.kernels import TOLERANCE
 from rrrgen.ik.interpreters.float_builder import wrapped
+from rrrgen.runtime.evaluation.kernels import TOLERANCE
 
 if TYPE_CHECKING:
     from rrrgen.ik.plan import SolverPlan

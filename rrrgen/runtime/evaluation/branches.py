@@ -7,7 +7,11 @@ from dataclasses import dataclass
 from math import atan2, cos, hypot, pi, sin, sqrt
 from typing import TYPE_CHECKING
 
-from rrrgen.ik.evaluation.kernels import (
+from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot, minus, square, total
+from rrrgen.ik.interpreters.float_builder import wrapped
+from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
+from rrrgen.runtime.evaluation.kernels import (
     FREE,
     NEAR,
     TOLERANCE,
@@ -21,10 +25,6 @@ from rrrgen.ik.evaluation.kernels import (
     quartic,
     root,
 )
-from rrrgen.ik.geometry.chain import Joint
-from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot, minus, square, total
-from rrrgen.ik.interpreters.float_builder import wrapped
-from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
 
 if TYPE_CHECKING:
     from rrrgen.ik.plan import SolverPlan

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from math import pi
 
-from rrrgen.ik.evaluation.branches import Query, Row, candidates
-from rrrgen.ik.evaluation.kernels import FREE, MULTIPLE, TOLERANCE, Settings
-from rrrgen.ik.evaluation.limits import Limits
-from rrrgen.ik.evaluation.task import Task
 from rrrgen.ik.plan import SolverPlan
+from rrrgen.runtime.evaluation.branches import Query, Row, candidates
+from rrrgen.runtime.evaluation.kernels import FREE, MULTIPLE, TOLERANCE, Settings
+from rrrgen.runtime.evaluation.limits import Limits
+from rrrgen.runtime.evaluation.task import Task
 
 GONE, FIXED = 32, 64
 """Inner flags: another row stands for this one; refined already, with the free joint held."""
