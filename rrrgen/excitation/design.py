@@ -77,7 +77,7 @@ class ExcitationDesign:
         }
 
     def write(self, folder: Path) -> list[Path]:
-        """Write ``excitation.json`` (coefficients) and ``excitation.csv`` (samples for the controller); returns paths."""
+        """Write ``excitation.json`` (coefficients) and ``excitation.csv`` (controller samples), return both."""
         result, samples = folder / "excitation.json", folder / "excitation.csv"
         write_atomically(result, json.dumps(self.to_json(), indent=1) + "\n")
         write_trajectory_csv(samples, self.trajectory, self.problem.sample_period)

@@ -80,7 +80,7 @@ class ExcitationProgram:
         return q, dq, ddq
 
     def _information(self, grid: Floats) -> Any:
-        """The mean information matrix Y'Y over ``grid`` as a symbolic (b, b) matrix; only its lower triangle is computed."""
+        """The mean information matrix Y'Y over ``grid``, symbolic (b, b); only the lower triangle is computed."""
         import casadi
 
         problem, b = self.problem, self.problem.columns

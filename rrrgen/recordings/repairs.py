@@ -56,7 +56,7 @@ class Finding:
 
     @property
     def warned(self) -> bool:
-        """Whether the finding causes a warning: over WARN_SHARE of the rows are affected, and the repair is not exact."""
+        """Whether the finding causes a warning: over WARN_SHARE of the rows, and not an exact repair."""
         return self.share > WARN_SHARE and self.kind not in NEVER_WARNED
 
     def to_json(self) -> dict[str, Any]:
