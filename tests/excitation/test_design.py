@@ -385,8 +385,8 @@ def test_no_interruption_is_lost_inside_the_solver(ctrl_c) -> None:
             solve_start(problem, 0)
 
     for share in (0.2, 0.4, 0.6):
-        ctrl_c(share * duration)
-        with pytest.raises(KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt):  # which may come at once where the machine is busy
+            ctrl_c(share * duration)
             search_again_and_again()
 
 
