@@ -64,7 +64,8 @@ def identified_units(
 
     The terms of a combination differ in unit only by lengths; the unit of the highest order is that of the combination.
     """
-    revolute = [joint.is_revolute for joint in model.spec.joints]
+    joints = () if model.spec is None else model.spec.joints  # a model of equations alone has revolute joints
+    revolute = [joint.is_revolute for joint in joints] or [True] * model.n
     K = np.asarray(model.base_projection)
     b = len(K)
     each = [column_unit(columns[k], K[k] if k < b else np.zeros(0), revolute) for k in free]

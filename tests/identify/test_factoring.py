@@ -254,6 +254,9 @@ from test_factoring import TERMS
 from samples.recordings import planar_arm
 from rrrgen.identify.estimation.factoring import factor_recordings
 from rrrgen.recordings.mapping_reader import load_mapping
+from rrrgen.recordings.log_stream import LogStream
+from rrrgen.signals.processing import Processing
+from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.observations import Observations, RowMaker, Window
 
 regressor = FullRegressor(planar_arm(), TERMS)
