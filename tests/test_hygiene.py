@@ -14,11 +14,15 @@ FOLDERS = ("rrrgen", "bench", "templates")
 SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.is_file())
 PYTHON = [path for path in SOURCES if path.suffix == ".py"]
 TEXT = [path for path in SOURCES if path.suffix in {".py", ".j2", ".yaml", ".html", ".css"}]
-MOST_LINES = 500
+MOST_LINES = 400
 
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK|raise NotImplementedError)\b")
 # by click and Jinja
-CALLED_BY_LIBRARIES = {"list_commands", "format_commands", "format_epilog", "load_bytecode", "dump_bytecode"}
+CALLED_BY_LIBRARIES = {
+    *("list_commands", "get_command", "format_commands", "format_epilog"),  # click
+    *("load_bytecode", "dump_bytecode"),  # Jinja
+    *("_repr_html_", "_repr_latex_"),  # notebooks
+}
 EVALUATION = {"eval", "exec", "sympify", "parse_expr", "literal_eval", "lambdify"}
 
 
@@ -72,8 +76,9 @@ def definitions(path: Path) -> set[str]:
 
 
 def test_what_is_defined_is_used():
-    tests = sorted((ROOT / "tests").rglob("*.py"))
-    words = Counter(word for path in [*TEXT, *tests] for word in re.findall(r"\w+", path.read_text(encoding="utf-8")))
+    """By the package, or by a reader of a page; a test is no use of its own."""
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    words = Counter(word for path in [*TEXT, *pages] for word in re.findall(r"\w+", path.read_text(encoding="utf-8")))
     unused = {
         f"{identify(path)}: {name}"
         for path in PYTHON

@@ -44,19 +44,20 @@ def hand_contenders(case: Case, names: Collection[str] | None = None) -> Supplie
 def _add_hand(
     group: Supplier, case: Case, label: str, numbers: Numbers, tag: str, names: Collection[str] | None
 ) -> None:
-    from bench.contenders import hand_casadi
+    from bench.contenders.casadi_code import c_source, operations
+    from bench.contenders.hand_casadi import hand_functions
     from bench.contenders.joint_frames import joint_frames
 
-    hand = hand_casadi.hand_functions(joint_frames(case.chain, case.phi(numbers)), names)
+    hand = hand_functions(joint_frames(case.chain, case.phi(numbers)), names)
     # CasADi guards its helper macros itself; only the exported names have to differ between the two files
-    group.sources[f"hand{tag}.c"] = hand_casadi.c_source(hand).replace("hand_", f"hand{tag}_")
+    group.sources[f"hand{tag}.c"] = c_source(hand).replace("hand_", f"hand{tag}_")
     for name, function in hand.functions.items():
         symbol = f"hand{tag}_{name}"
         group.declarations += f"int {symbol}(const double **, double **, long long int *, double *, int);\n"
         inputs = ", ".join(f"in + {place * case.n}" for place in _INPUTS[name])
         statements = f"const double *arg[] = {{{inputs}}}; double *res[] = {{out}}; {symbol}(arg, res, 0, 0, 0);"
         outputs = int(function.numel_out(0))
-        counts = hand_casadi.operations(function)
+        counts = operations(function)
         group.contenders.append(Contender(label, name, outputs, statements, numbers, hand.parameters.get(name), counts))
 
 

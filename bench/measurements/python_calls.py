@@ -118,12 +118,13 @@ def _casadi_calls(
         return {}
     import casadi as ca
 
-    from bench.contenders import hand_casadi
+    from bench.contenders.casadi_code import c_source
+    from bench.contenders.hand_casadi import hand_functions
     from bench.contenders.joint_frames import joint_frames
 
-    hand = hand_casadi.hand_functions(joint_frames(case.chain, case.phi("file")), ["inverse_dynamics"])
+    hand = hand_functions(joint_frames(case.chain, case.phi("file")), ["inverse_dynamics"])
     source, library = place / "hand.c", place / "hand.so"
-    source.write_text(hand_casadi.c_source(hand), encoding="utf-8")
+    source.write_text(c_source(hand), encoding="utf-8")
     run([*toolchain.cc, *toolchain.flags, "-shared", "-fPIC", str(source), "-lm", "-o", str(library)])
     function = ca.external("hand_inverse_dynamics", str(library))
     buffer: Any

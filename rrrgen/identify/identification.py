@@ -69,8 +69,7 @@ class Options:
 
     - ``method``: ordinary, weighted or robust least squares.
     - ``terms``: drive terms to estimate; those of the robot file if None.
-    - ``fixed``: known values of columns, such as ``{"fv1": 3.2}`` or ``{"p4": 0}``; ``fixed_standard``: known standard
-      parameters, such as ``{"my2": 0}``.
+    - ``fixed``: known values of columns, ``{"fv1": 3.2}``; ``fixed_standard``: of standard parameters, ``{"my2": 0}``.
     - ``known``: a torque that is subtracted from the measured one, as a function of the motion.
     - ``split``: which part of the data is fitted; ``guard`` (s): guard band on both sides of its borders, the reach of
       the filters if None.
@@ -391,10 +390,10 @@ class _Run:
     def indefinite(self, theta: Array, consistent: ConsistentEstimate | None) -> dict[str, float]:
         """Share of random poses at which M(q) is indefinite, for each estimate."""
         self.tell(0, 0, "mass matrix at random poses")
-        n = self.model.n
-        limits = self.options.limits if self.options.limits is not None else pose_limits(self.model.spec, n)
+        given = self.options.limits
+        limits = pose_limits(self.model.spec, self.model.n) if given is None else given
         estimates = {self.options.method: theta} | ({} if consistent is None else {"consistent": consistent.theta})
-        shares = {}
+        shares: dict[str, float] = {}
         for name, values in estimates.items():
             mass = partial(mass_matrix, self.model, self.regressor.columns, values)
             shares[name], _ = indefinite_share(mass, limits[0], limits[1], self.options.poses, self.options.seed)

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rrrgen.ik.classify import plan
-    from rrrgen.ik.interpreters.casadi_branches import branch_function, branch_labels
+    from rrrgen.ik.interpreters.casadi_branches import branch_function, branch_labels, branch_signs
     from rrrgen.ik.report import closed_form
     from rrrgen.ik.sources import manifest, sources
 
 _HOMES = {
     "branch_function": "rrrgen.ik.interpreters.casadi_branches",
     "branch_labels": "rrrgen.ik.interpreters.casadi_branches",
+    "branch_signs": "rrrgen.ik.interpreters.casadi_branches",
     "plan": "rrrgen.ik.classify",
     "closed_form": "rrrgen.ik.report",
     "manifest": "rrrgen.ik.sources",
@@ -29,6 +30,7 @@ _HOMES = {
 __all__ = [
     "branch_function",
     "branch_labels",
+    "branch_signs",
     "closed_form",
     "manifest",
     "plan",

@@ -1,14 +1,14 @@
-"""Argument checking: converts what the caller passes to dense arrays of the right shape, or raises a clear error."""
+"""Arguments of calls: dense arrays of the right shape, parameters given or nominal, or a clear error."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.program import Port
+from rrrgen.program import Port, Program, Role
 
 Array = NDArray[Any]
 Batch = tuple[int, ...]
@@ -83,3 +83,55 @@ def _wrong_shape(function: str, port: Port, shape: tuple[int, ...]) -> str:
     unit = f" [{port.unit}]" if port.unit else ""
     meaning = f": {port.meaning}{unit}" if port.meaning else unit
     return f"{function}: {port.name} must have shape {single} or (..., {wanted}), got {shape}{meaning}"
+
+
+def choose(
+    programs: Mapping[str, Program], name: str, given: Mapping[Role, tuple[Any, Array | None]]
+) -> tuple[str, dict[str, Any]]:
+    """The program that evaluates function ``name``, and its parameters by the name of their port.
+
+    ``given`` holds, by role, what the caller gave (None for nothing) and the nominal values of the robot file (None
+    where it has none). Where nothing is given, the nominal specialization is taken if there is one. Raises ValueError
+    for parameters that are missing, or that the function does not take.
+    """
+    nominal = f"{name}_nominal"
+    if all(value is None for value, _ in given.values()) and nominal in programs:
+        return nominal, {}
+    program = programs[name]
+    inertia, _ = given.get(Role.DRIVE_INERTIA, (None, None))
+    if inertia is not None and not program.takes(Role.DRIVE_INERTIA):
+        raise ValueError(f"{name}: the robot file gives no drive inertia, so Ia is not part of the model")
+    return name, {
+        port.name: _given(port.name, *given[port.role], name) for port in program.inputs if port.role in given
+    }
+
+
+def _given(what: str, value: Any, nominal: Array | None, function: str) -> Any:
+    if value is not None:
+        return value
+    if nominal is None:
+        raise ValueError(f"{function}: the robot file has no links, so {what}= must be given")
+    return nominal
+
+
+def checked(program: Program, result: Any, status: Any, with_status: bool) -> Any:
+    """``result`` where no state failed, else numpy.linalg.LinAlgError; ``(result, status)`` if ``with_status``."""
+    status = np.asarray(status).astype(np.intc, copy=False)
+    if with_status:
+        return result, status
+    if program.status is not None and np.any(status):
+        count, first = np.count_nonzero(status), int(np.argmax(status != 0))
+        place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""
+        raise np.linalg.LinAlgError(f"{program.name}: {program.status.message}{place}")
+    return result
+
+
+def nominal_values(values: Any) -> Array | None:
+    """``values`` as a read-only array of floats, or None: the nominal functions would not see a change."""
+    return None if values is None else read_only(np.array([float(value) for value in values]))
+
+
+def read_only(array: Array) -> Array:
+    """``array``, which nobody can write to any more."""
+    array.setflags(write=False)
+    return array

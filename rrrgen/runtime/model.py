@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import drive_terms
 from rrrgen.program import Port, Role
-from rrrgen.runtime.arguments import prepare
+from rrrgen.runtime.arguments import checked, choose, nominal_values, prepare, read_only
 from rrrgen.runtime.bound import BoundFunction
 from rrrgen.runtime.engines import Engine
 from rrrgen.runtime.results import (
@@ -63,9 +63,9 @@ class Model:
         self.n: int = derived.spec.n
         self.base_parameters: tuple[sp.Expr, ...] = tuple(p.expression for p in derived.base_parameters)
         self.base_parameter_names: tuple[str, ...] = tuple(p.name for p in derived.base_parameters)
-        self.base_projection: Array = _fixed(np.array(derived.base_projection, dtype=float))
-        self.beta: Array | None = _floats(derived.beta_nominal)
-        self.drive_inertia: Array | None = _floats(derived.drive_inertia_nominal)
+        self.base_projection: Array = read_only(np.array(derived.base_projection, dtype=float))
+        self.beta: Array | None = nominal_values(derived.beta_nominal)
+        self.drive_inertia: Array | None = nominal_values(derived.drive_inertia_nominal)
         self._terms = drive_terms(derived.spec)
         self._ik: InverseKinematics | None = None
 
@@ -99,7 +99,7 @@ class Model:
             key: [np.inf if getattr(one, key) is None else getattr(one, key) for one in each]
             for key in JointLimits._fields[1:]
         }
-        return JointLimits(*(_fixed(np.array(values, dtype=float)) for values in (lower, *above.values())))
+        return JointLimits(*(read_only(np.array(values, dtype=float)) for values in (lower, *above.values())))
 
     def __repr__(self) -> str:
         return f"<rrrgen.Model {self.name}: {self._structure}, {len(self.base_parameters)} base parameters>"
@@ -379,44 +379,9 @@ class Model:
 
     def _chosen(self, name: str, beta: Any, Ia: Any) -> tuple[str, dict[str, Any]]:
         """The name of the program to run, the nominal specialization if no parameters are given, and its parameters."""
-        nominal = f"{name}_nominal"
-        if beta is None and Ia is None and nominal in self.derived.programs:
-            return nominal, {}
         given = {Role.BASE_PARAMETERS: (beta, self.beta), Role.DRIVE_INERTIA: (Ia, self.drive_inertia)}
-        program = self.derived.programs[name]
-        parameters = {
-            port.name: _given(port.name, *given[port.role], name) for port in program.inputs if port.role in given
-        }
-        if Ia is not None and not program.takes(Role.DRIVE_INERTIA):
-            raise ValueError(f"{name}: the robot file gives no drive inertia, so Ia is not part of the model")
-        return name, parameters
+        return choose(self.derived.programs, name, given)
 
     def _checked(self, name: str, result: Any, status: Any, with_status: bool) -> Any:
         """``result`` if no state failed; otherwise LinAlgError, or both for the caller to look at."""
-        status = np.asarray(status).astype(np.intc, copy=False)
-        if with_status:
-            return result, status
-        failed = self.derived.programs[name].status
-        if failed is not None and np.any(status):
-            count, first = np.count_nonzero(status), int(np.argmax(status != 0))
-            place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""
-            raise np.linalg.LinAlgError(f"{name}: {failed.message}{place}")
-        return result
-
-
-def _given(what: str, value: Any, nominal: Array | None, function: str) -> Any:
-    if value is not None:
-        return value
-    if nominal is None:
-        raise ValueError(f"{function}: the robot file has no links, so {what}= must be given")
-    return nominal
-
-
-def _floats(values: Any) -> Array | None:
-    return None if values is None else _fixed(np.array([float(value) for value in values]))
-
-
-def _fixed(array: Array) -> Array:
-    """``array``, read-only: the compiled nominal functions would not see a change."""
-    array.setflags(write=False)
-    return array
+        return checked(self.derived.programs[name], result, status, with_status)

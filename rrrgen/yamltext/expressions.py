@@ -387,11 +387,9 @@ class _Walker:
             raise self.fail("the root of a negative number", node)
         if base.expr.is_Rational and abs(size) * max(base.expr.p.bit_length(), base.expr.q.bit_length()) > MAX_BITS:
             raise self.fail("the number has too many digits", node)
-        scaled = tuple(e * Fraction(int(size.p), int(size.q)) for e in base.dimension) if base.dimension else None
-        if scaled is not None and not any(scaled):
-            scaled = None
+        scaled = tuple(e * Fraction(int(size.p), int(size.q)) for e in base.dimension or ())
         degree = max(1, base.degree * int(sp.ceiling(abs(size))))
-        return _Term(base.expr**size, scaled, base.open_names, degree)
+        return _Term(base.expr**size, scaled if any(scaled) else None, base.open_names, degree)
 
 
 def _product(left: Dimension | None, right: Dimension | None, sign: int) -> Dimension | None:

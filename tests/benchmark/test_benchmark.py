@@ -103,7 +103,7 @@ def test_regrouping_leaves_no_mass_and_keeps_the_chain_solvable() -> None:
 @needs_casadi
 @pytest.mark.parametrize("robot", ["rrr", "puma560"])
 def test_operation_counts_of_the_rival_are_those_of_a_serious_one(robot: str) -> None:
-    from bench.contenders.hand_casadi import operations
+    from bench.contenders.casadi_code import operations
 
     known = {  # multiplications and additions together of the best hand-written codes
         "rrr": {"inverse_dynamics": 196, "mass_matrix": 74, "regressor": 159},
