@@ -74,8 +74,13 @@ def imported(file: Path) -> Iterator[str]:
         yield f"rrrgen.{name}" if module == "rrrgen" and name else module
 
 
+def room_files(room: str) -> list[Path]:
+    file = PACKAGE / f"{room}.py"
+    return [file] if file.exists() else sorted((PACKAGE / room).rglob("*.py"))
+
+
 def rooms_used(room: str) -> set[str]:
-    files = [PACKAGE / f"{room}.py"] if (PACKAGE / f"{room}.py").exists() else sorted((PACKAGE / room).rglob("*.py"))
+    files = room_files(room)
     assert files, room
     used = {module for file in files for module in imported(file)}
     assert "rrrgen" not in used, f"{room} imports the package, which stands above every room"
@@ -98,6 +103,14 @@ def test_no_folder_is_too_full_to_find_a_module():
     folders = {path.parent for path in PACKAGE.rglob("*.py")}
     modules = {folder: [path for path in folder.glob("*.py") if path.stem != "__init__"] for folder in folders}
     assert {str(folder.relative_to(PACKAGE)): len(each) for folder, each in modules.items() if len(each) > 12} == {}
+
+
+def test_no_room_outgrows_the_house():
+    lines = {
+        room: sum(len(file.read_text(encoding="utf-8").splitlines()) for file in room_files(room)) for room in ROOMS
+    }
+    total = sum(lines.values())
+    assert {room: count for room, count in lines.items() if count > 0.15 * total} == {}
 
 
 def test_no_circles_of_modules():

@@ -8,6 +8,7 @@ import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rrrgen.backends.c.call_stack import STACK_RULE, stack_bounds
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.derive import ARM_ANGLE
@@ -18,7 +19,6 @@ from rrrgen.ik.recording.operations import SolverOperations, count_solver, sum_o
 from rrrgen.ik.recording.steps import Stage
 from rrrgen.ik.solutions.general6r import ASPECT, branches, root_stage, tables_of
 from rrrgen.ik.solutions.general6r import render as render_general6r
-from rrrgen.ik.stack import STACK_RULE, stack_bounds
 from rrrgen.ik.tolerances import runtime
 from rrrgen.resources import render
 from rrrgen.version import VERSION
@@ -64,7 +64,7 @@ def manifest(spec: RobotSpec, real: str = "double", redundancy: int | None = Non
 
     ``operations`` are those of one call with all its rows (:mod:`rrrgen.ik.recording.operations`); null where an
     elimination solves the chain in numbers. ``tolerances``: see :func:`rrrgen.ik.tolerances.runtime`. ``stack``: bytes
-    that a function takes at most, callees included (:mod:`rrrgen.ik.stack`).
+    that a function takes at most, callees included (:mod:`rrrgen.backends.c.call_stack`).
     """
     plan = make_plan(spec, redundancy)
     data: dict[str, Any] = {
