@@ -1,3 +1,3 @@
 """The version of rrrgen, for the package, its files and its digests."""
 
-VERSION = "0.1.0"
+VERSION = "0.2.0"

@@ -13,6 +13,7 @@ import pytest
 
 from rrrgen.errors import InternalError
 from rrrgen.resources import environment, render, template_text
+from rrrgen.version import VERSION
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -84,3 +85,8 @@ def test_the_checkout_has_no_symbolic_links():
     """They break checkouts on systems that have none, with an error far from its cause."""
     listed = subprocess.run(["git", "ls-files", "-s"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert not [line for line in listed.stdout.splitlines() if line.startswith("120000")]
+
+
+def test_the_version_is_stated_alike():
+    assert f'version = "{VERSION}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert f"## {VERSION} (" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
