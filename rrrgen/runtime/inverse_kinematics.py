@@ -115,7 +115,7 @@ class _Compiled:
     def answer(
         self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
     ) -> _Answer:
-        """See :class:`_Engine`."""
+        """Solve for one target, or find the configuration nearest to it."""
         out = self._ffi.new(f"{self._name}_ik_solutions *")
         extra = (given,) if self._locked else ()
         function = self._closest if closest else self._solve
@@ -134,7 +134,7 @@ class _Compiled:
         given: NDArray[np.float64] | None,
         bits: int,
     ) -> IKBatch:
-        """See :class:`_Engine`."""
+        """Solve for every target, one after the other or in one call of C."""
         out = _empty(len(goals), self._rows, self._n)
         extra = (self._pointer("double *", given),) if self._locked else ()
         self._batch(
@@ -160,7 +160,7 @@ class _Evaluated:
     def answer(
         self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
     ) -> _Answer:
-        """See :class:`_Engine`."""
+        """Solve for one target, or find the configuration nearest to it."""
         wish = Wish(bool(bits & LIMITS), bool(bits & NEAREST), bool(bits & RESIDUAL))
         function = self._evaluation.closest if closest else self._evaluation.solve
         found = function(goal.ravel().tolist(), None if reference is None else reference.tolist(), given, wish)
@@ -182,7 +182,7 @@ class _Evaluated:
         given: NDArray[np.float64] | None,
         bits: int,
     ) -> IKBatch:
-        """See :class:`_Engine`."""
+        """Solve for every target, one after the other or in one call of C."""
         out = _empty(len(goals), self._rows, self._n)
         for i, goal in enumerate(goals):
             found = self.answer(goal, reference, 0.0 if given is None else float(given[i]), bits, closest=False)

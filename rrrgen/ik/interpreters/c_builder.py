@@ -19,7 +19,7 @@ class CBuilder(Scaffold):
     # -- choices ------------------------------------------------------------------------------------------------------
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both angles with ``A cos(x) + B sin(x) = C``."""
         a, b, k = self.pool.of(A), self.pool.of(B), self.pool.of(C)
         tag = self._tag(joint)
         if a.is_const and b.is_const:
@@ -80,7 +80,7 @@ class CBuilder(Scaffold):
         return self.pool.var(name, inner)
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both square roots of ``radicand``."""
         node, big = self.pool.of(radicand), self.pool.of(size) + (1e-6 * unit) * unit
         tag = self._fresh_tag(hint)
         level = max(node.level, big.level)
@@ -98,7 +98,7 @@ class CBuilder(Scaffold):
         return self._loop(tag, level, label, hint)
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
         tag = self._tag(joint)
         nodes = tuple(self.pool.of(x) for x in k)
         level = max(node.level for node in nodes)
@@ -124,7 +124,7 @@ class CBuilder(Scaffold):
         return Turn(self.pool.var(f"c{tag}", inner), self.pool.var(f"s{tag}", inner))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``."""
         nodes = tuple(self.pool.of(x) for x in k)
         if len(nodes) == 2:
             return self.slide(joint, -nodes[0] / nodes[1])
@@ -156,7 +156,7 @@ class CBuilder(Scaffold):
     # -- single answers -----------------------------------------------------------------------------------------------
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The one angle ``atan2(s, c)``; the reference where both vanish."""
         tag = self._tag(joint)
         sn, cn = self.pool.of(s), self.pool.of(c)
         level = max(sn.level, cn.level)
@@ -166,7 +166,7 @@ class CBuilder(Scaffold):
         return turn if joint.index in self._arcs.joints else self._angle(joint, turn)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`.
+        """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z.
 
         All that a turn cannot mend is a difference of lengths and of heights. The arc needs the direction alone: only
         what else is made of the angle needs its cosine and sine, and the quotient is slow.
@@ -233,7 +233,7 @@ class CBuilder(Scaffold):
         )
 
     def slide(self, joint: Joint, x: S) -> Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The displacement of a prismatic joint, or an angle that follows from others."""
         node = self.name(f"x{self._tag(joint)}", x)
         self._values[joint.index] = self._user(joint, node)
         return node

@@ -119,7 +119,7 @@ class Scaffold:
         return max(self.pool.of(turn.c).level, self.pool.of(turn.s).level)
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Quantities that vanish at a solution; a solution is kept only if they do."""
         parts = []
         if lengths:
             parts.append(square(lengths) / (self.length * self.length))

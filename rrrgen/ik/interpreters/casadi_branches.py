@@ -70,7 +70,7 @@ class CasadiBuilder:
         self.values[joint.index] = q
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both angles with ``A cos(x) + B sin(x) = C``."""
         h2 = A * A + B * B
         w = self._sign(label) * self.ca.sqrt(h2 - C * C if radicand is None else radicand)
         c, s = (A * C - B * w) / h2, (B * C + A * w) / h2
@@ -78,7 +78,7 @@ class CasadiBuilder:
         return Turn(c, s)
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both square roots of ``radicand``."""
         return self._sign(label) * self.ca.sqrt(radicand)
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
@@ -99,18 +99,18 @@ class CasadiBuilder:
         return self.slide(joint, (-k[1] + root) / (2 * k[2]))
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The one angle ``atan2(s, c)``; the reference where both vanish."""
         h = self.ca.sqrt(s * s + c * c)
         self._set(joint, self.ca.atan2(s, c))
         return Turn(c / h, s / h)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z."""
         c, s = between(v, u)
         return self.turn(joint, s, c)
 
     def slide(self, joint: Joint, x: S) -> S:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The displacement of a prismatic joint, or an angle that follows from others."""
         self._set(joint, x)
         return x
 
@@ -123,7 +123,7 @@ class CasadiBuilder:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both solutions of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``."""
         e4, e5 = signs
         flip = self._sign(Label("wrist"))
         s4, c4 = flip * e5 * M[1][2], flip * e5 * M[0][2]

@@ -63,7 +63,7 @@ class FloatBuilder:
         return joint.sign * known + float(joint.offset)
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both angles with ``A cos(x) + B sin(x) = C``."""
         h = hypot(A, B)
         if h <= FREE * unit:
             if abs(C) > 1e-5 * unit:
@@ -81,13 +81,13 @@ class FloatBuilder:
         return Turn(cos(x), sin(x))
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both square roots of ``radicand``."""
         if radicand < -CLAMP * (size + 1e-6 * unit**2):
             raise NoRoot
         return (1, -1)[self._choose(2)] * label.positive * sqrt(max(radicand, 0.0))
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
         import numpy as np
 
         k0, kc, ks, k2c, k2s = (float(x) for x in k)
@@ -98,7 +98,7 @@ class FloatBuilder:
         return Turn(cos(x), sin(x))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``."""
         import numpy as np
 
         roots = np.roots([float(x) for x in reversed(k)])
@@ -110,11 +110,11 @@ class FloatBuilder:
         return x
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The one angle ``atan2(s, c)``; the reference where both vanish."""
         return self._directed(joint, Turn(c, s), FREE)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z."""
         return self._directed(joint, between(v, u), (FREE * unit) ** 2)
 
     def _directed(self, joint: Joint, direction: Turn, least: float) -> Turn:
@@ -124,7 +124,7 @@ class FloatBuilder:
         return Turn(cos(x), sin(x))
 
     def slide(self, joint: Joint, x: S) -> S:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The displacement of a prismatic joint, or an angle that follows from others."""
         self._set(joint, float(x))
         return float(x)
 
@@ -137,7 +137,7 @@ class FloatBuilder:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both solutions of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``."""
         e4, e5 = signs
         flip = (1, -1)[self._choose(2)]
         s4, c4 = flip * e5 * M[1][2], flip * e5 * M[0][2]

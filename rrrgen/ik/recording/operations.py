@@ -122,12 +122,12 @@ class _Counter:
     # -- inputs and values --------------------------------------------------------------------------------------------
 
     def pose(self) -> Rigid:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The target pose of the tip in the base frame."""
         x, y, z, t = (self._three() for _ in range(4))
         return Rigid((x, y, z), t)
 
     def point(self) -> Vector:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The target position of the tip in the base frame."""
         return self._three()
 
     def _three(self) -> Vector:
@@ -143,17 +143,17 @@ class _Counter:
         return variable
 
     def names(self, hint: str, v: Vector) -> Vector:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """A vector, kept under the names hint + x, y, z."""
         return (self.name(hint, v[0]), self.name(hint, v[1]), self.name(hint, v[2]))
 
     def sqrt(self, x: S) -> Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The square root of a quantity that cannot be negative."""
         return self.pool.call("root0", self.pool.of(x))
 
     # -- choices ------------------------------------------------------------------------------------------------------
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both angles with ``A cos(x) + B sin(x) = C``."""
         a, b, k = self.pool.of(A), self.pool.of(B), self.pool.of(C)
         if a.is_const and b.is_const:
             h = hypot(a.value, b.value)
@@ -174,20 +174,20 @@ class _Counter:
         return self._angle(joint, turn, 2 * self._turns[level])
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both square roots of ``radicand``."""
         big = self.pool.of(size) + (1e-6 * unit) * unit
         self._add(self._need(radicand, big), mul=int(not big.is_const), sqrt=1)
         return self._variable(self._opened())
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
         self._add(self._need(*k), quartics=1)
         level = self._opened()
         self._user(joint, self._variable(level))
         return Turn(self._variable(level), self._variable(level))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``."""
         level = self._need(*k)
         if len(k) == 3:
             self._add(level, mul=9, add=3, div=2, sqrt=1)
@@ -200,13 +200,13 @@ class _Counter:
     # -- single answers -----------------------------------------------------------------------------------------------
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The one angle ``atan2(s, c)``; the reference where both vanish."""
         level = self._need(s, c)
         self._add(level, mul=4, add=1, div=1, sqrt=1)
         return self._angle(joint, Turn(self._variable(level), self._variable(level)))
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`; limits of a free angle cost nothing where none is free."""
+        """The one angle about z that turns ``v`` onto ``u``; limits of a free angle cost nothing where none is free."""
         before, after = (self.name("", self.pool.call("sqrt", self.pool.of(square((*x[:2], 0))))) for x in (v, u))
         level = self._need(before * after, *between(v, u))
         a, b, g = (self._variable(level) for _ in range(3))
@@ -217,13 +217,13 @@ class _Counter:
         return turn
 
     def slide(self, joint: Joint, x: S) -> Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The displacement of a prismatic joint, or an angle that follows from others."""
         node = self.name("x", x)
         self._user(joint, node)
         return node
 
     def given(self, joint: Joint) -> Turn | Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The joint that the caller prescribes: the redundancy parameter."""
         raw = joint.sign * self._variable(0) + float(joint.offset)
         if not joint.revolute:
             return raw
@@ -234,7 +234,7 @@ class _Counter:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both solutions of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``."""
         e4, e5 = signs
         mx = (self.name("m", M[0][0]), self.name("m", M[1][0]), self.name("m", M[2][0]))
         level = self._need(M[0][2], M[1][2], M[2][2], *mx)
@@ -272,7 +272,7 @@ class _Counter:
         return flipped
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Quantities that vanish at a solution; a solution is kept only if they do."""
         if lengths:
             self._errors.append(self.pool.of(square(lengths) / (self._length * self._length)))
         if cosines:

@@ -68,7 +68,7 @@ class Recorder:
     # -- choices ------------------------------------------------------------------------------------------------------
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both angles with ``A cos(x) + B sin(x) = C``."""
         a, b, c = self._nodes(A, B, C)
         if a.is_const and b.is_const and a.value == b.value == 0.0:
             raise InternalError(f"the equation of joint {joint.index + 1} does not contain it")
@@ -78,21 +78,21 @@ class Recorder:
         return Turn(*results)
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both square roots of ``radicand``."""
         node, big = self._nodes(radicand, size)
         results = self._variables([hint], self._opened())
         self._steps.append(steps.SignedRoot(results, hint, node, big, joint, label, unit))
         return results[0]
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
         k0, k1, k2, k3, k4 = self._nodes(*k)
         results = self._turn(joint, self._opened())
         self._steps.append(steps.Quartic(results, joint, (k0, k1, k2, k3, k4), label))
         return Turn(*results)
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`; degree 1 is no choice."""
+        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``; degree 1 is no choice."""
         nodes = self._nodes(*k)
         if len(nodes) == 2:
             return self.slide(joint, -nodes[0] / nodes[1])
@@ -103,14 +103,14 @@ class Recorder:
     # -- single answers -----------------------------------------------------------------------------------------------
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The one angle ``atan2(s, c)``; the reference where both vanish."""
         nodes = self._nodes(s, c)
         results = self._turn(joint, _deepest(nodes))
         self._steps.append(steps.Direction(results, joint, *nodes))
         return Turn(*results)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z."""
         vx, vy, vz, ux, uy, uz = self._nodes(*v, *u)
         bounds = None
         if feasible is not None:
@@ -121,14 +121,14 @@ class Recorder:
         return Turn(*results)
 
     def slide(self, joint: Joint, x: S) -> Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The displacement of a prismatic joint, or an angle that follows from others."""
         node = self.pool.of(x)
         results = self._displacement(joint, node.level)
         self._steps.append(steps.Slide(results, joint, node))
         return results[0]
 
     def given(self, joint: Joint) -> Turn | Scalar:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The joint that the caller prescribes: the redundancy parameter."""
         results = self._turn(joint, 0) if joint.revolute else self._displacement(joint, 0)
         self._steps.append(steps.Given(results, joint))
         return Turn(*results) if joint.revolute else results[0]
@@ -136,7 +136,7 @@ class Recorder:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both solutions of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``."""
         ax, ay, az, bx, by, bz = self._nodes(*(row[0] for row in M), *(row[2] for row in M))
         level = self._opened()
         turns = [self._turn(joint, level) for joint in joints]
@@ -145,7 +145,7 @@ class Recorder:
         return Turn(*turns[0]), Turn(*turns[1]), Turn(*turns[2])
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Quantities that vanish at a solution; a solution is kept only if they do."""
         self._steps.append(steps.Residual((), self._nodes(*lengths), self._nodes(*cosines)))
 
     # -- variables ----------------------------------------------------------------------------------------------------

@@ -72,7 +72,7 @@ class Target(Step):
     kind: ClassVar[str] = "target"
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         if len(self.results) == 3:
             return b.point()
         pose = b.pose()
@@ -89,11 +89,11 @@ class Named(Step):
 
     @property
     def operands(self) -> Scalars:
-        """See :class:`Step`."""
+        """The scalars that this step needs."""
         return (self.value,)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         return (b.name(self.hint, read(self.value)),)
 
 
@@ -105,7 +105,7 @@ class _Decision(Step):
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """See :class:`Step`."""
+        """The joints whose values this step decides."""
         return (self.joint,)
 
 
@@ -121,7 +121,7 @@ class Pair(_Decision):
 
     @property
     def operands(self) -> Scalars:
-        """See :class:`Step`."""
+        """The scalars that this step needs."""
         return self.equation if self.radicand is None else (*self.equation, self.radicand)
 
     @property
@@ -131,16 +131,16 @@ class Pair(_Decision):
 
     @property
     def stage(self) -> Stage:
-        """See :class:`Step`."""
+        """The choice of a root, if this step makes one."""
         return Stage(self.joint.index, self.label.name)
 
     @property
     def may_be_free(self) -> Joint | None:
-        """See :class:`Step`."""
+        """The joint that the target may leave open at this step."""
         return None if self.fixed else self.joint
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         A, B, C = map(read, self.equation)
         radicand = None if self.radicand is None else read(self.radicand)
         return tuple(b.pair(self.joint, A, B, C, label=self.label, unit=self.unit, radicand=radicand))
@@ -160,16 +160,16 @@ class SignedRoot(Step):
 
     @property
     def operands(self) -> Scalars:
-        """See :class:`Step`."""
+        """The scalars that this step needs."""
         return (self.radicand, self.size)
 
     @property
     def stage(self) -> Stage:
-        """See :class:`Step`."""
+        """The choice of a root, if this step makes one."""
         return Stage(self.joint.index, self.label.name)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         radicand, size = read(self.radicand), read(self.size)
         return (b.signed_root(self.hint, radicand, size=size, joint=self.joint, label=self.label, unit=self.unit),)
 
@@ -184,16 +184,16 @@ class Quartic(_Decision):
 
     @property
     def operands(self) -> Scalars:
-        """See :class:`Step`."""
+        """The scalars that this step needs."""
         return self.k
 
     @property
     def stage(self) -> Stage:
-        """See :class:`Step`."""
+        """The choice of a root, if this step makes one."""
         return Stage(self.joint.index, self.label.name, 4, 2)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         k0, k1, k2, k3, k4 = map(read, self.k)
         return tuple(b.quartic(self.joint, (k0, k1, k2, k3, k4), label=self.label))
 
@@ -209,17 +209,17 @@ class Polynomial(_Decision):
 
     @property
     def operands(self) -> Scalars:
-        """See :class:`Step`."""
+        """The scalars that this step needs."""
         return self.k
 
     @property
     def stage(self) -> Stage:
-        """See :class:`Step`."""
+        """The choice of a root, if this step makes one."""
         most = len(self.k) - 1
         return Stage(self.joint.index, self.label.name, most, 1 if most == 2 else 2)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         return (b.polynomial(self.joint, tuple(map(read, self.k)), label=self.label, unit=self.unit),)
 
 
@@ -233,16 +233,16 @@ class Direction(_Decision):
 
     @property
     def operands(self) -> Scalars:
-        """See :class:`Step`."""
+        """The scalars that this step needs."""
         return (self.s, self.c)
 
     @property
     def may_be_free(self) -> Joint:
-        """See :class:`Step`."""
+        """The joint that the target may leave open at this step."""
         return self.joint
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         return tuple(b.turn(self.joint, read(self.s), read(self.c)))
 
 
@@ -258,16 +258,16 @@ class Onto(_Decision):
 
     @property
     def operands(self) -> Scalars:
-        """See :class:`Step`."""
+        """The scalars that this step needs."""
         return (*self.v, *self.u, *(self.feasible or ()))
 
     @property
     def may_be_free(self) -> Joint:
-        """See :class:`Step`."""
+        """The joint that the target may leave open at this step."""
         return self.joint
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         bounds = None if self.feasible is None else Feasible(*map(read, self.feasible))
         return tuple(b.onto(self.joint, _vector(self.v, read), _vector(self.u, read), unit=self.unit, feasible=bounds))
 
@@ -281,11 +281,11 @@ class Slide(_Decision):
 
     @property
     def operands(self) -> Scalars:
-        """See :class:`Step`."""
+        """The scalars that this step needs."""
         return (self.value,)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         return (b.slide(self.joint, read(self.value)),)
 
 
@@ -296,7 +296,7 @@ class Given(_Decision):
     kind: ClassVar[str] = "given"
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         value = b.given(self.joint)
         return tuple(value) if isinstance(value, Turn) else (value,)
 
@@ -313,26 +313,26 @@ class Wrist(Step):
 
     @property
     def operands(self) -> Scalars:
-        """See :class:`Step`."""
+        """The scalars that this step needs."""
         return (*self.columns[0], *self.columns[1])
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """See :class:`Step`."""
+        """The joints whose values this step decides."""
         return self.three
 
     @property
     def stage(self) -> Stage:
-        """See :class:`Step`."""
+        """The choice of a root, if this step makes one."""
         return Stage(self.three[1].index, "wrist")
 
     @property
     def may_be_free(self) -> Joint:
-        """See :class:`Step`."""
+        """The joint that the target may leave open at this step."""
         return self.three[0]
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         (ax, ay, az), (bx, by, bz) = (_vector(column, read) for column in self.columns)
         turns = b.wrist(self.three, ((ax, 0, bx), (ay, 0, by), (az, 0, bz)), self.signs)
         return tuple(value for turn in turns for value in turn)
@@ -348,11 +348,11 @@ class Residual(Step):
 
     @property
     def operands(self) -> Scalars:
-        """See :class:`Step`."""
+        """The scalars that this step needs."""
         return (*self.lengths, *self.cosines)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """See :class:`Step`."""
+        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
         b.residual(tuple(map(read, self.lengths)), tuple(map(read, self.cosines)))
         return ()
 

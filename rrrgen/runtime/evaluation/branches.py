@@ -104,13 +104,13 @@ class _Path:
     # -- inputs and values --------------------------------------------------------------------------------------------
 
     def pose(self) -> Rigid:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The target pose of the tip in the base frame."""
         T = self._query.T
         x, y, z = ((T[4 * i], T[4 * i + 1], T[4 * i + 2]) for i in range(3))
         return Rigid((x, y, z), (T[3], T[7], T[11]))
 
     def point(self) -> Vector:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The target position of the tip in the base frame."""
         T = self._query.T
         return (T[0], T[1], T[2]) if len(T) == 3 else (T[3], T[7], T[11])
 
@@ -123,7 +123,7 @@ class _Path:
         return v
 
     def sqrt(self, x: S) -> S:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The square root of a quantity that cannot be negative."""
         return sqrt(max(float(x), 0.0))
 
     # -- choices ------------------------------------------------------------------------------------------------------
@@ -140,7 +140,7 @@ class _Path:
         return self.script[k]
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both angles with ``A cos(x) + B sin(x) = C``."""
         if joint.index in self._plan.equations.fixed_pairs:
             h = hypot(A, B)
             k = C / h
@@ -157,20 +157,20 @@ class _Path:
         return turn
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both square roots of ``radicand``."""
         found = root(float(radicand), float(size) + 1e-6 * unit * unit, self._settings)
         self._flags |= found.flags
         return found.values[0] * (1, -1)[self._choose(found.count)] * label.positive
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
         angles, numbers = quartic([float(x) for x in k], self._settings)
         x = angles[self._choose(len(angles), numbers)]
         self._user(joint, x)
         return Turn(cos(x), sin(x))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``."""
         numbers_k = [float(x) for x in k]
         if len(k) == 3:
             roots, numbers, flags = quadratic(numbers_k, unit, self._settings)
@@ -185,7 +185,7 @@ class _Path:
     # -- single answers -----------------------------------------------------------------------------------------------
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The one angle ``atan2(s, c)``; the reference where both vanish."""
         turn = self._directed(joint, float(c), float(s))
         self._angle(joint, turn)
         return turn
@@ -200,7 +200,7 @@ class _Path:
         return found
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z."""
         before, after = (hypot(x[0], x[1]) for x in (v, u))
         (a, b), size = between(v, u), before * after
         flags = 0
@@ -217,12 +217,12 @@ class _Path:
         return turn
 
     def slide(self, joint: Joint, x: S) -> S:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The displacement of a prismatic joint, or an angle that follows from others."""
         self._user(joint, float(x))
         return float(x)
 
     def given(self, joint: Joint) -> Turn | S:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """The joint that the caller prescribes: the redundancy parameter."""
         raw = joint.sign * self._query.given + float(joint.offset)
         if joint.index < self._n:
             self._values[joint.index] = self._query.given
@@ -231,7 +231,7 @@ class _Path:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Both solutions of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``."""
         e4, e5 = signs
         c4, s4 = e5 * M[0][2], e5 * M[1][2]
         c5, s5 = -e4 * e5 * M[2][2], hypot(c4, s4)
@@ -252,7 +252,7 @@ class _Path:
         return turns
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """See :class:`rrrgen.ik.recording.builder.Builder`."""
+        """Quantities that vanish at a solution; a solution is kept only if they do."""
         if lengths:
             self._errors.append(sum(x * x for x in lengths) / self._length**2)
         if cosines:
