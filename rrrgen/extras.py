@@ -18,6 +18,8 @@ EXTRAS = {
     "rosbags": "logs",
     "dask": "cluster",
     "distributed": "cluster",
+    "control": "response",
+    "nfoursid": "response",
 }
 """Top-level module -> the extra of pyproject.toml that installs it."""
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.response.controller import Complex
-from rrrgen.response.distortion import Finding
+from rrrgen.response.estimators.distortion import Finding
 
 WIDEST_BAND = 0.1  # relative radius beyond which a line is not trusted
 LEAST_COHERENCE = 0.1
@@ -84,25 +84,28 @@ class FrequencyResponse:
         }
 
 
-def read_frf(path: Path) -> FrequencyResponse:
-    """A ``frf.json`` of `rrrgen frf`; raises :class:`InputError` where it is none."""
+def read_responses(path: Path) -> list[FrequencyResponse]:
+    """The responses of a ``frf.json`` of `rrrgen frf`, one for every posture; raises :class:`InputError` where it is
+    none.
+    """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        columns = {
-            key: np.array(found[key], float) for key in ("frequency", "re", "im", "variance", "band95", "coherence")
-        }
-        findings = tuple(Finding(**each) for each in found["verdict"]["findings"])
-        independent = float(found["independent_share"])
-        period, name, method = float(found["sampling_period"]), str(found["name"]), str(found["method"])
+        return [_of_json(each) for each in found.get("postures", [found])]
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is no frequency response of `rrrgen frf`: {error!r}") from None
+
+
+def _of_json(found: dict[str, Any]) -> FrequencyResponse:
+    names = ("frequency", "re", "im", "variance", "band95", "coherence")
+    columns = {key: np.array(found[key], float) for key in names}
+    independent, period = float(found["independent_share"]), float(found["sampling_period"])
     if len({len(column) for column in columns.values()}) > 1 or not (period > 0.0 and 0.0 < independent <= 1.0):
-        raise InputError(f"{path} is no frequency response of `rrrgen frf`: columns of different length, or no period")
+        raise ValueError("columns of different length, or no period")
     return FrequencyResponse(
-        name=name,
-        method=method,
+        name=str(found["name"]),
+        method=str(found["method"]),
         frequency=columns["frequency"],
         P=columns["re"] + 1j * columns["im"],
         variance=columns["variance"],
@@ -110,5 +113,5 @@ def read_frf(path: Path) -> FrequencyResponse:
         coherence=columns["coherence"],
         period=period,
         independent=independent,
-        findings=findings,
+        findings=tuple(Finding(**each) for each in found["verdict"]["findings"]),
     )

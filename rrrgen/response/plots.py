@@ -10,17 +10,58 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.response.controller import Complex
 from rrrgen.response.frequency_response import FrequencyResponse
+from rrrgen.response.models.postures import modes_over_postures
+from rrrgen.response.models.response_model import ResponseModel
 from rrrgen.runs.figures import new_figure, style_axes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+CURVE = 2000  # points of a model's curve
+
+
+def plot_models(measured: Sequence[FrequencyResponse], models: Sequence[ResponseModel]) -> Figure:
+    """Measured responses and the curves of the models fitted to them."""
+    low, high = (pick([pick(each.frequency) for each in measured]) for pick in (min, max))
+    frequency = np.geomspace(low, high, CURVE)
+    return plot_responses(measured, [("model", frequency, each.response(frequency)) for each in models])
+
+
+def plot_resonances(models: Sequence[ResponseModel]) -> Figure:
+    """Frequencies and dampings of the modes over the postures, bars of two standard deviations."""
+    modes = modes_over_postures(models)
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    figure, axes = new_figure(2, 1, 5.4, max(6.0, 1.6 + 1.1 * len(models)), sharex=True)
+    place = {model.name: k for k, model in enumerate(models)}
+    for number, mode in enumerate(modes):
+        at = [place[name] for name in mode.found]
+        style = {"color": f"C{number % 10}", "marker": "o", "markersize": 3.5, "linewidth": 0.9, "capsize": 3}
+        for axis, values, stds in (
+            (axes[0], mode.frequencies, [each.frequency_std for each in mode.found.values()]),
+            (axes[1], mode.dampings, [each.damping_std for each in mode.found.values()]),
+        ):
+            axis.errorbar(at, values, yerr=[2.0 * (std or 0.0) for std in stds], **style)
+    for axis, label in ((axes[0], "frequency (Hz)"), (axes[1], "damping ratio")):
+        style_axes(axis, "", label)
+        axis.set_yscale("log")
+        axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+        axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.minorticks_off()
+        axis.margins(x=0.15, y=0.15)
+    axes[1].set_xticks(range(len(models)), [model.name for model in models])
+    return figure
+
+
 def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[str, Array, Complex]] = ()) -> Figure:
-    """Magnitude (dB), phase (deg) and coherence over frequency; ``models`` (label, Hz, response) as dashed lines.
+    """Magnitude (dB), phase (deg), coherence over frequency; ``models`` (label, Hz, response) as dashed lines,
+    each label once.
 
     Bands hold the true response with 95 %; lines that are not trusted are drawn light.
     """
+    from matplotlib.ticker import FuncFormatter
+
     figure, (magnitude, phase, coherence) = new_figure(
         3, 1, 7.2, 7.0, sharex=True, gridspec_kw={"height_ratios": [2.2, 1.6, 0.8]}
     )
@@ -37,13 +78,15 @@ def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[st
             axis.plot(each.frequency, np.where(each.trusted, values, np.nan), color=color, linewidth=1.1)
             axis.plot(each.frequency, values, color=color, linewidth=0.7, alpha=0.4)
         magnitude.plot([], [], color=color, label=each.name if len(found) > 1 else "estimate, 95 % band")
+    style = {"color": "k", "linewidth": 0.9, "linestyle": "--"}
     for number, (label, frequency, P) in enumerate(models):
-        style = {"color": "k" if len(models) == 1 else f"C{number + 3}", "linewidth": 0.9, "linestyle": "--"}
-        magnitude.plot(frequency, 20.0 * np.log10(np.abs(P)), label=label, **style)
+        known = label in (other for other, _, _ in models[:number])
+        magnitude.plot(frequency, 20.0 * np.log10(np.abs(P)), label=None if known else label, **style)
         phase.plot(frequency, _phase(P), **style)
     if any(not each.trusted.all() for each in found):
         magnitude.plot([], [], color="0.3", alpha=0.4, linewidth=0.7, label="not trusted")
     magnitude.set_xscale("log")
+    coherence.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     style_axes(magnitude, "", "magnitude (dB)")
     style_axes(phase, "", "phase (deg)")
     style_axes(coherence, "frequency (Hz)", "coherence")

@@ -8,8 +8,8 @@ from click.testing import CliRunner
 
 from rrrgen.cli.main import cli, run
 from rrrgen.errors import DerivationError, InputError
-from rrrgen.response.estimate import combine, estimate_one
-from rrrgen.response.frequency_response import read_frf
+from rrrgen.response.estimators.estimate import combine, estimate_one
+from rrrgen.response.frequency_response import read_responses
 from rrrgen.response.response_file import loads_response, read_recordings
 from samples.flexible_joint import CONTROLLER, PERIOD, flexible_joint, multisine, record
 
@@ -136,7 +136,7 @@ def test_command_writes_the_response_and_its_figure(periodic, tmp_path):
     assert found["method"].startswith("local_polynomial")
     assert np.allclose(np.array(found["frequency"]), 0.5 + 0.5 * np.arange(400))
     assert (tmp_path / "run/figures/frf.png").is_file()
-    again = read_frf(tmp_path / "run/results/frf.json")
+    (again,) = read_responses(tmp_path / "run/results/frf.json")
     assert np.allclose(again.P, np.array(found["re"]) + 1j * np.array(found["im"]))
 
 

@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 from rrrgen.cli.main import run
-from rrrgen.control.difference_equation import difference_equation_program
 from rrrgen.errors import DerivationError, InputError
-from rrrgen.program.evaluate import evaluate
-from rrrgen.response.difference_models import arx, fit_difference_model, free_run, plant_of_loop
-from rrrgen.response.estimate import estimate_one
-from rrrgen.response.modal_fit import fit_modes
+from rrrgen.response.estimators.estimate import estimate_one
+from rrrgen.response.models.difference_models import arx, fit_difference_model, free_run, plant_of_loop
+from rrrgen.response.models.modal_fit import fit_modes
+from rrrgen.response.models.response_model import ResponseModel
 from rrrgen.response.response_file import ResponseRecording
-from rrrgen.response.response_model import ResponseModel
 from samples.flexible_joint import CONTROLLER, MODES, PERIOD, flexible_joint, multisine, record
 
 TWO_MODES = (np.array([2.6, -2.9, 1.78, -0.55]), np.array([0.5, -0.3, 0.1]))
@@ -106,18 +104,6 @@ def test_plant_follows_from_the_loop_and_its_controller():
     closed = np.pad(closed, (0, size - len(closed))) + np.pad(added, (0, size - len(added)))
     a, b = plant_of_loop(-closed[1:], np.convolve(P.b, D), P.delay, CONTROLLER)
     assert np.allclose(ResponseModel("", a, b, P.delay, PERIOD).response(f), P.response(f))
-
-
-def test_step_of_the_program_is_the_difference_equation():
-    a, b = TWO_MODES
-    model = ResponseModel("", a, b, 2, PERIOD)
-    program = difference_equation_program(model.numerator.tolist(), model.denominator.tolist(), PERIOD)
-    u = np.random.default_rng(0).standard_normal(40)
-    x, found = np.zeros(4), []
-    for value in u:
-        y, x = evaluate(program, value, x)
-        found.append(float(y))
-    assert np.allclose(found, simulated(a, b, 2, u), rtol=0, atol=1e-12)
 
 
 def write(folder, recording):

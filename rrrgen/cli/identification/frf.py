@@ -36,7 +36,7 @@ def frf(log: Path, output: Path, method: str, fresh: bool, as_json: bool) -> int
       rrrgen frf joint1.yaml -o runs/response
     """
     require("rrrgen frf", "scipy", "matplotlib")
-    from rrrgen.response.estimate import estimate_responses
+    from rrrgen.response.estimators.estimate import estimate_responses
     from rrrgen.response.plots import plot_responses
     from rrrgen.response.response_file import load_response
     from rrrgen.runs.run_folder import RunFolder, plain

@@ -13,12 +13,13 @@ from rrrgen.cli.identification.workflow import output_option
 from rrrgen.extras import require
 
 if TYPE_CHECKING:
-    from rrrgen.response.frequency_response import FrequencyResponse
-    from rrrgen.response.response_file import ResponseFile
-    from rrrgen.response.response_model import ResponseModel
+    from collections.abc import Sequence
+
+    from rrrgen.program import Program
+    from rrrgen.response.models.fitting import FittedModels
+    from rrrgen.response.models.response_model import Resonance, ResponseModel
 
 METHODS = ("auto", "modes", "arx", "output_error", "indirect")
-CURVE = 2000  # points of the model's curve in the figure
 
 
 def _rows(ctx: click.Context, parameter: click.Parameter, value: str | None) -> tuple[int, int] | None:
@@ -43,8 +44,9 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
     """Fit a linear model with its resonances to a recording (response file) or to a frf.json of `rrrgen frf`.
 
     auto fits modes to the frequency response where the recording has an excitation beside the input (a closed loop),
-    and otherwise a difference equation: ARX or output error. Orders are chosen within the rows to fit. Writes
-    results/response_model.json, C of one step of the model, and a figure.
+    and otherwise a difference equation: ARX or output error. Orders are chosen within the rows to fit. Several postures
+    get a model each. Writes results/response_model.json, C of one step of the model in state space, and figures. Exits
+    with 1 where the response of a posture cannot be trusted.
 
     \b
     Example:
@@ -52,86 +54,92 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
       rrrgen response-model arm.yaml --fit-rows 1:512 -o runs/model
     """
     require("rrrgen response-model", "scipy", "matplotlib")
-    import numpy as np
-
     from rrrgen.backends.c.functions import function_files
-    from rrrgen.control.difference_equation import difference_equation_program
-    from rrrgen.response.modal_fit import fit_modes
-    from rrrgen.response.plots import plot_responses
+    from rrrgen.response.models.fitting import fit_recordings, fit_responses
+    from rrrgen.response.plots import plot_models, plot_resonances
     from rrrgen.response.response_file import load_response
     from rrrgen.runs.run_folder import RunFolder, plain
 
     rows, method = options["fit_rows"], options["method"]
     inputs = {"log": str(log)}
-    measured: list[FrequencyResponse] = []
     if log.suffix.lower() == ".json":
-        from rrrgen.response.frequency_response import read_frf
+        from rrrgen.response.frequency_response import read_responses
 
         if rows is not None or method not in ("auto", "modes"):
             raise click.UsageError("a frequency response has no rows, and takes --method modes")
-        measured = [read_frf(log)]
-        model = fit_modes(measured[0])
+        found = fit_responses(read_responses(log))
     else:
         response = load_response(log)
         inputs |= {f"file {source.name}": str(source.path) for source in response.files}
-        model, measured = _of_recording(response, rows, method)
+        found = fit_recordings(response, rows, method)
     settings = {"fit_rows": rows, "method": method, "real": options["real"]}
-    step = difference_equation_program(model.numerator.tolist(), model.denominator.tolist(), model.period)
+    record = found.to_json()
     with RunFolder(output, "response-model", inputs, settings, 0, options["fresh"]) as folder:
-        folder.write_json("response_model.json", model.to_json())
-        for name, text in function_files("response_model", "a linear model", [step], options["real"]).items():
+        folder.write_json("response_model.json", record)
+        for name, text in function_files(
+            "response_model", "a linear model", _programs(found.models), options["real"]
+        ).items():
             folder.write_text(name, text)
-        if measured:
-            frequency = np.geomspace(measured[0].frequency[0], measured[0].frequency[-1], CURVE)
-            folder.figure("response_model", plot_responses(measured, [("model", frequency, model.response(frequency))]))
+        if found.measured:
+            folder.figure("response_model", plot_models(found.measured, found.models))
+        if len(found.models) > 1:
+            folder.figure("resonances", plot_resonances(found.models))
     if as_json:
-        print_json(plain(model.to_json()))
+        print_json(plain(record))
     else:
-        _print(model)
-    return 0
+        _print(found, record)
+    return 1 if found.refused else 0
 
 
-def _of_recording(
-    response: ResponseFile, rows: tuple[int, int] | None, method: str
-) -> tuple[ResponseModel, list[FrequencyResponse]]:
-    """The model of the first recording, and its frequency response where there is one."""
-    from rrrgen.errors import DerivationError
-    from rrrgen.response.difference_models import fit_difference_model
-    from rrrgen.response.estimate import estimate_one
-    from rrrgen.response.modal_fit import fit_modes
-    from rrrgen.response.response_file import read_recordings
+def _programs(models: Sequence[ResponseModel]) -> list[Program]:
+    """One step of every model: ``step``, or ``step_<posture>`` where there are several."""
+    from rrrgen.control.linear_step import state_space_program
 
-    records = read_recordings(response)
-    if len(records) > 1:
-        raise click.UsageError("several recordings: fit the frf.json of `rrrgen frf`, or name one file in LOG")
-    record = records[0]
-    closed = response.excitation is not None and bool((record.n != record.u).any())
-    if method == "modes" or (method == "auto" and closed and rows is None):
-        found = estimate_one(record, response.period)
-        return fit_modes(found), [found]
-    model = fit_difference_model(record, rows, method, response.controller)
-    try:
-        return model, [estimate_one(record, response.period)]
-    except DerivationError:  # too short for a frequency response to show beside the model
-        return model, []
+    programs, names = [], set[str]()
+    for model in models:
+        name = re.sub(r"\W", "_", f"step_{model.name}") if len(models) > 1 else "step"
+        while name in names:
+            name += "_"
+        names.add(name)
+        found = model.state_space()
+        A, B, C = found.A.tolist(), found.B.tolist(), found.C.tolist()
+        title = f"the linear model of {model.name}" if len(models) > 1 else "a linear model"
+        programs.append(state_space_program(A, B, C, found.D, model.period, name, title))
+    return programs
 
 
-def _print(model: ResponseModel) -> None:
-    """Order, score and resonances in words."""
+def _print(found: FittedModels, record: dict[str, Any]) -> None:
+    """Orders, scores and resonances in words."""
+    for model in found.models:
+        _print_model(model)
+    for name, reason in found.refused.items():
+        click.echo(f"no model of {name}: {reason}")
+    for mode in record.get("resonances_over_postures", ()):
+        (low, high), (least, most) = mode["frequency"], mode["damping"]
+        click.echo(
+            f"over {len(mode['postures'])} postures: {low:.4g} to {high:.4g} Hz, damping {least:.3g} to {most:.3g}"
+        )
+
+
+def _print_model(model: ResponseModel) -> None:
     fit = model.fit
-    click.echo(f"{model.method}: order {len(model.a)}, delay {model.delay} samples")
+    click.echo(f"{model.name}: {model.method}, order {len(model.a)}, delay {model.delay} samples")
     click.echo(f"fit {fit['value']:.2f} %: {fit['protocol']}")
     if "scored_rows" in fit:
         first, last = fit["scored_rows"]
         click.echo(f"  scored on rows {first}:{last}{'' if fit['held_out'] else ', which were fitted'}")
     for mode in model.resonances:
-        told = [
-            f"{value:.4g} +- {std:.2g}" if std is not None else f"{value:.4g}"
-            for value, std in ((mode.frequency, mode.frequency_std), (mode.damping, mode.damping_std))
-        ]
-        click.echo(f"  resonance {told[0]} Hz, damping {told[1]}")
+        click.echo(f"  resonance {_told(mode)}")
     click.echo("candidates:")
     for row in model.table:
         click.echo(
             "  " + "  ".join(f"{key} {v:.5g}" if isinstance(v, float) else f"{key} {v}" for key, v in row.items())
         )
+
+
+def _told(mode: Resonance) -> str:
+    frequency, damping = (
+        f"{value:.4g} +- {std:.2g}" if std is not None else f"{value:.4g}"
+        for value, std in ((mode.frequency, mode.frequency_std), (mode.damping, mode.damping_std))
+    )
+    return f"{frequency} Hz, damping {damping}"

@@ -8,7 +8,13 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.response.controller import Complex
-from rrrgen.response.local_polynomial import LineEstimates, between_harmonics, regress_window, spectrum, whole_periods
+from rrrgen.response.estimators.local_polynomial import (
+    LineEstimates,
+    between_harmonics,
+    regress_window,
+    spectrum,
+    whole_periods,
+)
 from rrrgen.response.response_file import ResponseRecording
 
 NEIGHBOURS = 4  # lines at either side of the smooth curve through a response

@@ -9,9 +9,9 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError, InputError
-from rrrgen.response.averaged_spectra import averaged_spectra
 from rrrgen.response.controller import Complex, Controller
-from rrrgen.response.distortion import (
+from rrrgen.response.estimators.averaged_spectra import averaged_spectra
+from rrrgen.response.estimators.distortion import (
     LARGEST_RATIO,
     MATERIAL,
     Finding,
@@ -19,9 +19,9 @@ from rrrgen.response.distortion import (
     check_friction,
     check_repetition,
 )
-from rrrgen.response.excitation_period import samples_of
+from rrrgen.response.estimators.excitation_period import samples_of
+from rrrgen.response.estimators.local_polynomial import LineEstimates, noise_lines, periodic_lines
 from rrrgen.response.frequency_response import FrequencyResponse
-from rrrgen.response.local_polynomial import LineEstimates, noise_lines, periodic_lines
 from rrrgen.response.response_file import ResponseFile, ResponseRecording, read_recordings
 
 METHODS = ("local_polynomial", "instrumental", "direct", "indirect")

@@ -9,7 +9,7 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 from rrrgen.response.controller import Complex
-from rrrgen.response.local_polynomial import excited_lines, whole_periods
+from rrrgen.response.estimators.local_polynomial import excited_lines, whole_periods
 from rrrgen.response.response_file import ResponseRecording
 
 SEGMENTS = 10  # of Hann windows without their overlap, in a record of noise

@@ -16,7 +16,7 @@ from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 from rrrgen.response.controller import Complex
 from rrrgen.response.frequency_response import FrequencyResponse
-from rrrgen.response.response_model import HIGHEST_DAMPING, Resonance, ResponseModel
+from rrrgen.response.models.response_model import HIGHEST_DAMPING, Resonance, ResponseModel
 
 MOST_MODES = 6
 DELAYS = (0, 1, 2, 3)
@@ -198,6 +198,7 @@ def _model(
         period=response.period,
         resonances=tuple(sorted(resonances, key=lambda each: each.frequency)),
         table=table,
+        name=response.name,
     )
     used = response.frequency[response.trusted]
     relative = np.abs(model.response(used) / lines.P - 1.0)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.extras import require
 from rrrgen.response.controller import Complex
+from rrrgen.response.models.state_space import StateSpace, realize
 
 SCHEMA = "rrrgen-response-model/1"
 HIGHEST_DAMPING = 0.3  # of what is called a resonance
@@ -31,7 +36,7 @@ class Resonance:
 class ResponseModel:
     """``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}``, i from 1, j from 0; ``period`` in s.
 
-    ``fit`` names its protocol; ``table`` holds one row per candidate.
+    ``fit`` names its protocol; ``table`` holds one row per candidate; ``name`` is that of the recording or posture.
     """
 
     method: str
@@ -42,6 +47,7 @@ class ResponseModel:
     resonances: tuple[Resonance, ...] = ()
     fit: dict[str, Any] = field(default_factory=dict)
     table: tuple[dict[str, Any], ...] = ()
+    name: str = ""
 
     @property
     def denominator(self) -> Array:
@@ -59,10 +65,26 @@ class ResponseModel:
         powers = np.polynomial.polynomial.polyval
         return np.asarray(powers(z, self.numerator) / powers(z, self.denominator))
 
+    def state_space(self) -> StateSpace:
+        """The same model in state space, a block per mode."""
+        return realize(self.numerator, self.denominator)
+
+    def to_control(self) -> Any:
+        """The model as a ``control.StateSpace`` of python-control (extra ``response``), with its sampling period.
+
+        Raises :class:`MissingExtraError` where python-control is not installed.
+        """
+        require("the export to python-control", "control")
+        import control
+
+        found = self.state_space()
+        return control.ss(found.A, found.B[:, None], found.C[None, :], [[found.D]], self.period, name=self.name or None)
+
     def to_json(self) -> dict[str, Any]:
         """What ``results/response_model.json`` holds."""
         return {
             "schema": SCHEMA,
+            "name": self.name,
             "method": self.method,
             "equation": "y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}, i from 1, j from 0",
             "sampling_period": self.period,
@@ -70,10 +92,44 @@ class ResponseModel:
             "a": self.a,
             "b": self.b,
             "delay": self.delay,
+            "state_space": self.state_space().to_json(),
             "resonances": [vars(each) for each in self.resonances],
             "fit": self.fit,
             "candidates": list(self.table),
         }
+
+
+def read_response_models(path: str | Path) -> list[ResponseModel]:
+    """The models of a ``response_model.json`` of `rrrgen response-model`, one for every posture.
+
+    Raises :class:`InputError` where the file is none.
+    """
+    try:
+        found = json.loads(Path(path).read_text(encoding="utf-8"))
+        if found["schema"] != SCHEMA:
+            raise InputError(f"{path} is no response model of `rrrgen response-model`: schema {found['schema']!r}")
+        return [_of_json(each) for each in found.get("postures", [found])]
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is no response model of `rrrgen response-model`: {error!r}") from None
+
+
+def _of_json(found: dict[str, Any]) -> ResponseModel:
+    a, b = np.array(found["a"], float), np.array(found["b"], float)
+    period, delay = float(found["sampling_period"]), int(found["delay"])
+    if a.ndim != 1 or b.ndim != 1 or not period > 0.0 or delay < 0 or not np.all(np.isfinite([*a, *b])):
+        raise ValueError("coefficients, delay or sampling period")
+    return ResponseModel(
+        method=str(found["method"]),
+        a=a,
+        b=b,
+        delay=delay,
+        period=period,
+        resonances=tuple(Resonance(**each) for each in found["resonances"]),
+        fit=dict(found["fit"]),
+        name=str(found["name"]),
+    )
 
 
 def poles_to_modes(a: Array, period: float) -> Array:

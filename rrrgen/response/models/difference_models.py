@@ -11,8 +11,8 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.response.controller import Controller
+from rrrgen.response.models.response_model import ResponseModel, resonances_of
 from rrrgen.response.response_file import ResponseRecording
-from rrrgen.response.response_model import ResponseModel, resonances_of
 
 HIGHEST_ORDER = 20
 VALIDATION = 0.25  # of the rows to fit: the last ones choose the order
@@ -91,6 +91,7 @@ def fit_difference_model(
         resonances=resonances_of(a, covariance, record.period),
         fit=fit,
         table=tuple(table),
+        name=record.name,
     )
 
 

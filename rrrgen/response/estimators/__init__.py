@@ -1,0 +1,1 @@
+"""Estimators of frequency responses, and checks of what they were given."""

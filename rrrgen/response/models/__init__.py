@@ -1,0 +1,1 @@
+"""Linear models fitted to responses and recordings, with their resonances."""

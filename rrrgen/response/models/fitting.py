@@ -1,0 +1,71 @@
+"""From a recording or its frequency response to models: one for every posture, with what speaks against the others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.response.estimators.estimate import estimate_one, estimate_responses
+from rrrgen.response.frequency_response import FrequencyResponse
+from rrrgen.response.models.difference_models import fit_difference_model
+from rrrgen.response.models.modal_fit import fit_modes
+from rrrgen.response.models.postures import modes_over_postures
+from rrrgen.response.models.response_model import ResponseModel
+from rrrgen.response.response_file import ResponseFile, read_recordings
+
+
+@dataclass(frozen=True)
+class FittedModels:
+    """The models, the responses beside which they are drawn, and postures without a model: name and reason."""
+
+    models: list[ResponseModel]
+    measured: list[FrequencyResponse]
+    refused: dict[str, str]
+
+    def to_json(self) -> dict[str, Any]:
+        """What ``results/response_model.json`` holds: the first posture, and all of them where there are several."""
+        record = self.models[0].to_json()
+        if len(self.models) + len(self.refused) > 1:
+            record["postures"] = [model.to_json() for model in self.models]
+            record["resonances_over_postures"] = [mode.to_json() for mode in modes_over_postures(self.models)]
+            record["refused"] = self.refused
+        return record
+
+
+def fit_responses(measured: Sequence[FrequencyResponse]) -> FittedModels:
+    """Modes of every response that can be trusted. Raises :class:`DerivationError` where none can."""
+    models, refused = [], {}
+    for each in measured:
+        try:
+            models.append(fit_modes(each))
+        except DerivationError as error:
+            refused[each.name] = str(error)
+    if not models:
+        raise DerivationError("; ".join(refused.values()))
+    return FittedModels(models, list(measured), refused)
+
+
+def fit_recordings(response: ResponseFile, rows: tuple[int, int] | None, method: str) -> FittedModels:
+    """Models of the recordings of a response file by ``method``: auto, modes, arx, output_error or indirect.
+
+    "auto" fits modes to the frequency response where the recording has an excitation beside the input (a closed loop)
+    or there are several, and a difference equation otherwise.
+    """
+    records = read_recordings(response)
+    if len(records) > 1:
+        if rows is not None or method not in ("auto", "modes"):
+            raise InputError(
+                "several recordings are fitted by their frequency responses: rows or another method need one"
+            )
+        return fit_responses(estimate_responses(response))
+    record = records[0]
+    closed = response.excitation is not None and bool((record.n != record.u).any())
+    if method == "modes" or (method == "auto" and closed and rows is None):
+        return fit_responses([estimate_one(record, response.period)])
+    model = fit_difference_model(record, rows, method, response.controller)
+    try:
+        return FittedModels([model], [estimate_one(record, response.period)], {})
+    except DerivationError:  # too short for a frequency response to show beside the model
+        return FittedModels([model], [], {})

@@ -1,0 +1,67 @@
+"""Resonances over several postures: which mode of one is which of another, and how far they move."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.response.models.response_model import Resonance, ResponseModel
+
+FARTHEST = 0.4  # logarithm of the ratio of two frequencies of what may be one mode
+DAMPING_SHARE = 0.1  # weight of the logarithm of dampings beside that of frequencies
+
+
+@dataclass(frozen=True)
+class ModeOverPostures:
+    """One mode: its resonance by the name of every posture in which it was found."""
+
+    found: dict[str, Resonance]
+
+    @property
+    def frequencies(self) -> Array:
+        """Hz, (postures,)."""
+        return np.array([each.frequency for each in self.found.values()])
+
+    @property
+    def dampings(self) -> Array:
+        """Damping ratios (postures,)."""
+        return np.array([each.damping for each in self.found.values()])
+
+    def to_json(self) -> dict[str, Any]:
+        """The range over the postures, and every posture's own."""
+        return {
+            "frequency": [float(self.frequencies.min()), float(self.frequencies.max())],
+            "damping": [float(self.dampings.min()), float(self.dampings.max())],
+            "postures": {name: vars(each) for name, each in self.found.items()},
+        }
+
+
+def modes_over_postures(models: Sequence[ResponseModel]) -> list[ModeOverPostures]:
+    """The modes of all postures by frequency. A mode of one posture is that of the others whose frequency (and, less,
+    damping) is nearest by ratio, every mode at most once; what lies farther than 40 % is a mode of its own.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    modes: list[dict[str, Resonance]] = []
+    for model in sorted(models, key=lambda each: -len(each.resonances)):
+        own = list(model.resonances)
+        cost = np.array([[min(_distance(mode, each) for each in row.values()) for row in modes] for mode in own])
+        pairs = zip(*linear_sum_assignment(np.minimum(cost, 2.0 * FARTHEST)), strict=True) if modes and own else ()
+        matched = {int(i): int(j) for i, j in pairs if cost[i, j] < FARTHEST}
+        for i, mode in enumerate(own):
+            row = modes[matched[i]] if i in matched else {}
+            if i not in matched:
+                modes.append(row)
+            row[model.name] = mode
+    order = {model.name: place for place, model in enumerate(models)}
+    sorted_rows = [dict(sorted(row.items(), key=lambda item: order[item[0]])) for row in modes]
+    return sorted((ModeOverPostures(row) for row in sorted_rows), key=lambda each: float(each.frequencies.mean()))
+
+
+def _distance(one: Resonance, other: Resonance) -> float:
+    damping = abs(float(np.log(max(one.damping, 1e-4) / max(other.damping, 1e-4))))
+    return abs(float(np.log(one.frequency / other.frequency))) + DAMPING_SHARE * damping
