@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rrrgen.pipeline import compile, derive
     from rrrgen.robotfile import bundled_names, load_spec, loads_spec
     from rrrgen.runtime.model import Model
+    from rrrgen.runtime.online.estimator import online_estimator
 
 _HOMES = {
     "compile": "rrrgen.pipeline",
@@ -35,6 +36,7 @@ _HOMES = {
     "loads_spec": "rrrgen.robotfile",
     "bundled_names": "rrrgen.robotfile",
     "Model": "rrrgen.runtime.model",
+    "online_estimator": "rrrgen.runtime.online.estimator",
     "RrrgenError": "rrrgen.errors",
     "InputError": "rrrgen.errors",
     "DerivationError": "rrrgen.errors",
@@ -57,6 +59,7 @@ __all__ = [
     "derive",
     "load_spec",
     "loads_spec",
+    "online_estimator",
 ]
 
 

@@ -150,3 +150,50 @@ def test_a_motion_with_an_infinite_coefficient_is_refused(tmp_path):
     (tmp_path / "motion.json").write_text('{"q0": [0], "a": [[1e999]], "b": [[1]], "base_frequency_hz": 0.1}')
     arguments = ["controller", "pendulum", "--trajectory", str(tmp_path / "motion.json"), "-o", str(tmp_path / "out")]
     assert run_command(arguments) == InputError.exit_code
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_online_estimators_are_strict_c_and_cpp_without_heap(inputs, tmp_path, real):
+    folder, _ = inputs
+    kinds = ("--estimator", "rls", "--estimator", "gradient", "--trajectory", folder / "trajectory.json")
+    result = run(
+        "controller", "planar2r", *kinds, "--torque-noise", "0.2,0.1", "--real", real, "-o", tmp_path, "--json"
+    )
+    names = {f"planar2r_{kind}{suffix}" for kind in ("rls", "gradient") for suffix in (".h", ".c")}
+    assert names <= set(json.loads(result.output)["files"])
+    assert not any("malloc" in (tmp_path / name).read_text() for name in names)
+    sources = ["planar2r_rls.c", "planar2r_gradient.c"]
+    cpp = ["-std=c++11", "-x", "c++", *(flag for flag in FLAGS if flag != "-std=c99"), "-Werror"]
+    for command in (["gcc", *FLAGS, *STRICT], ["clang", *FLAGS, *STRICT], ["g++", *cpp], ["clang++", *cpp]):
+        try:
+            built = subprocess.run(
+                [*command, "-c", *sources], cwd=tmp_path, capture_output=True, text=True, check=False
+            )
+        except FileNotFoundError:
+            pytest.skip(f"{command[0]} is not installed")
+        assert built.returncode == 0, built.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (("--gain", "1"), "belongs to --estimator gradient"),
+        (("--estimator", "gradient", "--forgetting", "0.9"), "belongs to --estimator rls"),
+        (("--estimator", "gradient"), "needs --gain, or the --trajectory"),
+        (("--estimator", "rls", "--torque-noise", "0.1,0.2"), "neither one positive number nor 3"),
+        (("--estimator", "rls", "--torque-noise", "much"), "neither one positive number nor 3"),
+        (("--estimator", "rls", "--fix", "p4"), "not NAME=VALUE"),
+        (("--estimator", "rls", "--fix", "p99=1"), "no parameter of rrr"),
+    ],
+)
+def test_options_of_estimators_that_cannot_work_are_refused(tmp_path, options, reason):
+    with pytest.raises(Exception, match=reason):
+        run("controller", "rrr", *options, "-o", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_gain_above_the_bound_of_the_motion_is_refused(inputs, tmp_path):
+    folder, _ = inputs
+    options = ["--estimator", "gradient", "--gain", "1e6", "--trajectory", str(folder / "trajectory.json")]
+    assert run_command(["controller", "planar2r", *options, "-o", str(tmp_path / "out")]) == InputError.exit_code
+    assert not (tmp_path / "out").exists()

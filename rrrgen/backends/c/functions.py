@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.dialect import Dialect
@@ -16,17 +17,38 @@ from rrrgen.resources import render
 from rrrgen.version import VERSION
 
 
+@dataclass(frozen=True)
+class Extension:
+    """Code around the functions of programs: templates ``c/<template>.h.j2`` and ``.c.j2`` that extend the usual ones.
+
+    ``values`` are the variables of these templates.
+    """
+
+    template: str
+    values: Mapping[str, object]
+
+
 def function_files(
-    prefix: str, title: str, programs: Sequence[Program], real: Real, sincos: SinCos | None = None
+    prefix: str,
+    title: str,
+    programs: Sequence[Program],
+    real: Real,
+    sincos: SinCos | None = None,
+    extension: Extension | None = None,
 ) -> dict[str, str]:
     """``<prefix>.h`` and ``<prefix>.c`` with the C functions ``<prefix>_<program>``; ``title`` heads the header.
 
-    As in the code of the model, functions have no state, use no heap, and take the same operations for all data.
+    As in the code of the model, functions have no state, use no heap, and take the same operations for all data. An
+    ``extension`` adds types and functions that programs cannot express.
     """
     sincos = sincos or LibmSinCos()
     dialect = Dialect(prefix, real)
     functions = print_functions({program.name: program for program in programs}, dialect, sincos).values()
     printed = "\n".join(line for f in functions for line in (f.prototype, *f.explanation, *f.body))
+    header, source = "c/functions.h.j2", "c/source.c.j2"
+    if extension is not None:
+        header, source = f"c/{extension.template}.h.j2", f"c/{extension.template}.c.j2"
+        printed += repr(sorted(extension.values.items()))
     identity = Identity(hashlib.sha256(printed.encode()).hexdigest(), VERSION)
     opening = [
         f"{prefix}.h: {title}",
@@ -48,7 +70,8 @@ def function_files(
         ),
     ]
     values = {**naming(dialect, identity), "stem": prefix, "failures": (), "functions": functions}
+    values |= {} if extension is None else extension.values
     return {
-        f"{prefix}.h": render("c/functions.h.j2", **values, opening=opening),
-        f"{prefix}.c": render("c/source.c.j2", **values, preamble=preamble(programs, dialect, sincos)),
+        f"{prefix}.h": render(header, **values, opening=opening),
+        f"{prefix}.c": render(source, **values, preamble=preamble(programs, dialect, sincos)),
     }

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument
+from rrrgen.cli.identification.online_estimators import estimator_files_of, estimator_options
 from rrrgen.friction.laws import LAWS
 
 if TYPE_CHECKING:
@@ -33,20 +34,24 @@ if TYPE_CHECKING:
 @click.option(
     "--friction", type=click.Choice(list(LAWS)), multiple=True, help="Friction law to emit; repeat for several."
 )
+@estimator_options
 @real_option
 @json_option
 def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
-    """Write C99 code for the controller of an experiment: exciting motion, Kalman filter, friction compensation.
+    """Write C99 code for the controller of an experiment: motion, Kalman filter, friction, online estimation.
 
     --trajectory writes <name>_trajectory.h/.c, which evaluates the exciting motion at any instant; --tuning writes
     <name>_kalman.h/.c, one step of the Kalman filter at the controller's --rate; --friction writes
     <name>_friction.h/.c, the friction torques with their parameters as arguments, and the step of the state if the law
-    has one. The robot model itself is written by `rrrgen generate`.
+    has one. --estimator writes <name>_rls.h/.c or <name>_gradient.h/.c, which estimate the base parameters sample by
+    sample (14.21)-(14.23), and with them the drive inertias and the friction that the robot file states. The robot
+    model itself is written by `rrrgen generate`.
 
     \b
     Example:
       rrrgen controller rrr --trajectory runs/excitation/results/excitation.json -o firmware
       rrrgen controller rrr --tuning runs/motion/results/tuning.json --friction lugre --real float -o firmware
+      rrrgen controller rrr --estimator rls --fix p4=0 --fix p15=0 --torque-noise 0.2,0.1,0.05 -o firmware
     """
     from rrrgen.backends.c.functions import function_files
     from rrrgen.output import writer as emit
@@ -61,9 +66,9 @@ def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     if options["friction"]:
         programs = [program for law in options["friction"] for program in _friction(law, spec)]
         parts.append(("friction", f"friction in the joints of {spec.name}", programs))
-    if not parts:
-        raise click.UsageError("nothing to write: give --trajectory, --tuning or --friction")
-    files: dict[str, str] = {}
+    files = estimator_files_of(spec, options)
+    if not parts and not files:
+        raise click.UsageError("nothing to write: give --trajectory, --tuning, --friction or --estimator")
     for kind, title, programs in parts:
         files |= function_files(f"{spec.name}_{kind}", title, programs, options["real"])
     for name, text in files.items():

@@ -1,0 +1,45 @@
+"""The largest gain with which the gradient estimator is stable along a motion, and the gain to use."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rrrgen.control.estimation.programs import Regression
+from rrrgen.errors import InputError
+from rrrgen.program import evaluate
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+USUAL_SHARE = 0.1
+"""Share of the bound that averages the torque noise and still converges within some cycles of an exciting motion."""
+
+
+def gain_bound(regression: Regression, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> float:
+    """The bound ``2/max |Y|_2^2`` on ``alpha Ts`` of (14.23) along a motion (N, n).
+
+    Raises :class:`InputError` where the motion does not load the parameters at all.
+    """
+    import numpy as np
+
+    motion: list[Any] = [np.asarray(part, dtype=float) for part in (q, dq, ddq)]
+    Y = evaluate(regression.rows, *motion, np.zeros_like(motion[0]), 0.0)[0]
+    largest = float(np.max(np.linalg.norm(Y, 2, axis=(-2, -1))))
+    if not 0.0 < largest < np.inf:
+        raise InputError("the motion does not load the parameters: there is no gain for it")
+    return 2.0 / largest**2
+
+
+def chosen_gain(stated: float | None, bound: float | None) -> float:
+    """``alpha Ts``: the ``stated`` one if it is below the ``bound``, else a tenth of the bound.
+
+    Raises :class:`InputError` for a gain that is not below the bound, or if there is neither.
+    """
+    if stated is None and bound is None:
+        raise InputError("the gradient estimator needs a gain: state one, or a motion from which it is chosen")
+    if bound is not None and stated is not None and not 0.0 < stated < bound:
+        raise InputError(
+            f"the gradient estimator is unstable along this motion: alpha Ts = {stated:.4g} is not below "
+            f"2/max |Y|^2 = {bound:.4g}; a tenth of it, {USUAL_SHARE * bound:.4g}, averages the noise"
+        )
+    return stated if stated is not None else USUAL_SHARE * float(bound or 0.0)

@@ -1,0 +1,175 @@
+"""C code of the online estimators: the programs of the regression with the caller's state around them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+from rrrgen.backends import Real
+from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.functions import Extension, function_files
+from rrrgen.backends.comments import columns
+from rrrgen.control.estimation.programs import Regression
+from rrrgen.errors import InputError
+
+Kind = Literal["rls", "gradient"]
+KINDS: tuple[Kind, ...] = ("rls", "gradient")
+TITLES = {"rls": "recursive least squares with directional forgetting", "gradient": "gradient estimation"}
+
+DEFAULT_NOISE = 0.1
+DEFAULT_FORGETTING = 0.999
+DEFAULT_REST = 0.01
+DEFAULT_SPREAD = 10.0
+LARGEST = {"double": 1e150, "float": 1e15}
+NEGLIGIBLE = {"double": 1e-24, "float": 1e-12}
+"""Share of the noise variance below which a row says nothing about the parameters: the square of the rounding."""
+
+
+@dataclass(frozen=True)
+class EstimatorSettings:
+    """The start and the tuning of an online estimator with p parameters and n joints.
+
+    - ``start`` (p,): first parameters; those of the robot file if None, 0 without links.
+    - ``spread`` (p,): their standard deviations, for recursive least squares; if None ten times the largest nominal
+      parameter for all, 10 without links.
+    - ``noise`` (n, n): covariance of the torque noise, (N m)^2; 0.1 N m at every joint if None.
+    - ``forgetting``: factor of recursive least squares, in (0, 1]; 1 forgets nothing.
+    - ``gain``: alpha Ts of the gradient method.
+    - ``rest``: speed in rad/s (m/s) below which a joint is left out, because its friction is not known.
+    """
+
+    start: tuple[float, ...] | None = None
+    spread: tuple[float, ...] | None = None
+    noise: tuple[tuple[float, ...], ...] | None = None
+    forgetting: float = DEFAULT_FORGETTING
+    gain: float | None = None
+    rest: float = DEFAULT_REST
+
+    def completed(self, regression: Regression) -> Tuning:
+        """The numbers of an estimator, every default filled in; raises :class:`InputError` for impossible ones."""
+        p, n = len(regression.names), regression.joints
+        typical = max((abs(value) for value in regression.nominal or ()), default=0.0) or 1.0
+        found = Tuning(
+            start=self.start if self.start is not None else regression.nominal or (0.0,) * p,
+            spread=self.spread if self.spread is not None else (DEFAULT_SPREAD * typical,) * p,
+            noise=self.noise
+            if self.noise is not None
+            else tuple(tuple(DEFAULT_NOISE**2 * (i == j) for j in range(n)) for i in range(n)),
+            forgetting=self.forgetting,
+            gain=self.gain,
+            rest=self.rest,
+        )
+        faults = found.faults(p, n)
+        if faults:
+            raise InputError(f"online estimator: {'; '.join(faults)}")
+        return found
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """The settings of :class:`EstimatorSettings` as numbers."""
+
+    start: tuple[float, ...]
+    spread: tuple[float, ...]
+    noise: tuple[tuple[float, ...], ...]
+    forgetting: float
+    gain: float | None
+    rest: float
+
+    def faults(self, p: int, n: int) -> list[str]:
+        """What is impossible about these numbers for p parameters and n joints, in words."""
+        usable = {
+            f"the start needs {p} finite values": len(self.start) == p and all(map(math.isfinite, self.start)),
+            f"the standard deviations at the start are {p} values, finite and not negative": len(self.spread) == p
+            and all(math.isfinite(value) and value >= 0.0 for value in self.spread),
+            f"the forgetting factor lies in (0, 1], not {self.forgetting:g}": 0.0 < self.forgetting <= 1.0,
+            "the speed of a joint at rest is finite and not negative": math.isfinite(self.rest) and self.rest >= 0.0,
+            "the gain is finite and positive": self.gain is None or (math.isfinite(self.gain) and self.gain > 0.0),
+            f"the torque noise needs a symmetric, positive definite {n} x {n} covariance": _is_covariance(
+                self.noise, n
+            ),
+        }
+        return [fault for fault, holds in usable.items() if not holds]
+
+
+def _is_covariance(rows: Sequence[Sequence[float]], n: int) -> bool:
+    """Whether ``rows`` are a symmetric, positive definite (n, n) matrix, by elimination."""
+    if len(rows) != n or any(len(row) != n or not all(map(math.isfinite, row)) for row in rows):
+        return False
+    if any(rows[i][j] != rows[j][i] for i in range(n) for j in range(i)):
+        return False
+    left = [list(row) for row in rows]
+    for k in range(n):
+        if not left[k][k] > 0.0:
+            return False
+        for i in range(k + 1, n):
+            factor = left[i][k] / left[k][k]
+            left[i] = [a - factor * b for a, b in zip(left[i], left[k], strict=True)]
+    return True
+
+
+def estimator_files(regression: Regression, kind: Kind, settings: EstimatorSettings, real: Real) -> dict[str, str]:
+    """``<robot>_<kind>.h`` and ``.c``, C99 and C++: state of the caller, start and update.
+
+    Raises :class:`InputError` for impossible settings, or a gradient estimator without a gain.
+    """
+    prefix = f"{regression.robot}_{kind}"
+    chosen = settings.completed(regression)
+    if kind == "gradient" and chosen.gain is None:
+        raise InputError("the gradient estimator needs a gain")
+    values = _values(regression, kind, chosen, Dialect(prefix, real))
+    title = f"online estimation of {len(regression.names)} parameters of {regression.robot}, {TITLES[kind]}"
+    program = regression.rows if kind == "rls" else regression.gradient
+    return function_files(prefix, title, [program], real, extension=Extension(kind, values))
+
+
+def _values(regression: Regression, kind: Kind, chosen: Tuning, dialect: Dialect) -> dict[str, object]:
+    """The variables of the templates."""
+
+    def literal(value: float) -> str:
+        return dialect.literal(Fraction(value))
+
+    unit = "SI"
+    arguments = columns(
+        [
+            ("in", "q, dq, ddq", "rad | m, per s", "the motion at this sample, as the Kalman filter returns it"),
+            ("in", "tau", "N m | N", "measured torques, less friction compensated with known parameters"),
+            ("out", "e", "N m | N", _ERRORS[kind]),
+        ]
+    )
+    values: dict[str, object] = {
+        "n": regression.joints,
+        "p": len(regression.names),
+        "names": regression.names,
+        "zero": literal(0.0),
+        "one": literal(1.0),
+        "largest": literal(LARGEST[dialect.real]),
+        "negligible": literal(NEGLIGIBLE[dialect.real]),
+        "rest": literal(chosen.rest),
+        "arguments": arguments,
+    }
+    listed = zip(regression.names, chosen.start, chosen.spread, strict=True)
+    if chosen.gain is not None and kind == "gradient":
+        values |= {"initial": [literal(v) for v in chosen.start], "gain": literal(chosen.gain)}
+        values["start"] = columns(
+            [(f"p[{k}]", name, unit, f"{value:.9g}") for k, (name, value, _) in enumerate(listed)]
+        )
+        return values
+    values |= {
+        "initial": [(literal(v), literal(s * s)) for v, s in zip(chosen.start, chosen.spread, strict=True)],
+        "noise": [literal(v) for row in chosen.noise for v in row],
+        "forgetting": literal(chosen.forgetting),
+        "start": columns(
+            [(f"p[{k}]", name, unit, f"{value:.9g} +- {std:.4g}") for k, (name, value, std) in enumerate(listed)]
+        ),
+    }
+    return values
+
+
+_ERRORS = {
+    "rls": "measured minus model torque, before the update",
+    "gradient": "model minus measured torque, before the update",
+}

@@ -1,0 +1,87 @@
+"""Online estimators in Python: the emitted C with its state, or the same recursions in NumPy without a compiler.
+
+Equation numbers (14.x) are those of Kostic, de Jager and Steinbuch, Modeling and Identification for Robot Motion
+Control, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rrrgen.control.estimation.programs import Regression, regression
+from rrrgen.control.estimation.sources import EstimatorSettings, Kind
+from rrrgen.errors import InputError
+from rrrgen.runtime.model import Model
+from rrrgen.runtime.online.cores import CompiledCore, Core, NumpyGradient, NumpyLeastSquares
+
+Array = NDArray[Any]
+
+
+class OnlineEstimator:
+    """Estimates the parameters of a robot sample by sample, (14.21)-(14.23).
+
+    ``names`` are the p parameters. The gradient estimator has no covariance.
+    """
+
+    def __init__(self, setting: Regression, kind: Kind, core: Core) -> None:
+        self.kind, self.names, self._core, self._joints = kind, setting.names, core, setting.joints
+
+    @property
+    def parameters(self) -> Array:
+        """The present estimate (p,), SI."""
+        return np.array(self._core.parameters(), dtype=float)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the parameters, as far as the torque noise explains it; recursive least squares only."""
+        if self.kind != "rls":
+            raise ValueError("the gradient estimator has no covariance; use recursive least squares ('rls')")
+        return np.array(self._core.covariance(), dtype=float)
+
+    def update(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, tau: ArrayLike) -> Array:
+        """Take one sample (n,), or many in the order of time (N, n); returns the torque errors before each update.
+
+        ``tau`` are the measured torques less friction that is compensated with known parameters, N m (N). The errors
+        are measured minus model torque for recursive least squares, model minus measured for the gradient, (14.22).
+        Raises ValueError for wrong shapes.
+        """
+        arrays = [np.ascontiguousarray(value, dtype=self._core.dtype) for value in (q, dq, ddq, tau)]
+        if len({array.shape for array in arrays}) > 1 or arrays[0].ndim not in (1, 2):
+            shapes = ", ".join(str(array.shape) for array in arrays)
+            raise ValueError(f"q, dq, ddq and tau are all (n,) or all (N, n), not {shapes}")
+        if arrays[0].shape[-1] != self._joints:
+            raise ValueError(f"the robot has {self._joints} joints, the samples have {arrays[0].shape[-1]}")
+        rows = [array.reshape(-1, self._joints) for array in arrays]
+        errors = np.empty_like(rows[0])
+        for k in range(len(errors)):
+            q_k, dq_k, ddq_k, tau_k = (row[k] for row in rows)
+            self._core.update(q_k, dq_k, ddq_k, tau_k, errors[k])
+        return errors.reshape(arrays[0].shape)
+
+
+def online_estimator(
+    model: Model,
+    kind: Kind = "rls",
+    settings: EstimatorSettings | None = None,
+    fixed: Mapping[str, float] | None = None,
+) -> OnlineEstimator:
+    """An online estimator of the parameters of ``model``: "rls" or "gradient", with the parameters ``fixed`` known.
+
+    It runs the C of `rrrgen controller --estimator`, in the precision of the model; with a model of the NumPy backend
+    the same recursion in NumPy. Raises :class:`InputError` for settings that are impossible.
+    """
+    setting = regression(model.derived, fixed)
+    given = settings or EstimatorSettings()
+    chosen = given.completed(setting)
+    if kind == "gradient" and chosen.gain is None:
+        raise InputError("the gradient estimator needs a gain: alpha Ts of (14.23)")
+    core: Core
+    if model.engine.name == "c":
+        core = CompiledCore(setting, kind, given, "double" if model.engine.dtype == np.float64 else "float")
+    else:
+        core = NumpyLeastSquares(setting, chosen) if kind == "rls" else NumpyGradient(setting, chosen)
+    return OnlineEstimator(setting, kind, core)
