@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import click
 
@@ -26,9 +27,37 @@ class _WithFormats(click.Command):
 @click.option("--format", "form", metavar="FORMAT", help="One of those below; found from the content if not given.")
 @click.option("--name", help="Name of the robot, instead of the one in the file.")
 @click.option("--set", "values", multiple=True, metavar="NAME=VALUE", help="Value of a name in the file; repeat.")
+@click.option("--base", metavar="LINK", default="", help="URDF, MJCF: first link; the root if not given.")
+@click.option("--tip", metavar="LINK", default="", help="URDF, MJCF: last link; the only leaf if not given.")
+@click.option("--hold", "held", multiple=True, metavar="JOINT=VALUE", help="URDF, MJCF: hold a joint; repeat.")
+@click.option(
+    "--convention",
+    type=click.Choice(["standard", "modified"]),
+    default="standard",
+    show_default=True,
+    help="URDF, MJCF: Denavit-Hartenberg convention to write.",
+)
+@click.option(
+    "--angle-tolerance",
+    type=click.FloatRange(0, 0.01),
+    default=1e-5,
+    show_default=True,
+    metavar="RAD",
+    help="URDF, MJCF: angles this near to a multiple of 15 degrees are taken as exact.",
+)
 @click.option("--force", is_flag=True, help="Overwrite the file.")
 def import_robot(
-    file: Path, output: Path | None, form: str | None, name: str | None, values: tuple[str, ...], force: bool
+    file: Path,
+    output: Path | None,
+    form: str | None,
+    name: str | None,
+    values: tuple[str, ...],
+    base: str,
+    tip: str,
+    held: tuple[str, ...],
+    convention: Literal["standard", "modified"],
+    angle_tolerance: float,
+    force: bool,
 ) -> None:
     """Write a robot file from a file of another program.
 
@@ -38,11 +67,16 @@ def import_robot(
     \b
     Examples:
       rrrgen import RX90.par --set D3=450mm --set RL4=450mm --set G3=-9.81
-      rrrgen import arm.par --format symoro -o my_arm.yaml
+      rrrgen import panda.urdf --tip panda_link8 -o panda.yaml
+      rrrgen import cell.xml --tip tool --hold rail=250mm
     """
     from rrrgen.robotfile.importers.importing import import_robot as read
+    from rrrgen.robotfile.importers.importing import parse_value
+    from rrrgen.robotfile.importers.interface import ChainChoice
 
-    found = read(file, form, name, dict(_pair(value) for value in values))
+    fixed = {joint: parse_value(joint, value) for joint, value in (_pair(text, "--hold") for text in held)}
+    chain = ChainChoice(base, tip, fixed, convention, angle_tolerance)
+    found = read(file, form, name, dict(_pair(value, "--set") for value in values), chain)
     path = output or Path(f"{found.spec.name}.yaml")
     if path.exists() and not force:
         raise InputError([Fault(str(path), 0, 0, "the file exists already", hint="--force overwrites it")])
@@ -52,11 +86,15 @@ def import_robot(
         raise InputError([Fault(str(path), 0, 0, f"the file cannot be written: {error.strerror}")]) from None
     for note in found.notes:
         click.echo(str(note), err=True)
+    if found.chain is not None:
+        from rrrgen.verify.references.imported_source import compare_with_source
+
+        click.echo(str(compare_with_source(found)))
     click.echo(f"{path} written from {found.format}; next: rrrgen check {path}, rrrgen show {path}")
 
 
-def _pair(text: str) -> tuple[str, str]:
+def _pair(text: str, option: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not equals or not name.strip() or not value.strip():
-        raise click.BadParameter(f"'{text}' is not NAME=VALUE, e.g. D3=0.45", param_hint="--set")
+        raise click.BadParameter(f"'{text}' is not NAME=VALUE, e.g. D3=0.45", param_hint=option)
     return name.strip(), value.strip()

@@ -14,7 +14,7 @@ import sympy as sp
 
 from rrrgen.errors import Fault, InputError
 from rrrgen.robotfile.importers import formats
-from rrrgen.robotfile.importers.interface import Importer, Source
+from rrrgen.robotfile.importers.interface import ChainChoice, ImportedChain, Importer, Source
 from rrrgen.robotfile.names import MAX_NAME, name_fault
 from rrrgen.robotfile.reader import read_spec
 from rrrgen.robotfile.robot_spec import RobotSpec
@@ -25,12 +25,17 @@ from rrrgen.yamltext.expressions import ExpressionError, parse_expression
 
 @dataclass(frozen=True)
 class Imported:
-    """A robot from a file of another format: its description, the text of its robot file, what was left out."""
+    """A robot from a file of another format: its description, the text of its robot file, what was left out.
+
+    ``source`` is the text that was read, ``chain`` what was taken of the tree of bodies that it describes, if it does.
+    """
 
     spec: RobotSpec
     text: str
     format: str
     notes: tuple[Fault, ...]
+    source: str = ""
+    chain: ImportedChain | None = None
 
 
 def importers() -> dict[str, Importer]:
@@ -45,11 +50,13 @@ def import_robot(
     form: str | None = None,
     name: str | None = None,
     values: Mapping[str, str] | None = None,
+    chain: ChainChoice | None = None,
 ) -> Imported:
     """Read the file ``path`` of another program.
 
     ``form`` is the name of an importer; without it the content decides, then the suffix. ``name`` renames the robot.
-    ``values`` give names that the file leaves open a value each, as text in SI units or with a unit (``"450 mm"``).
+    ``values`` give names that the file leaves open a value each, as text in SI units or with a unit (``"450 mm"``). ``chain`` chooses the serial chain where the format
+    describes trees of bodies (URDF, MJCF).
     Raises :class:`InputError` with every fault.
     """
     file = os.fspath(path)
@@ -62,11 +69,18 @@ def import_robot(
     text = decode(data, file)
     importer = _choose(text, file, form)
     faults = FaultList(file, text)
-    given = {key: _value(key, entry) for key, entry in (values or {}).items()}
-    spec = importer.read(Source(text, given, _from_stem(Path(file).stem)), faults)
+    given = {key: parse_value(key, entry) for key, entry in (values or {}).items()}
+    if chain is not None and chain != ChainChoice() and not importer.describes_trees:
+        hint = "base, tip, held joints, convention and angle tolerance choose a chain of a tree of bodies"
+        raise InputError([Fault(file, 0, 0, f"a file of the format {importer.name} is one chain already", hint=hint)])
+    source = Source(text, given, _from_stem(Path(file).stem), chain or ChainChoice())
+    found = importer.read(source, faults)
     faults.raise_errors()
-    assert spec is not None  # every None comes with an error
-    return _written(replace(spec, name=name or spec.name), importer.name, file, tuple(sorted(faults.warnings)))
+    assert found is not None  # every None comes with an error
+    written = _written(
+        replace(found.spec, name=name or found.spec.name), importer.name, file, tuple(sorted(faults.warnings))
+    )
+    return replace(written, chain=found.chain, source=text)
 
 
 def _choose(text: str, file: str, form: str | None) -> Importer:
@@ -86,7 +100,8 @@ def _choose(text: str, file: str, form: str | None) -> Importer:
     raise InputError([Fault(file, 0, 0, "the file is of no format that can be imported", hint=f"formats are {hint}")])
 
 
-def _value(name: str, text: str) -> sp.Expr:
+def parse_value(name: str, text: str) -> sp.Expr:
+    """The exact SI value of ``text``, a number or expression with or without a unit; ``name`` is for messages."""
     try:
         value = parse_expression(text)
     except ExpressionError as error:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from rrrgen.robotfile.importers.assignments import ZERO, Assignments, Entry
-from rrrgen.robotfile.importers.interface import Importer, Source
+from rrrgen.robotfile.importers.interface import Found, Importer, Source
 from rrrgen.robotfile.keys import MAX_JOINTS
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import LARGEST_BARE_LENGTH
@@ -43,7 +43,7 @@ KNOWN = {*GEOMETRY, "mu", *INERTIA, *MOMENTS, "M", "IA", "FV", "FS", *FORCES, *B
 SPELLINGS = {name.capitalize(): name for name in (*GEOMETRY, "mu")}
 
 
-def _read(source: Source, faults: FaultList) -> RobotSpec | None:
+def _read(source: Source, faults: FaultList) -> Found | None:
     file = Assignments(source, faults, SPELLINGS)
     _refuse_other_structures(file)
     table = _table(file)
@@ -67,7 +67,7 @@ def _read(source: Source, faults: FaultList) -> RobotSpec | None:
         return None
     used = base.free_symbols | tool.free_symbols
     used |= {symbol for j in joints for value in (j.alpha, j.a, j.d, j.theta) for symbol in value.free_symbols}
-    return RobotSpec(
+    spec = RobotSpec(
         name=_name(source),
         convention="modified",
         gravity=gravity,
@@ -77,6 +77,7 @@ def _read(source: Source, faults: FaultList) -> RobotSpec | None:
         base=_fixed(base),
         tool=_fixed(tool),
     )
+    return Found(spec)
 
 
 def _table(file: Assignments) -> dict[str, list[Entry]] | None:

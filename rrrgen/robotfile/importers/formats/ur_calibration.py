@@ -10,7 +10,7 @@ import re
 
 import sympy as sp
 
-from rrrgen.robotfile.importers.interface import Importer, Source
+from rrrgen.robotfile.importers.interface import Found, Importer, Source
 from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
 from rrrgen.yamltext.document import FaultList, Node, Scalar, parse_document
 from rrrgen.yamltext.expressions import ExpressionError, parse_expression
@@ -22,7 +22,7 @@ FAR = 5  # m; beyond the reach of every arm of the make
 UPRIGHT = (sp.S.Zero, sp.S.Zero, sp.Rational(-981, 100))
 
 
-def _read(source: Source, faults: FaultList) -> RobotSpec | None:
+def _read(source: Source, faults: FaultList) -> Found | None:
     root = parse_document(source.text, faults)
     entries = read_entries(root, "the calibration", faults)
     if entries is None:
@@ -48,7 +48,7 @@ def _read(source: Source, faults: FaultList) -> RobotSpec | None:
     joints = tuple(
         JointSpec(name=name, type="revolute", alpha=alpha, a=a, d=d, theta=theta) for name, theta, a, d, alpha in rows
     )
-    return RobotSpec(name=source.name, convention="standard", gravity=UPRIGHT, parameters={}, joints=joints)
+    return Found(RobotSpec(name=source.name, convention="standard", gravity=UPRIGHT, parameters={}, joints=joints))
 
 
 def _column(node: Node, key: str, faults: FaultList) -> list[sp.Expr]:

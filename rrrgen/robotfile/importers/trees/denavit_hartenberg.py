@@ -1,0 +1,167 @@
+"""Denavit-Hartenberg rows of joint axes in space.
+
+The chain is ``base Rz(theta_1) Tz(d_1) . Tx(a_1) Rx(alpha_1) . Rz(theta_2) Tz(d_2) ... tool`` with z along the axis of
+joint i in the i-th pair of turns about z: the common perpendicular of axes i and i+1 is the x axis between them. Where
+axes intersect, the perpendicular is their vector product; where they are parallel, it starts at the present origin;
+where they coincide, x is kept. Of its two directions the one with theta in (-90, 90] degrees is taken, so that a may be
+negative.
+
+Every row starts from the frame that the rows before it give, with the angles that were taken as exact: what such an
+angle changes is not carried on from row to row, and the tool ends at the tip up to the last of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from rrrgen.robotfile.importers.trees.exact_numbers import (
+    EQUAL,
+    HIGH,
+    NOISE,
+    Array,
+    cross,
+    exact_multiple,
+    identity,
+    inverse,
+    norm,
+    number,
+    rotation,
+    transform,
+    vector,
+)
+from rrrgen.robotfile.importers.trees.serial_chain import SerialChain
+from rrrgen.robotfile.robot_spec import Convention
+
+PARALLEL = 1e-8  # rad; nearer directions are one: doubles lose as much at a perpendicular 10^8 times as far away
+_Z = vector((0, 0, 1))
+
+
+@dataclass
+class Row:
+    """One joint: turn ``theta`` and shift ``d`` at q = 0 about z, then ``a`` along and ``alpha`` about the new x."""
+
+    theta: Any = number(0)
+    d: Any = number(0)
+    a: Any = number(0)
+    alpha: Any = number(0)
+
+
+@dataclass
+class DenavitHartenberg:
+    """Rows (theta, d, a, alpha) at q = 0 with ``base`` and ``tool`` (4, 4), and the link frames (4, 4) in the base.
+
+    ``rounded`` lists by how much (rad) each angle was changed to make it exact.
+    """
+
+    base: Array
+    rows: list[Row]
+    tool: Array
+    link_frames: list[Array]
+    rounded: list[Any] = field(default_factory=list)
+
+
+def denavit_hartenberg(chain: SerialChain, convention: Convention, tolerance: float) -> DenavitHartenberg:
+    """The rows of ``chain``; an angle within ``tolerance`` (rad) of a multiple of 15 degrees becomes that multiple."""
+    return _Walk(chain, convention, number(tolerance)).result
+
+
+class _Walk:
+    def __init__(self, chain: SerialChain, convention: Convention, tolerance: Any) -> None:
+        self.chain, self.tolerance = chain, tolerance
+        self.frame, d = _first_frame(chain)
+        self.rows = [Row(d=d)]
+        self.result = DenavitHartenberg(self.frame, self.rows, identity(), [])
+        self._move(transform(identity(3), (0, 0, d)))
+        for joint in chain.joints[1:]:
+            self._to_axis(joint.point, joint.direction, convention)
+        self._to_tip(convention)
+
+    def _move(self, step: Array) -> None:
+        self.frame = self.frame @ step
+
+    def _exact(self, angle: Any) -> Any:
+        exact = exact_multiple(angle, self.tolerance)
+        if abs(exact - angle) > EQUAL:
+            self.result.rounded.append(abs(exact - angle))
+        return exact
+
+    def _to_axis(self, point: Array, direction: Array, convention: Convention) -> None:
+        """Complete the last row with theta, d, a and alpha to the next axis, and begin the next row."""
+        to_frame = inverse(self.frame)
+        p, u = to_frame[:3, :3] @ point + to_frame[:3, 3], to_frame[:3, :3] @ direction
+        x, height = self._perpendicular(p, u)
+        theta = self._exact(HIGH.atan2(x[1], x[0]))
+        x = vector((HIGH.cos(theta), HIGH.sin(theta), 0))
+        side = cross(_Z, x)
+        alpha = self._exact(HIGH.atan2(-sum(u * side), u[2]))
+        a = _no_noise(sum(p * x))
+        row = self.rows[-1]
+        row.theta, row.d, row.a, row.alpha = row.theta + theta, row.d + height, a, alpha
+        self._move(transform(rotation((0, 0, 1), theta), (0, 0, height)))
+        self._link_frame(convention, "modified")
+        self._move(transform(rotation((1, 0, 0), alpha), (a, 0, 0)))
+        self._link_frame(convention, "standard")
+        self.rows.append(Row())
+
+    def _link_frame(self, convention: Convention, ends_here: Convention) -> None:
+        if convention == ends_here:
+            self.result.link_frames.append(self.frame)
+
+    def _perpendicular(self, p: Array, u: Array) -> tuple[Array, Any]:
+        """Direction of the common perpendicular of z and the axis (p, u), and the height of its foot on z."""
+        across = HIGH.sqrt(u[0] ** 2 + u[1] ** 2)
+        offset = HIGH.sqrt(p[0] ** 2 + p[1] ** 2)
+        height = number(0)
+        if across > max(self.tolerance, number(PARALLEL)):
+            x = vector((-u[1] / across, u[0] / across, 0))
+            y = cross(_Z, x)
+            height = _no_noise(p[2] - sum(p * y) / sum(u * y) * u[2])
+        elif offset > NOISE:
+            x = vector((p[0] / offset, p[1] / offset, 0))
+        else:
+            x = vector((1, 0, 0))
+        backwards = x[0] < -EQUAL or (abs(x[0]) <= EQUAL and x[1] < 0)
+        return (-x if backwards else x), height
+
+    def _to_tip(self, convention: Convention) -> None:
+        """The last row: what the tip is turned about and shifted along the last axis; the tool is the rest."""
+        rest = inverse(self.frame) @ self.chain.tip_pose
+        row = self.rows[-1]
+        theta, height = number(0), _no_noise(rest[2, 3])
+        if abs(rest[2, 2] - 1) <= EQUAL:
+            theta = self._exact(HIGH.atan2(rest[1, 0], rest[0, 0]))
+        row.theta, row.d = row.theta + theta, row.d + height
+        self._move(transform(rotation((0, 0, 1), theta), (0, 0, height)))
+        self.result.link_frames.append(self.frame)
+        tool = inverse(self.frame) @ self.chain.tip_pose
+        tool[:3, 3] = [_no_noise(x) for x in tool[:3, 3]]
+        self.result.tool = tool
+
+
+def _no_noise(length: Any) -> Any:
+    return length if abs(length) > NOISE else number(0)
+
+
+def _first_frame(chain: SerialChain) -> tuple[Array, Any]:
+    """A frame with z on the first axis, the base frame itself if that is possible, and the height of the joint on it."""
+    first = chain.joints[0]
+    z, p = first.direction, first.point
+    if abs(abs(z[2]) - 1) <= EQUAL:
+        turned = HIGH.pi if z[2] < 0 else number(0)
+        return transform(rotation((1, 0, 0), turned), (_no_noise(p[0]), _no_noise(p[1]), 0)), _no_noise(p[2] * z[2])
+    x = _across(z, [*identity(3), *first.frame[:3, :3].T])
+    R = identity(3)
+    R[:, 0], R[:, 1], R[:, 2] = x, cross(z, x), z
+    return transform(R, [_no_noise(value) for value in p]), number(0)
+
+
+def _across(z: Array, candidates: Sequence[Array]) -> Array:
+    """A unit vector perpendicular to ``z``: one of the candidates, else the part of one that is."""
+    for x in candidates:
+        if abs(sum(x * z)) <= EQUAL:
+            return x
+    x = min(candidates, key=lambda each: abs(sum(each * z)))
+    x = x - sum(x * z) * z
+    return x / norm(x)

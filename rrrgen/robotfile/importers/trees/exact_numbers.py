@@ -1,0 +1,133 @@
+"""Numbers of 60 digits: decimals as they are written, angles meant as multiples of 15 degrees, and back to exact ones.
+
+Geometry is computed with 60 digits, so that a rounded value at the end is as exact as the decimals of the file, and
+what is equal in the file is equal to 1e-40 after any number of transforms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mpmath
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+"""Arrays of 60-digit numbers."""
+
+HIGH: Any = mpmath.MPContext()
+HIGH.dps = 60
+
+EQUAL = HIGH.mpf(10) ** -40
+STEPS = 12  # an exact angle is a multiple of pi / STEPS, 15 degrees
+SHORT = 15  # digits behind the point of a number that counts as written so
+LONG = 25  # digits behind the point of any other
+NOISE = HIGH.mpf(10) ** -12  # m, rad; what exporters add to a short decimal by computing with doubles
+
+
+def number(value: Any) -> Any:
+    """A 60-digit number from text or an exact number; a double keeps the digits it prints."""
+    if isinstance(value, float):
+        value = repr(value)
+    if isinstance(value, sp.Expr):
+        return HIGH.mpf(str(sp.N(value, HIGH.dps)))
+    return HIGH.mpf(value)
+
+
+def vector(values: Sequence[Any]) -> Array:
+    """Shape (3,)."""
+    return np.array([number(value) for value in values], dtype=object)
+
+
+def identity(size: int = 4) -> Array:
+    """The unit matrix (size, size)."""
+    return np.array([[number(int(i == k)) for k in range(size)] for i in range(size)], dtype=object)
+
+
+def transform(R: Array, p: Sequence[Any]) -> Array:
+    """The homogeneous matrix (4, 4) with rotation ``R`` (3, 3) and translation ``p`` (3,)."""
+    T = identity()
+    T[:3, :3], T[:3, 3] = R, vector(p)
+    return T
+
+
+def inverse(T: Array) -> Array:
+    """The inverse of a homogeneous matrix (4, 4)."""
+    R = T[:3, :3].T
+    return transform(R, list(-(R @ T[:3, 3])))
+
+
+def rotation(axis: Sequence[Any], angle: Any) -> Array:
+    """The rotation (3, 3) by ``angle`` (rad) about the unit vector ``axis``, by Rodrigues' formula."""
+    k, angle = vector(axis), exact_multiple(angle, EQUAL)
+    c, s = _cos_sin(angle)
+    K = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]], dtype=object)
+    return c * identity(3) + s * K + (1 - c) * np.outer(k, k)
+
+
+def _cos_sin(angle: Any) -> tuple[Any, Any]:
+    """Cosine and sine, in which zeros are exactly zero."""
+    c, s = HIGH.cos(angle), HIGH.sin(angle)
+    return (c if abs(c) > EQUAL else number(0)), (s if abs(s) > EQUAL else number(0))
+
+
+def roll_pitch_yaw(roll: Any, pitch: Any, yaw: Any) -> Array:
+    """``Rz(yaw) Ry(pitch) Rx(roll)`` (3, 3)."""
+    return rotation((0, 0, 1), yaw) @ rotation((0, 1, 0), pitch) @ rotation((1, 0, 0), roll)
+
+
+def norm(v: Array) -> Any:
+    """Length of a vector."""
+    return HIGH.sqrt(sum(x * x for x in v))
+
+
+def cross(u: Array, v: Array) -> Array:
+    """The vector product (3,)."""
+    return np.array([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]], dtype=object)
+
+
+def exact_multiple(angle: Any, tolerance: Any) -> Any:
+    """The multiple of pi/12 within ``tolerance`` (rad) of ``angle``; ``angle`` itself if there is none."""
+    step = HIGH.pi / STEPS
+    nearest = HIGH.nint(angle / step) * step
+    return nearest if abs(angle - nearest) <= tolerance else angle
+
+
+def exact_angle(angle: Any) -> sp.Expr:
+    """``angle`` as a multiple of pi, as a short decimal, or rounded to 25 digits behind the point."""
+    steps = int(HIGH.nint(angle * STEPS / HIGH.pi))
+    if abs(angle - steps * HIGH.pi / STEPS) <= EQUAL:
+        return sp.Rational(steps, STEPS) * sp.pi
+    return decimal(angle)
+
+
+def exact_length(length: Any) -> sp.Expr:
+    """``length`` as a short decimal, as one times sqrt(2), sqrt(3) or sqrt(6), or rounded to 25 digits."""
+    for root in (1, 2, 3, 6):
+        short = _rounded(length / HIGH.sqrt(root), SHORT)
+        if abs(number(short) * HIGH.sqrt(root) - length) <= EQUAL:
+            return short * sp.sqrt(root)
+    return decimal(length)
+
+
+def decimal(value: Any) -> sp.Rational:
+    """``value`` as a short decimal if it is one, otherwise rounded to 25 digits behind the point."""
+    short = _rounded(value, SHORT)
+    return short if abs(number(short) - value) <= EQUAL else _rounded(value, LONG)
+
+
+def _rounded(value: Any, digits: int) -> sp.Rational:
+    return sp.Rational(int(HIGH.nint(value * HIGH.mpf(10) ** digits)), 10**digits)
+
+
+def without_noise(value: Any) -> Any:
+    """``value`` rounded to nine digits behind the point where that changes it by less than 1e-12."""
+    short = number(_rounded(value, 9))
+    return short if abs(short - value) <= NOISE else value
+
+
+def exact_rotation(R: Array) -> tuple[sp.Expr, ...]:
+    """The nine entries, row by row; 0, 1/2, sqrt(2)/2, ... where they are such numbers."""
+    return tuple(exact_length(entry) for entry in R.ravel())

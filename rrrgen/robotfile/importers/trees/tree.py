@@ -1,0 +1,113 @@
+"""A tree of rigid bodies connected by joints, in 60-digit numbers, as URDF and MJCF describe it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from rrrgen.robotfile.importers.trees.exact_numbers import Array, identity, number, vector
+from rrrgen.robotfile.robot_spec import DriveSpec, FrictionSpec, Limits
+from rrrgen.yamltext.document import Place
+
+MOVING = ("revolute", "prismatic")
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Mass, centre of mass (3,) and inertia tensor (3, 3) about it; position and axes in the frame of the owner."""
+
+    mass: Any
+    com: Array
+    tensor: Array
+
+    def moved(self, T: Array) -> Inertia:
+        """The same body in the frame in which ``T`` (4, 4) is the pose of the present one."""
+        R = T[:3, :3]
+        return Inertia(self.mass, R @ self.com + T[:3, 3], R @ self.tensor @ R.T)
+
+    def __add__(self, other: Inertia) -> Inertia:
+        mass = self.mass + other.mass
+        com = (self.mass * self.com + other.mass * other.com) / mass if mass else self.com
+        tensor = 0 * self.tensor
+        for part in (self, other):
+            r = part.com - com
+            squares = sum(x * x for x in r)
+            steiner = [[squares * int(i == k) - r[i] * r[k] for k in range(3)] for i in range(3)]
+            tensor = tensor + part.tensor + part.mass * vector_rows(steiner)
+        return Inertia(mass, com, tensor)
+
+
+def vector_rows(rows: list[list[Any]]) -> Array:
+    """A matrix (3, 3) from its rows."""
+    matrix = identity(3)
+    for i, row in enumerate(rows):
+        matrix[i] = vector(row)
+    return matrix
+
+
+NO_INERTIA = Inertia(number(0), vector((0, 0, 0)), 0 * identity(3))
+
+
+@dataclass(frozen=True)
+class Body:
+    """One body; ``inertia`` is None where the file states none."""
+
+    name: str
+    inertia: Inertia | None
+    place: Place
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint that follows another one: ``q = multiplier q_of + offset``."""
+
+    of: str
+    multiplier: Any
+    offset: Any
+
+
+@dataclass(frozen=True)
+class TreeJoint:
+    """A joint between two bodies: ``T_parent_child(q) = origin motion(axis, q)``.
+
+    ``kind`` is revolute, prismatic, fixed, or the file's word for what has no place in a serial chain.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Array
+    axis: Array
+    place: Place
+    limits: Limits = field(default_factory=Limits)
+    friction: FrictionSpec | None = None
+    drive: DriveSpec | None = None
+    mimic: Mimic | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether the joint has a variable."""
+        return self.kind != "fixed"
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Bodies by name and the joints between them; ``gravity`` (3,) is in the frame of ``root``."""
+
+    name: str
+    root: str
+    bodies: dict[str, Body]
+    joints: tuple[TreeJoint, ...]
+    gravity: Array
+
+    def joint_above(self) -> dict[str, TreeJoint]:
+        """The joint that carries each body but the root."""
+        return {joint.child: joint for joint in self.joints}
+
+    def joints_below(self) -> dict[str, list[TreeJoint]]:
+        """The joints that each body carries."""
+        below: dict[str, list[TreeJoint]] = {name: [] for name in self.bodies}
+        for joint in self.joints:
+            below[joint.parent].append(joint)
+        return below

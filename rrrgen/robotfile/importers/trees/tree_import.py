@@ -1,0 +1,148 @@
+"""A tree of bodies to a robot file: Denavit-Hartenberg rows, links in their link frames, limits, friction, drives."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import sympy as sp
+
+from rrrgen.robotfile.importers.interface import ChainChoice, Found, ImportedChain, Source
+from rrrgen.robotfile.importers.trees.denavit_hartenberg import DenavitHartenberg, denavit_hartenberg
+from rrrgen.robotfile.importers.trees.exact_numbers import (
+    NOISE,
+    Array,
+    decimal,
+    exact_angle,
+    exact_length,
+    exact_rotation,
+    inverse,
+)
+from rrrgen.robotfile.importers.trees.serial_chain import Ends, SerialChain, serial_chain
+from rrrgen.robotfile.importers.trees.tree import Inertia, Tree
+from rrrgen.robotfile.names import MAX_NAME, name_fault
+from rrrgen.robotfile.quantities import LARGEST_BARE_LENGTH
+from rrrgen.robotfile.robot_spec import FixedTransform, JointSpec, JointType, LinkSpec, RobotSpec
+from rrrgen.yamltext.document import FaultList
+
+
+def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultList) -> Found | None:
+    """The robot file of the chain that ``source`` chooses in ``tree``; None and faults where there is none.
+
+    ``rounded`` are the changes (rad) that reading the file has made to angles.
+    """
+    choice = source.chain
+    chain = serial_chain(tree, Ends(choice.base, choice.tip, choice.held), faults)
+    if chain is None:
+        return None
+    table = denavit_hartenberg(chain, choice.convention, choice.angle_tolerance)
+    _tell_about_angles([*rounded, *table.rounded], choice, faults)
+    _tell_about_distance(chain, table, faults)
+    _tell_about_held(chain, faults)
+    names = _joint_names(chain, faults)
+    links = _links(chain, table, faults)
+    joints = tuple(_joint(k, name, chain, table, choice) for k, name in enumerate(names))
+    g = [decimal(x) for x in chain.gravity]
+    spec = RobotSpec(
+        name=_identifier(tree.name) or source.name,
+        convention=choice.convention,
+        gravity=(g[0], g[1], g[2]),
+        parameters={},
+        joints=joints,
+        links=links,
+        base=_fixed(table.base),
+        tool=_fixed(table.tool),
+        description=f"{chain.base} to {chain.tip}",
+    )
+    held = {joint: float(value) for joint, value in chain.held.items()}
+    return Found(spec, ImportedChain(chain.base, chain.tip, tuple(each.joint.name for each in chain.joints), held))
+
+
+def _tell_about_angles(rounded: list[Any], choice: ChainChoice, faults: FaultList) -> None:
+    changes = [float(change) for change in rounded if change > NOISE]
+    if changes:
+        message = f"{len(changes)} angles were taken as multiples of 15 degrees; the largest change is "
+        hint = f"within {choice.angle_tolerance:g} rad; --angle-tolerance 0 keeps the decimals of the file"
+        faults.warning(None, f"{message}{max(changes):.1e} rad", hint)
+
+
+def _tell_about_distance(chain: SerialChain, table: DenavitHartenberg, faults: FaultList) -> None:
+    for joint, row in zip(chain.joints, table.rows, strict=True):
+        if abs(row.d) > LARGEST_BARE_LENGTH:
+            message = f"d of '{joint.joint.name}' is {float(row.d):g} m: two axes are nearly parallel"
+            hint = "a larger --angle-tolerance takes them as parallel; far frames lose digits of positions and inertia"
+            faults.warning(joint.joint.place, message, hint)
+
+
+def _tell_about_held(chain: SerialChain, faults: FaultList) -> None:
+    if chain.held:
+        listed = ", ".join(f"{name} at {float(value):g}" for name, value in chain.held.items())
+        hint = "what they carry belongs to the link that carries them; other values with --hold JOINT=VALUE"
+        faults.warning(None, f"joints beside the chain from {chain.base} to {chain.tip} are held: {listed}", hint)
+
+
+def _identifier(text: str) -> str:
+    word = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_")[:MAX_NAME]
+    return f"_{word}" if word[:1].isdigit() else word
+
+
+def _joint_names(chain: SerialChain, faults: FaultList) -> list[str]:
+    names: list[str] = []
+    for k, joint in enumerate(chain.joints):
+        given = joint.joint.name
+        name = _identifier(given)
+        if name_fault(name, "joint") is not None or name in names:
+            name = f"q{k + 1}"
+        if name != given:
+            faults.warning(joint.joint.place, f"joint '{given}' is called {name}", "a name is a C identifier")
+        names.append(name)
+    return names
+
+
+def _joint(k: int, name: str, chain: SerialChain, table: DenavitHartenberg, choice: ChainChoice) -> JointSpec:
+    row = table.rows[k]
+    joint = chain.joints[k].joint
+    standard = choice.convention == "standard"
+    twist = row if standard else (table.rows[k - 1] if k else None)
+    kind: JointType = "revolute" if joint.kind == "revolute" else "prismatic"
+    return JointSpec(
+        name=name,
+        type=kind,
+        alpha=exact_angle(twist.alpha) if twist else sp.S.Zero,
+        a=exact_length(twist.a) if twist else sp.S.Zero,
+        d=exact_length(row.d),
+        theta=exact_angle(row.theta),
+        limits=joint.limits,
+        friction=joint.friction,
+        drive=joint.drive,
+    )
+
+
+def _links(chain: SerialChain, table: DenavitHartenberg, faults: FaultList) -> tuple[LinkSpec, ...] | None:
+    if not any(chain.links):
+        hint = "without links, base parameters are an input of the model at run time"
+        faults.warning(None, "no link of the chain has inertia", hint)
+        return None
+    links = []
+    for k, (inertia, frame) in enumerate(zip(chain.links, table.link_frames, strict=True)):
+        if inertia is None:
+            joint = chain.joints[k].joint
+            faults.warning(
+                joint.place, f"the link behind joint '{joint.name}' has no inertia", "its mass is taken as 0"
+            )
+        links.append(_link(inertia, frame))
+    return tuple(links)
+
+
+def _link(inertia: Inertia | None, frame: Array) -> LinkSpec:
+    if inertia is None:
+        return LinkSpec(sp.S.Zero, (sp.S.Zero,) * 3, (sp.S.Zero,) * 6, "com")
+    moved = inertia.moved(inverse(frame))
+    x, y, z = (decimal(value) for value in moved.com)
+    places = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    return LinkSpec(decimal(moved.mass), (x, y, z), tuple(decimal(moved.tensor[place]) for place in places), "com")
+
+
+def _fixed(T: Array) -> FixedTransform:
+    x, y, z = (exact_length(value) for value in T[:3, 3])
+    return FixedTransform(exact_rotation(T[:3, :3]), (x, y, z))

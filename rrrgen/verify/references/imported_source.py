@@ -1,0 +1,124 @@
+"""An imported robot against its source, which another library reads: Pinocchio for URDF, MuJoCo for MJCF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from rrrgen.robotfile.importers.importing import Imported
+from rrrgen.robotfile.importers.interface import ImportedChain
+from rrrgen.verify.references.chain import Array, chain_of, nominal_parameters
+from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.reference import ReferenceUnavailableError
+
+STATES = 20
+SEED = 1
+FASTEST = 2.0  # rad/s, rad/s^2 (m/s, m/s^2) of random states
+
+
+@dataclass(frozen=True)
+class SourceComparison:
+    """The largest differences at random states: of the tip's pose and of the torques.
+
+    ``pose`` is in m and in entries of the rotation matrix, relative to the reach if that is more than 1 m; ``torque`` is
+    relative to the largest torque. A difference is None where it could not be computed, and ``reason`` says why.
+    """
+
+    library: str = ""
+    pose: float | None = None
+    torque: float | None = None
+    reason: str = ""
+
+    def __str__(self) -> str:
+        if self.pose is None:
+            return f"not compared with the source: {self.reason}"
+        torque = f"torques to {self.torque:.1e}" if self.torque is not None else f"torques not compared: {self.reason}"
+        states = f"at {STATES} random states, relative to reach and largest torque"
+        return f"{self.library} reads the source: poses agree to {self.pose:.1e}, {torque} {states}"
+
+
+class _Source(Protocol):
+    name: str
+
+    def pose(self, q: Array) -> Array: ...
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array: ...
+
+
+def compare_with_source(imported: Imported, seed: int = SEED) -> SourceComparison:
+    """Forward kinematics and inverse dynamics without drives of the robot file against those of its source."""
+    assert imported.chain is not None
+    try:
+        source = _SOURCES[imported.format](imported.source, imported.chain)
+    except ReferenceUnavailableError as error:
+        return SourceComparison(reason=str(error))
+    spec = imported.spec
+    phi = nominal_parameters(spec)
+    chain = replace(chain_of(spec), drive_inertia=np.zeros((spec.n, spec.n)))
+    ours = NewtonEuler(chain, np.zeros((spec.n, 10)) if phi is None else phi)
+    random = np.random.default_rng(seed)
+    q = random.uniform(-np.pi, np.pi, (STATES, spec.n))
+    dq, ddq = (random.uniform(-FASTEST, FASTEST, q.shape) for _ in range(2))
+    poses = np.stack([source.pose(state) for state in q])
+    reach = max(1.0, float(np.abs(poses[:, :3, 3]).max()))
+    pose = float(np.abs(poses - ours.forward_kinematics(q)).max()) / reach
+    if phi is None:
+        return SourceComparison(source.name, pose, None, "the chain has no inertia")
+    torques = np.stack([source.torque(*state) for state in zip(q, dq, ddq, strict=True)])
+    size = float(np.abs(torques).max()) or 1.0
+    return SourceComparison(source.name, pose, float(np.abs(torques - ours.inverse_dynamics(q, dq, ddq)).max()) / size)
+
+
+class _PinocchioSource:
+    """A URDF as Pinocchio reads it, with the root fixed."""
+
+    def __init__(self, text: str, chain: ImportedChain) -> None:
+        try:
+            import pinocchio as pin
+        except ImportError as error:
+            raise ReferenceUnavailableError.at_import(error, "pin") from error
+        self.name, self._pin = f"Pinocchio {pin.__version__}", pin
+        try:
+            self._model: Any = pin.buildModelFromXML(text)
+        except (ValueError, RuntimeError) as error:
+            raise ReferenceUnavailableError(f"{self.name} refuses the file: {str(error).splitlines()[0]}") from error
+        self._data = self._model.createData()
+        self._frames = [self._model.getFrameId(name) for name in (chain.base, chain.tip)]
+        self._joints = [self._model.joints[self._model.getJointId(name)] for name in chain.joints]
+        self._still = pin.neutral(self._model)
+        for name, value in chain.held.items():
+            self._set(self._still, self._model.joints[self._model.getJointId(name)], value)
+
+    @staticmethod
+    def _set(positions: Array, joint: Any, value: float) -> None:
+        """Pinocchio stores a joint without limits as cosine and sine."""
+        if joint.nq == 2:
+            positions[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
+        elif joint.nq == 1:
+            positions[joint.idx_q] = value
+
+    def _positions(self, q: Array) -> Array:
+        positions = self._still.copy()
+        for joint, value in zip(self._joints, q, strict=True):
+            self._set(positions, joint, value)
+        return positions
+
+    def pose(self, q: Array) -> Array:
+        self._pin.framesForwardKinematics(self._model, self._data, self._positions(q))
+        base, tip = (self._data.oMf[frame] for frame in self._frames)
+        return np.array((base.inverse() * tip).homogeneous)
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        speeds = []
+        for values in (dq, ddq):
+            full = np.zeros(self._model.nv)
+            for joint, value in zip(self._joints, values, strict=True):
+                full[joint.idx_v] = value
+            speeds.append(full)
+        tau = self._pin.rnea(self._model, self._data, self._positions(q), *speeds)
+        return np.array([tau[joint.idx_v] for joint in self._joints])
+
+
+_SOURCES: dict[str, Any] = {"urdf": _PinocchioSource}
