@@ -150,7 +150,7 @@ def test_values_that_nobody_asked_for_and_formats_that_nobody_knows(tmp_path):
     for options, message in (
         ({"values": {**VALUES, "D3": "0.45", "X9": "1"}}, "--set X9: the file has no such name"),
         ({"values": {"D3": "os.getcwd()"}}, "value of D3"),
-        ({"form": "urdf"}, "no format 'urdf'"),
+        ({"form": "sdf"}, "no format 'sdf'"),
     ):
         with pytest.raises(InputError) as caught:
             import_robot(file, **options)

@@ -55,8 +55,8 @@ def import_robot(
     """Read the file ``path`` of another program.
 
     ``form`` is the name of an importer; without it the content decides, then the suffix. ``name`` renames the robot.
-    ``values`` give names that the file leaves open a value each, as text in SI units or with a unit (``"450 mm"``). ``chain`` chooses the serial chain where the format
-    describes trees of bodies (URDF, MJCF).
+    ``values`` give names that the file leaves open a value each, as text in SI units or with a unit (``"450 mm"``).
+    ``chain`` chooses the serial chain where the format describes trees of bodies (URDF, MJCF).
     Raises :class:`InputError` with every fault.
     """
     file = os.fspath(path)

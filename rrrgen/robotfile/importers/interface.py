@@ -67,8 +67,8 @@ class Importer:
 
     ``recognises`` tells from the text alone whether it is of this format. ``read`` makes a robot of it, or returns None
     after it has put every error, with its place, into the list of faults; what the robot file cannot represent is a
-    warning there, or an error where the robot would be another one without it. ``describes_trees`` tells whether it obeys
-    ``Source.chain``; otherwise a choice of a chain is refused.
+    warning there, or an error where the robot would be another one without it. ``describes_trees`` tells whether it
+    obeys ``Source.chain``; otherwise a choice of a chain is refused.
     """
 
     name: str

@@ -22,8 +22,8 @@ FASTEST = 2.0  # rad/s, rad/s^2 (m/s, m/s^2) of random states
 class SourceComparison:
     """The largest differences at random states: of the tip's pose and of the torques.
 
-    ``pose`` is in m and in entries of the rotation matrix, relative to the reach if that is more than 1 m; ``torque`` is
-    relative to the largest torque. A difference is None where it could not be computed, and ``reason`` says why.
+    ``pose`` is in m and in entries of the rotation matrix, relative to the reach if that is more than 1 m; ``torque``
+    is relative to the largest torque. A difference is None where it could not be computed, and ``reason`` says why.
     """
 
     library: str = ""
@@ -100,7 +100,7 @@ class _PinocchioSource:
             positions[joint.idx_q] = value
 
     def _positions(self, q: Array) -> Array:
-        positions = self._still.copy()
+        positions: Array = self._still.copy()
         for joint, value in zip(self._joints, q, strict=True):
             self._set(positions, joint, value)
         return positions

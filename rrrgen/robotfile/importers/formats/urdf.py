@@ -164,15 +164,17 @@ def _joint(element: Element, bodies: dict[str, Body], gears: dict[str, float], v
 def _end(element: Element, tag: str, bodies: dict[str, Body], faults: FaultList) -> str | None:
     end = element.child(tag)
     if end is None:
-        faults.error(
-            element.place, f"joint '{element.attributes.get('name', '')}' has no <{tag}>", f'<{tag} link="..."/>'
-        )
+        faults.error(element.place, _no_end(element, tag), f'<{tag} link="..."/>')
         return None
     name = end.attributes.get("link", "")
     if name not in bodies:
         faults.error(end.place_of("link"), f"there is no link '{name}'", did_you_mean(name, bodies))
         return None
     return name
+
+
+def _no_end(element: Element, tag: str) -> str:
+    return f"joint '{element.attributes.get('name', '')}' has no <{tag}>"
 
 
 def _limits(element: Element, word: str, values: Values) -> Limits:
@@ -251,9 +253,7 @@ def _root_of(bodies: dict[str, Body], joints: list[TreeJoint], root: Element, fa
             seen.add(name)
             name = above[name].parent
         if name != roots[0]:
-            faults.error(
-                above[name].place, f"the links around '{name}' carry each other in a circle", "joints are a tree"
-            )
+            faults.error(above[name].place, f"the links around '{name}' carry each other", "joints are a tree")
             return None
     return roots[0]
 
@@ -269,11 +269,10 @@ def _tell_left_out(root: Element, faults: FaultList) -> None:
                 first.setdefault(child.tag, child)
     for tag, element in first.items():
         times = f", {count[tag]} times" if count[tag] > 1 else ""
-        faults.warning(
-            element.place, f"<{tag}> is left out{times}", _REASONS.get(tag, "a robot file has no such entry")
-        )
+        faults.warning(element.place, f"<{tag}> is left out{times}", _REASONS.get(tag, _NO_ENTRY))
 
 
+_NO_ENTRY = "a robot file has no such entry"
 _REASONS: dict[str, Any] = {
     "visual": "a robot file has no shapes",
     "collision": "a robot file has no shapes",

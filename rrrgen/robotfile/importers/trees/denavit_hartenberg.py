@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from rrrgen.robotfile.importers.trees.exact_numbers import (
     EQUAL,
     HIGH,
@@ -42,10 +44,10 @@ _Z = vector((0, 0, 1))
 class Row:
     """One joint: turn ``theta`` and shift ``d`` at q = 0 about z, then ``a`` along and ``alpha`` about the new x."""
 
-    theta: Any = number(0)
-    d: Any = number(0)
-    a: Any = number(0)
-    alpha: Any = number(0)
+    theta: Any = 0
+    d: Any = 0
+    a: Any = 0
+    alpha: Any = 0
 
 
 @dataclass
@@ -145,7 +147,7 @@ def _no_noise(length: Any) -> Any:
 
 
 def _first_frame(chain: SerialChain) -> tuple[Array, Any]:
-    """A frame with z on the first axis, the base frame itself if that is possible, and the height of the joint on it."""
+    """A frame with z on the first axis, the base frame itself where possible, and the height of the joint on it."""
     first = chain.joints[0]
     z, p = first.direction, first.point
     if abs(abs(z[2]) - 1) <= EQUAL:
@@ -164,4 +166,4 @@ def _across(z: Array, candidates: Sequence[Array]) -> Array:
             return x
     x = min(candidates, key=lambda each: abs(sum(each * z)))
     x = x - sum(x * z) * z
-    return x / norm(x)
+    return np.asarray(x / norm(x))

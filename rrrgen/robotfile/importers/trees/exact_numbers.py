@@ -36,7 +36,7 @@ def number(value: Any) -> Any:
     return HIGH.mpf(value)
 
 
-def vector(values: Sequence[Any]) -> Array:
+def vector(values: Sequence[Any] | Array) -> Array:
     """Shape (3,)."""
     return np.array([number(value) for value in values], dtype=object)
 
@@ -59,12 +59,12 @@ def inverse(T: Array) -> Array:
     return transform(R, list(-(R @ T[:3, 3])))
 
 
-def rotation(axis: Sequence[Any], angle: Any) -> Array:
+def rotation(axis: Sequence[Any] | Array, angle: Any) -> Array:
     """The rotation (3, 3) by ``angle`` (rad) about the unit vector ``axis``, by Rodrigues' formula."""
     k, angle = vector(axis), exact_multiple(angle, EQUAL)
     c, s = _cos_sin(angle)
     K = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]], dtype=object)
-    return c * identity(3) + s * K + (1 - c) * np.outer(k, k)
+    return np.asarray(c * identity(3) + s * K + (1 - c) * np.outer(k, k))
 
 
 def _cos_sin(angle: Any) -> tuple[Any, Any]:

@@ -227,8 +227,8 @@ def _links(tree: Tree, owner: dict[str, int], poses: Mapping[str, Array], count:
                 carried[other] = carried[body]
                 stack.append(other)
     links: list[Inertia | None] = [None] * (count + 1)
-    for name, body in tree.bodies.items():
-        if body.inertia is not None and name in carried:
-            k = carried[name]
-            links[k] = (links[k] or NO_INERTIA) + body.inertia.moved(poses[name])
+    for each in tree.bodies.values():
+        if each.inertia is not None and each.name in carried:
+            k = carried[each.name]
+            links[k] = (links[k] or NO_INERTIA) + each.inertia.moved(poses[each.name])
     return tuple(links[1:])

@@ -127,9 +127,7 @@ def _links(chain: SerialChain, table: DenavitHartenberg, faults: FaultList) -> t
     for k, (inertia, frame) in enumerate(zip(chain.links, table.link_frames, strict=True)):
         if inertia is None:
             joint = chain.joints[k].joint
-            faults.warning(
-                joint.place, f"the link behind joint '{joint.name}' has no inertia", "its mass is taken as 0"
-            )
+            faults.warning(joint.place, f"the link behind '{joint.name}' has no inertia", "its mass is taken as 0")
         links.append(_link(inertia, frame))
     return tuple(links)
 
