@@ -38,7 +38,7 @@ def test_a_robot_file_is_written_and_never_overwritten_by_chance(folder, capsys)
     [
         (["slider.par"], 3, "'L2' has no value"),
         (["missing.par"], 3, "missing.par: error: the file cannot be read"),
-        (["slider.par", "--format", "urdf"], 3, "formats are"),
+        (["slider.par", "--format", "sdf"], 3, "formats are"),
         (["slider.par", "--set", "L2"], 2, "NAME=VALUE"),
         (["slider.par", "--set", "L2=0.4", "--name", "while"], 3, "--name"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -121,4 +122,4 @@ class _PinocchioSource:
         return np.array([tau[joint.idx_v] for joint in self._joints])
 
 
-_SOURCES: dict[str, Any] = {"urdf": _PinocchioSource}
+_SOURCES: dict[str, Callable[[str, ImportedChain], _Source]] = {"urdf": _PinocchioSource}

@@ -125,7 +125,7 @@ FAULTS = {
     "floating": ('type="continuous"', 'type="floating"', "12:3", "is floating"),
     "axis": ('"0 0 -1"', '"0 0 0"', "13:59", "xyz of <axis> has no direction"),
     "twice": ('<link name="tool">', '<link name="lower">', "7:3", "there are two links 'lower'"),
-    "circle": ('<parent link="base"/>', '<parent link="tool"/>', "7:3", "the links around are carried by no joint"),
+    "circle": ('<parent link="base"/>', '<parent link="tool"/>', "9:3", "the links around 'upper' carry each other"),
     "mass": ('<mass value="2"/>', '<mass value="-2"/>', "3:68", "the mass is negative"),
     "no mass": ('<mass value="2"/>', "", "3:22", "<inertial> has no <mass>"),
     "no moment": ('ixx="0.1" iyy="0.2"', 'ixx="0.1"', "4:5", "<inertia> has no attribute 'iyy'"),
