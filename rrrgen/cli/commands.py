@@ -24,6 +24,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "rrrgen.cli.identification.response_model:response_model",
         "Fit a linear model and its resonances to a response.",
     ),
+    "vibration": (
+        "rrrgen.cli.identification.vibration:vibration",
+        "Design input shapers and notch filters against vibrations.",
+    ),
     "case-study": ("rrrgen.cli.identification.case_study:case_study", "Run the whole case study on the virtual RRR."),
     "controller": (
         "rrrgen.cli.identification.controller:controller",

@@ -1,4 +1,4 @@
-"""One step of a linear model in state space as a program, its matrices folded in."""
+"""One step of linear models in a row as a program, their matrices folded in."""
 
 from __future__ import annotations
 
@@ -6,44 +6,44 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
+from rrrgen.control.state_space import StateSpace
 from rrrgen.errors import InputError
 from rrrgen.program import Builder, Port, Program
 
-Row = Sequence[float]
 
+def linear_step_program(systems: Sequence[StateSpace], period: float, name: str, title: str) -> Program:
+    """Output and next state of models with one input and one output each, the output of one the input of the next.
 
-def state_space_program(
-    A: Sequence[Row], B: Row, C: Row, D: float, period: float, name: str = "step", title: str = "a linear model"
-) -> Program:
-    """Output ``y = C x + D u`` and next state ``x_next = A x + B u`` of a model with one input and one output.
-
-    ``A`` (n, n), ``B`` (n,), ``C`` (n,), n >= 1; their zeros cost nothing. Inputs ``u`` and the state ``x`` (n,), which
-    the caller owns; outputs ``y`` and ``x_next`` (n,). ``period`` in s is for the documentation.
+    Each is ``y = C x + D u``, ``x_next = A x + B u``; zeros in the matrices cost nothing. Inputs ``u`` and the states
+    ``x`` (n,) of all of them, which the caller owns; outputs ``y`` of the last and ``x_next`` (n,). ``period`` in s and
+    ``title`` are for the documentation.
     """
-    n = len(B)
-    if n < 1 or len(A) != n or len(C) != n or any(len(row) != n for row in A):
-        raise InputError("a model in state space needs A (n, n), B (n,) and C (n,) with n of 1 at least")
+    n = sum(len(system.B) for system in systems)
+    if n < 1:
+        raise InputError("a step of linear models needs a state")
     builder = Builder()
-    u = builder.input(Port("u", (), "", "", "input of this sample"))[0]
+    signal: Any = builder.input(Port("u", (), "", "", "input of this sample"))[0]
     x = builder.input(Port("x", (n,), "", "", "state"))
-
-    def combination(weights: Row, of_u: float) -> Any:
-        total: Any = 0
-        for weight, value in zip((*weights, of_u), (*x, u), strict=True):
-            total = total + Fraction(float(weight)) * value
-        return total
-
+    following: list[Any] = []
+    for system in systems:
+        own, u = x[len(following) : len(following) + len(system.B)], signal
+        signal = _combination(system.C, own, system.D, u)
+        following += [_combination(row, own, of_u, u) for row, of_u in zip(system.A, system.B, strict=True)]
     outputs = [
-        (Port("y", (), "", "", "output of this sample"), [combination(C, D)]),
-        (
-            Port("x_next", (n,), "", "", "state for the next sample"),
-            [combination(row, of_u) for row, of_u in zip(A, B, strict=True)],
-        ),
+        (Port("y", (), "", "", "output of this sample"), [signal]),
+        (Port("x_next", (n,), "", "", "state for the next sample"), following),
     ]
     return builder.program(
         name,
         outputs,
         summary=f"One step of {title}, once per sample of {period:.9g} s.",
-        formula="y = C x + D u, x_next = A x + B u",
+        formula="y = C x + D u, x_next = A x + B u" + (", one after the other" if len(systems) > 1 else ""),
         notes=("Start with x = 0; pass x_next as x at the next sample.",),
     )
+
+
+def _combination(weights: Any, values: Sequence[Any], of_u: float, u: Any) -> Any:
+    total: Any = 0
+    for weight, value in zip((*weights, of_u), (*values, u), strict=True):
+        total = total + Fraction(float(weight)) * value
+    return total

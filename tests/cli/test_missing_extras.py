@@ -68,6 +68,7 @@ USES = {
     "controller": (["pendulum", "--tuning", "tuning.json", "-o", "x"], ("scipy",)),
     "frf": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "response-model": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
+    "vibration": (["--mode", "28:0.1", "--rate", "1000", "-o", "x"], ("scipy", "matplotlib")),
     "case-study": (["-o", "x"], ("casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")),
     "generate": (["pendulum", "--casadi-files", "-o", "x"], ("casadi",)),
 }

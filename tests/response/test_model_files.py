@@ -10,11 +10,11 @@ import pytest
 
 from backends.c_tools import C99, CXX, compile_all, compiler
 from rrrgen.cli.main import run
-from rrrgen.control.linear_step import state_space_program
+from rrrgen.control.linear_step import linear_step_program
+from rrrgen.control.state_space import realize
 from rrrgen.errors import InputError
 from rrrgen.response.models.postures import modes_over_postures
 from rrrgen.response.models.response_model import Resonance, ResponseModel, read_response_models
-from rrrgen.response.models.state_space import realize
 from samples.flexible_joint import PERIOD, flexible_joint, multisine, record
 
 DAISY = Path(__file__).resolve().parents[3] / "shared" / "data" / "daisy_robot_arm" / "robot_arm.dat"
@@ -141,8 +141,8 @@ def test_state_space_is_the_difference_equation():
         assert np.count_nonzero(found.A) <= 2 * len(found.B)
     double = realize(np.array([0.0, 0.5, 0.5]), np.array([1.0, -2.0, 1.0])).run(np.ones(1000))
     assert double[-1] == pytest.approx(0.5 * 999**2, rel=1e-9)
-    with pytest.raises(InputError, match="state space"):
-        state_space_program([[1.0]], [1.0, 2.0], [1.0], 0.0, PERIOD)
+    with pytest.raises(InputError, match="needs a state"):
+        linear_step_program([], PERIOD, "step", "nothing")
 
 
 def test_python_control_has_the_same_response(recorded, tmp_path):

@@ -93,7 +93,7 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
 
 def _programs(models: Sequence[ResponseModel]) -> list[Program]:
     """One step of every model: ``step``, or ``step_<posture>`` where there are several."""
-    from rrrgen.control.linear_step import state_space_program
+    from rrrgen.control.linear_step import linear_step_program
 
     programs, names = [], set[str]()
     for model in models:
@@ -101,10 +101,8 @@ def _programs(models: Sequence[ResponseModel]) -> list[Program]:
         while name in names:
             name += "_"
         names.add(name)
-        found = model.state_space()
-        A, B, C = found.A.tolist(), found.B.tolist(), found.C.tolist()
         title = f"the linear model of {model.name}" if len(models) > 1 else "a linear model"
-        programs.append(state_space_program(A, B, C, found.D, model.period, name, title))
+        programs.append(linear_step_program([model.state_space()], model.period, name, title))
     return programs
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -40,15 +40,19 @@ class ModeOverPostures:
         }
 
 
-def modes_over_postures(models: Sequence[ResponseModel]) -> list[ModeOverPostures]:
-    """The modes of all postures by frequency. A mode of one posture is that of the others whose frequency (and, less,
-    damping) is nearest by ratio, every mode at most once; what lies farther than 40 % is a mode of its own.
+def modes_over_postures(
+    models: Sequence[ResponseModel], of: Literal["resonances", "antiresonances"] = "resonances"
+) -> list[ModeOverPostures]:
+    """The modes of all postures by frequency: poles (resonances) or zeros.
+
+    A mode of one posture is that of the others whose frequency (and, less, damping) is nearest by ratio, every mode at
+    most once; what lies farther than 40 % is a mode of its own.
     """
     from scipy.optimize import linear_sum_assignment
 
     modes: list[dict[str, Resonance]] = []
-    for model in sorted(models, key=lambda each: -len(each.resonances)):
-        own = list(model.resonances)
+    lists: list[tuple[str, tuple[Resonance, ...]]] = [(each.name, getattr(each, of)) for each in models]
+    for name, own in sorted(lists, key=lambda each: -len(each[1])):
         cost = np.array([[min(_distance(mode, each) for each in row.values()) for row in modes] for mode in own])
         pairs = zip(*linear_sum_assignment(np.minimum(cost, 2.0 * FARTHEST)), strict=True) if modes and own else ()
         matched = {int(i): int(j) for i, j in pairs if cost[i, j] < FARTHEST}
@@ -56,7 +60,7 @@ def modes_over_postures(models: Sequence[ResponseModel]) -> list[ModeOverPosture
             row = modes[matched[i]] if i in matched else {}
             if i not in matched:
                 modes.append(row)
-            row[model.name] = mode
+            row[name] = mode
     order = {model.name: place for place, model in enumerate(models)}
     sorted_rows = [dict(sorted(row.items(), key=lambda item: order[item[0]])) for row in modes]
     return sorted((ModeOverPostures(row) for row in sorted_rows), key=lambda each: float(each.frequencies.mean()))

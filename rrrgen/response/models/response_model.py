@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.control.state_space import StateSpace, realize
 from rrrgen.errors import InputError
 from rrrgen.extras import require
 from rrrgen.response.controller import Complex
-from rrrgen.response.models.state_space import StateSpace, realize
 
 SCHEMA = "rrrgen-response-model/1"
 HIGHEST_DAMPING = 0.3  # of what is called a resonance
+HIGHEST_ZERO = 0.8  # of half the sampling rate: above lie the zeros that sampling adds
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,18 @@ class ResponseModel:
         powers = np.polynomial.polynomial.polyval
         return np.asarray(powers(z, self.numerator) / powers(z, self.denominator))
 
+    @property
+    def antiresonances(self) -> tuple[Resonance, ...]:
+        """The weakly damped pairs of zeros, at whose frequency the output stands still while the rest vibrates.
+
+        Without those near half the sampling rate, which sampling adds.
+        """
+        first = np.flatnonzero(self.b)
+        if not len(first):
+            return ()
+        found = resonances_of(-self.b[first[0] + 1 :] / self.b[first[0]], None, self.period)
+        return tuple(each for each in found if each.frequency < HIGHEST_ZERO * 0.5 / self.period)
+
     def state_space(self) -> StateSpace:
         """The same model in state space, a block per mode."""
         return realize(self.numerator, self.denominator)
@@ -94,6 +107,7 @@ class ResponseModel:
             "delay": self.delay,
             "state_space": self.state_space().to_json(),
             "resonances": [vars(each) for each in self.resonances],
+            "antiresonances": [vars(each) for each in self.antiresonances],
             "fit": self.fit,
             "candidates": list(self.table),
         }

@@ -1,0 +1,1 @@
+"""What follows from a resonance: input shapers and notch filters for the controller."""

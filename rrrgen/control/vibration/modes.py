@@ -1,0 +1,64 @@
+"""A vibration and the range in which it moves, e.g. from posture to posture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+
+LEAST_DAMPING = 1e-4  # below it a measured damping cannot be told from none
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """One mode in every posture: ``frequencies`` (Hz) and ``dampings`` (ratios), as many of both.
+
+    ``frequency`` and ``damping``, for which filters are designed, are the middle of the frequencies and the geometric
+    mean of the dampings.
+    """
+
+    frequencies: tuple[float, ...]
+    dampings: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not self.frequencies or len(self.frequencies) != len(self.dampings):
+            raise InputError("a vibration needs as many dampings as frequencies")
+        if min(self.frequencies) <= 0.0 or not all(-1.0 < zeta < 1.0 for zeta in self.dampings):
+            raise InputError("a vibration needs positive frequencies (Hz) and damping ratios below 1")
+
+    @property
+    def frequency(self) -> float:
+        """Hz."""
+        return 0.5 * (min(self.frequencies) + max(self.frequencies))
+
+    @property
+    def damping(self) -> float:
+        """Ratio."""
+        return float(np.exp(np.mean(np.log(np.maximum(self.dampings, LEAST_DAMPING)))))
+
+
+def pole(frequency: float, damping: float, period: float) -> complex:
+    """``exp(s T)``, ``s = w (-zeta + j sqrt(1 - zeta^2))``, of a mode of ``frequency`` (Hz); ``period`` T in s."""
+    omega = 2.0 * np.pi * frequency
+    return complex(np.exp(omega * period * (-damping + 1j * np.sqrt(1.0 - damping**2))))
+
+
+def below_sampling(vibrations: Sequence[Vibration], period: float) -> None:
+    """Raises :class:`InputError` for a vibration that the sampling cannot show."""
+    for each in vibrations:
+        if max(each.frequencies) >= 0.5 / period:
+            raise InputError(
+                f"a vibration of {max(each.frequencies):.4g} Hz lies above half the sampling rate of "
+                f"{1.0 / period:.6g} Hz: no sampled filter acts on it"
+            )
+
+
+def grid_around(vibrations: Sequence[Vibration], period: float, points: int = 800) -> Array:
+    """Frequencies (points,) in Hz for figures: from a third of the lowest vibration to twice the highest."""
+    low = min(min(each.frequencies) for each in vibrations) / 3.0
+    high = min(2.0 * max(max(each.frequencies) for each in vibrations), 0.49 / period)
+    return np.asarray(np.geomspace(low, high, points))
