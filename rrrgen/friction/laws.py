@@ -8,8 +8,12 @@ that replacing sgn by tanh(./eps) alone makes all of them smooth.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
+
+
+Factors = Callable[[Any, Any, Any, Sequence[Any]], list[Any]]
+"""``factors(ops, dq, s, shapes)``: the factors of the linear parameters of a law."""
 
 
 class LawParameter(NamedTuple):
@@ -29,6 +33,9 @@ class FrictionLaw:
     parameters where the law is linear in them. A law with a ``rate`` has one state z per joint:
     ``dz/dt = rate(ops, z, dq, p)``, ``tau = state_torque(ops, z, dq, p)``, and ``step(ops, z, dq, p, period)`` gives z
     and the torque after a period. ``passivity(p)`` is a margin that is not negative where the law is surely passive.
+
+    A *separable* law is linear in all parameters but its ``shapes``: ``factors(ops, dq, s, shapes)`` are the factors of
+    the others, in their order, with s = sgn(dq), or z / ``shapes[-1]`` if the law has a state.
     """
 
     name: str
@@ -41,6 +48,24 @@ class FrictionLaw:
     state_torque: Callable[[Any, Any, Any, Sequence[Any]], Any] | None = None
     step: Callable[[Any, Any, Any, Sequence[Any], Any], tuple[Any, Any]] | None = None
     passivity: Callable[[Sequence[Any]], Any] | None = None
+    shapes: tuple[str, ...] = ()
+    factors: Factors | None = None
+
+    @property
+    def linear(self) -> tuple[LawParameter, ...]:
+        """The parameters that are not shapes."""
+        return tuple(p for p in self.parameters if p.name not in self.shapes)
+
+    def split(self, p: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+        """The values of the linear parameters and those of the shapes, from all parameters ``p`` in order."""
+        known = dict(zip((each.name for each in self.parameters), p, strict=True))
+        return [known[each.name] for each in self.linear], [known[name] for name in self.shapes]
+
+    def joined(self, linear: Sequence[Any], shapes: Sequence[Any]) -> tuple[Any, ...]:
+        """All parameters in order, from the values of the linear ones and those of the shapes."""
+        known = dict(zip((each.name for each in self.linear), linear, strict=True))
+        known |= dict(zip(self.shapes, shapes, strict=True))
+        return tuple(known[each.name] for each in self.parameters)
 
 
 def _linear(columns: Callable[[Any, Any], list[Any]]) -> Callable[[Any, Any, Sequence[Any]], Any]:
@@ -51,6 +76,55 @@ def _linear(columns: Callable[[Any, Any], list[Any]]) -> Callable[[Any, Any, Seq
         return total
 
     return torque
+
+
+def _separable(
+    name: str,
+    equation: str,
+    formula: str,
+    parameters: Sequence[LawParameter],
+    factors: Factors,
+    shapes: tuple[str, ...] = (),
+    presliding: bool = False,
+) -> FrictionLaw:
+    """A law from the ``factors`` of its linear parameters.
+
+    With ``presliding``, the last shape is the distance s0 over which friction builds up when the motion reverses, and z
+    obeys ``dz/dt = dq - |dq| z / s0`` (Dahl 1968), so that z = s0 sgn(dq) in sliding.
+    """
+
+    def total(ops: Any, dq: Any, s: Any, p: Sequence[Any]) -> Any:
+        linear, bent = law.split(p)
+        value: Any = 0
+        for factor, weight in zip(factors(ops, dq, s, bent), linear, strict=True):
+            value = value + factor * weight
+        return value
+
+    def torque(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
+        return total(ops, dq, ops.sign(dq), p)
+
+    def distance(p: Sequence[Any]) -> Any:
+        return law.split(p)[1][-1]
+
+    def rate(ops: Any, z: Any, dq: Any, p: Sequence[Any]) -> Any:
+        return dq - dq * ops.sign(dq) / distance(p) * z
+
+    def state_torque(ops: Any, z: Any, dq: Any, p: Sequence[Any]) -> Any:
+        return total(ops, dq, z / distance(p), p)
+
+    def step(ops: Any, z: Any, dq: Any, p: Sequence[Any], period: Any) -> tuple[Any, Any]:
+        s0 = distance(p)
+        following = z + (s0 * ops.sign(dq) - z) * _forgotten(ops, dq * ops.sign(dq) / s0, period)
+        return following, state_torque(ops, following, dq, p)
+
+    law = FrictionLaw(name, equation, formula, tuple(parameters), torque, shapes=shapes, factors=factors)
+    return replace(law, rate=rate, state_torque=state_torque, step=step) if presliding else law
+
+
+def _forgotten(ops: Any, relaxation: Any, period: Any) -> Any:
+    """``1 - exp(-x)`` with ``x = relaxation period``, as 2t/(1+t), t = tanh(x/2), which loses no digits at small x."""
+    t = ops.tanh(relaxation * period / 2)
+    return 2 * t / (1 + t)
 
 
 def coulomb_viscous_columns(ops: Any, dq: Any) -> list[Any]:
@@ -65,10 +139,43 @@ def asymmetric_columns(ops: Any, dq: Any) -> list[Any]:
     return [(speed + dq) / 2, (dq - speed) / 2, (both + s) / 2, (s - both) / 2]
 
 
+def _coulomb_viscous_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+    return [dq, s, 1]
+
+
+def _asymmetric_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+    return asymmetric_columns(ops, dq)
+
+
+def _decay(ops: Any, dq: Any, speed: Any) -> Any:
+    """``exp(-|dq| / speed)``."""
+    return ops.exp(-(dq * ops.sign(dq)) / speed)
+
+
+def _exponential_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+    return [s * _decay(ops, dq, shapes[0]), s, dq]
+
+
+def _asymmetric_exponential_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+    return [*asymmetric_columns(ops, dq), s * _decay(ops, dq, shapes[0])]
+
+
+def _dahl_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+    return [s, dq]
+
+
+def _dahl_exponential_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+    return [s * _decay(ops, dq, shapes[0]), s, dq, dq * (dq * ops.sign(dq))]
+
+
 def stribeck_level(ops: Any, dq: Any, excess: Any, coulomb: Any, speed: Any) -> Any:
     """``gamma = alpha0 exp(-(dq/v_s)^2) + alpha1``. Source: (14.12)."""
     ratio = dq / speed
     return excess * ops.exp(-(ratio * ratio)) + coulomb
+
+
+def _stribeck_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+    return [s * stribeck_level(ops, dq, 1, 0, shapes[0]), s, dq]
 
 
 def _stribeck(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
@@ -95,15 +202,10 @@ def _lugre_torque(ops: Any, z: Any, dq: Any, p: Sequence[Any]) -> Any:
 
 
 def _lugre_step(ops: Any, z: Any, dq: Any, p: Sequence[Any], period: Any) -> tuple[Any, Any]:
-    """Exact over a period of constant speed, hence bounded whatever the period.
-
-    With ``x = sigma0 |dq| Ts / gamma`` and ``t = tanh(x/2)``: ``exp(-x) = (1-t)/(1+t)`` and ``1 - exp(-x) = 2t/(1+t)``,
-    which loses no digits at small x.
-    """
+    """Exact over a period of constant speed, hence bounded whatever the period."""
     sigma0, sigma1, excess, coulomb, viscous, speed = p
-    t = ops.tanh(_lugre_relaxation(ops, dq, p) * period / 2)
     level = stribeck_level(ops, dq, excess, coulomb, speed) * ops.sign(dq) / sigma0
-    following = z + (level - z) * (2 * t / (1 + t))
+    following = z + (level - z) * _forgotten(ops, _lugre_relaxation(ops, dq, p), period)
     return following, sigma0 * following + sigma1 * ((following - z) / period) + viscous * dq
 
 
@@ -121,6 +223,10 @@ def _neural(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
     return total
 
 
+def _neural_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+    return [*(ops.tanh(w * dq) for w in shapes), dq]
+
+
 def _logistic(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
     """Written with tanh, ``1/(1 + exp(-x)) = (1 + tanh(x/2))/2``, which cannot overflow."""
     span, steepness, shift = p
@@ -132,14 +238,19 @@ _VISCOUS = LawParameter("viscous", "N m s/rad", "viscous friction, alpha2")
 _COULOMB = LawParameter("coulomb", "N m", "Coulomb friction, alpha1", positive=True)
 _EXCESS = LawParameter("stiction_excess", "N m", "stiction minus Coulomb friction, alpha0")
 _SPEED = LawParameter("stribeck_speed", "rad/s", "Stribeck velocity v_s", positive=True)
+_COULOMB_ANY = LawParameter("coulomb", "N m", "Coulomb friction, alpha1")
+_FREE_EXCESS = LawParameter("excess", "N m", "friction at rest minus Coulomb friction, of either sign")
+_DECAY = LawParameter("decay_speed", "rad/s", "speed over which the excess decays by e", positive=True)
+_PRESLIDING = LawParameter("presliding", "rad", "motion over which friction builds up by 1 - 1/e", positive=True)
 
 COULOMB_VISCOUS = FrictionLaw(
     "coulomb_viscous",
     "(14.11)",
     "tau_f = viscous dq + coulomb sgn(dq) + offset",
-    (_VISCOUS, LawParameter("coulomb", "N m", "Coulomb friction, alpha1"), LawParameter("offset", "N m", "offset")),
+    (_VISCOUS, _COULOMB_ANY, LawParameter("offset", "N m", "offset")),
     _linear(coulomb_viscous_columns),
     columns=coulomb_viscous_columns,
+    factors=_coulomb_viscous_factors,
 )
 ASYMMETRIC = FrictionLaw(
     "asymmetric",
@@ -153,6 +264,7 @@ ASYMMETRIC = FrictionLaw(
     ),
     _linear(asymmetric_columns),
     columns=asymmetric_columns,
+    factors=_asymmetric_factors,
 )
 STRIBECK = FrictionLaw(
     "stribeck",
@@ -160,6 +272,51 @@ STRIBECK = FrictionLaw(
     "tau_f = (stiction_excess exp(-(dq/v_s)^2) + coulomb) sgn(dq) + viscous dq",
     (_EXCESS, _COULOMB, _VISCOUS, _SPEED),
     _stribeck,
+    shapes=("stribeck_speed",),
+    factors=_stribeck_factors,
+)
+EXPONENTIAL = _separable(
+    "exponential",
+    "as (14.12) with a decay of first order",
+    "tau_f = (excess exp(-|dq|/decay_speed) + coulomb) sgn(dq) + viscous dq",
+    (_FREE_EXCESS, _COULOMB_ANY, _VISCOUS, _DECAY),
+    _exponential_factors,
+    ("decay_speed",),
+)
+ASYMMETRIC_EXPONENTIAL = _separable(
+    "asymmetric_exponential",
+    "(14.11), one set of coefficients per direction, with a term that decays with the speed",
+    "tau_f = viscous_p dq + coulomb_p for dq > 0, viscous_n dq - coulomb_n for dq < 0, "
+    "+ excess exp(-|dq|/decay_speed) sgn(dq)",
+    (*ASYMMETRIC.parameters, _FREE_EXCESS, _DECAY),
+    _asymmetric_exponential_factors,
+    ("decay_speed",),
+)
+DAHL = _separable(
+    "dahl",
+    "Dahl 1968",
+    "dz/dt = dq - |dq| z / presliding, tau_f = coulomb z / presliding + viscous dq",
+    (_COULOMB_ANY, _VISCOUS, _PRESLIDING),
+    _dahl_factors,
+    ("presliding",),
+    presliding=True,
+)
+DAHL_EXPONENTIAL = _separable(
+    "dahl_exponential",
+    "Dahl 1968, with a level that depends on the speed",
+    "dz/dt = dq - |dq| z / presliding, tau_f = (excess exp(-|dq|/decay_speed) + coulomb) z / presliding + viscous dq "
+    "+ quadratic dq |dq|",
+    (
+        _FREE_EXCESS,
+        _COULOMB_ANY,
+        _VISCOUS,
+        LawParameter("quadratic", "N m s^2/rad^2", "change of viscous friction with the speed"),
+        _DECAY,
+        _PRESLIDING,
+    ),
+    _dahl_exponential_factors,
+    ("decay_speed", "presliding"),
+    presliding=True,
 )
 LUGRE = FrictionLaw(
     "lugre",
@@ -196,9 +353,28 @@ def neural_law(units: int = 3) -> FrictionLaw:
     """The neural law (14.14) with ``units`` hyperbolic tangents (the chapter has three)."""
     names = [LawParameter(f"f{k + 1}", "N m", "output weight") for k in range(units)]
     names += [LawParameter(f"w{k + 1}", "s/rad", "input weight") for k in range(units)]
-    return FrictionLaw("neural", "(14.14)", "tau_f = sum_k f_k tanh(w_k dq) + viscous dq", (*names, _VISCOUS), _neural)
+    return FrictionLaw(
+        "neural",
+        "(14.14)",
+        "tau_f = sum_k f_k tanh(w_k dq) + viscous dq",
+        (*names, _VISCOUS),
+        _neural,
+        shapes=tuple(f"w{k + 1}" for k in range(units)),
+        factors=_neural_factors,
+    )
 
 
-_ALL = (COULOMB_VISCOUS, ASYMMETRIC, STRIBECK, LUGRE, LOGISTIC, neural_law())
+_ALL = (
+    COULOMB_VISCOUS,
+    ASYMMETRIC,
+    EXPONENTIAL,
+    ASYMMETRIC_EXPONENTIAL,
+    STRIBECK,
+    DAHL,
+    DAHL_EXPONENTIAL,
+    LUGRE,
+    LOGISTIC,
+    neural_law(),
+)
 LAWS: dict[str, FrictionLaw] = {law.name: law for law in _ALL}
 """Every law by name; the neural one with three units."""

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rrrgen.errors import InputError
 from rrrgen.friction.laws import LAWS, neural_law
-from rrrgen.friction.models import FrictionModel, coulomb_viscous
+from rrrgen.friction.models import NUMPY, FrictionModel, coulomb_viscous
 from rrrgen.friction.programs import (
     friction_columns_program,
     friction_program,
@@ -27,6 +27,10 @@ SPEEDS = np.concatenate([[0.0], np.linspace(-6, 6, 41), [1e-9, -1e-9, 300.0]])
 EXAMPLES = {
     "coulomb_viscous": [[0.4, 1.5, 0.2], [0.1, 0.5, -0.1]],
     "asymmetric": [[0.4, 0.5, 1.5, 1.2], [0.1, 0.2, 0.5, 0.6]],
+    "exponential": [[-0.3, 1.5, 0.4, 0.1], [0.3, 0.5, 0.2, 0.05]],
+    "asymmetric_exponential": [[0.4, 0.5, 1.5, 1.2, -0.4, 0.1], [0.1, 0.2, 0.5, 0.6, 0.3, 0.05]],
+    "dahl": [[1.5, 0.4, 1e-4], [0.5, 0.2, 3e-5]],
+    "dahl_exponential": [[-0.3, 1.5, 0.4, -0.02, 0.1, 1e-4], [0.3, 0.5, 0.2, 0.01, 0.05, 3e-5]],
     "stribeck": [[0.7, 1.5, 0.4, 0.1], [0.3, 0.5, 0.2, 0.05]],
     "lugre": [[1e4, 3.0, 0.7, 1.5, 1.6, 0.1], [3e3, 1.0, 0.3, 0.5, 0.8, 0.05]],
     "logistic": [[1.1, 9.0, 0.02], [0.6, 40.0, -0.03]],
@@ -45,6 +49,14 @@ def retyped(name: str, v: float, p: list[float]) -> float:
         return p[0] * v + p[1] * sign + p[2]
     if name == "asymmetric":
         return 0.0 if v == 0 else (p[0] * v + p[2] if v > 0 else p[1] * v - p[3])
+    if name == "asymmetric_exponential":
+        return retyped("asymmetric", v, p) + p[4] * np.exp(-abs(v) / p[5]) * sign
+    if name == "exponential":
+        return (p[0] * np.exp(-abs(v) / p[3]) + p[1]) * sign + p[2] * v
+    if name == "dahl":
+        return p[0] * sign + p[1] * v
+    if name == "dahl_exponential":
+        return (p[0] * np.exp(-abs(v) / p[4]) + p[1]) * sign + p[2] * v + p[3] * v * abs(v)
     if name in ("stribeck", "lugre"):
         a0, a1, a2, vs = p[-4:]
         return (a0 * np.exp(-((v / vs) ** 2)) + a1) * sign + a2 * v
@@ -114,7 +126,36 @@ def test_linear_laws_are_columns_times_parameters(name: str) -> None:
     assert np.all(Y[:, 0, friction.parameters.shape[1] :] == 0.0)
 
 
-@pytest.mark.parametrize("name", ["stribeck", "lugre", "logistic", "neural"])
+@pytest.mark.parametrize("name", [name for name, law in LAWS.items() if law.factors is not None])
+def test_separable_laws_are_factors_times_linear_parameters(name: str) -> None:
+    law, p = LAWS[name], EXAMPLES[name][0]
+    linear, shapes = law.split(p)
+    assert law.joined(linear, shapes) == tuple(p)
+    factors = law.factors(NUMPY, SPEEDS, np.sign(SPEEDS), shapes)
+    got = sum(factor * value for factor, value in zip(factors, linear, strict=True)) + 0.0 * SPEEDS
+    assert got == pytest.approx([retyped(name, v, p) for v in SPEEDS], rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["dahl", "dahl_exponential"])
+def test_presliding_builds_up_over_its_distance(name: str) -> None:
+    """After a reversal at constant speed the torque relaxes with exp(-travel / presliding), whatever the period."""
+    friction = model(name)
+    p = dict(zip((each.name for each in friction.law.parameters), friction.parameters[0], strict=True))
+    dq, z = np.array([0.02, 0.02]), -np.array([p["presliding"]] * 2)
+    for steps in (1, 7):
+        at = z.copy()
+        for _ in range(steps):
+            at, tau = friction.step(at, dq, 4e-3 / steps)
+        share = 1.0 - 2.0 * np.exp(-0.02 * 4e-3 / p["presliding"])
+        assert at[0] / p["presliding"] == pytest.approx(share, rel=1e-12)
+        sliding = retyped(name, 0.02, EXAMPLES[name][0])
+        level = sliding - p["viscous"] * 0.02 - p.get("quadratic", 0.0) * 0.02**2
+        assert tau[0] == pytest.approx(level * share + sliding - level, rel=1e-12)
+    h = 1e-9
+    assert friction.rate(z, dq) == pytest.approx((friction.step(z, dq, h)[0] - z) / h, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", [name for name, law in LAWS.items() if law.columns is None])
 def test_nonlinear_laws_have_no_columns(name: str) -> None:
     with pytest.raises(InputError, match="not linear"):
         model(name).columns([0.0, 0.0])
