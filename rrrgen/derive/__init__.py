@@ -41,7 +41,7 @@ def derive_model(spec: RobotSpec) -> RecordedModel:
     import sympy as sp
 
     from rrrgen.derive.derived_model import RecordedModel
-    from rrrgen.derive.functions.dynamic_functions import friction as friction_program
+    from rrrgen.derive.functions.friction_functions import friction, friction_of, friction_step
     from rrrgen.derive.functions.table import FUNCTIONS
     from rrrgen.derive.parameters.base_parameters import BaseParameter, linear_expression, standard_symbols
     from rrrgen.derive.parameters.regrouping import regroupings
@@ -56,10 +56,11 @@ def derive_model(spec: RobotSpec) -> RecordedModel:
     alternatives = {
         name: tuple(record(derivation.recording()) for record in recorders) for name, recorders in FUNCTIONS.items()
     }
-    frictions = [joint.friction for joint in spec.joints]
-    frictions += [] if spec.drives is None else [motor.friction for motor in spec.drives.motors]
-    if any(friction is not None for friction in frictions):
-        alternatives["friction"] = (friction_program(derivation.recording()),)
+    surfaces = friction_of(spec)
+    if surfaces:
+        alternatives["friction"] = (friction(derivation.recording()),)
+    if any(surface.has_state for surface in surfaces):
+        alternatives["friction_step"] = (friction_step(derivation.recording()),)
     projection = _projection(compiler_set, change)
     symbols = standard_symbols(spec.n)
     expressions = change.expressions if change else [linear_expression(row, symbols) for row in projection]

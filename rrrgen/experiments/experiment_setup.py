@@ -14,7 +14,7 @@ from rrrgen.excitation.problem import ExcitationProblem
 from rrrgen.excitation.robot import limits_of, robot_problem
 from rrrgen.experiments.experiment_file import Experiment
 from rrrgen.experiments.writing import JointPath, newton_inverse_kinematics, solver_inverse_kinematics, writing_task
-from rrrgen.friction.models import motor_friction, robot_friction
+from rrrgen.friction.stated import motor_friction, robot_friction
 from rrrgen.signals.kalman import kalman_matrices
 from rrrgen.signals.smoother import quantisation_variance
 

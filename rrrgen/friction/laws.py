@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-
 Factors = Callable[[Any, Any, Any, Sequence[Any]], list[Any]]
 """``factors(ops, dq, s, shapes)``: the factors of the linear parameters of a law."""
 

@@ -191,26 +191,3 @@ def coulomb_viscous(
     """``tau_f = viscous dq + coulomb sgn(dq) + offset``, one number per joint each. Source: (14.11)."""
     zeros = np.zeros(len(viscous)) if offset is None else offset
     return FrictionModel(LAWS["coulomb_viscous"], np.column_stack([viscous, coulomb, zeros]))
-
-
-def robot_friction(spec: Any) -> FrictionModel | None:
-    """The linear friction that a robot file states (missing numbers count as 0), None where it states none."""
-    return _linear_friction([joint.friction for joint in spec.joints])
-
-
-def motor_friction(spec: Any) -> FrictionModel | None:
-    """The same of coupled motors, at their shafts; None without coupled drives too."""
-    return None if spec.drives is None else _linear_friction([motor.friction for motor in spec.drives.motors])
-
-
-def _linear_friction(given: Sequence[Any]) -> FrictionModel | None:
-    if all(friction is None for friction in given):
-        return None
-    rows = [
-        [
-            0.0 if f is None or getattr(f, key) is None else float(getattr(f, key))
-            for key in ("viscous", "coulomb", "offset")
-        ]
-        for f in given
-    ]
-    return FrictionModel(LAWS["coulomb_viscous"], np.array(rows))

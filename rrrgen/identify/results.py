@@ -172,7 +172,7 @@ def _identified(
 ) -> tuple[FrictionSpec | None, float | None]:
     """Friction and inertia of the joint or motor whose parameter names end in ``owner``; removes them from ``left``."""
     given = {field: left.pop(f"{symbol}{owner}", None) for field, symbol in FRICTION_SYMBOLS.items()}
-    found = {field: value for field, value in given.items() if value is not None}
+    found: dict[str, Any] = {field: value for field, value in given.items() if value is not None}
     if found:
         friction = replace(friction or FrictionSpec(), **found)
     return friction, left.pop(f"Ia{owner}", None)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
+from rrrgen.friction.stated import stated_friction
 from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
 from rrrgen.identify.estimation.statistics import relative_error, rms
 from rrrgen.identify.estimation.tsqr import Rows
@@ -23,6 +24,7 @@ from rrrgen.identify.scoring.fingerprint import UNKNOWN, Label
 from rrrgen.identify.scoring.scores import Score, score_models
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import friction_terms
+from rrrgen.robotfile.robot_spec import FrictionSpec
 from rrrgen.signals.decimation import Decimator
 from rrrgen.signals.processing import Processing
 
@@ -277,12 +279,28 @@ def robot_model(model: Any) -> TorqueModel:
     """
     terms = friction_terms(model.spec)
     values = np.array([term.value for term in terms])
+    spec = model.spec
+    laws = [_law_alone(joint.friction) for joint in spec.joints]
+    laws += [] if spec.drives is None else [_law_alone(motor.friction) for motor in spec.drives.motors]
+    W = (
+        np.eye(spec.n)
+        if spec.drives is None
+        else np.vstack([np.eye(spec.n), spec.drives.motor_from_joint]).astype(float)
+    )
+    named = stated_friction(laws)
 
     def torque(q: Array, dq: Array, ddq: Array) -> Array:
         friction = drive_columns(terms, np.asarray(dq, dtype=float), np.asarray(ddq, dtype=float)) @ values
+        if named is not None:
+            friction = friction + named.torque(np.asarray(dq) @ W.T) @ W
         return np.asarray(model.inverse_dynamics(q, dq, ddq) + friction)
 
     return torque
+
+
+def _law_alone(friction: Any) -> Any:
+    """The friction of a joint or motor without its linear terms."""
+    return None if friction is None or friction.law is None else FrictionSpec(law=friction.law)
 
 
 def summary(result: Validation) -> list[Mapping[str, Any]]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from rrrgen.robotfile.robot_spec import MotorSpec, RobotSpec
+from rrrgen.friction.laws import LAWS
+from rrrgen.robotfile.robot_spec import LawSpec, MotorSpec, RobotSpec
 
 _UNITS = {
     "revolute": {"inertia": "kg m^2", "viscous": "N m s/rad", "coulomb": "N m", "offset": "N m", "torque_limit": "N m"},
@@ -43,7 +44,16 @@ def motor_facts(motor: MotorSpec) -> str:
     facts = ["linear motor"] if motor.type == "prismatic" else []
     facts += [f"gear ratio {motor.gear_ratio}"] if motor.gear_ratio != 1 else []
     facts += [f"{name.replace('_', ' ')} {value:.10g} {units[name]}" for name, value in values.items()]
+    if motor.friction is not None and motor.friction.law is not None:
+        facts.append(law_text(motor.friction.law))
     return ", ".join(facts)
+
+
+def law_text(law: LawSpec) -> str:
+    """A friction law with its values, in SI units, as a clause: ``friction stribeck (coulomb 2, ...)``."""
+    names = [parameter.name for parameter in LAWS[law.name].parameters]
+    values = ", ".join(f"{name} {value:.6g}" for name, value in zip(names, law.values, strict=True))
+    return f"friction {law.name} ({values})"
 
 
 def drives_data(spec: RobotSpec) -> dict[str, Any] | None:
@@ -53,10 +63,24 @@ def drives_data(spec: RobotSpec) -> dict[str, Any] | None:
     return {
         "joint_from_drive": [[str(value) for value in row] for row in spec.drives.joint_from_drive],
         "motors": [
-            {"name": motor.name, "type": motor.type, "gear_ratio": str(motor.gear_ratio), **_values(motor)}
+            {
+                "name": motor.name,
+                "type": motor.type,
+                "gear_ratio": str(motor.gear_ratio),
+                **_values(motor),
+                **_law(motor),
+            }
             for motor in spec.drives.motors
         ],
     }
+
+
+def _law(motor: MotorSpec) -> dict[str, Any]:
+    law = None if motor.friction is None else motor.friction.law
+    if law is None:
+        return {}
+    values = zip((parameter.name for parameter in LAWS[law.name].parameters), law.values, strict=True)
+    return {"friction_law": {"name": law.name, **dict(values)}}
 
 
 def _values(motor: MotorSpec) -> dict[str, float | None]:

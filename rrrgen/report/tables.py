@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import degrees, isfinite
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import sympy as sp
 from markupsafe import Markup
 
 from rrrgen.backends.latex import Walk
+from rrrgen.friction.laws import LAWS
 from rrrgen.model.drive_text import coupling_equations, motor_facts
 from rrrgen.program import OperationCount, count_operations
 from rrrgen.report.mathml import inline
@@ -85,7 +87,11 @@ def limits(spec: RobotSpec) -> Table | None:
         ("Coulomb friction", lambda j: j.friction.coulomb if j.friction else None),
         ("friction offset", lambda j: j.friction.offset if j.friction else None),
     ]
-    used = [(name, read) for name, read in columns if any(read(joint) is not None for joint in spec.joints)]
+    used = [
+        (name, read)
+        for name, read in columns + _law_columns(spec)
+        if any(read(joint) is not None for joint in spec.joints)
+    ]
     if not used:
         return None
 
@@ -94,6 +100,21 @@ def limits(spec: RobotSpec) -> Table | None:
 
     rows = tuple((joint.name, *(cell(joint, read(joint)) for _, read in used)) for joint in spec.joints)
     return Table(("joint", *(name for name, _ in used)), rows, frozenset(range(1, len(used) + 1)))
+
+
+def _law_columns(spec: RobotSpec) -> list[tuple[str, Callable[[JointSpec], float | None]]]:
+    """One column for every parameter of the friction laws that joints state."""
+    laws = [
+        joint.friction.law for joint in spec.joints if joint.friction is not None and joint.friction.law is not None
+    ]
+    named = dict.fromkeys(p.name for law in laws for p in LAWS[law.name].parameters)
+
+    def value(name: str, joint: JointSpec) -> float | None:
+        law = None if joint.friction is None else joint.friction.law
+        values = {} if law is None else dict(zip((p.name for p in LAWS[law.name].parameters), law.values, strict=True))
+        return values.get(name)
+
+    return [(f"friction: {name}", partial(value, name)) for name in named]
 
 
 def drives(spec: RobotSpec) -> tuple[Table, Table] | None:

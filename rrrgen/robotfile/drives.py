@@ -7,8 +7,8 @@ from typing import cast
 
 import sympy as sp
 
-from rrrgen.robotfile.joints import read_floats
-from rrrgen.robotfile.keys import FRICTION, MAX_JOINTS, MOTOR, ROBOT_FILE
+from rrrgen.robotfile.frictions import read_friction
+from rrrgen.robotfile.keys import LINEAR_FRICTION, MAX_JOINTS, MOTOR, ROBOT_FILE
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, read_number, read_value
 from rrrgen.robotfile.robot_spec import DriveSpec, DrivesSpec, FrictionSpec, JointSpec, JointType, MotorSpec
@@ -19,7 +19,7 @@ Matrix = tuple[tuple[sp.Expr, ...], ...]
 
 SINGULAR = 1e-9  # determinant over the product of the lengths of the rows: rounded decimals of a singular matrix
 _MATRICES = ("joint_from_drive", "drive_from_joint")
-_FRICTION = tuple(key.name for key in FRICTION)
+_FRICTION = tuple(key.name for key in LINEAR_FRICTION)
 _KEYS = {key.name: key for key in MOTOR}
 
 
@@ -128,13 +128,13 @@ def _read_motor(node: Node, number: int, scope: Scope) -> tuple[MotorSpec, dict[
     numbers: dict[str, float | None] = {}
     for name, positive in (("inertia", False), ("torque_limit", True)):
         numbers[name] = _read_size(values.get(name), name, what, joint_type, positive, scope)
-    friction = read_floats(values.get("friction"), FRICTION, "friction", joint_type, what, scope)
+    friction = read_friction(values.get("friction"), joint_type, what, scope)
     return (
         MotorSpec(
             name=_read_name(values.get("name"), number, scope),
             type=joint_type,
             gear_ratio=sp.S.One if gear is None else gear,
-            friction=None if friction is None else FrictionSpec(**friction),
+            friction=friction,
             **numbers,
         ),
         values,
@@ -173,6 +173,7 @@ def _check_not_twice(
     own, other = motor.friction or FrictionSpec(), joint.friction or FrictionSpec()
     terms = {f"friction {name}": ("friction", getattr(own, name), getattr(other, name)) for name in _FRICTION}
     drive = joint.drive or DriveSpec()
+    terms["friction law"] = ("friction", own.law, other.law)
     terms["inertia"] = ("inertia", motor.inertia, drive.inertia)
     terms["gear_ratio"] = ("gear_ratio", places.get("gear_ratio"), drive.gear_ratio)
     for what, (key, here, there) in terms.items():

@@ -6,17 +6,18 @@ from typing import cast
 
 import sympy as sp
 
-from rrrgen.robotfile.keys import DRIVE, FRICTION, JOINT, LIMITS, MAX_JOINTS, ROBOT_FILE
+from rrrgen.robotfile.frictions import read_friction
+from rrrgen.robotfile.keys import DRIVE, JOINT, LIMITS, MAX_JOINTS, ROBOT_FILE
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, read_number, read_value
-from rrrgen.robotfile.robot_spec import DriveSpec, FrictionSpec, JointSpec, JointType, Limits
+from rrrgen.robotfile.robot_spec import DriveSpec, JointSpec, JointType, Limits
 from rrrgen.yamltext.document import Node, Scalar
 from rrrgen.yamltext.keys import Key
 from rrrgen.yamltext.sections import describe, read_choice, read_list, read_section
 
 _TYPE = next(key for key in JOINT if key.name == "type")
 _POSITIVE = ("velocity", "acceleration", "torque", "torque_constant", "encoder_resolution")
-_NOT_NEGATIVE = ("viscous", "coulomb", "inertia")
+_NOT_NEGATIVE = ("inertia",)
 _SHORTEST_ARM = 0.005  # m; a whole mm file below it was written in metres
 
 
@@ -54,7 +55,7 @@ def _read_joint(node: Node, number: int, scope: Scope) -> JointSpec | None:
                 else sp.S.Zero
             )
     limits = _read_limits(values.get("limits"), joint_type, what, scope)
-    friction = read_floats(values.get("friction"), FRICTION, "friction", joint_type, what, scope)
+    friction = read_friction(values.get("friction"), joint_type, what, scope)
     drive = read_floats(values.get("drive"), DRIVE, "drive", joint_type, what, scope)
     if any(value is None for value in row.values()):
         return None
@@ -63,7 +64,7 @@ def _read_joint(node: Node, number: int, scope: Scope) -> JointSpec | None:
         type=cast(JointType, joint_type),
         **row,
         limits=limits,
-        friction=None if friction is None else FrictionSpec(**friction),
+        friction=friction,
         drive=None if drive is None else DriveSpec(**drive),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rrrgen.friction.laws import LAWS
 from rrrgen.yamltext.keys import Format, Key
 
 MAX_JOINTS = 20
@@ -62,10 +63,35 @@ LIMITS = (
     ),
     Key("torque", "value", "largest torque or force", quantity="torque", prismatic="force"),
 )
-FRICTION = (
+_QUANTITIES = {
+    "N m s/rad": ("angular damping", "damping"),
+    "N m": ("torque", "force"),
+    "rad/s": ("angular speed", "speed"),
+    "rad": ("angle", "length"),
+}
+"""Quantities of a friction parameter, for revolute and prismatic joints, by its unit; others are bare numbers in SI."""
+
+
+def _law_keys() -> tuple[Key, ...]:
+    """One key per parameter of any law."""
+    keys = {}
+    for law in LAWS.values():
+        for parameter in law.parameters:
+            quantity, prismatic = _QUANTITIES.get(parameter.unit, ("number", ""))
+            meaning = parameter.meaning if quantity != "number" else f"{parameter.meaning}, {parameter.unit}"
+            keys[parameter.name] = Key(parameter.name, "value", meaning, quantity=quantity, prismatic=prismatic)
+    return tuple(keys.values())
+
+
+LINEAR_FRICTION = (
     Key("viscous", "value", "torque or force per speed", quantity="angular damping", prismatic="damping"),
     Key("coulomb", "value", "torque or force of dry friction", quantity="torque", prismatic="force"),
     Key("offset", "value", "constant torque or force", quantity="torque", prismatic="force"),
+)
+FRICTION = (
+    *LINEAR_FRICTION,
+    Key("law", "choice", "friction law; coulomb_viscous if missing", choices=tuple(LAWS)),
+    *(key for key in _law_keys() if key.name not in ("viscous", "coulomb", "offset")),
 )
 DRIVE = (
     Key("inertia", "value", "rotor inertia seen at the joint, Ia", quantity="inertia", prismatic="mass"),

@@ -38,16 +38,28 @@ class Limits:
 
 
 @dataclass(frozen=True)
+class LawSpec:
+    """A friction law of :data:`rrrgen.friction.laws.LAWS`: its ``name``, and ``values`` of all its parameters in order.
+
+    SI units of the joint or motor: N m and rad, or N and m.
+    """
+
+    name: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class FrictionSpec:
-    """Linear joint friction, joint side: ``tau_f = viscous*dq + coulomb*sgn(dq) + offset``.
+    """Friction of a joint or motor: ``tau_f = viscous*dq + coulomb*sgn(dq) + offset``, or ``law(dq) + offset``.
 
     A field that is ``None`` is not part of the model; a field that is given (0 included) adds its column to the
-    identification regressor.
+    identification regressor. With a ``law``, ``viscous`` and ``coulomb`` are None.
     """
 
     viscous: float | None = None
     coulomb: float | None = None
     offset: float | None = None
+    law: LawSpec | None = None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from dataclasses import fields
 
 import sympy as sp
 
-from rrrgen.robotfile.keys import DRIVE, FIT, FRICTION, HASH_DIGITS, LIMITS, MOTOR
+from rrrgen.friction.laws import LAWS
+from rrrgen.robotfile.keys import DRIVE, FIT, FRICTION, HASH_DIGITS, LIMITS, LINEAR_FRICTION, MOTOR
 from rrrgen.robotfile.robot_spec import (
     BasisSpec,
     DriveSpec,
@@ -141,17 +142,28 @@ class _Printer:
         if joint.limits != Limits():
             lines.append(f"    limits: {self.section(joint.limits, LIMITS, joint.type)}")
         if joint.friction is not None:
-            lines.append(f"    friction: {self.section(joint.friction, FRICTION, joint.type)}")
+            lines.append(f"    friction: {self.friction(joint.friction, joint.type)}")
         if joint.drive is not None:
             lines.append(f"    drive: {self.section(joint.drive, DRIVE, joint.type)}")
         return lines
+
+    def friction(self, friction: FrictionSpec, joint_type: str) -> str:
+        if friction.law is None:
+            return self.section(friction, LINEAR_FRICTION, joint_type)
+        keys = {key.name: key for key in FRICTION}
+        named = dict(zip((p.name for p in LAWS[friction.law.name].parameters), friction.law.values, strict=True))
+        named |= {} if friction.offset is None else {"offset": friction.offset}
+        entries = [
+            f"{key}: {self.number(value, keys[key].quantity_for(joint_type), False)}" for key, value in named.items()
+        ]
+        return "{" + ", ".join([f"law: {friction.law.name}", *entries]) + "}"
 
     def section(self, values: Limits | FrictionSpec | DriveSpec, table: tuple[Key, ...], joint_type: str) -> str:
         keys = {key.name: key for key in table}
         entries = []
         for item in fields(values):
             value = getattr(values, item.name)
-            if value is not None:
+            if value is not None and item.name in keys:
                 key = keys[item.name]
                 text = self.number(float(value), key.quantity_for(joint_type), key.file_units)
                 entries.append(f"{item.name}: {text}")
@@ -177,7 +189,7 @@ class _Printer:
             if value is not None:
                 lines.append(f"      {name}: {self.number(value, keys[name].quantity_for(motor.type), False)}")
         if motor.friction is not None:
-            lines.append(f"      friction: {self.section(motor.friction, FRICTION, motor.type)}")
+            lines.append(f"      friction: {self.friction(motor.friction, motor.type)}")
         return lines
 
     def transform(self, name: str, transform: FixedTransform) -> list[str]:

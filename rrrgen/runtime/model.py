@@ -286,14 +286,20 @@ class Model:
         return E[..., 0], E[..., 1]
 
     def friction(self, dq: ArrayLike) -> Array:
-        """Friction torques fv dq + fc sgn(dq) + offset, zero where the file is silent, (..., n). Source: (14.11).
+        """Friction torques of the laws of the robot file, zero where it is silent, (..., n). Source: (14.11)-(14.14).
 
-        Coupled motors add theirs, S^-T tau_fm(S^-1 dq).
+        Laws with a state are taken in sliding. Coupled motors add theirs, S^-T tau_fm(S^-1 dq).
         """
         if "friction" in self.derived.programs:
             return self._call("friction", dq)
         port = Port("dq", (self.n,), meaning="joint velocities", role=Role.VELOCITY)
         return np.zeros_like(prepare("friction", [port], [dq], self.engine.dtype)[1][0])
+
+    def friction_step(self, dq: ArrayLike, z: ArrayLike, period: ArrayLike) -> tuple[Array, ...]:
+        """States z (..., s) of the friction laws with one after ``period`` s (...) at constant dq, torques (..., n)."""
+        if "friction_step" not in self.derived.programs:
+            raise ValueError("no friction law of this robot has a state: friction(dq) states it all")
+        return tuple(self.engine.call("friction_step", (dq, z, period)))
 
     # -- regressors ----------------------------------------------------------------------------------------------
 

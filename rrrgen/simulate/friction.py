@@ -1,6 +1,6 @@
 """Friction in the simulation: the interface of a friction model, and the friction of coupled motors.
 
-:class:`rrrgen.friction.models.FrictionModel` implements the interface.
+:class:`rrrgen.friction.models.FrictionModel` and :class:`rrrgen.friction.stated.MixedFriction` implement the interface.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class MotorFriction:
     ``joints`` and ``motors`` are models of n joints and m motors, ``W`` (m, n) is the matrix ``motor_from_joint``. If
     several motors act on one joint at rest, the joint speeds do not determine which of them slides. In integration the
     signs of the motor speeds are therefore smoothed over ``width`` (rad/s or m/s at the joints). A motor friction law
-    must not have a state.
+    with a state is taken in sliding.
     """
 
     def __init__(

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rrrgen.robotfile.robot_spec import FrictionSpec, MotorSpec, RobotSpec
+from rrrgen.robotfile.robot_spec import MotorSpec, RobotSpec
 from rrrgen.verify.comparison import Collector, Tolerances, rate, size
 from rrrgen.verify.definiteness import check_refusal, is_definite
 from rrrgen.verify.references.chain import Array, motor_speeds
+from rrrgen.verify.references.friction_laws import has_state, sliding, stepped
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, NewtonEuler
 from rrrgen.verify.subject import Parameters, States, draw_states
 
@@ -71,26 +72,34 @@ def base_rank(ne: NewtonEuler) -> int:
     return int(np.sum(singular_values > RANK_THRESHOLD * size(singular_values)))
 
 
+STEP = 2.0**-10  # s, the period at which laws with a state are compared
+DEFLECTION = 1e-5  # rad or m, size of the states at which they are
+
+
 def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collector) -> None:
-    """Compare friction with fv dq + fc sgn(dq) + offset (14.11); fields missing in the description count as zero."""
-
+    """Compare friction, in sliding and over one period, with the laws retyped; what is not stated counts as zero."""
     spec = model.spec
-    expected = _linear_friction([joint.friction for joint in spec.joints], s.dq)
+    stated = [joint.friction for joint in spec.joints]
+    speeds, lever = s.dq, np.eye(spec.n)
     if spec.drives is not None:  # the power of a motor's friction is that of what it adds to the joint torques
-        at_motors = _linear_friction([motor.friction for motor in spec.drives.motors], motor_speeds(spec, s.dq))
-        expected = expected + at_motors @ motor_speeds(spec, np.eye(spec.n)).T
-    check = rows.against("(14.11)", NO_PARAMETERS, tolerances.exact, s.count)
-    check("friction", lambda: model.friction(s.dq), expected)
-
-
-def _linear_friction(given: Sequence[FrictionSpec | None], speeds: Array) -> Array:
-    """Friction torques (N, k) at ``speeds`` (N, k); missing coefficients count as zero."""
-
-    def coefficients(kind: str) -> Array:
-        terms = [None if friction is None else getattr(friction, kind) for friction in given]
-        return np.array([term or 0.0 for term in terms], dtype=np.float64)
-
-    return coefficients("viscous") * speeds + coefficients("coulomb") * np.sign(speeds) + coefficients("offset")
+        stated += [motor.friction for motor in spec.drives.motors]
+        speeds = np.concatenate([speeds, motor_speeds(spec, s.dq)], axis=1)
+        lever = np.concatenate([lever, motor_speeds(spec, np.eye(spec.n)).T])
+    check = rows.against("(14.11)-(14.14)", NO_PARAMETERS, tolerances.exact, s.count)
+    torques = np.stack([sliding(friction, v) for friction, v in zip(stated, speeds.T, strict=True)], axis=1)
+    check("friction", lambda: model.friction(s.dq), torques @ lever)
+    moved = [k for k, friction in enumerate(stated) if has_state(friction)]
+    if not moved:
+        return
+    z = DEFLECTION * np.cos(np.arange(s.count * len(moved), dtype=float)).reshape(s.count, len(moved))
+    after = np.zeros_like(z)
+    for i, k in enumerate(moved):
+        friction = stated[k]
+        assert friction is not None
+        after[:, i], torques[:, k] = stepped(friction, speeds[:, k], z[:, i], STEP)
+    period = np.full(s.count, STEP)
+    check("friction_step: z", lambda: model.friction_step(s.dq, z, period)[0], after)
+    check("friction_step: tau_f", lambda: model.friction_step(s.dq, z, period)[1], torques @ lever)
 
 
 def _extra_columns(model: Model, s: States) -> Array:

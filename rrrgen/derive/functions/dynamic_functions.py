@@ -8,19 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from rrrgen.derive.algebra.positive_definite import STATUS, factorize
 from rrrgen.derive.algebra.vectors import flat, rows
-from rrrgen.derive.drive_inertia import along
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import composite, momentum, newton_euler
-from rrrgen.derive.recursions.chain import Chain, rational, rational_float
+from rrrgen.derive.recursions.chain import Chain
 from rrrgen.derive.recursions.coriolis import compose
 from rrrgen.derive.recursions.motion import choose_frames
 from rrrgen.program import Port, Program, Role
 from rrrgen.program.builder import replay
-from rrrgen.robotfile.robot_spec import FrictionSpec
 
 
 def _weightless(chain: Chain) -> Chain:
@@ -193,29 +190,6 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
         ["The status tells when M is not positive definite (a singular or unphysical set of parameters)."],
         STATUS,
     )
-
-
-def friction(r: Recording) -> Program:
-    """Record the linear friction torques of the robot file, (n,), at the joints and at coupled motors. (14.11)"""
-    dq, spec = r.joints("dq"), r.model.spec
-    torques = [_linear_friction(r, joint.friction, rate) for joint, rate in zip(spec.joints, dq, strict=True)]
-    formula, notes = "tau_f = fv dq + fc sgn(dq) + offset   (14.11)", []
-    if spec.drives is not None:
-        for k, motor in enumerate(spec.drives.motors):
-            w = [rational(weight) for weight in spec.drives.motor_from_joint.row(k)]
-            torque = _linear_friction(r, motor.friction, along(w, dq))
-            torques = [value + weight * torque if weight else value for value, weight in zip(torques, w, strict=True)]
-        notes.append("Coupled motors add S^-T tau_fm, with the same law at their shafts: dq_m = S^-1 dq.")
-    port = _torque_port(r, "tau_f", "friction torques, added to the rigid body's")
-    return r.builder.program("friction", [(port, torques)], "Joint friction.", formula, notes)
-
-
-def _linear_friction(r: Recording, given: FrictionSpec | None, rate: Any) -> Any:
-    """``viscous rate + coulomb sgn(rate) + offset``; 0 if the file states no friction."""
-    if given is None:
-        return 0
-    viscous, coulomb, offset = (rational_float(v) for v in (given.viscous, given.coulomb, given.offset))
-    return viscous * rate + coulomb * r.builder.sign(rate) + offset
 
 
 FUNCTIONS: dict[str, tuple[Recorder, ...]] = {

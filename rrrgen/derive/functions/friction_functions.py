@@ -1,0 +1,134 @@
+"""Recorders of friction as the robot file states it, at the joints and at coupled motors.
+
+Equation numbers (14.x) are those of Kostic, de Jager and Steinbuch, Modeling and Identification for Robot Motion
+Control, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rrrgen.derive.drive_inertia import along
+from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.recursions.chain import rational, rational_float
+from rrrgen.friction.laws import LAWS, FrictionLaw
+from rrrgen.model.drive_terms import unit
+from rrrgen.program import Port, Program, Role
+from rrrgen.robotfile.robot_spec import FrictionSpec, RobotSpec
+
+LINEAR = "tau_f = fv dq + fc sgn(dq) + offset   (14.11)"
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Where friction acts: the joint or motor ``name`` with speed ``w dq``, whose friction ``f`` adds ``w f``."""
+
+    name: str
+    direction: tuple[Any, ...]
+    friction: FrictionSpec
+
+    @property
+    def law(self) -> FrictionLaw | None:
+        """The friction law, None for the linear one."""
+        return None if self.friction.law is None else LAWS[self.friction.law.name]
+
+    @property
+    def has_state(self) -> bool:
+        """Whether the law remembers: it has a bristle deflection."""
+        return self.law is not None and self.law.step is not None
+
+
+def friction_of(spec: RobotSpec) -> tuple[Surface, ...]:
+    """The joints and coupled motors for which ``spec`` states friction."""
+    found = [Surface(j.name, unit(i, spec.n), j.friction) for i, j in enumerate(spec.joints) if j.friction is not None]
+    if spec.drives is not None:
+        rows = spec.drives.motor_from_joint
+        for k, motor in enumerate(spec.drives.motors):
+            if motor.friction is not None:
+                weights = tuple(rational(weight) for weight in rows.row(k))
+                found.append(Surface(motor.name, weights, motor.friction))
+    return tuple(found)
+
+
+def friction(r: Recording) -> Program:
+    """Record the friction torques (n,) of the robot file; laws with a state are taken in sliding. (14.11)-(14.14)"""
+    dq, spec = r.joints("dq"), r.model.spec
+    surfaces = friction_of(spec)
+    torques = _at_joints(r, surfaces, lambda surface: _sliding(r, surface, along(surface.direction, dq)))
+    named = any(surface.law is not None for surface in surfaces)
+    formula, notes = ("", _laws(surfaces)) if named else (LINEAR, [])
+    if any(surface.has_state for surface in surfaces):
+        notes.append("Laws with a state z are taken in sliding; friction_step carries z.")
+    if spec.drives is not None:
+        notes.append("Coupled motors add S^-T tau_fm, with the same law at their shafts: dq_m = S^-1 dq.")
+    return r.builder.program("friction", [(_port(r), torques)], "Joint friction.", formula, notes)
+
+
+def friction_step(r: Recording) -> Program:
+    """Record one period of friction: from dq, the states z and the period Ts to the next z and the torques (n,)."""
+    dq, surfaces = r.joints("dq"), friction_of(r.model.spec)
+    moved = [surface for surface in surfaces if surface.has_state]
+    meaning = "bristle deflections of " + ", ".join(surface.name for surface in moved)
+    z = dict(zip(moved, r.builder.input(Port("z", (len(moved),), r.position_unit, "", meaning)), strict=True))
+    period = r.builder.input(Port("Ts", (), "s", "", "period"))[0]
+    following: list[Any] = []
+
+    def torque(surface: Surface) -> Any:
+        speed = along(surface.direction, dq)
+        if surface not in z:
+            return _sliding(r, surface, speed)
+        law, values, offset = _numbers(surface)
+        assert law.step is not None
+        after, value = law.step(r.builder, z[surface], speed, values, period)
+        following.append(after)
+        return value + offset
+
+    torques = _at_joints(r, surfaces, torque)
+    port = Port("z_next", (len(moved),), r.position_unit, "", "bristle deflections at the end of the period")
+    return r.builder.program(
+        "friction_step",
+        [(port, following), (_port(r), torques)],
+        "One period of joint friction with a state, stable for every period.",
+        "exact for constant dq",
+        _laws(surfaces),
+    )
+
+
+def _sliding(r: Recording, surface: Surface, speed: Any) -> Any:
+    """Friction of one joint or motor at its ``speed``."""
+    if surface.law is None:
+        given = surface.friction
+        viscous, coulomb, offset = (rational_float(v) for v in (given.viscous, given.coulomb, given.offset))
+        return viscous * speed + coulomb * r.builder.sign(speed) + offset
+    law, values, offset = _numbers(surface)
+    return law.torque(r.builder, speed, values) + offset
+
+
+def _numbers(surface: Surface) -> tuple[FrictionLaw, list[Any], Any]:
+    """The law of a joint or motor with its parameters and the offset, exact."""
+    assert surface.friction.law is not None
+    values = [rational_float(value) for value in surface.friction.law.values]
+    return LAWS[surface.friction.law.name], values, rational_float(surface.friction.offset)
+
+
+def _at_joints(r: Recording, surfaces: Sequence[Surface], torque: Callable[[Surface], Any]) -> list[Any]:
+    """The joint torques ``sum of w f`` over all surfaces."""
+    total: list[Any] = [0] * r.n
+    for surface in surfaces:
+        value = torque(surface)
+        total = [sum_ + w * value if w else sum_ for sum_, w in zip(total, surface.direction, strict=True)]
+    return total
+
+
+def _laws(surfaces: Sequence[Surface]) -> list[str]:
+    """One note per friction law: where it acts, and its formula."""
+    owners: dict[str, list[str]] = {}
+    for surface in surfaces:
+        owners.setdefault(LINEAR if surface.law is None else surface.law.formula, []).append(surface.name)
+    return [f"{', '.join(names)}: {formula}" for formula, names in owners.items()]
+
+
+def _port(r: Recording) -> Port:
+    return Port("tau_f", (r.n,), r.torque_unit, "", "friction torques, added to the rigid body's", Role.TORQUE)

@@ -1,0 +1,81 @@
+"""Friction as a robot file states it: one law for all joints, or a law for each, evaluated with NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rrrgen.friction.laws import LAWS
+from rrrgen.friction.models import Array, FrictionModel, coulomb_viscous
+
+
+class MixedFriction:
+    """Friction of n joints or motors, each under a law of its own, ``models[i]`` of one joint, plus ``offset`` (n,).
+
+    The methods are those of :class:`FrictionModel`; speeds (..., n) in rad/s (m/s), torques (..., n) in N m (N). Joints
+    whose law has no state have the state 0.
+    """
+
+    def __init__(self, models: Sequence[FrictionModel], offset: ArrayLike) -> None:
+        self.models = tuple(models)
+        self.offset = np.asarray(offset, dtype=float)
+        self.has_state = any(model.has_state for model in models)
+
+    def torque(self, dq: ArrayLike, width: ArrayLike = 0.0) -> Array:
+        """Friction torque; in steady sliding if a law has a state. ``width`` > 0 replaces sgn(x) by tanh(x/width)."""
+        widths = np.broadcast_to(np.asarray(width, dtype=float), self.offset.shape)
+        return np.asarray(self._each("torque", (dq,), [(w,) for w in widths]) + self.offset)
+
+    def directed(self, dq: ArrayLike, direction: ArrayLike) -> Array:
+        """The torque with sgn(dq) replaced by ``direction``, (..., n)."""
+        return np.asarray(self._each("directed", (dq, direction)) + self.offset)
+
+    def rate(self, z: ArrayLike, dq: ArrayLike) -> Array:
+        """dz/dt of the states."""
+        return self._each("rate", (z, dq))
+
+    def state_torque(self, z: ArrayLike, dq: ArrayLike) -> Array:
+        """Torque in the states ``z``."""
+        return np.asarray(self._each("state_torque", (z, dq)) + self.offset)
+
+    def _each(self, name: str, values: tuple[Any, ...], own: Sequence[tuple[Any, ...]] | None = None) -> Array:
+        arrays = [np.asarray(value, dtype=float) for value in values]
+        columns = [
+            getattr(model, name)(*(array[..., i : i + 1] for array in arrays), *(() if own is None else own[i]))
+            for i, model in enumerate(self.models)
+        ]
+        return np.concatenate(columns, axis=-1)
+
+
+def robot_friction(spec: Any) -> FrictionModel | MixedFriction | None:
+    """The friction that a robot file states at its joints (missing numbers count as 0), None where it states none."""
+    return stated_friction([joint.friction for joint in spec.joints])
+
+
+def motor_friction(spec: Any) -> FrictionModel | MixedFriction | None:
+    """The same of coupled motors, at their shafts; None without coupled drives too."""
+    return None if spec.drives is None else stated_friction([motor.friction for motor in spec.drives.motors])
+
+
+def stated_friction(given: Sequence[Any]) -> FrictionModel | MixedFriction | None:
+    """The friction of several joints from their ``FrictionSpec``, None where none is stated."""
+    if all(friction is None for friction in given):
+        return None
+    rows = np.array([[_stated(f, key) for key in ("viscous", "coulomb", "offset")] for f in given])
+    if all(friction is None or friction.law is None for friction in given):
+        return FrictionModel(LAWS["coulomb_viscous"], rows)
+    models = [
+        coulomb_viscous(row[:1], row[1:2])
+        if friction is None or friction.law is None
+        else FrictionModel(LAWS[friction.law.name], np.array([friction.law.values]))
+        for friction, row in zip(given, rows, strict=True)
+    ]
+    return MixedFriction(models, rows[:, 2])
+
+
+def _stated(friction: Any, key: str) -> float:
+    value = None if friction is None else getattr(friction, key)
+    return 0.0 if value is None else float(value)

@@ -1,0 +1,69 @@
+"""Friction laws, retyped from their formulas for comparison: in sliding, and over one period with a state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
+from rrrgen.verify.references.chain import Array
+
+
+def sliding(friction: FrictionSpec | None, v: Array) -> Array:
+    """Friction torque at the speeds ``v`` (N,); laws with a state after long motion at a constant speed."""
+    if friction is None:
+        return np.zeros_like(v)
+    offset = friction.offset or 0.0
+    if friction.law is None:
+        return (friction.viscous or 0.0) * v + (friction.coulomb or 0.0) * np.sign(v) + offset
+    return _law(friction.law, v, np.sign(v)) + offset
+
+
+def has_state(friction: FrictionSpec | None) -> bool:
+    """Whether the law has a state."""
+    return (
+        friction is not None and friction.law is not None and friction.law.name in ("dahl", "dahl_exponential", "lugre")
+    )
+
+
+def stepped(friction: FrictionSpec, v: Array, z: Array, period: float) -> tuple[Array, Array]:
+    """State after ``period`` s at the constant speeds ``v`` (N,) from the states ``z`` (N,), and the torque then."""
+    law = friction.law
+    assert law is not None
+    p, offset = law.values, friction.offset or 0.0
+    if law.name == "lugre":
+        sigma0, sigma1, excess, coulomb, viscous, speed = p
+        level = (coulomb + excess * np.exp(-((v / speed) ** 2))) / sigma0
+        after = _relaxed(z, level * np.sign(v), np.abs(v) / level * period)
+        return after, sigma0 * after + sigma1 * (after - z) / period + viscous * v + offset
+    after = _relaxed(z, p[-1] * np.sign(v), np.abs(v) / p[-1] * period)
+    return after, _law(law, v, after / p[-1]) + offset
+
+
+def _relaxed(z: Array, final: Array, decay: Array) -> Array:
+    return final + (z - final) * np.exp(-decay)
+
+
+def _law(law: LawSpec, v: Array, s: Array) -> Array:
+    """The formula of a law with the direction ``s`` (N,): the sign of the speed, or the state over its last value."""
+    p = np.array(law.values)
+    match law.name:
+        case "asymmetric" | "asymmetric_exponential":
+            decaying = p[4] * np.exp(-np.abs(v) / p[5]) * np.sign(v) if len(p) > 4 else 0.0
+            return decaying + np.where(v > 0, p[0] * v + p[2], np.where(v < 0, p[1] * v - p[3], 0.0))
+        case "exponential":
+            return (p[0] * np.exp(-np.abs(v) / p[3]) + p[1]) * s + p[2] * v
+        case "stribeck" | "lugre":
+            excess, coulomb, viscous, speed = p[-4:]
+            return (excess * np.exp(-((v / speed) ** 2)) + coulomb) * s + viscous * v
+        case "dahl":
+            return p[0] * s + p[1] * v
+        case "dahl_exponential":
+            return (p[0] * np.exp(-np.abs(v) / p[4]) + p[1]) * s + (p[2] + p[3] * np.abs(v)) * v
+        case "logistic":
+            return p[0] / (1 + np.exp(-p[1] * (v + p[2]))) - p[0] / (1 + np.exp(-p[1] * p[2]))
+        case "neural":
+            half = len(p) // 2
+            units = sum(f * np.tanh(w * v) for f, w in zip(p[:half], p[half : 2 * half], strict=True))
+            return units + p[-1] * v
+        case _:
+            return p[0] * v + p[1] * s + p[2]
