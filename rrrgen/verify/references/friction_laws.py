@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
@@ -15,7 +17,7 @@ def sliding(friction: FrictionSpec | None, v: Array) -> Array:
     offset = friction.offset or 0.0
     if friction.law is None:
         return (friction.viscous or 0.0) * v + (friction.coulomb or 0.0) * np.sign(v) + offset
-    return _law(friction.law, v, np.sign(v)) + offset
+    return np.asarray(_law(friction.law, v, np.sign(v)) + offset)
 
 
 def has_state(friction: FrictionSpec | None) -> bool:
@@ -36,14 +38,14 @@ def stepped(friction: FrictionSpec, v: Array, z: Array, period: float) -> tuple[
         after = _relaxed(z, level * np.sign(v), np.abs(v) / level * period)
         return after, sigma0 * after + sigma1 * (after - z) / period + viscous * v + offset
     after = _relaxed(z, p[-1] * np.sign(v), np.abs(v) / p[-1] * period)
-    return after, _law(law, v, after / p[-1]) + offset
+    return after, np.asarray(_law(law, v, after / p[-1]) + offset)
 
 
 def _relaxed(z: Array, final: Array, decay: Array) -> Array:
     return final + (z - final) * np.exp(-decay)
 
 
-def _law(law: LawSpec, v: Array, s: Array) -> Array:
+def _law(law: LawSpec, v: Array, s: Array) -> Any:
     """The formula of a law with the direction ``s`` (N,): the sign of the speed, or the state over its last value."""
     p = np.array(law.values)
     match law.name:
