@@ -24,14 +24,13 @@ if TYPE_CHECKING:
         InternalError,
         RrrgenError,
     )
-    from rrrgen.pipeline import compile, derive
+    from rrrgen.pipeline import compile
     from rrrgen.robotfile import bundled_names, load_spec, loads_spec
     from rrrgen.runtime.model import Model
     from rrrgen.runtime.online.estimator import online_estimator
 
 _HOMES = {
     "compile": "rrrgen.pipeline",
-    "derive": "rrrgen.pipeline",
     "load_spec": "rrrgen.robotfile",
     "loads_spec": "rrrgen.robotfile",
     "bundled_names": "rrrgen.robotfile",
@@ -56,7 +55,6 @@ __all__ = [
     "__version__",
     "bundled_names",
     "compile",
-    "derive",
     "load_spec",
     "loads_spec",
     "online_estimator",

@@ -22,7 +22,7 @@ class Fault:
     """One fault in a text file or an argument: where it is, what is wrong (``message``), what is allowed (``hint``).
 
     ``line`` and ``column`` count from 1; line 0 stands for the file as a whole. ``file`` is empty for the argument of a
-    function, which has no place in a file.
+    function, which has no place in a file. ``source_line`` is the text of the line, ``severity`` "error" or "warning".
     """
 
     file: str
@@ -117,7 +117,7 @@ def storage_error(path: str | os.PathLike[str], error: OSError) -> StorageError 
 
 
 class InternalError(RrrgenError):
-    """A fault of rrrgen itself."""
+    """A fault of rrrgen itself: ``message`` says which assumption does not hold."""
 
     exit_code = 70
 

@@ -40,10 +40,14 @@ def without_collection() -> Iterator[None]:
 
 @without_collection()
 def derive(spec: RobotSpec, jobs: int = 1) -> DerivedModel:
-    """The optimized programs of all functions of ``spec``, with their ``_nominal`` specializations.
+    """The optimized programs of all functions of a robot, with their ``_nominal`` specializations.
 
-    ``jobs`` is the largest number of processes; the result does not depend on it. Raises DerivationError if a function
-    does not exist for this robot.
+    Args:
+        spec: the robot, as :func:`rrrgen.load_spec` reads it.
+        jobs: the largest number of processes; the result does not depend on it.
+
+    Raises:
+        DerivationError: a function does not exist for this robot.
     """
     from rrrgen.derive import derive_model
     from rrrgen.optimize import optimize
@@ -60,11 +64,19 @@ def emit(
     jobs: int = 1,
     languages: Sequence[Language] = (),
 ) -> dict[str, Contents]:
-    """The files that ``generate`` writes, as relative path -> contents; nothing is written.
+    """The files that ``rrrgen generate`` writes, as relative path -> contents; nothing is written.
 
-    ``real`` is the floating-point type of the C code, ``trig`` where its sines and cosines come from, ``casadi_files``
-    adds serialized CasADi functions, ``languages`` are printed in addition to C and CasADi. ``jobs`` is the largest
-    number of processes; the result does not depend on it.
+    Args:
+        model: the derived robot, from :func:`derive`.
+        real: the floating-point type of the C code, "double" or "float".
+        casadi_files: add serialized CasADi functions (`.casadi` files), which need CasADi.
+        trig: where sines and cosines come from: "inline", a kernel in the emitted code, or "libm", the C library.
+        jobs: the largest number of processes; the result does not depend on it.
+        languages: printed in addition to C and CasADi, such as "rust".
+
+    Raises:
+        BackendError: a language cannot express a function.
+        MissingExtraError: ``casadi_files`` without CasADi.
     """
     from rrrgen.backends import casadi
     from rrrgen.backends.c.dialect import Dialect
@@ -119,12 +131,18 @@ def _inverse_kinematics_data(spec: RobotSpec, real: Real) -> dict[str, Any]:
 
 @without_collection()
 def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> Model:
-    """A callable model of ``robot``: derive, emit, build and load it.
+    """A callable model of a robot: derive, emit, build and load it.
 
-    ``robot`` is the path of a robot file, the name of a bundled robot such as "rrr", or a RobotSpec. ``backend`` "c"
-    compiles the emitted C code; "numpy" evaluates the programs without a compiler, slowly. ``real`` is the
-    floating-point type of the C code, "double" or "float". Derivations and built libraries are cached by content.
-    Raises InputError for a faulty robot file, BuildError if the C compiler is missing or fails.
+    Derivations and built libraries are cached by content, so that the second call for a robot is fast.
+
+    Args:
+        robot: path of a robot file, name of a bundled robot such as "rrr", or a RobotSpec.
+        backend: "c" compiles the emitted C code; "numpy" evaluates the same functions without a compiler, slowly.
+        real: the floating-point type of the C code, "double" or "float".
+
+    Raises:
+        InputError: the robot file is faulty; the error lists every fault.
+        BuildError: the C compiler is missing or fails.
     """
     from rrrgen.output.manifest import identify
     from rrrgen.runtime.derived_cache import recall
@@ -138,9 +156,14 @@ def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> M
 
 
 def closed_form(spec: RobotSpec, function: str) -> ClosedForm:
-    """The function named ``function`` as exact SymPy expressions: index the result for entries, or call ``matrix()``.
+    """A function of a robot as exact SymPy expressions: index the result for entries, or call ``matrix()``.
 
-    Raises DerivationError if the function has no closed form.
+    Args:
+        spec: the robot, as :func:`rrrgen.load_spec` reads it.
+        function: name of the function such as "mass_matrix"; of one with several results, "dynamics_terms.c".
+
+    Raises:
+        DerivationError: the function has no closed form.
     """
     from rrrgen.derive import prepare
     from rrrgen.derive.closed_forms.closed_form import closed_form as closed_form_of
@@ -150,9 +173,13 @@ def closed_form(spec: RobotSpec, function: str) -> ClosedForm:
 
 @without_collection()
 def read(robot: Robot) -> RobotSpec:
-    """The description of ``robot``: the path of a robot file, a bundled name, or a RobotSpec, which is returned as is.
+    """The description of a robot.
 
-    Raises InputError for a faulty file, with every fault found.
+    Args:
+        robot: path of a robot file, name of a bundled robot such as "rrr", or a RobotSpec, which is returned as is.
+
+    Raises:
+        InputError: the file is faulty; the error lists every fault.
     """
     from rrrgen.robotfile import load_spec
     from rrrgen.robotfile.robot_spec import RobotSpec

@@ -60,9 +60,15 @@ __all__ = [
 def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSpec:
     """Read a robot file, or a bundled robot by its name.
 
-    ``robot`` is a path, or a bare word without suffix such as "rrr". All values of the result are exact, in m, rad, kg.
-    Non-physical inertia is a warning in ``RobotSpec.faults``, or with ``strict`` an error. Raises
-    :class:`rrrgen.errors.InputError` with every fault.
+    Args:
+        robot: path of a robot file, or the name of a bundled robot such as "rrr" (a bare word without suffix).
+        strict: make inertia that no body can have an error; otherwise it is a warning in ``RobotSpec.faults``.
+
+    Returns:
+        The robot with exact values in m, rad, kg, s.
+
+    Raises:
+        InputError: the file is faulty; the error lists every fault with its line and column.
     """
     from rrrgen.robotfile.reader import load_spec as load
 
@@ -70,9 +76,18 @@ def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSp
 
 
 def loads_spec(text: str, file: str = "robot.yaml", *, strict: bool = False) -> RobotSpec:
-    """Read a robot from YAML ``text``; ``file`` names it in messages, ``strict`` makes non-physical inertia an error.
+    """Read a robot from YAML text.
 
-    Raises :class:`rrrgen.errors.InputError` with every fault.
+    Args:
+        text: the contents of a robot file.
+        file: the name that messages give to it.
+        strict: make inertia that no body can have an error; otherwise it is a warning in ``RobotSpec.faults``.
+
+    Returns:
+        The robot with exact values in m, rad, kg, s.
+
+    Raises:
+        InputError: the text is faulty; the error lists every fault with its line and column.
     """
     from rrrgen.robotfile.reader import read_spec
 

@@ -80,8 +80,9 @@ class DriveSpec:
 class MotorSpec:
     """One motor of coupled drives; everything is stated at its shaft, ``gear_ratio`` turns per turn of the drive.
 
-    Units as for a joint of the same ``type``: kg m^2, N m s/rad, N m, or kg, N s/m, N of a linear motor. A field that
-    is ``None`` is not part of the model; ``torque_limit`` is the largest torque or force of the motor.
+    ``name`` names the motor. ``inertia`` (kg m^2), ``friction`` and the largest torque ``torque_limit`` (N m) have the
+    units of a joint of the same ``type``; for a linear motor kg and N. A field that is ``None`` is not part of the
+    model.
     """
 
     name: str
@@ -96,8 +97,9 @@ class MotorSpec:
 class DrivesSpec:
     """Coupled drives: joint speeds are ``joint_from_drive`` (n x n, exact, regular) times the speeds of the drives.
 
-    With ``S = joint_from_drive diag(1/gear_ratio)``, ``dq = S dq_m`` and ``tau = S^-T tau_m``; the motors add
-    ``S^-T (Ia ddq_m + friction(dq_m))`` to the joint torques and ``S^-T diag(Ia) S^-1`` to the mass matrix.
+    ``motors`` (n) are the motors in the order of the columns. With ``S = joint_from_drive diag(1/gear_ratio)``,
+    ``dq = S dq_m`` and ``tau = S^-T tau_m``; the motors add ``S^-T (Ia ddq_m + friction(dq_m))`` to the joint torques
+    and ``S^-T diag(Ia) S^-1`` to the mass matrix.
     """
 
     joint_from_drive: tuple[tuple[sp.Expr, ...], ...]
@@ -117,9 +119,11 @@ class DrivesSpec:
 
 @dataclass(frozen=True)
 class JointSpec:
-    """One row of the Denavit-Hartenberg table.
+    """One row of the Denavit-Hartenberg table, with what belongs to the joint.
 
+    ``name`` and ``type`` of the joint; ``alpha`` and ``theta`` in rad, ``a`` and ``d`` in m, exact expressions.
     ``theta`` is the offset added to q of a revolute joint, ``d`` the offset added to q of a prismatic joint.
+    ``limits``, ``friction`` and ``drive`` as the file states them; None for friction or drive that it does not state.
     """
 
     name: str
@@ -142,15 +146,16 @@ class JointSpec:
 class LinkSpec:
     """Inertia of one link in the axes of its link frame.
 
-    ``com`` (m) is in the link frame. ``inertia`` is the inertia *tensor* (off-diagonals ``xy = -integral of x*y dm``)
-    about ``about``: the centre of mass or the origin of the link frame, in the order xx, yy, zz, xy, xz, yz.
+    ``mass`` in kg; ``com`` (3,), the centre of mass in the link frame, m. ``inertia`` is the inertia *tensor* in kg m^2
+    (off-diagonals ``xy = -integral of x*y dm``) about ``about``: the centre of mass or the origin of the link frame, in
+    the order xx, yy, zz, xy, xz, yz. ``products`` is how the file wrote the off-diagonals, kept to print them back.
     """
 
     mass: sp.Rational
     com: tuple[sp.Rational, sp.Rational, sp.Rational]
     inertia: tuple[sp.Rational, ...]
     about: Literal["com", "origin"]
-    products: Literal["tensor", "positive"] = "tensor"  # how the file wrote the off-diagonals, kept to print them back
+    products: Literal["tensor", "positive"] = "tensor"
 
     def inertia_about_origin(self) -> tuple[sp.Rational, ...]:
         """The tensor about the origin of the link frame (xx, yy, zz, xy, xz, yz): Steiner's theorem."""
@@ -163,7 +168,10 @@ class LinkSpec:
 
 @dataclass(frozen=True)
 class FixedTransform:
-    """A fixed homogeneous transform: ``T = [[R, p], [0, 1]]`` with exact entries, R row-major (9), p (3)."""
+    """A fixed homogeneous transform ``T = [[R, p], [0, 1]]`` with exact entries.
+
+    ``rotation`` is R in row-major order (9), ``translation`` is p (3) in m.
+    """
 
     rotation: tuple[sp.Expr, ...] = tuple(sp.Integer(int(i % 4 == 0)) for i in range(9))
     translation: tuple[sp.Expr, ...] = (sp.S.Zero, sp.S.Zero, sp.S.Zero)
@@ -176,18 +184,19 @@ class FixedTransform:
 
 @dataclass(frozen=True)
 class BasisSpec:
-    """Base parameters chosen by the user: names and expressions in link symbols.
+    """Base parameters chosen by the user: their ``names`` and ``expressions`` in link symbols.
 
     Link symbols (link i, counted from 1, in the axes of link frame i): ``m{i}``; COM ``x{i} y{i} z{i}``; first moments
     ``mx{i} my{i} mz{i}``; inertia about the *origin* of the link frame ``Ixx{i} Iyy{i} Izz{i} Ixy{i} Ixz{i} Iyz{i}``,
     the off-diagonals being tensor entries (``products="tensor"``) or positive products (``"positive"``).
-    Named parameters of the file may occur too. All are real symbols as of :func:`parameter_symbol`.
+    Named parameters of the file may occur too. All are real symbols as of :func:`parameter_symbol`. ``places`` are line
+    and column of each entry in the file, for messages.
     """
 
     names: tuple[str, ...]
     expressions: tuple[sp.Expr, ...]
     products: Literal["tensor", "positive"]
-    places: tuple[tuple[int, int], ...] = field(default=(), compare=False)  # line, column of each entry, for messages
+    places: tuple[tuple[int, int], ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True)
@@ -207,28 +216,41 @@ class FitSpec:
 
 @dataclass(frozen=True)
 class RobotSpec:
-    """One robot, as validated by :func:`rrrgen.robotfile.load_spec`."""
+    """One robot as its file describes it, validated: the result of :func:`rrrgen.load_spec`.
+
+    - ``name``, ``description``, and ``source`` (where the numbers come from);
+    - ``convention``: "standard" or "modified" Denavit-Hartenberg rows;
+    - ``gravity``: acceleration of gravity, m/s^2, in the base frame, which is the one before ``base`` and the one in
+      which the pose of the tip is given;
+    - ``parameters``: nominal values of named parameters, exact; ``parameter_units``: the unit that each was declared
+      in, "one" for a plain number, no entry for a bare SI value;
+    - ``joints`` and ``links``, one for each joint; ``links`` is None if the file states no inertias;
+    - ``base`` and ``tool``: fixed transforms before the first joint and after the last link frame;
+    - ``basis``: base parameters chosen by the user, or None; ``drives``: coupled drives, None if every joint has its
+      own;
+    - ``angle_unit`` and ``length_unit``: those that the file was written in, to print it back;
+    - ``provenance``: what the parameters were fitted to, which changes nothing about the robot;
+    - ``file``: path or bundled name, and ``faults``: warnings; for messages only.
+    """
 
     name: str
     convention: Convention
-    # acceleration of gravity, m/s^2, in the base frame: the one before ``base``, in which the tip pose is given too
     gravity: tuple[sp.Expr, sp.Expr, sp.Expr]
-    parameters: dict[str, sp.Expr]  # nominal values, exact
+    parameters: dict[str, sp.Expr]
     joints: tuple[JointSpec, ...]
     links: tuple[LinkSpec, ...] | None = None
     base: FixedTransform = field(default_factory=FixedTransform)
     tool: FixedTransform = field(default_factory=FixedTransform)
     basis: BasisSpec | None = None
-    drives: DrivesSpec | None = None  # None: every joint has its own
-    angle_unit: str = "rad"  # units the file was written in, to print them back
+    drives: DrivesSpec | None = None
+    angle_unit: str = "rad"
     length_unit: str = "m"
     description: str = ""
-    source: str = ""  # where the numbers come from
-    file: str = field(default="", compare=False)  # path or bundled name, for messages only
-    faults: tuple[Fault, ...] = field(default=(), compare=False)  # warnings (severity "warning")
-    # parameter name -> unit it was declared in, "one" for a plain number; silent for bare SI values
+    source: str = ""
+    file: str = field(default="", compare=False)
+    faults: tuple[Fault, ...] = field(default=(), compare=False)
     parameter_units: dict[str, str] = field(default_factory=dict)
-    provenance: tuple[FitSpec, ...] = ()  # what the parameters were fitted to; changes nothing about the robot
+    provenance: tuple[FitSpec, ...] = ()
 
     @property
     def n(self) -> int:

@@ -21,6 +21,11 @@ class BoundFunction:
     Write the state into ``inputs`` (``f.inputs["q"][:] = q``), call ``f()``, and read the result, which is always the
     same array. ``run`` is the bare call for the tightest loops; it returns the status (0 or 1) of a function that can
     fail, else None.
+
+    Args:
+        program: the function with its input and output ports.
+        engine: evaluates it.
+        parameters: values of input ports by name, copied into ``inputs``; the other inputs start at zero.
     """
 
     __slots__ = ("_failure", "_result", "inputs", "name", "outputs", "run")

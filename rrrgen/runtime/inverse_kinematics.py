@@ -15,58 +15,13 @@ from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.sources import STATUS_TEXTS, emit, labels, most_rows, reasons_of
 from rrrgen.runtime.evaluation.solve import Evaluation, Wish
 from rrrgen.runtime.ik_arguments import LIMITS, NEAREST, RESIDUAL, options, real_array, real_number
+from rrrgen.runtime.results import STATUS, IKBatch, IKResult
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.runtime.engines import EngineName
-
-MULTIPLE, FREE, OUTSIDE, INEXACT = 1, 2, 4, 8
-"""Bits of :attr:`IKResult.flags`; see the emitted header."""
-
-STATUS = ("ok", "unreachable", "outside limits", "not finite", "not a rotation", "incomplete")
-"""What the numbers of :attr:`IKBatch.statuses` mean. Where an arm has no complete solver, ``plan.incomplete`` says why
-and "incomplete" is the status with rows and without them, but for targets farther than a million reaches."""
-
-
-@dataclass(frozen=True)
-class IKResult:
-    """All solutions found for one target.
-
-    ``q`` (k, n) are the configurations in rad or m; ``flags`` (k,) sums of MULTIPLE, FREE, OUTSIDE, INEXACT;
-    ``branches`` (k,) numbers that stay constant along a path without singularities
-    (:meth:`InverseKinematics.branch_names` decodes them); ``residual`` (k,) the remaining task error. Without a
-    solution, ``status`` and ``reason`` say why, and ``distance`` (m) is the distance of the target from the workspace
-    (negative if unknown). With the status "incomplete" there may be further solutions, even if none was found.
-    """
-
-    q: NDArray[np.float64]
-    flags: NDArray[np.uint32]
-    branches: NDArray[np.uint32]
-    residual: NDArray[np.float64]
-    status: str
-    reason: str
-    distance: float
-
-    def __len__(self) -> int:
-        return len(self.q)
-
-
-@dataclass(frozen=True)
-class IKBatch:
-    """Solutions of a batch of targets of shape (...).
-
-    For each target the first ``counts`` (...) of the ``q`` (..., rows, n) are solutions; the rest of ``q`` is NaN.
-    ``flags`` and ``branches`` are (..., rows); ``statuses`` and ``distances`` (...).
-    """
-
-    q: NDArray[np.float64]
-    counts: NDArray[np.int32]
-    flags: NDArray[np.uint32]
-    branches: NDArray[np.uint32]
-    statuses: NDArray[np.int32]
-    distances: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -76,7 +31,7 @@ class _Answer:
     code: int
     q: NDArray[np.float64]
     flags: NDArray[np.uint32]
-    branches: NDArray[np.uint32]
+    branch: NDArray[np.uint32]
     residual: NDArray[np.float64]
     stage: int
     distance: float
@@ -123,9 +78,9 @@ class _Compiled:
         k, rows, n = out.count, self._rows, self._n
         q = np.frombuffer(self._ffi.buffer(out.q), float, rows * n).reshape(rows, n)[:k].copy()
         flags = np.frombuffer(self._ffi.buffer(out.flags), np.uint32, rows)[:k].copy()
-        branches = np.frombuffer(self._ffi.buffer(out.branch), np.uint32, rows)[:k].copy()
+        branch = np.frombuffer(self._ffi.buffer(out.branch), np.uint32, rows)[:k].copy()
         residual = np.frombuffer(self._ffi.buffer(out.residual), float, rows)[:k].copy()
-        return _Answer(code, q, flags, branches, residual, out.stage, float(out.distance))
+        return _Answer(code, q, flags, branch, residual, out.stage, float(out.distance))
 
     def batch(
         self,
@@ -140,7 +95,7 @@ class _Compiled:
         self._batch(
             len(goals), self._pointer("double *", goals), self._pointer("double *", reference), *extra, bits,
             self._pointer("double *", out.q), self._pointer("int *", out.counts),
-            self._pointer("unsigned *", out.flags), self._pointer("unsigned *", out.branches),
+            self._pointer("unsigned *", out.flags), self._pointer("unsigned *", out.branch),
             self._pointer("int *", out.statuses), self._pointer("double *", out.distances),
         )  # fmt: skip
         return out
@@ -187,7 +142,7 @@ class _Evaluated:
         for i, goal in enumerate(goals):
             found = self.answer(goal, reference, 0.0 if given is None else float(given[i]), bits, closest=False)
             k = out.counts[i] = len(found.q)
-            out.q[i, :k], out.flags[i, :k], out.branches[i, :k] = found.q, found.flags, found.branches
+            out.q[i, :k], out.flags[i, :k], out.branch[i, :k] = found.q, found.flags, found.branch
             out.statuses[i], out.distances[i] = found.code, found.distance
         return out
 
@@ -205,10 +160,15 @@ def _empty(count: int, rows: int, n: int) -> IKBatch:
 
 
 class InverseKinematics:
-    """The inverse kinematics of one robot, compiled or evaluated, created by :func:`load_solver`.
+    """The inverse kinematics of one robot, compiled or evaluated: ``rrrgen.compile(robot).ik``.
 
-    ``plan`` describes the family of the arm, ``max_solutions`` is the largest number of solutions, ``n`` the number of
-    joints.
+    ``plan`` describes the family of the arm, ``max_solutions`` is the largest number of solutions of one target, ``n``
+    the number of joints, and ``labels`` are the named choices of a branch number with their first bit and their bits.
+
+    Args:
+        plan: the family of the arm with its equations, or why it has no solver.
+        engine: solves checked targets: the emitted C, or the evaluation of the recorded solver.
+        name: the name of the robot, for messages.
     """
 
     def __init__(self, plan: SolverPlan, engine: _Engine, name: str) -> None:
@@ -230,22 +190,42 @@ class InverseKinematics:
         redundancy: float | None = None,
         residual: bool = False,
     ) -> IKResult:
-        """All configurations that bring the tip to ``target``: a pose (4, 4), or a position (3,) for position solvers.
+        """All configurations that bring the tip to one target.
 
-        ``q_ref`` (n,) gives angles that are free at singular configurations, determines the full turns of angles, and
-        the order with ``sort="nearest"``. ``limits`` leaves out solutions outside the joint limits. ``redundancy`` is
-        the prescribed joint or arm angle of a redundant arm, by default its value in ``q_ref``. ``residual`` keeps
-        solutions that meet a pose only as far as 4 or 5 joints can. Raises InputError for wrong shapes, TypeError for
-        wrong types.
+        Args:
+            target: pose of the tip in the base frame, (4, 4), or its position, (3,), m, for solvers of positions.
+            q_ref: reference configuration, (n,), rad or m: it gives angles that are free at singular configurations,
+                the full turns of angles, and the order with ``sort="nearest"``; by default zeros without added turns.
+            limits: leave out solutions outside the joint limits; otherwise they are flagged.
+            sort: "branch" keeps the order of the branches, "nearest" puts the solution nearest to ``q_ref`` first.
+            redundancy: the prescribed joint or arm angle of a redundant arm, rad or m; by default its value in
+                ``q_ref``.
+            residual: keep solutions that meet a pose only as far as 4 or 5 joints can, with their remaining error.
+
+        Returns:
+            The solutions; without any, the status and the reason.
+
+        Raises:
+            InputError: a wrong shape, or a redundant arm without ``redundancy`` and ``q_ref``.
+            TypeError: numbers of a wrong kind.
+            DerivationError: ``redundancy`` is given to an arm that is not redundant.
         """
         return self._call(target, q_ref, options(limits, sort, residual), redundancy)
 
     def closest(
         self, target: ArrayLike, q_ref: ArrayLike | None = None, *, limits: bool = True, redundancy: float | None = None
     ) -> IKResult:
-        """The one configuration with the smallest least-squares error to ``target``, even if that is unreachable.
+        """The configuration with the smallest least-squares error to a target, even one that is out of reach.
 
-        Arguments are as in :meth:`solve`.
+        Args:
+            target: pose of the tip in the base frame, (4, 4), or its position, (3,), m, for solvers of positions.
+            q_ref: a configuration, (n,), rad or m, from which the search starts too.
+            limits: search only inside the joint limits.
+            redundancy: the prescribed joint or arm angle of a redundant arm, rad or m; by default its value in
+                ``q_ref``.
+
+        Returns:
+            One solution with its ``residual``. Errors are those of :meth:`solve`.
         """
         return self._call(target, q_ref, options(limits), redundancy, closest=True)
 
@@ -258,9 +238,18 @@ class InverseKinematics:
         sort: Literal["branch", "nearest"] = "branch",
         redundancy: ArrayLike | None = None,
     ) -> IKBatch:
-        """All configurations for each of ``targets``, (..., 4, 4) or (..., 3), in one call of the C code.
+        """All configurations for each of many targets, in one call of the C code.
 
-        Arguments are as in :meth:`solve`, except that ``redundancy`` is one number or one per target, (...).
+        Args:
+            targets: poses of the tip in the base frame, (..., 4, 4), or positions, (..., 3), m.
+            q_ref: one reference configuration for all, (n,), rad or m, used as in :meth:`solve`.
+            limits: leave out solutions outside the joint limits; otherwise they are flagged.
+            sort: "branch" keeps the order of the branches, "nearest" puts the solution nearest to ``q_ref`` first.
+            redundancy: the prescribed joint or arm angle of a redundant arm, rad or m, one number or one for each
+                target, (...); by default its value in ``q_ref``.
+
+        Returns:
+            The solutions in arrays of fixed size. Errors are those of :meth:`solve`.
         """
         chosen = options(limits, sort)
         given_targets = real_array("targets", targets)
@@ -279,7 +268,7 @@ class InverseKinematics:
             found.q.reshape(*batch, rows, self.n),
             found.counts.reshape(batch),
             found.flags.reshape(*batch, rows),
-            found.branches.reshape(*batch, rows),
+            found.branch.reshape(*batch, rows),
             found.statuses.reshape(batch),
             found.distances.reshape(batch),
         )
@@ -287,9 +276,16 @@ class InverseKinematics:
     def sweep(
         self, target: ArrayLike, values: ArrayLike, q_ref: ArrayLike | None = None, *, limits: bool = True
     ) -> IKBatch:
-        """The solutions of one target for the ``values`` (N,) of the redundancy parameter, rad or m.
+        """The solutions of one target for many values of the redundancy parameter.
 
-        Raises DerivationError if the arm is not redundant.
+        Args:
+            target: pose of the tip in the base frame, (4, 4), or its position, (3,), m, for solvers of positions.
+            values: values of the prescribed joint or arm angle, (N,), rad or m.
+            q_ref: reference configuration, (n,), rad or m, used as in :meth:`solve`.
+            limits: leave out solutions outside the joint limits; otherwise they are flagged.
+
+        Returns:
+            A batch of N targets. Raises DerivationError if the arm is not redundant.
         """
         if not self._locked:
             raise DerivationError(f"{self._name} has no redundancy parameter")
@@ -299,7 +295,7 @@ class InverseKinematics:
         return self.solve_batch(goals, q_ref, limits=limits, redundancy=parameters)
 
     def branch_names(self, branch: int) -> dict[str, int]:
-        """A branch number decoded into named choices, such as elbow; 0 is the plus side of a choice between two."""
+        """The named choices of a ``branch`` number, ``{"shoulder": 0, "elbow": 1}``; 0 is the plus side of two."""
         return {name: (int(branch) >> bit) & ((1 << bits) - 1) for name, bit, bits in self.labels}
 
     # -- arguments ----------------------------------------------------------------------------------------------------
@@ -316,7 +312,7 @@ class InverseKinematics:
         reason = "" if code == 0 else STATUS_TEXTS[code]
         if code == 1 or (code == 5 and count == 0):
             reason = self._reasons[found.stage]
-        return IKResult(found.q, found.flags, found.branches, found.residual, STATUS[code], reason, found.distance)
+        return IKResult(found.q, found.flags, found.branch, found.residual, STATUS[code], reason, found.distance)
 
     def _targets(self, goals: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.plan.task == "position":
@@ -352,7 +348,7 @@ class InverseKinematics:
         return self.parameter(q_ref)
 
     def parameter(self, q: ArrayLike) -> float:
-        """The redundancy parameter of a configuration (n,): the prescribed joint, or the arm angle."""
+        """The redundancy parameter at ``q`` (n,): the prescribed joint (rad or m), or the arm angle (rad)."""
         return parameter(self.plan, real_array("q", q))
 
 

@@ -1,10 +1,19 @@
-"""The named tuples that functions with several results return."""
+"""What functions with several results return: named tuples, and the solutions of the inverse kinematics."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
+
+MULTIPLE, FREE, OUTSIDE, INEXACT = 1, 2, 4, 8
+"""Bits of :attr:`IKResult.flags`: two branches meet, a joint is free, outside its limits, the target is not met."""
+
+STATUS = ("ok", "unreachable", "outside limits", "not finite", "not a rotation", "incomplete")
+"""What the numbers of :attr:`IKBatch.statuses` mean. Where an arm has no complete solver, ``plan.incomplete`` says why;
+the status is "incomplete" whether solutions were found or not, except for targets beyond a million times the reach."""
 
 
 class JointLimits(NamedTuple):
@@ -22,22 +31,39 @@ class JointLimits(NamedTuple):
 
 
 class Kinematics(NamedTuple):
-    """Pose of the tip (..., 4, 4) and geometric Jacobian (..., 6, n)."""
+    """Pose of the tip ``T`` (..., 4, 4) and its geometric Jacobian ``J`` (..., 6, n), both in the base frame."""
 
     T: NDArray[Any]
     J: NDArray[Any]
 
 
 class DynamicsTerms(NamedTuple):
-    """Mass matrix (..., n, n), Coriolis torques (..., n), gravity torques (..., n): tau = M ddq + c + g."""
+    """The terms of ``tau = M ddq + c + g``: mass matrix (..., n, n), Coriolis and gravity torques (..., n); SI."""
 
     M: NDArray[Any]
     c: NDArray[Any]
     g: NDArray[Any]
 
 
+class Energy(NamedTuple):
+    """The energies ``kinetic`` and ``potential`` (defined up to a constant), each (...), in J."""
+
+    kinetic: NDArray[Any]
+    potential: NDArray[Any]
+
+
+class FrictionStep(NamedTuple):
+    """States of friction ``z_next`` (..., s) after a period, rad or m, and torques ``tau_f`` (..., n), N m or N."""
+
+    z_next: NDArray[Any]
+    tau_f: NDArray[Any]
+
+
 class InverseDynamicsDerivatives(NamedTuple):
-    """Torques (..., n) and their derivatives (..., n, n): d tau = dtau_dq dq + dtau_dv d(dq) + M d(ddq)."""
+    """Torques ``tau`` (..., n), N m or N, and their derivatives (..., n, n), SI units.
+
+    ``d tau = dtau_dq d(q) + dtau_dv d(dq) + M d(ddq)``.
+    """
 
     tau: NDArray[Any]
     dtau_dq: NDArray[Any]
@@ -46,9 +72,54 @@ class InverseDynamicsDerivatives(NamedTuple):
 
 
 class ForwardDynamicsDerivatives(NamedTuple):
-    """Accelerations (..., n) and their derivatives (..., n, n) with respect to q, dq and tau; dddq_dtau is inv(M)."""
+    """Accelerations ``ddq`` (..., n), rad/s^2 or m/s^2, and their derivatives (..., n, n), SI units.
+
+    ``d ddq = dddq_dq d(q) + dddq_dv d(dq) + dddq_dtau d(tau)``; ``dddq_dtau`` is the inverse of M.
+    """
 
     ddq: NDArray[Any]
     dddq_dq: NDArray[Any]
     dddq_dv: NDArray[Any]
     dddq_dtau: NDArray[Any]
+
+
+@dataclass(frozen=True)
+class IKResult:
+    """All solutions found for one target.
+
+    ``q`` (k, n) are the configurations in rad or m; ``flags`` (k,) sums of MULTIPLE, FREE, OUTSIDE, INEXACT;
+    ``branch`` (k,) numbers that stay constant along a path without singularities
+    (:meth:`InverseKinematics.branch_names` decodes them); ``residual`` (k,) the remaining errors of the task: the root
+    of the sum of squares of the orientation error (rad) and of the position error divided by the length that the header
+    states. Without a solution, ``status`` and ``reason`` say why, and ``distance`` (m) is the distance of the target
+    from the workspace (negative if unknown). With the status "incomplete" there may be further solutions, even if none
+    was found.
+    """
+
+    q: NDArray[np.float64]
+    flags: NDArray[np.uint32]
+    branch: NDArray[np.uint32]
+    residual: NDArray[np.float64]
+    status: str
+    reason: str
+    distance: float
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+@dataclass(frozen=True)
+class IKBatch:
+    """Solutions for a batch of targets of shape (...), at most k_max for each.
+
+    Of the configurations ``q`` (..., k_max, n), rad or m, the first ``counts`` (...) of each target are solutions; the
+    rest of ``q`` is NaN. ``flags`` and ``branch``, (..., k_max), are those of :class:`IKResult`; ``statuses`` (...)
+    are indices of :data:`STATUS`; ``distances`` (...), m, are the distances of the targets from the workspace.
+    """
+
+    q: NDArray[np.float64]
+    counts: NDArray[np.int32]
+    flags: NDArray[np.uint32]
+    branch: NDArray[np.uint32]
+    statuses: NDArray[np.int32]
+    distances: NDArray[np.float64]

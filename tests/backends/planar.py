@@ -10,7 +10,7 @@ from fractions import Fraction
 
 import sympy as sp
 
-from rrrgen.derive.algebra.positive_definite import STATUS
+from rrrgen.derive.algebra.positive_definite import status_at
 from rrrgen.derive.derived_model import BaseParameter, DerivedModel
 from rrrgen.program import Builder, Port, Program, Role
 from rrrgen.robotfile.robot_spec import DriveSpec, FrictionSpec, JointSpec, LinkSpec, RobotSpec
@@ -143,7 +143,7 @@ def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
         F(1, 2) * sum(x * y for x, y in zip(v["dq"], _times(M, v["dq"]), strict=True)), U])], True)  # fmt: skip
     record("inverse_dynamics", [Q, DQ, DDQ], lambda b, v, M, C, g, U: [(TAU, [
         x + y + z for x, y, z in zip(_times(M, v["ddq"]), _times(C, v["dq"]), g, strict=True)])], True)  # fmt: skip
-    record("forward_dynamics", [Q, DQ, TAU], _solve, True, STATUS)
+    record("forward_dynamics", [Q, DQ, TAU], _solve, True, status_at(1))
     return programs
 
 
@@ -155,7 +155,7 @@ def _solve(b, v, M, C, g, U):
     safe = one(b, F(1, 2) - status, determinant, 1)
     ddq = [(M[3] * r[0] - M[1] * r[1]) / safe, (M[0] * r[1] - M[1] * r[0]) / safe]
     ddq = [one(b, F(1, 2) - status, x, 0) for x in ddq]
-    return [(Port("status", (), "", "", "0 = ok"), [status]), (DDQ, ddq)]
+    return [(DDQ, ddq), (Port("status", (), "", "", "0 = ok"), [status])]
 
 
 def _regressors(K) -> dict[str, Program]:

@@ -124,7 +124,7 @@ class Reference:
     def _inverse_dynamics(self, tau):
         return self._torques(tau, self.tau)
 
-    def _forward_dynamics(self, status, ddq):
+    def _forward_dynamics(self, ddq, status):
         """Status ok, and the accelerations reproduce tau: the residual, so that a hard M is not held against it."""
         if np.any(status != 0):
             return np.inf
@@ -152,9 +152,9 @@ class Reference:
             self._mass_matrix(M),
         )
 
-    def _forward_dynamics_derivatives(self, status, ddq, dddq_dq, dddq_dv, dddq_dtau):
+    def _forward_dynamics_derivatives(self, ddq, dddq_dq, dddq_dv, dddq_dtau, status):
         """Residuals again: M X = -dtau/dx at the accelerations found, and M times its inverse."""
-        errors = [self._forward_dynamics(status, ddq)]
+        errors = [self._forward_dynamics(ddq, status)]
         identity = -np.broadcast_to(np.eye(self.robot.n), self.M.shape)
         for X, right in (
             (dddq_dq, self._slopes(ddq, "q")),

@@ -40,7 +40,7 @@ def compare_with_pinocchio(robot: Robot, inverse: Program, forward: Program, bet
         tau, *slopes = evaluate(inverse, q, dq, ddq, beta)
         assert errors([tau, *slopes], [pinocchio.inverse_dynamics(q, dq, ddq),
                                        *pinocchio.inverse_dynamics_derivatives(q, dq, ddq)]) <= [CLOSE] * 4  # fmt: skip
-        status, found, *slopes = evaluate(forward, q, dq, tau, beta)
+        found, *slopes, status = evaluate(forward, q, dq, tau, beta)
         assert status == 0
         assert max(errors([found, *slopes], [ddq, *pinocchio.forward_dynamics_derivatives(q, dq, tau)])) <= CLOSE
 
@@ -83,7 +83,7 @@ def test_derivatives_are_those_that_casadi_finds(name):
     torques = function(programs["inverse_dynamics"], "f").factory("g", ["q", "dq", "ddq", "beta"],
               ["jac:tau:q", "jac:tau:dq", "jac:tau:ddq"])  # fmt: skip
     assert max(errors(slopes, [part.full() for part in torques(q, dq, ddq, beta)])) <= CLOSE
-    _, _, *slopes = evaluate(programs[FORWARD], q, dq, tau, beta)
+    _, *slopes, _ = evaluate(programs[FORWARD], q, dq, tau, beta)
     accelerations = function(programs["forward_dynamics"], "f").factory("g", ["q", "dq", "tau", "beta"],
                     ["jac:ddq:q", "jac:ddq:dq", "jac:ddq:tau"])  # fmt: skip
     assert max(errors(slopes, [part.full() for part in accelerations(q, dq, tau, beta)])) <= CLOSE
@@ -93,6 +93,6 @@ def test_a_mass_matrix_that_is_not_positive_definite_is_reported():
     """Status 1 and zeros everywhere, as for forward dynamics alone."""
     _, beta = with_random_links("rrr")
     q, dq, tau = np.random.default_rng(3).uniform(-1, 1, (3, 3))
-    status, *values = evaluate(bundled("rrr").programs[FORWARD], q, dq, tau, -beta)
+    *values, status = evaluate(bundled("rrr").programs[FORWARD], q, dq, tau, -beta)
     assert status == 1
     assert all(np.all(value == 0) for value in values)

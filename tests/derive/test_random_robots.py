@@ -80,7 +80,7 @@ def test_forward_dynamics_never_fails_in_silence(robot):
     K, programs = derived(robot)
     reference = Reference(robot, K, states=6)
     (program,) = programs["forward_dynamics"]
-    status, ddq = evaluate(program, *reference.arguments(program))
+    ddq, status = evaluate(program, *reference.arguments(program))
     definite = np.min(np.linalg.eigvalsh(reference.M), axis=1) > 1e-9 * np.max(np.abs(reference.M), axis=(1, 2))
     indefinite = np.min(np.linalg.eigvalsh(reference.M), axis=1) < -1e-9 * np.max(np.abs(reference.M), axis=(1, 2))
     assert np.all(np.isfinite(ddq))

@@ -16,7 +16,8 @@ from oracles.newton_euler import Robot
 from rrrgen.ik.classify import plan
 from rrrgen.ik.solutions.elimination import eliminations
 from rrrgen.ik.sources import emit, manifest
-from rrrgen.runtime.inverse_kinematics import MULTIPLE, STATUS, load_solver
+from rrrgen.runtime.inverse_kinematics import load_solver
+from rrrgen.runtime.results import MULTIPLE, STATUS
 from rrrgen.verify.comparison import Collector
 from rrrgen.verify.inverse_kinematics import check_inverse_kinematics
 from rrrgen.verify.references.chain import chain_of

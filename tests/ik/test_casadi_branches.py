@@ -27,7 +27,7 @@ def test_every_branch_gives_the_row_of_the_emitted_code(name):
     compared = 0
     for k, goal in enumerate(goals):
         answer = result.solver.solve(goal, limits=False)
-        for row, branch in zip(answer.q, answer.branches, strict=True):
+        for row, branch in zip(answer.q, answer.branch, strict=True):
             q = np.array(f(goal, branch_signs(labels, branch))).ravel()
             assert np.abs(result.wrapped(q - row)).max() < SAME, (k, branch)
             compared += 1
@@ -44,7 +44,7 @@ def test_the_derivative_is_the_inverse_of_the_jacobian():
     derivative = ca.Function("d", [p, signs], [ca.jacobian(f(p, signs), p)])
     for goal in result.T[:, :3, 3]:
         answer = result.solver.solve(goal, limits=False)
-        for row, branch in zip(answer.q, answer.branches, strict=True):
+        for row, branch in zip(answer.q, answer.branch, strict=True):
             J = result.solver.plan.chain.jacobian(row)[:3]
             own = np.array(derivative(goal, branch_signs(result.solver.labels, branch)))
             assert np.abs(own @ J - np.eye(3)).max() < 1e-9 * np.linalg.cond(J) ** 2

@@ -9,7 +9,8 @@ from ik.robots import ROWS, make, robot
 from rrrgen.errors import BuildError, DerivationError
 from rrrgen.ik.families import parameter
 from rrrgen.runtime import build
-from rrrgen.runtime.inverse_kinematics import FREE, load_solver
+from rrrgen.runtime.inverse_kinematics import load_solver
+from rrrgen.runtime.results import FREE
 from rrrgen.verify import verify
 
 
@@ -64,7 +65,7 @@ def test_the_answer_is_that_of_the_emitted_code(name):
         a, b = (solver.solve(T, reference, **options) for solver in (compiled, evaluated))
         assert (a.status, a.reason) == (b.status, b.reason)
         assert a.flags.tolist() == b.flags.tolist()
-        assert a.branches.tolist() == b.branches.tolist()
+        assert a.branch.tolist() == b.branch.tolist()
         np.testing.assert_allclose(b.q, a.q, atol=1e-6)
         np.testing.assert_allclose(b.residual, a.residual, atol=1e-9)
         assert b.distance == pytest.approx(a.distance, abs=1e-6)
@@ -114,7 +115,7 @@ def test_no_compiler_is_asked(monkeypatch):
     batch = m.inverse_kinematics(T)
     assert batch.counts.tolist() == [4, 4]
     np.testing.assert_allclose(m.forward_kinematics(batch.q)[..., :3, 3], T[:, None, :3, 3] + 0 * batch.q, atol=1e-12)
-    assert m.ik.branch_names(int(batch.branches[0, 3])) == {"shoulder": 1, "elbow": 1}
+    assert m.ik.branch_names(int(batch.branch[0, 3])) == {"shoulder": 1, "elbow": 1}
     report = verify(m, 10, libraries=False)
     assert report.ok
     assert any("inverse_kinematics" in row.function for row in report.rows)

@@ -5,7 +5,8 @@ import pytest
 
 from ik.checks import FK_ERROR
 from ik.robots import ROWS, make, reference
-from rrrgen.runtime.inverse_kinematics import FREE, load_solver
+from rrrgen.runtime.inverse_kinematics import load_solver
+from rrrgen.runtime.results import FREE
 
 INSIDE = 1e-9
 WRIST = [(None, None)] * 3 + [(-1.0, 1.0)] * 3

@@ -21,7 +21,8 @@ from rrrgen.ik.report import closed_form
 from rrrgen.ik.solutions.elimination import eliminations
 from rrrgen.ik.solutions.general6r import general6r_tables, tables_of
 from rrrgen.ik.sources import emit
-from rrrgen.runtime.inverse_kinematics import INEXACT, load_solver
+from rrrgen.runtime.inverse_kinematics import load_solver
+from rrrgen.runtime.results import INEXACT
 
 POSES = 500  # per arm; ten thousand poses over these and random arms miss none
 
@@ -190,7 +191,7 @@ def test_the_branch_label_is_the_sign_of_the_jacobians_determinant(name):
     both = set()
     for T in result.T:
         answer = result.solver.solve(T)
-        for q, branch in zip(answer.q, answer.branches, strict=True):
+        for q, branch in zip(answer.q, answer.branch, strict=True):
             determinant = np.linalg.det(jacobian(robot, q))
             if abs(determinant) > 1e-9:
                 both.add(int(branch))
@@ -208,7 +209,7 @@ def test_the_label_stays_the_same_along_a_path_without_singular_configurations()
         answer = solver.solve(target, q_ref=step)
         nearest = np.abs(answer.q - step).max(axis=1).argmin()
         assert np.abs(answer.q[nearest] - step).max() < 1e-9
-        labels.append(int(answer.branches[nearest]))
+        labels.append(int(answer.branch[nearest]))
     signs = np.sign([np.linalg.det(jacobian(robot, step)) for step in path])
     assert np.all(signs == signs[0])
     assert set(labels) == {int(signs[0] < 0)}

@@ -6,7 +6,8 @@ import pytest
 from ik.checks import FK_ERROR, sample
 from ik.robots import ROWS, make, reference
 from oracles.random_robots import QUATERNIONS, transform
-from rrrgen.runtime.inverse_kinematics import OUTSIDE, load_solver
+from rrrgen.runtime.inverse_kinematics import load_solver
+from rrrgen.runtime.results import OUTSIDE
 
 BASE = transform(QUATERNIONS[1], (0.1, -0.2, 0.35))
 TOOL = transform(QUATERNIONS[3], (0.05, 0.02, 0.125))
@@ -149,7 +150,7 @@ def test_branches_keep_their_number_along_a_path():
         for s in np.linspace(0, 2 * np.pi, 200):
             q = np.array(centre) + 0.15 * np.sin(s + phase)
             result = solver.solve(reference(rows, q)[0], q)
-            now = dict(zip(result.branches.tolist(), result.q, strict=True))
+            now = dict(zip(result.branch.tolist(), result.q, strict=True))
             assert len(now) == len(result)
             if before is not None:
                 assert now.keys() == before.keys()

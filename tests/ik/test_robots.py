@@ -69,5 +69,5 @@ def test_chapter_case_has_the_four_branches_of_the_complete_inverse():
             apart = np.abs(result.wrapped(result.batch.q - wanted[:, None])).max(axis=2)
             row = apart.argmin(axis=1)
             assert apart.min(axis=1).max() < 1e-9
-            labels = [result.solver.branch_names(b) for b in result.batch.branches[np.arange(len(row)), row]]
+            labels = [result.solver.branch_names(b) for b in result.batch.branch[np.arange(len(row)), row]]
             assert {(b["shoulder"], b["elbow"]) for b in labels} == {(int(front < 0), int(up < 0))}

@@ -6,7 +6,8 @@ from scipy.optimize import minimize_scalar
 
 from ik.checks import FK_ERROR, SEED_ERROR, Sample, sample
 from ik.robots import ROWS, h, reference, robot
-from rrrgen.runtime.inverse_kinematics import FREE, MULTIPLE, load_solver
+from rrrgen.runtime.inverse_kinematics import load_solver
+from rrrgen.runtime.results import FREE, MULTIPLE
 
 OFFSETS = [0.0] + [s * 10.0**-k for k in range(3, 16) for s in (1, -1)]
 
@@ -163,4 +164,4 @@ def test_batch_says_the_same_as_single_calls():
         assert len(single) == count
         assert np.array_equal(single.q, result.batch.q[k, :count])
         assert np.array_equal(single.flags, result.batch.flags[k, :count])
-        assert np.array_equal(single.branches, result.batch.branches[k, :count])
+        assert np.array_equal(single.branch, result.batch.branch[k, :count])

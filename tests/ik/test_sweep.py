@@ -53,7 +53,7 @@ def test_a_branch_moves_smoothly_over_the_arm_angle():
     assert np.all(swept.counts == 8)
     step = ANGLES[1] - ANGLES[0]
     for branch in range(8):
-        rows = np.array([swept.q[k, list(swept.branches[k]).index(branch)] for k in range(len(ANGLES))])
+        rows = np.array([swept.q[k, list(swept.branch[k]).index(branch)] for k in range(len(ANGLES))])
         assert wrapped(np.diff(rows, axis=0)).max() < STEPS_OF_JOINT * step
 
 

@@ -8,7 +8,8 @@ import pytest
 from ik.checks import FK_ERROR
 from ik.robots import ROWS, reference, robot
 from rrrgen.errors import DerivationError, InputError
-from rrrgen.runtime.inverse_kinematics import INEXACT, load_solver
+from rrrgen.runtime.inverse_kinematics import load_solver
+from rrrgen.runtime.results import INEXACT
 
 ACCEPTED = 6e-13
 """A target out of reach by less than the row check (4e-13 of the reach, here 1.35 m) counts as reachable."""

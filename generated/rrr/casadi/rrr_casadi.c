@@ -33,9 +33,9 @@ static const casadi_int rrr_casadi_pattern_17[] = {3, 15, 0, 0, 0, 2, 4, 4, 4, 4
 static const casadi_int rrr_casadi_pattern_18[] = {3, 15, 0, 2, 4, 7, 10, 13, 16, 17, 20, 23, 25, 27, 28, 30, 31, 32, 0, 1, 0, 1, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 0, 1, 2, 0, 1, 2, 0, 1, 0, 1, 1, 1, 2, 1, 1};
 static const casadi_int rrr_casadi_pattern_19[] = {1, 1, 1};
 static const casadi_int rrr_casadi_pattern_20[] = {1, 1, 0, 0};
-static const casadi_int rrr_casadi_pattern_21[] = {1, 3, 0, 0, 0, 0};
-static const casadi_int rrr_casadi_pattern_22[] = {1, 15, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
-static const casadi_int rrr_casadi_pattern_23[] = {3, 15, 1};
+static const casadi_int rrr_casadi_pattern_21[] = {3, 15, 1};
+static const casadi_int rrr_casadi_pattern_22[] = {1, 3, 0, 0, 0, 0};
+static const casadi_int rrr_casadi_pattern_23[] = {1, 15, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
 static const casadi_int rrr_casadi_pattern_24[] = {2, 1, 1};
 static const casadi_int rrr_casadi_pattern_25[] = {2, 1, 0, 0};
 static const casadi_int rrr_casadi_pattern_26[] = {2, 3, 0, 0, 2, 4, 0, 1, 0, 1};
@@ -3035,12 +3035,12 @@ int rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res, casa
   const casadi_real t35 = t34*(tau3 - (t17 - t12*t18) - t25*t31 - t26*t33);
   const casadi_real t36 = t23*t33 - t26*t35;
   if (res[0]) {
-    res[0][0] = t30;
+    res[0][0] = (t30 > 0) ? (casadi_real)0.0 : t19*t31 - t20*t36 - t25*t35;
+    res[0][1] = (t30 > 0) ? (casadi_real)0.0 : t36;
+    res[0][2] = (t30 > 0) ? (casadi_real)0.0 : t35;
   }
   if (res[1]) {
-    res[1][0] = (t30 > 0) ? (casadi_real)0.0 : t19*t31 - t20*t36 - t25*t35;
-    res[1][1] = (t30 > 0) ? (casadi_real)0.0 : t36;
-    res[1][2] = (t30 > 0) ? (casadi_real)0.0 : t35;
+    res[1][0] = t30;
   }
   (void)res;
   (void)iw;
@@ -3050,9 +3050,9 @@ int rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res, casa
 }
 
 static const char* const rrr_casadi_forward_dynamics_names_in[] = {"q", "dq", "tau", "beta"};
-static const char* const rrr_casadi_forward_dynamics_names_out[] = {"status", "ddq"};
+static const char* const rrr_casadi_forward_dynamics_names_out[] = {"ddq", "status"};
 static const casadi_int* const rrr_casadi_forward_dynamics_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8};
-static const casadi_int* const rrr_casadi_forward_dynamics_patterns_out[] = {rrr_casadi_pattern_19, rrr_casadi_pattern_0};
+static const casadi_int* const rrr_casadi_forward_dynamics_patterns_out[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_19};
 RRR_CASADI_DESCRIBE(rrr_casadi_forward_dynamics, 4, 2)
 
 int jac_rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
@@ -3260,82 +3260,82 @@ int jac_rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res, 
   const casadi_real t174 = t173 - s23*(t172 + beta5*t171);
   const casadi_real t175 = c2*t146;
   const casadi_real t176 = s2*(t168 + beta10*t145 + t4*t169 + t1*t146 + beta1*t175);
-  if (res[4]) {
-    res[4][0] = t91 + c2*(t93 + beta2*t92) - s2*(t86 + t4*t85 + t1*t64 + beta1*t92);
-    res[4][1] = t133 + c2*(t126 - beta11*t104 + beta2*t134) - t135;
-    res[4][2] = t174 + c2*(t167 + beta11*t145 + beta2*t175) - t176;
-    res[4][3] = t91;
-    res[4][4] = t133;
-    res[4][5] = t174;
+  if (res[0]) {
+    res[0][0] = t91 + c2*(t93 + beta2*t92) - s2*(t86 + t4*t85 + t1*t64 + beta1*t92);
+    res[0][1] = t133 + c2*(t126 - beta11*t104 + beta2*t134) - t135;
+    res[0][2] = t174 + c2*(t167 + beta11*t145 + beta2*t175) - t176;
+    res[0][3] = t91;
+    res[0][4] = t133;
+    res[0][5] = t174;
   }
-  if (res[5]) {
-    res[5][0] = (casadi_real)2.0*((casadi_real)0.5*(t16*t51 - t29*t52)*dq1) + t22*t69 - t16*t75;
-    res[5][1] = (casadi_real)2.0*((casadi_real)0.5*(t29*t96 - t16*t95)*dq1) + t22*t110 - t16*t116;
-    res[5][2] = (casadi_real)2.0*((casadi_real)0.5*(t16*t136 - t29*t137)*dq1) + t22*t151 - t16*t157;
-    res[5][3] = (casadi_real)2.0*(t26*t66*dq2) + t24*t53 + t23*t69 + t76;
-    res[5][4] = (casadi_real)2.0*(t26*t107*dq2) + t24*t97 + t23*t110 + t117;
-    res[5][5] = (casadi_real)2.0*(t26*t148*dq2) + t24*t138 + t23*t151 + t158;
-    res[5][6] = t76;
-    res[5][7] = t117;
-    res[5][8] = t158;
+  if (res[1]) {
+    res[1][0] = (casadi_real)2.0*((casadi_real)0.5*(t16*t51 - t29*t52)*dq1) + t22*t69 - t16*t75;
+    res[1][1] = (casadi_real)2.0*((casadi_real)0.5*(t29*t96 - t16*t95)*dq1) + t22*t110 - t16*t116;
+    res[1][2] = (casadi_real)2.0*((casadi_real)0.5*(t16*t136 - t29*t137)*dq1) + t22*t151 - t16*t157;
+    res[1][3] = (casadi_real)2.0*(t26*t66*dq2) + t24*t53 + t23*t69 + t76;
+    res[1][4] = (casadi_real)2.0*(t26*t107*dq2) + t24*t97 + t23*t110 + t117;
+    res[1][5] = (casadi_real)2.0*(t26*t148*dq2) + t24*t138 + t23*t151 + t158;
+    res[1][6] = t76;
+    res[1][7] = t117;
+    res[1][8] = t158;
   }
-  if (res[6]) {
-    res[6][0] = t53;
-    res[6][1] = t97;
-    res[6][2] = t138;
-    res[6][3] = -t52;
-    res[6][4] = t96;
-    res[6][5] = -t137;
-    res[6][6] = t51;
-    res[6][7] = -t95;
-    res[6][8] = t136;
+  if (res[2]) {
+    res[2][0] = t53;
+    res[2][1] = t97;
+    res[2][2] = t138;
+    res[2][3] = -t52;
+    res[2][4] = t96;
+    res[2][5] = -t137;
+    res[2][6] = t51;
+    res[2][7] = -t95;
+    res[2][8] = t136;
   }
-  if (res[7]) {
-    res[7][0] = s2*t74 + c2*t92;
-    res[7][1] = s2*t115 + c2*t134;
-    res[7][2] = s2*t156 + c2*t175;
-    res[7][3] = t71 - c2*t74 + s2*t92;
-    res[7][4] = t112 - c2*t115 + s2*t134;
-    res[7][5] = t153 - c2*t156 + s2*t175;
-    res[7][6] = s23*t83 + c23*t87;
-    res[7][7] = s23*t124 + c23*t129;
-    res[7][8] = s23*t165 + c23*t170;
-    res[7][9] = c23*t83 - s23*t87;
-    res[7][10] = c23*t124 - s23*t129;
-    res[7][11] = c23*t165 - s23*t170;
-    res[7][12] = c23*t88 - s23*t81;
-    res[7][13] = c23*t130 - s23*t122;
-    res[7][14] = c23*t171 - s23*t163;
-    res[7][15] = t78 - c23*t81 - s23*t88;
-    res[7][16] = t119 - c23*t122 - s23*t130;
-    res[7][17] = t160 - c23*t163 - s23*t171;
-    res[7][18] = t64;
-    res[7][19] = t105;
-    res[7][20] = t146;
-    res[7][21] = s23*t77 + c23*t84;
-    res[7][22] = s23*t118 + c23*t125;
-    res[7][23] = s23*t159 + c23*t166;
-    res[7][24] = s23*t84 - c23*t77;
-    res[7][25] = s23*t125 - c23*t118;
-    res[7][26] = s23*t166 - c23*t159;
-    res[7][27] = s2*t70 + c2*t62;
-    res[7][28] = s2*t111 - c2*t104;
-    res[7][29] = s2*t152 + c2*t145;
-    res[7][30] = s2*t62 - c2*t70;
-    res[7][31] = -(c2*t111 + s2*t104);
-    res[7][32] = s2*t145 - c2*t152;
-    res[7][33] = t60;
-    res[7][34] = t102;
-    res[7][35] = t143;
-    res[7][36] = t55 + t57;
-    res[7][37] = t98 + t100;
-    res[7][38] = t139 - t141;
-    res[7][39] = c2*t68;
-    res[7][40] = -c2*t109;
-    res[7][41] = c2*t150;
-    res[7][42] = -s2*t68;
-    res[7][43] = s2*t109;
-    res[7][44] = -s2*t150;
+  if (res[3]) {
+    res[3][0] = s2*t74 + c2*t92;
+    res[3][1] = s2*t115 + c2*t134;
+    res[3][2] = s2*t156 + c2*t175;
+    res[3][3] = t71 - c2*t74 + s2*t92;
+    res[3][4] = t112 - c2*t115 + s2*t134;
+    res[3][5] = t153 - c2*t156 + s2*t175;
+    res[3][6] = s23*t83 + c23*t87;
+    res[3][7] = s23*t124 + c23*t129;
+    res[3][8] = s23*t165 + c23*t170;
+    res[3][9] = c23*t83 - s23*t87;
+    res[3][10] = c23*t124 - s23*t129;
+    res[3][11] = c23*t165 - s23*t170;
+    res[3][12] = c23*t88 - s23*t81;
+    res[3][13] = c23*t130 - s23*t122;
+    res[3][14] = c23*t171 - s23*t163;
+    res[3][15] = t78 - c23*t81 - s23*t88;
+    res[3][16] = t119 - c23*t122 - s23*t130;
+    res[3][17] = t160 - c23*t163 - s23*t171;
+    res[3][18] = t64;
+    res[3][19] = t105;
+    res[3][20] = t146;
+    res[3][21] = s23*t77 + c23*t84;
+    res[3][22] = s23*t118 + c23*t125;
+    res[3][23] = s23*t159 + c23*t166;
+    res[3][24] = s23*t84 - c23*t77;
+    res[3][25] = s23*t125 - c23*t118;
+    res[3][26] = s23*t166 - c23*t159;
+    res[3][27] = s2*t70 + c2*t62;
+    res[3][28] = s2*t111 - c2*t104;
+    res[3][29] = s2*t152 + c2*t145;
+    res[3][30] = s2*t62 - c2*t70;
+    res[3][31] = -(c2*t111 + s2*t104);
+    res[3][32] = s2*t145 - c2*t152;
+    res[3][33] = t60;
+    res[3][34] = t102;
+    res[3][35] = t143;
+    res[3][36] = t55 + t57;
+    res[3][37] = t98 + t100;
+    res[3][38] = t139 - t141;
+    res[3][39] = c2*t68;
+    res[3][40] = -c2*t109;
+    res[3][41] = c2*t150;
+    res[3][42] = -s2*t68;
+    res[3][43] = s2*t109;
+    res[3][44] = -s2*t150;
   }
   (void)res;
   (void)iw;
@@ -3344,10 +3344,10 @@ int jac_rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res, 
   return 0;
 }
 
-static const char* const jac_rrr_casadi_forward_dynamics_names_in[] = {"q", "dq", "tau", "beta", "out_status", "out_ddq"};
-static const char* const jac_rrr_casadi_forward_dynamics_names_out[] = {"jac_status_q", "jac_status_dq", "jac_status_tau", "jac_status_beta", "jac_ddq_q", "jac_ddq_dq", "jac_ddq_tau", "jac_ddq_beta"};
-static const casadi_int* const jac_rrr_casadi_forward_dynamics_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_20, rrr_casadi_pattern_4};
-static const casadi_int* const jac_rrr_casadi_forward_dynamics_patterns_out[] = {rrr_casadi_pattern_21, rrr_casadi_pattern_21, rrr_casadi_pattern_21, rrr_casadi_pattern_22, rrr_casadi_pattern_13, rrr_casadi_pattern_9, rrr_casadi_pattern_9, rrr_casadi_pattern_23};
+static const char* const jac_rrr_casadi_forward_dynamics_names_in[] = {"q", "dq", "tau", "beta", "out_ddq", "out_status"};
+static const char* const jac_rrr_casadi_forward_dynamics_names_out[] = {"jac_ddq_q", "jac_ddq_dq", "jac_ddq_tau", "jac_ddq_beta", "jac_status_q", "jac_status_dq", "jac_status_tau", "jac_status_beta"};
+static const casadi_int* const jac_rrr_casadi_forward_dynamics_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_4, rrr_casadi_pattern_20};
+static const casadi_int* const jac_rrr_casadi_forward_dynamics_patterns_out[] = {rrr_casadi_pattern_13, rrr_casadi_pattern_9, rrr_casadi_pattern_9, rrr_casadi_pattern_21, rrr_casadi_pattern_22, rrr_casadi_pattern_22, rrr_casadi_pattern_22, rrr_casadi_pattern_23};
 RRR_CASADI_DESCRIBE(jac_rrr_casadi_forward_dynamics, 6, 8)
 
 int fwd1_rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
@@ -3492,12 +3492,12 @@ int fwd1_rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res,
   const casadi_real t88 = t35*t85 - t45*t78 - (t47*t81 + t38*t87);
   const casadi_real t89 = t31*t83 - t44*t75 - ((t35*t45 - t38*t47)*t76 + t32*t88) - (t47*t80 + t37*t87);
   if (res[0]) {
-    res[0][0] = (casadi_real)0.0;
+    res[0][0] = (t43 > 0) ? (casadi_real)0.0 : t89;
+    res[0][1] = (t43 > 0) ? (casadi_real)0.0 : t88;
+    res[0][2] = (t43 > 0) ? (casadi_real)0.0 : t87;
   }
   if (res[1]) {
-    res[1][0] = (t43 > 0) ? (casadi_real)0.0 : t89;
-    res[1][1] = (t43 > 0) ? (casadi_real)0.0 : t88;
-    res[1][2] = (t43 > 0) ? (casadi_real)0.0 : t87;
+    res[1][0] = (casadi_real)0.0;
   }
   (void)res;
   (void)iw;
@@ -3506,10 +3506,10 @@ int fwd1_rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res,
   return 0;
 }
 
-static const char* const fwd1_rrr_casadi_forward_dynamics_names_in[] = {"q", "dq", "tau", "beta", "out_status", "out_ddq", "fwd_q", "fwd_dq", "fwd_tau", "fwd_beta"};
-static const char* const fwd1_rrr_casadi_forward_dynamics_names_out[] = {"fwd_status", "fwd_ddq"};
-static const casadi_int* const fwd1_rrr_casadi_forward_dynamics_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_20, rrr_casadi_pattern_4, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8};
-static const casadi_int* const fwd1_rrr_casadi_forward_dynamics_patterns_out[] = {rrr_casadi_pattern_19, rrr_casadi_pattern_0};
+static const char* const fwd1_rrr_casadi_forward_dynamics_names_in[] = {"q", "dq", "tau", "beta", "out_ddq", "out_status", "fwd_q", "fwd_dq", "fwd_tau", "fwd_beta"};
+static const char* const fwd1_rrr_casadi_forward_dynamics_names_out[] = {"fwd_ddq", "fwd_status"};
+static const casadi_int* const fwd1_rrr_casadi_forward_dynamics_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_4, rrr_casadi_pattern_20, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8};
+static const casadi_int* const fwd1_rrr_casadi_forward_dynamics_patterns_out[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_19};
 RRR_CASADI_DESCRIBE(fwd1_rrr_casadi_forward_dynamics, 10, 2)
 
 int adj1_rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
@@ -3537,9 +3537,9 @@ int adj1_rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res,
   const casadi_real beta13 = arg[3] ? arg[3][12] : (casadi_real)0;
   const casadi_real beta14 = arg[3] ? arg[3][13] : (casadi_real)0;
   const casadi_real beta15 = arg[3] ? arg[3][14] : (casadi_real)0;
-  const casadi_real adj_ddq1 = arg[7] ? arg[7][0] : (casadi_real)0;
-  const casadi_real adj_ddq2 = arg[7] ? arg[7][1] : (casadi_real)0;
-  const casadi_real adj_ddq3 = arg[7] ? arg[7][2] : (casadi_real)0;
+  const casadi_real adj_ddq1 = arg[6] ? arg[6][0] : (casadi_real)0;
+  const casadi_real adj_ddq2 = arg[6] ? arg[6][1] : (casadi_real)0;
+  const casadi_real adj_ddq3 = arg[6] ? arg[6][2] : (casadi_real)0;
   const casadi_real s2 = rrr_casadi_sin(q2);
   const casadi_real c2 = rrr_casadi_cos(q2);
   const casadi_real t1 = beta1*c2 + beta2*s2;
@@ -3673,9 +3673,9 @@ int adj1_rrr_casadi_forward_dynamics(const casadi_real** arg, casadi_real** res,
   return 0;
 }
 
-static const char* const adj1_rrr_casadi_forward_dynamics_names_in[] = {"q", "dq", "tau", "beta", "out_status", "out_ddq", "adj_status", "adj_ddq"};
+static const char* const adj1_rrr_casadi_forward_dynamics_names_in[] = {"q", "dq", "tau", "beta", "out_ddq", "out_status", "adj_ddq", "adj_status"};
 static const char* const adj1_rrr_casadi_forward_dynamics_names_out[] = {"adj_q", "adj_dq", "adj_tau", "adj_beta"};
-static const casadi_int* const adj1_rrr_casadi_forward_dynamics_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_20, rrr_casadi_pattern_4, rrr_casadi_pattern_19, rrr_casadi_pattern_0};
+static const casadi_int* const adj1_rrr_casadi_forward_dynamics_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_4, rrr_casadi_pattern_20, rrr_casadi_pattern_0, rrr_casadi_pattern_19};
 static const casadi_int* const adj1_rrr_casadi_forward_dynamics_patterns_out[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8};
 RRR_CASADI_DESCRIBE(adj1_rrr_casadi_forward_dynamics, 8, 4)
 
@@ -3731,12 +3731,12 @@ int rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_real** r
   const casadi_real t36 = t35*(tau3 - (t19 - t13*t20) + t27*t33 - t28*t34);
   const casadi_real t37 = t25*t34 - t28*t36;
   if (res[0]) {
-    res[0][0] = t32;
+    res[0][0] = (t32 > 0) ? (casadi_real)0.0 : t21*t33 + t22*t37 + t27*t36;
+    res[0][1] = (t32 > 0) ? (casadi_real)0.0 : t37;
+    res[0][2] = (t32 > 0) ? (casadi_real)0.0 : t36;
   }
   if (res[1]) {
-    res[1][0] = (t32 > 0) ? (casadi_real)0.0 : t21*t33 + t22*t37 + t27*t36;
-    res[1][1] = (t32 > 0) ? (casadi_real)0.0 : t37;
-    res[1][2] = (t32 > 0) ? (casadi_real)0.0 : t36;
+    res[1][0] = t32;
   }
   (void)res;
   (void)iw;
@@ -3746,9 +3746,9 @@ int rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_real** r
 }
 
 static const char* const rrr_casadi_forward_dynamics_nominal_names_in[] = {"q", "dq", "tau"};
-static const char* const rrr_casadi_forward_dynamics_nominal_names_out[] = {"status", "ddq"};
+static const char* const rrr_casadi_forward_dynamics_nominal_names_out[] = {"ddq", "status"};
 static const casadi_int* const rrr_casadi_forward_dynamics_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0};
-static const casadi_int* const rrr_casadi_forward_dynamics_nominal_patterns_out[] = {rrr_casadi_pattern_19, rrr_casadi_pattern_0};
+static const casadi_int* const rrr_casadi_forward_dynamics_nominal_patterns_out[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_19};
 RRR_CASADI_DESCRIBE(rrr_casadi_forward_dynamics_nominal, 3, 2)
 
 int jac_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
@@ -3888,35 +3888,35 @@ int jac_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_real
   const casadi_real t121 = t52*t86 + t36*t115 - (t48*t83 + t35*t74) + (t51*t94 + t41*t109);
   const casadi_real t122 = t52*t87 + t36*t114 - (t48*t84 + t35*t75) + (t51*t95 + t41*t107);
   const casadi_real t123 = (t47 > 0) ? (casadi_real)0.0 : -t113;
-  if (res[3]) {
-    res[3][0] = (t47 > 0) ? (casadi_real)0.0 : t121;
-    res[3][1] = (t47 > 0) ? (casadi_real)0.0 : t115;
-    res[3][2] = (t47 > 0) ? (casadi_real)0.0 : t109;
-    res[3][3] = (t47 > 0) ? (casadi_real)0.0 : t122;
-    res[3][4] = (t47 > 0) ? (casadi_real)0.0 : t114;
-    res[3][5] = (t47 > 0) ? (casadi_real)0.0 : t107;
+  if (res[0]) {
+    res[0][0] = (t47 > 0) ? (casadi_real)0.0 : t121;
+    res[0][1] = (t47 > 0) ? (casadi_real)0.0 : t115;
+    res[0][2] = (t47 > 0) ? (casadi_real)0.0 : t109;
+    res[0][3] = (t47 > 0) ? (casadi_real)0.0 : t122;
+    res[0][4] = (t47 > 0) ? (casadi_real)0.0 : t114;
+    res[0][5] = (t47 > 0) ? (casadi_real)0.0 : t107;
   }
-  if (res[4]) {
-    res[4][0] = (t47 > 0) ? (casadi_real)0.0 : t36*t117 - t35*t72 + t41*t110;
-    res[4][1] = (t47 > 0) ? (casadi_real)0.0 : t117;
-    res[4][2] = (t47 > 0) ? (casadi_real)0.0 : t110;
-    res[4][3] = (t47 > 0) ? (casadi_real)0.0 : t41*t105 - (t35*t71 + t36*t116);
-    res[4][4] = (t47 > 0) ? (casadi_real)0.0 : -t116;
-    res[4][5] = (t47 > 0) ? (casadi_real)0.0 : t105;
-    res[4][6] = (t47 > 0) ? (casadi_real)0.0 : t36*t119 - t35*t68 - t41*t112;
-    res[4][7] = (t47 > 0) ? (casadi_real)0.0 : t119;
-    res[4][8] = (t47 > 0) ? (casadi_real)0.0 : -t112;
+  if (res[1]) {
+    res[1][0] = (t47 > 0) ? (casadi_real)0.0 : t36*t117 - t35*t72 + t41*t110;
+    res[1][1] = (t47 > 0) ? (casadi_real)0.0 : t117;
+    res[1][2] = (t47 > 0) ? (casadi_real)0.0 : t110;
+    res[1][3] = (t47 > 0) ? (casadi_real)0.0 : t41*t105 - (t35*t71 + t36*t116);
+    res[1][4] = (t47 > 0) ? (casadi_real)0.0 : -t116;
+    res[1][5] = (t47 > 0) ? (casadi_real)0.0 : t105;
+    res[1][6] = (t47 > 0) ? (casadi_real)0.0 : t36*t119 - t35*t68 - t41*t112;
+    res[1][7] = (t47 > 0) ? (casadi_real)0.0 : t119;
+    res[1][8] = (t47 > 0) ? (casadi_real)0.0 : -t112;
   }
-  if (res[5]) {
-    res[5][0] = (t47 > 0) ? (casadi_real)0.0 : t35 + t36*t118 + t41*t111;
-    res[5][1] = (t47 > 0) ? (casadi_real)0.0 : t118;
-    res[5][2] = (t47 > 0) ? (casadi_real)0.0 : t111;
-    res[5][3] = (t47 > 0) ? (casadi_real)0.0 : t36*t120 - t41*t113;
-    res[5][4] = (t47 > 0) ? (casadi_real)0.0 : t120;
-    res[5][5] = t123;
-    res[5][6] = (t47 > 0) ? (casadi_real)0.0 : t41*t45 - t36*t113;
-    res[5][7] = t123;
-    res[5][8] = (t47 > 0) ? (casadi_real)0.0 : t45;
+  if (res[2]) {
+    res[2][0] = (t47 > 0) ? (casadi_real)0.0 : t35 + t36*t118 + t41*t111;
+    res[2][1] = (t47 > 0) ? (casadi_real)0.0 : t118;
+    res[2][2] = (t47 > 0) ? (casadi_real)0.0 : t111;
+    res[2][3] = (t47 > 0) ? (casadi_real)0.0 : t36*t120 - t41*t113;
+    res[2][4] = (t47 > 0) ? (casadi_real)0.0 : t120;
+    res[2][5] = t123;
+    res[2][6] = (t47 > 0) ? (casadi_real)0.0 : t41*t45 - t36*t113;
+    res[2][7] = t123;
+    res[2][8] = (t47 > 0) ? (casadi_real)0.0 : t45;
   }
   (void)res;
   (void)iw;
@@ -3925,10 +3925,10 @@ int jac_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_real
   return 0;
 }
 
-static const char* const jac_rrr_casadi_forward_dynamics_nominal_names_in[] = {"q", "dq", "tau", "out_status", "out_ddq"};
-static const char* const jac_rrr_casadi_forward_dynamics_nominal_names_out[] = {"jac_status_q", "jac_status_dq", "jac_status_tau", "jac_ddq_q", "jac_ddq_dq", "jac_ddq_tau"};
-static const casadi_int* const jac_rrr_casadi_forward_dynamics_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_20, rrr_casadi_pattern_4};
-static const casadi_int* const jac_rrr_casadi_forward_dynamics_nominal_patterns_out[] = {rrr_casadi_pattern_21, rrr_casadi_pattern_21, rrr_casadi_pattern_21, rrr_casadi_pattern_13, rrr_casadi_pattern_9, rrr_casadi_pattern_9};
+static const char* const jac_rrr_casadi_forward_dynamics_nominal_names_in[] = {"q", "dq", "tau", "out_ddq", "out_status"};
+static const char* const jac_rrr_casadi_forward_dynamics_nominal_names_out[] = {"jac_ddq_q", "jac_ddq_dq", "jac_ddq_tau", "jac_status_q", "jac_status_dq", "jac_status_tau"};
+static const casadi_int* const jac_rrr_casadi_forward_dynamics_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_4, rrr_casadi_pattern_20};
+static const casadi_int* const jac_rrr_casadi_forward_dynamics_nominal_patterns_out[] = {rrr_casadi_pattern_13, rrr_casadi_pattern_9, rrr_casadi_pattern_9, rrr_casadi_pattern_22, rrr_casadi_pattern_22, rrr_casadi_pattern_22};
 RRR_CASADI_DESCRIBE(jac_rrr_casadi_forward_dynamics_nominal, 5, 6)
 
 int fwd1_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
@@ -4041,12 +4041,12 @@ int fwd1_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_rea
   const casadi_real t86 = t37*t82 - t47*t77 - (t49*t80 + t40*t85);
   const casadi_real t87 = t33*t81 - t46*t75 + ((t37*t47 - t40*t49)*t76 + t34*t86) + (t49*t79 + t39*t85);
   if (res[0]) {
-    res[0][0] = (casadi_real)0.0;
+    res[0][0] = (t45 > 0) ? (casadi_real)0.0 : t87;
+    res[0][1] = (t45 > 0) ? (casadi_real)0.0 : t86;
+    res[0][2] = (t45 > 0) ? (casadi_real)0.0 : t85;
   }
   if (res[1]) {
-    res[1][0] = (t45 > 0) ? (casadi_real)0.0 : t87;
-    res[1][1] = (t45 > 0) ? (casadi_real)0.0 : t86;
-    res[1][2] = (t45 > 0) ? (casadi_real)0.0 : t85;
+    res[1][0] = (casadi_real)0.0;
   }
   (void)res;
   (void)iw;
@@ -4055,10 +4055,10 @@ int fwd1_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_rea
   return 0;
 }
 
-static const char* const fwd1_rrr_casadi_forward_dynamics_nominal_names_in[] = {"q", "dq", "tau", "out_status", "out_ddq", "fwd_q", "fwd_dq", "fwd_tau"};
-static const char* const fwd1_rrr_casadi_forward_dynamics_nominal_names_out[] = {"fwd_status", "fwd_ddq"};
-static const casadi_int* const fwd1_rrr_casadi_forward_dynamics_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_20, rrr_casadi_pattern_4, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0};
-static const casadi_int* const fwd1_rrr_casadi_forward_dynamics_nominal_patterns_out[] = {rrr_casadi_pattern_19, rrr_casadi_pattern_0};
+static const char* const fwd1_rrr_casadi_forward_dynamics_nominal_names_in[] = {"q", "dq", "tau", "out_ddq", "out_status", "fwd_q", "fwd_dq", "fwd_tau"};
+static const char* const fwd1_rrr_casadi_forward_dynamics_nominal_names_out[] = {"fwd_ddq", "fwd_status"};
+static const casadi_int* const fwd1_rrr_casadi_forward_dynamics_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_4, rrr_casadi_pattern_20, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0};
+static const casadi_int* const fwd1_rrr_casadi_forward_dynamics_nominal_patterns_out[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_19};
 RRR_CASADI_DESCRIBE(fwd1_rrr_casadi_forward_dynamics_nominal, 8, 2)
 
 int adj1_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
@@ -4071,9 +4071,9 @@ int adj1_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_rea
   const casadi_real tau1 = arg[2] ? arg[2][0] : (casadi_real)0;
   const casadi_real tau2 = arg[2] ? arg[2][1] : (casadi_real)0;
   const casadi_real tau3 = arg[2] ? arg[2][2] : (casadi_real)0;
-  const casadi_real adj_ddq1 = arg[6] ? arg[6][0] : (casadi_real)0;
-  const casadi_real adj_ddq2 = arg[6] ? arg[6][1] : (casadi_real)0;
-  const casadi_real adj_ddq3 = arg[6] ? arg[6][2] : (casadi_real)0;
+  const casadi_real adj_ddq1 = arg[5] ? arg[5][0] : (casadi_real)0;
+  const casadi_real adj_ddq2 = arg[5] ? arg[5][1] : (casadi_real)0;
+  const casadi_real adj_ddq3 = arg[5] ? arg[5][2] : (casadi_real)0;
   const casadi_real s2 = rrr_casadi_sin(q2);
   const casadi_real c2 = rrr_casadi_cos(q2);
   const casadi_real t1 = (casadi_real)0.2696*c2;
@@ -4190,9 +4190,9 @@ int adj1_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casadi_rea
   return 0;
 }
 
-static const char* const adj1_rrr_casadi_forward_dynamics_nominal_names_in[] = {"q", "dq", "tau", "out_status", "out_ddq", "adj_status", "adj_ddq"};
+static const char* const adj1_rrr_casadi_forward_dynamics_nominal_names_in[] = {"q", "dq", "tau", "out_ddq", "out_status", "adj_ddq", "adj_status"};
 static const char* const adj1_rrr_casadi_forward_dynamics_nominal_names_out[] = {"adj_q", "adj_dq", "adj_tau"};
-static const casadi_int* const adj1_rrr_casadi_forward_dynamics_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_20, rrr_casadi_pattern_4, rrr_casadi_pattern_19, rrr_casadi_pattern_0};
+static const casadi_int* const adj1_rrr_casadi_forward_dynamics_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_4, rrr_casadi_pattern_20, rrr_casadi_pattern_0, rrr_casadi_pattern_19};
 static const casadi_int* const adj1_rrr_casadi_forward_dynamics_nominal_patterns_out[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0};
 RRR_CASADI_DESCRIBE(adj1_rrr_casadi_forward_dynamics_nominal, 7, 3)
 
@@ -4206,9 +4206,9 @@ int fwd1_adj1_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casad
   const casadi_real tau1 = arg[2] ? arg[2][0] : (casadi_real)0;
   const casadi_real tau2 = arg[2] ? arg[2][1] : (casadi_real)0;
   const casadi_real tau3 = arg[2] ? arg[2][2] : (casadi_real)0;
-  const casadi_real adj_ddq1 = arg[6] ? arg[6][0] : (casadi_real)0;
-  const casadi_real adj_ddq2 = arg[6] ? arg[6][1] : (casadi_real)0;
-  const casadi_real adj_ddq3 = arg[6] ? arg[6][2] : (casadi_real)0;
+  const casadi_real adj_ddq1 = arg[5] ? arg[5][0] : (casadi_real)0;
+  const casadi_real adj_ddq2 = arg[5] ? arg[5][1] : (casadi_real)0;
+  const casadi_real adj_ddq3 = arg[5] ? arg[5][2] : (casadi_real)0;
   const casadi_real fwd_q2 = arg[10] ? arg[10][1] : (casadi_real)0;
   const casadi_real fwd_q3 = arg[10] ? arg[10][2] : (casadi_real)0;
   const casadi_real fwd_dq1 = arg[11] ? arg[11][0] : (casadi_real)0;
@@ -4217,9 +4217,9 @@ int fwd1_adj1_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casad
   const casadi_real fwd_tau1 = arg[12] ? arg[12][0] : (casadi_real)0;
   const casadi_real fwd_tau2 = arg[12] ? arg[12][1] : (casadi_real)0;
   const casadi_real fwd_tau3 = arg[12] ? arg[12][2] : (casadi_real)0;
-  const casadi_real fwd_adj_ddq1 = arg[16] ? arg[16][0] : (casadi_real)0;
-  const casadi_real fwd_adj_ddq2 = arg[16] ? arg[16][1] : (casadi_real)0;
-  const casadi_real fwd_adj_ddq3 = arg[16] ? arg[16][2] : (casadi_real)0;
+  const casadi_real fwd_adj_ddq1 = arg[15] ? arg[15][0] : (casadi_real)0;
+  const casadi_real fwd_adj_ddq2 = arg[15] ? arg[15][1] : (casadi_real)0;
+  const casadi_real fwd_adj_ddq3 = arg[15] ? arg[15][2] : (casadi_real)0;
   const casadi_real s2 = rrr_casadi_sin(q2);
   const casadi_real c2 = rrr_casadi_cos(q2);
   const casadi_real t1 = (casadi_real)0.2696*c2;
@@ -4445,9 +4445,9 @@ int fwd1_adj1_rrr_casadi_forward_dynamics_nominal(const casadi_real** arg, casad
   return 0;
 }
 
-static const char* const fwd1_adj1_rrr_casadi_forward_dynamics_nominal_names_in[] = {"q", "dq", "tau", "out_status", "out_ddq", "adj_status", "adj_ddq", "out_adj_q", "out_adj_dq", "out_adj_tau", "fwd_q", "fwd_dq", "fwd_tau", "fwd_out_status", "fwd_out_ddq", "fwd_adj_status", "fwd_adj_ddq"};
+static const char* const fwd1_adj1_rrr_casadi_forward_dynamics_nominal_names_in[] = {"q", "dq", "tau", "out_ddq", "out_status", "adj_ddq", "adj_status", "out_adj_q", "out_adj_dq", "out_adj_tau", "fwd_q", "fwd_dq", "fwd_tau", "fwd_out_ddq", "fwd_out_status", "fwd_adj_ddq", "fwd_adj_status"};
 static const char* const fwd1_adj1_rrr_casadi_forward_dynamics_nominal_names_out[] = {"fwd_adj_q", "fwd_adj_dq", "fwd_adj_tau"};
-static const casadi_int* const fwd1_adj1_rrr_casadi_forward_dynamics_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_20, rrr_casadi_pattern_4, rrr_casadi_pattern_19, rrr_casadi_pattern_0, rrr_casadi_pattern_4, rrr_casadi_pattern_4, rrr_casadi_pattern_4, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_20, rrr_casadi_pattern_4, rrr_casadi_pattern_19, rrr_casadi_pattern_0};
+static const casadi_int* const fwd1_adj1_rrr_casadi_forward_dynamics_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_4, rrr_casadi_pattern_20, rrr_casadi_pattern_0, rrr_casadi_pattern_19, rrr_casadi_pattern_4, rrr_casadi_pattern_4, rrr_casadi_pattern_4, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_4, rrr_casadi_pattern_20, rrr_casadi_pattern_0, rrr_casadi_pattern_19};
 static const casadi_int* const fwd1_adj1_rrr_casadi_forward_dynamics_nominal_patterns_out[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_0};
 RRR_CASADI_DESCRIBE(fwd1_adj1_rrr_casadi_forward_dynamics_nominal, 17, 3)
 

@@ -311,8 +311,8 @@ RRR_CASADI_DECLARE(fwd1_adj1_rrr_casadi_inverse_dynamics_nominal);
  * arg[1] dq: 3, rad/s, joint velocities
  * arg[2] tau: 3, N m, joint torques
  * arg[3] beta: 15, SI, base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
- * res[0] status: scalar
- * res[1] ddq: 3, rad/s^2, joint accelerations; zero when the status is not ok
+ * res[0] ddq: 3, rad/s^2, joint accelerations; zero when the status is not ok
+ * res[1] status: scalar
  */
 RRR_CASADI_DECLARE(rrr_casadi_forward_dynamics);
 
@@ -337,8 +337,8 @@ RRR_CASADI_DECLARE(adj1_rrr_casadi_forward_dynamics);
  * arg[0] q: 3, rad, joint positions
  * arg[1] dq: 3, rad/s, joint velocities
  * arg[2] tau: 3, N m, joint torques
- * res[0] status: scalar
- * res[1] ddq: 3, rad/s^2, joint accelerations; zero when the status is not ok
+ * res[0] ddq: 3, rad/s^2, joint accelerations; zero when the status is not ok
+ * res[1] status: scalar
  */
 RRR_CASADI_DECLARE(rrr_casadi_forward_dynamics_nominal);
 

@@ -974,8 +974,8 @@ def forward_dynamics():
     input  dq (3, 1): joint velocities; rad/s
     input  tau (3, 1): joint torques; N m
     input  beta (15, 1): base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15; SI
-    output status (1, 1)
     output ddq (3, 1): joint accelerations; zero when the status is not ok; rad/s^2
+    output status (1, 1)
 
     The status tells when M is not positive definite (a singular or unphysical set of parameters).
     """
@@ -1025,16 +1025,16 @@ def forward_dynamics():
     t30 = tau2 - (9.81*(beta14*c2 - beta15*s2) + t15 - t9*t9*t14 - (t11 - t13)*t16) - t18*t29
     t31 = (1/ca.if_else(t26 > 0, t25, 1))*(tau3 - (t15 - t11*t16) - t23*t29 - t24*t30)
     t32 = t21*t30 - t24*t31
-    status = _matrix(1, 1, [
-        t27,
-    ])
     ddq = _matrix(3, 1, [
         ca.if_else(t27 > 0, 0, t17*t29 - t18*t32 - t23*t31),
         ca.if_else(t27 > 0, 0, t32),
         ca.if_else(t27 > 0, 0, t31),
     ])
-    return ca.Function("rrr_casadi_forward_dynamics", [q, dq, tau, beta], [status, ddq], ["q", "dq", "tau", "beta"],
-        ["status", "ddq"])
+    status = _matrix(1, 1, [
+        t27,
+    ])
+    return ca.Function("rrr_casadi_forward_dynamics", [q, dq, tau, beta], [ddq, status], ["q", "dq", "tau", "beta"],
+        ["ddq", "status"])
 
 
 @lru_cache(maxsize=None)
@@ -1046,8 +1046,8 @@ def forward_dynamics_nominal():
     input  q (3, 1): joint positions; rad
     input  dq (3, 1): joint velocities; rad/s
     input  tau (3, 1): joint torques; N m
-    output status (1, 1)
     output ddq (3, 1): joint accelerations; zero when the status is not ok; rad/s^2
+    output status (1, 1)
 
     The status tells when M is not positive definite (a singular or unphysical set of parameters).
     """
@@ -1094,16 +1094,16 @@ def forward_dynamics_nominal():
     t30 = tau2 - (15.06816*c2 + t16 - t9*t9*t15 - (t11 - t13)*t17) + t19*t29
     t31 = (1/ca.if_else(t27 > 0, t26, 1))*(tau3 - (t16 - t11*t17) + t24*t29 - t25*t30)
     t32 = t22*t30 - t25*t31
-    status = _matrix(1, 1, [
-        t28,
-    ])
     ddq = _matrix(3, 1, [
         ca.if_else(t28 > 0, 0, t18*t29 + t19*t32 + t24*t31),
         ca.if_else(t28 > 0, 0, t32),
         ca.if_else(t28 > 0, 0, t31),
     ])
-    return ca.Function("rrr_casadi_forward_dynamics_nominal", [q, dq, tau], [status, ddq], ["q", "dq", "tau"],
-        ["status", "ddq"])
+    status = _matrix(1, 1, [
+        t28,
+    ])
+    return ca.Function("rrr_casadi_forward_dynamics_nominal", [q, dq, tau], [ddq, status], ["q", "dq", "tau"],
+        ["ddq", "status"])
 
 
 @lru_cache(maxsize=None)
@@ -1328,11 +1328,11 @@ def forward_dynamics_derivatives():
     input  dq (3, 1): joint velocities; rad/s
     input  tau (3, 1): joint torques; N m
     input  beta (15, 1): base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15; SI
-    output status (1, 1)
     output ddq (3, 1): joint accelerations; zero when the status is not ok; rad/s^2
     output dddq_dq (3, 3): d ddq_i / d q_j for given dq and tau; SI
     output dddq_dv (3, 3): d ddq_i / d dq_j; SI
     output dddq_dtau (3, 3): d ddq_i / d tau_j, the inverse of M; SI
+    output status (1, 1)
 
     All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
     """
@@ -1440,9 +1440,6 @@ def forward_dynamics_derivatives():
     t88 = t31*t79 - t33*t44 - (t19*t30 - t85)
     t89 = t27*t30 + t31*t81 + t28*t32 + t88
     t90 = -t73
-    status = _matrix(1, 1, [
-        t65,
-    ])
     ddq = _matrix(3, 1, [
         t78,
         t79,
@@ -1463,8 +1460,11 @@ def forward_dynamics_derivatives():
         t90, -t74, t71,
         t70, t71, -t67,
     ])
-    return ca.Function("rrr_casadi_forward_dynamics_derivatives", [q, dq, tau, beta], [status, ddq, dddq_dq,
-        dddq_dv, dddq_dtau], ["q", "dq", "tau", "beta"], ["status", "ddq", "dddq_dq", "dddq_dv", "dddq_dtau"])
+    status = _matrix(1, 1, [
+        t65,
+    ])
+    return ca.Function("rrr_casadi_forward_dynamics_derivatives", [q, dq, tau, beta], [ddq, dddq_dq, dddq_dv,
+        dddq_dtau, status], ["q", "dq", "tau", "beta"], ["ddq", "dddq_dq", "dddq_dv", "dddq_dtau", "status"])
 
 
 @lru_cache(maxsize=None)
@@ -1476,11 +1476,11 @@ def forward_dynamics_derivatives_nominal():
     input  q (3, 1): joint positions; rad
     input  dq (3, 1): joint velocities; rad/s
     input  tau (3, 1): joint torques; N m
-    output status (1, 1)
     output ddq (3, 1): joint accelerations; zero when the status is not ok; rad/s^2
     output dddq_dq (3, 3): d ddq_i / d q_j for given dq and tau; SI
     output dddq_dv (3, 3): d ddq_i / d dq_j; SI
     output dddq_dtau (3, 3): d ddq_i / d tau_j, the inverse of M; SI
+    output status (1, 1)
 
     All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
     """
@@ -1585,9 +1585,6 @@ def forward_dynamics_derivatives_nominal():
     t88 = t85 + t31*t79 - t33*t44 - t19*t30
     t89 = t28*t32 + t27*t30 + t31*t81 + t88
     t90 = -t73
-    status = _matrix(1, 1, [
-        t65,
-    ])
     ddq = _matrix(3, 1, [
         t78,
         t79,
@@ -1608,8 +1605,11 @@ def forward_dynamics_derivatives_nominal():
         t90, -t74, t71,
         t70, t71, -t67,
     ])
-    return ca.Function("rrr_casadi_forward_dynamics_derivatives_nominal", [q, dq, tau], [status, ddq, dddq_dq,
-        dddq_dv, dddq_dtau], ["q", "dq", "tau"], ["status", "ddq", "dddq_dq", "dddq_dv", "dddq_dtau"])
+    status = _matrix(1, 1, [
+        t65,
+    ])
+    return ca.Function("rrr_casadi_forward_dynamics_derivatives_nominal", [q, dq, tau], [ddq, dddq_dq, dddq_dv,
+        dddq_dtau, status], ["q", "dq", "tau"], ["ddq", "dddq_dq", "dddq_dv", "dddq_dtau", "status"])
 
 
 @lru_cache(maxsize=None)

@@ -10,7 +10,8 @@ from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, ro
 
 if TYPE_CHECKING:
     from rrrgen.runtime.engines import EngineName
-    from rrrgen.runtime.inverse_kinematics import IKResult, InverseKinematics
+    from rrrgen.runtime.inverse_kinematics import InverseKinematics
+    from rrrgen.runtime.results import IKResult
 
 
 @click.command()
@@ -104,17 +105,17 @@ def _record(solver: InverseKinematics, found: IKResult) -> dict[str, Any]:
         "distance": found.distance,
         "solutions": [
             {"q": q.tolist(), "branch": solver.branch_names(branch), "flags": int(flags), "residual": float(residual)}
-            for q, branch, flags, residual in zip(found.q, found.branches, found.flags, found.residual, strict=True)
+            for q, branch, flags, residual in zip(found.q, found.branch, found.flags, found.residual, strict=True)
         ],
     }
 
 
 def _print(solver: InverseKinematics, found: IKResult) -> None:
-    from rrrgen.runtime.inverse_kinematics import FREE, INEXACT, MULTIPLE, OUTSIDE
+    from rrrgen.runtime.results import FREE, INEXACT, MULTIPLE, OUTSIDE
 
     words = {MULTIPLE: "multiple", FREE: "free angle from the reference", OUTSIDE: "outside limits", INEXACT: "inexact"}
     click.echo(f"{solver.plan.family}: at most {solver.max_solutions} solutions")
-    for q, branch, flags in zip(found.q, found.branches, found.flags, strict=True):
+    for q, branch, flags in zip(found.q, found.branch, found.flags, strict=True):
         angles = "  ".join(f"{value:10.6f}" for value in q)
         names = " ".join(f"{name}={value}" for name, value in solver.branch_names(branch).items())
         remarks = ", ".join(text for bit, text in words.items() if flags & bit)

@@ -10,13 +10,16 @@ from rrrgen.program import Builder, Status, Value
 PIVOT_TOLERANCE = Fraction(1, 2**40)
 """A pivot smaller than this fraction of the diagonal entry of M counts as zero: half the digits of a double."""
 
-STATUS = Status(
-    output=0,
-    failure="not positive definite",
-    message="the mass matrix is not positive definite",
-    meaning="the mass matrix is indefinite or singular",
-)
-"""The first output of programs that solve with M: 1 if a pivot is not positive."""
+
+def status_at(output: int) -> Status:
+    """The status of a program that solves with M, at output number ``output``: 1 if a pivot is not positive."""
+    return Status(
+        output=output,
+        failure="not positive definite",
+        message="the mass matrix is not positive definite",
+        meaning="the mass matrix is indefinite or singular",
+    )
+
 
 Rows = list[list[Value]]
 

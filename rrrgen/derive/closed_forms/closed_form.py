@@ -36,6 +36,15 @@ class ClosedForm:
 
     ``shape`` is the shape of the output. Entries are exact SymPy expressions in q1, dq1, ddq1, ..., base parameters and
     named parameters, in the units of the function.
+
+    Args:
+        program: the function as recorded, with the geometry as inputs.
+        output: the number of the output that is meant.
+        generators: the expressions that the geometry inputs stand for: named parameters, and sines and cosines of
+            constant angles.
+        roots: the square roots among ``generators``.
+        parameters: the names of the elements of each vector of parameters, by the role of its port.
+        pairs: the cosine and sine of each constant angle among ``generators``.
     """
 
     def __init__(
@@ -84,7 +93,7 @@ class ClosedForm:
         return sp.Matrix(rows, len(entries) // rows, entries)
 
     def polynomial(self, index: tuple[int, ...]) -> Any:
-        """The entry at ``index`` as a polynomial in normal form, for exact comparisons."""
+        """The entry at ``index`` (from 0) as a polynomial in normal form, for exact comparisons."""
         flat = 0
         for k, size in zip(index, self.shape, strict=True):
             flat = flat * size + k

@@ -28,7 +28,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from rrrgen.derive.algebra.positive_definite import STATUS, factorize
+from rrrgen.derive.algebra.positive_definite import factorize, status_at
 from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, dot, flat, rotate_z, rows, scale
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import composite
@@ -97,11 +97,11 @@ def forward_program(
     meaning = "joint accelerations; zero when the status is not ok"
     accelerations = Port("ddq", (r.n,), unit, "", meaning, Role.ACCELERATION)
     ports = [
-        (Port("status", ()), [status]),
         (accelerations, ddq),
         (_matrix(r, "dddq_dq", "d ddq_i / d q_j for given dq and tau"), flat(products[0])),
         (_matrix(r, "dddq_dv", "d ddq_i / d dq_j"), flat(products[1])),
         (_matrix(r, "dddq_dtau", "d ddq_i / d tau_j, the inverse of M"), [-value for value in flat(inverse)]),
+        (Port("status", ()), [status]),
     ]
     return r.builder.program(
         "forward_dynamics_derivatives",
@@ -109,7 +109,7 @@ def forward_program(
         "Joint accelerations of the rigid body with drive inertia, and their derivatives.",
         "M ddq = tau - c - g,  dddq_dtau = inv(M),  dddq_dq = -inv(M) dtau_dq,  dddq_dv = -inv(M) dtau_dv",
         ["All outputs are zero when M is not positive definite (a singular or unphysical set of parameters)."],
-        STATUS,
+        status_at(len(ports) - 1),
     )
 
 

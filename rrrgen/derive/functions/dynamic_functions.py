@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from rrrgen.derive.algebra.positive_definite import STATUS, factorize
+from rrrgen.derive.algebra.positive_definite import factorize, status_at
 from rrrgen.derive.algebra.vectors import flat, rows
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import composite, momentum, newton_euler
@@ -179,8 +179,8 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
     meaning = "joint accelerations; zero when the status is not ok"
     accelerations = Port("ddq", (r.n,), unit, "", meaning, Role.ACCELERATION)
     ports = [
-        (Port("status", ()), [status]),
         (accelerations, ddq),
+        (Port("status", ()), [status]),
     ]
     return r.builder.program(
         "forward_dynamics",
@@ -188,7 +188,7 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
         "Joint accelerations of the rigid body with drive inertia.",
         "M(q) ddq = tau - c(q, dq) - g(q), solved by L D L'",
         ["The status tells when M is not positive definite (a singular or unphysical set of parameters)."],
-        STATUS,
+        status_at(len(ports) - 1),
     )
 
 

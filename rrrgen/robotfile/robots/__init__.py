@@ -17,7 +17,7 @@ def bundled_names() -> tuple[str, ...]:
 
 
 def bundled_path(name: str) -> Path:
-    """The file of a bundled robot; raises :class:`InputError` for any other name."""
+    """The path of the bundled robot ``name``. Raises :class:`InputError` for any other name."""
     if name not in bundled_names():
         raise InputError(f"no bundled robot '{name[:40]}'; there are {', '.join(bundled_names())}")
     return _FOLDER / f"{name}.yaml"

@@ -1,0 +1,1 @@
+"""The model functions of a compiled robot as methods: kinematics, dynamics, regressors."""

@@ -1,0 +1,288 @@
+"""The dynamic functions of a model: terms of the equation of motion, torques, accelerations, derivatives, energies.
+
+Equation numbers (14.x) are those of Kostic, de Jager and Steinbuch, Modeling and Identification for Robot Motion
+Control, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrrgen.program import Port, Role
+from rrrgen.runtime.arguments import prepare
+from rrrgen.runtime.functions.calls import Array, Calls
+from rrrgen.runtime.results import (
+    DynamicsTerms,
+    Energy,
+    ForwardDynamicsDerivatives,
+    FrictionStep,
+    InverseDynamicsDerivatives,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+class DynamicFunctions(Calls):
+    """The equation of motion ``tau = M(q) ddq + c(q, dq) + g(q)`` of the rigid body with drive inertia, and its parts.
+
+    Without ``beta`` and ``Ia`` the functions use the nominal values of the robot file, folded into the code. They raise
+    ValueError if the file states no inertias and ``beta`` is not given, or if ``Ia`` is given and the file states no
+    drive inertia.
+    """
+
+    def mass_matrix(self, q: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None) -> Array:
+        """Mass matrix ``M(q)``, symmetric, drive inertia included. Source: (14.7).
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+
+        Returns:
+            M, (..., n, n), kg m^2, kg m or kg.
+        """
+        return self._call_with("mass_matrix", (q,), beta, Ia)
+
+    def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Coriolis matrix ``C(q, dq)`` of the Christoffel symbols: ``c = C dq``, and ``dM/dt - 2 C`` is skew-symmetric.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+
+        Returns:
+            C, (..., n, n), in SI units.
+        """
+        return self._call_with("coriolis_matrix", (q, dq), beta)
+
+    def coriolis(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Coriolis and centrifugal torques ``c = C(q, dq) dq``. Source: (14.7).
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+
+        Returns:
+            c, (..., n), N m or N.
+        """
+        return self._call_with("coriolis", (q, dq), beta)
+
+    def coriolis_transpose(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Transposed Coriolis matrix times dq, for momentum observers: ``d(M dq)/dt = tau + p - g``.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+
+        Returns:
+            ``p = C(q, dq)' dq``, (..., n), N m or N.
+        """
+        return self._call_with("coriolis_transpose", (q, dq), beta)
+
+    def gravity(self, q: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Gravity torques ``g = dU/dq``: the joint torques that hold the arm still. Source: (14.7).
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+
+        Returns:
+            g, (..., n), N m or N.
+        """
+        return self._call_with("gravity", (q,), beta)
+
+    def bias(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Bias torques ``h = c(q, dq) + g(q)``: the joint torques for ddq = 0, without friction.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+
+        Returns:
+            h, (..., n), N m or N.
+        """
+        return self._call_with("bias", (q, dq), beta)
+
+    def dynamics_terms(
+        self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None
+    ) -> DynamicsTerms:
+        """All terms of ``tau = M ddq + c + g`` from one evaluation, cheaper than one call for each.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+
+        Returns:
+            The named tuple (M, c, g): (..., n, n), (..., n) and (..., n).
+        """
+        return DynamicsTerms(*self._evaluate("dynamics_terms", (q, dq), beta, Ia))
+
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+    ) -> Array:
+        """Joint torques ``tau = M ddq + c + g`` of rigid body and drive inertia, without friction. Source: (14.6).
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+
+        Returns:
+            tau, (..., n), N m or N.
+        """
+        return self._call_with("inverse_dynamics", (q, dq, ddq), beta, Ia)
+
+    def forward_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        tau: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        with_status: bool = False,
+    ) -> Any:
+        """Joint accelerations ``ddq = M^-1 (tau - c - g)``; friction is not part of it: subtract it from ``tau``.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            tau: joint torques, (..., n), N m or N.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            with_status: return ``(ddq, status)`` instead of raising LinAlgError.
+
+        Returns:
+            ddq, (..., n), rad/s^2 or m/s^2; zero where M is not positive definite. The status, (...), is 0 where M is
+            positive definite and 1 elsewhere.
+
+        Raises:
+            numpy.linalg.LinAlgError: M is indefinite or singular at some state, and ``with_status`` is False.
+        """
+        ddq, status = self._evaluate("forward_dynamics", (q, dq, tau), beta, Ia)
+        return self._checked("forward_dynamics", ddq, status, with_status)
+
+    def inverse_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+    ) -> InverseDynamicsDerivatives:
+        """Joint torques and their analytical derivatives, ``d tau = dtau_dq d(q) + dtau_dv d(dq) + M d(ddq)``.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+
+        Returns:
+            The named tuple (tau, dtau_dq, dtau_dv, M): (..., n), then three times (..., n, n), in SI units.
+        """
+        return InverseDynamicsDerivatives(*self._evaluate("inverse_dynamics_derivatives", (q, dq, ddq), beta, Ia))
+
+    def forward_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        tau: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        with_status: bool = False,
+    ) -> Any:
+        """Joint accelerations and their derivatives, ``d ddq = dddq_dq d(q) + dddq_dv d(dq) + dddq_dtau d(tau)``.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            tau: joint torques, (..., n), N m or N.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            with_status: return ``(derivatives, status)`` instead of raising LinAlgError.
+
+        Returns:
+            The named tuple (ddq, dddq_dq, dddq_dv, dddq_dtau): (..., n), then three times (..., n, n), in SI units;
+            ``dddq_dtau`` is the inverse of M. All are zero where M is not positive definite; the status, (...), is 1
+            there and 0 elsewhere.
+
+        Raises:
+            numpy.linalg.LinAlgError: M is indefinite or singular at some state, and ``with_status`` is False.
+        """
+        *values, status = self._evaluate("forward_dynamics_derivatives", (q, dq, tau), beta, Ia)
+        return self._checked("forward_dynamics_derivatives", ForwardDynamicsDerivatives(*values), status, with_status)
+
+    def energy(
+        self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None
+    ) -> Energy:
+        """Kinetic energy ``dq' M dq / 2`` and potential energy U with ``dU/dq = g``, defined up to a constant.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+
+        Returns:
+            The named tuple (kinetic, potential), each (...), in J; in C and CasADi the vector E of the two.
+        """
+        E = self._call_with("energy", (q, dq), beta, Ia)
+        return Energy(E[..., 0], E[..., 1])
+
+    def friction(self, dq: ArrayLike) -> Array:
+        """Friction torques of the laws of the robot file, such as ``tau_f = fv dq + fc sgn(dq) + offset``.
+
+        They add to the torques of the rigid body. Laws with a state are taken in steady sliding. Coupled motors add
+        ``S^-T tau_fm(S^-1 dq)``, the laws at their shafts. Source: (14.11)-(14.14).
+
+        Args:
+            dq: joint velocities, (..., n), rad/s or m/s.
+
+        Returns:
+            tau_f, (..., n), N m or N; zero where the file states no friction.
+        """
+        if "friction" in self.derived.programs:
+            return self._call("friction", dq)
+        port = Port("dq", (self.n,), meaning="joint velocities", role=Role.VELOCITY)
+        return np.zeros_like(prepare("friction", [port], [dq], self.engine.dtype)[1][0])
+
+    def friction_step(self, dq: ArrayLike, z: ArrayLike, Ts: ArrayLike) -> FrictionStep:
+        """One period of the friction laws with a state, exact for constant dq: the next state and the torques.
+
+        Args:
+            dq: joint velocities, (..., n), rad/s or m/s.
+            z: states of the laws that have one, (..., s), rad or m, zero at first: bristle deflections at those joints
+                and coupled motors, in the order of the robot file.
+            Ts: the period, (...), s.
+
+        Returns:
+            The named tuple (z_next, tau_f): the states after the period, (..., s), rad or m, and the friction torques
+            of all joints, (..., n), N m or N.
+
+        Raises:
+            ValueError: no friction law of this robot has a state.
+        """
+        if "friction_step" not in self.derived.programs:
+            raise ValueError("no friction law of this robot has a state: friction(dq) states it all")
+        return FrictionStep(*self.engine.call("friction_step", (dq, z, Ts)))
