@@ -69,10 +69,19 @@ def online_estimator(
     settings: EstimatorSettings | None = None,
     fixed: Mapping[str, float] | None = None,
 ) -> OnlineEstimator:
-    """An online estimator of the parameters of ``model``: "rls" or "gradient", with the parameters ``fixed`` known.
+    """An online estimator of the dynamic parameters of a robot. Source: (14.21)-(14.23).
 
     It runs the C of `rrrgen controller --estimator`, in the precision of the model; with a model of the NumPy backend
-    the same recursion in NumPy. Raises :class:`InputError` for settings that are impossible.
+    the same recursion in NumPy.
+
+    Args:
+        model: the robot, from :func:`rrrgen.compile`.
+        kind: "rls", recursive least squares, or "gradient".
+        settings: gains, noise and starting values; the gradient needs its gain.
+        fixed: known parameters, by name, with their values in SI units; the others are estimated.
+
+    Raises:
+        InputError: the settings are impossible.
     """
     setting = regression(model.derived, fixed)
     given = settings or EstimatorSettings()
