@@ -59,7 +59,7 @@ def html_option(function: F) -> F:
 
 
 def write_html(file: Path, model: DerivedModel, report: Report | None = None) -> None:
-    """Write the HTML report of ``model`` to ``file``, with closed forms for up to :data:`SHORT` joints."""
+    """Write the HTML report of ``model`` to ``file``, with the closed forms of the usual functions."""
     from rrrgen.derive import prepare
     from rrrgen.derive.closed_forms.closed_form import closed_form
     from rrrgen.output.manifest import identify
@@ -67,10 +67,8 @@ def write_html(file: Path, model: DerivedModel, report: Report | None = None) ->
     from rrrgen.report import html_report
 
     identity = identify(model.spec)
-    forms = {}
-    if model.spec.n <= SHORT:
-        derivation = prepare(model.spec)
-        forms = {name: closed_form(derivation, name).matrix() for name in USUAL}
+    derivation = prepare(model.spec)
+    forms = {name: closed_form(derivation, name).readable() for name in USUAL}
     notice = f"Written by rrrgen {identity.tool_version} from model {identity.model_hash}."
     write_file(file, html_report(model, forms, report, notice))
 

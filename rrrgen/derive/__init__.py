@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import sympy as sp
 
-    from rrrgen.derive.derived_model import Derivation, RecordedModel
+    from rrrgen.derive.derived_model import Derivation, ParametrizedRobot, RecordedModel
 from rrrgen.robotfile.robot_spec import RobotSpec
 
 
@@ -32,27 +32,47 @@ def prepare(spec: RobotSpec) -> Derivation:
     return Derivation(spec, model, compiler_set, change, parametrize(compiler_set, change))
 
 
+def parametrized(derivation: Derivation) -> ParametrizedRobot:
+    """The robot of ``derivation`` with its base parameters, named, with expressions, units and nominal values.
+
+    Raises DerivationError if a named parameter has no nominal value.
+    """
+    import sympy as sp
+
+    from rrrgen.derive.derived_model import ParametrizedRobot
+    from rrrgen.derive.parameters.base_parameters import BaseParameter, linear_expression, standard_symbols
+    from rrrgen.derive.parameters.regrouping import regroupings
+    from rrrgen.derive.recursions.chain import rational
+
+    spec, change, parametrization = derivation.spec, derivation.basis_change, derivation.parametrization
+    projection = _projection(derivation.compiler_basis, change)
+    symbols = standard_symbols(spec.n)
+    expressions = change.expressions if change else [linear_expression(row, symbols) for row in projection]
+    numeric = [[rational(spec.nominal(v)) for v in row] for row in projection]
+    phi = _nominal_standard(spec)
+    return ParametrizedRobot(
+        spec=spec,
+        base_parameters=tuple(
+            BaseParameter(name, sp.S(expression), unit)
+            for name, expression, unit in zip(parametrization.names, expressions, parametrization.units, strict=True)
+        ),
+        base_projection=tuple(tuple(float(v) for v in row) for row in numeric),
+        regrouping=tuple(regroupings(derivation.model, derivation.compiler_basis, parametrization.names, projection)),
+        beta_nominal=None if phi is None else tuple(_dot(row, phi) for row in numeric),
+        drive_inertia_nominal=_nominal_drive_inertia(spec),
+    )
+
+
 def derive_model(spec: RobotSpec) -> RecordedModel:
     """All model functions and the minimal base parameters of ``spec``, before optimization.
 
     Raises InputError if the base parameters chosen in the robot file are no basis, DerivationError if a named parameter
     has no nominal value.
     """
-    import sympy as sp
-
-    from rrrgen.derive.derived_model import RecordedModel
     from rrrgen.derive.functions.friction_functions import friction, friction_of, friction_step
     from rrrgen.derive.functions.table import FUNCTIONS
-    from rrrgen.derive.parameters.base_parameters import BaseParameter, linear_expression, standard_symbols
-    from rrrgen.derive.parameters.regrouping import regroupings
-    from rrrgen.derive.recursions.chain import rational
 
     derivation = prepare(spec)
-    compiler_set, change, parametrization = (
-        derivation.compiler_basis,
-        derivation.basis_change,
-        derivation.parametrization,
-    )
     alternatives = {
         name: tuple(record(derivation.recording()) for record in recorders) for name, recorders in FUNCTIONS.items()
     }
@@ -61,24 +81,7 @@ def derive_model(spec: RobotSpec) -> RecordedModel:
         alternatives["friction"] = (friction(derivation.recording()),)
     if any(surface.has_state for surface in surfaces):
         alternatives["friction_step"] = (friction_step(derivation.recording()),)
-    projection = _projection(compiler_set, change)
-    symbols = standard_symbols(spec.n)
-    expressions = change.expressions if change else [linear_expression(row, symbols) for row in projection]
-    numeric = [[rational(spec.nominal(v)) for v in row] for row in projection]
-    phi = _nominal_standard(spec)
-    return RecordedModel(
-        spec=spec,
-        derivation=derivation,
-        alternatives=alternatives,
-        base_parameters=tuple(
-            BaseParameter(name, sp.S(expression), unit)
-            for name, expression, unit in zip(parametrization.names, expressions, parametrization.units, strict=True)
-        ),
-        base_projection=tuple(tuple(float(v) for v in row) for row in numeric),
-        regrouping=tuple(regroupings(derivation.model, compiler_set, parametrization.names, projection)),
-        beta_nominal=None if phi is None else tuple(_dot(row, phi) for row in numeric),
-        drive_inertia_nominal=_nominal_drive_inertia(spec),
-    )
+    return parametrized(derivation).recorded(derivation, alternatives)
 
 
 def _projection(compiler_set: object, change: object) -> list[list[sp.Expr]]:

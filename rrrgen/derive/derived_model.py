@@ -65,6 +65,13 @@ class ParametrizedRobot:
         """Number of base parameters."""
         return len(self.base_parameters)
 
+    def recorded(self, derivation: Derivation, alternatives: dict[str, tuple[Program, ...]]) -> RecordedModel:
+        """The same robot with the ``alternatives`` recorded for every function."""
+        return RecordedModel(**self._known(), derivation=derivation, alternatives=alternatives)
+
+    def _known(self) -> dict[str, Any]:
+        return {each.name: getattr(self, each.name) for each in fields(ParametrizedRobot)}
+
 
 @dataclass(frozen=True)
 class RecordedModel(ParametrizedRobot):
@@ -75,8 +82,7 @@ class RecordedModel(ParametrizedRobot):
 
     def optimized(self, programs: dict[str, Program], passes: tuple[PassReport, ...]) -> DerivedModel:
         """The derived model of the same robot with the optimized ``programs`` and the reports of the ``passes``."""
-        known: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(ParametrizedRobot)}
-        return DerivedModel(**known, programs=programs, passes=passes)
+        return DerivedModel(**self._known(), programs=programs, passes=passes)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import sympy as sp
 
-    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.derive.derived_model import ParametrizedRobot
 
 TENSOR = "Ixy = -integral of x*y dm, Ixz and Iyz alike"
 
@@ -49,7 +49,7 @@ class ParameterListing:
     rows: tuple[PrintedParameter, ...]
 
 
-def listing(model: DerivedModel) -> ParameterListing:
+def listing(model: ParametrizedRobot) -> ParameterListing:
     """The base parameters of ``model`` for printing in headers, ``show``, reports, the manifest and CasADi modules."""
     spec = model.spec
     positive = any(link.products == "positive" for link in spec.links or ())

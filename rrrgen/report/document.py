@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from rrrgen.backends.latex import Walk, lay_out, trig_abbreviates
+from rrrgen.backends.latex import Form, Walk, lay_out, trig_abbreviates
 from rrrgen.derive.parameter_listing import listing
 from rrrgen.report import tables
 from rrrgen.report.geometry import zero_pose
@@ -17,7 +17,6 @@ from rrrgen.report.sketch import frame_sketch
 from rrrgen.resources import template_text
 
 if TYPE_CHECKING:
-    import sympy as sp
     from jinja2 import Environment
 
     from rrrgen.derive.derived_model import DerivedModel
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
 def html_report(
     model: DerivedModel,
-    closed_forms: Mapping[str, sp.Expr | sp.MatrixBase],
+    closed_forms: Mapping[str, Form],
     verify_report: Report | None = None,
     notice: str = "",
 ) -> str:
@@ -69,7 +68,7 @@ def html_report(
     )
 
 
-def _closed_forms(closed_forms: Mapping[str, sp.Expr | sp.MatrixBase], walk: Walk) -> list[dict[str, object]]:
+def _closed_forms(closed_forms: Mapping[str, Form], walk: Walk) -> list[dict[str, object]]:
     """Name, meaning, MathML and remarks of every quantity."""
     shown: list[dict[str, object]] = []
     for item in lay_out(closed_forms):

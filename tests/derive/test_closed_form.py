@@ -10,8 +10,9 @@ from pipeline.optimized import bundled
 from rrrgen import pipeline
 from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import CLOSED, closed_form
+from rrrgen.derive.closed_forms.shared_form import SharedForm, shared_form
 from rrrgen.errors import DerivationError
-from rrrgen.program import evaluate
+from rrrgen.program import Builder, Port, evaluate
 from rrrgen.robotfile import load_spec
 
 DIGITS = 1e-12  # relative to the largest entry; the program computes in double, the closed form with 30 digits
@@ -89,6 +90,59 @@ def test_one_entry_of_a_large_robot(name, function, entry):
     expected = evaluate(program, *values)[-1]
     got = value(closed_form(prepare(model.spec), function)[entry], point(model, program, values))
     assert abs(got - expected[entry]) <= DIGITS * np.abs(expected).max()
+
+
+def substituted(form: SharedForm, numbers) -> list[float]:
+    """The entries of the matrix, the definitions evaluated in their order."""
+    known = dict(numbers)
+    for symbol, expression in form.definitions:
+        assert expression.free_symbols <= set(known), "uses what is defined later"
+        known[symbol] = sp.N(expression.subs(known), 30)
+    return [float(sp.N(entry.subs(known), 30)) for entry in form.matrix]
+
+
+@pytest.mark.parametrize(
+    ("name", "function", "most"),
+    [("panda", "mass_matrix", 110), ("ur10e", "inverse_dynamics", 120), ("iiwa14", "gravity", 40)],
+)
+def test_long_forms_name_their_intermediate_results(name, function, most):
+    model = bundled(name)
+    program = model.programs[function]
+    values = inputs(model, program)
+    expected = np.ravel(evaluate(program, *values)[-1])
+    form = closed_form(prepare(model.spec), function).readable()
+    assert isinstance(form, SharedForm)
+    assert 10 < len(form.definitions) <= most
+    got = np.array(substituted(form, point(model, program, values)))
+    assert np.abs(got - expected).max() <= DIGITS * np.abs(expected).max()
+    everything = [form.matrix, *(value for _, value in form.definitions)]
+    uses = [
+        sum(int(entry.count(name)) for part in everything for entry in np.ravel(part)) for name, _ in form.definitions
+    ]
+    assert min(uses) > 0
+    assert sum(count == 1 for count in uses) <= 1 + len(uses) // 20  # SymPy merges x + (y + x) into 2*x + y
+
+
+def test_short_forms_are_expanded_and_entries_follow_the_same_rule():
+    form = closed_form(prepare(bundled("rrr").spec), "mass_matrix")
+    assert form.readable() == form.matrix()
+    assert form.readable((0, 1)) == form[0, 1]
+    large = closed_form(prepare(bundled("panda").spec), "mass_matrix")
+    assert large.readable((6, 6)) == large[6, 6]
+    entry = large.readable((0, 0))
+    assert isinstance(entry, SharedForm)
+    assert entry.matrix.shape == (1, 1)
+    with pytest.raises(IndexError):
+        large.readable((7, 0))
+
+
+def test_names_of_intermediate_results_avoid_the_names_of_the_robot():
+    builder = Builder()
+    total = builder.input(Port("q", ()))[0] + builder.input(Port("beta", ()))[0]
+    program = builder.program("square", [(Port("r", (1,)), [total * total])])
+    symbols = [[sp.Symbol("q1")], [sp.Symbol("t1")]]
+    form = shared_form(program, program.results[0], (1, 1), symbols, {})
+    assert [str(symbol) for symbol, _ in form.definitions] == ["t2"]
 
 
 def test_what_has_no_closed_form_and_wrong_entries_are_refused():

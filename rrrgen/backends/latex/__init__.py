@@ -1,6 +1,6 @@
 """Closed forms as LaTeX and as plain text."""
 
-from rrrgen.backends.latex.layout import Display, Equation, lay_out, trig_abbreviates
+from rrrgen.backends.latex.layout import Display, Equation, Form, lay_out, trig_abbreviates
 from rrrgen.backends.latex.notation import GREEK, Notation, Quantity, notation, quantity
 from rrrgen.backends.latex.output import (
     break_sum,
@@ -16,6 +16,7 @@ __all__ = [
     "GREEK",
     "Display",
     "Equation",
+    "Form",
     "Markup",
     "Notation",
     "Quantity",

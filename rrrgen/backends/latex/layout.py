@@ -10,15 +10,16 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import sympy as sp
 
 from rrrgen.backends.latex.notation import Quantity, quantity
+from rrrgen.derive.closed_forms.shared_form import LETTER, SharedForm
 
 ENTRY_LIMIT = 12  # largest number of operations of an entry in a quantity shown as a matrix
 COLUMNS_LIMIT = 6  # largest number of columns of such a matrix
 CSE_LIMIT = 400  # operations of a quantity beyond which common subexpressions get names
-SHARED = "t"  # the letter of common subexpressions
 
 
 @dataclass(frozen=True)
@@ -42,21 +43,27 @@ class Display:
     remarks: tuple[str, ...]
 
 
-def lay_out(closed_forms: Mapping[str, sp.Expr | sp.MatrixBase], cse_limit: int = CSE_LIMIT) -> list[Display]:
+Form: TypeAlias = sp.Expr | sp.MatrixBase | SharedForm
+"""What can be laid out: an entry, a matrix, or a matrix with intermediate results that have names already."""
+
+
+def lay_out(closed_forms: Mapping[str, Form], cse_limit: int = CSE_LIMIT) -> list[Display]:
     """One display per quantity, in the order given; ``mass_matrix[1,2]`` names a single entry."""
     return [_display(name, value, cse_limit) for name, value in closed_forms.items()]
 
 
-def _display(name: str, value: sp.Expr | sp.MatrixBase, cse_limit: int) -> Display:
+def _display(name: str, value: Form, cse_limit: int) -> Display:
+    definitions: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
+    if isinstance(value, SharedForm):
+        definitions, value = value.definitions, value.matrix
     matrix = value if isinstance(value, sp.MatrixBase) else sp.Matrix([value])
     entries = list(matrix)
-    definitions: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
-    if sum(int(sp.count_ops(entry)) for entry in entries) > cse_limit:
+    if not definitions and sum(int(sp.count_ops(entry)) for entry in entries) > cse_limit:
         definitions, entries = _shared(entries)
     matrix = sp.Matrix(*matrix.shape, entries)
     function, place = _place(name)
     about = quantity(function)
-    if not isinstance(value, sp.MatrixBase):
+    if place or not isinstance(value, sp.MatrixBase):
         return Display(name, about, (1, 1), definitions, (Equation(about.letter, place, entries[0]),), ())
     short = max((int(sp.count_ops(entry)) for entry in entries), default=0) <= ENTRY_LIMIT
     if short and matrix.cols <= COLUMNS_LIMIT:
@@ -77,12 +84,12 @@ def _shared(entries: list[sp.Expr]) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ..
     masks = {wave: sp.Symbol(f"wave{k:04d}", real=True) for k, wave in enumerate(waves)}
     back = {mask: wave for wave, mask in masks.items()}
     taken = {str(symbol) for entry in entries for symbol in entry.free_symbols}
-    names = (symbol for symbol in sp.numbered_symbols(SHARED, start=1, real=True) if str(symbol) not in taken)
+    names = (symbol for symbol in sp.numbered_symbols(LETTER, start=1, real=True) if str(symbol) not in taken)
     shared, reduced = sp.cse([entry.xreplace(masks) for entry in entries], symbols=names, order="canonical")
     return tuple((s, value.xreplace(back)) for s, value in shared), [entry.xreplace(back) for entry in reduced]
 
 
-def trig_abbreviates(closed_forms: Mapping[str, sp.Expr | sp.MatrixBase]) -> bool:
+def trig_abbreviates(closed_forms: Mapping[str, Form]) -> bool:
     """Whether c2, s23, ... are free to stand for cosines and sines: no symbol has such a name."""
     names = {str(symbol) for value in closed_forms.values() for symbol in value.free_symbols}
     return not any(re.fullmatch(r"[cs]_?[1-9]+", name) for name in names)

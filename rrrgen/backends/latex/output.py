@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from rrrgen.backends.latex.layout import CSE_LIMIT, Display, Equation, lay_out, trig_abbreviates
+from rrrgen.backends.latex.layout import CSE_LIMIT, Display, Equation, Form, lay_out, trig_abbreviates
 from rrrgen.backends.latex.markup import LatexMarkup, TextMarkup, join_terms
 from rrrgen.backends.latex.notation import Notation, Quantity, notation
 from rrrgen.backends.latex.walk import Walk
@@ -30,9 +30,7 @@ def plain_expression(expression: sp.Expr, short_trig: bool = True) -> str:
     return Walk(TextMarkup(), short_trig).write(expression)
 
 
-def latex(
-    closed_forms: Mapping[str, sp.Expr | sp.MatrixBase], short_trig: bool = True, cse_limit: int = CSE_LIMIT
-) -> str:
+def latex(closed_forms: Mapping[str, Form], short_trig: bool = True, cse_limit: int = CSE_LIMIT) -> str:
     r"""A LaTeX fragment (amsmath) with one display per quantity.
 
     ``closed_forms`` maps names of model functions to exact expressions or matrices in q1, dq1, ddq1, ..., the base
@@ -129,9 +127,7 @@ def _pieces(value: sp.Expr, counter: Walk, width: int) -> list[sp.Expr]:
     return pieces
 
 
-def plain(
-    closed_forms: Mapping[str, sp.Expr | sp.MatrixBase], short_trig: bool = True, cse_limit: int = CSE_LIMIT
-) -> str:
+def plain(closed_forms: Mapping[str, Form], short_trig: bool = True, cse_limit: int = CSE_LIMIT) -> str:
     """The same displays in plain text, entry by entry, ``c23 = cos(q2 + q3)``."""
     walk = Walk(TextMarkup(), short_trig and trig_abbreviates(closed_forms))
     lines: list[str] = []

@@ -20,9 +20,8 @@ from rrrgen.cli.arguments import (
 )
 
 if TYPE_CHECKING:
-    import sympy as sp
-
-    from rrrgen.derive.derived_model import Derivation, DerivedModel
+    from rrrgen.backends.latex import Form
+    from rrrgen.derive.derived_model import Derivation, ParametrizedRobot
     from rrrgen.ik.report import ClosedForm as InverseForm
     from rrrgen.program import Program
     from rrrgen.robotfile.robot_spec import RobotSpec
@@ -69,8 +68,7 @@ def show(
       rrrgen show ur10e --html ur10e.html
     """
     from rrrgen import pipeline
-    from rrrgen.derive import prepare
-    from rrrgen.ik.report import ClosedForm
+    from rrrgen.derive import parametrized, prepare
 
     if as_latex and as_json:
         raise click.UsageError("give one of --latex and --json")
@@ -83,33 +81,25 @@ def show(
             raise click.UsageError("--program goes with --function and --json only")
         _show_programs(robot, functions, recorded, as_json)
         return
-    model = pipeline.derive(read_with_warnings(robot))
-    short = closed_forms or (closed_forms is None and model.spec.n <= SHORT)
+    spec = read_with_warnings(robot)
+    short = closed_forms or (closed_forms is None and spec.n <= SHORT)
     wanted = [name for name in functions if name != INVERSE] or (USUAL if short and not functions else ())
-    inverse = (
-        _inverse_kinematics(model, INVERSE in functions, bool(short)) if not functions or INVERSE in functions else None
-    )
-    if html is not None:
-        write_html(html, model)
-    derivation = prepare(model.spec)
+    asked = INVERSE in functions
+    inverse = _inverse_kinematics(spec, asked, bool(short)) if asked or not functions else None
+    derivation = prepare(spec)
     forms = {_label(name, entry): _closed_form(derivation, name, entry) for name in wanted}
+    if html is not None:
+        write_html(html, pipeline.derive(spec))
     if as_json:
         from rrrgen.cli.model.description import as_data
 
-        print_json(as_data(model, {name: _plain(form) for name, form in forms.items()}, inverse))
+        print_json(as_data(pipeline.derive(spec), {name: _plain(form) for name, form in forms.items()}, inverse))
     elif as_latex:
-        text = _as_latex(model, forms)
-        click.echo(
-            text + (f"{inverse.latex()}\n" if isinstance(inverse, ClosedForm) and inverse.steps else ""), nl=False
-        )
+        click.echo(_as_latex(parametrized(derivation), forms, inverse), nl=False)
     else:
-        from rrrgen.backends.latex import plain
         from rrrgen.cli.model.description import as_text
 
-        text = "" if functions else as_text(model)
-        text += plain(forms) if forms else ""
-        said = inverse.text() if isinstance(inverse, ClosedForm) else inverse
-        click.echo("\n\n".join(part.rstrip("\n") for part in (text, said) if part))
+        click.echo(_as_plain("" if functions else as_text(pipeline.derive(spec)), forms, inverse))
 
 
 def _show_programs(robot: str, functions: tuple[str, ...], recorded: bool, as_json: bool) -> None:
@@ -147,7 +137,7 @@ def _solver(spec: RobotSpec) -> str:
     return found.solver.dump()
 
 
-def _inverse_kinematics(model: DerivedModel, asked: bool, short: bool) -> InverseForm | str:
+def _inverse_kinematics(spec: RobotSpec, asked: bool, short: bool) -> InverseForm | str:
     """The closed form of the inverse kinematics, a summary for large robots, or the reason why there is none."""
     from rrrgen.errors import DerivationError
     from rrrgen.ik.classify import plan
@@ -155,47 +145,63 @@ def _inverse_kinematics(model: DerivedModel, asked: bool, short: bool) -> Invers
 
     if asked or short:
         try:
-            return closed_form(model.spec)
+            return closed_form(spec)
         except DerivationError as error:
             if asked:
                 raise
             return f"inverse kinematics: none; {error}"
-    found = plan(model.spec)
+    found = plan(spec)
     return summary(found) if found.solvable else f"inverse kinematics: none; {found.reason}"
 
 
-def _as_latex(model: DerivedModel, forms: Mapping[str, sp.Expr | sp.Matrix]) -> str:
+def _as_latex(robot: ParametrizedRobot, forms: Mapping[str, Form], inverse: InverseForm | str | None) -> str:
     """The closed forms in LaTeX, preceded by the definitions of the base parameters if they contain any."""
     from rrrgen.backends.latex import latex, latex_base_parameters
     from rrrgen.derive.parameter_listing import listing
+    from rrrgen.ik.report import ClosedForm as InverseForm
 
-    if not forms:
-        return ""
     used = {symbol.name for form in forms.values() for symbol in form.free_symbols}
-    defined = any(p.name in used for p in model.base_parameters)
-    return (latex_base_parameters(listing(model)) if defined else "") + latex(forms)
+    defined = any(p.name in used for p in robot.base_parameters)
+    text = latex_base_parameters(listing(robot)) if defined else ""
+    text += latex(forms) if forms else ""
+    return text + (f"{inverse.latex()}\n" if isinstance(inverse, InverseForm) and inverse.steps else "")
+
+
+def _as_plain(description: str, forms: Mapping[str, Form], inverse: InverseForm | str | None) -> str:
+    """The parts that are there, an empty line between them."""
+    from rrrgen.backends.latex import plain
+
+    said = inverse if inverse is None or isinstance(inverse, str) else inverse.text()
+    text = description + (plain(forms) if forms else "")
+    return "\n\n".join(part.rstrip("\n") for part in (text, said) if part)
 
 
 def _label(name: str, entry: str | None) -> str:
     return name if entry is None else f"{name}[{entry}]"
 
 
-def _closed_form(derivation: Derivation, name: str, entry: str | None) -> sp.Expr | sp.Matrix:
+def _closed_form(derivation: Derivation, name: str, entry: str | None) -> Form:
     from rrrgen.derive.closed_forms.closed_form import closed_form
 
     form = closed_form(derivation, name)
     if entry is None:
-        return form.matrix()
+        return form.readable()
     try:
         place = tuple(int(part) - 1 for part in entry.split(","))
         if min(place) < 0:
             raise IndexError(f"entries count from 1, got {entry}")
-        return form[place]
+        return form.readable(place)
     except (ValueError, IndexError) as error:
         raise click.BadParameter(str(error), param_hint="--entry") from None
 
 
-def _plain(form: sp.Expr | sp.Matrix) -> Any:
+def _plain(form: Form) -> Any:
+    """A closed form for JSON: text or rows of text, or an object of those and the definitions that they use."""
     from sympy import MatrixBase
 
+    from rrrgen.derive.closed_forms.shared_form import SharedForm
+
+    if isinstance(form, SharedForm):
+        definitions = {str(symbol): str(value) for symbol, value in form.definitions}
+        return {"definitions": definitions, "entries": _plain(form.matrix)}
     return [[str(value) for value in row] for row in form.tolist()] if isinstance(form, MatrixBase) else str(form)
