@@ -43,6 +43,7 @@ ROOMS = (
     "simulate",
     "identify",
     "experiments",
+    "export",
     "report",
     "cli",
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 COMMANDS: dict[str, tuple[str, str]] = {
     "new": ("rrrgen.cli.model.new:new", "Write a robot file to start from."),
     "import": ("rrrgen.cli.model.import_robot:import_robot", "Write a robot file from one of another program."),
+    "export": ("rrrgen.cli.model.export:export", "Write files of a robot for other programs."),
     "robots": ("rrrgen.cli.model.robots:robots", "List the bundled robots."),
     "check": ("rrrgen.cli.model.check:check", "Check robot files and print every fault with its place."),
     "show": ("rrrgen.cli.model.show:show", "Print a robot: DH table, zero pose, base parameters, closed forms."),

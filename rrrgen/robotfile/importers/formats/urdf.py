@@ -30,6 +30,7 @@ from rrrgen.yamltext.suggest import did_you_mean
 
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
 UNSUPPORTED = ("floating", "planar", "spherical")
+NO_LIMIT = 1e9
 GRAVITY = ("0", "0", "-9.81")
 READ = {
     "robot": ("link", "joint", "transmission"),
@@ -188,17 +189,22 @@ def _limits(element: Element, word: str, values: Values) -> Limits:
         if value is not None and value <= 0:
             values.faults.warning(limit.place_of(key), f"the {key} limit {value:g} is left out", "it would be no limit")
             value = None
-        found[field] = value
+        found[field] = _stated(value)
     if word != "continuous":
         lower, upper = (values.float_or_none(limit, key) for key in ("lower", "upper"))
         if lower is not None or upper is not None:
             lower, upper = lower or 0.0, upper or 0.0  # the format's defaults
             if lower < upper:
-                found |= {"lower": lower, "upper": upper}
+                found |= {"lower": _stated(lower), "upper": _stated(upper)}
             else:
                 message = f"the limits {lower:g} and {upper:g} of '{element.attributes.get('name', '')}' are left out"
                 values.faults.warning(limit.place, message, "lower is below upper")
     return Limits(**found)
+
+
+def _stated(limit: float | None) -> float | None:
+    """A limit; None for the huge numbers that stand for none where the format demands one."""
+    return None if limit is None or abs(limit) >= NO_LIMIT else limit
 
 
 def _friction(element: Element, values: Values) -> FrictionSpec | None:

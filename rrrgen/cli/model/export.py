@@ -1,0 +1,81 @@
+"""``rrrgen export``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from rrrgen.cli.arguments import read_with_warnings, robot_argument
+from rrrgen.errors import Fault, InputError
+
+
+class _WithTargets(click.Command):
+    """Its help ends with the targets there are."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Name and meaning of every target."""
+        from rrrgen.export.exporting import exporters
+
+        with formatter.section("Targets"):
+            formatter.write_dl([(each.name, each.meaning) for each in exporters().values()])
+
+
+@click.command(cls=_WithTargets)
+@robot_argument
+@click.option("--to", "target", metavar="TARGET", required=True, help="One of those below.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="File or folder; after the robot if not given.")
+@click.option(
+    "--beta",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Base parameters (JSON, name: value) in place of the robot file's links.",
+)
+@click.option("--force", is_flag=True, help="Overwrite a file.")
+def export(robot: str, target: str, output: Path | None, beta: Path | None, force: bool) -> None:
+    """Write files of a robot for another program.
+
+    What the target cannot represent is printed. Where a simulator needs rigid bodies and the robot file has others,
+    bodies with the same base parameters are found, which have the same dynamics.
+
+    \b
+    Examples:
+      rrrgen export panda.yaml --to urdf
+      rrrgen export rrr --to mjcf -o rrr.xml
+    """
+    from rrrgen.export.exporting import export_robot, exporters
+    from rrrgen.output.writer import write, write_file
+
+    spec = read_with_warnings(robot)
+    found = export_robot(spec, target, _read_beta(beta) if beta is not None else None)
+    if exporters()[target].one_file:
+        ((name, contents),) = found.files.items()
+        path = output or Path(name)
+        if path.exists() and not force:
+            raise InputError([Fault(str(path), 0, 0, "the file exists already", hint="--force overwrites it")])
+        write_file(path, contents)
+    else:
+        path = output or Path(f"{spec.name}_{target}")
+        write(found.files, path)
+    for note in found.notes:
+        click.echo(f"{path}: {note}", err=True)
+    click.echo(f"{path} written")
+
+
+def _read_beta(path: Path) -> dict[str, float]:
+    """Base parameters by name."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError([Fault(str(path), 0, 0, f"the file cannot be read: {error}")]) from None
+    except json.JSONDecodeError as error:
+        raise InputError([Fault(str(path), error.lineno, error.colno, f"not valid JSON: {error.msg}")]) from None
+    numbers = isinstance(content, dict) and all(
+        isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < 1e15
+        for value in content.values()
+    )
+    if not numbers:
+        hint = '{"Izz1R": 0.5, "mx2": 0.1, ...}, names as in rrrgen show'
+        raise InputError([Fault(str(path), 0, 0, "the file is no object of names and numbers", hint=hint)])
+    return {str(name): float(value) for name, value in content.items()}

@@ -1,0 +1,1 @@
+"""Robots in the formats of other programs; one target is one file in ``targets/``."""

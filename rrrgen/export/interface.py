@@ -1,0 +1,35 @@
+"""What a target of ``rrrgen export`` must offer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from rrrgen.robotfile.robot_spec import RobotSpec
+
+Contents = str | bytes
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Files of a target, relative path -> contents, and what the target cannot represent, one sentence each."""
+
+    files: Mapping[str, Contents]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Exporter:
+    """A format of another program.
+
+    ``write`` makes the files of a robot; it raises :class:`rrrgen.errors.DerivationError` where the robot has no
+    counterpart in the format. With ``one_file`` there is one, which the user may name; otherwise a folder is written.
+    ``needs_bodies`` tells whether every link must be a rigid body of positive mass; standard parameters with the same
+    base parameters are found where it is not.
+    """
+
+    name: str
+    meaning: str
+    write: Callable[[RobotSpec], Exported]
+    one_file: bool = True
+    needs_bodies: bool = False

@@ -1,0 +1,25 @@
+"""What of a robot file a target has no place for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+from rrrgen.robotfile.robot_spec import RobotSpec
+
+
+def unused_entries(spec: RobotSpec, kept: Collection[str] = ()) -> Iterator[str]:
+    """One sentence for each kind of entry of the joints that the robot states and the target does not keep.
+
+    ``kept`` are keys that it does keep, of acceleration, offset, gear_ratio, torque_constant and encoder_resolution.
+    """
+    owners = {
+        "acceleration": ("limits", "limits of the acceleration"),
+        "offset": ("friction", "constant torques of friction"),
+        "gear_ratio": ("drive", "gear ratios"),
+        "torque_constant": ("drive", "torque constants"),
+        "encoder_resolution": ("drive", "resolutions of encoders"),
+    }
+    for key, (section, words) in owners.items():
+        sections = [getattr(joint, section) for joint in spec.joints]
+        if key not in kept and any(each is not None and getattr(each, key) is not None for each in sections):
+            yield f"{words} are left out: the format has no such entry"

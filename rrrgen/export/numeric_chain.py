@@ -1,0 +1,95 @@
+"""The chain of a robot file as formats of simulators describe it: a body per joint, its frame z along the axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.model.standard_parameters import standard_parameters
+from rrrgen.robotfile.robot_spec import FixedTransform, JointSpec, RobotSpec
+
+_ROUND_OFF = 1e-15  # of entries of rotation matrices of right angles
+
+
+@dataclass(frozen=True)
+class NumericBody:
+    """A joint and the body behind it.
+
+    ``place`` (4, 4) is the pose of the joint's frame in the frame of the joint before, at q = 0. ``mass`` (kg), ``com``
+    (3,) and ``tensor`` (3, 3) about it are in the joint's frame; None where the robot file has no links.
+    """
+
+    joint: JointSpec
+    place: Array
+    mass: float | None
+    com: Array
+    tensor: Array
+
+
+@dataclass(frozen=True)
+class NumericChain:
+    """Bodies from base to tip, ``tip`` (4, 4) in the frame of the last joint, ``gravity`` (3,) in the base frame."""
+
+    bodies: tuple[NumericBody, ...]
+    tip: Array
+    gravity: Array
+
+
+def numeric_chain(spec: RobotSpec) -> NumericChain:
+    """The chain of ``spec`` at its nominal parameters."""
+    place = _matrix(spec, spec.base)
+    bodies = []
+    for i, joint in enumerate(spec.joints):
+        alpha, a, d, theta = (float(spec.nominal(v)) for v in (joint.alpha, joint.a, joint.d, joint.theta))
+        twist, screw = _screw(alpha, a, 0), _screw(theta, d, 2)
+        before, after = (screw, twist) if spec.convention == "standard" else (twist @ screw, np.eye(4))
+        # a standard row turns by theta + q and shifts by d first: the constant part commutes with the motion
+        inertia = _inertia(spec, i, after)
+        bodies.append(NumericBody(joint, _cleaned(place @ before), *inertia))
+        place = after
+    gravity = np.array([float(spec.nominal(g)) for g in spec.gravity])
+    return NumericChain(tuple(bodies), _cleaned(place @ _matrix(spec, spec.tool)), gravity)
+
+
+def _inertia(spec: RobotSpec, i: int, after: Array) -> tuple[float | None, Array, Array]:
+    if spec.links is None:
+        return None, np.zeros(3), np.zeros((3, 3))
+    m, mx, my, mz, xx, xy, yy, xz, yz, zz = (float(v) for v in standard_parameters(spec.links[i]))
+    c = np.array([mx, my, mz]) / m if m else np.zeros(3)
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - m * (c @ c * np.eye(3) - np.outer(c, c))
+    R = after[:3, :3]
+    return m, R @ c + after[:3, 3], R @ tensor @ R.T
+
+
+def _screw(angle: float, length: float, axis: int) -> Array:
+    """Turn about and shift along the axis x (0) or z (2), (4, 4)."""
+    T = np.eye(4)
+    c, s = np.cos(angle), np.sin(angle)
+    i, k = (axis + 1) % 3, (axis + 2) % 3
+    T[i, i], T[i, k], T[k, i], T[k, k], T[axis, 3] = c, -s, s, c, length
+    return T
+
+
+def _matrix(spec: RobotSpec, transform: FixedTransform) -> Array:
+    T = np.eye(4)
+    T[:3, :3] = np.reshape([float(spec.nominal(v)) for v in transform.rotation], (3, 3))
+    T[:3, 3] = [float(spec.nominal(v)) for v in transform.translation]
+    return T
+
+
+def _cleaned(T: Array) -> Array:
+    T[np.abs(T) < _ROUND_OFF] = 0.0
+    return T
+
+
+def numbers(values: Array) -> str:
+    """Numbers for an attribute, separated by blanks; reading them gives the same doubles."""
+    return " ".join(number(value) for value in np.ravel(values))
+
+
+def number(value: Any) -> str:
+    """The shortest decimal that reads as ``value``, without a negative zero."""
+    return repr(float(value) + 0.0).removesuffix(".0")

@@ -1,0 +1,98 @@
+"""Links that are rigid bodies, from base parameters: ``K phi = beta`` with every pseudo-inertia positive definite.
+
+Torques determine base parameters only, and simulators need bodies. Among the standard parameters
+``phi = L beta + N x`` with the given base parameters (L a right inverse of K, N a basis of its null space) those are
+taken that are nearest to a prior of uniform bodies: the largest ``sum_j log det P_j - tr(P0_j^-1 P_j)``, the entropic
+divergence of Lee, Wensing and Park (2020). The dynamics are equal whatever x is.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.extras import require
+from rrrgen.identify.estimation.consistency import default_prior, pseudo_inertia
+from rrrgen.model.standard_parameters import link_of, standard_parameters
+from rrrgen.robotfile.robot_spec import RobotSpec
+from rrrgen.yamltext.suggest import did_you_mean
+
+SMALLEST = 1e-9  # of the largest eigenvalue of a pseudo-inertia: below it MuJoCo refuses the body
+TYPICAL_TORQUE = 10.0  # N m; sets the scale of the prior where the file has no links
+
+
+def with_physical_links(spec: RobotSpec, beta: Mapping[str, float] | None) -> tuple[RobotSpec, tuple[str, ...]]:
+    """``spec`` with links that are bodies and have its base parameters, or those of ``beta``; and what was done.
+
+    Raises :class:`InputError` for names of ``beta`` that are not the robot's base parameters, and
+    :class:`DerivationError` if there are no inertial parameters, or no bodies with these base parameters.
+    """
+    if beta is None:
+        if spec.links is None:
+            hint = "give them with --beta FILE (JSON, name: value; the names are those of 'rrrgen show')"
+            raise DerivationError(f"{spec.name} has no links, and bodies need inertia: {hint}")
+        phi = np.array([standard_parameters(link) for link in spec.links], float)
+        if _are_bodies(pseudo_inertia(phi)):
+            return spec, ()
+    from rrrgen.pipeline import derive
+
+    model = derive(spec)
+    K = np.array(model.base_projection, dtype=float)
+    names = [parameter.name for parameter in model.base_parameters]
+    values = K @ phi.ravel() if beta is None else _values(beta, names)
+    found = _bodies(K, values, default_prior(replace(spec, links=None), TYPICAL_TORQUE).P0)
+    reason = "links that are no bodies have been replaced by" if beta is None else "the base parameters were given to"
+    note = f"{reason} bodies with the same {len(names)} base parameters, hence the same dynamics"
+    return replace(spec, links=tuple(link_of(row) for row in found)), (note,)
+
+
+def _are_bodies(P: Array) -> bool:
+    values = np.linalg.eigvalsh(P)
+    return bool(np.all(values[:, 0] > SMALLEST * values[:, -1]) and np.all(values[:, -1] > 0))
+
+
+def _values(beta: Mapping[str, float], names: list[str]) -> Array:
+    unknown = [name for name in beta if name not in names]
+    missing = [name for name in names if name not in beta]
+    if unknown:
+        hint = did_you_mean(unknown[0], names) or f"they are {', '.join(names)}"
+        raise InputError(f"'{unknown[0]}' is no base parameter of the robot: {hint}")
+    if missing:
+        raise InputError(f"no value for the base parameters {', '.join(missing)}")
+    return np.array([beta[name] for name in names])
+
+
+def _bodies(K: Array, beta: Array, P0: Array) -> Array:
+    """phi (n, 10) with ``K phi = beta`` and all pseudo-inertias positive definite."""
+    require("finding bodies with given base parameters", "cvxpy", "clarabel")
+    cp: Any = import_module("cvxpy")
+
+    n = len(P0)
+    start = np.linalg.lstsq(K, beta, rcond=None)[0]
+    null = np.linalg.svd(K)[2][len(K) :].T
+    x = cp.Variable(null.shape[1])
+    phi = start + null @ x
+    at_zero = pseudo_inertia(np.zeros(10))
+    entries = np.stack([pseudo_inertia(unit) - at_zero for unit in np.eye(10)])
+    value: Any = 0
+    for j in range(n):
+        P = sum(phi[10 * j + k] * entries[k] for k in range(10))
+        scale = np.linalg.inv(np.linalg.cholesky(P0[j]))
+        scaled = scale @ P @ scale.T
+        value += cp.log_det(scaled) - cp.trace(scaled)
+    with contextlib.suppress(cp.error.SolverError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of an inaccurate solution, which is checked below
+        cp.Problem(cp.Maximize(value)).solve(solver=cp.CLARABEL)
+    if x.value is not None and np.all(np.isfinite(x.value)):
+        found = np.asarray(start + null @ x.value).reshape(n, 10)
+        if _are_bodies(pseudo_inertia(found)):
+            return found
+    raise DerivationError("no rigid bodies have these base parameters: some inertia would have to be negative")

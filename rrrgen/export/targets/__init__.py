@@ -1,0 +1,1 @@
+"""The targets of ``rrrgen export``: every module here has an ``EXPORTER``."""

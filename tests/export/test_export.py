@@ -1,0 +1,176 @@
+"""Exported robots, loaded by the programs they are for, have the poses and torques of the robot file."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cli.test_coupled_wrist import WRIST
+from oracles.random_robots import random_robot, to_yaml
+from rrrgen.cli.main import cli
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.export.exporting import export_robot, exporters
+from rrrgen.pipeline import derive
+from rrrgen.robotfile import load_spec, loads_spec
+from rrrgen.robotfile.importers.importing import import_robot
+from rrrgen.robotfile.robot_spec import LinkSpec
+from rrrgen.verify.references.chain import chain_of, nominal_parameters
+from rrrgen.verify.references.newton_euler import NewtonEuler
+
+AGREE = 1e-12  # relative; both sides compute with doubles
+
+
+def specs():
+    yield from (load_spec(name) for name in ("rrr", "scara", "stanford", "panda"))
+    for seed in range(12):
+        yield loads_spec(to_yaml(random_robot(seed, right_angles=0.5)))
+
+
+def states(spec, seed=0, count=5):
+    random = np.random.default_rng(seed)
+    return (random.uniform(-3, 3, (count, spec.n)) for _ in range(3))
+
+
+def ours(spec, q, dq, ddq, drives=True):
+    """Poses and torques without friction by the built-in Newton-Euler recursion."""
+    chain = chain_of(spec)
+    reference = NewtonEuler(chain, nominal_parameters(spec))
+    tau = reference.inverse_dynamics(q, dq, ddq)
+    return reference.forward_kinematics(q), tau if drives else tau - ddq @ chain.drive_inertia.T
+
+
+def close(found, expected):
+    np.testing.assert_allclose(found, expected, atol=AGREE * max(1.0, np.abs(expected).max()), rtol=0)
+
+
+def only(exported):
+    ((_, text),) = exported.files.items()
+    return text
+
+
+def test_urdf_in_pinocchio():
+    pin = pytest.importorskip("pinocchio")
+    for spec in specs():
+        model = pin.buildModelFromXML(only(export_robot(spec, "urdf")))
+        model.gravity.linear = np.array([float(spec.nominal(g)) for g in spec.gravity])
+        data = model.createData()
+        q, dq, ddq = states(spec)
+        poses, torques = [], []
+        for state in zip(q, dq, ddq, strict=True):
+            full = pin.neutral(model)
+            for joint, value in zip(list(model.joints)[1:], state[0], strict=True):
+                full[joint.idx_q : joint.idx_q + joint.nq] = value if joint.nq == 1 else (np.cos(value), np.sin(value))
+            pin.framesForwardKinematics(model, data, full)
+            poses.append(data.oMf[model.getFrameId("tip")].homogeneous)
+            torques.append(pin.rnea(model, data, full, *state[1:]))
+        expected = ours(spec, q, dq, ddq, drives=False)
+        close(np.stack(poses), expected[0])
+        close(np.stack(torques), expected[1])
+
+
+def mujoco_answers(text, spec, q, dq, ddq):
+    mujoco = pytest.importorskip("mujoco")
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data, poses, torques = mujoco.MjData(model), [], []
+    for state in zip(q, dq, ddq, strict=True):
+        data.qpos[:], data.qvel[:], data.qacc[:] = state
+        mujoco.mj_inverse(model, data)
+        torques.append(np.array(data.qfrc_inverse))
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = np.reshape(data.site("tip").xmat, (3, 3)), data.site("tip").xpos
+        poses.append(T)
+    return np.stack(poses), np.stack(torques)
+
+
+def test_mjcf_in_mujoco():
+    for spec in specs():
+        q, dq, ddq = states(spec)
+        viscous = np.array([(j.friction.viscous or 0.0) if j.friction else 0.0 for j in spec.joints])
+        poses, torques = mujoco_answers(only(export_robot(spec, "mjcf")), spec, q, dq, ddq)
+        expected = ours(spec, q, dq, ddq)
+        close(poses, expected[0])
+        close(torques, expected[1] + viscous * dq)
+
+
+def test_coupled_drives_are_tendons():
+    spec = loads_spec(WRIST)
+    q, dq, ddq = states(spec)
+    _, torques = mujoco_answers(only(export_robot(spec, "mjcf")), spec, q, dq, ddq)
+    W = np.array(spec.drives.motor_from_joint, dtype=float)
+    viscous = W.T @ np.diag([1e-4, 2e-4]) @ W
+    close(torques, ours(spec, q, dq, ddq)[1] + dq @ viscous)
+    assert any("coupled drives are left out" in note for note in export_robot(spec, "urdf").notes)
+
+
+def test_round_trips(tmp_path):
+    for spec in specs():
+        q, dq, ddq = states(spec)
+        poses, torques = ours(spec, q, dq, ddq)
+        for target in ("urdf", "par"):
+            exported = export_robot(spec, target)
+            (tmp_path / f"r.{target}").write_text(only(exported))
+            values = dict(re.findall(r"--set (\w+)=(\S+)", " ".join(exported.notes)))
+            again = import_robot(tmp_path / f"r.{target}", values=values).spec
+            again = replace(again, gravity=spec.gravity) if target == "urdf" else again
+            found = ours(again, q, dq, ddq)
+            close(found[0], poses)
+            close(found[1], torques if target == "par" else ours(spec, q, dq, ddq, drives=False)[1])
+            if target == "urdf":
+                assert [j.limits.velocity for j in again.joints] == [j.limits.velocity for j in spec.joints]
+
+
+def test_links_that_are_no_bodies_are_lifted():
+    """All of a link's mass moved to the link before: the same torques, which no simulator accepts as bodies."""
+    spec = load_spec("rrr")
+    model = derive(spec)
+    K = np.array(model.base_projection, dtype=float)
+    beta = K @ nominal_parameters(spec).ravel()
+    exported = export_robot(replace(spec, links=None), "mjcf", dict(zip(names_of(model), beta, strict=True)))
+    assert "15 base parameters" in exported.notes[0]
+    q, dq, ddq = states(spec)
+    _, torques = mujoco_answers(only(exported), spec, q, dq, ddq)
+    np.testing.assert_allclose(torques, ours(spec, q, dq, ddq)[1], atol=1e-10)
+    nothing = (0,) * 3
+    weightless = LinkSpec(spec.links[0].mass * 0, nothing, (0,) * 6, "com")
+    light = replace(spec, links=(weightless, *spec.links[1:]))
+    exported = export_robot(light, "mjcf")
+    assert "no bodies" in exported.notes[0]
+    _, torques = mujoco_answers(only(exported), light, q, dq, ddq)
+    np.testing.assert_allclose(torques, ours(light, q, dq, ddq)[1], atol=1e-10)
+
+
+def names_of(model):
+    return [parameter.name for parameter in model.base_parameters]
+
+
+def test_what_cannot_be_done_is_refused(tmp_path):
+    bare = replace(load_spec("rrr"), links=None)
+    with pytest.raises(DerivationError, match="has no links"):
+        export_robot(bare, "mjcf")
+    with pytest.raises(InputError, match="no value for the base parameters"):
+        export_robot(bare, "mjcf", {})
+    with pytest.raises(InputError, match="'Izz9R' is no base parameter"):
+        export_robot(bare, "urdf", {"Izz9R": 1.0})
+    with pytest.raises(DerivationError, match="no rigid bodies"):
+        export_robot(bare, "mjcf", dict.fromkeys(names_of(derive(bare)), -1.0))
+    with pytest.raises(InputError, match="there is no target 'urf'; did you mean 'urdf'"):
+        export_robot(bare, "urf")
+    assert exporters().keys() >= {"urdf", "mjcf", "par"}
+
+
+def test_command(tmp_path):
+    run = CliRunner().invoke(cli, ["export", "rrr", "--to", "urdf", "-o", str(tmp_path / "a.urdf")])
+    assert run.exit_code == 0, run.output
+    assert "limits of the acceleration are left out" in run.output
+    assert (tmp_path / "a.urdf").read_text().startswith("<?xml")
+    again = CliRunner().invoke(cli, ["export", "rrr", "--to", "urdf", "-o", str(tmp_path / "a.urdf")])
+    assert isinstance(again.exception, InputError)
+    (tmp_path / "beta.json").write_text(json.dumps({"a": "b"}))
+    bad = CliRunner().invoke(cli, ["export", "rrr", "--to", "urdf", "--beta", str(tmp_path / "beta.json")])
+    assert "no object of names and numbers" in str(bad.exception)
