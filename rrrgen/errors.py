@@ -45,10 +45,14 @@ class Fault:
 
 
 def _window(source_line: str, column: int, width: int = 120) -> tuple[str, int]:
-    """The part of a long source line around ``column``, and the caret's offset in it."""
+    """The part of a long source line around ``column``, with ... where it is cut, and the caret's offset in it."""
     text = source_line.rstrip("\r\n").replace("\t", " ")
-    start = max(0, column - 1 - width // 2) if len(text) > width else 0
-    return text[start : start + width], max(0, column - 1 - start)
+    if len(text) <= width:
+        return text, max(0, column - 1)
+    start = min(max(0, column - 1 - width // 2), len(text) - width)
+    before, after = "..." if start > 0 else "", "..." if start + width < len(text) else ""
+    shown = before + text[start + len(before) : start + width - len(after)] + after
+    return shown, max(0, column - 1 - start)
 
 
 class InputError(RrrgenError, ValueError):

@@ -59,7 +59,8 @@ def read_value(node: Node, what: str, quantity: str, scope: Scope, file_units: b
         return None
     target = QUANTITIES[quantity]
     unit = value.unit or (scope.units.of(target) if file_units else FileUnits().of(target))
-    if value.unit is None and _is_ambiguous(node, value, what, target, unit, scope):
+    undecided = value.unit is None and file_units and not scope.units.covers(target)
+    if value.unit is None and not undecided and _is_ambiguous(node, value, what, target, unit, scope):
         return None
     if value.unit is not None and value.unit.dimension != target.dimension:
         article = quantity_name(value.unit.dimension)
@@ -68,7 +69,7 @@ def read_value(node: Node, what: str, quantity: str, scope: Scope, file_units: b
     scales = value.unit is not None or (value.dimension is None and not value.open_names)
     expr = value.expr * unit.si() if scales else value.expr
     number = nominal_number(node, what, expr, scope)
-    if number is None:
+    if number is None or undecided:
         return None
     if value.unit is None and not value.names and (fault := _confusion(node, value, number, what, target, unit)):
         scope.faults.error(node, *fault)

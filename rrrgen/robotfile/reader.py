@@ -120,9 +120,21 @@ def _read_name(node: Node | None, scope: Scope) -> str:
 
 
 def _read_units(node: Node | None, faults: FaultList) -> FileUnits:
+    """The units of bare numbers; those that the file fails to state are missing, which is reported once, here."""
     values = read_section(node, "units", "units", faults, ROBOT_FILE) if node is not None else None
+    written = {key: read_text(value, key, faults) for key, value in (values or {}).items()}
+    if node is not None and _swapped(written):
+        hint = f"write units: {{angle: {written['length']}, length: {written['angle']}}}"
+        faults.error(node, "the units of angle and length are swapped", hint)
+        return FileUnits(missing=frozenset(_UNITS))
     chosen = {key: read_choice(value, _UNITS[key], faults) for key, value in (values or {}).items()}
-    return FileUnits(chosen.get("angle") or "rad", chosen.get("length") or "m")
+    missing = frozenset(key for key in _UNITS if chosen.get(key) is None)
+    return FileUnits(chosen.get("angle") or "rad", chosen.get("length") or "m", missing)
+
+
+def _swapped(written: dict[str, str]) -> bool:
+    angle, length = (_UNITS[key].choices for key in ("angle", "length"))
+    return written.get("angle") in length and written.get("length") in angle
 
 
 def _read_parameters(node: Node, scope: Scope) -> None:

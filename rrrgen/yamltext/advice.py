@@ -6,6 +6,16 @@ import re
 
 from rrrgen.yamltext.document import Mapping, Node, Scalar
 
+TYPOGRAPHIC = {
+    **dict.fromkeys("\N{MINUS SIGN}\N{HYPHEN}\N{NON-BREAKING HYPHEN}\N{EN DASH}\N{EM DASH}", ("minus sign", "-")),
+    **dict.fromkeys("\N{MULTIPLICATION SIGN}\N{DOT OPERATOR}\N{MIDDLE DOT}\N{ASTERISK OPERATOR}", ("times sign", "*")),
+    **dict.fromkeys("\N{DIVISION SIGN}\N{DIVISION SLASH}\N{FRACTION SLASH}", ("division sign", "/")),
+    **dict.fromkeys("\N{NO-BREAK SPACE}\N{THIN SPACE}\N{NARROW NO-BREAK SPACE}", ("blank", " ")),
+}
+"""Characters of word processors and web pages: what each is called, and the plain character for it."""
+
+_PI = "\N{GREEK SMALL LETTER PI}\N{MATHEMATICAL ITALIC SMALL PI}"
+
 _WITH_COMMA = re.compile(r"(?<![\w.,])\d[\d.,]*,\d[\d.,]*(?![\w.,]*[A-Za-z_]\()")
 _PLAIN = re.compile(r"[+-]?\s*(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _WHOLE = re.compile(r"[+-]?\d+")
@@ -40,6 +50,16 @@ def comma_advice(number: str) -> str:
     if _THOUSANDS.fullmatch(number):
         advice += f"; if the comma groups thousands, {number.replace('.', '')}"
     return advice
+
+
+def plain_advice(character: str, text: str) -> str:
+    """Hint for a typographic ``character`` in ``text``, with the text as it must be written; empty for any other."""
+    plain = "".join("pi" if c in _PI else TYPOGRAPHIC[c][1] if c in TYPOGRAPHIC else c for c in text.strip())
+    if character in _PI:
+        return f"'{character}' is a Greek letter; write {plain}"
+    if character in TYPOGRAPHIC:
+        return f"'{character}' is a typographic {TYPOGRAPHIC[character][0]}; write {plain}"
+    return ""
 
 
 def with_unit(text: str, unit: str) -> str:

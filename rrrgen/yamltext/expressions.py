@@ -17,7 +17,7 @@ from fractions import Fraction
 import sympy as sp
 
 from rrrgen.errors import Fault, InputError
-from rrrgen.yamltext.advice import added_number, comma_advice, with_point, without_leading_zeros
+from rrrgen.yamltext.advice import added_number, comma_advice, plain_advice, with_point, without_leading_zeros
 from rrrgen.yamltext.suggest import did_you_mean
 from rrrgen.yamltext.units import ANGLE, UNITS, Dimension, Unit, find_unit, quantity_name
 
@@ -193,7 +193,7 @@ def _check_characters(body: str, unit: str) -> None:
             f"the character {illegal.group()!r} is not allowed in a value",
             body,
             illegal.start(),
-            f"allowed are {ALLOWED}",
+            plain_advice(illegal.group(), body + unit) or f"allowed are {ALLOWED}",
         )
     signs = _SIGNS.search(body)
     if signs:

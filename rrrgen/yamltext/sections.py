@@ -7,7 +7,7 @@ from itertools import pairwise
 from rrrgen.yamltext.advice import comma_advice, key_cut_by_comma, number_cut_by_comma
 from rrrgen.yamltext.document import FaultList, Mapping, Node, Scalar, Sequence
 from rrrgen.yamltext.keys import Format, Key
-from rrrgen.yamltext.suggest import did_you_mean
+from rrrgen.yamltext.suggest import did_you_mean, nearest
 
 
 def describe(node: Node) -> str:
@@ -50,16 +50,21 @@ def read_entries(node: Node, what: str, faults: FaultList) -> dict[str, tuple[Sc
 def read_section(node: Node, section: str, what: str, faults: FaultList, form: Format) -> dict[str, Node] | None:
     """The values of a mapping by key, checked against the key table ``section`` of the file format ``form``.
 
-    Unknown, missing and empty keys are faults; keys without a value are left out. None if ``node`` is not a mapping.
+    Unknown, missing and empty keys are faults; keys without a value are left out. None if ``node`` is not a mapping. A
+    misspelt key that is required is one fault, not two: its value is read as that of the key that was meant.
     """
     entries = read_entries(node, what, faults)
     if entries is None:
         return None
     table = {key.name: key for key in form.sections[section]}
     values: dict[str, Node] = {}
-    for name, (key, value) in entries.items():
+    for name, (key, value) in list(entries.items()):
         if name not in table:
             faults.error(key, f"unknown key '{shorten(name)}' in {what}", _unknown_hint(name, table, form))
+            meant = nearest(name, table, _synonyms(table, form))
+            if meant is not None and table[meant].required and meant not in entries:
+                entries[meant] = (key, value)
+                values[meant] = value
         elif isinstance(value, Scalar) and value.is_null and table[name].kind != "mapping":
             faults.error(key, f"'{name}' has no value", table[name].meaning)
         else:
@@ -73,10 +78,14 @@ def read_section(node: Node, section: str, what: str, faults: FaultList, form: F
 def _unknown_hint(name: str, table: dict[str, Key], form: Format) -> str:
     if name == "<<":
         return "merge keys are not supported; write the keys out"
-    also = {word: key for word, key in form.aliases.items() if key in table}
     allowed = f"allowed are {', '.join(table)}"
-    suggestion = did_you_mean(name, table, also)
+    suggestion = did_you_mean(name, table, _synonyms(table, form))
     return f"{suggestion} {allowed}" if suggestion else allowed
+
+
+def _synonyms(table: dict[str, Key], form: Format) -> dict[str, str]:
+    """Words of other formats for the keys of ``table``."""
+    return {word: key for word, key in form.aliases.items() if key in table}
 
 
 def _required_hint(key: Key, form: Format) -> str:

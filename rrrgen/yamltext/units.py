@@ -28,6 +28,7 @@ _ANGLE_RATE = _dimension(angle=1, time=-1)
 _ANGLE_ACCELERATION = _dimension(angle=1, time=-2)
 _LENGTH_RATE = _dimension(length=1, time=-1)
 _LENGTH_ACCELERATION = _dimension(length=1, time=-2)
+_LENGTHS = (LENGTH, _LENGTH_RATE, _LENGTH_ACCELERATION)
 _MASS = _dimension(mass=1)
 _INERTIA = _dimension(length=2, mass=1)
 _FORCE = _dimension(length=1, mass=1, time=-2)
@@ -147,16 +148,26 @@ def quantity_name(dimension: Dimension) -> str:
 
 @dataclass(frozen=True)
 class FileUnits:
-    """Units of numbers without a unit in one robot file, from its key ``units: {angle: ..., length: ...}``."""
+    """Units of numbers without a unit in one robot file, from its key ``units: {angle: ..., length: ...}``.
+
+    ``missing`` holds "angle" or "length" where the file fails to say which unit it uses: nothing can then be said about
+    the size of such numbers.
+    """
 
     angle: str = "rad"
     length: str = "m"
+    missing: frozenset[str] = frozenset()
+
+    def covers(self, quantity: Quantity) -> bool:
+        """Whether the file says in which unit a bare number of this ``quantity`` is."""
+        measured = "angle" if quantity.dimension[3] else "length" if quantity.dimension in _LENGTHS else ""
+        return measured not in self.missing
 
     def of(self, quantity: Quantity) -> Unit:
         """The unit of a bare number of this ``quantity`` in the joints, base and tool of the file."""
         name = quantity.si_unit
         if quantity.dimension[3]:
             name = re.sub(r"\brad\b", self.angle, name)
-        elif quantity.dimension in (LENGTH, _LENGTH_RATE, _LENGTH_ACCELERATION):
+        elif quantity.dimension in _LENGTHS:
             name = re.sub(r"^m\b", self.length, name)
         return UNITS[name]
