@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("rrrgen", "bench", "templates")
 SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path.is_file())
 PYTHON = [path for path in SOURCES if path.suffix == ".py"]
-TEXT = [path for path in SOURCES if path.suffix in {".py", ".j2", ".yaml", ".html", ".css"}]
+TEXT = [path for path in SOURCES if path.suffix in {".py", ".j2", ".c", ".h", ".yaml", ".html", ".css"}]
 MOST_LINES = 400
 
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK|raise NotImplementedError)\b")

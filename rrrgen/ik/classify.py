@@ -13,7 +13,7 @@ from rrrgen.ik.geometry.chain import Chain, numeric_chain
 from rrrgen.ik.geometry.snap import snapped
 from rrrgen.ik.geometry.virtual import extended
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.ik.tolerances import EXACT, NEARLY, SPECIAL
+from rrrgen.ik.tolerances import EXACT, NEARLY, RANK, SPECIAL
 
 if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
@@ -26,9 +26,6 @@ SPLITS = 13
 
 UNSOLVED = 1000
 """The cost of having no plan."""
-
-RANK_TOLERANCE = 1e-7
-"""A singular value of the Jacobian (lengths in reaches) below this times the largest is zero."""
 
 
 def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
@@ -136,7 +133,7 @@ def generic_ranks(chain: Chain) -> tuple[int, int]:
                 scaled[:3, k] /= chain.reach
         for rows, what in ((scaled[:3], "position"), (scaled, "pose")):
             values = np.linalg.svd(rows, compute_uv=False)
-            rank = int(np.sum(values > RANK_TOLERANCE * max(values[0], 1e-300)))
+            rank = int(np.sum(values > RANK * max(values[0], 1e-300)))
             if what == "position":
                 position = max(position, rank)
             else:

@@ -21,16 +21,7 @@ from rrrgen.ik.solutions.planar import triple_of
 from rrrgen.ik.solutions.position import Arm, simplest
 from rrrgen.ik.solutions.reduced import turning_axes
 from rrrgen.ik.solutions.spherical import arm_of, is_spherical
-
-FOUND = 1e-5
-"""How near (rad, reaches) the configuration that made a trial pose must be found; double roots cost half the digits."""
-
-DEPENDENT = 1e-7
-"""Six joints whose Jacobian has a smallest singular value (lengths in reaches, over the largest) below this move the
-tip in five directions only: prescribing the seventh leaves a pose without a solution or with a continuum."""
-
-SHALLOW = 1e-3
-"""Below this they nearly do. Usual ratios are 3e-3 to 3e-2."""
+from rrrgen.ik.tolerances import ALONG, DEPENDENT, FOUND, NEARLY_DEPENDENT
 
 Options = Iterator[tuple[int, SolverPlan]]
 
@@ -77,7 +68,7 @@ def _general_plans(chain: Chain, locked: int | None) -> Options:
     joints = "five revolute joints and a prismatic one" if slides else "six revolute joints"
     title = f"{joints} without special structure: the roots of a polynomial of degree 16"
     plan = SolverPlan("general5r1p" if slides else "general6r", title, "pose", chain, chain, locked=locked)
-    yield 40 + 2 * slides + (locked == 0) + 4 * (steepness < SHALLOW), plan
+    yield 40 + 2 * slides + (locked == 0) + 4 * (steepness < NEARLY_DEPENDENT), plan
 
 
 def _steepness(chain: Chain, locked: int) -> float:
@@ -131,7 +122,7 @@ def _lifts(frame: Frame) -> bool:
         return False
     trail = frame.trail.rigid().R
     axis = (trail[0][2], trail[1][2], trail[2][2])
-    return abs(abs(float(axis[2])) - 1) < 1e-12
+    return abs(abs(float(axis[2])) - 1) < ALONG
 
 
 def arm_angle_plans(chain: Chain) -> Options:

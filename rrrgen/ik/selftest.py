@@ -13,16 +13,13 @@ from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
 from rrrgen.ik.interpreters.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.tolerances import MEETS, SAME_GOLDEN, SHARP
 from rrrgen.resources import render
 
 if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 TARGETS, TRIED = 3, 40
-SHARP = 0.03
-"""Least singular value of the Jacobian (rad, reaches) at every row of a golden target: far from where rows meet."""
-
-SAME = 1e-6
 
 
 def selftest(spec: RobotSpec, real: str = "double") -> str:
@@ -66,7 +63,9 @@ def _targets(plan: SolverPlan) -> list[tuple[list[float], list[list[float]]]]:
             state = (1103515245 * state + 12345) % 2**31
             q.append(round(((state >> 16) / 2**14 - 1) * (160 if joint.revolute else 24)) / 64)
         rows = _rows(plan, q) if _evaluates(plan) else [q]
-        if any(_apart(plan, row, q) < SAME for row in rows) and all(_sharpness(plan, row) > SHARP for row in rows):
+        if any(_apart(plan, row, q) < SAME_GOLDEN for row in rows) and all(
+            _sharpness(plan, row) > SHARP for row in rows
+        ):
             found.append((q, rows))
         if len(found) == TARGETS:
             break
@@ -84,14 +83,18 @@ def _rows(plan: SolverPlan, q: list[float]) -> list[list[float]]:
     found: list[list[float]] = []
     for values in every:
         row = [wrapped(x) if joint.revolute else x for x, joint in zip(values, plan.chain.joints, strict=False)]
-        if len(row) == len(q) and _meets(plan, row, T) and all(_apart(plan, row, other) > SAME for other in found):
+        if (
+            len(row) == len(q)
+            and _meets(plan, row, T)
+            and all(_apart(plan, row, other) > SAME_GOLDEN for other in found)
+        ):
             found.append(row)
     return found
 
 
 def _meets(plan: SolverPlan, row: list[float], T: Any) -> bool:
     error = abs(plan.chain.forward(row) - T)[:3]
-    return float((error[:, 3] if plan.task == "position" else error).max()) < 1e-9 * max(1.0, plan.chain.scale)
+    return float((error[:, 3] if plan.task == "position" else error).max()) < MEETS * max(1.0, plan.chain.scale)
 
 
 def _apart(plan: SolverPlan, a: list[float], b: list[float]) -> float:

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import re
 import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from rrrgen.backends import Real
 from rrrgen.backends.c.call_stack import STACK_RULE, stack_bounds
+from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.kernels import Settings, kernel, specialize
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan as make_plan
-from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.interpreters.c_builder import CBuilder
 from rrrgen.ik.interpreters.c_statements import CBody
+from rrrgen.ik.kernel_settings import reopening, settings
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.recording.operations import SolverOperations, count_solver, sum_of
 from rrrgen.ik.recording.steps import Stage
-from rrrgen.ik.solutions.general6r import ASPECT, branches, root_stage, tables_of
-from rrrgen.ik.solutions.general6r import render as render_general6r
+from rrrgen.ik.solutions.general6r import ASPECT, root_stage
 from rrrgen.ik.tolerances import runtime
 from rrrgen.resources import render
 from rrrgen.version import VERSION
@@ -53,13 +54,13 @@ STATUS_TEXTS = (
 """What the statuses of an answer mean, by their numbers."""
 
 
-def sources(spec: RobotSpec, real: str = "double", redundancy: int | None = None) -> dict[str, str]:
+def sources(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, str]:
     """The emitted files, name -> text; empty for a chain without a solver (see :func:`manifest` for the reason)."""
     plan = make_plan(spec, redundancy)
     return emit(spec, plan, real).files if plan.solvable else {}
 
 
-def manifest(spec: RobotSpec, real: str = "double", redundancy: int | None = None) -> dict[str, Any]:
+def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, Any]:
     """What ``manifest.json`` says about the inverse kinematics; ``solver`` is false where there is none.
 
     ``operations`` are those of one call with all its rows (:mod:`rrrgen.ik.recording.operations`); null where an
@@ -106,37 +107,35 @@ def operations(plan: SolverPlan) -> SolverOperations | None:
     return sum_of(count_solver(part.equations, part.solving.reach) for part in _parts(plan))
 
 
-def emit(spec: RobotSpec, plan: SolverPlan, real: str = "double") -> Emitted:
+def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double") -> Emitted:
     """Files and branch labels of ``plan``; :class:`DerivationError` with the reason where there is no solver."""
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
-    values = _values(spec, plan, real)
-    prefix = f"{spec.name}_ik"
-    source = _spelled(render("c/ik/source.c.j2", **values), spec.name, real)
-    stack = stack_bounds(source, spec.name, real, plan.chain.n, values["rows"])
-    header = render("c/ik/header.h.j2", **values, stack=stack)
-    files = {f"{prefix}.h": header, f"{prefix}.c": source}
+    dialect = Dialect(spec.name, real)
+    source, rows = _source(plan, dialect)
+    stack = stack_bounds(source, spec.name, real, plan.chain.n, rows)
+    header = render("c/ik/header.h.j2", **_header_values(spec, plan, dialect), stack=stack)
+    files = {f"{spec.name}_ik.h": header, f"{spec.name}_ik.c": source}
     public = {name: stack[name] for name in _public(spec)[:3]}  # the others only return a text
-    return Emitted(plan, files, values["rows"], public)
+    return Emitted(plan, files, rows, public)
 
 
 def _parts(plan: SolverPlan) -> list[SolverPlan]:
     return [plan] if plan.companion is None else [plan, plan.companion]
 
 
-def _body(spec: RobotSpec, plan: SolverPlan, *, banded: bool) -> CBody:
-    chain = plan.chain
-    if plan.general:
-        return branches(plan.solving, f"{spec.name}_ik", plan.locked)
+def _body(plan: SolverPlan, part: SolverPlan) -> CBody | None:
+    """The list of candidates of ``part``, which is ``plan`` or its companion; None where a kernel lists them."""
+    if part.general:
+        return None
     builder = CBuilder(
-        f"{spec.name}_ik",
-        chain.joints,
-        chain.reach,
-        position_only=plan.task == "position",
-        trusted=not plan.snapped,
-        banded=banded,
+        part.chain.joints,
+        part.chain.reach,
+        position_only=part.task == "position",
+        trusted=not part.snapped,
+        banded=plan.snapped or plan.companion is not None,
     )
-    plan.equations.play(builder)
+    part.equations.play(builder)
     return builder.body()
 
 
@@ -159,83 +158,82 @@ def _opens(plan: SolverPlan) -> tuple[tuple[int, int], ...]:
     return () if plan.general else plan.equations.opens
 
 
-def _values(spec: RobotSpec, plan: SolverPlan, real: str) -> dict[str, Any]:
-    chain, name = plan.chain, spec.name
-    prefix, macro = f"{name}_ik", name.upper()
-    position = plan.task == "position"
-    banded = plan.snapped or plan.companion is not None
-    parts = _parts(plan)
-    bodies = [_body(spec, part, banded=banded) for part in parts]
-    reasons = reasons_of(plan)
-    needs = frozenset().union(*(body.needs for body in bodies))
-    comments = ("The candidates of every branch.", "The candidates of a simpler arm that is nearly this one.")
-    functions = [
-        {"name": name, "comment": comment, "body": body.text, "opens": _opens(part)}
-        for name, comment, body, part in zip(("branches", "nearby"), comments, bodies, parts, strict=False)
+CANDIDATES = (
+    ("branches", "The candidates of every branch."),
+    ("nearby", "The candidates of a simpler arm that is nearly this one."),
+)
+"""Functions that list candidate rows, and the comments that open them: of the plan, and of its companion."""
+
+
+def _source(plan: SolverPlan, dialect: Dialect) -> tuple[str, int]:
+    """The text of ``<name>_ik.c`` and the rows that an answer has room for."""
+    stem, parts = f"{dialect.prefix}_ik", _parts(plan)
+    bodies = [_body(plan, part) for part in parts]
+    needs = frozenset().union(*({"near"} if body is None else body.needs for body in bodies))
+    opens = [_opens(part) for part in parts]
+    chosen = settings(
+        plan,
+        dialect,
+        needs=needs,
+        opens=opens,
+        rows=most_rows(plan),
+        reasons=reasons_of(plan),
+        texts=STATUS_TEXTS if plan.incomplete else STATUS_TEXTS[:-1],
+    )
+    general = ("trig_roots", "general6r", "aspect", "candidates6r") if plan.general else ()
+    texts = {name: kernel(f"ik/{name}.c", chosen) for name in (*BEFORE, *general, *BEHIND)}
+    reopened = [
+        kernel("ik/reopen.c", reopening(chosen, stem, name, each))
+        for (name, _), each in zip(CANDIDATES, opens, strict=False)
+        if each
     ]
-    mask = sum(1 << k for k, joint in enumerate(chain.joints) if not joint.revolute)
-    limits = [(joint.lower, joint.upper) for joint in chain.joints]
-    limited = [lower is not None or upper is not None for lower, upper in limits]
-    offsets = [float(joint.offset) for joint in chain.joints]
-    model = hashlib.sha256(repr(chain).encode()).hexdigest()
-    single = len(bodies) == 1 and not banded
+    lists = [
+        texts["candidates6r"] if body is None else _list(name, comment, body, chosen)
+        for (name, comment), body in zip(CANDIDATES, bodies, strict=False)
+    ]
+    found = [kernel("ik/constants.h", chosen), *(texts[name] for name in (*BEFORE, *general[:-1]))]
+    found += [*lists, *(texts[name] for name in BEHIND[:3])]
+    found += [texts["open"], *reopened] if reopened else []
+    found += [texts["settle"], texts["solve"]]
+    text = render(
+        "c/ik/source.c.j2",
+        stem=stem,
+        hash=hashlib.sha256(repr(plan.chain).encode()).hexdigest(),
+        version=VERSION,
+        parts=[part.strip("\n") for part in found if part.strip()],
+    )
+    return text, most_rows(plan)
+
+
+BEFORE = ("angles", "roots", "refine")
+BEHIND = ("rows", "target", "descend", "open", "settle", "solve")
+"""The kernels of every solver, before the lists of candidates and behind them."""
+
+
+def _list(name: str, comment: str, body: CBody, chosen: Settings) -> str:
+    return specialize(render("c/ik/candidates.c.j2", name=name, comment=comment, body=body.text), chosen)
+
+
+def _header_values(spec: RobotSpec, plan: SolverPlan, dialect: Dialect) -> dict[str, Any]:
+    name, position = spec.name, plan.task == "position"
     return {
-        # names
-        "prefix": name, "p": prefix, "P": prefix, "M": f"{macro}_IK", "K": f"{macro}_IK_TOL", "macro": macro,
-        # the task
-        "real": real, "n": chain.n, "m": 3 if position else 6, "size": 3 if position else 16, "position": position,
-        "redundant": plan.locked is not None, "locked": None if plan.locked == ARM_ANGLE else plan.locked,
-        "virtual": plan.virtual,
-        # the chain
-        "types": chain.types, "prismatic": _mask(mask, "k"), "prismatic_i": _mask(mask, "i"),
-        "prismatic_k": _mask(mask, "k"), "fixed": _tables(plan),
-        "offsets": ", ".join(_number(x) for x in offsets) if any(offsets) else "",
-        "limited": any(limited),
-        "lower": ", ".join(_limit(low, -1) for low, _ in limits),
-        "upper": ", ".join(_limit(high, 1) for _, high in limits),
-        # the equations
-        "functions": functions, "opened": any(map(_opens, parts)),
-        "open_bits": sum({256 << joint for part in parts for joint, _ in _opens(part)}),
-        "needs": needs, "fragment": _fragment(plan, prefix, real), "banded": banded,
-        "rows": most_rows(plan), "single": single,
-        "sound": single and not needs & {"near", "unknown"},
-        "aspects": plan.general,
-        # numbers
-        "rounding": repr(64.0 * chain.scale / chain.reach),
-        "reach": repr(chain.reach), "far": repr(1e6 * chain.scale), "tol": runtime(real),
-        "steps": 200 if banded else 12, "starts": 6, "spread": "2.0",
-        # words
-        "reasons": reasons, "texts": STATUS_TEXTS,
-        "far_stage": len(reasons) - 1 - bool(plan.incomplete), "outside_stage": len(reasons) - 1,
-        "incomplete": bool(plan.incomplete), "branch_text": _branch_text(labels(plan)),
-        "explanation": _explanation(plan), "opening": _opening(spec, plan, real), "version": VERSION,
-        "hash": model,
-    }  # fmt: skip
-
-
-def _fragment(plan: SolverPlan, prefix: str, real: str) -> str:
-    """Functions that the candidates need beside the usual ones."""
-    if not plan.general:
-        return ""
-    return render_general6r(tables_of(plan.solving, plan.locked), prefix, real, shorthand=True)
-
-
-def _mask(mask: int, index: str) -> str:
-    return f"((0x{mask:x}u >> {index}) & 1u) != 0u"
-
-
-def _number(x: float) -> str:
-    return f"(REAL){x!r}" if x >= 0 else f"-(REAL){-x!r}"
-
-
-def _limit(x: float | None, side: int) -> str:
-    return _number(side * 1e30 if x is None else float(x))
-
-
-def _tables(plan: SolverPlan) -> list[str]:
-    chain = plan.chain
-    matrices = [chain.base, *(link.matrix() for link in chain.links), chain.tip]
-    return [", ".join(_number(float(x) + 0.0) for row in matrix for x in row) for matrix in matrices]
+        "prefix": name,
+        "p": f"{name}_ik",
+        "M": f"{dialect.macro}_IK",
+        "macro": dialect.macro,
+        "real": dialect.real,
+        "n": plan.chain.n,
+        "size": 3 if position else 16,
+        "position": position,
+        "redundant": plan.locked is not None,
+        "rows": most_rows(plan),
+        "reach": repr(plan.chain.reach),
+        "tol": runtime(dialect.real),
+        "incomplete": bool(plan.incomplete),
+        "branch_text": _branch_text(labels(plan)),
+        "explanation": _explanation(plan),
+        "opening": _opening(spec, plan, dialect.real),
+    }
 
 
 def reasons_of(plan: SolverPlan) -> tuple[str, ...]:
@@ -309,29 +307,3 @@ def _opening(spec: RobotSpec, plan: SolverPlan, real: str) -> list[str]:
     )
     lines += textwrap.wrap(STACK_RULE, 116)
     return lines
-
-
-_FUNCTIONS = {
-    "SQRT": "sqrt",
-    "FABS": "fabs",
-    "COPYSIGN": "copysign",
-    "SIN": "sin",
-    "COS": "cos",
-    "FLOOR": "floor",
-    "CEIL": "ceil",
-}
-
-
-def _spelled(text: str, name: str, real: str) -> str:
-    """The shorthands of the templates in the robot's own names."""
-    suffix = "f" if real == "float" else ""
-    words = {key: value + suffix for key, value in _FUNCTIONS.items()}
-    words |= {
-        "REAL": f"{name}_real",
-        "WRAP": f"{name}_ik_wrap",
-        "ATAN2": f"{name}_ik_atan2",
-        "ARCS": f"{name}_ik_arcs",
-        "ROOT0": f"{name}_ik_root0",
-        **{flag: f"(unsigned){name.upper()}_IK_{flag}" for flag in ("FREE", "MULTIPLE", "NEAR")},
-    }
-    return re.sub(r"\b(" + "|".join(words) + r")\b", lambda match: words[match[1]], text)

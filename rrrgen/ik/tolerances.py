@@ -1,72 +1,186 @@
-"""Every threshold of the inverse kinematics, with its reason.
+"""Every threshold of the inverse kinematics, stated once: those of the compiler, then those of emitted code.
 
-Compile time (classification), relative to the reach of the arm for lengths, absolute for sines and cosines:
-
-* ``EXACT``: what is nearer to zero is zero; it is the rounding of a table, invisible at run time.
-* ``SPECIAL``: geometry nearer than this to a simpler case is solved as that case, and every row is refined on the true
-  chain. The first guess is then off by at most 1e-9, which one Newton step removes.
-* ``NEARLY``: up to here the equations of the general case (a quartic, or the elimination for six joints) come near a
-  multiple root and lose about eps / distance^2. They are used together with the simpler case: a row that either finds,
-  refined on the true chain, counts. Equations that split into quadratics keep their digits and need no such help.
-
-Run time: the table of :func:`runtime`.
+Lengths are relative to the reach of the arm, sines and cosines absolute, angles in rad, unless a reason says otherwise.
+Emitted C, the evaluation in Python and the manifest take the values from here.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+# -- what kind of arm it is -------------------------------------------------------------------------------------------
+
 EXACT = 1e-14
+"""What is nearer to zero than this is zero: the rounding of a table, invisible at run time."""
+
 SPECIAL = 1e-9
+"""Geometry nearer than this to a simpler case is solved as that case, and every row is refined on the true chain. The
+first guess is then off by at most 1e-9, which one Newton step removes."""
+
 NEARLY = (1e-6, 1e-3, 1e-2)
-"""Tried in this order: the nearest simpler arm."""
+"""Up to here the equations of the general case (a quartic, or the elimination for six joints) come near a multiple root
+and lose about eps / distance^2. They are used together with the simpler case, tried in this order, the nearest first:
+a row that either finds, refined on the true chain, counts. Equations that split into quadratics keep their digits and
+need no such help."""
+
+QUARTER = 2e-16
+"""An offset whose cosine or sine is this near a whole number is a multiple of a quarter turn: one rounding at 1."""
+
+ALONG = 1e-12
+"""An axis whose direction cosine is this near 1 lies along the normal of a plane: some roundings of its transforms."""
+
+RANK = 1e-7
+"""A singular value of the Jacobian (lengths in reaches) below this times the largest is zero."""
+
+DEPENDENT = 1e-7
+"""Six joints whose Jacobian has a smallest singular value (lengths in reaches, over the largest) below this move the
+tip in five directions only: prescribing the seventh leaves a pose without a solution or with a continuum."""
+
+NEARLY_DEPENDENT = 1e-3
+"""Below this they nearly do. Usual ratios are 3e-3 to 3e-2."""
+
+# -- whether its equations work ---------------------------------------------------------------------------------------
+
+FOUND = 1e-5
+"""How near the configuration that made a trial pose must be found; double roots cost half the digits."""
+
+NO_DIRECTION = 1e-12
+"""In trials a vector shorter than this has no direction: some thousand roundings of a product of unit vectors."""
+
+BELOW_ZERO = 1e-9
+"""In trials a discriminant (over its size) may be this far below zero and count as a double root. Trial poses can be
+reached, so that only rounding takes one there."""
+
+NO_CONDITION = 1e-5
+"""In trials an equation without its joint holds where its right side is below this: the root of BELOW_ZERO, rounded
+up."""
+
+COMPLEX = 1e-6
+"""In trials a root of a quartic this far from the circle, or from the real axis in reaches, is a real double one: half
+of the digits of NumPy's roots, and a factor of sixty."""
+
+SIZE_OF_NOTHING = 1e-6
+"""A discriminant is compared with its size plus this times the square of the unit, so that both may vanish."""
+
+# -- eliminations for six joints --------------------------------------------------------------------------------------
+
+SPURIOUS = 1e-9
+"""Coefficients above degree 8, or a value at a solution, larger than this share of the polynomial are no noise."""
+
+NOISE = 1e-12
+"""What the solver takes for noise in a polynomial, relative to the sum of its coefficients: a determinant of 12 x 12
+loses two to three digits on most arms."""
+
+LEAST_NOISE = {"double": NOISE, "float": 4e-6}
+"""The same, at least, for the precision of the emitted code."""
+
+MOST_NOISE = 1e-4
+"""More noise would hide roots instead of finding them."""
+
+NOISE_FACTORS = (1.0, 1e3, 1e6)
+"""A pass that seeks what the one before missed takes this much more for a double root."""
+
+SHALLOW = 1e-9
+"""A determinant over the product of its row norms below this has more rounding, in proportion to the power 3/4."""
+
+USABLE = 12.0
+"""Decimal digits lost in a root at which an elimination is useless."""
+
+# -- the self-test of the emitted code --------------------------------------------------------------------------------
+
+SHARP = 0.03
+"""Least singular value of the Jacobian (rad, reaches) at every row of a golden target: far from where rows meet."""
+
+SAME_GOLDEN = 1e-6
+"""Golden rows (rad, m) nearer than this are one; sharp ones are known to 1e-13."""
+
+MEETS = 1e-9
+"""A row whose forward kinematics (rad, m or parts of the arm's size) is this near the target meets it."""
+
+
+# -- emitted code -----------------------------------------------------------------------------------------------------
+
+
+class Tolerance(NamedTuple):
+    """A threshold of emitted code: its name, its C literal in both precisions, and where the values come from."""
+
+    name: str
+    double: str
+    single: str
+    reason: str
+
+
+RUNTIME = (
+    Tolerance("eps", "2.220446049250313e-16", "1.1920929e-07", "from 1 to the next number"),
+    Tolerance("free", "1e-13", "2e-6", "a unit direction is known no better: below it there is none"),
+    Tolerance(
+        "doubt", "1e-5", "1e-2", "a direction this short may be none, if the target is as inaccurate as is accepted"
+    ),
+    Tolerance("turn", "0.01", "0.01", "a joint that the target does not decide to this angle (rad) is free"),
+    Tolerance("merge", "1e-13", "2e-6", "(same / 2)^2 rounded up: roots that may be one"),
+    Tolerance(
+        "same", "5e-7", "2e-3", "rows nearer are one: angles at a double root are good to the root of the precision"
+    ),
+    Tolerance("slack", "1e-5", "1e-3", "how far below zero a discriminant may fall and still give a candidate"),
+    Tolerance(
+        "circle", "1.6e-11", "1e-4", "squared distance from the unit circle of a double root, known to half the digits"
+    ),
+    Tolerance(
+        "tight", "1e-26", "1e-11", "squared error above which rows are refined: some hundred roundings of the pose"
+    ),
+    Tolerance(
+        "accept", "1.6e-25", "1e-9", "squared error above which rows are dropped: a target less out of reach is reached"
+    ),
+    Tolerance("band", "1e-5", "1e-4", "squared half angle by which double roots of a nearby arm are moved apart"),
+    Tolerance("loose", "1e-4", "1e-3", "squared error beyond which a row of a virtual six-joint arm is not refined"),
+    Tolerance("done", "1e-31", "1e-13", "squared error that refinement cannot improve: rounding of the pose"),
+    Tolerance("orthonormal", "1e-7", "1e-4", "largest defect of R' R - 1 and of the handedness that is repaired"),
+    Tolerance("limit", "1e-10", "1e-5", "how far beyond a limit a joint still counts as inside: rounding of an arc"),
+    Tolerance("tiny", "1e-300", "1e-30", "below every length that matters; keeps quotients finite"),
+    Tolerance(
+        "rounding", "6755399441055744.0", "12582912.0", "1.5 2^52 (2^23): added and taken away, it rounds to integers"
+    ),
+)
+"""Of every solver; the manifest lists them."""
+
+ELIMINATION = (
+    Tolerance("tiny", "1e-290", "1e-30", "keeps pivots and quotients finite; times a pivot it is still a number"),
+    Tolerance("done", "1.4e-14", "4e-06", "error of an entry of the pose (mean link lengths) not worth a further step"),
+    Tolerance("accept", "9e-13", "3e-05", "a row with a larger error is dropped"),
+    Tolerance(
+        "same",
+        "3e-06",
+        "0.01",
+        "rows nearer (sum over sines and cosines) are one: forward kinematics sees no difference",
+    ),
+    Tolerance("trig_done", "1.5e-10", "3e-06", "a Newton step this short leaves its square, for roots are simple"),
+    Tolerance(
+        "trig_narrowest", "6.103515625e-05", "6.103515625e-05", "2^-14 of an arc: clusters are magnified, not split"
+    ),
+)
+"""Of the elimination for six joints, beside those of every solver."""
+
+
+SEARCH = (
+    Tolerance(
+        "starts", "6", "6", "descents that begin at the reference and at fixed configurations, beside all branches"
+    ),
+    Tolerance("spread", "2.0", "2.0", "amplitude of the fixed configurations about the reference (rad or m)"),
+)
+"""How the nearest configuration to a target out of reach is looked for."""
 
 
 def runtime(real: str) -> dict[str, str]:
-    """The tolerances of emitted code, as C literals, for ``"double"`` or ``"float"``.
+    """:data:`RUNTIME` in the precision ``"double"`` or ``"float"``: name -> C literal."""
+    return _literals(RUNTIME, real)
 
-    free: a unit direction known no better than this is none; doubt: one shorter than this may be none, if the target is
-    as inaccurate as is accepted; turn: a joint that the target does not decide to this angle (rad) is free; tight: rows
-    are refined above it; accept: rows are dropped above it (a target out of reach by less counts as reachable); same:
-    two rows nearer than this are one, since angles at a double root are only good to the root of the precision; merge =
-    (same / 2)^2; slack: how far below zero a discriminant may fall and still give a candidate; orthonormal: largest
-    defect of R' R - 1 and of the handedness that is repaired; tiny: below every length that matters, keeps quotients
-    finite; rounding: 1.5 * 2^52 (2^23), which leaves a whole number when it is added and taken away.
-    """
-    if real == "float":
-        return {
-            "eps": "1.1920929e-07",
-            "free": "2e-6",
-            "doubt": "1e-2",
-            "turn": "0.01",
-            "merge": "2e-6",
-            "same": "2e-3",
-            "slack": "1e-3",
-            "circle": "1e-4",
-            "tight": "1e-11",
-            "accept": "1e-9",
-            "band": "1e-4",
-            "loose": "1e-3",
-            "done": "1e-13",
-            "orthonormal": "1e-4",
-            "limit": "1e-5",
-            "tiny": "1e-30",
-            "rounding": "12582912.0",
-        }
-    return {
-        "eps": "2.220446049250313e-16",
-        "free": "1e-13",
-        "doubt": "1e-5",
-        "turn": "0.01",
-        "merge": "1e-13",
-        "same": "5e-7",
-        "slack": "1e-5",
-        "circle": "1.6e-11",
-        "tight": "1e-26",
-        "accept": "1.6e-25",
-        "band": "1e-5",
-        "loose": "1e-4",
-        "done": "1e-31",
-        "orthonormal": "1e-7",
-        "limit": "1e-10",
-        "tiny": "1e-300",
-        "rounding": "6755399441055744.0",
-    }
+
+def kernel_values(real: str) -> dict[str, str]:
+    """The values that the kernels of ``templates/c/ik`` ask for: ``VALUE_<name>``, ``VALUE_6R_<name>`` -> C literal."""
+    values = runtime(real) | _literals(SEARCH, real)
+    values |= {f"6r_{name}": value for name, value in _literals(ELIMINATION, real).items()}
+    return {f"VALUE_{name.upper()}": value for name, value in values.items()}
+
+
+def _literals(table: tuple[Tolerance, ...], real: str) -> dict[str, str]:
+    return {each.name: each.single if real == "float" else each.double for each in table}

@@ -65,7 +65,7 @@ class Arcs:
         if not self.joints:
             return [], []
         taken = arcs = -(-self._taken // LANES) * LANES
-        behind = [f"ARCS({arcs}, sine, cosine, angle);"]
+        behind = [f"ik_arcs({arcs}, sine, cosine, angle);"]
         for slot, formula in self._copies:
             slot.step = taken - slot.first
             taken += slot.count

@@ -11,6 +11,7 @@ from rrrgen.ik.interpreters.c_scaffold import Scaffold
 from rrrgen.ik.interpreters.c_statements import Statement
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
 from rrrgen.ik.recording.scalar import Scalar
+from rrrgen.ik.tolerances import SIZE_OF_NOTHING
 
 
 class CBuilder(Scaffold):
@@ -33,7 +34,7 @@ class CBuilder(Scaffold):
             (
                 f"REAL a{tag} = {{0}}, b{tag} = {{1}}, k{tag} = {{2}}, w{tag};",
                 f"unsigned f{tag} = 0u;",
-                f"const int n{tag} = {self.prefix}_linear(&a{tag}, &b{tag}, &k{tag}, {w2}, {self._real(unit)}, {{3}}, "
+                f"const int n{tag} = ik_linear(&a{tag}, &b{tag}, &k{tag}, {w2}, {self._real(unit)}, {{3}}, "
                 f"least, {self._open_bit(joint)}, {self._free_bits(joint)}, {self._slack}, &w{tag}, &f{tag});",
             ),
             (a, b, k, self.reference(joint), *extra),
@@ -62,7 +63,7 @@ class CBuilder(Scaffold):
             level,
             (
                 f"unsigned f{tag} = 0u;",
-                f"const int n{tag} = {self.prefix}_cosine(&k{tag}, {{0}}, {self._slack}, &w{tag}, &f{tag});",
+                f"const int n{tag} = ik_cosine(&k{tag}, {{0}}, {self._slack}, &w{tag}, &f{tag});",
             ),
             (w2,),
         )
@@ -81,7 +82,7 @@ class CBuilder(Scaffold):
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
         """Both square roots of ``radicand``."""
-        node, big = self.pool.of(radicand), self.pool.of(size) + (1e-6 * unit) * unit
+        node, big = self.pool.of(radicand), self.pool.of(size) + (SIZE_OF_NOTHING * unit) * unit
         tag = self._fresh_tag(hint)
         level = max(node.level, big.level)
         self._add(
@@ -89,7 +90,7 @@ class CBuilder(Scaffold):
             (
                 f"REAL w{tag};",
                 f"unsigned f{tag} = 0u;",
-                f"const int n{tag} = {self.prefix}_root({{0}}, {{1}}, {self._slack}, &w{tag}, &f{tag});",
+                f"const int n{tag} = ik_root({{0}}, {{1}}, {self._slack}, &w{tag}, &f{tag});",
             ),
             (node, big),
         )
@@ -107,7 +108,7 @@ class CBuilder(Scaffold):
             (
                 f"REAL c{tag}_[4], s{tag}_[4], x{tag}_[4];",
                 f"unsigned g{tag}[4];",
-                f"const int n{tag} = {self.prefix}_quartic({{0}}, {{1}}, {{2}}, {{3}}, {{4}}, slack, "
+                f"const int n{tag} = ik_quartic({{0}}, {{1}}, {{2}}, {{3}}, {{4}}, slack, "
                 f"c{tag}_, s{tag}_, x{tag}_, g{tag});",
             ),
             nodes,
@@ -139,8 +140,7 @@ class CBuilder(Scaffold):
             (
                 f"REAL x{tag}_[{most}];",
                 f"unsigned g{tag}[{most}], f{tag} = 0u;",
-                f"const int n{tag} = {self.prefix}_{kind}({slots}, {self._real(unit)}, {slack}, "
-                f"x{tag}_, g{tag}, &f{tag});",
+                f"const int n{tag} = ik_{kind}({slots}, {self._real(unit)}, {slack}, x{tag}_, g{tag}, &f{tag});",
             ),
             nodes,
         )
@@ -179,10 +179,10 @@ class CBuilder(Scaffold):
         level = max(node.level for node in (size, *direction, *bounds))
         reference = "{3}"
         if feasible is not None:
-            reference = f"{self.prefix}_feasible({{3}}, {{4}}, {{5}}, {{6}}, {{7}}, {{8}})"
+            reference = "ik_feasible({3}, {4}, {5}, {6}, {7}, {8})"
             self._needs.add("feasible")
         bit, scale = self._open_bit(joint), "" if unit == 1.0 else f" * {self._real(unit)}"
-        doubt, free = f"({self.prefix.upper()}_TOL_DOUBT{scale})", f"(least{scale})"
+        doubt, free = f"(IK_TOL_DOUBT{scale})", f"(least{scale})"
         self._flags.append(f"f{tag}")
         self._add(
             level,
@@ -190,7 +190,7 @@ class CBuilder(Scaffold):
                 f"REAL a{tag} = {{0}}, b{tag} = {{1}};",
                 f"const unsigned f{tag} = {{2}} > {doubt} * {doubt} ? 0u : "
                 f"{{2}} > {free} * {free} ? {bit} : {self._free_bits(joint)};",
-                f"if ((f{tag} & FREE) != 0u) {{",
+                f"if ((f{tag} & (unsigned)IK_FREE) != 0u) {{",
                 f"    const REAL x{tag} = {reference};",
                 f"    a{tag} = COS(x{tag}); b{tag} = SIN(x{tag});",
                 "}",
@@ -198,7 +198,7 @@ class CBuilder(Scaffold):
             (*direction, size, self.reference(joint), *bounds),
         )
         a, b, g = (self.pool.var(f"{letter}{tag}", level) for letter in "abg")
-        whole = (f"const REAL g{tag} = (f{tag} & FREE) != 0u ? (REAL)1 : (REAL)1 / {{0}};",)
+        whole = (f"const REAL g{tag} = (f{tag} & (unsigned)IK_FREE) != 0u ? (REAL)1 : (REAL)1 / {{0}};",)
         self._items.append(Statement(level, whole, (size,), g))
         turn = self._turned(tag, a * g, b * g)
         self._angle(joint, Turn(a, b) if joint.index in self._joints else turn)
@@ -223,9 +223,9 @@ class CBuilder(Scaffold):
         self._flags.append(f"f{tag}")
         return (
             *([keep] if keep else []),
-            f"const unsigned f{tag} = {self.prefix}_unit(&c{tag}, &s{tag}, least, "
+            f"const unsigned f{tag} = ik_unit(&c{tag}, &s{tag}, least, "
             f"{self._open_bit(joint)}, {self._free_bits(joint)});",
-            f"if ((f{tag} & FREE) != 0u) {{",
+            f"if ((f{tag} & (unsigned)IK_FREE) != 0u) {{",
             f"    const REAL x{tag} = {reference};",
             f"    c{tag} = COS(x{tag}); s{tag} = SIN(x{tag});",
             *([f"    {keep}"] if keep else []),
@@ -274,7 +274,7 @@ class CBuilder(Scaffold):
         c6, s6 = self._turned(last, self.pool.of(dot(column0, mx)), self.pool.of(dot(column1, mx)))
         built = tuple(total(c6 * u, s6 * v) for u, v in zip(column0, column1, strict=True))
         self.residual((), minus(built, mx))
-        self._add(level, (f"const int n{first}f = (f{first} & FREE) == 0u ? 2 : 1;",), ())
+        self._add(level, (f"const int n{first}f = (f{first} & (unsigned)IK_FREE) == 0u ? 2 : 1;",), ())
         return self._flipped(joints, (Turn(c4, s4), Turn(c5, s5), Turn(self.pool.of(c6), self.pool.of(s6))), first)
 
     def _flipped(
@@ -298,7 +298,7 @@ class CBuilder(Scaffold):
             if joint is middle and other is not None:
                 slot.choice, slot.step = choice, other.first - slot.first
             else:
-                self._arcs.copy(slot, choice, "-{}" if joint is middle else f"{self.prefix}_opposite({{}})")
+                self._arcs.copy(slot, choice, "-{}" if joint is middle else "ik_opposite({})")
         virtual = [joint for joint in joints if joint.index not in self._joints]
         if not virtual and all(index in self._values or index in self._arcs.joints for index in self._joints):
             return turns

@@ -21,7 +21,6 @@ class Scaffold:
 
     def __init__(
         self,
-        prefix: str,
         joints: Sequence[Joint],
         length: float,
         *,
@@ -32,7 +31,6 @@ class Scaffold:
         self.pool = Pool()
         self._trusted = trusted
         self._slack = "slack, band" if banded else "slack"
-        self.prefix = prefix
         self.length = length
         self._joints = {joint.index: joint for joint in joints}
         self._position_only = position_only
@@ -189,8 +187,8 @@ class Scaffold:
     def _free_bits(self, joint: Joint) -> str:
         """The flags of a joint that is free."""
         if joint.index not in self._joints:
-            return "FREE"
-        return f"FREE | {257 * 256 << joint.index}u"
+            return "(unsigned)IK_FREE"
+        return f"(unsigned)IK_FREE | {257 * 256 << joint.index}u"
 
     def _add(self, level: int, lines: tuple[str, ...], operands: tuple[Scalar, ...]) -> None:
         self._items.append(Statement(level, lines, operands))

@@ -9,6 +9,9 @@ from typing import ClassVar
 
 from rrrgen.ik.recording.scalar import Scalar
 
+_FUNCTIONS = {"sqrt": "SQRT", "fabs": "FABS", "root0": "ik_root0", "wrap": "ik_wrap"}
+"""Functions of one scalar under their names in the kernels."""
+
 
 @dataclass(frozen=True)
 class Loop:
@@ -107,8 +110,8 @@ class _Printer:
         return self._expression(node, level, strength)
 
     def _expression(self, node: Scalar, level: int, strength: int) -> str:
-        if node.op in ("sqrt", "fabs", "root0", "wrap"):
-            return f"{node.op.upper()}({self._render(node.args[0], level, 0)})"
+        if node.op in _FUNCTIONS:
+            return f"{_FUNCTIONS[node.op]}({self._render(node.args[0], level, 0)})"
         own = self.ORDER[node.op]
         if node.op == "neg":
             text = f"-{self._render(node.args[0], level, 4)}"

@@ -9,9 +9,7 @@ from typing import Any
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
-
-FREE = 1e-12
-CLAMP = 1e-9
+from rrrgen.ik.tolerances import BELOW_ZERO, COMPLEX, NO_CONDITION, NO_DIRECTION, SIZE_OF_NOTHING
 
 
 class NoRoot(Exception):  # noqa: N818 - an answer, not an error
@@ -65,15 +63,15 @@ class FloatBuilder:
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
         """Both angles with ``A cos(x) + B sin(x) = C``."""
         h = hypot(A, B)
-        if h <= FREE * unit:
-            if abs(C) > 1e-5 * unit:
+        if h <= NO_DIRECTION * unit:
+            if abs(C) > NO_CONDITION * unit:
                 raise NoRoot
             x = self._reference(joint)
             self._set(joint, x)
             return Turn(cos(x), sin(x))
         k = C / h
         w2 = (1 - k) * (1 + k) if radicand is None else radicand / h**2
-        if w2 < -CLAMP:
+        if w2 < -BELOW_ZERO:
             raise NoRoot
         sign = (1, -1)[self._choose(2)] * label.positive
         x = atan2(B, A) + sign * atan2(sqrt(max(w2, 0.0)), k)
@@ -82,7 +80,7 @@ class FloatBuilder:
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
         """Both square roots of ``radicand``."""
-        if radicand < -CLAMP * (size + 1e-6 * unit**2):
+        if radicand < -BELOW_ZERO * (size + SIZE_OF_NOTHING * unit**2):
             raise NoRoot
         return (1, -1)[self._choose(2)] * label.positive * sqrt(max(radicand, 0.0))
 
@@ -92,7 +90,7 @@ class FloatBuilder:
 
         k0, kc, ks, k2c, k2s = (float(x) for x in k)
         roots = np.roots([(k2c - 1j * k2s) / 2, (kc - 1j * ks) / 2, k0, (kc + 1j * ks) / 2, (k2c + 1j * k2s) / 2])
-        angles = sorted(float(np.angle(z)) for z in roots if abs(abs(z) - 1) < 1e-6)
+        angles = sorted(float(np.angle(z)) for z in roots if abs(abs(z) - 1) < COMPLEX)
         x = angles[self._choose(len(angles))]
         self._set(joint, x)
         return Turn(cos(x), sin(x))
@@ -102,7 +100,7 @@ class FloatBuilder:
         import numpy as np
 
         roots = np.roots([float(x) for x in reversed(k)])
-        real = sorted(float(z.real) for z in roots if abs(z.imag) < 1e-6 * unit)
+        real = sorted(float(z.real) for z in roots if abs(z.imag) < COMPLEX * unit)
         if not real:
             raise NoRoot
         x = real[self._choose(len(real))] if len(k) > 2 else real[0]
@@ -111,11 +109,11 @@ class FloatBuilder:
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
         """The one angle ``atan2(s, c)``; the reference where both vanish."""
-        return self._directed(joint, Turn(c, s), FREE)
+        return self._directed(joint, Turn(c, s), NO_DIRECTION)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
         """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z."""
-        return self._directed(joint, between(v, u), (FREE * unit) ** 2)
+        return self._directed(joint, between(v, u), (NO_DIRECTION * unit) ** 2)
 
     def _directed(self, joint: Joint, direction: Turn, least: float) -> Turn:
         c, s = direction
@@ -142,7 +140,7 @@ class FloatBuilder:
         flip = (1, -1)[self._choose(2)]
         s4, c4 = flip * e5 * M[1][2], flip * e5 * M[0][2]
         s5 = flip * hypot(s4, c4)
-        x4 = atan2(s4, c4) if abs(s5) > FREE else self._reference(joints[0])
+        x4 = atan2(s4, c4) if abs(s5) > NO_DIRECTION else self._reference(joints[0])
         x5 = atan2(s5, -e4 * e5 * M[2][2])
         c4, s4, c5, s5 = cos(x4), sin(x4), cos(x5), sin(x5)
         mx = (M[0][0], M[1][0], M[2][0])

@@ -13,9 +13,7 @@ from typing import NamedTuple, Protocol
 
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, product, total
-
-QUARTER = 2e-16
-"""An offset whose cosine or sine is this close to a whole number is a multiple of a quarter turn."""
+from rrrgen.ik.tolerances import QUARTER
 
 
 class Turn(NamedTuple):

@@ -2,7 +2,7 @@
 
 Counted is what the equations of all candidate rows take: a value is computed once, as far outside the choices as it can
 be, and a choice multiplies what depends on it. The formulas of the root stages are those of
-``templates/c/ik/roots.c.j2``. The check of the target, joint limits and refinement are not counted; roots of quartics
+``templates/c/ik/roots.c``. The check of the target, joint limits and refinement are not counted; roots of quartics
 are found by iteration and counted apart.
 """
 
@@ -18,6 +18,7 @@ from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot, minus, square, total
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
 from rrrgen.ik.recording.scalar import Pool, Scalar
 from rrrgen.ik.recording.solver import Solver
+from rrrgen.ik.tolerances import SIZE_OF_NOTHING
 
 _NAMES = {"add": "add", "sub": "add", "mul": "mul", "div": "div", "root0": "sqrt", "sqrt": "sqrt"}
 
@@ -175,7 +176,7 @@ class _Counter:
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
         """Both square roots of ``radicand``."""
-        big = self.pool.of(size) + (1e-6 * unit) * unit
+        big = self.pool.of(size) + (SIZE_OF_NOTHING * unit) * unit
         self._add(self._need(radicand, big), mul=int(not big.is_const), sqrt=1)
         return self._variable(self._opened())
 

@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rrrgen.ik.tolerances import NOISE, SHALLOW, SPURIOUS, USABLE
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -28,10 +30,6 @@ if TYPE_CHECKING:
 
 POSES = 40  # sample poses; the score is a quantile of them
 SAMPLES = 25  # of the determinant, which has degree 12 in form and 8 in fact
-SPURIOUS = 1e-9  # coefficients above degree 8, or a value at a solution, that are larger than this are no noise
-NOISE = 1e-12  # what the solver takes for noise in a polynomial, relative to the sum of its coefficients
-USABLE = 12.0  # decimal digits lost in a root at which an elimination is useless
-SHALLOW = 1e-9  # determinant over the product of row norms below which rounding grows
 
 
 @dataclass(frozen=True)

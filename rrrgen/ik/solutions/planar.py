@@ -15,10 +15,9 @@ from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.loop import Loop, Motion
 from rrrgen.ik.geometry.rigid import Crossing, Rigid, S, Vector, is_zero, product, rotate_z, screw, total
 from rrrgen.ik.recording.builder import Builder, Label, Turn
+from rrrgen.ik.tolerances import EXACT
 
 Plane = tuple[S, S]
-
-ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
@@ -105,7 +104,7 @@ def _plane(n: Vector) -> Rigid:
 def _flat(x: S) -> bool:
     """Whether a constant is zero up to the rounding of a product of rotations."""
     if isinstance(x, (int, float)):
-        return abs(x) < ROUNDING
+        return abs(x) < EXACT
     return is_zero(x)
 
 

@@ -34,6 +34,7 @@ from rrrgen.ik.solutions.parallel import Frame, finish_plane
 from rrrgen.ik.solutions.planar import triple_of
 from rrrgen.ik.solutions.position import solve_linear
 from rrrgen.ik.solutions.spherical import solve_wrist
+from rrrgen.ik.tolerances import EXACT
 
 IDENTITY = screw(1, 0)
 
@@ -106,7 +107,7 @@ def decomposed(R: Rotation) -> Crossing | None:
     if is_zero(R[0][2]) and is_zero(R[2][0]):  # Rx already
         return Crossing((1, 0, 0), 0, ca, R[2][1], (1, 0, 0))
     sa = (R[0][2] ** 2 + R[1][2] ** 2) ** 0.5
-    if sa < 1e-14:
+    if sa < EXACT:
         return None
     near = (-R[1][2] / sa, R[0][2] / sa, 0)
     far = (R[2][1] / sa, R[2][0] / sa, 0)

@@ -11,6 +11,7 @@ from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot, minus, square, total
 from rrrgen.ik.interpreters.float_builder import wrapped
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
+from rrrgen.ik.tolerances import SIZE_OF_NOTHING
 from rrrgen.runtime.evaluation.kernels import (
     FREE,
     NEAR,
@@ -158,7 +159,7 @@ class _Path:
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
         """Both square roots of ``radicand``."""
-        found = root(float(radicand), float(size) + 1e-6 * unit * unit, self._settings)
+        found = root(float(radicand), float(size) + SIZE_OF_NOTHING * unit * unit, self._settings)
         self._flags |= found.flags
         return found.values[0] * (1, -1)[self._choose(found.count)] * label.positive
 

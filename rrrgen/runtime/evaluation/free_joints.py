@@ -1,4 +1,4 @@
-"""Joints that the target leaves open, after ``templates/c/ik/open.c.j2``: one row stands for a continuum."""
+"""Joints that the target leaves open, after ``templates/c/ik/open.c``: one row stands for a continuum."""
 
 from __future__ import annotations
 

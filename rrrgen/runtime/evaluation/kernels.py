@@ -1,4 +1,4 @@
-"""The root stages in floats, after ``templates/c/ik/roots.c.j2``: the roots, and what is doubtful about them."""
+"""The root stages in floats, after ``templates/c/ik/roots.c``: the roots, and what is doubtful about them."""
 
 from __future__ import annotations
 

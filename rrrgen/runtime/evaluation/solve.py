@@ -1,4 +1,4 @@
-"""Solving for one target in floats, after ``templates/c/ik/source.c.j2``: every row, or why there is none."""
+"""Solving for one target in floats, after ``templates/c/ik/solve.c``: every row, or why there is none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The task error of a row and its refinement, after ``templates/c/ik/refine.c.j2``."""
+"""The task error of a row and its refinement, after ``templates/c/ik/refine.c``."""
 
 from __future__ import annotations
 

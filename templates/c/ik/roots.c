@@ -1,79 +1,51 @@
-{#- Root primitives of the closed forms. Variables: P, K, macro (prefixes), needs (set of names), tol, banded. -#}
-{% if "R" in types or not position %}
-/* atan2 to 2.7 ulp, the same bits wherever every step is rounded; a quarter turn at the origin. Without branches and
- * tables, which lets compilers make vectors of it. The angle is none or some eighths of a turn (start) plus or minus (turn)
- * an arc of at most pi/8; nothing but the last sum waits for both. */
-static inline REAL {{ P }}_atan2(REAL y, REAL x)
-{
-    const REAL ax = FABS(x), ay = FABS(y);
-    const REAL small = ax < ay ? ax : ay, large = ax > ay ? ax : ay;
-    const REAL sense = COPYSIGN((REAL)1, (REAL)0 + y); /* plus for -0 */
-    const REAL front = COPYSIGN((REAL)1, x), flat = -COPYSIGN((REAL)1, ay - ax);
-    const REAL half = COPYSIGN((REAL)0.5, (REAL)0.41421356237309503 * large - small), beyond = (REAL)0.5 - half; /* tan(pi/8) */
-    const REAL axis = flat * ((REAL)0.5 + half); /* the arc counts from the x axis (1), from the diagonal or from the y axis (-1) */
-    const REAL start = sense * ((REAL)1.5707963267948966 - front * ((REAL)0.7853981633974483 + (REAL)0.7853981633974483 * axis));
-    const REAL turn = sense * front * flat;
-    const REAL t = (small - beyond * large) / (large + (REAL){{ tol.tiny }} + beyond * small); /* no 0 / 0 */
-    const REAL s = turn * t, u = t * t, v = u * u, w = v * v;
-    const REAL p0 = (REAL)-0.333333333333332 + u * (REAL)0.19999999999953244;
-    const REAL p1 = (REAL)-0.14285714280166237 + u * (REAL)0.11111110782140723;
-    const REAL p2 = (REAL)-0.09090897724893458 + u * (REAL)0.07692059711868017;
-    const REAL p3 = (REAL)-0.06663099148471298 + u * (REAL)0.05847858920620302;
-    const REAL p4 = (REAL)-0.050391890304237796 + u * (REAL)0.038062108726007564 + v * (REAL)-0.017905009476816506;
-    return start + (s + s * u * ((p0 + v * p1) + w * ((p2 + v * p3) + w * p4)));
-}
-{% endif %}
-{% if "arcs" in needs %}
+/* The roots of the choices of a closed form: square roots, equations linear in cosine and sine, quadratic and quartic
+ * ones; unit vectors, and the angle nearest to a reference at which an inequality holds. Needs angles.c. */
+#include "kernel.h"
+#if NEEDS_ROOT || NEEDS_LINEAR || NEEDS_COSINE || NEEDS_QUADRATIC
 
-static void {{ P }}_arcs(int count, const REAL *{{ macro }}_RESTRICT sine, const REAL *{{ macro }}_RESTRICT cosine, REAL *{{ macro }}_RESTRICT angle)
+#if BANDED
+/* The real roots of w^2 = w2: two, one at a double root (w2 within -slack size of zero), or none; w >= 0.
+ * A double root is moved apart by the band, because its halves may be distinct on the true arm. */
+#else
+/* The real roots of w^2 = w2: two, one at a double root (w2 within -slack size of zero), or none; w >= 0. */
+#endif
+LOCAL int ik_root(REAL w2, REAL size, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags)
 {
-    int i;
-    for (i = 0; i < count; ++i) {
-        angle[i] = {{ P }}_atan2(sine[i], cosine[i]);
-    }
-}
-{% endif %}
-{% if "root" in needs or "linear" in needs or "cosine" in needs or "quadratic" in needs %}
-
-/* The real roots of w^2 = w2: two, one at a double root (w2 within -slack size of zero), or none; w >= 0.{% if banded %}
- * A double root is moved apart by the band, because its halves may be distinct on the true arm.{% endif %} */
-static int {{ P }}_root(REAL w2, REAL size, REAL slack{{ ", REAL band" if banded }}, REAL *w, unsigned *flags)
-{
-{% if banded %}
-    if (w2 <= {{ K }}_BAND * size) {
-        *flags |= NEAR;
+#if BANDED
+    if (w2 <= IK_TOL_BAND * size) {
+        *flags |= (unsigned)IK_NEAR;
         w2 = w2 >= -slack * size && w2 < band * size ? band * size : w2;
     }
-{% endif %}
+#endif
     if (w2 > (REAL)0) {
         *w = SQRT(w2);
-        *flags |= w2 <= {{ K }}_MERGE * size ? NEAR : 0u;
+        *flags |= w2 <= IK_TOL_MERGE * size ? (unsigned)IK_NEAR : 0u;
         return 2;
     }
     *w = (REAL)0;
-    *flags |= MULTIPLE;
+    *flags |= (unsigned)IK_MULTIPLE;
     return w2 >= -slack * size ? 1 : 0;
 }
-{% endif %}
-{% if "cosine" in needs %}
+#endif
+#if NEEDS_COSINE
 
 /* cos(e) = k: w = sin(e) >= 0, w^2 = w2. A double root takes k to the nearer of -1 and 1. */
-static int {{ P }}_cosine(REAL *k, REAL w2, REAL slack{{ ", REAL band" if banded }}, REAL *w, unsigned *flags)
+LOCAL int ik_cosine(REAL *k, REAL w2, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags)
 {
-    const int n = {{ P }}_root(w2, (REAL)1, slack{{ ", band" if banded }}, w, flags);
+    const int n = ik_root(w2, (REAL)1, slack BAND, w, flags);
     *k = n == 1 ? COPYSIGN((REAL)1, *k) : *k;
     return n;
 }
-{% endif %}
-{% if "linear" in needs %}
+#endif
+#if NEEDS_LINEAR
 
 /* a cos(x) + b sin(x) = k: on return cos(x) = a k -+ b w and sin(x) = b k +- a w, w >= 0. w2 >= 0 is a better expression of
  * a^2 + b^2 - k^2. Every x solves 0 = 0: then x is the reference. `open` is flagged where that
  * may be so, `none` where it is. */
-static int {{ P }}_linear(REAL *a, REAL *b, REAL *k, REAL w2, REAL unit, REAL ref, REAL least, unsigned open, unsigned none, REAL slack{{ ", REAL band" if banded }}, REAL *w, unsigned *flags)
+LOCAL int ik_linear(REAL *a, REAL *b, REAL *k, REAL w2, REAL unit, REAL ref, REAL least, unsigned open, unsigned none, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags)
 {
     const REAL h2 = *a * *a + *b * *b;
-    if (h2 <= {{ K }}_DOUBT * unit * ({{ K }}_DOUBT * unit)) {
+    if (h2 <= IK_TOL_DOUBT * unit * (IK_TOL_DOUBT * unit)) {
         *flags |= open;
         if (h2 <= least * unit * (least * unit)) {
             *w = (REAL)0;
@@ -89,21 +61,21 @@ static int {{ P }}_linear(REAL *a, REAL *b, REAL *k, REAL w2, REAL unit, REAL re
     }
     { /* the root does not wait for the quotient */
         const REAL i = (REAL)1 / h2;
-        const int n = {{ P }}_root(w2 >= (REAL)0 ? w2 : h2 - *k * *k, h2, slack{{ ", band" if banded }}, w, flags);
+        const int n = ik_root(w2 >= (REAL)0 ? w2 : h2 - *k * *k, h2, slack BAND, w, flags);
         *w *= i;
         *k = (n == 1 ? COPYSIGN(SQRT(h2), *k) : *k) * i;
         return n;
     }
 }
-{% endif %}
-{% if "unit" in needs %}
+#endif
+#if NEEDS_UNIT
 
 /* Scales (c, s) to length 1; returns flags: `open` where the vector is so short that it may have no direction,
  * `none` where it has none. */
-static unsigned {{ P }}_unit(REAL *c, REAL *s, REAL least, unsigned open, unsigned none)
+LOCAL unsigned ik_unit(REAL *c, REAL *s, REAL least, unsigned open, unsigned none)
 {
     const REAL h2 = *c * *c + *s * *s;
-    if (h2 <= {{ K }}_DOUBT * {{ K }}_DOUBT && h2 <= least * least) {
+    if (h2 <= IK_TOL_DOUBT * IK_TOL_DOUBT && h2 <= least * least) {
         return none;
     }
     {
@@ -111,13 +83,13 @@ static unsigned {{ P }}_unit(REAL *c, REAL *s, REAL least, unsigned open, unsign
         *c *= i;
         *s *= i;
     }
-    return h2 > {{ K }}_DOUBT * {{ K }}_DOUBT ? 0u : open;
+    return h2 > IK_TOL_DOUBT * IK_TOL_DOUBT ? 0u : open;
 }
-{% endif %}
-{% if "quartic" in needs or "power4" in needs %}
+#endif
+#if NEEDS_QUARTIC || NEEDS_POWER4
 
 /* One Aberth iteration after the other on four roots z of sum k_j z^j (complex; re, im), at most 40. */
-static void {{ P }}_aberth(const REAL kr[5], const REAL ki[5], REAL zr[4], REAL zi[4])
+LOCAL void ik_aberth(const REAL kr[5], const REAL ki[5], REAL zr[4], REAL zi[4])
 {
     int it, j, m;
     for (it = 0; it < 40; ++it) {
@@ -151,20 +123,20 @@ static void {{ P }}_aberth(const REAL kr[5], const REAL ki[5], REAL zr[4], REAL 
             ni = (fi * dr - fr * di) / h;
             zr[j] -= nr;
             zi[j] -= ni;
-            h = (nr * nr + ni * ni) / (zr[j] * zr[j] + zi[j] * zi[j] + {{ K }}_EPS);
+            h = (nr * nr + ni * ni) / (zr[j] * zr[j] + zi[j] * zi[j] + IK_TOL_EPS);
             moved = h > moved ? h : moved;
         }
-        if (!(moved > {{ K }}_EPS * {{ K }}_EPS)) {
+        if (!(moved > IK_TOL_EPS * IK_TOL_EPS)) {
             break;
         }
     }
 }
-{% endif %}
-{% if "quartic" in needs %}
+#endif
+#if NEEDS_QUARTIC
 
 /* k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0: up to four angles with their branch numbers (sign of the slope,
  * then rank). Roots z = exp(ix) of a quartic; a pair off the circle by less than the slack counts as a double root. */
-static int {{ P }}_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL slack, REAL *c, REAL *s, REAL *x, unsigned *g)
+LOCAL int ik_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL slack, REAL *c, REAL *s, REAL *x, unsigned *g)
 {
     const REAL size = FABS(k0) + FABS(k1) + FABS(k2) + FABS(k3) + FABS(k4);
     REAL kr[5], ki[5], zr[4], zi[4];
@@ -192,12 +164,12 @@ static int {{ P }}_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL sla
         zr[i] = start[i][0];
         zi[i] = start[i][1];
     }
-    {{ P }}_aberth(kr, ki, zr, zi);
+    ik_aberth(kr, ki, zr, zi);
     for (i = 0; i < 4; ++i) {
         const REAL m2 = zr[i] * zr[i] + zi[i] * zi[i];
         const REAL off = m2 - (REAL)1;
         REAL cosine, sine, f, d;
-        if (!(m2 > (REAL)0) || !(off * off <= {{ K }}_CIRCLE + slack * slack)) {
+        if (!(m2 > (REAL)0) || !(off * off <= IK_TOL_CIRCLE + slack * slack)) {
             continue;
         }
         cosine = zr[i] / SQRT(m2);
@@ -206,7 +178,7 @@ static int {{ P }}_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL sla
             REAL step;
             f = k0 + cosine * (k1 + (REAL)2 * k3 * cosine) + sine * (k2 + (REAL)2 * k4 * cosine) - k3;
             d = -k1 * sine + k2 * cosine + (REAL)2 * k4 * (cosine * cosine - sine * sine) - (REAL)4 * k3 * cosine * sine;
-            step = -f * d / (d * d + {{ K }}_EPS);
+            step = -f * d / (d * d + IK_TOL_EPS);
             step = step > (REAL)0.01 ? (REAL)0.01 : step < (REAL)-0.01 ? (REAL)-0.01 : step;
             f = cosine - step * sine;
             sine += step * cosine;
@@ -215,7 +187,7 @@ static int {{ P }}_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL sla
             cosine *= f;
             sine *= f;
         }
-        f = {{ P }}_atan2(sine, cosine);
+        f = ik_atan2(sine, cosine);
         for (j = n; j > 0 && x[j - 1] > f; --j) {
             x[j] = x[j - 1];
             c[j] = c[j - 1];
@@ -232,11 +204,11 @@ static int {{ P }}_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL sla
     }
     return n;
 }
-{% endif %}
-{% if "power4" in needs %}
+#endif
+#if NEEDS_POWER4
 
 /* k0 + k1 x + k2 x^2 + k3 x^3 + k4 x^4 = 0 for lengths of the size of unit: up to four real roots, ascending. */
-static int {{ P }}_power4(
+LOCAL int ik_power4(
     REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL unit, REAL slack, REAL *x, unsigned *g, unsigned *flags)
 {
     const REAL k[5] = {k0, k1 * unit, k2 * unit * unit, k3 * unit * unit * unit, k4 * (unit * unit) * (unit * unit)};
@@ -258,17 +230,17 @@ static int {{ P }}_power4(
         zr[i] = start[i][0];
         zi[i] = start[i][1];
     }
-    {{ P }}_aberth(kr, ki, zr, zi);
+    ik_aberth(kr, ki, zr, zi);
     for (i = 0; i < 4; ++i) {
         const REAL m2 = zr[i] * zr[i] + zi[i] * zi[i];
         REAL y = zr[i];
-        if (!(zi[i] * zi[i] <= ({{ K }}_CIRCLE + slack * slack) * ((REAL)1 + m2))) {
+        if (!(zi[i] * zi[i] <= (IK_TOL_CIRCLE + slack * slack) * ((REAL)1 + m2))) {
             continue;
         }
         for (j = 0; j < 2; ++j) {
             const REAL f = kr[0] + y * (kr[1] + y * (kr[2] + y * (kr[3] + y * kr[4])));
             const REAL d = kr[1] + y * ((REAL)2 * kr[2] + y * ((REAL)3 * kr[3] + y * (REAL)4 * kr[4]));
-            const REAL step = -f * d / (d * d + {{ K }}_EPS);
+            const REAL step = -f * d / (d * d + IK_TOL_EPS);
             y += step > (REAL)0.01 ? (REAL)0.01 : step < (REAL)-0.01 ? (REAL)-0.01 : step;
         }
         for (j = n; j > 0 && x[j - 1] > y * unit; --j) {
@@ -282,20 +254,20 @@ static int {{ P }}_power4(
         const REAL d = kr[1] + y * ((REAL)2 * kr[2] + y * ((REAL)3 * kr[3] + y * (REAL)4 * kr[4]));
         g[i] = d > (REAL)0 ? 2u * (rising++ & 1u) : 2u * (falling++ & 1u) + 1u;
     }
-    *flags |= NEAR;
+    *flags |= (unsigned)IK_NEAR;
     return n;
 }
-{% endif %}
-{% if "quadratic" in needs %}
+#endif
+#if NEEDS_QUADRATIC
 
 /* k0 + k1 x + k2 x^2 = 0 for lengths of the size of unit: the larger root is branch 0. */
-static int {{ P }}_quadratic(REAL k0, REAL k1, REAL k2, REAL unit, REAL slack{{ ", REAL band" if banded }}, REAL *x, unsigned *g, unsigned *flags)
+LOCAL int ik_quadratic(REAL k0, REAL k1, REAL k2, REAL unit, REAL slack BAND_PARAMETER, REAL *x, unsigned *g, unsigned *flags)
 {
     const REAL size = k1 * k1 + FABS((REAL)4 * k0 * k2);
     const REAL w2 = k1 * k1 - (REAL)4 * k0 * k2;
     REAL w;
     int n;
-    if (FABS(k2) * unit <= {{ K }}_EPS * FABS(k1)) { /* degenerates to a line at this pose */
+    if (FABS(k2) * unit <= IK_TOL_EPS * FABS(k1)) { /* degenerates to a line at this pose */
         if (!(FABS(k1) > (REAL)0)) {
             return 0;
         }
@@ -303,7 +275,7 @@ static int {{ P }}_quadratic(REAL k0, REAL k1, REAL k2, REAL unit, REAL slack{{ 
         g[0] = k1 > (REAL)0 ? 0u : 1u;
         return 1;
     }
-    n = {{ P }}_root(w2, size, slack{{ ", band" if banded }}, &w, flags);
+    n = ik_root(w2, size, slack BAND, &w, flags);
     if (n == 1) {
         x[0] = (REAL)-0.5 * k1 / k2;
         g[0] = 0u;
@@ -316,11 +288,11 @@ static int {{ P }}_quadratic(REAL k0, REAL k1, REAL k2, REAL unit, REAL slack{{ 
     }
     return n;
 }
-{% endif %}
-{% if "feasible" in needs %}
+#endif
+#if NEEDS_FEASIBLE
 
 /* The angle nearest to ref with lower <= mean + a cos(x) + b sin(x) <= upper. */
-static REAL {{ P }}_feasible(REAL ref, REAL mean, REAL a, REAL b, REAL lower, REAL upper)
+LOCAL REAL ik_feasible(REAL ref, REAL mean, REAL a, REAL b, REAL lower, REAL upper)
 {
     const REAL h = SQRT(a * a + b * b), now = mean + a * COS(ref) + b * SIN(ref);
     REAL best = ref, away = (REAL)10;
@@ -331,8 +303,8 @@ static REAL {{ P }}_feasible(REAL ref, REAL mean, REAL a, REAL b, REAL lower, RE
     for (i = 0; i < 4; ++i) {
         const REAL k = ((i < 2 ? lower : upper) - mean) / h;
         const REAL w = k * k < (REAL)1 ? SQRT(((REAL)1 - k) * ((REAL)1 + k)) : (REAL)0;
-        const REAL e = {{ P }}_atan2(w, k);
-        const REAL x = WRAP({{ P }}_atan2(b, a) + (i % 2 == 0 ? e : -e) - ref);
+        const REAL e = ik_atan2(w, k);
+        const REAL x = ik_wrap(ik_atan2(b, a) + (i % 2 == 0 ? e : -e) - ref);
         if (k * k <= (REAL)1 && FABS(x) < away) {
             away = FABS(x);
             best = ref + x;
@@ -340,4 +312,4 @@ static REAL {{ P }}_feasible(REAL ref, REAL mean, REAL a, REAL b, REAL lower, RE
     }
     return best;
 }
-{% endif %}
+#endif

@@ -1,18 +1,13 @@
-{% set held_parameter = ", unsigned held" if opened else "" %}
-{% set held = ", held" if opened else "" %}
-{#- Forward kinematics, its Jacobian and damped Gauss-Newton steps, table driven (cold path). Variables: P, K, chain tables, task. -#}
+/* Refinement: forward kinematics, its Jacobian, and damped Gauss-Newton steps, all from a table of transforms. */
+#include "kernel.h"
 /* Constant transforms of the chain (rows of 3x4) before joint 1, between the joints, and after the last one. */
-static const REAL {{ P }}_fixed[{{ n + 1 }}][12] = {
-{% for row in fixed %}
-    { {{- row -}} }{{ "," if not loop.last }}
-{% endfor %}
-};
-{% if offsets %}
-static const REAL {{ P }}_offset[{{ n }}] = { {{- offsets -}} };
-{% endif %}
+static const REAL ik_fixed[TRANSFORMS][12] = FIXED;
+#if OFFSETS
+static const REAL ik_offset[JOINTS] = OFFSET_VALUES;
+#endif
 
 /* x -> x J(q) F of a rigid transform x (rotation and translation as rows of 3x4). */
-static void {{ P }}_advance(REAL x[12], const REAL f[12])
+LOCAL void ik_advance(REAL x[12], const REAL f[12])
 {
     REAL y[12];
     int i, j;
@@ -26,28 +21,36 @@ static void {{ P }}_advance(REAL x[12], const REAL f[12])
     }
 }
 
-/* Task error e = target - forward kinematics (lengths by the reach) and its Jacobian{{ ", without the columns of the joints
- * that are held (bits)" if opened }}; returns the squared error. */
-static REAL {{ P }}_error(const REAL *T, const REAL *q, REAL e[{{ m }}], REAL J[{{ m }}][{{ n }}]{{ held_parameter }})
+#if OPENED
+/* Task error e = target - forward kinematics (lengths by the reach) and its Jacobian, without the columns of the joints
+ * that are held (bits); returns the squared error. */
+#else
+/* Task error e = target - forward kinematics (lengths by the reach) and its Jacobian; returns the squared error. */
+#endif
+LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS][JOINTS] HELD_PARAMETER)
 {
-    REAL x[12], axis[{{ n }}][6], cost = (REAL)0;
+    REAL x[12], axis[JOINTS][6], cost = (REAL)0;
     int i, k;
     for (i = 0; i < 12; ++i) {
-        x[i] = {{ P }}_fixed[0][i];
+        x[i] = ik_fixed[0][i];
     }
-    for (k = 0; k < {{ n }}; ++k) {
-        const REAL raw = q[k]{{ " + " ~ P ~ "_offset[k]" if offsets }};
+    for (k = 0; k < JOINTS; ++k) {
+#if OFFSETS
+        const REAL raw = q[k] + ik_offset[k];
+#else
+        const REAL raw = q[k];
+#endif
         for (i = 0; i < 3; ++i) {
             axis[k][i] = x[4 * i + 2];
             axis[k][3 + i] = x[4 * i + 3];
         }
-{% if "P" in types %}
-        if ({{ prismatic }}) {
+#if SLIDES
+        if (((SLIDING >> k) & 1u) != 0u) {
             for (i = 0; i < 3; ++i) {
                 x[4 * i + 3] += raw * x[4 * i + 2];
             }
         } else {
-{% endif %}
+#endif
         {
             const REAL c = COS(raw), s = SIN(raw);
             for (i = 0; i < 3; ++i) {
@@ -56,15 +59,19 @@ static REAL {{ P }}_error(const REAL *T, const REAL *q, REAL e[{{ m }}], REAL J[
                 x[4 * i + 1] = v * c - u * s;
             }
         }
-{% if "P" in types %}
+#if SLIDES
         }
-{% endif %}
-        {{ P }}_advance(x, {{ P }}_fixed[k + 1]);
+#endif
+        ik_advance(x, ik_fixed[k + 1]);
     }
     for (i = 0; i < 3; ++i) {
-        e[i] = ({{ "T[i]" if position else "T[4 * i + 3]" }} - x[4 * i + 3]) / {{ K }}_REACH;
+#if POSITION
+        e[i] = (T[i] - x[4 * i + 3]) / IK_TOL_REACH;
+#else
+        e[i] = (T[4 * i + 3] - x[4 * i + 3]) / IK_TOL_REACH;
+#endif
     }
-{% if not position %}
+#if !POSITION
     { /* the rotation that is missing, as an axis of length angle: E = R_target R' */
         REAL E[3][3], s2, c, f;
         int j;
@@ -79,8 +86,8 @@ static REAL {{ P }}_error(const REAL *T, const REAL *q, REAL e[{{ m }}], REAL J[
         s2 = e[3] * e[3] + e[4] * e[4] + e[5] * e[5];
         c = (REAL)0.5 * (E[0][0] + E[1][1] + E[2][2] - (REAL)1);
         if (c < (REAL)0.9) {
-            if (s2 > {{ K }}_EPS) {
-                f = {{ P }}_atan2(SQRT(s2), c) / SQRT(s2);
+            if (s2 > IK_TOL_EPS) {
+                f = ik_atan2(SQRT(s2), c) / SQRT(s2);
             } else { /* half a turn about the largest column of E + 1 */
                 j = E[0][0] > E[1][1] ? (E[0][0] > E[2][2] ? 0 : 2) : (E[1][1] > E[2][2] ? 1 : 2);
                 for (i = 0; i < 3; ++i) {
@@ -93,75 +100,75 @@ static REAL {{ P }}_error(const REAL *T, const REAL *q, REAL e[{{ m }}], REAL J[
             e[5] *= f;
         }
     }
-{% endif %}
-    for (i = 0; i < {{ m }}; ++i) {
+#endif
+    for (i = 0; i < ERRORS; ++i) {
         cost += e[i] * e[i];
     }
-    for (k = 0; k < {{ n }}; ++k) {
+    for (k = 0; k < JOINTS; ++k) {
         const REAL *z = axis[k];
         const REAL r0 = x[3] - z[3], r1 = x[7] - z[4], r2 = x[11] - z[5];
-{% if "P" in types %}
-        if ({{ prismatic }}) { /* a displacement counts in reaches */
+#if SLIDES
+        if (((SLIDING >> k) & 1u) != 0u) { /* a displacement counts in reaches */
             for (i = 0; i < 3; ++i) {
                 J[i][k] = z[i];
-{% if not position %}
+#if !POSITION
                 J[3 + i][k] = (REAL)0;
-{% endif %}
+#endif
             }
             continue;
         }
-{% endif %}
-        J[0][k] = (z[1] * r2 - z[2] * r1) / {{ K }}_REACH;
-        J[1][k] = (z[2] * r0 - z[0] * r2) / {{ K }}_REACH;
-        J[2][k] = (z[0] * r1 - z[1] * r0) / {{ K }}_REACH;
-{% if not position %}
+#endif
+        J[0][k] = (z[1] * r2 - z[2] * r1) / IK_TOL_REACH;
+        J[1][k] = (z[2] * r0 - z[0] * r2) / IK_TOL_REACH;
+        J[2][k] = (z[0] * r1 - z[1] * r0) / IK_TOL_REACH;
+#if !POSITION
         J[3][k] = z[0];
         J[4][k] = z[1];
         J[5][k] = z[2];
-{% endif %}
+#endif
     }
-{% if locked is not none %}
-    for (i = 0; i < {{ m }}; ++i) { /* the prescribed joint stays */
-        J[i][{{ locked }}] = (REAL)0;
+#if LOCKED
+    for (i = 0; i < ERRORS; ++i) { /* the prescribed joint stays */
+        J[i][LOCKED_JOINT] = (REAL)0;
     }
-{% endif %}
-{% if opened %}
-    for (k = 0; k < {{ n }}; ++k) {
-        for (i = 0; i < {{ m }} && ((held >> k) & 1u) != 0u; ++i) {
+#endif
+#if OPENED
+    for (k = 0; k < JOINTS; ++k) {
+        for (i = 0; i < ERRORS && ((held >> k) & 1u) != 0u; ++i) {
             J[i][k] = (REAL)0;
         }
     }
-{% endif %}
+#endif
     return cost;
 }
 
 /* The step d that minimises |J d - e|^2 + damping^2 |d|^2, by Householder reflections. */
-static void {{ P }}_step(REAL J[{{ m }}][{{ n }}], const REAL e[{{ m }}], REAL damping, REAL d[{{ n }}])
+LOCAL void ik_step(REAL J[ERRORS][JOINTS], const REAL e[ERRORS], REAL damping, REAL d[JOINTS])
 {
-    REAL A[{{ m + n }}][{{ n }}], b[{{ m + n }}];
+    REAL A[STACKED][JOINTS], b[STACKED];
     int i, j, k;
-    for (i = 0; i < {{ m + n }}; ++i) {
-        b[i] = i < {{ m }} ? e[i] : (REAL)0;
-        for (j = 0; j < {{ n }}; ++j) {
-            A[i][j] = i < {{ m }} ? J[i][j] : (i - {{ m }} == j ? damping : (REAL)0);
+    for (i = 0; i < STACKED; ++i) {
+        b[i] = i < ERRORS ? e[i] : (REAL)0;
+        for (j = 0; j < JOINTS; ++j) {
+            A[i][j] = i < ERRORS ? J[i][j] : (i - ERRORS == j ? damping : (REAL)0);
         }
     }
-    for (k = 0; k < {{ n }}; ++k) {
+    for (k = 0; k < JOINTS; ++k) {
         REAL h2 = (REAL)0, h, f;
-        for (i = k; i <= {{ m }} + k; ++i) { /* rows below are still zero in this column */
+        for (i = k; i <= ERRORS + k; ++i) { /* rows below are still zero in this column */
             h2 += A[i][k] * A[i][k];
         }
         h = A[k][k] > (REAL)0 ? -SQRT(h2) : SQRT(h2);
         f = h * (A[k][k] - h);
         A[k][k] -= h;
-        for (j = k + 1; j <= {{ n }}; ++j) {
+        for (j = k + 1; j <= JOINTS; ++j) {
             REAL t = (REAL)0;
-            for (i = k; i <= {{ m }} + k; ++i) {
-                t += A[i][k] * (j < {{ n }} ? A[i][j] : b[i]);
+            for (i = k; i <= ERRORS + k; ++i) {
+                t += A[i][k] * (j < JOINTS ? A[i][j] : b[i]);
             }
             t /= f;
-            for (i = k; i <= {{ m }} + k; ++i) {
-                if (j < {{ n }}) {
+            for (i = k; i <= ERRORS + k; ++i) {
+                if (j < JOINTS) {
                     A[i][j] += t * A[i][k];
                 } else {
                     b[i] += t * A[i][k];
@@ -170,43 +177,54 @@ static void {{ P }}_step(REAL J[{{ m }}][{{ n }}], const REAL e[{{ m }}], REAL d
         }
         A[k][k] = h;
     }
-    for (k = {{ n - 1 }}; k >= 0; --k) {
+    for (k = LAST_JOINT; k >= 0; --k) {
         REAL t = b[k];
-        for (j = k + 1; j < {{ n }}; ++j) {
+        for (j = k + 1; j < JOINTS; ++j) {
             t -= A[k][j] * d[j];
         }
         d[k] = t / A[k][k];
     }
-{% if locked is not none and locked != n - 1 %}
-    d[{{ locked }}] = (REAL)0; /* the prescribed joint stays; rounding of the other columns is not to reach it */
-{% endif %}
+#if LOCKED && !LOCKED_LAST
+    d[LOCKED_JOINT] = (REAL)0; /* the prescribed joint stays; rounding of the other columns is not to reach it */
+#endif
 }
 
+#if OPENED
 /* At most `steps` Levenberg-Marquardt steps on the task error, damped in proportion to what is left of it (which keeps
  * them fast at singular configurations too). Up to three steps in a row may make it worse: the bottom of a curved valley
- * is followed by stepping off and back. {{ "Joints in `held` (bits) stay. " if opened }}Returns the least error found, squared, and its
+ * is followed by stepping off and back. Joints in `held` (bits) stay. Returns the least error found, squared, and its
  * configuration. */
-static REAL {{ P }}_refine(const REAL *T, REAL *q, int steps, REAL damping{{ held_parameter }})
+#else
+/* At most `steps` Levenberg-Marquardt steps on the task error, damped in proportion to what is left of it (which keeps
+ * them fast at singular configurations too). Up to three steps in a row may make it worse: the bottom of a curved valley
+ * is followed by stepping off and back. Returns the least error found, squared, and its
+ * configuration. */
+#endif
+LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAMETER)
 {
-    REAL x[{{ n }}], e[{{ m }}], J[{{ m }}][{{ n }}], d[{{ n }}] = {(REAL)0}, best, cost;
+    REAL x[JOINTS], e[ERRORS], J[ERRORS][JOINTS], d[JOINTS] = {(REAL)0}, best, cost;
     int i, step, worse = 0;
-    for (i = 0; i < {{ n }}; ++i) {
+    for (i = 0; i < JOINTS; ++i) {
         x[i] = q[i];
     }
-    best = cost = {{ P }}_error(T, x, e, J{{ held }});
-    for (step = 0; step < steps && best > {{ K }}_DONE && damping < (REAL)1e6; ++step) {
+    best = cost = ik_error(T, x, e, J HELD);
+    for (step = 0; step < steps && best > IK_TOL_DONE && damping < (REAL)1e6; ++step) {
         REAL most = (REAL)1;
-        {{ P }}_step(J, e, damping * SQRT(cost) + {{ K }}_EPS, d);
-        for (i = 0; i < {{ n }}; ++i) {
+        ik_step(J, e, damping * SQRT(cost) + IK_TOL_EPS, d);
+        for (i = 0; i < JOINTS; ++i) {
             most = FABS(d[i]) > most ? FABS(d[i]) : most;
         }
-        for (i = 0; i < {{ n }}; ++i) { /* never more than a radian or a reach at once */
-            x[i] += d[i] / most{{ " * (" ~ prismatic_i ~ " ? " ~ K ~ "_REACH : (REAL)1)" if "P" in types }};
+        for (i = 0; i < JOINTS; ++i) { /* never more than a radian or a reach at once */
+#if SLIDES
+            x[i] += d[i] / most * (((SLIDING >> i) & 1u) != 0u ? IK_TOL_REACH : (REAL)1);
+#else
+            x[i] += d[i] / most;
+#endif
         }
-        cost = {{ P }}_error(T, x, e, J{{ held }});
+        cost = ik_error(T, x, e, J HELD);
         if (cost < best) {
             const int stuck = cost > (REAL)0.999999999 * best && damping > (REAL)1; /* the least-squares answer */
-            for (i = 0; i < {{ n }}; ++i) {
+            for (i = 0; i < JOINTS; ++i) {
                 q[i] = x[i];
             }
             best = cost;
@@ -216,10 +234,10 @@ static REAL {{ P }}_refine(const REAL *T, REAL *q, int steps, REAL damping{{ hel
                 break;
             }
         } else if (++worse > 3 || !(cost < (REAL)1e4)) {
-            for (i = 0; i < {{ n }}; ++i) {
+            for (i = 0; i < JOINTS; ++i) {
                 x[i] = q[i];
             }
-            cost = {{ P }}_error(T, x, e, J{{ held }});
+            cost = ik_error(T, x, e, J HELD);
             worse = 0;
             damping *= (REAL)100;
         }

@@ -1,66 +1,70 @@
-{#- Inverse kinematics of six joints without special structure; needs trig_roots.c.j2 with N = 8.
-    Variables: p (prefix), tol, length, passes, and tables as text: dh, noise, nudge, odd, form, wave; slide (the joint
-    that is prismatic, or none) and turn (cosine and sine of its constant angle). -#}
-{% set slides = slide is not none %}
-{% set M = p | upper ~ "_6R" %}
-#define {{ M }}_MAX 16
-#define {{ M }}_STEPS 6 /* Newton steps on a row; a patient search may take six times as many */
-#define {{ M }}_ZONES 8 /* magnified stretches of the circle, and the whole */
-#define {{ M }}_PATIENCE 400 /* steps that one elimination spends on rows in doubt */
-#define {{ M }}_EPS (REAL){{ tol.eps }}
-#define {{ M }}_TINY (REAL){{ tol.tiny }}
-#define {{ M }}_DONE (REAL){{ tol.done }} /* error of an entry of the pose below which a row is left alone */
-#define {{ M }}_ACCEPT (REAL){{ tol.accept }} /* and above which it is dropped */
-#define {{ M }}_SAME (REAL){{ tol.same }} /* rows nearer than this are one: forward kinematics cannot tell them apart */
+/* Inverse kinematics of six joints without special structure, at most one of them prismatic: an elimination to a
+ * trigonometric polynomial of degree eight, whose roots are refined on the pose. Needs trig_roots.c and arcs.c. */
+#include "kernel.h"
+#define IK_6R_MAX 16
+#define IK_6R_STEPS 6 /* Newton steps on a row; a patient search may take six times as many */
+#define IK_6R_ZONES 8 /* magnified stretches of the circle, and the whole */
+#define IK_6R_PATIENCE 400 /* steps that one elimination spends on rows in doubt */
+#define IK_6R_EPS (REAL)VALUE_EPS
+#define IK_6R_TINY (REAL)VALUE_6R_TINY
+#define IK_6R_DONE (REAL)VALUE_6R_DONE /* error of an entry of the pose below which a row is left alone */
+#define IK_6R_ACCEPT (REAL)VALUE_6R_ACCEPT /* and above which it is dropped */
+#define IK_6R_SAME (REAL)VALUE_6R_SAME /* rows nearer than this are one: forward kinematics cannot tell them apart */
 
-/* Rows (cos alpha, sin alpha, a, d), lengths in units of {{ length }}. */
-static const REAL {{ p }}_6r_dh[6][4] = {
-{% for row in dh %}
-    { {{- row -}} }{{ "," if not loop.last }}
-{% endfor %}
-};
-{% if slides %}
-/* Joint {{ slide + 1 }} slides; cosine and sine of its constant angle. A cosine and sine in its place hold its displacement and 0. */
-static const REAL {{ p }}_6r_fixed[2] = { {{- turn -}} };
-{% endif %}
+/* Rows (cos alpha, sin alpha, a, d), lengths in units of the mean length of a link. */
+static const REAL ik_6r_dh[6][4] = DH;
+#if DH_SLIDES
+/* Of the joint that slides: cosine and sine of its constant angle. Where others have a cosine and a sine, it has its displacement and 0. */
+static const REAL ik_6r_fixed[2] = DH_TURN;
+#endif
 /* Eliminations to try, best first: first joint of the relabelled loop, direction, which of its joints 3, 4, 5 (0, 1, 2) is
  * kept, shifted, other, and which motion leads to a pose nearby, where roots that coincide come apart. */
-static const signed char {{ p }}_6r_pass[{{ passes|length }}][6] = {
-{% for row in passes %}
-    { {{- row|join(", ") -}} }{{ "," if not loop.last }}
-{% endfor %}
-};
+static const signed char ik_6r_pass[PASSES][6] = PASS;
 /* What may be noise in their polynomials, relative to the sum of the coefficients. */
-static const REAL {{ p }}_6r_noise[{{ passes|length }}] = { {{- noise -}} };
+static const REAL ik_6r_noise[PASSES] = PASS_NOISE;
 /* No motion, a small motion in no special direction, and its inverse. */
-static const REAL {{ p }}_6r_nudge[3][12] = {
-{% for row in nudge %}
-    { {{- row -}} }{{ "," if not loop.last }}
-{% endfor %}
+static const REAL ik_6r_nudge[3][12] = {
+    {(REAL)1.0, (REAL)0.0, (REAL)0.0, (REAL)0.0, (REAL)1.0, (REAL)0.0, (REAL)0.0, (REAL)0.0, (REAL)1.0, (REAL)0.0, (REAL)0.0, (REAL)0.0},
+    {(REAL)0.9999996152000963, (REAL)-0.0006401438399640401, (REAL)-0.0005998462500384375, (REAL)0.00063985584003604, (REAL)0.99999968000008, (REAL)-0.00048019187995203, (REAL)0.0006001534499616375, (REAL)0.00047980788004803, (REAL)0.9999997048000738, (REAL)0.0006, (REAL)0.00064, (REAL)-0.00048},
+    {(REAL)0.9999996152000963, (REAL)0.00063985584003604, (REAL)0.0006001534499616375, (REAL)-0.0006401438399640401, (REAL)0.99999968000008, (REAL)0.00047980788004803, (REAL)-0.0005998462500384375, (REAL)-0.00048019187995203, (REAL)0.9999997048000738, (REAL)-0.0006001212032016992, (REAL)-0.0006393854011136498, (REAL)0.0004806670888572278}
 };
 /* A turn about z by an angle that is no common fraction of pi; its cosine and sine are entries 0 and 3. */
-static const REAL {{ p }}_6r_odd[12] = { {{- odd -}} };
+static const REAL ik_6r_odd[12] = {(REAL)0.28, (REAL)-0.96, (REAL)0.0, (REAL)0.96, (REAL)0.28, (REAL)0.0, (REAL)0.0, (REAL)0.0, (REAL)1.0, (REAL)0.0, (REAL)0.0, (REAL)0.0};
 /* Features that a turn about z leaves alone, and the x members of the pairs that it turns. */
-static const signed char {{ p }}_6r_axial[7] = {3, 4, 7, 10, 11, 14, 0};
-static const signed char {{ p }}_6r_planar[4] = {1, 5, 8, 12};
+static const signed char ik_6r_axial[7] = {3, 4, 7, 10, 11, 14, 0};
+static const signed char ik_6r_planar[4] = {1, 5, 8, 12};
 /* The product of features that rigid transforms preserve, p.p' - (1 (p.p)' + (p.p) 1') / 2 + l.w' + w.l' - 2 m.m' +
  * 2 (p.l) (p.l)': partner of each feature and factor. */
-static const signed char {{ p }}_6r_dual[15] = {4, 1, 2, 3, 0, 12, 13, 14, 8, 9, 10, 11, 5, 6, 7};
-static const REAL {{ p }}_6r_form[15] = { {{- form -}} };
+static const signed char ik_6r_dual[15] = {4, 1, 2, 3, 0, 12, 13, 14, 8, 9, 10, 11, 5, 6, 7};
+static const REAL ik_6r_form[15] = {(REAL)-0.5, (REAL)1.0, (REAL)1.0, (REAL)1.0, (REAL)-0.5, (REAL)1.0, (REAL)1.0, (REAL)1.0, (REAL)-2.0, (REAL)-2.0, (REAL)-2.0, (REAL)2.0, (REAL)1.0, (REAL)1.0, (REAL)1.0};
 /* cos(2 pi k / 17), sin(2 pi k / 17) */
-static const REAL {{ p }}_6r_wave[17][2] = {
-{% for row in wave %}
-    { {{- row -}} }{{ "," if not loop.last }}
-{% endfor %}
+static const REAL ik_6r_wave[17][2] = {
+    {(REAL)1.0, (REAL)0.0},
+    {(REAL)0.9324722294043558, (REAL)0.3612416661871529},
+    {(REAL)0.7390089172206591, (REAL)0.6736956436465572},
+    {(REAL)0.44573835577653825, (REAL)0.8951632913550623},
+    {(REAL)0.092268359463302, (REAL)0.9957341762950345},
+    {(REAL)-0.2736629900720829, (REAL)0.961825643172819},
+    {(REAL)-0.6026346363792564, (REAL)0.7980172272802395},
+    {(REAL)-0.8502171357296141, (REAL)0.5264321628773558},
+    {(REAL)-0.9829730996839018, (REAL)0.18374951781657034},
+    {(REAL)-0.9829730996839018, (REAL)-0.18374951781657034},
+    {(REAL)-0.8502171357296141, (REAL)-0.5264321628773558},
+    {(REAL)-0.6026346363792564, (REAL)-0.7980172272802395},
+    {(REAL)-0.2736629900720829, (REAL)-0.961825643172819},
+    {(REAL)0.092268359463302, (REAL)-0.9957341762950345},
+    {(REAL)0.44573835577653825, (REAL)-0.8951632913550623},
+    {(REAL)0.7390089172206591, (REAL)-0.6736956436465572},
+    {(REAL)0.9324722294043558, (REAL)-0.3612416661871529}
 };
 
 /* Makes each of n pairs a cosine and a sine; the zero angle where there is no direction. */
-static void {{ p }}_6r_unit(int n, REAL cs[][2])
+LOCAL void ik_6r_unit(int n, REAL cs[][2])
 {
     int i;
     for (i = 0; i < n; ++i) {
         REAL scale;
-        cs[i][0] += {{ M }}_EPS * {{ M }}_EPS;
+        cs[i][0] += IK_6R_EPS * IK_6R_EPS;
         scale = (REAL)1 / SQRT(cs[i][0] * cs[i][0] + cs[i][1] * cs[i][1]);
         cs[i][0] *= scale;
         cs[i][1] *= scale;
@@ -68,7 +72,7 @@ static void {{ p }}_6r_unit(int n, REAL cs[][2])
 }
 
 /* Rigid transforms are 12 numbers: the rotation row-major, then the translation. z = x y; z may be x. */
-static void {{ p }}_6r_product(const REAL x[12], const REAL y[12], REAL z[12])
+LOCAL void ik_6r_product(const REAL x[12], const REAL y[12], REAL z[12])
 {
     int i, j;
     for (i = 0; i < 3; ++i) {
@@ -80,7 +84,7 @@ static void {{ p }}_6r_product(const REAL x[12], const REAL y[12], REAL z[12])
     }
 }
 
-static void {{ p }}_6r_inverse(const REAL x[12], REAL z[12])
+LOCAL void ik_6r_inverse(const REAL x[12], REAL z[12])
 {
     int i, j;
     for (i = 0; i < 3; ++i) {
@@ -91,7 +95,7 @@ static void {{ p }}_6r_inverse(const REAL x[12], REAL z[12])
     }
 }
 
-static void {{ p }}_6r_identity(REAL x[12])
+LOCAL void ik_6r_identity(REAL x[12])
 {
     int i;
     for (i = 0; i < 12; ++i) {
@@ -100,7 +104,7 @@ static void {{ p }}_6r_identity(REAL x[12])
 }
 
 /* x Rz with the cosine and sine cs. */
-static void {{ p }}_6r_turn(REAL x[12], const REAL cs[2])
+LOCAL void ik_6r_turn(REAL x[12], const REAL cs[2])
 {
     int i;
     for (i = 0; i < 9; i += 3) {
@@ -110,9 +114,9 @@ static void {{ p }}_6r_turn(REAL x[12], const REAL cs[2])
     }
 }
 
-{% if slides %}
+#if DH_SLIDES
 /* x Tz: a displacement along z. */
-static void {{ p }}_6r_slide(REAL x[12], REAL by)
+LOCAL void ik_6r_slide(REAL x[12], REAL by)
 {
     int i;
     for (i = 0; i < 3; ++i) {
@@ -120,17 +124,22 @@ static void {{ p }}_6r_slide(REAL x[12], REAL by)
     }
 }
 
-{% endif %}
+#endif
+#if DH_SLIDES
 /* The loop Z1 E1 Z2 E2 .. Z6 E6 = 1, begun at another joint, in either direction; the pose sits in one of the E. Every
- * angle is counted from an odd direction, so that round values are nothing special.{{ " A displacement is followed by its turn." if slides }} */
-static void {{ p }}_6r_loop(const REAL pose[12], int start, int direction, REAL e[6][12])
+ * angle is counted from an odd direction, so that round values are nothing special. A displacement is followed by its turn. */
+#else
+/* The loop Z1 E1 Z2 E2 .. Z6 E6 = 1, begun at another joint, in either direction; the pose sits in one of the E. Every
+ * angle is counted from an odd direction, so that round values are nothing special. */
+#endif
+LOCAL void ik_6r_loop(const REAL pose[12], int start, int direction, REAL e[6][12])
 {
     int k;
     for (k = 0; k < 6; ++k) {
         const int link = (start + 12 + direction * k + (direction - 1) / 2) % 6;
-        const REAL *const row = {{ p }}_6r_dh[link];
+        const REAL *const row = ik_6r_dh[link];
         REAL x[12], y[12];
-        {{ p }}_6r_identity(x);
+        ik_6r_identity(x);
         x[4] = row[0];
         x[5] = -row[1];
         x[7] = row[1];
@@ -138,26 +147,26 @@ static void {{ p }}_6r_loop(const REAL pose[12], int start, int direction, REAL 
         x[9] = row[2];
         x[11] = row[3];
         if (link == 5) {
-            {{ p }}_6r_inverse(pose, y);
-            {{ p }}_6r_product(x, y, x);
+            ik_6r_inverse(pose, y);
+            ik_6r_product(x, y, x);
         }
         if (direction < 0) {
-            {{ p }}_6r_inverse(x, y);
+            ik_6r_inverse(x, y);
         }
-{% if slides %}
-        if ((start + 12 + direction * k) % 6 == {{ slide }}) {
-            const REAL turn[2] = { {{- p }}_6r_fixed[0], {{ p }}_6r_fixed[1] * (REAL)direction};
-            {{ p }}_6r_identity(e[k]);
-            {{ p }}_6r_turn(e[k], turn);
-            {{ p }}_6r_product(e[k], (direction < 0) ? y : x, e[k]);
+#if DH_SLIDES
+        if ((start + 12 + direction * k) % 6 == DH_SLIDE) {
+            const REAL turn[2] = {ik_6r_fixed[0], ik_6r_fixed[1] * (REAL)direction};
+            ik_6r_identity(e[k]);
+            ik_6r_turn(e[k], turn);
+            ik_6r_product(e[k], (direction < 0) ? y : x, e[k]);
             continue;
         }
-{% endif %}
-        {{ p }}_6r_product({{ p }}_6r_odd, (direction < 0) ? y : x, e[k]);
+#endif
+        ik_6r_product(ik_6r_odd, (direction < 0) ? y : x, e[k]);
     }
 }
 
-static void {{ p }}_6r_cross(const REAL a[3], const REAL b[3], REAL c[3])
+LOCAL void ik_6r_cross(const REAL a[3], const REAL b[3], REAL c[3])
 {
     int i;
     for (i = 0; i < 3; ++i) {
@@ -168,7 +177,7 @@ static void {{ p }}_6r_cross(const REAL a[3], const REAL b[3], REAL c[3])
 
 /* Features of a line (point p, direction l): 0: 1, 1..3: p, 4: p.p, 5..7: l, 8..10: m = p x l, 11: p.l,
  * 12..14: w = (p.p) l - 2 (p.l) p. A rigid transform acts on them linearly; this applies it to n columns in place. */
-static void {{ p }}_6r_carry(const REAL e[12], int n, REAL f[15][18])
+LOCAL void ik_6r_carry(const REAL e[12], int n, REAL f[15][18])
 {
     const REAL *const t = e + 9;
     const REAL tt = t[0] * t[0] + t[1] * t[1] + t[2] * t[2];
@@ -176,14 +185,14 @@ static void {{ p }}_6r_carry(const REAL e[12], int n, REAL f[15][18])
     for (j = 0; j < n; ++j) {
         REAL v[4][3], tl[3], tm[3], along = (REAL)0;
         for (i = 0; i < 4; ++i) {
-            const int at = {{ p }}_6r_planar[i];
+            const int at = ik_6r_planar[i];
             const REAL a = f[at][j], b = f[at + 1][j], c = f[at + 2][j];
             v[i][0] = e[0] * a + e[1] * b + e[2] * c;
             v[i][1] = e[3] * a + e[4] * b + e[5] * c;
             v[i][2] = e[6] * a + e[7] * b + e[8] * c;
         }
-        {{ p }}_6r_cross(t, v[1], tl);
-        {{ p }}_6r_cross(t, v[2], tm);
+        ik_6r_cross(t, v[1], tl);
+        ik_6r_cross(t, v[2], tm);
         f[4][j] += tt * f[0][j];
         for (i = 0; i < 3; ++i) {
             along += t[i] * v[1][i];
@@ -201,19 +210,19 @@ static void {{ p }}_6r_carry(const REAL e[12], int n, REAL f[15][18])
 }
 
 /* Splits n columns into 3 n: constant, cosine and sine part under a turn about z (sense -1: about -z). */
-static void {{ p }}_6r_split(int n, REAL sense, REAL f[15][18])
+LOCAL void ik_6r_split(int n, REAL sense, REAL f[15][18])
 {
     int i, j;
     for (j = n - 1; j >= 0; --j) {
         for (i = 0; i < 7; ++i) {
-            REAL *const x = f[{{ p }}_6r_axial[i]];
+            REAL *const x = f[ik_6r_axial[i]];
             x[3 * j] = x[j];
             x[3 * j + 1] = (REAL)0;
             x[3 * j + 2] = (REAL)0;
         }
         for (i = 0; i < 4; ++i) {
-            REAL *const x = f[{{ p }}_6r_planar[i]];
-            REAL *const y = f[{{ p }}_6r_planar[i] + 1];
+            REAL *const x = f[ik_6r_planar[i]];
+            REAL *const y = f[ik_6r_planar[i] + 1];
             const REAL u = x[j], v = y[j];
             x[3 * j] = (REAL)0;
             y[3 * j] = (REAL)0;
@@ -225,9 +234,9 @@ static void {{ p }}_6r_split(int n, REAL sense, REAL f[15][18])
     }
 }
 
-{% if slides %}
+#if DH_SLIDES
 /* Splits n columns into 3 n: the parts 1, x and x^2 under a displacement x along z (sense -1: along -z). */
-static void {{ p }}_6r_stretch(int n, REAL sense, REAL f[15][18])
+LOCAL void ik_6r_stretch(int n, REAL sense, REAL f[15][18])
 {
     int i, j;
     for (j = n - 1; j >= 0; --j) {
@@ -253,19 +262,19 @@ static void {{ p }}_6r_stretch(int n, REAL sense, REAL f[15][18])
     }
 }
 
-/* Splits n columns into 3 n under the motion of joint `place` of the loop: {{ p }}_6r_split about z, or {{ p }}_6r_stretch. */
-static void {{ p }}_6r_part(const signed char pass[6], int place, int n, REAL sense, REAL f[15][18])
+/* Splits n columns into 3 n under the motion of joint `place` of the loop: about z or along z. */
+LOCAL void ik_6r_part(const signed char pass[6], int place, int n, REAL sense, REAL f[15][18])
 {
     if (place == 2 + pass[4]) {
-        {{ p }}_6r_stretch(n, sense, f);
+        ik_6r_stretch(n, sense, f);
     } else {
-        {{ p }}_6r_split(n, sense, f);
+        ik_6r_split(n, sense, f);
     }
 }
 
-{% endif %}
+#endif
 /* Column j: the line of a frame's z axis (the hidden sixth axis). */
-static void {{ p }}_6r_line(const REAL e[12], int j, REAL f[15][18])
+LOCAL void ik_6r_line(const REAL e[12], int j, REAL f[15][18])
 {
     const REAL *const point = e + 9;
     const REAL axis[3] = {e[2], e[5], e[8]};
@@ -275,7 +284,7 @@ static void {{ p }}_6r_line(const REAL e[12], int j, REAL f[15][18])
         pp += point[i] * point[i];
         pl += point[i] * axis[i];
     }
-    {{ p }}_6r_cross(point, axis, moment);
+    ik_6r_cross(point, axis, moment);
     f[0][j] = (REAL)1;
     f[4][j] = pp;
     f[11][j] = pl;
@@ -288,7 +297,7 @@ static void {{ p }}_6r_line(const REAL e[12], int j, REAL f[15][18])
 }
 
 /* x -= scale (v.x) v on 8 entries */
-static void {{ p }}_6r_reflect(const REAL v[8], REAL scale, REAL x[8])
+LOCAL void ik_6r_reflect(const REAL v[8], REAL scale, REAL x[8])
 {
     REAL dot = (REAL)0;
     int i;
@@ -302,7 +311,7 @@ static void {{ p }}_6r_reflect(const REAL v[8], REAL scale, REAL x[8])
 }
 
 /* m - n orthonormal vectors y that vanish on n vectors a of m entries (the rest zero), by Householder's reflections. */
-static void {{ p }}_6r_complement(int m, int n, REAL a[6][8], REAL y[4][8])
+LOCAL void ik_6r_complement(int m, int n, REAL a[6][8], REAL y[4][8])
 {
     REAL scale[6];
     int i, j, k;
@@ -318,15 +327,15 @@ static void {{ p }}_6r_complement(int m, int n, REAL a[6][8], REAL y[4][8])
             norm += a[k][i] * a[k][i];
         }
         length = SQRT(norm);
-        scale[k] = (REAL)1 / (norm + FABS(a[k][k]) * length + {{ M }}_TINY);
+        scale[k] = (REAL)1 / (norm + FABS(a[k][k]) * length + IK_6R_TINY);
         a[k][k] += (a[k][k] < (REAL)0) ? -length : length;
         for (j = k + 1; j < n; ++j) {
-            {{ p }}_6r_reflect(a[k], scale[k], a[j]);
+            ik_6r_reflect(a[k], scale[k], a[j]);
         }
     }
     for (--k; k >= 0; --k) {
         for (j = 0; j < m - n; ++j) {
-            {{ p }}_6r_reflect(a[k], scale[k], y[j]);
+            ik_6r_reflect(a[k], scale[k], y[j]);
         }
     }
 }
@@ -334,7 +343,7 @@ static void {{ p }}_6r_complement(int m, int n, REAL a[6][8], REAL y[4][8])
 /* Six columns that cancel every trace of joints 1 and 2 in the line of joint 6, as features under the preserved product.
  * f: the line as seen through joint 1, its constant, cosine and sine; joint 2 then turns the planar pairs as complex
  * numbers. Four combinations of the axial features do it, and a complex one of the planar pairs. */
-static void {{ p }}_6r_cancel(REAL f[15][18], REAL row[15][18])
+LOCAL void ik_6r_cancel(REAL f[15][18], REAL row[15][18])
 {
     REAL a[6][8], y[4][8];
     int i, j, k;
@@ -344,65 +353,65 @@ static void {{ p }}_6r_cancel(REAL f[15][18], REAL row[15][18])
         }
     }
     for (i = 0; i < 8; ++i) {
-        a[0][i] = i < 6 ? f[{{ p }}_6r_axial[i]][1] : (REAL)0;
-        a[1][i] = i < 6 ? f[{{ p }}_6r_axial[i]][2] : (REAL)0;
+        a[0][i] = i < 6 ? f[ik_6r_axial[i]][1] : (REAL)0;
+        a[1][i] = i < 6 ? f[ik_6r_axial[i]][2] : (REAL)0;
     }
-    {{ p }}_6r_complement(6, 2, a, y);
+    ik_6r_complement(6, 2, a, y);
     for (i = 0; i < 6; ++i) {
-        const int at = {{ p }}_6r_axial[i];
+        const int at = ik_6r_axial[i];
         for (j = 0; j < 4; ++j) {
-            row[{{ p }}_6r_dual[at]][j] += y[j][i] / {{ p }}_6r_form[at];
+            row[ik_6r_dual[at]][j] += y[j][i] / ik_6r_form[at];
             row[4][j] += (REAL)2 * y[j][i] * f[at][0];
         }
     }
     for (i = 0; i < 8; ++i) {
-        const int at = {{ p }}_6r_planar[i / 2];
+        const int at = ik_6r_planar[i / 2];
         for (k = 0; k < 3; ++k) {
             a[2 * k][i] = f[at + i % 2][k];
             a[2 * k + 1][i] = (i % 2 == 0) ? -f[at + 1][k] : f[at][k];
         }
     }
-    {{ p }}_6r_complement(8, 6, a, y);
+    ik_6r_complement(8, 6, a, y);
     for (i = 0; i < 8; ++i) {
-        const int at = {{ p }}_6r_planar[i / 2] + i % 2;
+        const int at = ik_6r_planar[i / 2] + i % 2;
         for (j = 0; j < 2; ++j) {
-            row[{{ p }}_6r_dual[at]][4 + j] = y[j][i] / {{ p }}_6r_form[at];
+            row[ik_6r_dual[at]][4 + j] = y[j][i] / ik_6r_form[at];
         }
     }
 }
 
 /* The six equations in joints 3, 4 and 5, h[kept: 1, cos, sin][row][3 * power of the shifted half angle's tangent + power
- * of the other's{{ ", which is the displacement" if slides }}]: the rows that know nothing of joints 1 and 2, applied to the line as seen through 3, 4 and 5. */
-static void {{ p }}_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3][6][10])
+ * of the other's, or of the displacement]: the rows that know nothing of joints 1 and 2, applied to the line as seen through 3, 4 and 5. */
+LOCAL void ik_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3][6][10])
 {
     static const signed char stride[3] = {60, 1, 3}; /* of joints 3, 4 and 5 in g */
     const int kept = stride[pass[2]], outer = stride[pass[3]], inner = stride[pass[4]];
     REAL f[15][18], row[15][18], g[180], back[12];
     int i, j, k, x;
-    {{ p }}_6r_inverse(e[5], back);
-    {{ p }}_6r_line(back, 0, f);
-    {{ p }}_6r_split(1, -(REAL)1, f);
-    {{ p }}_6r_inverse(e[0], back);
-    {{ p }}_6r_carry(back, 3, f);
-    {{ p }}_6r_cancel(f, row);
-    {{ p }}_6r_inverse(e[1], back);
-    {{ p }}_6r_carry(back, 6, row);
-{% if slides %}
-    {{ p }}_6r_part(pass, 2, 6, -(REAL)1, row);
-{% else %}
-    {{ p }}_6r_split(6, -(REAL)1, row);
-{% endif %}
-    {{ p }}_6r_line(e[4], 0, f);
-{% if slides %}
-    {{ p }}_6r_part(pass, 4, 1, (REAL)1, f);
-    {{ p }}_6r_carry(e[3], 3, f);
-    {{ p }}_6r_part(pass, 3, 3, (REAL)1, f);
-{% else %}
-    {{ p }}_6r_split(1, (REAL)1, f);
-    {{ p }}_6r_carry(e[3], 3, f);
-    {{ p }}_6r_split(3, (REAL)1, f);
-{% endif %}
-    {{ p }}_6r_carry(e[2], 9, f);
+    ik_6r_inverse(e[5], back);
+    ik_6r_line(back, 0, f);
+    ik_6r_split(1, -(REAL)1, f);
+    ik_6r_inverse(e[0], back);
+    ik_6r_carry(back, 3, f);
+    ik_6r_cancel(f, row);
+    ik_6r_inverse(e[1], back);
+    ik_6r_carry(back, 6, row);
+#if DH_SLIDES
+    ik_6r_part(pass, 2, 6, -(REAL)1, row);
+#else
+    ik_6r_split(6, -(REAL)1, row);
+#endif
+    ik_6r_line(e[4], 0, f);
+#if DH_SLIDES
+    ik_6r_part(pass, 4, 1, (REAL)1, f);
+    ik_6r_carry(e[3], 3, f);
+    ik_6r_part(pass, 3, 3, (REAL)1, f);
+#else
+    ik_6r_split(1, (REAL)1, f);
+    ik_6r_carry(e[3], 3, f);
+    ik_6r_split(3, (REAL)1, f);
+#endif
+    ik_6r_carry(e[2], 9, f);
     for (i = 0; i < 15; ++i) {
         f[i][9] = (REAL)0;
     }
@@ -412,27 +421,27 @@ static void {{ p }}_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3
             sum[x] = (REAL)0;
         }
         for (i = 0; i < 15; ++i) {
-            const REAL z = {{ p }}_6r_form[i] * row[{{ p }}_6r_dual[i]][j];
+            const REAL z = ik_6r_form[i] * row[ik_6r_dual[i]][j];
             for (x = 0; x < 10; ++x) {
                 sum[x] += z * f[i][x];
             }
         }
     }
     for (x = 0; x < 6; ++x) {
-        REAL norm = {{ M }}_TINY;
+        REAL norm = IK_6R_TINY;
         for (k = 0; k < 3; ++k) {
             REAL m[3][3];
-            for (i = 0; i < 3; ++i) { /* 1, cos, sin -> powers of tan(x/2), {{ "shifted joint" if slides else "both joints" }} */
+            for (i = 0; i < 3; ++i) { /* 1, cos, sin -> powers of tan(x/2) */
                 const REAL *const s = g + 10 * x + kept * k + outer * i;
-{% if slides %}
+#if DH_SLIDES
                 m[i][0] = s[0];
                 m[i][1] = s[inner];
                 m[i][2] = s[2 * inner];
-{% else %}
+#else
                 m[i][0] = s[0] + s[inner];
                 m[i][1] = (REAL)2 * s[2 * inner];
                 m[i][2] = s[0] - s[inner];
-{% endif %}
+#endif
             }
             for (j = 0; j < 3; ++j) {
                 h[k][x][j] = m[0][j] + m[1][j];
@@ -454,7 +463,7 @@ static void {{ p }}_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3
 }
 
 /* Gaussian elimination of the first n columns by row pivots; returns the pivots' signed product. */
-static REAL {{ p }}_6r_lu(REAL a[6][10], int n)
+LOCAL REAL ik_6r_lu(REAL a[6][10], int n)
 {
     REAL det = (REAL)1;
     int i, j, k;
@@ -474,7 +483,7 @@ static REAL {{ p }}_6r_lu(REAL a[6][10], int n)
             a[k][j] = top[j];
         }
         det *= pivot == k ? top[k] : -top[k];
-        scale = (REAL)1 / (best > {{ M }}_TINY ? top[k] : {{ M }}_TINY);
+        scale = (REAL)1 / (best > IK_6R_TINY ? top[k] : IK_6R_TINY);
         for (i = k + 1; i < 6; ++i) {
             const REAL factor = a[i][k] * scale;
             for (j = 0; j < 10; ++j) {
@@ -488,7 +497,7 @@ static REAL {{ p }}_6r_lu(REAL a[6][10], int n)
 /* The equations at the kept angle cs, times 1 and times the shifted half angle: [M0 M1 M2 0; 0 M0 M1 M2] on powers 0 .. 3.
  * Powers 0 and 3 occur in one block row each, which eliminates them: work[0] = [M0 | M1 M2], work[1] = [M2 | M0 M1].
  * work[2] is what remains on powers 1 and 2 (columns 0 .. 5). Returns the product of the pivots. */
-static REAL {{ p }}_6r_reduce(REAL h[3][6][10], const REAL cs[2], REAL work[3][6][10])
+LOCAL REAL ik_6r_reduce(REAL h[3][6][10], const REAL cs[2], REAL work[3][6][10])
 {
     REAL det;
     int i, j;
@@ -504,7 +513,7 @@ static REAL {{ p }}_6r_reduce(REAL h[3][6][10], const REAL cs[2], REAL work[3][6
         }
         work[1][i][9] = (REAL)0;
     }
-    det = {{ p }}_6r_lu(work[0], 3) * {{ p }}_6r_lu(work[1], 3);
+    det = ik_6r_lu(work[0], 3) * ik_6r_lu(work[1], 3);
     for (i = 0; i < 6; ++i) {
         for (j = 0; j < 6; ++j) {
             work[2][i][j] = work[i / 3][3 + i % 3][3 + j];
@@ -517,7 +526,7 @@ static REAL {{ p }}_6r_reduce(REAL h[3][6][10], const REAL cs[2], REAL work[3][6
 }
 
 /* The angle x (cs) with tan(x/2) = zone[2] tan(y/2), counted from zone[0..1]; returns cos^2 + zone[2]^2 sin^2 of y/2. */
-static REAL {{ p }}_6r_magnify(const REAL zone[3], const REAL y[2], REAL cs[2])
+LOCAL REAL ik_6r_magnify(const REAL zone[3], const REAL y[2], REAL cs[2])
 {
     const REAL a = (REAL)0.5 * ((REAL)1 + y[0]), b = (REAL)0.5 * ((REAL)1 - y[0]) * zone[2] * zone[2];
     const REAL weight = a + b;
@@ -528,42 +537,42 @@ static REAL {{ p }}_6r_magnify(const REAL zone[3], const REAL y[2], REAL cs[2])
 }
 
 /* Tangent of half the angle from x to y. */
-static REAL {{ p }}_6r_tangent(const REAL x[2], const REAL y[2])
+LOCAL REAL ik_6r_tangent(const REAL x[2], const REAL y[2])
 {
-    return (x[0] * y[1] - x[1] * y[0]) / ((REAL)1 + x[0] * y[0] + x[1] * y[1] + {{ M }}_EPS * {{ M }}_EPS);
+    return (x[0] * y[1] - x[1] * y[0]) / ((REAL)1 + x[0] * y[0] + x[1] * y[1] + IK_6R_EPS * IK_6R_EPS);
 }
 
 /* Samples the 12 x 12 determinant on a circle that a zone magnifies, and finds its roots there. It is a trigonometric
  * polynomial of degree 8 in x; times magnify's weight to the 8th it is one in y, with noise relative to the zone. */
-static int {{ p }}_6r_scan(REAL h[3][6][10], const REAL zone[3], REAL noise, REAL root[24][3], int order[24])
+LOCAL int ik_6r_scan(REAL h[3][6][10], const REAL zone[3], REAL noise, REAL root[24][3], int order[24])
 {
     REAL value[17], ca[9], sa[9], level = (REAL)0;
     int j, k;
     for (j = 0; j < 17; ++j) {
         REAL work[3][6][10], cs[2], weight;
-        weight = {{ p }}_6r_magnify(zone, {{ p }}_6r_wave[j], cs);
+        weight = ik_6r_magnify(zone, ik_6r_wave[j], cs);
         weight *= weight;
         weight *= weight;
-        value[j] = weight * weight * {{ p }}_6r_reduce(h, cs, work);
-        value[j] *= {{ p }}_6r_lu(work[2], 6);
+        value[j] = weight * weight * ik_6r_reduce(h, cs, work);
+        value[j] *= ik_6r_lu(work[2], 6);
     }
     for (k = 0; k <= 8; ++k) {
         int at = 0;
         ca[k] = (REAL)0;
         sa[k] = (REAL)0;
         for (j = 0; j < 17; ++j) {
-            ca[k] += value[j] * {{ p }}_6r_wave[at][0];
-            sa[k] += value[j] * {{ p }}_6r_wave[at][1];
+            ca[k] += value[j] * ik_6r_wave[at][0];
+            sa[k] += value[j] * ik_6r_wave[at][1];
             at += (at + k < 17) ? k : k - 17;
         }
         level += FABS(ca[k]) + FABS(sa[k]);
     }
     ca[0] *= (REAL)0.5;
-    return {{ p }}_trig_roots_8(ca, sa, level * noise, root, order);
+    return ik_trig_roots_8(ca, sa, level * noise, root, order);
 }
 
 /* Products of two null vectors' low and high parts under the shift by 3 (shifted angle) or by 1 (other angle). */
-static void {{ p }}_6r_shift(const REAL u[12], const REAL v[12], int by, REAL s[4])
+LOCAL void ik_6r_shift(const REAL u[12], const REAL v[12], int by, REAL s[4])
 {
     int i;
     for (i = 0; i < 4; ++i) {
@@ -580,14 +589,14 @@ static void {{ p }}_6r_shift(const REAL u[12], const REAL v[12], int by, REAL s[
 }
 
 /* Shifted and other angle of a null vector (1, x, x^2, x^3) (1, y, y^2); returns how far it is from that shape. */
-static REAL {{ p }}_6r_factor(const REAL w[12], REAL angle[2][2])
+LOCAL REAL ik_6r_factor(const REAL w[12], REAL angle[2][2])
 {
     REAL far = (REAL)0;
     int k;
     for (k = 0; k < 2; ++k) { /* low and high part are the cosine and sine of the half angle times the same vector */
         REAL s[4], sum, off;
-        {{ p }}_6r_shift(w, w, 3 - 2 * k, s);
-        sum = (REAL)1 / (s[0] + s[3] + {{ M }}_TINY);
+        ik_6r_shift(w, w, 3 - 2 * k, s);
+        sum = (REAL)1 / (s[0] + s[3] + IK_6R_TINY);
         angle[k][0] = (s[0] - s[3]) * sum;
         angle[k][1] = (REAL)2 * s[1] * sum;
         off = (REAL)1 - angle[k][0] * angle[k][0] - angle[k][1] * angle[k][1];
@@ -598,13 +607,13 @@ static REAL {{ p }}_6r_factor(const REAL w[12], REAL angle[2][2])
 
 /* The two product vectors in the span of u and v: their half angles' tangents are the eigenvalues of a 2 x 2 matrix.
  * Returns the eigenvalues' gap, negative when they are complex. */
-static REAL {{ p }}_6r_divide(const REAL u[12], const REAL v[12], int by, REAL mix[2][2])
+LOCAL REAL ik_6r_divide(const REAL u[12], const REAL v[12], int by, REAL mix[2][2])
 {
     REAL a[4], b[4], d[4], det, m01, m10, h, disc, root;
-    {{ p }}_6r_shift(u, u, by, a);
-    {{ p }}_6r_shift(u, v, by, b);
-    {{ p }}_6r_shift(v, v, by, d);
-    det = (REAL)1 / (a[0] * d[0] - b[0] * b[0] + {{ M }}_TINY);
+    ik_6r_shift(u, u, by, a);
+    ik_6r_shift(u, v, by, b);
+    ik_6r_shift(v, v, by, d);
+    det = (REAL)1 / (a[0] * d[0] - b[0] * b[0] + IK_6R_TINY);
     m01 = (d[0] * b[1] - b[0] * d[1]) * det;
     m10 = (a[0] * b[2] - b[0] * a[1]) * det;
     h = (REAL)0.5 * (d[0] * a[1] - b[0] * b[2] - a[0] * d[1] + b[0] * b[1]) * det;
@@ -624,13 +633,13 @@ static REAL {{ p }}_6r_divide(const REAL u[12], const REAL v[12], int by, REAL m
 }
 
 /* Two vectors that span the null space at a kept angle, as if it had two dimensions; w is their mix if it has one. */
-static void {{ p }}_6r_null(REAL h[3][6][10], const REAL cs[2], REAL x[2][12], REAL w[12])
+LOCAL void ik_6r_null(REAL h[3][6][10], const REAL cs[2], REAL x[2][12], REAL w[12])
 {
     REAL work[3][6][10];
     REAL(*const low)[10] = work[0], (*const high)[10] = work[1], (*const s)[10] = work[2];
     int i, j, k;
-    (void){{ p }}_6r_reduce(h, cs, work);
-    (void){{ p }}_6r_lu(s, 5);
+    (void)ik_6r_reduce(h, cs, work);
+    (void)ik_6r_lu(s, 5);
     for (k = 0; k < 2; ++k) {
         REAL *const v = x[k];
         v[8] = (k == 0) ? (REAL)1 : (REAL)0;
@@ -640,7 +649,7 @@ static void {{ p }}_6r_null(REAL h[3][6][10], const REAL cs[2], REAL x[2][12], R
             for (j = i + 1; j < 6; ++j) {
                 v[3 + i] -= s[i][j] * v[3 + j];
             }
-            v[3 + i] /= s[i][i] + {{ M }}_TINY;
+            v[3 + i] /= s[i][i] + IK_6R_TINY;
         }
         for (i = 2; i >= 0; --i) {
             v[i] = (REAL)0;
@@ -649,8 +658,8 @@ static void {{ p }}_6r_null(REAL h[3][6][10], const REAL cs[2], REAL x[2][12], R
                 v[i] -= low[i][j] * v[j];
                 v[9 + i] -= high[i][j] * v[j < 3 ? 9 + j : j];
             }
-            v[i] /= low[i][i] + {{ M }}_TINY;
-            v[9 + i] /= high[i][i] + {{ M }}_TINY;
+            v[i] /= low[i][i] + IK_6R_TINY;
+            v[9 + i] /= high[i][i] + IK_6R_TINY;
         }
     }
     for (i = 0; i < 12; ++i) {
@@ -659,19 +668,19 @@ static void {{ p }}_6r_null(REAL h[3][6][10], const REAL cs[2], REAL x[2][12], R
 }
 
 /* The pairs (shifted, other) of angles at a root: one from a simple null space, two from one that has to be divided. */
-static int {{ p }}_6r_pairs(REAL h[3][6][10], const REAL root[2], int order, REAL pair[3][2][2])
+LOCAL int ik_6r_pairs(REAL h[3][6][10], const REAL root[2], int order, REAL pair[3][2][2])
 {
     REAL x[2][12], w[12], mix[2][2][2];
     int i, k, best, count;
-    {{ p }}_6r_null(h, root, x, w);
-    count = {{ p }}_6r_factor(w, pair[0]) < (REAL)1e-2;
+    ik_6r_null(h, root, x, w);
+    count = ik_6r_factor(w, pair[0]) < (REAL)1e-2;
     if (order == 2) {
-        best = {{ p }}_6r_divide(x[0], x[1], 3, mix[0]) < {{ p }}_6r_divide(x[0], x[1], 1, mix[1]);
+        best = ik_6r_divide(x[0], x[1], 3, mix[0]) < ik_6r_divide(x[0], x[1], 1, mix[1]);
         for (k = 0; k < 2; ++k) {
             for (i = 0; i < 12; ++i) {
                 w[i] = mix[best][k][0] * x[0][i] + mix[best][k][1] * x[1][i];
             }
-            (void){{ p }}_6r_factor(w, pair[count]);
+            (void)ik_6r_factor(w, pair[count]);
             ++count;
         }
     }
@@ -680,34 +689,38 @@ static int {{ p }}_6r_pairs(REAL h[3][6][10], const REAL root[2], int order, REA
 
 /* Joints 1, 2 and 6 of the loop from 3, 4 and 5 (t: cosines and sines): joint 2 by least squares over the features that
  * joint 1 leaves alone, then joint 1 from those that it turns, then joint 6 from what is left. */
-static void {{ p }}_6r_complete(REAL e[6][12], {{ "int slide, " if slides }}REAL t[6][2])
+#if DH_SLIDES
+LOCAL void ik_6r_complete(REAL e[6][12], int slide, REAL t[6][2])
+#else
+LOCAL void ik_6r_complete(REAL e[6][12], REAL t[6][2])
+#endif
 {
     REAL x[12], y[12], goal[12], f[15][18];
     REAL aa = (REAL)0, ab = (REAL)0, bb = (REAL)0, ar = (REAL)0, br = (REAL)0;
     int i;
-    {{ p }}_6r_identity(x);
-    {{ p }}_6r_identity(y);
+    ik_6r_identity(x);
+    ik_6r_identity(y);
     t[1][0] = (REAL)1;
     t[0][0] = t[0][1] = t[1][1] = t[5][0] = t[5][1] = (REAL)0;
-    {{ p }}_6r_inverse(e[5], goal);
+    ik_6r_inverse(e[5], goal);
     for (i = 1; i < 5; ++i) {
-{% if slides %}
+#if DH_SLIDES
         if (i == slide) {
-            {{ p }}_6r_slide(y, t[i][0]);
+            ik_6r_slide(y, t[i][0]);
         } else {
-            {{ p }}_6r_turn(y, t[i]);
+            ik_6r_turn(y, t[i]);
         }
-{% else %}
-        {{ p }}_6r_turn(y, t[i]);
-{% endif %}
-        {{ p }}_6r_product(y, e[i], y);
+#else
+        ik_6r_turn(y, t[i]);
+#endif
+        ik_6r_product(y, e[i], y);
     }
-    {{ p }}_6r_line(y, 0, f);
-    {{ p }}_6r_split(1, (REAL)1, f);
-    {{ p }}_6r_carry(e[0], 3, f);
-    {{ p }}_6r_line(goal, 3, f);
+    ik_6r_line(y, 0, f);
+    ik_6r_split(1, (REAL)1, f);
+    ik_6r_carry(e[0], 3, f);
+    ik_6r_line(goal, 3, f);
     for (i = 0; i < 6; ++i) {
-        const REAL *const v = f[{{ p }}_6r_axial[i]];
+        const REAL *const v = f[ik_6r_axial[i]];
         aa += v[1] * v[1];
         ab += v[1] * v[2];
         bb += v[2] * v[2];
@@ -716,47 +729,47 @@ static void {{ p }}_6r_complete(REAL e[6][12], {{ "int slide, " if slides }}REAL
     }
     t[1][0] = bb * ar - ab * br;
     t[1][1] = aa * br - ab * ar;
-    {{ p }}_6r_unit(1, t + 1);
+    ik_6r_unit(1, t + 1);
     for (i = 0; i < 4; ++i) {
-        const REAL *const v = f[{{ p }}_6r_planar[i]], *const w = f[{{ p }}_6r_planar[i] + 1];
+        const REAL *const v = f[ik_6r_planar[i]], *const w = f[ik_6r_planar[i] + 1];
         const REAL vx = v[0] + v[1] * t[1][0] + v[2] * t[1][1], vy = w[0] + w[1] * t[1][0] + w[2] * t[1][1];
         t[0][0] += vx * v[3] + vy * w[3];
         t[0][1] += vx * w[3] - vy * v[3];
     }
-    {{ p }}_6r_unit(1, t);
-    {{ p }}_6r_turn(x, t[0]);
-    {{ p }}_6r_product(x, e[0], x);
-    {{ p }}_6r_turn(x, t[1]);
-    {{ p }}_6r_product(x, y, x);
+    ik_6r_unit(1, t);
+    ik_6r_turn(x, t[0]);
+    ik_6r_product(x, e[0], x);
+    ik_6r_turn(x, t[1]);
+    ik_6r_product(x, y, x);
     for (i = 0; i < 9; i += 3) {
         t[5][0] += x[i] * goal[i] + x[i + 1] * goal[i + 1];
         t[5][1] += x[i + 1] * goal[i] - x[i] * goal[i + 1];
     }
 }
 
-/* Forward kinematics in joint cosines and sines{{ " (a displacement and 0)" if slides }}; r (linear, angular) leads to the pose, jac[k] is the column of joint k.
+/* Forward kinematics in joint cosines and sines (or a displacement and 0); r (linear, angular) leads to the pose, jac[k] is the column of joint k.
  * Returns the largest difference between an entry of the pose and of the forward kinematics. */
-static REAL {{ p }}_6r_residual(const REAL pose[12], REAL cs[6][2], REAL r[6], REAL jac[6][6])
+LOCAL REAL ik_6r_residual(const REAL pose[12], REAL cs[6][2], REAL r[6], REAL jac[6][6])
 {
     REAL x[12], err = (REAL)0;
     int i, k;
-    {{ p }}_6r_identity(x);
+    ik_6r_identity(x);
     for (k = 0; k < 6; ++k) {
-        const REAL *const row = {{ p }}_6r_dh[k];
+        const REAL *const row = ik_6r_dh[k];
         for (i = 0; i < 3; ++i) {
             jac[k][i] = x[9 + i];
             jac[k][3 + i] = x[3 * i + 2];
         }
-{% if slides %}
-        if (k == {{ slide }}) {
-            {{ p }}_6r_slide(x, cs[k][0]);
-            {{ p }}_6r_turn(x, {{ p }}_6r_fixed);
+#if DH_SLIDES
+        if (k == DH_SLIDE) {
+            ik_6r_slide(x, cs[k][0]);
+            ik_6r_turn(x, ik_6r_fixed);
         } else {
-            {{ p }}_6r_turn(x, cs[k]);
+            ik_6r_turn(x, cs[k]);
         }
-{% else %}
-        {{ p }}_6r_turn(x, cs[k]);
-{% endif %}
+#else
+        ik_6r_turn(x, cs[k]);
+#endif
         for (i = 0; i < 3; ++i) {
             const REAL v = x[3 * i + 1], w = x[3 * i + 2];
             x[9 + i] += row[3] * w + row[2] * x[3 * i];
@@ -773,14 +786,14 @@ static REAL {{ p }}_6r_residual(const REAL pose[12], REAL cs[6][2], REAL r[6], R
         for (i = 0; i < 3; ++i) {
             arm[i] = x[9 + i] - jac[k][i];
         }
-        {{ p }}_6r_cross(jac[k] + 3, arm, jac[k]);
+        ik_6r_cross(jac[k] + 3, arm, jac[k]);
     }
-{% if slides %}
+#if DH_SLIDES
     for (i = 0; i < 3; ++i) {
-        jac[{{ slide }}][i] = jac[{{ slide }}][3 + i];
-        jac[{{ slide }}][3 + i] = (REAL)0;
+        jac[DH_SLIDE][i] = jac[DH_SLIDE][3 + i];
+        jac[DH_SLIDE][3 + i] = (REAL)0;
     }
-{% endif %}
+#endif
     for (i = 0; i < 3; ++i) {
         const int y = i < 2 ? 3 * i + 3 : 0, z = i > 0 ? 3 * i - 3 : 6;
         r[i] = pose[9 + i] - x[9 + i];
@@ -793,12 +806,12 @@ static REAL {{ p }}_6r_residual(const REAL pose[12], REAL cs[6][2], REAL r[6], R
 }
 
 /* (J'J + damping) step = J' r by the LDL' decomposition. */
-static void {{ p }}_6r_step(REAL jac[6][6], const REAL r[6], REAL damping, REAL step[6])
+LOCAL void ik_6r_step(REAL jac[6][6], const REAL r[6], REAL damping, REAL step[6])
 {
     REAL l[6][6], d[6];
     int i, j, k;
     for (i = 0; i < 6; ++i) {
-        REAL pivot = damping + {{ M }}_EPS * {{ M }}_EPS;
+        REAL pivot = damping + IK_6R_EPS * IK_6R_EPS;
         step[i] = (REAL)0;
         for (k = 0; k < 6; ++k) {
             step[i] += jac[i][k] * r[k];
@@ -816,7 +829,7 @@ static void {{ p }}_6r_step(REAL jac[6][6], const REAL r[6], REAL damping, REAL 
             pivot -= l[i][j] * v;
             step[i] -= l[i][j] * step[j];
         }
-        d[i] = (pivot > {{ M }}_EPS * {{ M }}_EPS) ? pivot : {{ M }}_EPS * {{ M }}_EPS;
+        d[i] = (pivot > IK_6R_EPS * IK_6R_EPS) ? pivot : IK_6R_EPS * IK_6R_EPS;
     }
     for (i = 5; i >= 0; --i) {
         step[i] /= d[i];
@@ -829,13 +842,13 @@ static void {{ p }}_6r_step(REAL jac[6][6], const REAL r[6], REAL damping, REAL 
 /* Damped Newton steps on the pose (damping: the squared residual) from a trial row to cs. A patient search (near a singular
  * pose; it has *left more steps to spend) that stalls is kicked off the best row by the square root of its error, the way to the solution where the Jacobian
  * is singular. Returns 0 when the pose is not met, 1 when it is met far from where the steps began, 2 close by. */
-static int {{ p }}_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6][2], REAL cs[6][2])
+LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6][2], REAL cs[6][2])
 {
     REAL best = (REAL)10, begin = (REAL)0, before = (REAL)10;
     int it, i;
-    for (it = 0; it <= {{ M }}_STEPS || (patient && *left > 0 && it <= 6 * {{ M }}_STEPS); ++it) {
+    for (it = 0; it <= IK_6R_STEPS || (patient && *left > 0 && it <= 6 * IK_6R_STEPS); ++it) {
         REAL r[6], jac[6][6], step[6], damping = (REAL)0, largest = (REAL)1, (*from)[2] = trial;
-        const REAL err = {{ p }}_6r_residual(pose, trial, r, jac);
+        const REAL err = ik_6r_residual(pose, trial, r, jac);
         const int better = err < best;
         const int stalled = !(patient ? FABS(err - before) > (REAL)0.01 * err : err < (REAL)0.5 * before);
         *left -= patient;
@@ -847,19 +860,19 @@ static int {{ p }}_6r_polish(const REAL pose[12], int patient, int *left, REAL t
                 cs[i][1] = trial[i][1];
             }
         }
-        if (best < {{ M }}_DONE || (it >= 3 && best > (REAL)0.1) || (best < {{ M }}_ACCEPT && !(err < (REAL)0.5 * before)) || !(patient || better)) {
+        if (best < IK_6R_DONE || (it >= 3 && best > (REAL)0.1) || (best < IK_6R_ACCEPT && !(err < (REAL)0.5 * before)) || !(patient || better)) {
             break;
         }
         before = err;
         for (i = 0; i < 6; ++i) {
             damping += r[i] * r[i];
         }
-        {{ p }}_6r_step(jac, r, damping, step);
+        ik_6r_step(jac, r, damping, step);
         if (stalled && patient) {
             const REAL kick = (REAL)2 * SQRT(best);
             from = cs;
             for (i = 0; i < 6; ++i) {
-                step[i] = kick * {{ p }}_6r_wave[(5 * i + 3 * it) % 17][0];
+                step[i] = kick * ik_6r_wave[(5 * i + 3 * it) % 17][0];
             }
             before = (REAL)10;
         }
@@ -871,19 +884,19 @@ static int {{ p }}_6r_polish(const REAL pose[12], int patient, int *left, REAL t
             const REAL c = from[i][0], s = from[i][1], w = (REAL)1 / ((REAL)1 + t * t);
             trial[i][0] = (c * ((REAL)1 - t * t) - (REAL)2 * s * t) * w;
             trial[i][1] = (s * ((REAL)1 - t * t) + (REAL)2 * c * t) * w;
-{% if slides %}
-            if (i == {{ slide }}) {
+#if DH_SLIDES
+            if (i == DH_SLIDE) {
                 trial[i][0] = c + step[i] / largest;
                 trial[i][1] = (REAL)0;
             }
-{% endif %}
+#endif
         }
     }
-    return best < {{ M }}_ACCEPT ? 1 + (begin < (REAL)1e-3) : 0;
+    return best < IK_6R_ACCEPT ? 1 + (begin < (REAL)1e-3) : 0;
 }
 
 /* Where row count stands among those before it; count when it is new. */
-static int {{ p }}_6r_place(REAL rows[{{ M }}_MAX + 1][6][2], int count)
+LOCAL int ik_6r_place(REAL rows[IK_6R_MAX + 1][6][2], int count)
 {
     int i, k;
     for (k = 0; k < count; ++k) {
@@ -891,7 +904,7 @@ static int {{ p }}_6r_place(REAL rows[{{ M }}_MAX + 1][6][2], int count)
         for (i = 0; i < 12; ++i) {
             apart += FABS(rows[k][i / 2][i % 2] - rows[count][i / 2][i % 2]);
         }
-        if (apart < {{ M }}_SAME) {
+        if (apart < IK_6R_SAME) {
             break;
         }
     }
@@ -900,16 +913,16 @@ static int {{ p }}_6r_place(REAL rows[{{ M }}_MAX + 1][6][2], int count)
 
 /* Adds the rows of one root of the kept angle. Returns 0 when a simple root yields no row of its own (the first `old` rows
  * belong to everyone). A row that two simple roots share, or that is the only one of an unresolved root, is a double one. */
-static int {{ p }}_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][12], REAL h[3][6][10],
-    const REAL root[2], int order, int old, int *left, REAL rows[{{ M }}_MAX + 1][6][2], int mult[{{ M }}_MAX], int *count)
+LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][12], REAL h[3][6][10],
+    const REAL root[2], int order, int old, int *left, REAL rows[IK_6R_MAX + 1][6][2], int mult[IK_6R_MAX], int *count)
 {
     const int before = *count;
     int attempt, shared = -1, single = 1;
     for (attempt = order; attempt <= 2 && *count == before && *left > 0; ++attempt) { /* the null space may have two dimensions after all */
         REAL pair[3][2][2];
-        const int pairs = {{ p }}_6r_pairs(h, root, attempt, pair);
+        const int pairs = ik_6r_pairs(h, root, attempt, pair);
         int i, j;
-        for (j = 0; j < pairs && *count < {{ M }}_MAX; ++j) {
+        for (j = 0; j < pairs && *count < IK_6R_MAX; ++j) {
             REAL t[6][2], cs[6][2];
             int place, near, joint;
             for (i = 0; i < 2; ++i) {
@@ -917,27 +930,31 @@ static int {{ p }}_6r_rows(const REAL pose[12], const signed char pass[6], REAL 
                 t[2 + pass[3]][i] = pair[j][0][i];
                 t[2 + pass[4]][i] = pair[j][1][i];
             }
-{% if slides %}
-            t[2 + pass[4]][0] = pair[j][1][1] / ((REAL)1 + pair[j][1][0] + {{ M }}_EPS);
+#if DH_SLIDES
+            t[2 + pass[4]][0] = pair[j][1][1] / ((REAL)1 + pair[j][1][0] + IK_6R_EPS);
             t[2 + pass[4]][1] = (REAL)0;
-{% endif %}
-            {{ p }}_6r_complete(e, {{ "2 + pass[4], " if slides }}t);
+#endif
+#if DH_SLIDES
+            ik_6r_complete(e, 2 + pass[4], t);
+#else
+            ik_6r_complete(e, t);
+#endif
             joint = pass[0];
             for (i = 0; i < 6; ++i) {
                 REAL *const to = cs[joint];
                 joint += pass[1];
                 joint += (joint < 0) ? 6 : (joint > 5) ? -6 : 0;
-                to[0] = {{ p }}_6r_odd[0] * t[i][0] - {{ p }}_6r_odd[3] * t[i][1];
-                to[1] = ({{ p }}_6r_odd[0] * t[i][1] + {{ p }}_6r_odd[3] * t[i][0]) * (REAL)pass[1];
+                to[0] = ik_6r_odd[0] * t[i][0] - ik_6r_odd[3] * t[i][1];
+                to[1] = (ik_6r_odd[0] * t[i][1] + ik_6r_odd[3] * t[i][0]) * (REAL)pass[1];
             }
-            {{ p }}_6r_unit(6, cs);
-{% if slides %}
-            cs[{{ slide }}][0] = t[2 + pass[4]][0] * (REAL)pass[1];
-            cs[{{ slide }}][1] = (REAL)0;
-{% endif %}
-            near = {{ p }}_6r_polish(pose, pass[5] != 0 || attempt == 2, left, cs, rows[*count]);
+            ik_6r_unit(6, cs);
+#if DH_SLIDES
+            cs[DH_SLIDE][0] = t[2 + pass[4]][0] * (REAL)pass[1];
+            cs[DH_SLIDE][1] = (REAL)0;
+#endif
+            near = ik_6r_polish(pose, pass[5] != 0 || attempt == 2, left, cs, rows[*count]);
             if (near > 0) {
-                place = {{ p }}_6r_place(rows, *count);
+                place = ik_6r_place(rows, *count);
                 mult[place] = (place == *count) ? 1 : mult[place];
                 *count += place == *count;
                 single &= shared < 0 || shared == place;
@@ -952,10 +969,10 @@ static int {{ p }}_6r_rows(const REAL pose[12], const signed char pass[6], REAL 
 }
 
 /* The zone about the middle one of n unresolved roots of another zone; 0 when it would magnify nothing. */
-static int {{ p }}_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
+LOCAL int ik_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
 {
     int i;
-    (void){{ p }}_6r_magnify(outer, root[n / 2], zone);
+    (void)ik_6r_magnify(outer, root[n / 2], zone);
     zone[2] = (REAL)0;
     for (i = 0; i < n; ++i) { /* both ends of each root, and some more */
         REAL turn = root[i][2] + (REAL)0.02;
@@ -963,8 +980,8 @@ static int {{ p }}_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zo
         for (k = 0; k < 2; ++k) {
             const REAL end[2] = {root[i][0] - turn * root[i][1], root[i][1] + turn * root[i][0]};
             REAL cs[2], reach;
-            (void){{ p }}_6r_magnify(outer, end, cs);
-            reach = FABS({{ p }}_6r_tangent(zone, cs));
+            (void)ik_6r_magnify(outer, end, cs);
+            reach = FABS(ik_6r_tangent(zone, cs));
             zone[2] = reach > zone[2] ? reach : zone[2];
             turn = -turn;
         }
@@ -973,25 +990,25 @@ static int {{ p }}_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zo
 }
 
 /* One elimination; adds its rows and returns 1 when its books balance: every root has its row, their number is even. */
-static int {{ p }}_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL noise,
-    REAL rows[{{ M }}_MAX + 1][6][2], int mult[{{ M }}_MAX], int *count)
+LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL noise,
+    REAL rows[IK_6R_MAX + 1][6][2], int mult[IK_6R_MAX], int *count)
 {
-    REAL e[6][12], h[3][6][10], zone[{{ M }}_ZONES][3], seen[12];
+    REAL e[6][12], h[3][6][10], zone[IK_6R_ZONES][3], seen[12];
     const int old = *count;
-    int zones = 1, at, k, fine = 1, total = 0, left = {{ M }}_PATIENCE;
+    int zones = 1, at, k, fine = 1, total = 0, left = IK_6R_PATIENCE;
     zone[0][0] = (REAL)1;
     zone[0][1] = (REAL)0;
     zone[0][2] = (REAL)1;
-    {{ p }}_6r_product(pose, {{ p }}_6r_nudge[pass[5]], seen);
-    {{ p }}_6r_loop(seen, pass[0], pass[1], e);
-    {{ p }}_6r_pencil(e, pass, h);
+    ik_6r_product(pose, ik_6r_nudge[pass[5]], seen);
+    ik_6r_loop(seen, pass[0], pass[1], e);
+    ik_6r_pencil(e, pass, h);
     for (at = 0; at < zones; ++at) {
         REAL root[24][3];
         const int mine = zones;
-        int order[24], begin = -1, empty = 1, roots = {{ p }}_6r_scan(h, zone[at], noise, root, order);
+        int order[24], begin = -1, empty = 1, roots = ik_6r_scan(h, zone[at], noise, root, order);
         for (k = 0; k < roots; ++k) { /* unresolved roots, joined where they are close, become zones of their own */
             int joined = 0;
-            if (order[k] == 1 || zone[at][2] < (REAL)1e-3 || zones == {{ M }}_ZONES) {
+            if (order[k] == 1 || zone[at][2] < (REAL)1e-3 || zones == IK_6R_ZONES) {
                 continue;
             }
             begin = (begin < 0) ? k : begin;
@@ -1000,7 +1017,7 @@ static int {{ p }}_6r_eliminate(const REAL pose[12], const signed char pass[6], 
                 joined = (REAL)1 - root[k][0] * root[k + 1][0] - root[k][1] * root[k + 1][1] < (REAL)0.5 * reach * reach;
             }
             if (!joined) {
-                zones += {{ p }}_6r_zone(zone[at], root + begin, k - begin + 1, zone[zones]);
+                zones += ik_6r_zone(zone[at], root + begin, k - begin + 1, zone[zones]);
                 begin = -1;
             }
         }
@@ -1009,14 +1026,14 @@ static int {{ p }}_6r_eliminate(const REAL pose[12], const signed char pass[6], 
             REAL cs[2] = {zone[at][0], zone[at][1]};
             int m, here = middle ? at > 0 && empty : at == 0 || root[k][0] > (REAL)-0.3847; /* tan(x/2) < 1.5 */
             if (!middle) {
-                (void){{ p }}_6r_magnify(zone[at], root[k], cs);
+                (void)ik_6r_magnify(zone[at], root[k], cs);
             }
             for (m = mine; m < zones; ++m) { /* a zone of its own will find it better */
-                here &= FABS({{ p }}_6r_tangent(zone[m], cs)) > (REAL)1.5 * zone[m][2];
+                here &= FABS(ik_6r_tangent(zone[m], cs)) > (REAL)1.5 * zone[m][2];
             }
             if (here) {
                 empty = 0;
-                fine &= {{ p }}_6r_rows(pose, pass, e, h, cs, middle ? 2 : order[k], old, &left, rows, mult, count);
+                fine &= ik_6r_rows(pose, pass, e, h, cs, middle ? 2 : order[k], old, &left, rows, mult, count);
             }
         }
     }
@@ -1027,30 +1044,30 @@ static int {{ p }}_6r_eliminate(const REAL pose[12], const signed char pass[6], 
 }
 
 /* All joint angles (rad, in (-pi, pi]) with Rz(q1)Tz(d1)Tx(a1)Rx(alpha1) .. Rz(q6)Tz(d6)Tx(a6)Rx(alpha6) = t (row-major
- * 4 x 4){{ "; joint " ~ (slide + 1) ~ " slides: Tz(q)Rz(theta) for Rz(q)" if slides }}; mult: 1 regular, 2 a double solution. Returns the number of rows. */
-static int {{ p }}_solve6r(const REAL t[16], REAL q[{{ M }}_MAX][6], int mult[{{ M }}_MAX])
+ * 4 x 4); a joint that slides has Tz(q)Rz(theta) for Rz(q); mult: 1 regular, 2 a double solution. Returns the number of rows. */
+LOCAL int ik_solve6r(const REAL t[16], REAL q[IK_6R_MAX][6], int mult[IK_6R_MAX])
 {
-    REAL pose[12], rows[{{ M }}_MAX + 1][6][2];
+    REAL pose[12], rows[IK_6R_MAX + 1][6][2];
     int i, j, count = 0, pass;
     for (i = 0; i < 9; ++i) {
         pose[i] = t[i + i / 3];
     }
     for (i = 0; i < 3; ++i) {
-        pose[9 + i] = t[4 * i + 3] * (REAL){{ 1 / length }};
+        pose[9 + i] = t[4 * i + 3] * (REAL)PER_LENGTH;
     }
-    for (pass = 0; pass < {{ passes|length }}; ++pass) {
-        if ({{ p }}_6r_eliminate(pose, {{ p }}_6r_pass[pass], {{ p }}_6r_noise[pass], rows, mult, &count)) {
+    for (pass = 0; pass < PASSES; ++pass) {
+        if (ik_6r_eliminate(pose, ik_6r_pass[pass], ik_6r_noise[pass], rows, mult, &count)) {
             break;
         }
     }
     for (i = 0; i < count; ++i) {
         for (j = 0; j < 6; ++j) {
-            const REAL x = ATAN2(rows[i][j][1], rows[i][j][0]);
+            const REAL x = ik_atan2(rows[i][j][1], rows[i][j][0]);
             q[i][j] = x > (REAL)-3.141592653589793 ? x : (REAL)3.141592653589793;
         }
-{% if slides %}
-        q[i][{{ slide }}] = rows[i][{{ slide }}][0] * (REAL){{ length }};
-{% endif %}
+#if DH_SLIDES
+        q[i][DH_SLIDE] = rows[i][DH_SLIDE][0] * (REAL)LENGTH;
+#endif
     }
     return count;
 }

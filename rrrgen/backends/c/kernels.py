@@ -1,0 +1,99 @@
+"""Numerical kernels: C files that compile alone, written into the code of one robot in its own names and sizes.
+
+In a kernel everything that differs between robots is a macro, which a header beside it explains and defines for a build
+of the kernel alone. :func:`specialize` does for the emitted file what the preprocessor does there, but leaves readable
+text: it settles ``#if`` on the *options* and replaces *words*, on the tokens of C. Comments, strings and character
+constants stay as they are, so a joint that is called like a word keeps its name in every message.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from rrrgen.errors import InternalError
+from rrrgen.resources import template_text
+
+_TOKEN = re.compile(
+    r"""/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'|\.?\d(?:[eE][+-]|[\w.])*|(?P<name>[A-Za-z_]\w*)""",
+    re.DOTALL,
+)
+_GAP = "\0"  # stands before a word that may take the space beside it along
+_DIRECTIVE = re.compile(r"#\s*(if|elif|else|endif)\b\s*(.*)")
+_INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a kernel becomes for one robot.
+
+    ``options`` are the names that ``#if`` asks for; ``words`` replace names as a whole, by text that is not read again;
+    ``prefixes`` replace the beginnings of names. An empty text takes one space beside it along, and one that begins
+    with a comma the space before it, so that optional arguments leave no gap.
+    """
+
+    options: Mapping[str, bool]
+    words: Mapping[str, str]
+    prefixes: Mapping[str, str]
+
+
+def kernel(name: str, settings: Settings) -> str:
+    """The text of the kernel ``templates/c/<name>`` for one robot, from behind its one include."""
+    text = template_text(f"c/{name}")
+    include = _INCLUDE.search(text)
+    if include is None:
+        raise InternalError(f"the kernel {name} does not include its settings")
+    return specialize(text[include.end() :], settings)
+
+
+def specialize(text: str, settings: Settings) -> str:
+    """``text`` with its options settled and its words and prefixes replaced; see :class:`Settings`."""
+    replaced = _TOKEN.sub(lambda token: _replaced(token, settings), "".join(_settled(text, settings.options)))
+    return re.sub(f" {_GAP}|{_GAP} ?", "", replaced)
+
+
+def _replaced(token: re.Match[str], settings: Settings) -> str:
+    name = token["name"]
+    if name is None:
+        return token[0]
+    word = settings.words.get(name)
+    if word is not None:
+        return _GAP + word if not word or word.startswith(",") else word
+    for prefix, longer in settings.prefixes.items():
+        if name.startswith(prefix):
+            return longer + name.removeprefix(prefix)
+    return name
+
+
+def _settled(text: str, options: Mapping[str, bool]) -> Iterator[str]:
+    """The lines that remain; conditions that ask for anything but options stay in the text."""
+    kept: list[bool | None] = []  # of each open condition: whether its lines remain; None where it stays in the text
+    for line in text.splitlines(keepends=True):
+        directive = _DIRECTIVE.match(line)
+        if directive is None:
+            if False not in kept:
+                yield line
+            continue
+        what, condition = directive.groups()
+        if what == "if":
+            kept.append(_holds(condition, options))
+        elif not kept or (what == "elif" and kept[-1] is not None):
+            raise InternalError(f"a kernel has an #{what} that is not understood: {condition}")
+        if kept[-1] is None:
+            if False not in kept:
+                yield line
+        elif what == "else":
+            kept[-1] = not kept[-1]
+        if what == "endif":
+            kept.pop()
+    if kept:
+        raise InternalError("a kernel has an #if without its #endif")
+
+
+def _holds(condition: str, options: Mapping[str, bool]) -> bool | None:
+    """The value of a condition such as ``A && !B || C``; None if it asks for anything but options."""
+    terms = [[factor.strip() for factor in term.split("&&")] for term in condition.split("||")]
+    if any(factor.removeprefix("!") not in options for term in terms for factor in term):
+        return None
+    return any(all(options[f.removeprefix("!")] != f.startswith("!") for f in term) for term in terms)

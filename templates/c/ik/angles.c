@@ -1,0 +1,61 @@
+/* Angles: in (-pi, pi], and arc tangents without branches and tables. Needs tolerances.c. */
+#include "kernel.h"
+/* x in (-pi, pi] */
+LOCAL REAL ik_wrap(REAL x)
+{
+    x -= (REAL)6.283185307179586 * (REAL)((x > (REAL)3.141592653589793) - (x <= (REAL)-3.141592653589793)); /* the usual case */
+    if (x > (REAL)3.141592653589793 || x <= (REAL)-3.141592653589793) {
+        x -= (REAL)6.283185307179586 * FLOOR(x * (REAL)0.15915494309189535 + (REAL)0.5);
+    }
+    return x;
+}
+#if NEEDS_WRIST
+
+/* The angle half a turn away. */
+LOCAL REAL ik_opposite(REAL x)
+{
+    return x > (REAL)0 ? x - (REAL)3.141592653589793 : x + (REAL)3.141592653589793;
+}
+#endif
+#if NEEDS_SQRT
+
+LOCAL REAL ik_root0(REAL x)
+{
+    return x > (REAL)0 ? SQRT(x) : (REAL)0;
+}
+#endif
+
+#if NEEDS_ATAN2
+/* atan2 to 2.7 ulp, the same bits wherever every step is rounded; a quarter turn at the origin. Without branches and
+ * tables, which lets compilers make vectors of it. The angle is none or some eighths of a turn (start) plus or minus (turn)
+ * an arc of at most pi/8; nothing but the last sum waits for both. */
+LOCAL_INLINE REAL ik_atan2(REAL y, REAL x)
+{
+    const REAL ax = FABS(x), ay = FABS(y);
+    const REAL small = ax < ay ? ax : ay, large = ax > ay ? ax : ay;
+    const REAL sense = COPYSIGN((REAL)1, (REAL)0 + y); /* plus for -0 */
+    const REAL front = COPYSIGN((REAL)1, x), flat = -COPYSIGN((REAL)1, ay - ax);
+    const REAL half = COPYSIGN((REAL)0.5, (REAL)0.41421356237309503 * large - small), beyond = (REAL)0.5 - half; /* tan(pi/8) */
+    const REAL axis = flat * ((REAL)0.5 + half); /* the arc counts from the x axis (1), from the diagonal or from the y axis (-1) */
+    const REAL start = sense * ((REAL)1.5707963267948966 - front * ((REAL)0.7853981633974483 + (REAL)0.7853981633974483 * axis));
+    const REAL turn = sense * front * flat;
+    const REAL t = (small - beyond * large) / (large + (REAL)VALUE_TINY + beyond * small); /* no 0 / 0 */
+    const REAL s = turn * t, u = t * t, v = u * u, w = v * v;
+    const REAL p0 = (REAL)-0.333333333333332 + u * (REAL)0.19999999999953244;
+    const REAL p1 = (REAL)-0.14285714280166237 + u * (REAL)0.11111110782140723;
+    const REAL p2 = (REAL)-0.09090897724893458 + u * (REAL)0.07692059711868017;
+    const REAL p3 = (REAL)-0.06663099148471298 + u * (REAL)0.05847858920620302;
+    const REAL p4 = (REAL)-0.050391890304237796 + u * (REAL)0.038062108726007564 + v * (REAL)-0.017905009476816506;
+    return start + (s + s * u * ((p0 + v * p1) + w * ((p2 + v * p3) + w * p4)));
+}
+#endif
+#if NEEDS_ARCS
+
+LOCAL void ik_arcs(int count, const REAL *RESTRICT sine, const REAL *RESTRICT cosine, REAL *RESTRICT angle)
+{
+    int i;
+    for (i = 0; i < count; ++i) {
+        angle[i] = ik_atan2(sine[i], cosine[i]);
+    }
+}
+#endif

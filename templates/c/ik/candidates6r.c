@@ -1,0 +1,81 @@
+/* The candidate rows of six joints without special structure, also beside a prescribed first or last of seven joints.
+ * Needs refine.c and general6r.c. */
+#include "kernel.h"
+/* The candidates of every branch. A larger slack clamps discriminants that are below zero. Residuals
+ * are still squared, and negative where they are not known yet. A joint whose direction is shorter than `least` is free
+ * and takes its value from ref. */
+LOCAL int ik_branches(
+    const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL least BAND_PARAMETER, ik_solutions *found, int *stage)
+{
+    int rows = 0;
+    /* inverses of what stands before the first joint and after the last one, rows of 3x4 */
+    static const REAL before[12] = DH_BEFORE;
+    static const REAL after[12] = DH_AFTER;
+#if LOCKED
+    static const REAL link[12] = LOCKED_LINK; /* likewise between the prescribed joint and the others */
+#endif
+#if DH_SHIFTED
+    static const REAL shift[6] = DH_SHIFTS;
+#endif
+    REAL pose[16] = {(REAL)0}, x[16][6];
+    int multiplicity[16], i, k;
+#if LOCKED
+    const REAL raw = lock LOCKED_OFFSET;
+#if LOCKED_SLIDES
+    const REAL back[12] = {(REAL)1, (REAL)0, (REAL)0, (REAL)0, (REAL)0, (REAL)1, (REAL)0, (REAL)0, (REAL)0, (REAL)0, (REAL)1, -raw};
+#else
+    const REAL c = COS(raw), s = SIN(raw);
+    const REAL back[12] = {c, s, (REAL)0, (REAL)0, -s, c, (REAL)0, (REAL)0, (REAL)0, (REAL)0, (REAL)1, (REAL)0};
+#endif
+#endif
+    for (i = 0; i < 12; ++i) {
+#if LOCKED_FIRST
+        pose[i] = link[i];
+#else
+        pose[i] = before[i];
+#endif
+    }
+#if LOCKED_FIRST
+    ik_advance(pose, back);
+    ik_advance(pose, before);
+#endif
+    ik_advance(pose, T);
+    ik_advance(pose, after);
+#if LOCKED_LAST
+    ik_advance(pose, back);
+    ik_advance(pose, link);
+#endif
+    rows = ik_solve6r(pose, x, multiplicity);
+    if (rows == 0) {
+        *stage = *stage < 1 ? 1 : *stage;
+    }
+    for (i = 0; i < rows; ++i) {
+        for (k = 0; k < 6; ++k) {
+#if DH_SHIFTED && DH_SLIDES
+            found->q[i][FREE_K] = k == DH_SLIDE ? x[i][k] + shift[k] : ik_wrap(x[i][k] + shift[k]);
+#else
+#if DH_SHIFTED
+            found->q[i][FREE_K] = ik_wrap(x[i][k] + shift[k]);
+#else
+            found->q[i][FREE_K] = x[i][k];
+#endif
+#endif
+        }
+#if LOCKED
+        found->q[i][LOCKED_JOINT] = lock;
+#endif
+        found->flags[i] = multiplicity[i] > 1 ? (unsigned)IK_MULTIPLE : 0u;
+        found->branch[i] = 0u;
+        found->residual[i] = (REAL)-1; /* checked and polished by the caller */
+    }
+
+    (void)T;
+    (void)ref;
+    (void)slack;
+    (void)least;
+    (void)stage;
+#if BANDED
+    (void)band;
+#endif
+    return rows;
+}

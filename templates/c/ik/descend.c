@@ -1,0 +1,39 @@
+/* The nearest configuration to a target out of reach, by descent from many starts. Needs refine.c and rows.c. */
+#include "kernel.h"
+/* Descent from every branch with its discriminants clamped, from the reference and from a few fixed configurations.
+ * Rows that meet the target are kept; if there are none, row 0 is the nearest configuration, its distance is noted and
+ * 0 is returned. */
+LOCAL int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions *out)
+{
+    ik_solutions found;
+    REAL best = (REAL)1e30; /* no start has been tried */
+    int stage = 0, start, i, kept = 0;
+    const int rows = ik_last_candidates(T, ref LOCK, (REAL)1e30, IK_TOL_FREE NO_BAND, &found, &stage);
+    for (start = 0; start < rows + VALUE_STARTS && kept < ROWS; ++start) {
+        REAL x[JOINTS], cost;
+        if (start == rows && kept > 0) {
+            break;
+        }
+        for (i = 0; i < JOINTS; ++i) {
+            x[i] = start < rows ? found.q[start][i] : ref[i] + (start > rows ? (REAL)VALUE_SPREAD * SIN((REAL)(start * (i + 1))) : (REAL)0);
+        }
+#if LOCKED
+        x[LOCKED_JOINT] = lock;
+#endif
+        cost = ik_refine(T, x, 200, (REAL)0.1 NONE_HELD);
+        if (cost < best || (cost <= IK_TOL_ACCEPT && kept > 0)) {
+            best = cost < best ? cost : best;
+            for (i = 0; i < JOINTS; ++i) {
+                out->q[kept][i] = x[i];
+            }
+            out->branch[kept] = start < rows ? found.branch[start] : 0u;
+            out->flags[kept] = cost > IK_TOL_ACCEPT ? (unsigned)IK_INEXACT : (unsigned)IK_MULTIPLE;
+            out->residual[kept] = cost;
+            if (cost <= IK_TOL_ACCEPT && !ik_repeated(out, kept)) {
+                ++kept;
+            }
+        }
+    }
+    out->distance = kept > 0 ? (REAL)0 : SQRT(best) * IK_TOL_REACH;
+    return kept;
+}

@@ -1,0 +1,126 @@
+/* Joints that the target leaves open, part 1: which ones, and how far a row is outside the limits. Needs refine.c. */
+#include "kernel.h"
+#if LIMITED
+
+/* x without whole turns, in [0, 2 pi) */
+LOCAL REAL ik_part(REAL x)
+{
+    return x - (REAL)6.283185307179586 * FLOOR(x * (REAL)0.15915494309189535);
+}
+
+/* How far the worst joint is outside its limits and a margin, rad or m; 0 if all are inside (at some turn). */
+LOCAL REAL ik_outside(const REAL *q, REAL margin)
+{
+    REAL worst = (REAL)0;
+    int i;
+    for (i = 0; i < JOINTS; ++i) {
+        const REAL low = ik_lower[i] - margin, width = ik_upper[i] + margin - low;
+        REAL out = (REAL)0;
+#if SLIDES
+        if (((SLIDING >> i) & 1u) != 0u) {
+            out = q[i] < low ? low - q[i] : q[i] - low - width;
+        } else
+#endif
+        if (width < (REAL)6.283185307179586) {
+            const REAL over = ik_part(q[i] - low);
+            out = over - width < (REAL)6.283185307179586 - over ? over - width : (REAL)6.283185307179586 - over;
+            out = over <= width ? (REAL)0 : out;
+        }
+        worst = out > worst ? out : worst;
+    }
+    return worst;
+}
+
+LOCAL REAL ik_clamped(REAL x, int j)
+{
+    x = x < ik_lower[j] ? ik_lower[j] : x;
+    return x > ik_upper[j] ? ik_upper[j] : x;
+}
+
+/* Moves the free joint j to the value nearest to the reference inside its limits and, where another joint has the same axis
+ * (only the sum or difference of the two is decided), inside the limits of both. 0 if there is none, or if more joints move. */
+LOCAL int ik_shift(const REAL *T, REAL *q, int j, const REAL *ref)
+{
+    const REAL near = (REAL)4 * IK_TOL_DOUBT;
+    REAL e[ERRORS], J[ERRORS][JOINTS], alone = (REAL)0, x = ik_clamped(ref[j], j);
+#if !POSITION
+    REAL sense = (REAL)0;
+    int partner = -1, k;
+#endif
+    int i;
+    (void)ik_error(T, q, e, J, 0u);
+    for (i = 0; i < ERRORS; ++i) {
+        alone += FABS(J[i][j]);
+    }
+    if (alone < near) { /* nothing else depends on it */
+        q[j] = x;
+        return 1;
+    }
+#if POSITION
+    return 0;
+#else
+    for (k = 0; k < JOINTS; ++k) {
+        REAL same = (REAL)0, opposite = (REAL)0;
+        for (i = 0; i < ERRORS; ++i) {
+            same += FABS(J[i][j] - J[i][k]);
+            opposite += FABS(J[i][j] + J[i][k]);
+        }
+        if (k != j && (same < near || opposite < near)) {
+            partner = k;
+            sense = same < near ? (REAL)-1 : (REAL)1;
+        }
+    }
+    if (partner < 0) {
+        return 0;
+    }
+    {
+        const REAL low = ik_lower[partner], width = ik_upper[partner] - low;
+        const REAL other = q[partner] + sense * (x - q[j]);
+        if (width < (REAL)6.283185307179586 && ik_part(other - low) > width) { /* its two nearest ends */
+            const REAL up = x + sense * ik_part(low - other), down = x - sense * ik_part(other - low - width);
+            const int above = up == ik_clamped(up, j), below = down == ik_clamped(down, j);
+            if (!above && !below) {
+                return 0;
+            }
+            x = above && (!below || FABS(up - x) <= FABS(down - x)) ? up : down;
+        }
+        q[partner] += sense * (x - q[j]);
+        q[j] = x;
+        return 1;
+    }
+#endif
+}
+#endif
+
+LOCAL void ik_take(const ik_solutions *from, int i, ik_solutions *out, int to)
+{
+    int k;
+    for (k = 0; k < JOINTS; ++k) {
+        out->q[to][k] = from->q[i][k];
+    }
+    out->flags[to] = from->flags[i];
+    out->branch[to] = from->branch[i];
+    out->residual[to] = from->residual[i];
+}
+
+/* Which joints of row i the target leaves open: turned a little and held there, one of them still lets the others meet
+ * the target to its own accuracy. */
+LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i)
+{
+    unsigned held = IK_HELD(found->flags[i]);
+    int j, k, side;
+    if (held == 0u && !(found->residual[i] <= IK_TOL_TIGHT && found->residual[i] >= (REAL)0)) {
+        found->residual[i] = ik_refine(T, found->q[i], STEPS, (REAL)0.01, 0u);
+    }
+    for (j = 0; j < JOINTS; ++j) {
+        for (side = -1; side <= 1 && ((found->flags[i] >> (8 + j)) & ~(held >> j) & 1u) != 0u; side += 2) {
+            REAL q[JOINTS];
+            for (k = 0; k < JOINTS; ++k) {
+                q[k] = found->q[i][k] + (k == j ? (REAL)side * (REAL)VALUE_TURN : (REAL)0);
+            }
+            held |= ik_refine(T, q, 12, (REAL)0.01, 1u << j) <= accuracy * accuracy ? 1u << j : 0u;
+        }
+    }
+    found->flags[i] |= held != 0u ? (held << 16) | (unsigned)IK_FREE : 0u;
+    return held;
+}

@@ -1,0 +1,172 @@
+/* Joints that the target leaves open, part 2, for one function ik_candidates that lists candidate rows: the row with the
+ * joint at its reference stands for all others. Needs open.c and rows.c. */
+#include "kernel.h"
+
+/* The choices of a branch that fall together where these joints are free. */
+LOCAL unsigned ik_merged(unsigned held)
+{
+    unsigned bits = 0u;
+#if MERGES
+    MERGED_BITS
+#endif
+    (void)held;
+    return bits;
+}
+#if LIMITED
+
+/* The row of a branch with the free joint j at x (or the nearest that works) and other free joints inside their limits:
+ * how far its worst joint is outside, 10 if there is no such row. */
+LOCAL REAL ik_with(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, unsigned held, unsigned branch, int j, REAL x, REAL *q)
+{
+    ik_solutions trial;
+    REAL at[JOINTS];
+    int stage = 0, i, k, rows;
+    for (i = 0; i < JOINTS; ++i) {
+        at[i] = i == j ? x : ref[i];
+    }
+    rows = ik_candidates(T, at LOCK, IK_TOL_SLACK, least NO_BAND, &trial, &stage);
+    for (i = 0; i < rows; ++i) {
+        if (IK_HELD(trial.flags[i]) == held && ((trial.branch[i] ^ branch) & ~ik_merged(held)) == 0u) {
+            for (k = 0; k < JOINTS; ++k) {
+                q[k] = trial.q[i][k];
+            }
+            for (k = 0; k < JOINTS; ++k) {
+                if (k != j && ((held >> k) & 1u) != 0u) {
+                    (void)ik_shift(T, q, k, ref);
+                }
+            }
+            return ik_outside(q, (REAL)0.5 * IK_TOL_LIMIT); /* the final refinement may move a row by some rounding */
+        }
+    }
+    return (REAL)10;
+}
+
+/* Where several joints move with the free joint j: steps away from the reference in both directions to the nearest value that
+ * takes all joints inside their limits, which is then found by bisection; dips between two steps are looked into. */
+LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, unsigned held, unsigned branch, int j, REAL *q)
+{
+    const REAL start = ik_clamped(ref[j], j), h = (REAL)0.04908738521234052;
+    REAL best = (REAL)-1, x[JOINTS];
+    int side, k, i;
+    for (side = -1; side <= 1; side += 2) {
+        REAL back = start, middle = start, g1 = ik_with(T, ref LOCK, least, held, branch, j, start, x), g0 = g1;
+        int dips = 0;
+        for (k = 1; k <= 128; ++k) {
+            const REAL front = ik_clamped(start + (REAL)(side * k) * h, j);
+            const REAL g = ik_with(T, ref LOCK, least, held, branch, j, front, x);
+            REAL bad = middle, good = front, deep = g;
+            if (g > (REAL)0 && k > 1 && g1 <= g0 && g1 <= g && ++dips <= 8) {
+                REAL a = back, b = front;
+                for (i = 0; i < 24 && deep > (REAL)0; ++i) {
+                    const REAL u = a + (b - a) / (REAL)3, v = b - (b - a) / (REAL)3;
+                    const REAL gu = ik_with(T, ref LOCK, least, held, branch, j, u, x);
+                    const REAL gv = ik_with(T, ref LOCK, least, held, branch, j, v, x);
+                    good = gu <= gv ? u : v;
+                    deep = gu <= gv ? gu : gv;
+                    a = gu <= gv ? a : u;
+                    b = gu <= gv ? v : b;
+                }
+                bad = back;
+            }
+            if (!(deep > (REAL)0)) {
+                for (i = 0; i < 48; ++i) {
+                    const REAL half = (REAL)0.5 * (bad + good);
+                    if (ik_with(T, ref LOCK, least, held, branch, j, half, x) > (REAL)0) {
+                        bad = half;
+                    } else {
+                        good = half;
+                    }
+                }
+                (void)ik_with(T, ref LOCK, least, held, branch, j, good, x);
+                if (!(best >= (REAL)0) || FABS(good - start) < best) {
+                    best = FABS(good - start);
+                    for (i = 0; i < JOINTS; ++i) {
+                        q[i] = x[i];
+                    }
+                }
+                break;
+            }
+            back = middle;
+            g0 = g1;
+            middle = front;
+            g1 = g;
+        }
+    }
+    return best >= (REAL)0;
+}
+
+/* Takes the free joints of a row to the values nearest to the reference that bring every joint inside its limits. */
+LOCAL void ik_fit(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, REAL tolerance, ik_solutions *wide, int w)
+{
+    const unsigned held = IK_HELD(wide->flags[w]);
+    REAL q[JOINTS], error;
+    int j, k;
+    for (k = 0; k < JOINTS; ++k) {
+        q[k] = wide->q[w][k];
+    }
+    for (j = 0; j < JOINTS && ik_outside(q, IK_TOL_LIMIT) > (REAL)0; ++j) {
+        if (((held >> j) & 1u) != 0u) {
+            (void)ik_shift(T, q, j, ref);
+        }
+    }
+    for (j = 0; j < JOINTS && ik_outside(q, IK_TOL_LIMIT) > (REAL)0; ++j) {
+        if (((held >> j) & 1u) != 0u) {
+            (void)ik_search(T, ref LOCK, least, held, wide->branch[w], j, q);
+        }
+    }
+    error = ik_refine(T, q, 12, (REAL)0.01, held);
+    if (error <= tolerance && !(ik_outside(q, IK_TOL_LIMIT) > (REAL)0)) {
+        for (k = 0; k < JOINTS; ++k) {
+            wide->q[w][k] = q[k];
+        }
+        wide->residual[w] = error;
+    }
+}
+#endif
+
+/* Candidates in which a vector that decides a joint is short. Where the target does not decide the joint, the row with the
+ * joint at its reference (with limits: the nearest that brings all joints inside) stands for them, if it meets the target.
+ * The vectors are taken for none from ever greater lengths on, until the joints are free that the target leaves open. */
+LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned options, REAL accuracy, ik_solutions *found, int rows)
+{
+    const REAL own = (REAL)16 * accuracy * accuracy, tolerance = own > IK_TOL_ACCEPT ? own : IK_TOL_ACCEPT;
+    REAL least = IK_TOL_FREE;
+    int pending = 0, i, w;
+    for (i = 0; i < rows; ++i) {
+        pending += (found->flags[i] & IK_OPEN) != 0u && ik_loose(T, accuracy, found, i) != 0u;
+    }
+    for (; pending > 0 && least < (REAL)2 * IK_TOL_DOUBT; least *= (REAL)10) {
+        ik_solutions wide;
+        int stage = 0;
+        const int count = ik_candidates(T, at LOCK, IK_TOL_SLACK, least NO_BAND, &wide, &stage);
+        for (w = 0; w < count; ++w) {
+            const unsigned held = IK_HELD(wide.flags[w]), other = ~ik_merged(held);
+            int first = -1, fits = -1;
+            for (i = 0; i < rows; ++i) {
+                if (held != 0u && IK_HELD(found->flags[i]) == held && ((found->branch[i] ^ wide.branch[w]) & other) == 0u) {
+                    if (fits < 0) {
+                        wide.residual[w] = ik_refine(T, wide.q[w], 12, (REAL)0.01, held);
+                        fits = wide.residual[w] <= tolerance;
+                    }
+                    if (fits > 0) {
+                        found->flags[i] = IK_GONE;
+                        first = first < 0 ? i : first;
+                        --pending;
+                    }
+                }
+            }
+            if (first >= 0) {
+#if LIMITED
+                if ((options & IK_LIMITS) && ik_outside(wide.q[w], IK_TOL_LIMIT) > (REAL)0) {
+                    ik_fit(T, at LOCK, least, tolerance, &wide, w);
+                }
+#endif
+                wide.flags[w] = (wide.flags[w] & (unsigned)IK_MULTIPLE) | (unsigned)IK_FREE | IK_FIXED;
+                ik_take(&wide, w, found, first);
+            }
+        }
+    }
+#if !LIMITED
+    (void)options;
+#endif
+}

@@ -1,0 +1,113 @@
+/* From candidates to the rows of an answer: refined where they need it, each once, as they are handed out. Needs refine.c
+ * and rows.c. */
+#include "kernel.h"
+#if SOUND
+/* Whether all candidates can be taken as they are: none is inexact, may be one of a double, or has a joint left open. */
+LOCAL int ik_sound(const ik_solutions *found, int rows)
+{
+    unsigned flags = 0u;
+    int tight = 1, i;
+    for (i = 0; i < rows; ++i) {
+        flags |= found->flags[i];
+        tight &= found->residual[i] <= IK_TOL_TIGHT;
+    }
+    return tight & (flags == 0u);
+}
+#endif
+
+/* Refines row i of the answer where it needs that; 0 if it does not meet the task or says the same as an earlier one. */
+LOCAL int ik_settle(const REAL *T, unsigned options, ik_solutions *out, int i)
+{
+    const REAL error = out->residual[i];
+#if OPENED
+    if ((out->flags[i] & IK_GONE) != 0u) {
+        return 0;
+    }
+    if ((out->flags[i] & IK_FIXED) != 0u) {
+        out->flags[i] &= IK_PUBLIC;
+        return !ik_repeated(out, i);
+    }
+#endif
+    if (!(error <= IK_TOL_TIGHT && error >= (REAL)0)) {
+#if VIRTUAL
+        if (error > IK_TOL_LOOSE && !(options & IK_RESIDUAL)) { /* far from the whole task */
+            return 0;
+        }
+#endif
+        out->residual[i] = ik_refine(T, out->q[i], STEPS, (REAL)0.01 NONE_HELD);
+        if (!(out->residual[i] <= IK_TOL_ACCEPT)) {
+            if (!(options & IK_RESIDUAL) || !(out->residual[i] <= (REAL)1e6)) {
+                return 0;
+            }
+            out->flags[i] |= (unsigned)IK_INEXACT;
+        }
+    }
+    out->flags[i] &= IK_PUBLIC;
+    return !ik_repeated(out, i);
+}
+
+/* Appends candidate i to the answer if it meets the whole task. */
+LOCAL void ik_keep(const REAL *T, unsigned options, const ik_solutions *found, int i, ik_solutions *out)
+{
+    const int to = out->count;
+#if !SINGLE
+    if (to >= ROWS) {
+        return;
+    }
+#endif
+    ik_move(found, i, out, to);
+    out->count += ik_settle(T, options, out, to);
+}
+
+#if BANDED
+/* Appends the candidates of another search. A row that they find once more is no multiple root for that. */
+LOCAL void ik_add(const REAL *T, unsigned options, const ik_solutions *found, int rows, ik_solutions *out)
+{
+    unsigned flags[ROWS] = {0u};
+    const int known = out->count;
+    int i;
+    for (i = 0; i < known; ++i) {
+        flags[i] = out->flags[i];
+    }
+    for (i = 0; i < rows; ++i) {
+        ik_keep(T, options, found, i, out);
+    }
+    for (i = 0; i < known; ++i) {
+        out->flags[i] = flags[i];
+    }
+}
+
+#endif
+/* Rows as they are handed out: at the turns asked for, residuals no longer squared. 0 if one lies outside the limits. */
+LOCAL_INLINE int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, ik_solutions *out)
+{
+#if LIMITED
+    int inside = 1, kept = 0, i;
+    for (i = 0; i < out->count; ++i) {
+        const int fits = ik_place(out->q[i], ref);
+        out->flags[i] |= fits ? 0u : (unsigned)IK_OUTSIDE;
+        inside = inside & fits;
+        if (fits || !(options & IK_LIMITS)) {
+            ik_move(out, i, out, kept++);
+        }
+    }
+    out->count = kept;
+#else
+    int i;
+    (void)options;
+    for (i = 0; ref && i < out->count; ++i) {
+        (void)ik_place(out->q[i], ref);
+    }
+#endif
+    for (i = 0; i < out->count; ++i) {
+        out->residual[i] = SQRT(out->residual[i]);
+#if ASPECTS
+        out->branch[i] = ik_aspect(T, out->q[i]);
+#endif
+    }
+#if LIMITED
+    return inside;
+#else
+    return 1;
+#endif
+}

@@ -1,0 +1,174 @@
+/* The public functions: all configurations of a target, of many targets, and the nearest one. Needs all other kernels. */
+#include "kernel.h"
+ik_status robot_inverse_kinematics(
+    const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
+    ik_solutions *RESTRICT out)
+{
+    static const REAL zero[JOINTS] = {(REAL)0};
+    const REAL *const ref = q_ref ? q_ref : zero;
+    REAL T[TARGET] ACCURACY;
+#if SINGLE
+    ik_solutions *const found = out;
+#else
+    ik_solutions candidates, *const found = &candidates;
+#endif
+    const ik_status status = ik_check(target, q_ref REDUNDANCY, T ACCURACY_RESULT);
+    int rows, i, outside;
+#if BANDED
+    unsigned near = 0u;
+#endif
+    out->count = 0;
+    out->stage = 0;
+    out->distance = (REAL)0;
+    if (status != IK_OK) {
+        return status;
+    }
+    if (ik_far(T)) {
+        out->stage = FAR_STAGE;
+        out->distance = (REAL)-1;
+        return IK_UNREACHABLE;
+    }
+    rows = ik_branches(T, ref REDUNDANCY, IK_TOL_SLACK, IK_TOL_FREE NO_BAND, found, &out->stage);
+#if SOUND
+    if (ik_sound(found, rows)) {
+        out->count = rows;
+    } else {
+#if BRANCHES_OPEN
+        ik_reopen_branches(T, ref REDUNDANCY, options, accuracy, found, rows);
+#endif
+        for (i = 0; i < rows; ++i) {
+            ik_keep(T, options, found, i, out);
+        }
+    }
+#else
+#if BRANCHES_OPEN
+    ik_reopen_branches(T, ref REDUNDANCY, options, accuracy, found, rows);
+#endif
+    for (i = 0; i < rows; ++i) {
+#if BANDED
+        near |= found->flags[i] & IK_NEAR;
+#endif
+        ik_keep(T, options, found, i, out);
+    }
+#endif
+#if COMPANION
+    rows = ik_nearby(T, ref REDUNDANCY, IK_TOL_SLACK, IK_TOL_FREE NO_BAND, found, &out->stage);
+#if NEARBY_OPEN
+    ik_reopen_nearby(T, ref REDUNDANCY, options, accuracy, found, rows);
+#endif
+    for (i = 0; i < rows; ++i) {
+        near |= found->flags[i] & IK_NEAR;
+    }
+    ik_add(T, options, found, rows, out);
+#endif
+#if BANDED
+    if (near != 0u || out->count == 0) { /* near a double root: look for its two halves on the true arm */
+        static const REAL bands[3] = {(REAL)1, (REAL)1e-3, (REAL)1e-6};
+        int k;
+        for (k = 0; k < 3; ++k) {
+            rows = ik_last_candidates(T, ref REDUNDANCY, IK_TOL_SLACK, IK_TOL_FREE, IK_TOL_BAND * bands[k], found, &out->stage);
+            ik_add(T, options, found, rows, out);
+        }
+    }
+#endif
+    outside = !ik_finish(TARGET_FIRST q_ref, options, out);
+    if (out->count == 0 && !outside) {
+        if (rows > 0) { /* candidates from discriminants a little below zero, perhaps: which one is it? */
+            out->stage = 0;
+            rows = ik_branches(T, ref REDUNDANCY, (REAL)0, IK_TOL_FREE NO_BAND, found, &out->stage);
+            out->stage = rows > 0 ? CHECK_STAGE : out->stage;
+        }
+        out->count = rows = ik_descend(T, ref REDUNDANCY, out);
+        (void)ik_finish(TARGET_FIRST ref, options, out);
+        outside = rows > 0;
+    }
+    if (out->count == 0) {
+#if INCOMPLETE
+        out->stage = outside ? OUTSIDE_STAGE : out->stage;
+        return IK_INCOMPLETE;
+#else
+        out->stage = outside ? 0 : out->stage;
+        return outside ? IK_OUTSIDE_LIMITS : IK_UNREACHABLE;
+#endif
+    }
+    out->stage = 0;
+    if (options & IK_NEAREST) {
+        ik_sort(q_ref, out);
+    }
+#if INCOMPLETE
+    return IK_INCOMPLETE;
+#else
+    return IK_OK;
+#endif
+}
+
+void robot_inverse_kinematics_batch(
+    size_t count, const REAL *RESTRICT targets, const REAL *RESTRICT q_ref REDUNDANCIES_PARAMETER, unsigned options,
+    REAL *RESTRICT q, int *RESTRICT counts, unsigned *flags, unsigned *branch, int *statuses, REAL *distances)
+{
+    size_t k;
+    for (k = 0; k < count; ++k) {
+        ik_solutions out;
+        const ik_status status = robot_inverse_kinematics(targets + TARGET * k, q_ref REDUNDANCY_K, options, &out);
+        int i, j;
+        counts[k] = out.count;
+        for (i = 0; i < out.count; ++i) {
+            for (j = 0; j < JOINTS; ++j) {
+                q[(k * ROWS + (size_t)i) * JOINTS + (size_t)j] = out.q[i][j];
+            }
+            if (flags) {
+                flags[k * ROWS + (size_t)i] = out.flags[i];
+            }
+            if (branch) {
+                branch[k * ROWS + (size_t)i] = out.branch[i];
+            }
+        }
+        if (statuses) {
+            statuses[k] = (int)status;
+        }
+        if (distances) {
+            distances[k] = out.distance;
+        }
+    }
+}
+
+ik_status robot_closest(
+    const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
+    ik_solutions *RESTRICT out)
+{
+    static const REAL zero[JOINTS] = {(REAL)0};
+    const REAL *const ref = q_ref ? q_ref : zero;
+    REAL T[TARGET] ACCURACY;
+    ik_status status = ik_check(target, q_ref REDUNDANCY, T ACCURACY_RESULT);
+    out->count = 0;
+    out->stage = 0;
+    out->distance = (REAL)0;
+    if (status != IK_OK) {
+        return status;
+    }
+    if (ik_far(T)) {
+        out->stage = FAR_STAGE;
+        out->distance = (REAL)-1;
+        return IK_UNREACHABLE;
+    }
+    (void)ik_descend(T, ref REDUNDANCY, out);
+    out->count = 1;
+    (void)ik_finish(TARGET_FIRST ref, options, out);
+    return out->count == 1 ? IK_OK : IK_OUTSIDE_LIMITS;
+}
+
+const char *ik_status_string(ik_status status)
+{
+    static const char *const texts[] = {
+        STATUS_TEXTS, "unknown status"};
+    const unsigned number = (unsigned)status; /* enumerations may be unsigned and short */
+    return texts[number <= LAST_STATUS ? number : UNKNOWN_STATUS];
+}
+
+const char *ik_reason(int stage)
+{
+    static const char *const texts[] = {
+        REASONS
+    };
+    return texts[stage >= 0 && stage < REASON_COUNT ? stage : 0];
+}

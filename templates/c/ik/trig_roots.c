@@ -1,0 +1,188 @@
+/* Real roots of a real trigonometric polynomial of degree eight, isolated by Descartes' rule of signs. */
+#include "kernel.h"
+/* Roots of p(x) = a[0] + sum_k a[k] cos(k x) + b[k] sin(k x), k = 1 .. 8, on the unit circle.
+ * The circle is cut into four arcs; on each, u = tan((x - centre) / 2) turns p (1 + u^2)^8 into a polynomial of
+ * degree 16, whose Bernstein coefficients bound it: Descartes' rule of signs isolates every root, clusters too. */
+#define IK_TRIG8_DEPTH 40
+#define IK_TRIG8_SPLITS 384
+#define IK_TRIG8_ROWS 24
+#define IK_TRIG8_ARC (REAL)0.41421356237309503 /* tan(pi/8) */
+#define IK_TRIG8_EPS (REAL)VALUE_EPS
+
+/* Bernstein coefficients on an arc of cos(k x)(1 + u^2)^8 (symmetric) and sin(k x)(1 + u^2)^8 (antisymmetric). */
+static const REAL ik_trig8_even[9][9] = {
+    {(REAL)3.549396079493484, (REAL)2.509802036926789, (REAL)1.8930112423965249, (REAL)1.5058812221560733, (REAL)1.2559401512053867, (REAL)1.094016272506549, (REAL)0.9928380641939816, (REAL)0.937226774628605, (REAL)0.9194783627840929},
+    {(REAL)2.509802036926789, (REAL)1.996535294715085, (REAL)1.6313713240024128, (REAL)1.375390980803725, (REAL)1.19698250991893, (REAL)1.0750574663850456, (REAL)0.996022836332834, (REAL)0.9515732321509193, (REAL)0.937226774628605},
+    {(REAL)0.0, (REAL)0.6274505092316972, (REAL)0.887349019873371, (REAL)0.9859936573640956, (REAL)1.014113165569567, (REAL)1.0135738995281263, (REAL)1.0043620774390902, (REAL)0.996022836332834, (REAL)0.9928380641939816},
+    {(REAL)-2.509802036926789, (REAL)-1.1091862748417138, (REAL)-0.20915016974389905, (REAL)0.34860140066453865, (REAL)0.6895060541007662, (REAL)0.8946623359712285, (REAL)1.0135738995281263, (REAL)1.0750574663850456, (REAL)1.094016272506549},
+    {(REAL)-3.549396079493484, (REAL)-2.509802036926789, (REAL)-1.4197584317973937, (REAL)-0.5019604073853577, (REAL)0.1950217626095321, (REAL)0.6895060541007662, (REAL)1.014113165569567, (REAL)1.19698250991893, (REAL)1.2559401512053867},
+    {(REAL)-2.509802036926789, (REAL)-2.883884314588456, (REAL)-2.3843119350804494, (REAL)-1.4768022973606818, (REAL)-0.5019604073853577, (REAL)0.34860140066453865, (REAL)0.9859936573640956, (REAL)1.375390980803725, (REAL)1.5058812221560733},
+    {(REAL)0.0, (REAL)-1.8823515276950915, (REAL)-2.662047059620113, (REAL)-2.3843119350804494, (REAL)-1.4197584317973937, (REAL)-0.20915016974389905, (REAL)0.887349019873371, (REAL)1.6313713240024128, (REAL)1.8930112423965249},
+    {(REAL)2.509802036926789, (REAL)0.22183725496834275, (REAL)-1.8823515276950915, (REAL)-2.883884314588456, (REAL)-2.509802036926789, (REAL)-1.1091862748417138, (REAL)0.6274505092316972, (REAL)1.996535294715085, (REAL)2.509802036926789},
+    {(REAL)3.549396079493484, (REAL)2.509802036926789, (REAL)0.0, (REAL)-2.509802036926789, (REAL)-3.549396079493484, (REAL)-2.509802036926789, (REAL)0.0, (REAL)2.509802036926789, (REAL)3.549396079493484}
+};
+static const REAL ik_trig8_odd[8][9] = {
+    {(REAL)-2.509802036926789, (REAL)-1.5528607847783993, (REAL)-1.0039208147707155, (REAL)-0.6655117649050283, (REAL)-0.4440418988408934, (REAL)-0.290094871881679, (REAL)-0.1755106319529223, (REAL)-0.08283992598118534, (REAL)0.0},
+    {(REAL)-3.549396079493484, (REAL)-2.509802036926789, (REAL)-1.774698039746742, (REAL)-1.2549010184633944, (REAL)-0.8775979317428945, (REAL)-0.5929752065266589, (REAL)-0.3669954987288468, (REAL)-0.1755106319529223, (REAL)0.0},
+    {(REAL)-2.509802036926789, (REAL)-2.4402098046517704, (REAL)-2.0915016974389906, (REAL)-1.6796249304745952, (REAL)-1.282481260627425, (REAL)-0.9206652376524994, (REAL)-0.5929752065266589, (REAL)-0.290094871881679, (REAL)0.0},
+    {(REAL)0.0, (REAL)-1.2549010184633944, (REAL)-1.774698039746742, (REAL)-1.8285700554752318, (REAL)-1.622581064911307, (REAL)-1.282481260627425, (REAL)-0.8775979317428945, (REAL)-0.4440418988408934, (REAL)0.0},
+    {(REAL)2.509802036926789, (REAL)0.6655117649050283, (REAL)-0.7529406110780367, (REAL)-1.565537199348019, (REAL)-1.8285700554752318, (REAL)-1.6796249304745952, (REAL)-1.2549010184633944, (REAL)-0.6655117649050283, (REAL)0.0},
+    {(REAL)3.549396079493484, (REAL)2.509802036926789, (REAL)0.8281924185484797, (REAL)-0.7529406110780367, (REAL)-1.774698039746742, (REAL)-2.0915016974389906, (REAL)-1.774698039746742, (REAL)-1.0039208147707155, (REAL)0.0},
+    {(REAL)2.509802036926789, (REAL)3.3275588245251413, (REAL)2.509802036926789, (REAL)0.6655117649050283, (REAL)-1.2549010184633944, (REAL)-2.4402098046517704, (REAL)-2.509802036926789, (REAL)-1.5528607847783993, (REAL)0.0},
+    {(REAL)0.0, (REAL)2.509802036926789, (REAL)3.549396079493484, (REAL)2.509802036926789, (REAL)0.0, (REAL)-2.509802036926789, (REAL)-3.549396079493484, (REAL)-2.509802036926789, (REAL)0.0}
+};
+
+/* p and dp/dx of the arc's own polynomial at u = tan(x/2), by Horner's rule in z = exp(i x). */
+LOCAL void ik_trig8_value(const REAL a[9], const REAL b[9], REAL u, REAL out[2])
+{
+    const REAL w = (REAL)1 / ((REAL)1 + u * u);
+    const REAL c = ((REAL)1 - u * u) * w, s = (REAL)2 * u * w;
+    REAL hr = a[8], hi = -b[8], dr = (REAL)0, di = (REAL)0;
+    int k;
+    for (k = 7; k >= 0; --k) {
+        const REAL er = dr * c - di * s + hr;
+        const REAL gr = hr * c - hi * s + a[k];
+        di = dr * s + di * c + hi;
+        hi = hr * s + hi * c - b[k];
+        dr = er;
+        hr = gr;
+    }
+    out[0] = hr;
+    out[1] = -(dr * s + di * c);
+}
+
+/* The root of p between u0 and u1 near u, where p changes its sign: Newton steps kept inside the bracket. */
+LOCAL REAL ik_trig8_refine(const REAL a[9], const REAL b[9], REAL u0, REAL u1, REAL u, int rising)
+{
+    int it;
+    for (it = 0; it < 50; ++it) {
+        REAL v[2], step;
+        if (!(u > u0 && u < u1)) {
+            u = (REAL)0.5 * (u0 + u1);
+        }
+        ik_trig8_value(a, b, u, v);
+        if ((v[0] > (REAL)0) == rising) {
+            u1 = u;
+        } else {
+            u0 = u;
+        }
+        step = (REAL)0.5 * v[0] * ((REAL)1 + u * u);
+        if (FABS(step) < FABS(v[1])) {
+            step /= v[1];
+            u -= step;
+        } else { /* a step out of the arc: bisect */
+            step = u1 - u0;
+            u = (REAL)0.5 * (u0 + u1);
+        }
+        if (FABS(step) < (REAL)VALUE_6R_TRIG_DONE) { /* the error is now of the order of step^2 */
+            break;
+        }
+    }
+    return u < u0 ? u0 : (u > u1 ? u1 : u);
+}
+
+/* Finds the roots as (cos x, sin x, half-width of what could not be resolved, rad); p is known to +- noise. mult: 1 a
+ * simple root, 2 a double root or more that do not rise out of the noise (reported once when they cannot be told apart).
+ * a and b (b[0] has no say) are turned on the way, and back. Returns the number of rows written, at most 24. */
+LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_ROWS][3], int mult[IK_TRIG8_ROWS])
+{
+    REAL stack[IK_TRIG8_DEPTH + 2][17], from[IK_TRIG8_DEPTH + 2], width[IK_TRIG8_DEPTH + 2], first = (REAL)0;
+    int arc, count = 0, splits = 0, left, k, j;
+    stack[0][16] = (REAL)0;
+    for (arc = 0; arc < 4; ++arc) {
+        REAL *const whole = stack[0];
+        const REAL last = whole[16];
+        int top = 1;
+        for (j = 0; j <= 8; ++j) {
+            REAL even = a[0] * ik_trig8_even[0][j], odd = (REAL)0;
+            for (k = 1; k <= 8; ++k) {
+                even += a[k] * ik_trig8_even[k][j];
+                odd += b[k] * ik_trig8_odd[k - 1][j];
+            }
+            whole[j] = even + odd;
+            whole[16 - j] = even - odd;
+        }
+        /* neighbouring arcs share the value at their seam, so that no root falls between them */
+        first = arc == 0 ? whole[0] : first;
+        whole[0] = arc == 0 ? first : last;
+        whole[16] = arc == 3 ? first : whole[16];
+        from[0] = -IK_TRIG8_ARC;
+        width[0] = (REAL)2 * IK_TRIG8_ARC;
+        for (left = 1 + 2 * (IK_TRIG8_SPLITS - splits); top > 0 && left > 0; --left) { /* an interval leaves the stack, or is split */
+            REAL *const c = stack[top - 1];
+            const REAL u0 = from[top - 1], du = width[top - 1];
+            REAL u = u0 + (REAL)0.5 * du, blur = (REAL)0.5 * du, cross = (REAL)0, at = (REAL)0.5;
+            int changes = 0, doubtful = FABS(c[0]) <= noise, rising = 1, falling = 1, order = 2;
+            for (j = 1; j <= 16; ++j) {
+                const REAL rise = c[j] - c[j - 1];
+                if ((c[j] < (REAL)0) != (c[j - 1] < (REAL)0)) {
+                    ++changes;
+                    cross += (REAL)j - c[j] / rise;
+                }
+                doubtful += FABS(c[j]) <= noise;
+                rising &= rise >= (REAL)0;
+                falling &= rise <= (REAL)0;
+            }
+            --top;
+            if (doubtful == 0 && changes == 0) {
+                continue;
+            }
+            if (doubtful <= 16 && (rising || falling || (doubtful == 0 && changes == 1))) {
+                if (changes == 1) {
+                    u = ik_trig8_refine(a, b, u0, u0 + du, u0 + (REAL)0.0625 * du * cross, c[0] < (REAL)0);
+                    order = doubtful > 2 ? 2 : 1;
+                    blur = doubtful > 2 ? (REAL)0.03125 * (REAL)doubtful * du : (REAL)0;
+                } else if (doubtful > 1) { /* flat where it touches zero, at an end of the interval */
+                    u = (c[0] < (REAL)0) == rising ? u0 + du : u0;
+                    blur = (REAL)0;
+                } else {
+                    continue;
+                }
+            } else if (doubtful <= 16 && du > IK_TRIG8_ARC * (REAL)VALUE_6R_TRIG_NARROWEST && splits < IK_TRIG8_SPLITS && top < IK_TRIG8_DEPTH) {
+                ++splits; /* de Casteljau: the right part stays in place, the left part goes on top of it */
+                if (changes == 2 && cross > (REAL)4.0 && cross < (REAL)28.0) {
+                    at = (REAL)0.03125 * cross; /* between two roots, where the polygon crosses zero twice */
+                }
+                for (k = 0; k < 16; ++k) {
+                    stack[top + 1][k] = c[0];
+                    for (j = 0; j < 16 - k; ++j) {
+                        c[j] += at * (c[j + 1] - c[j]);
+                    }
+                }
+                stack[top + 1][16] = c[0];
+                from[top] = u0 + at * du;
+                width[top] = du - at * du;
+                from[top + 1] = u0;
+                width[top + 1] = at * du;
+                top += 2;
+                continue;
+            }
+            if (count < IK_TRIG8_ROWS) {
+                const REAL w = (REAL)1 / ((REAL)1 + u * u);
+                REAL *const x = root[count];
+                int known = 0;
+                x[0] = ((REAL)1 - u * u) * w;
+                x[1] = (REAL)2 * u * w;
+                x[2] = (REAL)2 * blur * w;
+                for (j = arc; j > 0; --j) {
+                    const REAL v = x[0];
+                    x[0] = -x[1];
+                    x[1] = v;
+                }
+                for (j = 0; order == 2 && j < count; ++j) { /* double roots that touch count once */
+                    known |= mult[j] == 2 && root[j][0] * x[0] + root[j][1] * x[1] > (REAL)1 - (REAL)128 * IK_TRIG8_EPS;
+                }
+                mult[count] = order;
+                count += !known;
+            }
+        }
+        for (k = 1; k <= 8; ++k) { /* turn the next arc's centre to zero */
+            for (j = k & 3; j > 0; --j) {
+                const REAL v = a[k];
+                a[k] = b[k];
+                b[k] = -v;
+            }
+        }
+    }
+    return count;
+}

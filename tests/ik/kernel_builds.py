@@ -1,0 +1,76 @@
+"""Kernels of the inverse kinematics compiled alone, with the settings of a robot, and called from Python."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+from rrrgen.backends.c.dialect import Dialect
+from rrrgen.ik import sources as emitted
+from rrrgen.ik.classify import plan
+from rrrgen.ik.kernel_settings import NEEDS, reopening, settings
+
+FOLDER = Path(__file__).resolve().parents[2] / "templates" / "c" / "ik"
+KERNELS = sorted(path.name for path in FOLDER.glob("*.c"))
+ELIMINATION = {"general6r.c", "candidates6r.c", "aspect.c", "trig_roots.c"}
+
+
+def settings_header(spec, real: str = "double") -> str:
+    """The text of settings.h for one robot: options as 0 or 1, words as macros."""
+    found = plan(spec)
+    parts = emitted._parts(found)
+    opens = [emitted._opens(part) for part in parts]
+    chosen = settings(
+        found,
+        Dialect("robot", real),
+        needs=frozenset(NEEDS),
+        opens=opens,
+        rows=emitted.most_rows(found),
+        reasons=emitted.reasons_of(found),
+        texts=emitted.STATUS_TEXTS,
+    )
+    chosen = reopening(chosen, "robot_ik", "branches", opens[0] or [(0, 1)])
+    lines = ["#ifdef __cplusplus", "#define ROBOT_RESTRICT", "#else", "#define ROBOT_RESTRICT restrict", "#endif"]
+    lines += [f"typedef {real} robot_real;", *(f"#define {name} {int(on)}" for name, on in chosen.options.items())]
+    for name, text in chosen.words.items():
+        if name not in ("LOCAL", "LOCAL_INLINE"):
+            lines.append(f"#define {name} {text.replace('robot_ik_', 'ik_')}".replace("\n", " "))
+    return "\n".join(lines) + "\n"
+
+
+def prepare(folder: Path, spec, real: str = "double") -> list[str]:
+    """Copy the kernels beside their settings; the files that this robot has a use for."""
+    for path in FOLDER.glob("*.[ch]"):
+        shutil.copy(path, folder)
+    (folder / "settings.h").write_text(settings_header(spec, real))
+    found = plan(spec)
+    used = [name for name in KERNELS if found.general or name not in ELIMINATION]
+    return [
+        name for name in used if name not in ("open.c", "reopen.c") or any(map(emitted._opens, emitted._parts(found)))
+    ]
+
+
+def build(folder: Path, names: list[str], extra: str = "") -> ctypes.CDLL:
+    """The kernels ``names`` and the C text ``extra`` as a library."""
+    (folder / "extra.c").write_text('#include "kernel.h"\n' + extra)
+    files = [*names, "extra.c"]
+    command = ["cc", "-std=c99", "-O1", "-shared", "-fPIC", "-o", "kernels.so", *files, "-lm"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    return ctypes.CDLL(str(folder / "kernels.so"))
+
+
+def pointer(array: np.ndarray):
+    """An array as an argument."""
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def table_of(name: str, kernel: str) -> np.ndarray:
+    """The numbers of a constant table of a kernel."""
+    text = (FOLDER / kernel).read_text(encoding="utf-8")
+    body = re.search(rf"\b{name}(?:\[\d+\])+ = (\{{.*?\}});", text, re.DOTALL)[1]
+    return np.array([float(x) for x in re.findall(r"\(REAL\)(-?[\d.e+-]+)", body)])
