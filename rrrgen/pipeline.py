@@ -116,15 +116,15 @@ def _backends(spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[Langu
 
 def _inverse_kinematics(spec: RobotSpec, real: Real) -> tuple[dict[str, str], str]:
     """The C files of the inverse kinematics, and the text of its checks in the self-test."""
-    from rrrgen.ik.selftest import selftest
-    from rrrgen.ik.sources import sources
+    from rrrgen.backends.c.solver.checks import selftest
+    from rrrgen.backends.c.solver.files import sources
 
     return sources(spec, real), selftest(spec, real)
 
 
 def _inverse_kinematics_data(spec: RobotSpec, real: Real) -> dict[str, Any]:
     """What the manifest says about the inverse kinematics."""
-    from rrrgen.ik.sources import manifest
+    from rrrgen.backends.c.solver.files import manifest
 
     return manifest(spec, real)
 

@@ -82,8 +82,8 @@ def _compiled(
     spec: RobotSpec, poses: Array, oracle: NewtonEuler, toolchain: Toolchain, effort: Effort
 ) -> list[IKScore]:
     """C against C, in turns."""
+    from rrrgen.backends.c.solver.files import emit
     from rrrgen.ik.classify import plan
-    from rrrgen.ik.sources import emit
 
     emitted = emit(spec, plan(spec))
     name, n, position = spec.name, spec.n, emitted.plan.task == "position"

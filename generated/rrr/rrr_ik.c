@@ -19,6 +19,10 @@
 #define RRR_IK_TOL_LIMIT (rrr_real)1e-10
 #define RRR_IK_PUBLIC 15u /* the flags that are handed out */
 #define RRR_IK_NEAR 16u /* inner flag: a root of this row may be double */
+#define RRR_IK_OPEN 768u /* inner flags, 256 << joint: the vector that decides the joint is short; 65536 << joint: free */
+#define RRR_IK_HELD(flags) (((flags) >> 16) & 0x7fu) /* the joints that are free */
+#define RRR_IK_GONE 32u /* inner flag: another row stands for this one */
+#define RRR_IK_FIXED 64u /* inner flag: refined already, with the free joint held */
 
 /* x in (-pi, pi] */
 static rrr_real rrr_ik_wrap(rrr_real x)
@@ -269,7 +273,6 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
     return best;
 }
 
-
 /* The candidates of every branch. A larger slack clamps discriminants that are below zero. Residuals
  * are still squared, and negative where they are not known yet. A joint whose direction is shorter than `least` is free
  * and takes its value from ref. */
@@ -347,7 +350,6 @@ static int rrr_ik_branches(
     (void)stage;
     return rows;
 }
-
 
 /* Takes angles to the turn nearest to the reference (with limits: to the nearest turn inside); 0 if outside. */
 static int rrr_ik_place(rrr_real q[3], const rrr_real *ref)
@@ -497,11 +499,6 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
     return kept;
 }
 
-#define RRR_IK_OPEN 768u /* inner flags, 256 << joint: the vector that decides the joint is short; 65536 << joint: free */
-#define RRR_IK_HELD(flags) (((flags) >> 16) & 0x7fu) /* the joints that are free */
-#define RRR_IK_GONE 32u /* inner flag: another row stands for this one */
-#define RRR_IK_FIXED 64u /* inner flag: refined already, with the free joint held */
-
 static void rrr_ik_take(const rrr_ik_solutions *from, int i, rrr_ik_solutions *out, int to)
 {
     int k;
@@ -513,7 +510,7 @@ static void rrr_ik_take(const rrr_ik_solutions *from, int i, rrr_ik_solutions *o
     out->residual[to] = from->residual[i];
 }
 
-/* Which joints of row i the target leaves open: turned by 0.01 rad and held there, one of them still lets the others meet
+/* Which joints of row i the target leaves open: turned a little and held there, one of them still lets the others meet
  * the target to its own accuracy. */
 static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_solutions *found, int i)
 {

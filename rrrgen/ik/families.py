@@ -11,8 +11,8 @@ from rrrgen.ik.derive import ARM_ANGLE, record, solving_loop
 from rrrgen.ik.geometry.chain import Chain
 from rrrgen.ik.geometry.loop import Loop, commuted, straightened
 from rrrgen.ik.geometry.rigid import Crossing, rigid
-from rrrgen.ik.interpreters.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.plan import Singularity, SolverPlan
+from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.singularities import described
 from rrrgen.ik.solutions.elbow7 import is_elbow7
 from rrrgen.ik.solutions.general6r import MAX_SOLUTIONS, is_general, tables_of

@@ -60,7 +60,7 @@ def manifest(
 ) -> str:
     """The text of the manifest: identity, conventions, functions, base parameters, hashes of the files.
 
-    ``inverse_kinematics`` is the entry of that name, from :func:`rrrgen.ik.sources.manifest`.
+    ``inverse_kinematics`` is the entry of that name, from :func:`rrrgen.backends.c.solver.files.manifest`.
     """
     spec, parameters = model.spec, listing(model)
     content = {

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
+from rrrgen.backends.c.solver.files import emit
 from rrrgen.errors import DerivationError, InputError
+from rrrgen.ik.answers import STATUS_TEXTS, labels, most_rows, reasons_of
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.ik.sources import STATUS_TEXTS, emit, labels, most_rows, reasons_of
 from rrrgen.runtime.evaluation.solve import Evaluation, Wish
 from rrrgen.runtime.ik_arguments import LIMITS, NEAREST, RESIDUAL, options, real_array, real_number
 from rrrgen.runtime.results import STATUS, IKBatch, IKResult

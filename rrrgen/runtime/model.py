@@ -201,8 +201,8 @@ class Model(KinematicFunctions, DynamicFunctions, RegressorFunctions):
             ValueError: there is no function of this name, or eps is not positive.
         """
         if name == "inverse_kinematics":
+            from rrrgen.backends.casadi.branches import branch_function
             from rrrgen.backends.casadi.function import import_casadi
-            from rrrgen.ik.interpreters.casadi_branches import branch_function
 
             import_casadi()
             return branch_function(self.spec)

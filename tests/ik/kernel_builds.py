@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from rrrgen.backends.c.dialect import Dialect
-from rrrgen.ik import sources as emitted
+from rrrgen.backends.c.solver.settings import NEEDS, reopening, settings
+from rrrgen.ik.answers import STATUS_TEXTS, most_rows, opens, parts_of, reasons_of
 from rrrgen.ik.classify import plan
-from rrrgen.ik.kernel_settings import NEEDS, reopening, settings
 
 FOLDER = Path(__file__).resolve().parents[2] / "templates" / "c" / "ik"
 KERNELS = sorted(path.name for path in FOLDER.glob("*.c"))
@@ -23,18 +23,18 @@ ELIMINATION = {"general6r.c", "candidates6r.c", "aspect.c", "trig_roots.c"}
 def settings_header(spec, real: str = "double") -> str:
     """The text of settings.h for one robot: options as 0 or 1, words as macros."""
     found = plan(spec)
-    parts = emitted._parts(found)
-    opens = [emitted._opens(part) for part in parts]
+    parts = parts_of(found)
+    may_open = [opens(part) for part in parts]
     chosen = settings(
         found,
         Dialect("robot", real),
         needs=frozenset(NEEDS),
-        opens=opens,
-        rows=emitted.most_rows(found),
-        reasons=emitted.reasons_of(found),
-        texts=emitted.STATUS_TEXTS,
+        opens=may_open,
+        rows=most_rows(found),
+        reasons=reasons_of(found),
+        texts=STATUS_TEXTS,
     )
-    chosen = reopening(chosen, "robot_ik", "branches", opens[0] or [(0, 1)])
+    chosen = reopening(chosen, "robot_ik", "branches", may_open[0] or [(0, 1)])
     lines = ["#ifdef __cplusplus", "#define ROBOT_RESTRICT", "#else", "#define ROBOT_RESTRICT restrict", "#endif"]
     lines += [f"typedef {real} robot_real;", *(f"#define {name} {int(on)}" for name, on in chosen.options.items())]
     for name, text in chosen.words.items():
@@ -50,9 +50,7 @@ def prepare(folder: Path, spec, real: str = "double") -> list[str]:
     (folder / "settings.h").write_text(settings_header(spec, real))
     found = plan(spec)
     used = [name for name in KERNELS if found.general or name not in ELIMINATION]
-    return [
-        name for name in used if name not in ("open.c", "reopen.c") or any(map(emitted._opens, emitted._parts(found)))
-    ]
+    return [name for name in used if name not in ("open.c", "reopen.c") or any(map(opens, parts_of(found)))]
 
 
 def build(folder: Path, names: list[str], extra: str = "") -> ctypes.CDLL:

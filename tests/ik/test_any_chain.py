@@ -7,9 +7,9 @@ import pytest
 
 from ik.checks import sample
 from ik.robots import make
+from rrrgen.backends.c.solver.files import emit, sources
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan
-from rrrgen.ik.sources import emit, sources
 
 CHAINS = 60  # per seed; thousands were drawn while this was written
 

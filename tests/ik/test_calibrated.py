@@ -13,9 +13,9 @@ from ik.checks import sample
 from ik.robots import ROWS, make, reference
 from oracles.inverse_kinematics import same_sets, solve_all
 from oracles.newton_euler import Robot
+from rrrgen.backends.c.solver.files import emit, manifest
 from rrrgen.ik.classify import plan
 from rrrgen.ik.solutions.elimination import eliminations
-from rrrgen.ik.sources import emit, manifest
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import MULTIPLE, STATUS
 from rrrgen.verify.comparison import Collector

@@ -9,8 +9,8 @@ import pytest
 
 from ik.checks import configurations
 from ik.robots import ROWS, make, reference, robot
+from rrrgen.backends.c.solver.files import FUNCTIONS, emit, manifest, sources
 from rrrgen.ik.classify import plan
-from rrrgen.ik.sources import FUNCTIONS, emit, manifest, sources
 
 WARNINGS = [
     "-Wall",
@@ -150,7 +150,7 @@ def test_text_rules():
 def test_same_bytes_in_a_fresh_process(tmp_path):
     script = (
         "import sys; sys.path[:0] = sys.argv[1:]\n"
-        "from ik.robots import robot\nfrom rrrgen.ik.sources import sources\n"
+        "from ik.robots import robot\nfrom rrrgen.backends.c.solver.files import sources\n"
         "for n in ('rrr', 'puma', 'ur5', 'iiwa14'):\n    print(*sources(robot(n)).values())"
     )
     import os

@@ -14,13 +14,13 @@ from ik.checks import sample
 from ik.robots import ROWS, make, reference, table
 from oracles.inverse_kinematics import same_sets, solve_all
 from oracles.newton_euler import Robot, jacobian
+from rrrgen.backends.c.solver.files import emit
+from rrrgen.backends.casadi.branches import branch_function
+from rrrgen.backends.latex.inverse_kinematics import closed_form
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan
-from rrrgen.ik.interpreters.casadi_branches import branch_function
-from rrrgen.ik.report import closed_form
 from rrrgen.ik.solutions.elimination import eliminations
 from rrrgen.ik.solutions.general6r import general6r_tables, tables_of
-from rrrgen.ik.sources import emit
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import INEXACT
 

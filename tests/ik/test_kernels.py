@@ -15,10 +15,10 @@ import pytest
 from ik.kernel_builds import KERNELS, build, pointer, prepare, table_of
 from ik.robots import make, robot
 from ik.test_emitted_c import COMPILERS, LIMITS, VARIANTS, WARNINGS, run
-from rrrgen.backends.c.kernels import Settings, specialize
+from rrrgen.backends.c.solver.files import sources
+from rrrgen.backends.c.solver.kernels import Settings, specialize
 from rrrgen.errors import InternalError
 from rrrgen.ik.classify import plan
-from rrrgen.ik.sources import sources
 from rrrgen.ik.tolerances import runtime
 
 REAL, INT, UNSIGNED = ctypes.c_double, ctypes.c_int, ctypes.c_uint

@@ -10,10 +10,10 @@ import subprocess
 import numpy as np
 import pytest
 
+from rrrgen.backends.c.solver.files import sources
 from rrrgen.ik.classify import plan
 from rrrgen.ik.families import parameter
 from rrrgen.ik.recording.operations import count_solver
-from rrrgen.ik.sources import sources
 from rrrgen.robotfile import load_spec
 
 COMPILER = shutil.which("g++") or shutil.which("clang++")

@@ -10,8 +10,8 @@ import sympy as sp
 
 from ik.checks import sample
 from ik.robots import ROWS, make
+from rrrgen.backends.latex.inverse_kinematics import closed_form
 from rrrgen.errors import DerivationError
-from rrrgen.ik.report import closed_form
 from rrrgen.robotfile import load_spec
 
 SAME = 1e-9  # rad; the reading form evaluates in double as the emitted code does

@@ -8,7 +8,7 @@ import pytest
 
 from ik.robots import ROWS, make
 from rrrgen import pipeline
-from rrrgen.ik.selftest import selftest
+from rrrgen.backends.c.solver.checks import selftest
 
 
 @pytest.fixture(scope="module")

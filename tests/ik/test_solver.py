@@ -8,7 +8,7 @@ from ik.robots import ROWS, make, robot
 from rrrgen.ik.classify import plan
 from rrrgen.ik.derive import derive
 from rrrgen.ik.families import parameter
-from rrrgen.ik.interpreters.float_builder import FloatBuilder, every_branch
+from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch
 
 RRR = """\
 inverse kinematics of 3 joints: at most 4 rows

@@ -7,7 +7,7 @@ from ik.chains import every_structure, planar, position, scara, spherical
 from ik.checks import sample
 from ik.robots import make, reference
 from rrrgen.ik.classify import plan
-from rrrgen.ik.interpreters.float_builder import FloatBuilder, every_branch, wrapped
+from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 
 STRUCTURES = every_structure()
 EQUATION_ERROR = 1e-8

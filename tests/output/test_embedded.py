@@ -32,7 +32,7 @@ def test_bare_metal_arm(name, tmp_path):
 
 @pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")
 def test_static_analysis_finds_nothing_in_the_inverse_kinematics(tmp_path):
-    from rrrgen.ik.sources import sources as ik_sources
+    from rrrgen.backends.c.solver.files import sources as ik_sources
 
     for name in ("scara", "puma560"):
         for file, text in ik_sources(pipeline.read(name)).items():

@@ -11,10 +11,10 @@ import pytest
 import rrrgen
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import prototype
+from rrrgen.backends.c.solver.files import emit
 from rrrgen.backends.casadi.derivatives import matrix_size
 from rrrgen.derive import derive_model
 from rrrgen.ik.classify import plan
-from rrrgen.ik.sources import emit
 from rrrgen.program import Program
 from rrrgen.robotfile import bundled_names, load_spec, loads_spec
 from rrrgen.runtime.inverse_kinematics import InverseKinematics

@@ -5,6 +5,7 @@ Matrices are two-dimensional on this side, ``(rows, columns)`` as the mathematic
 :func:`serialized` only; everything else is text and is the same whichever version of CasADi is installed, or none.
 """
 
+from rrrgen.backends.casadi.branches import branch_function, branch_labels, branch_signs
 from rrrgen.backends.casadi.derivatives import Matrix, Routine, forward, jacobian, reverse, routine
 from rrrgen.backends.casadi.external import definitions, external_files, external_sources
 from rrrgen.backends.casadi.function import function
@@ -15,6 +16,9 @@ from rrrgen.backends.casadi.sources import external_functions, is_reproducible, 
 __all__ = [
     "Matrix",
     "Routine",
+    "branch_function",
+    "branch_labels",
+    "branch_signs",
     "definitions",
     "external_files",
     "external_functions",

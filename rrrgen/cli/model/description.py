@@ -16,8 +16,8 @@ from rrrgen.program import count_operations, evaluate
 if TYPE_CHECKING:
     import sympy as sp
 
+    from rrrgen.backends.latex.inverse_kinematics import ClosedForm as InverseForm
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.ik.report import ClosedForm as InverseForm
     from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
 
 _CONVENTION = {

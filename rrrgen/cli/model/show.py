@@ -21,8 +21,8 @@ from rrrgen.cli.arguments import (
 
 if TYPE_CHECKING:
     from rrrgen.backends.latex import Form
+    from rrrgen.backends.latex.inverse_kinematics import ClosedForm as InverseForm
     from rrrgen.derive.derived_model import Derivation, ParametrizedRobot
-    from rrrgen.ik.report import ClosedForm as InverseForm
     from rrrgen.program import Program
     from rrrgen.robotfile.robot_spec import RobotSpec
 
@@ -139,9 +139,9 @@ def _solver(spec: RobotSpec) -> str:
 
 def _inverse_kinematics(spec: RobotSpec, asked: bool, short: bool) -> InverseForm | str:
     """The closed form of the inverse kinematics, a summary for large robots, or the reason why there is none."""
+    from rrrgen.backends.latex.inverse_kinematics import closed_form, summary
     from rrrgen.errors import DerivationError
     from rrrgen.ik.classify import plan
-    from rrrgen.ik.report import closed_form, summary
 
     if asked or short:
         try:
@@ -157,8 +157,8 @@ def _inverse_kinematics(spec: RobotSpec, asked: bool, short: bool) -> InverseFor
 def _as_latex(robot: ParametrizedRobot, forms: Mapping[str, Form], inverse: InverseForm | str | None) -> str:
     """The closed forms in LaTeX, preceded by the definitions of the base parameters if they contain any."""
     from rrrgen.backends.latex import latex, latex_base_parameters
+    from rrrgen.backends.latex.inverse_kinematics import ClosedForm as InverseForm
     from rrrgen.derive.parameter_listing import listing
-    from rrrgen.ik.report import ClosedForm as InverseForm
 
     used = {symbol.name for form in forms.values() for symbol in form.free_symbols}
     defined = any(p.name in used for p in robot.base_parameters)

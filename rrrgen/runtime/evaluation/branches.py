@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot, minus, square, total
-from rrrgen.ik.interpreters.float_builder import wrapped
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
+from rrrgen.ik.recording.float_builder import wrapped
 from rrrgen.ik.tolerances import SIZE_OF_NOTHING
 from rrrgen.runtime.evaluation.kernels import (
     FREE,

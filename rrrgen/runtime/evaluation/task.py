@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.ik.derive import ARM_ANGLE
-from rrrgen.ik.interpreters.float_builder import wrapped
+from rrrgen.ik.recording.float_builder import wrapped
 from rrrgen.runtime.evaluation.kernels import TOLERANCE
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.kernels import Settings
+from rrrgen.backends.c.solver.kernels import Settings
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, Matrix
 from rrrgen.ik.plan import SolverPlan

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
-from rrrgen.ik.interpreters.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.tolerances import MEETS, SAME_GOLDEN, SHARP
 from rrrgen.resources import render
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rrrgen.backends.c.solver.arcs import RESERVED, Arcs, Slot, kept_count
+from rrrgen.backends.c.solver.statements import CBody, Loop, Statement, position, printed
 from rrrgen.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, square, total
-from rrrgen.ik.interpreters.c_arcs import RESERVED, Arcs, Slot, kept_count
-from rrrgen.ik.interpreters.c_statements import CBody, Loop, Statement, position, printed
 from rrrgen.ik.recording.builder import Turn, users_turn
 from rrrgen.ik.recording.scalar import Pool, Scalar
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from math import hypot
 
+from rrrgen.backends.c.solver.scaffold import Scaffold
+from rrrgen.backends.c.solver.statements import Statement
 from rrrgen.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import S, Vector, dot, minus, square, total
-from rrrgen.ik.interpreters.c_scaffold import Scaffold
-from rrrgen.ik.interpreters.c_statements import Statement
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
 from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.ik.tolerances import SIZE_OF_NOTHING

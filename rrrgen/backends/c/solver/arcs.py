@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rrrgen.ik.interpreters.c_statements import Loop, opening, position
+from rrrgen.backends.c.solver.statements import Loop, opening, position
 
 LANES = 4
 """The number of arcs is a multiple of this: whole vectors on most processors."""

@@ -1,1 +1,0 @@
-"""What a record becomes: C, floats, CasADi Functions."""
