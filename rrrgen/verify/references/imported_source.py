@@ -122,4 +122,53 @@ class _PinocchioSource:
         return np.array([tau[joint.idx_v] for joint in self._joints])
 
 
-_SOURCES: dict[str, Callable[[str, ImportedChain], _Source]] = {"urdf": _PinocchioSource}
+class _MujocoSource:
+    """An MJCF as MuJoCo reads it, without springs, damping, limits and contacts."""
+
+    def __init__(self, text: str, chain: ImportedChain) -> None:
+        try:
+            import mujoco
+        except ImportError as error:
+            raise ReferenceUnavailableError.at_import(error, "mujoco") from error
+        self.name, self._mujoco = f"MuJoCo {mujoco.__version__}", mujoco
+        try:
+            self._model: Any = mujoco.MjModel.from_xml_string(text)
+        except ValueError as error:
+            reason = str(error).strip().splitlines()[0]
+            raise ReferenceUnavailableError(f"{self.name} cannot load the file alone: {reason}") from error
+        self._data = mujoco.MjData(self._model)
+        self._ends = [self._end(name) for name in (chain.base, chain.tip)]
+        self._joints = [self._model.joint(name) for name in chain.joints]
+        held = [(self._model.joint(name), value) for name, value in chain.held.items()]
+        single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+        self._held = [(joint, value) for joint, value in held if joint.type[0] in single]
+
+    def _end(self, name: str) -> Any:
+        body = self._mujoco.mj_name2id(self._model, self._mujoco.mjtObj.mjOBJ_BODY, name)
+        return self._data.body(body) if body >= 0 else self._data.site(name)
+
+    def _move(self, q: Array) -> None:
+        for joint, value in [*zip(self._joints, q, strict=True), *self._held]:
+            self._data.qpos[joint.qposadr[0]] = value
+        self._mujoco.mj_kinematics(self._model, self._data)
+        self._mujoco.mj_comPos(self._model, self._data)
+
+    def pose(self, q: Array) -> Array:
+        self._move(q)
+        base, tip = np.eye(4), np.eye(4)
+        for T, end in zip((base, tip), self._ends, strict=True):
+            T[:3, :3], T[:3, 3] = np.reshape(end.xmat, (3, 3)), end.xpos
+        return np.asarray(np.linalg.solve(base, tip))
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        self._move(q)
+        self._data.qvel[:], self._data.qacc[:] = 0.0, 0.0
+        places = [joint.dofadr[0] for joint in self._joints]
+        self._data.qvel[places], self._data.qacc[places] = dq, ddq
+        self._mujoco.mj_comVel(self._model, self._data)
+        tau = np.zeros(self._model.nv)
+        self._mujoco.mj_rne(self._model, self._data, 1, tau)
+        return tau[places]
+
+
+_SOURCES: dict[str, Callable[[str, ImportedChain], _Source]] = {"urdf": _PinocchioSource, "mjcf": _MujocoSource}

@@ -1,0 +1,130 @@
+"""MJCF: the robot file is the chain of the bodies, as MuJoCo reads them; what has no place in it is said or refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rrrgen.errors import InputError
+from rrrgen.robotfile.importers.importing import import_robot
+from rrrgen.robotfile.importers.interface import ChainChoice
+from rrrgen.verify.references.imported_source import compare_with_source
+
+AGREE = 1e-9  # relative; both sides compute with doubles
+
+SHAPES = (
+    'type="sphere" size="0.05"',
+    'type="box" size="0.1 0.05 0.02" pos="0.1 0 0" euler="10 20 30"',
+    'type="capsule" size="0.04" fromto="0 0 0 0.1 0.2 0.3"',
+    'type="cylinder" size="0.05 0.1" axisangle="1 1 0 40"',
+    'type="ellipsoid" size="0.1 0.05 0.03" mass="0.7"',
+    'type="capsule" size="0.03 0.1" zaxis="0 1 0" density="300"',
+    'class="heavy"',
+)
+TURNS = ("", 'quat="0.707107 0 0.707107 0"', 'euler="90 0 0"', 'xyaxes="0 1 0 0 0 1"', 'axisangle="0.3 0.2 1 25"',
+         'zaxis="1 0 0"', 'euler="0 -90 45"', 'quat="0.3 0.5 -0.2 0.7"')  # fmt: skip
+AXES = ("0 0 1", "0 1 0", "-1 0 0", "0.3 0.4 -0.5")
+
+
+def random_mjcf(seed: int) -> str:
+    random = np.random.default_rng(seed)
+    radian, extrinsic = random.random() < 0.3, random.random() < 0.3
+    text = f'<mujoco model="r{seed}"><compiler angle="{"radian" if radian else "degree"}"'
+    text += ' eulerseq="ZYX"/>' if extrinsic else "/>"
+    text += '<option gravity="1 -2 -9"/><default><geom density="800"/><joint damping="0.5" armature="0.1"/>'
+    text += '<default class="heavy"><geom type="box" size="0.1 0.1 0.1" density="3000"/></default></default><worldbody>'
+    bodies = int(random.integers(2, 6))
+    for i in range(bodies):
+        xyz = " ".join(f"{x:.3g}" for x in random.choice([0, 0, 0.1, -0.3], 3))
+        text += f'<body name="b{i}" pos="{xyz}" {random.choice(TURNS)}>'
+        for k in range(int(random.integers(1, 3))):
+            kind, axis = random.choice(["hinge", "hinge", "slide"]), random.choice(AXES)
+            at, ref = random.choice(["", 'pos="0.1 0.02 -0.3"']), random.choice(["", 'ref="0.3"'])
+            text += f'<joint name="j{i}{k}" type="{kind}" axis="{axis}" {at} {ref} range="-1 1"/>'
+        if random.random() < 0.3:
+            text += '<inertial pos="0.1 0.2 0" mass="2" euler="10 0 5" diaginertia="0.1 0.2 0.25"/>'
+        text += f"<geom {random.choice(SHAPES)}/>"
+        text += f'<frame pos="0 0 0.1" euler="0 15 0"><geom {random.choice(SHAPES)}/></frame>'
+        if random.random() < 0.3:
+            text += f'<body name="side{i}" pos="0.1 0 0"><joint name="s{i}"/><geom {random.choice(SHAPES)}/></body>'
+    return text + '<site name="end" pos="0.1 0 0.2" euler="0 30 0"/>' + "</body>" * bodies + "</worldbody></mujoco>"
+
+
+def write(folder: Path, text: str) -> Path:
+    (folder / "arm.xml").write_text(text, encoding="utf-8")
+    return folder / "arm.xml"
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_random_chains_equal_mujoco(convention, tmp_path):
+    pytest.importorskip("mujoco")
+    for seed in range(10):
+        chain = ChainChoice(tip="end", convention=convention, angle_tolerance=0.0)
+        found = import_robot(write(tmp_path, random_mjcf(seed)), chain=chain)
+        compared = compare_with_source(found, seed)
+        assert compared.torque is not None, compared
+        assert compared.pose < AGREE, (seed, compared)
+        assert compared.torque < AGREE, (seed, compared)
+
+
+ARM = """\
+<mujoco model="arm">
+  <compiler angle="degree"/>
+  <worldbody>
+    <body name="upper" pos="0 0 0.3" quat="0.707107 0.707107 0 0">
+      <joint name="lift" range="-90 45" damping="0.4" frictionloss="0.2" armature="0.3" actuatorfrcrange="-20 20"/>
+      <inertial pos="0.1 0 0" mass="2" fullinertia="0.1 0.2 0.2 0.01 0 0"/>
+      <body name="lower" pos="0.5 0 0">
+        <joint name="bend" axis="0 0 -1" stiffness="3"/>
+        <geom type="mesh" mesh="forearm"/>
+      </body>
+    </body>
+  </worldbody>
+  <asset><mesh name="forearm" file="forearm.stl"/></asset>
+  <actuator><motor joint="lift"/></actuator>
+</mujoco>
+"""
+
+
+def test_what_is_read_and_what_is_said(tmp_path):
+    found = import_robot(write(tmp_path, ARM))
+    lift, bend = found.spec.joints
+    assert (str(lift.alpha), str(lift.a), str(bend.theta)) == ("pi", "1/2", "0")
+    assert lift.limits.lower == pytest.approx(-np.pi / 2)
+    assert (lift.limits.torque, lift.friction.viscous, lift.friction.coulomb, lift.drive.inertia) == (20, 0.4, 0.2, 0.3)
+    assert bend.limits.lower is None
+    assert (found.spec.links[0].mass, found.spec.links[1].mass) == (2, 0)
+    said = "\n".join(str(note) for note in found.notes)
+    for part in ("arm.xml:9:9: warning: the inertia of a mesh is left out", "the spring of joint 'bend' is left out",
+                 "<actuator> is left out", "<asset> is left out"):  # fmt: skip
+        assert part in said, part
+    assert "cannot load the file alone" in str(compare_with_source(found))
+
+
+FAULTS = {
+    "include": ("<worldbody>", '<include file="a.xml"/><worldbody>', "3:3", "<include> is not read"),
+    "ball": ('name="bend"', 'name="bend" type="ball"', "8:9", "joint 'bend' on the chain is ball"),
+    "type": ('name="bend"', 'name="bend" type="hing"', "8:34", "the type of joint 'bend' is 'hing'"),
+    "two": ('axis="0 0 -1"', 'axis="0 0 -1" pos="0 0"', "8:47", "pos of <joint> is '0 0'"),
+    "rotations": ('quat="0.7', 'euler="0 0 0" quat="0.7', "4:45", "quat and euler are both given"),
+    "masses": ('angle="degree"', 'settotalmass="3"', "2:27", "settotalmass is '3'"),
+    "root": ("<mujoco ", "<mujocoo ", "1:1", "the root is <mujocoo>"),
+    "size": ('type="mesh" mesh="forearm"', 'type="box" size="0.1"', "9:32", "size of a box has 1 numbers"),
+    "shell": ('type="mesh" mesh="forearm"', 'size="1" shellinertia="true"', "9:38", "the inertia of a shell"),
+    "twice": ('name="lower"', 'name="upper"', "7:7", "there are two bodies 'upper'"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_faults_are_located(case, tmp_path):
+    old, new, place, message = FAULTS[case]
+    assert ARM.count(old) == 1
+    text = ARM.replace(old, new).replace("</mujoco>", "</mujocoo>" if case == "root" else "</mujoco>")
+    file = write(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        import_robot(file, form="mjcf")
+    assert any(str(f).startswith(f"{file}:{place}: error") and message in f.message for f in caught.value.faults), str(
+        caught.value
+    )
