@@ -14,6 +14,7 @@ from typing import Any
 
 from rrrgen.errors import Fault, InputError
 from rrrgen.excitation.problem import OBJECTIVES, ExcitationLimits
+from rrrgen.excitation.response.signals import SIGNALS
 from rrrgen.experiments.writing import WritingPlane
 from rrrgen.friction.models import FrictionModel
 from rrrgen.yamltext import signal_units as units
@@ -53,6 +54,7 @@ class Experiment:
     - ``writing``: arguments of the writing task; ``branch`` (n,): joint positions near which its inverse kinematics
       begins.
     - ``virtual_robot``: friction, instruments and flexible parts by name; ``control``: control law and observer.
+    - ``response``: fields of a response experiment.
     - ``period``: sampling period, s; ``seed``: of all random numbers.
     """
 
@@ -63,6 +65,7 @@ class Experiment:
     branch: tuple[float, ...] | None = None
     virtual_robot: Mapping[str, Any] = field(default_factory=dict)
     control: ControlSection = field(default_factory=ControlSection)
+    response: Mapping[str, Any] = field(default_factory=dict)
     period: float = 1e-3
     seed: int = 0
 
@@ -108,6 +111,7 @@ class _Reader(Reader):
                 "writing": self.writing,
                 "virtual_robot": self.virtual_robot,
                 "control": self.control,
+                "response": self.response,
                 "period": self.one(units.TIME, "s", positive=True),
                 "seed": self.count,
             },
@@ -123,6 +127,7 @@ class _Reader(Reader):
             writing=writing,
             virtual_robot=top.get("virtual_robot", {}),
             control=top.get("control", ControlSection()),
+            response=top.get("response", {}),
             period=top.get("period", 1e-3),
             seed=top.get("seed", 0),
         )
@@ -212,6 +217,7 @@ class _Reader(Reader):
                 "torque_noise": torque,
                 "disturbance": torque,
                 "torque_record": lambda n, w: self.choice(n, w, ("centred", "command")),
+                "delay": self.count,
                 "flexible_joints": lambda n, w: self.section(
                     n, w, dict.fromkeys(("rotor_inertia", "stiffness", "damping"), self.each(UNITLESS, "one")), True
                 ),
@@ -226,6 +232,43 @@ class _Reader(Reader):
                 ),
             },
         )
+
+    def response(self, node: Node, what: str) -> dict[str, Any]:
+        found = self.section(
+            node,
+            what,
+            {
+                "joint": self.text,
+                "signal": lambda n, w: self.choice(n, w, SIGNALS),
+                "band": self.band,
+                "period": self.one(units.TIME, "s", positive=True),
+                "periods": self.count,
+                "settle": self.count,
+                "rms": self.one(units.ACCELERATION, "rad/s^2", positive=True),
+                "speed": self.one(units.VELOCITY, "rad/s", positive=True),
+                "realisations": self.count,
+                "postures": self.postures,
+                "bandwidth": self.band,
+                "damping": self.one(UNITLESS, "one", positive=True),
+            },
+        )
+        return {key: value for key, value in found.items() if value is not None}
+
+    def band(self, node: Node, what: str) -> tuple[float, float] | None:
+        """A pair of frequencies."""
+        if not isinstance(node, Sequence) or len(node.items) != 2:
+            self.faults.error(node, f"{what} is {describe(node)}, not a pair of frequencies")
+            return None
+        pair = [units.read_quantity(item, what, units.RATE, "Hz", self.faults) for item in node.items]
+        return None if pair[0] is None or pair[1] is None else (pair[0], pair[1])
+
+    def postures(self, node: Node, what: str) -> tuple[Any, ...] | None:
+        """A list of postures, each with one position per joint."""
+        if not isinstance(node, Sequence) or not node.items:
+            self.faults.error(node, f"{what} is {describe(node)}, not a list of postures [[q1, q2, ..], ..]")
+            return None
+        each = self.each(units.POSITION, "rad")
+        return tuple(each(item, f"{what}[{k}]") for k, item in enumerate(node.items))
 
     def friction(self, node: Node, what: str) -> FrictionModel | None:
         entries = read_entries(node, what, self.faults) or {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,10 @@ from rrrgen.experiments.writing import JointPath, newton_inverse_kinematics, sol
 from rrrgen.friction.stated import motor_friction, robot_friction
 from rrrgen.signals.kalman import kalman_matrices
 from rrrgen.signals.smoother import quantisation_variance
+
+if TYPE_CHECKING:
+    from rrrgen.simulate.experiment import Instruments
+    from rrrgen.simulate.plant import Plant, RigidBody
 
 DEFAULT_RESOLUTION = 1e-5
 """Encoder resolution, rad (m), if neither file states one: that of the encoders in the case study of the RRR arm."""
@@ -78,8 +82,8 @@ def simulate_motion(
 
     if model.beta is None:
         raise InputError("the virtual robot needs masses and inertias: the robot file has no links")
-    instruments = _instruments(experiment, model)
-    robot = VirtualRobot(_plant(experiment, model), instruments, experiment.period)
+    instruments = instruments_of(experiment, model)
+    robot = VirtualRobot(plant_of(experiment, model), instruments, experiment.period)
     recording = robot.run(
         reference,
         duration,
@@ -91,12 +95,13 @@ def simulate_motion(
     return recording, instruments
 
 
-def _plant(experiment: Experiment, model: Any) -> Any:
+def plant_of(experiment: Experiment, model: Any) -> Plant:
+    """The plant of the virtual robot: rigid body, friction, flexible joints and base."""
     from rrrgen.simulate.friction import Friction
     from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints, make_plant
 
     parts = experiment.virtual_robot
-    friction = _friction(experiment, model)
+    friction = friction_of(experiment, model)
     joints, base = parts.get("flexible_joints"), parts.get("flexible_base")
     if base is not None and "inertia" not in base:
         base = {**base, "inertia": BASE_TO_ARM * float(model.mass_matrix(np.zeros(model.n))[0, 0])}
@@ -108,7 +113,7 @@ def _plant(experiment: Experiment, model: Any) -> Any:
     )
 
 
-def _friction(experiment: Experiment, model: Any) -> Any:
+def friction_of(experiment: Experiment, model: Any) -> Any:
     """Joint friction from the experiment, or else the robot file, together with that of coupled motors."""
     from rrrgen.simulate.friction import MotorFriction
 
@@ -119,7 +124,8 @@ def _friction(experiment: Experiment, model: Any) -> Any:
     return MotorFriction(joints, motors, np.array(model.spec.drives.motor_from_joint, dtype=float))
 
 
-def _instruments(experiment: Experiment, model: Any) -> Any:
+def instruments_of(experiment: Experiment, model: Any) -> Instruments:
+    """Encoders and drives by the robot file, or the experiment where it states others."""
     from rrrgen.simulate.experiment import Instruments, MotorLimits
 
     names = {entry.name for entry in fields(Instruments)}
@@ -135,6 +141,23 @@ def _instruments(experiment: Experiment, model: Any) -> Any:
     return Instruments(**{**stated, **{k: v for k, v in experiment.virtual_robot.items() if k in names}})
 
 
+def resolutions_of(instruments: Instruments, joints: int) -> tuple[float, ...]:
+    """The encoder resolution of every joint, rad (m); :data:`DEFAULT_RESOLUTION` where none is stated."""
+    return tuple(step or DEFAULT_RESOLUTION for step in instruments.encoder_resolution or (0.0,) * joints)
+
+
+def rigid_body_of(experiment: Experiment, model: Any) -> RigidBody:
+    """The model of a controller that takes joints for rigid: rotors of flexible joints count as drive inertia."""
+    from rrrgen.simulate.plant import RigidBody, without_drives
+
+    flexible = experiment.virtual_robot.get("flexible_joints")
+    if flexible is None:
+        return RigidBody(model)
+    drives = without_drives(model)
+    rotors = np.asarray(flexible["rotor_inertia"], dtype=float)
+    return RigidBody(model, drive_inertia=rotors + (0.0 if drives is None else drives))
+
+
 def _drives(model: Any) -> tuple[float, ...] | None:
     """The torque limits (n,) of the robot file; None unless it states them for every joint."""
     limits = [joint.limits.torque for joint in model.spec.joints]
@@ -143,15 +166,14 @@ def _drives(model: Any) -> tuple[float, ...] | None:
 
 def _controller(experiment: Experiment, model: Any, reference: Motion, duration: float) -> Any:
     from rrrgen.simulate.control import PD, ComputedTorque, pd_gains
-    from rrrgen.simulate.plant import RigidBody
 
     control, n = experiment.control, model.n
     if control.kind == "computed_torque":
         omega = 2.0 * np.pi * control.bandwidth
         kp = control.kp if control.kp is not None else (omega**2,) * n
         kd = control.kd if control.kd is not None else (2.0 * control.damping * omega,) * n
-        friction = _friction(experiment, model)
-        return ComputedTorque(RigidBody(model), kp, kd, friction=friction)
+        friction = friction_of(experiment, model)
+        return ComputedTorque(rigid_body_of(experiment, model), kp, kd, friction=friction)
     poses = reference(np.linspace(0.0, duration, POSES))[0]
     whole, felt = _moved(experiment, model, np.asarray(model.mass_matrix(poses)))
     if control.kp is not None and control.kd is not None:
@@ -195,9 +217,8 @@ def _observer(experiment: Experiment, model: Any, instruments: Any, reference: M
     if jerk is None:
         t = np.arange(round(duration / period)) * period
         jerk = tuple(np.abs(np.diff(reference(t)[2], axis=0)).max(axis=0) / period)
-    steps = instruments.encoder_resolution or (0.0,) * model.n
     matrices = [
-        kalman_matrices(period, quantisation_variance(step or DEFAULT_RESOLUTION), max(float(top), 1e-3) ** 2)
-        for step, top in zip(steps, jerk, strict=True)
+        kalman_matrices(period, quantisation_variance(step), max(float(top), 1e-3) ** 2)
+        for step, top in zip(resolutions_of(instruments, model.n), jerk, strict=True)
     ]
     return DeviationFilter([m.E for m in matrices], [m.k for m in matrices])

@@ -128,15 +128,31 @@ class ComputedTorque:
     def __post_init__(self) -> None:
         object.__setattr__(self, "_gains", (np.asarray(self.kp, dtype=float), np.asarray(self.kd, dtype=float)))
 
-    def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
-        """Torque command (n,) of the computed-torque law; ``disturbance`` (n,), rad/s^2 (m/s^2), is added to u."""
+    def input(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
+        """The input u (n,) of the linearised arm, rad/s^2 (m/s^2), with ``disturbance`` (n,) added to it."""
         kp, kd = self._gains
         u = -kp * (q - reference.q) - kd * (dq - reference.dq) + disturbance
-        if self.feedforward:
-            u = u + reference.ddq
+        return np.asarray(u + reference.ddq if self.feedforward else u)
+
+    def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
+        """Torque command (n,) of the computed-torque law; ``disturbance`` (n,), rad/s^2 (m/s^2), is added to u."""
+        u = self.input(q, dq, reference, disturbance)
         at, speed = (reference.q, reference.dq) if self.along_reference else (q, dq)
         tau = self.body.mass(at) @ u + self.body.bias(at, speed)
         return np.asarray(tau if self.friction is None else tau + self.friction.torque(speed))
+
+
+class RecordedInput:
+    """Computed torque that keeps the inputs u it computes, sample by sample, in ``inputs``."""
+
+    def __init__(self, law: ComputedTorque) -> None:
+        self.law = law
+        self.inputs: list[Array] = []
+
+    def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
+        """Torque command (n,) of the law; its input is appended to ``inputs``."""
+        self.inputs.append(self.law.input(q, dq, reference, disturbance))
+        return self.law.torque(q, dq, reference, disturbance)
 
 
 def pd_gains(inertia: ArrayLike, bandwidth: float | Sequence[float], damping: float = 1.0) -> PD:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.errors import DerivationError, InputError
+from rrrgen.simulate.compiled_plant import compiled_integrator
 from rrrgen.simulate.control import Controller, Observer, Reference
 from rrrgen.simulate.integration import make_integrator
 from rrrgen.simulate.plant import Plant
@@ -53,6 +54,7 @@ class Instruments:
       beginning, half a sample ahead of the motion it causes; "centred" records the mean over a sample period around the
       instant, like a drive that integrates its current.
     - ``motors``: torque limits of coupled motors.
+    - ``delay``: samples from the reading of the encoders to the torque that follows from it.
     """
 
     encoder_resolution: tuple[float, ...] | None = None
@@ -62,6 +64,7 @@ class Instruments:
     disturbance: tuple[float, ...] | None = None
     torque_record: Literal["centred", "command"] = "centred"
     motors: MotorLimits | None = None
+    delay: int = 0
 
     def read(self, q: Array) -> Array:
         """Encoder readings (n,) of the positions ``q`` (n,), rounded to the resolution."""
@@ -114,7 +117,7 @@ class VirtualRobot:
     """A simulated robot: its plant and instruments, sampled and controlled with ``period`` (s).
 
     ``steps`` is the number of Runge-Kutta steps per sample of a rigid plant, ``tolerance`` that of the stiff solver for
-    any other.
+    any other that is not compiled.
     """
 
     plant: Plant
@@ -151,7 +154,9 @@ class VirtualRobot:
         injected = np.zeros((count, self.plant.n)) if excitation is None else np.asarray(excitation, dtype=float)
         first = (wanted[0][0], wanted[1][0]) if start is None else start
         state = self.plant.initial_state(*first)
-        integrator = make_integrator(self.plant, self.steps, self.tolerance)
+        integrator = compiled_integrator(self.plant, state, self.period) or make_integrator(
+            self.plant, self.steps, self.tolerance
+        )
         for k in range(count):
             now = Reference(wanted[0][k], wanted[1][k], wanted[2][k])
             applied = loop.sample(k, state, now, injected[k])
@@ -174,7 +179,7 @@ class _Loop:
     ) -> None:
         n = robot.plant.n
         self.robot, self.controller, self.observer, self.rng = robot, controller, observer, rng
-        self.reading, self.q, self.dq, self.held = (np.zeros((count, n)) for _ in range(4))
+        self.reading, self.q, self.dq, self.command, self.held = (np.zeros((count, n)) for _ in range(5))
         self.saturated = np.zeros((count, n), dtype=bool)
         self.disturbance = rng.normal(size=(count, n)) * _row(robot.instruments.disturbance, n)
 
@@ -186,7 +191,8 @@ class _Loop:
         if k == 0:
             self.observer.start(self.reading[0], reference)
         seen = self.observer.update(self.reading[k], reference)
-        command = self.controller.torque(*seen, reference, injected)
+        self.command[k] = self.controller.torque(*seen, reference, injected)
+        command = self.command[max(0, k - instruments.delay)]
         self.held[k] = instruments.drive(command)
         self.saturated[k] = instruments.saturates(command)
         return np.asarray(self.held[k] + self.disturbance[k])

@@ -11,12 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.errors import InputError
+from rrrgen.program import Builder, Program, Role
+from rrrgen.program.builder import replay
 from rrrgen.simulate.friction import Friction, NoFriction
 
 Array = NDArray[Any]
@@ -87,6 +90,7 @@ class RigidBody:
     def __init__(self, model: Any, beta: ArrayLike | None = None, drive_inertia: ArrayLike | None = None) -> None:
         self.n: int = model.n
         parameters = None if beta is None else np.asarray(beta, dtype=float)
+        self._model, self._parameters = model, parameters
         self._added = None if drive_inertia is None else np.diag(np.asarray(drive_inertia, dtype=float))
         self._zero = np.zeros(self.n)
         self._direct: Callable[[Array, Array, Array], Array] | None = None
@@ -101,6 +105,22 @@ class RigidBody:
             self._mass = lambda q: np.asarray(model.mass_matrix(q, parameters))
             self._torque = lambda q, dq, ddq: np.asarray(model.inverse_dynamics(q, dq, ddq, parameters))
 
+    def forward_dynamics_program(self) -> Program | None:
+        """Forward dynamics with all parameters folded in, of links alone where the added inertia takes drives out.
+
+        None for a model without programs, and for any other added inertia.
+        """
+        programs = getattr(getattr(self._model, "derived", None), "programs", {})
+        if "forward_dynamics" not in programs:
+            return None
+        drives = self._model.drive_inertia
+        if self._added is not None and (drives is None or np.any(np.diag(self._added) + drives)):
+            return None
+        known = {Role.BASE_PARAMETERS: self._model.beta if self._parameters is None else self._parameters}
+        if drives is not None:
+            known[Role.DRIVE_INERTIA] = drives if self._added is None else np.zeros(drives.size)
+        return _folded(programs["forward_dynamics"], known)
+
     def mass(self, q: Array) -> Array:
         """Mass matrix M(q) including drive inertia, (n, n), kg m^2 (kg)."""
         return self._mass(q).copy() if self._added is None else self._mass(q) + self._added
@@ -114,6 +134,18 @@ class RigidBody:
         if self._direct is not None:
             return self._direct(q, dq, net).copy()
         return np.asarray(np.linalg.solve(self.mass(q), net - self.bias(q, dq)))
+
+
+def _folded(program: Program, known: dict[Role, Array]) -> Program:
+    """``program`` with the parameters ``known`` as constants."""
+    builder = Builder()
+    inputs: list[Any] = []
+    for port in program.inputs:
+        if port.role in known:
+            inputs.append([Fraction(float(value)) for value in known[port.role]])
+        else:
+            inputs.append(builder.input(port))
+    return builder.rewritten(program, replay(program, builder, inputs))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument
-from rrrgen.cli.identification.online_estimators import estimator_files_of, estimator_options
+from rrrgen.cli.experiments.online_estimators import estimator_files_of, estimator_options
 from rrrgen.friction.laws import LAWS
 
 if TYPE_CHECKING:

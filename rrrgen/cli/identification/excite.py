@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.experiments.response_experiment import excite_response
 from rrrgen.cli.identification.workflow import (
     chosen_experiment,
     described_files,
@@ -26,6 +27,11 @@ from rrrgen.extras import require
 @robot_argument
 @output_option
 @experiment_option
+@click.option(
+    "--response",
+    metavar="JOINT",
+    help="Excite one joint for its frequency response instead; '-' for the joint that the experiment file names.",
+)
 @click.option("--harmonics", type=click.IntRange(min=1), help="Number of harmonics of the Fourier series; default 15.")
 @click.option("--duration", "cycle", type=float, metavar="S", help="Period of the motion in seconds; default 10.")
 @click.option("--rate", type=float, metavar="HZ", help="Sampling rate of the controller; default 1000.")
@@ -40,11 +46,20 @@ def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     Minimises the condition number of the regressor from several random starts and checks every limit at the rate of the
     controller. Writes the coefficients (JSON), the samples for the controller (CSV) and figures to DIR.
 
+    With --response: a random-phase multisine, noise or swept sine n for u = -Kp e - Kd de + n (14.36), and a speed at
+    which the joint never turns and quantisation does not repeat; section `response` of the experiment file.
+
     \b
-    Example:
+    Examples:
       rrrgen excite rrr -o runs/excitation --jobs 2
       rrrgen excite rrr --experiment experiment.yaml -o runs/excitation
+      rrrgen excite rrr --response q1 -o runs/response-excitation
     """
+    if options["response"] is not None:
+        require("rrrgen excite", "matplotlib")
+        spec = read_with_warnings(robot)
+        chosen = chosen_experiment(options["experiment"], spec.n, options)
+        return excite_response(robot, spec, chosen, output, options, as_json)
     require("rrrgen excite", "casadi", "matplotlib", *parallel_packages(options))
     from rrrgen import pipeline
     from rrrgen.excitation.design import design_excitation

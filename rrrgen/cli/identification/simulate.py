@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.experiments.response_experiment import simulate_response_runs
 from rrrgen.cli.identification.workflow import (
     chosen_experiment,
     described_files,
@@ -33,6 +34,11 @@ from rrrgen.extras import require
     help="Motion to follow: excitation.json of `rrrgen excite`.",
 )
 @click.option("--writing", is_flag=True, help="Follow the writing task of the experiment file; default: RRR in 10 s.")
+@click.option(
+    "--response",
+    type=click.Path(path_type=Path, exists=True),
+    help="Frequency response of a joint: response_excitation.json of `rrrgen excite --response`.",
+)
 @output_option
 @experiment_option
 @click.option("--duration", type=float, metavar="S", help="Duration in seconds; default: one period of the motion.")
@@ -56,12 +62,14 @@ def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     """Simulate an experiment: the robot file's links, friction, drives, encoders and torque limits under control.
 
     An experiment file can add other friction laws, flexible joints, a flexible base, noise and controller gains. Writes
-    log.csv, the recording, and log.yaml, its mapping file for `rrrgen identify`, to DIR.
+    log.csv, the recording, and log.yaml, its mapping file for `rrrgen identify`, to DIR; with --response recordings by
+    feedback linearisation (14.34), (14.36) and response.yaml for `rrrgen frf`.
 
     \b
     Examples:
       rrrgen simulate rrr --trajectory runs/excitation/results/excitation.json --torque-noise 0.05 -o runs/experiment
       rrrgen simulate rrr --writing --experiment experiment.yaml -o runs/writing
+      rrrgen simulate rrr --response runs/response-excitation/results/response_excitation.json --base-mode 28 -o runs/q1
     """
     require("rrrgen simulate", "scipy")
     from rrrgen import pipeline
@@ -69,10 +77,12 @@ def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     from rrrgen.runs.run_folder import RunFolder
     from rrrgen.simulate.recording import write_recording
 
-    if (options["trajectory"] is None) is not options["writing"]:
-        raise click.UsageError("say what to follow: --trajectory FILE or --writing, one of them")
+    if [options["trajectory"] is not None, options["writing"], options["response"] is not None].count(True) != 1:
+        raise click.UsageError("say what to follow: --trajectory FILE, --writing or --response FILE, one of them")
     spec = read_with_warnings(robot)
     experiment = chosen_experiment(options["experiment"], spec.n, options)
+    if options["response"] is not None:
+        return simulate_response_runs(robot, spec, experiment, output, options, as_json)
     model = pipeline.compile(spec)
     if model.beta is None:
         raise click.UsageError(f"{robot} has no links: there is nothing to simulate")

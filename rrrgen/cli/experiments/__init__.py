@@ -1,0 +1,1 @@
+"""Parts of commands that belong to experiments: response experiments, and estimators for the controller."""

@@ -1,0 +1,178 @@
+"""Design of a response experiment: amplitude, speed without change of direction or repeating quantisation, strokes.
+
+The joint moves at a constant speed above the peak of the speed that the excitation adds, so that friction never changes
+its sign. Where the path exceeds the range of the joint it is cut into strokes back and forth, each of whole periods.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.excitation.response.plan import ResponseDesign, ResponsePlan, ResponseRun
+from rrrgen.excitation.response.signals import SIGNALS, excitation_signal
+
+LARGEST_RMS = 7.0
+"""Largest rms of the excitation that is chosen, rad/s^2 (m/s^2)."""
+TORQUE_SHARE = 0.4
+"""Share of the torque limit, and of the acceleration limit, that the peak of the excitation may take."""
+SPEED_MARGIN = 1.5
+"""Speed of the joint over the largest speed that the excitation adds to a rigid arm."""
+SPEED_SHARE = 0.9
+RANGE_SHARE = 0.95
+FRACTION = 0.5 * (3.0 - math.sqrt(5.0))
+"""Of speed x period / resolution: the golden section, of which no small multiple is nearly whole."""
+FEWEST_PERIODS = 2
+DEFAULT_RESOLUTION = 1e-5
+
+
+def design_response(model: Any, plan: ResponsePlan, rate: float, seed: int = 0) -> ResponseDesign:
+    """The runs of ``plan`` for the compiled robot ``model`` at the sampling ``rate`` (Hz).
+
+    Raises :class:`InputError` if the joint cannot do it: speed, range or torque too small, no whole number of samples.
+    """
+    names = tuple(joint.name for joint in model.spec.joints)
+    i, samples = plan.joint_index(names), _samples(plan, rate)
+    omega = 2.0 * math.pi * np.array([plan.bandwidth[0] if k == i else plan.bandwidth[1] for k in range(model.n)])
+    kp, kd = omega**2, 2.0 * plan.damping * omega
+    rng = np.random.default_rng(seed)
+    periodic = plan.signal != "noise"
+    postures = plan.postures or ((0.0,) * model.n,)
+    runs: list[ResponseRun] = []
+    for p, posture in enumerate(postures, start=1):
+        if len(posture) != model.n:
+            raise InputError(f"posture {p} has {len(posture)} joint positions, the robot {model.n}")
+        for r in range(1, plan.realisations + 1):
+            count = samples if periodic else samples * plan.periods * (plan.settle + 1)  # for the most strokes
+            shape = excitation_signal(plan.signal, plan.band, count, rate, rng)
+            n = shape * _rms(model, plan, i, posture, float(np.abs(shape).max()))
+            speed = _speed(model, plan, i, n, rate, float(kp[i]), float(kd[i]), samples if periodic else None)
+            name = f"{names[i]}_posture{p}_realisation{r}"
+            runs += _strokes(model, plan, i, posture, speed, n, samples / rate, name, (p, r), samples)
+    return ResponseDesign(
+        robot=model.name,
+        joint=i,
+        joint_name=names[i],
+        signal=plan.signal,
+        period=1.0 / rate,
+        signal_period=samples if periodic else None,
+        kp=tuple(kp.tolist()),
+        kd=tuple(kd.tolist()),
+        runs=tuple(runs),
+    )
+
+
+def _samples(plan: ResponsePlan, rate: float) -> int:
+    """Samples of a period; raises InputError for plans that no robot can do."""
+    samples = round(plan.period * rate)
+    if abs(samples - plan.period * rate) > 1e-6 * samples or samples < 2:
+        raise InputError(f"the period of {plan.period:g} s is no whole number of samples at {rate:g} Hz")
+    if plan.signal not in SIGNALS:
+        raise InputError(f"the signal is one of {', '.join(SIGNALS)}, not {plan.signal!r}")
+    if plan.periods < FEWEST_PERIODS or plan.settle < 0 or plan.realisations < 1:
+        raise InputError(f"record {FEWEST_PERIODS} periods at least, better ten, of one realisation at least")
+    if min(*plan.bandwidth, plan.damping) <= 0.0:
+        raise InputError("the bandwidths and the damping of the loops are positive")
+    return samples
+
+
+def _rms(model: Any, plan: ResponsePlan, i: int, posture: tuple[float, ...], crest: float) -> float:
+    """The rms that is stated, or what limits of torque and acceleration allow."""
+    if plan.rms is not None:
+        if not plan.rms > 0.0:
+            raise InputError(f"the rms of the excitation is positive, not {plan.rms:g}")
+        return plan.rms
+    limits, largest = model.spec.joints[i].limits, LARGEST_RMS
+    if limits.torque is not None and model.beta is not None:
+        inertia = float(model.mass_matrix(np.array(posture, dtype=float))[i, i])
+        largest = min(largest, TORQUE_SHARE * float(limits.torque) / (inertia * crest))
+    if limits.acceleration is not None:
+        largest = min(largest, TORQUE_SHARE * float(limits.acceleration) / crest)
+    return largest
+
+
+def _speed(
+    model: Any, plan: ResponsePlan, i: int, n: Array, rate: float, kp: float, kd: float, samples: int | None
+) -> float:
+    """A speed that never changes its sign and moves the joint by no whole number of encoder steps a period."""
+    drive = model.spec.joints[i].drive
+    resolution = (drive and drive.encoder_resolution) or DEFAULT_RESOLUTION
+    slowest = _added_speed(n, rate, kp, kd)
+    if plan.speed is not None:
+        if not plan.speed > 0.0:
+            raise InputError(f"the speed of the joint is positive, not {plan.speed:g}; strokes reverse by themselves")
+        steps = plan.speed * plan.period / resolution
+        if samples is not None and abs(steps - round(steps)) < 0.05:
+            better = (math.floor(steps) + FRACTION) * resolution / plan.period
+            raise InputError(
+                f"at {plan.speed:g} the joint moves {steps:.6g} encoder steps of {resolution:g} in a period: nearly a "
+                f"whole number, so that quantisation repeats; take {better:.9g}"
+            )
+        return plan.speed
+    wanted = SPEED_MARGIN * slowest
+    if samples is not None:
+        wanted = (math.ceil(wanted * plan.period / resolution) + FRACTION) * resolution / plan.period
+    allowed = model.spec.joints[i].limits.velocity
+    if allowed is not None and wanted + slowest > SPEED_SHARE * float(allowed):
+        raise InputError(
+            f"joint {i + 1} must move at {wanted:.3g} so that the excitation, which adds up to {slowest:.3g}, never "
+            f"turns it; its limit is {float(allowed):.3g}: lower the rms, or raise the lowest frequency"
+        )
+    return wanted
+
+
+def _added_speed(n: Array, rate: float, kp: float, kd: float) -> float:
+    """The largest speed that ``n`` adds to a rigid joint in its loop, ``s/(s^2 + kd s + kp) n``."""
+    s = 2j * np.pi * np.fft.rfftfreq(len(n), 1.0 / rate)
+    speed = np.fft.irfft(np.fft.rfft(n) * s / (s**2 + kd * s + kp), len(n))
+    return float(np.abs(speed).max())
+
+
+def _strokes(
+    model: Any,
+    plan: ResponsePlan,
+    i: int,
+    posture: tuple[float, ...],
+    speed: float,
+    n: Array,
+    period: float,
+    name: str,
+    numbers: tuple[int, int],
+    samples: int,
+) -> list[ResponseRun]:
+    """One run, or several back and forth where the joint has no room for one."""
+    limits = model.spec.joints[i].limits
+    lower, upper = (None if v is None else float(v) for v in (limits.lower, limits.upper))
+    room = math.inf if lower is None or upper is None else RANGE_SHARE * (upper - lower)
+    lead = plan.settle * period
+    most = plan.periods if math.isinf(room) else math.floor((room / speed - lead) / period)
+    if most < FEWEST_PERIODS:
+        raise InputError(
+            f"joint {i + 1} has room for {max(most, 0)} periods of {period:g} s at {speed:.3g} after a start of "
+            f"{lead:g} s, and {FEWEST_PERIODS} are the least: a shorter period, or a smaller rms and with it speed"
+        )
+    count = math.ceil(plan.periods / most)
+    each = math.ceil(plan.periods / count)
+    length = (each + plan.settle) * samples
+    runs = []
+    for k in range(count):
+        direction = -1.0 if k % 2 else 1.0
+        start = list(posture)
+        start[i] = _start(posture[i], lower, upper, direction, speed * length * period / samples)
+        part = n[k * length : (k + 1) * length] if plan.signal == "noise" else np.resize(n, length)
+        label = name if count == 1 else f"{name}_stroke{k + 1}"
+        runs.append(ResponseRun(label, *numbers, tuple(start), direction * speed, plan.settle * samples, part))
+    return runs
+
+
+def _start(position: float, lower: float | None, upper: float | None, direction: float, travel: float) -> float:
+    """Where a stroke begins: at the stated position if the path from there stays in the range, else centred in it."""
+    end = position + direction * travel
+    inside = (lower is None or min(position, end) >= lower) and (upper is None or max(position, end) <= upper)
+    if inside or lower is None or upper is None:
+        return position
+    return 0.5 * (lower + upper) - 0.5 * direction * travel

@@ -1,0 +1,34 @@
+"""Figure of a designed response experiment: the signal and its lines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rrrgen.excitation.response.plan import ResponseDesign
+from rrrgen.runs.figures import new_figure, style_axes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot_response_excitation(design: ResponseDesign) -> Figure:
+    """One period of the excitation of the first run (all of it for noise), and the amplitude of its lines."""
+    run = design.runs[0]
+    n = run.n[: design.signal_period]
+    amplitude = 2.0 * np.abs(np.fft.rfft(n)) / len(n)
+    frequency = np.fft.rfftfreq(len(n), design.period)
+    excited = amplitude > 1e-3 * amplitude.max()
+    figure, axes = new_figure(2, 1, height=4.4)
+    axes[0].plot(design.period * np.arange(len(n)), n, linewidth=0.6)
+    axes[0].set_title(
+        f"{design.joint_name}: {design.signal.replace('_', ' ')}, rms {n.std():.3g}, crest factor "
+        f"{np.abs(n).max() / n.std():.2f}, speed {abs(run.speed):.4g}",
+        fontsize=9,
+        loc="left",
+    )
+    style_axes(axes[0], "t [s]", "n [per s²]")
+    axes[1].loglog(frequency[excited], amplitude[excited], ".", markersize=2.5)
+    style_axes(axes[1], "frequency [Hz]", "amplitude of n")
+    return figure

@@ -1,0 +1,169 @@
+"""Frequency responses by feedback linearisation of the virtual arm, against its linearised equations."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import rrrgen
+from oracles.linear_loop import joint_response
+from rrrgen.cli.main import cli
+from rrrgen.cli.main import run as run_command
+from rrrgen.errors import InputError
+from rrrgen.experiments.experiment_file import loads_experiment
+from rrrgen.experiments.experiment_setup import plant_of, rigid_body_of
+from rrrgen.experiments.response_experiment import response_design, response_plan, simulate_response
+from rrrgen.response.estimators.estimate import estimate_one, estimate_responses
+from rrrgen.response.response_file import ResponseRecording, load_response
+from rrrgen.simulate.response_recording import write_responses
+
+ARM = """
+schema: rrrgen-experiment/1
+period: 1 ms
+seed: 3
+virtual_robot:
+  friction: {law: coulomb_viscous, joints: [{coulomb: 3, viscous: 1.1}, {viscous: 0.3}, {viscous: 0.2}]}
+  flexible_joints: {rotor_inertia: [0.2, 0.1, 0.02], stiffness: [2e5, 6e4, 1e4], damping: [60, 20, 3]}
+  flexible_base: {frequency: 28 Hz, damping_ratio: 0.1}
+  delay: 1
+"""
+EXACT = "  encoder_resolution: 0\n"
+NOISY = "  disturbance: [1, 0.5, 0.2]\n"
+
+
+@cache
+def arm():
+    return rrrgen.compile("rrr")
+
+
+def experiment(response: str, more: str = NOISY, control: str = ""):
+    return loads_experiment(f"{ARM}{more}{control}response: {{joint: q1, {response}}}\n", 3)
+
+
+def simulated(found, model=None):
+    model = model or arm()
+    design = response_design(found, model, response_plan(found))
+    signals, controller = simulate_response(found, model, design)
+    return design, signals, controller
+
+
+def truth(found, design, frequency, run=0):
+    """Of the arm at the start of a run, with the loops of the other joints closed."""
+    plant = plant_of(found, arm())
+    state = plant.initial_state(design.runs[run].start, design.reference(design.runs[run], np.zeros(1))[1][0])
+    Ts = design.period
+    loops = [(p + d / Ts, -d / Ts) for p, d in zip(design.kp, design.kd, strict=True)]
+    mass = rigid_body_of(found, arm()).mass(np.array(design.runs[run].start))
+    return joint_response(plant, state, mass, design.joint, loops, Ts, 1, frequency)
+
+
+def record(signals, period=1e-3):
+    rows = signals.settled()
+    return ResponseRecording(signals.run.name, period, *rows[:, 1:4].T)
+
+
+def test_without_noise_the_response_is_that_of_the_linearised_arm():
+    """Also by the indirect method: the controller that is written down is the one that ran."""
+    found = experiment("period: 1 s, periods: 2, settle: 4, band: [1 Hz, 200 Hz], rms: 3", EXACT)
+    design, (signals,), controller = simulated(found)
+    for method in ("local_polynomial", "indirect"):
+        response = estimate_one(record(signals), 1.0, controller, method)
+        assert len(response.frequency) == 200
+        expected = truth(found, design, response.frequency)
+        assert np.abs(response.P / expected - 1.0).max() < 1e-5
+        assert response.findings == ()
+    integrator = -response.P * (2.0 * np.pi * response.frequency) ** 2  # 1 for (14.35), but for hold and delay
+    assert np.allclose(np.abs(integrator[:3]), 1.0, atol=0.1)
+    lead = np.angle(integrator, deg=True) + 360.0 * 1.5e-3 * response.frequency
+    assert lead[response.frequency == 28.0] > 25.0  # the phase lead of a swinging base, as in Fig. 14.14
+
+
+@pytest.mark.parametrize("signal", ["multisine", "odd_multisine", "noise", "swept_sine"])
+def test_every_signal_gives_a_response_within_its_band(signal):
+    found = experiment(f"signal: {signal}, period: 1 s, periods: 10, settle: 3, band: [1 Hz, 180 Hz]")
+    design, (signals,), _ = simulated(found)
+    response = estimate_one(record(signals), None if signal == "noise" else 1.0)
+    assert ("noise" if signal == "noise" else "periodic") in response.method
+    assert response.findings == ()
+    use = (response.frequency >= 1.0) & (response.frequency <= 179.0)
+    expected = truth(found, design, response.frequency[use])
+    held = np.abs(response.P[use] - expected) < response.band95[use] * np.abs(response.P[use])
+    assert 0.88 < np.mean(held) <= 1.0
+    assert np.mean(response.trusted[use]) > 0.7
+    if signal == "odd_multisine":
+        measured = response.details["distortion"]["detection_lines"]
+        assert set(measured) == {"even", "odd"}
+        assert max(measured.values()) < 1.5
+
+
+def test_the_kalman_filter_in_the_loop_is_part_of_the_controller_that_is_written():
+    control = "control: {observer: kalman, jerk: 2000}\n"
+    found = experiment("period: 1 s, periods: 2, settle: 4, band: [1 Hz, 60 Hz], rms: 3", EXACT, control)
+    _, (signals,), controller = simulated(found)
+    assert len(controller.denominator) == 4
+    direct = estimate_one(record(signals), 1.0)
+    indirect = estimate_one(record(signals), 1.0, controller, "indirect")
+    assert np.abs(indirect.P / direct.P - 1.0).max() < 1e-3
+
+
+def test_postures_and_realisations_become_response_files(tmp_path):
+    found = experiment(
+        "period: 0.5 s, periods: 4, settle: 2, band: [4 Hz, 150 Hz], postures: [[0, 0, 90 deg], [0, 0, 0]]"
+    )
+    design, signals, controller = simulated(found)
+    (path,) = write_responses(tmp_path / "postures", design, signals, controller)
+    assert load_response(path).several == "postures"
+    folded, stretched = estimate_responses(load_response(path))
+    for k, response in enumerate((folded, stretched)):
+        expected = truth(found, design, response.frequency, k)
+        assert np.median(np.abs(response.P / expected - 1.0)) < 0.1
+    found = experiment("period: 0.5 s, periods: 4, settle: 2, band: [4 Hz, 150 Hz], realisations: 2")
+    design, signals, controller = simulated(found)
+    assert not np.allclose(signals[0].n, signals[1].n)
+    (path,) = write_responses(tmp_path / "realisations", design, signals, controller)
+    (mean,) = estimate_responses(load_response(path))
+    assert mean.details["realisations"] == 2
+    assert mean.findings == ()
+
+
+def test_commands_lead_from_the_excitation_to_the_resonances(tmp_path):
+    """excite -> simulate -> frf -> response-model."""
+    file = tmp_path / "arm.yaml"
+    file.write_text(f"{ARM}{NOISY}response: {{period: 1 s, periods: 8, settle: 3, band: [1 Hz, 200 Hz]}}\n")
+
+    def run(*arguments):
+        result = CliRunner().invoke(cli, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
+        assert result.return_value == 0, result.output
+        return result.output
+
+    run("excite", "rrr", "--response", "q1", "--experiment", file, "-o", tmp_path / "excitation")
+    designed = tmp_path / "excitation/results/response_excitation.json"
+    assert (tmp_path / "excitation/figures/response_excitation.png").is_file()
+    rows = np.loadtxt(tmp_path / "excitation/results/q1_posture1_realisation1.csv", delimiter=",", skiprows=1)
+    assert rows.shape == (11000, 8)
+    run("simulate", "rrr", "--response", designed, "--experiment", file, "-o", tmp_path / "arm")
+    run("frf", tmp_path / "arm/results/response.yaml", "-o", tmp_path / "frf")
+    run("response-model", tmp_path / "frf/results/frf.json", "-o", tmp_path / "model")
+    model = json.loads((tmp_path / "model/results/response_model.json").read_text())
+    found = [each["frequency"] for each in model["resonances"]]
+    assert min(abs(f - 28.0) for f in found) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("excite", "rrr", "--response", "q9", "-o", "out"), InputError.exit_code),
+        (("excite", "rrr", "--response", "-", "-o", "out"), InputError.exit_code),
+        (("excite", "rrr", "--response", "q1", "--harmonics", "3", "-o", "out"), 2),
+        (("simulate", "rrr", "--response", "other.json", "-o", "out"), InputError.exit_code),
+        (("simulate", "rrr", "--response", "other.json", "--writing", "-o", "out"), 2),
+    ],
+)
+def test_experiments_that_cannot_be_are_refused(tmp_path, monkeypatch, arguments, code):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "other.json").write_text("{}")
+    assert run_command(list(arguments)) == code
