@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from rrrgen.parallel_map import parallel_map
 
 if TYPE_CHECKING:
-    from rrrgen.backends import Language, Real
+    from rrrgen.backends import Identity, Language, Real
     from rrrgen.backends.c.trigonometry import Trig
     from rrrgen.backends.interface import Backend
     from rrrgen.derive.closed_forms.closed_form import ClosedForm
@@ -39,12 +39,13 @@ def without_collection() -> Iterator[None]:
 
 
 @without_collection()
-def derive(spec: RobotSpec, jobs: int = 1) -> DerivedModel:
+def derive(spec: RobotSpec, jobs: int = 1, groups: Sequence[str] = ("model",)) -> DerivedModel:
     """The optimized programs of all functions of a robot, with their ``_nominal`` specializations.
 
     Args:
         spec: the robot, as :func:`rrrgen.load_spec` reads it.
         jobs: the largest number of processes; the result does not depend on it.
+        groups: names of groups of functions: "model", and "control" for observers and passivity-based control.
 
     Raises:
         DerivationError: a function does not exist for this robot.
@@ -52,7 +53,7 @@ def derive(spec: RobotSpec, jobs: int = 1) -> DerivedModel:
     from rrrgen.derive import derive_model
     from rrrgen.optimize import optimize
 
-    return optimize(derive_model(spec), jobs)
+    return optimize(derive_model(spec, groups), jobs)
 
 
 @without_collection()
@@ -63,6 +64,7 @@ def emit(
     trig: Trig = "inline",
     jobs: int = 1,
     languages: Sequence[Language] = (),
+    any_gravity: DerivedModel | None = None,
 ) -> dict[str, Contents]:
     """The files that ``rrrgen generate`` writes, as relative path -> contents; nothing is written.
 
@@ -73,6 +75,7 @@ def emit(
         trig: where sines and cosines come from: "inline", a kernel in the emitted code, or "libm", the C library.
         jobs: the largest number of processes; the result does not depend on it.
         languages: printed in addition to C and CasADi, such as "rust".
+        any_gravity: the model of the same robot with gravity as an input, to be written beside it, or None.
 
     Raises:
         BackendError: a language cannot express a function.
@@ -89,14 +92,42 @@ def emit(
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     every: list[Callable[[], Any]] = [partial(_inverse_kinematics_data, model.spec, real), *chain.from_iterable(tasks)]
     data, *printed = parallel_map(lambda task: task(), every, jobs)
+    files = _assembled(model, identity, backends, tasks, printed)
+    models = [model] if any_gravity is None else [model, any_gravity]
+    for other in models[1:]:
+        files |= _further_model(other, real, trig, jobs)
+    files |= build_files(files, identity, Dialect(model.spec.name, real))
+    files[MANIFEST] = manifest(model, identity, real, files, data, any_gravity)
+    if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
+        files |= {f"casadi/{name}": data for each in models for name, data in casadi.serialized(each).items()}
+    return files
+
+
+def _further_model(model: DerivedModel, real: Real, trig: Trig, jobs: int) -> dict[str, Contents]:
+    """The functions of a model that is written beside another one: C with its self-test, and CasADi."""
+    from rrrgen.backends.c.backend import CBackend
+    from rrrgen.backends.casadi.sources import CasadiBackend
+    from rrrgen.output.manifest import identify
+
+    identity = identify(model.spec)
+    backends: list[Backend] = [CBackend(trig), CasadiBackend()]
+    tasks = [backend.tasks(model, identity, real) for backend in backends]
+    printed = parallel_map(lambda task: task(), list(chain.from_iterable(tasks)), jobs)
+    return _assembled(model, identity, backends, tasks, printed)
+
+
+def _assembled(
+    model: DerivedModel,
+    identity: Identity,
+    backends: Sequence[Backend],
+    tasks: Sequence[Sequence[Callable[[], Any]]],
+    printed: Sequence[Any],
+) -> dict[str, Contents]:
+    """The files of all ``backends``, from the results of their ``tasks``, one after the other."""
     results = iter(printed)
     files: dict[str, Contents] = {}
     for backend, backend_tasks in zip(backends, tasks, strict=True):
         files |= backend.assemble(model, identity, list(islice(results, len(backend_tasks))))
-    files |= build_files(files, identity, Dialect(model.spec.name, real))
-    files[MANIFEST] = manifest(model, identity, real, files, data)
-    if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
-        files |= {f"casadi/{name}": data for name, data in casadi.serialized(model).items()}
     return files
 
 
@@ -129,7 +160,6 @@ def _inverse_kinematics_data(spec: RobotSpec, real: Real) -> dict[str, Any]:
     return manifest(spec, real)
 
 
-@without_collection()
 def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> Model:
     """A callable model of a robot: derive, emit, build and load it.
 
@@ -144,15 +174,21 @@ def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> M
         InputError: the robot file is faulty; the error lists every fault.
         BuildError: the C compiler is missing or fails.
     """
+    return _compile(robot, backend, real)
+
+
+@without_collection()
+def _compile(robot: Robot, backend: EngineName, real: Real, groups: Sequence[str] = ("model",)) -> Model:
+    """A callable model with the functions of ``groups``; it compiles other groups when they are first called."""
     from rrrgen.output.manifest import identify
     from rrrgen.runtime.derived_cache import recall
     from rrrgen.runtime.load import load_model
 
     spec = read(robot)
     identity = identify(spec)
-    remake = partial(compile, spec, backend, real)
-    derived = recall(spec, identity, derive)
-    return load_model(derived, identity, backend, real, lambda name: closed_form(spec, name), remake)
+    derived = recall(spec, identity, partial(derive, groups=groups), groups)
+    again = partial(_compile, backend=backend, real=real)
+    return load_model(derived, identity, backend, real, lambda name: closed_form(spec, name), again)
 
 
 def closed_form(spec: RobotSpec, function: str) -> ClosedForm:

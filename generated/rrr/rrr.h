@@ -57,6 +57,20 @@
 #define RRR_B 15 /* base parameters */
 #define RRR_MODEL_HASH "f76b01304d96f30af79fd043f0dbc7ece967b29dff8ed0ed8b259a5279c90f7f"
 
+/*
+ * The joints, each an initializer of an array of RRR_N elements, as in
+ * static const rrr_real q_max[RRR_N] = RRR_Q_MAX; limits that the robot file does not state are
+ * INFINITY of math.h. DQ_MAX, DDQ_MAX and TAU_MAX bound magnitudes.
+ */
+#define RRR_JOINT_NAMES {"q1", "q2", "q3"}
+#define RRR_Q_UNITS {"rad", "rad", "rad"}
+#define RRR_TAU_UNITS {"N m", "N m", "N m"}
+#define RRR_Q_MIN {(rrr_real)(-INFINITY), (rrr_real)(-INFINITY), (rrr_real)(-INFINITY)}
+#define RRR_Q_MAX {(rrr_real)INFINITY, (rrr_real)INFINITY, (rrr_real)INFINITY}
+#define RRR_DQ_MAX {(rrr_real)6.283185307179586, (rrr_real)9.42477796076938, (rrr_real)9.42477796076938}
+#define RRR_DDQ_MAX {(rrr_real)60.0, (rrr_real)60.0, (rrr_real)60.0}
+#define RRR_TAU_MAX {(rrr_real)60.0, (rrr_real)30.0, (rrr_real)15.0}
+
 #ifndef RRR_REAL_DEFINED
 #define RRR_REAL_DEFINED
 typedef double rrr_real; /* the one real type of this robot's code */
@@ -661,6 +675,67 @@ void rrr_energy(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[1
  * Stack: at most 336 bytes built by gcc, 448 by clang.
  */
 void rrr_energy_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real E[RRR_RESTRICT 2]);
+
+/*
+ * Base parameters from the standard parameters of all links.
+ *
+ *     beta = K phi
+ *
+ *   in   phi   30  SI  link frames  per link: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz
+ *   out  beta  15  SI  -            base parameters
+ *
+ * Operations: 23 mul, 35 add.
+ * Stack: at most 544 bytes built by gcc, 656 by clang.
+ * Inertia tensors about the origin of the link frame, in its axes: Ixy = -integral of x*y dm, Ixz and Iyz alike.
+ */
+void rrr_base_parameters(const rrr_real phi[30], rrr_real beta[RRR_RESTRICT 15]);
+
+/*
+ * Base parameters of the robot with a payload fixed to its last link.
+ *
+ *     beta_loaded = beta + K_n phi_payload
+ *
+ *   in   beta         15     SI      -                            base parameters without the payload
+ *   in   mass         1      kg      -                            mass of the payload
+ *   in   com          3      m       the last link frame          centre of mass of the payload
+ *   in   inertia      3 x 3  kg m^2  axes of the last link frame  inertia tensor about the centre of mass
+ *   out  beta_loaded  15     SI      -                            base parameters with the payload
+ *
+ * Operations: 19 mul, 33 add.
+ * Stack: at most 512 bytes built by gcc, 608 by clang.
+ * The inertia tensor is symmetric: only its upper triangle is read.
+ * A payload is taken off again by the same call with negative mass and inertia and the same centre of mass.
+ */
+void rrr_add_payload(const rrr_real beta[15],
+                     rrr_real mass,
+                     const rrr_real com[3],
+                     const rrr_real inertia[9],
+                     rrr_real beta_loaded[RRR_RESTRICT 15]);
+
+/*
+ * Base parameters of the robot with a payload that is described in a frame of its own.
+ *
+ *     beta_loaded = beta + K_n phi_payload
+ *
+ *   in   beta         15     SI      -                            base parameters without the payload
+ *   in   frame        4 x 4  -, m    last link frame              pose of the payload's frame, a homogeneous
+ *                                                                 transform
+ *   in   mass         1      kg      -                            mass of the payload
+ *   in   com          3      m       the payload's frame          centre of mass of the payload
+ *   in   inertia      3 x 3  kg m^2  axes of the payload's frame  inertia tensor about the centre of mass
+ *   out  beta_loaded  15     SI      -                            base parameters with the payload
+ *
+ * Operations: 72 mul, 71 add.
+ * Stack: at most 800 bytes built by gcc, 1072 by clang.
+ * The inertia tensor is symmetric: only its upper triangle is read.
+ * A payload is taken off again by the same call with negative mass and inertia and the same centre of mass.
+ */
+void rrr_add_payload_at(const rrr_real beta[15],
+                        const rrr_real frame[16],
+                        rrr_real mass,
+                        const rrr_real com[3],
+                        const rrr_real inertia[9],
+                        rrr_real beta_loaded[RRR_RESTRICT 15]);
 
 /*
  * The nominal values of the parameters that the other functions take at run time.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -81,6 +81,23 @@ def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:
     for fault in spec.faults:
         click.echo(str(fault), err=True)
     return spec
+
+
+def words(choices: Iterable[str]) -> Callable[[click.Context, click.Parameter, Iterable[str]], tuple[str, ...]]:
+    """The callback of an option that takes words out of ``choices``, joined by commas, and may be repeated."""
+    allowed = tuple(choices)
+
+    def callback(_ctx: click.Context, _param: click.Parameter, values: Iterable[str]) -> tuple[str, ...]:
+        given = dict.fromkeys(word.strip() for value in values for word in value.split(","))
+        for word in given:
+            if word not in allowed:
+                from rrrgen.yamltext.suggest import did_you_mean
+
+                hint = " ".join(filter(None, (did_you_mean(word, allowed), f"allowed are {', '.join(allowed)}")))
+                raise click.BadParameter(f"{word!r} is not known; {hint}")
+        return tuple(given)
+
+    return callback
 
 
 def print_json(content: Any) -> None:

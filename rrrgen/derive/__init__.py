@@ -5,12 +5,11 @@ Call the functions below from outside; they import the heavy modules when they r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import sympy as sp
-
     from rrrgen.derive.derived_model import Derivation, ParametrizedRobot, RecordedModel
 from rrrgen.robotfile.robot_spec import RobotSpec
 
@@ -45,7 +44,7 @@ def parametrized(derivation: Derivation) -> ParametrizedRobot:
     from rrrgen.derive.recursions.chain import rational
 
     spec, change, parametrization = derivation.spec, derivation.basis_change, derivation.parametrization
-    projection = _projection(derivation.compiler_basis, change)
+    projection = parametrization.projection
     symbols = standard_symbols(spec.n)
     expressions = change.expressions if change else [linear_expression(row, symbols) for row in projection]
     numeric = [[rational(spec.nominal(v)) for v in row] for row in projection]
@@ -63,47 +62,27 @@ def parametrized(derivation: Derivation) -> ParametrizedRobot:
     )
 
 
-def derive_model(spec: RobotSpec) -> RecordedModel:
-    """All model functions and the minimal base parameters of ``spec``, before optimization.
+def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> RecordedModel:
+    """The functions of ``groups`` and the minimal base parameters of ``spec``, before optimization.
 
     Raises InputError if the base parameters chosen in the robot file are no basis, DerivationError if a named parameter
     has no nominal value.
     """
     from rrrgen.derive.functions.friction_functions import friction, friction_of, friction_step
-    from rrrgen.derive.functions.table import FUNCTIONS
+    from rrrgen.derive.functions.table import GROUPS
 
     derivation = prepare(spec)
     alternatives = {
-        name: tuple(record(derivation.recording()) for record in recorders) for name, recorders in FUNCTIONS.items()
+        name: tuple(record(derivation.recording()) for record in recorders)
+        for group in dict.fromkeys(groups)
+        for name, recorders in GROUPS[group].items()
     }
-    surfaces = friction_of(spec)
+    surfaces = friction_of(spec) if "model" in groups else ()
     if surfaces:
         alternatives["friction"] = (friction(derivation.recording()),)
     if any(surface.has_state for surface in surfaces):
         alternatives["friction_step"] = (friction_step(derivation.recording()),)
     return parametrized(derivation).recorded(derivation, alternatives)
-
-
-def _projection(compiler_set: object, change: object) -> list[list[sp.Expr]]:
-    """K of ``beta = K phi``, shape (b, 10 n), for the user's base parameters if the file has any."""
-    import sympy as sp
-
-    from rrrgen.derive.algebra.polynomials import to_expression
-    from rrrgen.derive.parameters.base_parameters import BaseSet
-    from rrrgen.derive.parameters.user_basis import BasisChange
-
-    assert isinstance(compiler_set, BaseSet)
-    if change is None:
-        return [list(row) for row in compiler_set.projection]
-    assert isinstance(change, BasisChange)
-    rows = []
-    for factors in change.forward:
-        row = [sp.S.Zero] * len(compiler_set.projection[0])
-        for factor, base in zip(factors, compiler_set.projection, strict=True):
-            if factor:
-                row = [sp.expand(x + to_expression(factor) * y) for x, y in zip(row, base, strict=True)]
-        rows.append(row)
-    return rows
 
 
 def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:

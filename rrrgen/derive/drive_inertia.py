@@ -44,6 +44,10 @@ class DriveInertia:
                     result[i] = result[i] + weight * force
         return result
 
+    def added_to_momentum(self, p: Sequence[Any], dq: Sequence[Any]) -> list[Any]:
+        """The generalized momentum with drive inertia: ``p + sum of w_k Ia_k (w_k . dq)``, shape (n,)."""
+        return self.added_to_torques(p, dq)
+
     def added_to_energy(self, kinetic: Any, dq: Sequence[Any]) -> Any:
         """The kinetic energy (J) with drive inertia: ``kinetic + sum of Ia_k (w_k . dq)^2 / 2``."""
         for Ia, w in zip(self.values, self.directions, strict=True):

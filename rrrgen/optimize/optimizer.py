@@ -85,10 +85,12 @@ class Optimizer:
     ) -> Program | None:
         """``<function>_nominal``: ``best`` with the base parameters and drive inertias of the robot file folded in.
 
-        None if the function takes no base parameters or the file gives no values.
+        None if the function takes no base parameters, or computes some, or the file gives no values.
         """
         fold = Fold(recorded.nominal)
         if Role.BASE_PARAMETERS not in fold.known or not best.takes(Role.BASE_PARAMETERS):
+            return None
+        if any(port.role is Role.BASE_PARAMETERS for port in best.outputs):
             return None
         name = f"{best.name}_nominal"
         first = log.note("fold parameters", name, best, fold(best))

@@ -14,14 +14,14 @@ from rrrgen.derive.parameter_listing import listing
 from rrrgen.model.drive_text import drives_data
 from rrrgen.output.writer import MANIFEST, Contents, checksum
 from rrrgen.program import Port, Program, count_operations
-from rrrgen.robotfile.robot_spec import RobotSpec
+from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec, joint_units
 from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
 
 _NOT_THE_ROBOT = frozenset(
-    {"file", "faults", "places", "description", "source", "angle_unit", "length_unit", "provenance"}
+    {"file", "faults", "places", "description", "source", "angle_unit", "length_unit", "provenance", "emit"}
 )
 """Fields of a description that do not change the robot and are left out of its hash."""
 
@@ -34,6 +34,8 @@ def identify(spec: RobotSpec) -> Identity:
     robot = _canonical(spec)
     if spec.drives is None:  # robots without coupled drives keep the hash that they had before these were known
         del robot["drives"]
+    if not spec.gravity_input:
+        del robot["gravity_input"]
     text = json.dumps(robot, sort_keys=True, separators=(",", ":"))
     return Identity(hashlib.sha256(text.encode()).hexdigest(), VERSION)
 
@@ -57,12 +59,14 @@ def manifest(
     real: Real,
     files: Mapping[str, Contents],
     inverse_kinematics: Mapping[str, Any],
+    any_gravity: DerivedModel | None = None,
 ) -> str:
     """The text of the manifest: identity, conventions, functions, base parameters, hashes of the files.
 
-    ``inverse_kinematics`` is the entry of that name, from :func:`rrrgen.backends.c.solver.files.manifest`.
+    ``inverse_kinematics`` is the entry of that name, from :func:`rrrgen.backends.c.solver.files.manifest`;
+    ``any_gravity`` is the model written beside this one, which takes gravity as an input.
     """
-    spec, parameters = model.spec, listing(model)
+    spec = model.spec
     content = {
         "schema": "rrrgen-manifest/1",
         "robot": spec.name,
@@ -73,16 +77,12 @@ def manifest(
         "real": real,
         "n": spec.n,
         "b": len(model.base_parameters),
-        "joints": [{"name": joint.name, "type": joint.type} for joint in spec.joints],
+        "joints": [_joint(joint) for joint in spec.joints],
         "gravity": [str(component) for component in spec.gravity],
         **({} if spec.drives is None else {"drives": drives_data(spec)}),
-        "link_parameters": parameters.statement,
-        "base_parameters": [
-            {"name": p.name, "expression": str(p.expression), "unit": p.unit, "nominal": p.nominal}
-            for p in parameters.rows
-        ],
-        "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
-        "functions": {name: _function(program, real) for name, program in model.programs.items()},
+        "link_parameters": listing(model).statement,
+        **_parameters_and_functions(model, real),
+        **({} if any_gravity is None else {"any_gravity": _beside(any_gravity, real)}),
         "inverse_kinematics": dict(inverse_kinematics),
         "passes": [
             {"pass": p.name, "function": p.function, "before": p.before.as_dict(), "after": p.after.as_dict()}
@@ -91,6 +91,28 @@ def manifest(
         "files": {name: checksum(files[name]) for name in sorted(files) if name != MANIFEST},
     }
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+
+
+def _joint(joint: JointSpec) -> dict[str, Any]:
+    """Name, type, units and limits of a joint; null for a limit that the robot file does not state."""
+    return {"name": joint.name, "type": joint.type, **joint_units(joint), "limits": asdict(joint.limits)}
+
+
+def _beside(model: DerivedModel, real: Real) -> dict[str, Any]:
+    """The entry of a model that is written beside the main one."""
+    named = {"prefix": model.name, "model_hash": identify(model.spec).model_hash, "b": len(model.base_parameters)}
+    return named | _parameters_and_functions(model, real)
+
+
+def _parameters_and_functions(model: DerivedModel, real: Real) -> dict[str, Any]:
+    return {
+        "base_parameters": [
+            {"name": p.name, "expression": str(p.expression), "unit": p.unit, "nominal": p.nominal}
+            for p in listing(model).rows
+        ],
+        "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
+        "functions": {name: _function(program, real) for name, program in model.programs.items()},
+    }
 
 
 def _function(program: Program, real: Real) -> dict[str, Any]:

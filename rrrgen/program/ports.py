@@ -14,9 +14,13 @@ class Role(Enum):
     VELOCITY = "velocity"
     ACCELERATION = "acceleration"
     TORQUE = "torque"
+    REFERENCE_VELOCITY = "reference velocity"
+    REFERENCE_ACCELERATION = "reference acceleration"
     COVECTOR = "covector"  # e in e' Y, shape (n,): multiplies the regressor from the left
     BASE_PARAMETERS = "base parameters"
     DRIVE_INERTIA = "drive inertia"
+    STANDARD_PARAMETERS = "standard parameters"
+    GRAVITY = "gravity"  # the acceleration of gravity in the base frame, where it is an input
     FRICTION = "friction parameters"
     GEOMETRY = "geometry"  # named lengths and angles that are inputs instead of numbers
     OTHER = "other"
@@ -24,12 +28,24 @@ class Role(Enum):
     @property
     def is_parameter(self) -> bool:
         """Whether the port is constant while the robot moves."""
-        return self in (Role.BASE_PARAMETERS, Role.DRIVE_INERTIA, Role.FRICTION, Role.GEOMETRY)
+        return self in (
+            Role.BASE_PARAMETERS,
+            Role.DRIVE_INERTIA,
+            Role.STANDARD_PARAMETERS,
+            Role.FRICTION,
+            Role.GEOMETRY,
+        )
 
     @property
     def is_rate(self) -> bool:
         """Whether the port describes the motion rather than the configuration: velocity, acceleration, covector."""
-        return self in (Role.VELOCITY, Role.ACCELERATION, Role.COVECTOR)
+        return self in (
+            Role.VELOCITY,
+            Role.ACCELERATION,
+            Role.REFERENCE_VELOCITY,
+            Role.REFERENCE_ACCELERATION,
+            Role.COVECTOR,
+        )
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,13 @@ MAX_JOINTS = 20
 MAX_FITS = 50
 HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 
+EMIT = {
+    "control": "functions for observers and passivity-based control",
+    "gravity": "<name>_any_gravity.h and .c, the model with gravity as an input",
+    "rust": "a crate without dependencies and standard library",
+}
+"""What can be emitted besides the model, on request of the robot file or of the command line."""
+
 ROBOT = (
     Key("schema", "choice", "version of this format", True, ("rrrgen/1",)),
     Key("name", "name", "C identifier; prefix of every emitted symbol", True),
@@ -24,6 +31,7 @@ ROBOT = (
     Key("links", "rows", "inertia of every link, in the axes of its link frame", section="link", length=MAX_JOINTS),
     Key("drives", "mapping", "drives that move several joints each, as in a coupled wrist", section="drives"),
     Key("basis", "basis", "base parameters of the user's own choice"),
+    Key("emit", "choices", "what `rrrgen generate` also writes for this robot", choices=tuple(EMIT)),
     Key("provenance", "rows", "recorded samples the parameters were fitted to", section="fit", length=MAX_FITS),
 )
 FIT = (

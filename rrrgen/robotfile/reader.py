@@ -21,7 +21,7 @@ from rrrgen.robotfile.sections.basis import read_basis
 from rrrgen.robotfile.sections.provenance import read_provenance
 from rrrgen.robotfile.sections.transforms import read_transform
 from rrrgen.yamltext.document import MAX_BYTES, FaultList, Node, Scalar, decode, parse_document
-from rrrgen.yamltext.sections import describe, read_choice, read_entries, read_section, read_text
+from rrrgen.yamltext.sections import describe, read_choice, read_choices, read_entries, read_section, read_text
 from rrrgen.yamltext.suggest import did_you_mean
 from rrrgen.yamltext.units import FileUnits
 
@@ -82,6 +82,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     tool = read_transform(values["tool"], "tool", scope) if "tool" in values else FixedTransform()
     drives = read_drives(values["drives"], joints, scope) if "drives" in values else None
     basis = read_basis(values["basis"], len(joints), whole_links, scope) if "basis" in values and joints else None
+    emit = read_choices(values["emit"], _ROBOT["emit"], faults) if "emit" in values else ()
     provenance = read_provenance(values["provenance"], faults) if "provenance" in values else ()
     description, source = (read_text(values[k], k, faults) if k in values else "" for k in ("description", "source"))
     if faults.errors or gravity is None or base is None or tool is None:
@@ -105,6 +106,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         faults=tuple(sorted(faults.warnings)),
         parameter_units=dict(scope.parameter_units),
         provenance=provenance,
+        emit=emit,
     )
 
 

@@ -6,7 +6,7 @@ expression over rationals, pi, and the named parameters (real symbols of the sam
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -142,6 +142,11 @@ class JointSpec:
         return self.type == "revolute"
 
 
+def joint_units(joint: JointSpec) -> dict[str, str]:
+    """The SI units of the position and of the torque or force of a joint."""
+    return {"unit": "rad", "torque_unit": "N m"} if joint.is_revolute else {"unit": "m", "torque_unit": "N"}
+
+
 @dataclass(frozen=True)
 class LinkSpec:
     """Inertia of one link in the axes of its link frame.
@@ -230,6 +235,8 @@ class RobotSpec:
       own;
     - ``angle_unit`` and ``length_unit``: those that the file was written in, to print it back;
     - ``provenance``: what the parameters were fitted to, which changes nothing about the robot;
+    - ``emit``: what is emitted besides the model, which changes nothing either; ``gravity_input``: whether every
+      function that feels gravity takes it as an input (:meth:`in_any_gravity`);
     - ``file``: path or bundled name, and ``faults``: warnings; for messages only.
     """
 
@@ -251,11 +258,20 @@ class RobotSpec:
     faults: tuple[Fault, ...] = field(default=(), compare=False)
     parameter_units: dict[str, str] = field(default_factory=dict)
     provenance: tuple[FitSpec, ...] = ()
+    emit: tuple[str, ...] = ()
+    gravity_input: bool = False
 
     @property
     def n(self) -> int:
         """Number of joints."""
         return len(self.joints)
+
+    def in_any_gravity(self) -> RobotSpec:
+        """The same robot with gravity as an input of its functions, under the name ``<name>_any_gravity``.
+
+        It has more base parameters, so that those chosen in the robot file would be no basis.
+        """
+        return replace(self, name=f"{self.name}_any_gravity", gravity_input=True, basis=None)
 
     def nominal(self, expression: sp.Expr) -> sp.Expr:
         """``expression`` with every named parameter at its nominal value (still exact)."""

@@ -56,6 +56,8 @@ def _value(key: Key) -> dict[str, Any]:
             return {"type": "string", "pattern": IDENTIFIER}
         case "choice":
             return {"enum": list(key.choices)}
+        case "choices":
+            return {"type": "array", "uniqueItems": True, "items": {"enum": list(key.choices)}}
         case "value":
             return {"allOf": [expression]}
         case "vector":

@@ -56,6 +56,8 @@ def dumps(spec: RobotSpec) -> str:
         lines += printer.drives(spec.drives)
     if spec.basis is not None:
         lines += _basis(spec.basis)
+    if spec.emit:
+        lines.append(f"emit: [{', '.join(spec.emit)}]")
     if spec.provenance:
         lines.append("provenance:")
         for fit in spec.provenance:

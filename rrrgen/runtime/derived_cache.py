@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
@@ -21,12 +21,14 @@ if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 
-def recall(spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel]) -> DerivedModel:
-    """``derive(spec)``, or its cached result from an earlier run of the same compiler on the same robot.
+def recall(
+    spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel], groups: Sequence[str] = ("model",)
+) -> DerivedModel:
+    """``derive(spec)``, or its cached result from an earlier run of the same compiler on the same robot and ``groups``.
 
     The cache holds all fields except ``spec``, which the caller has.
     """
-    name = f"{spec.name}-{digest(identity.model_hash, _compiler_hash())[:24]}.derived"
+    name = f"{spec.name}-{digest(identity.model_hash, *groups, _compiler_hash())[:24]}.derived"
     found = _load(name)
     if found is None:
         derived = derive(spec)

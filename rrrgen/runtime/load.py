@@ -25,20 +25,21 @@ def load_model(
     backend: EngineName = "c",
     real: Real = "double",
     closed_form: Callable[[str], ClosedForm] | None = None,
-    remake: Callable[[], Model] | None = None,
+    compiled: Callable[..., Model] | None = None,
 ) -> Model:
     """A callable model of ``derived``.
 
     ``backend`` is "c", or "numpy", which needs no compiler; ``real`` is the floating-point type of the C code.
-    ``closed_form`` returns the closed form of a function by name; ``remake`` creates the same model again, for copies
-    and other processes. Raises ValueError for unknown options, BuildError if the C code cannot be built.
+    ``closed_form`` returns the closed form of a function by name; ``compiled`` compiles other models with the same
+    options: copies, and other groups of functions. Raises ValueError for unknown options, BuildError if the C code
+    cannot be built.
     """
     if backend not in ("c", "numpy"):
         raise ValueError(f"backend must be 'c' or 'numpy', not {backend!r}")
     if backend == "numpy" and real != "double":
         raise ValueError("the NumPy backend computes in double only")
     engine: Engine = NumpyEngine(derived.programs) if backend == "numpy" else _compiled(derived, identity, real)
-    return Model(derived, engine, closed_form, remake)
+    return Model(derived, engine, closed_form, compiled)
 
 
 def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:

@@ -15,8 +15,10 @@ from rrrgen.runtime.arguments import read_only
 from rrrgen.runtime.bound import BoundFunction
 from rrrgen.runtime.engines import Engine
 from rrrgen.runtime.functions.calls import Array
+from rrrgen.runtime.functions.control import ControlFunctions
 from rrrgen.runtime.functions.dynamics import DynamicFunctions
 from rrrgen.runtime.functions.kinematics import KinematicFunctions
+from rrrgen.runtime.functions.parameters import ParameterFunctions
 from rrrgen.runtime.functions.regressors import RegressorFunctions
 from rrrgen.runtime.results import JointLimits
 from rrrgen.runtime.summary import html_summary
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from rrrgen.runtime.results import IKBatch, IKResult
 
 
-class Model(KinematicFunctions, DynamicFunctions, RegressorFunctions):
+class Model(KinematicFunctions, DynamicFunctions, RegressorFunctions, ParameterFunctions, ControlFunctions):
     """Kinematics and dynamics of one robot, made by :func:`rrrgen.compile`.
 
     Every function takes a state (n,) or a batch (..., n) of any strides and returns dense float64 arrays (float32 if
@@ -44,7 +46,8 @@ class Model(KinematicFunctions, DynamicFunctions, RegressorFunctions):
         derived: the programs of the robot's functions, with its base parameters and their nominal values.
         engine: evaluates a program by its name, compiled or with NumPy.
         closed_form: gives the closed form of a function by name; None if the model was made without its derivation.
-        remake: makes the model again from its description, for copies and pickles; None if that is not known.
+        compiled: compiles a robot with the same options, for copies, for gravity as an input and for further groups of
+            functions; None if that is not known.
     """
 
     def __init__(
@@ -52,11 +55,11 @@ class Model(KinematicFunctions, DynamicFunctions, RegressorFunctions):
         derived: DerivedModel,
         engine: Engine,
         closed_form: Callable[[str], ClosedForm] | None = None,
-        remake: Callable[[], Model] | None = None,
+        compiled: Callable[..., Model] | None = None,
     ) -> None:
         super().__init__(derived, engine)
         self._closed_form = closed_form
-        self._remake = remake
+        self._compiled = compiled
         self.base_parameters: tuple[sp.Expr, ...] = tuple(p.expression for p in derived.base_parameters)
         self.base_projection: Array = read_only(np.array(derived.base_projection, dtype=float))
         self._ik: InverseKinematics | None = None
@@ -106,9 +109,7 @@ class Model(KinematicFunctions, DynamicFunctions, RegressorFunctions):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy by the description of the robot, since compiled code belongs to one process."""
-        if self._remake is None:
-            raise TypeError("this model was made without its description and cannot be copied; use rrrgen.compile")
-        return self._remake, (), {"threads": self.threads}
+        return self._compiler(), (self.spec,), {"threads": self.threads}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.threads = state["threads"]
@@ -206,15 +207,10 @@ class Model(KinematicFunctions, DynamicFunctions, RegressorFunctions):
 
             import_casadi()
             return branch_function(self.spec)
-        if name not in self.derived.programs:
-            raise ValueError(f"no function '{name}'; there are inverse_kinematics, {self._listed}")
+        program = self._with(name).derived.programs[name]
         from rrrgen.backends.casadi import function
 
-        return function(self.derived.programs[name], name, smooth_sign)
-
-    @property
-    def _listed(self) -> str:
-        return ", ".join(sorted(self.derived.programs))
+        return function(program, name, smooth_sign)
 
     def bind(self, name: str, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None) -> BoundFunction:
         """The function ``name`` with preallocated buffers for one state, for control loops.
@@ -233,8 +229,7 @@ class Model(KinematicFunctions, DynamicFunctions, RegressorFunctions):
         Raises:
             ValueError: there is no function of this name, or it does not take the parameters.
         """
-        if name not in self.derived.programs:
-            raise ValueError(f"no function '{name}'; there are {self._listed}")
-        chosen, parameters = self._chosen(name, beta, Ia)
-        program = self.derived.programs[chosen]
-        return BoundFunction(program, self.engine, {key: np.asarray(value) for key, value in parameters.items()})
+        model = self._with(name)
+        chosen, parameters = model._chosen(name, beta, Ia)
+        known = {"gravity": self.nominal_gravity, **{key: np.asarray(value) for key, value in parameters.items()}}
+        return BoundFunction(model.derived.programs[chosen], model.engine, known)

@@ -59,6 +59,14 @@ class FrictionStep(NamedTuple):
     tau_f: NDArray[Any]
 
 
+class MomentumTerms(NamedTuple):
+    """Momentum p = M dq (N m s, N s), C' dq and gravity torques g, each (..., n): dp/dt = tau + C' dq - g."""
+
+    p: NDArray[Any]
+    ct: NDArray[Any]
+    g: NDArray[Any]
+
+
 class InverseDynamicsDerivatives(NamedTuple):
     """Torques ``tau`` (..., n), N m or N, and their derivatives (..., n, n), SI units.
 

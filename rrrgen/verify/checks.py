@@ -11,6 +11,7 @@ from rrrgen.verify.comparison import DOUBLE, SINGLE, Collector, Tolerances
 from rrrgen.verify.derivatives import check_derivatives
 from rrrgen.verify.identities import check_identities
 from rrrgen.verify.inverse_kinematics import Tell, check_inverse_kinematics
+from rrrgen.verify.parameters import check_parameters
 from rrrgen.verify.references.chain import Chain, chain_of
 from rrrgen.verify.references.libraries import LIBRARIES
 from rrrgen.verify.references.newton_euler import NewtonEuler
@@ -66,6 +67,7 @@ def verify(
     geometry = NewtonEuler(chain, sets[-1].phi)
     check_kinematics(model, geometry, states, tolerances, rows)
     check_regressors(model, geometry, states, tolerances, rows)
+    check_parameters(model, geometry, states, np.random.default_rng(seed), tolerances, rows)
     check_friction(model, states, tolerances, rows)
     for parameters in sets:
         reference = NewtonEuler(chain, parameters.phi)

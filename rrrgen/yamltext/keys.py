@@ -10,6 +10,7 @@ Kind = Literal[
     "text",
     "name",
     "choice",
+    "choices",
     "value",
     "vector",
     "matrix",

@@ -121,6 +121,18 @@ def read_choice(node: Node, key: Key, faults: FaultList) -> str | None:
     return None
 
 
+def read_choices(node: Node, key: Key, faults: FaultList) -> tuple[str, ...]:
+    """A list of different words out of ``key.choices``; words that are not are faults and left out."""
+    chosen: dict[str, None] = {}
+    for item in read_list(node, key.name, None, faults) or ():
+        word = read_choice(item, key, faults)
+        if word in chosen:
+            faults.error(item, f"{key.name}: '{word}' stands twice", "name each once")
+        elif word is not None:
+            chosen[word] = None
+    return tuple(chosen)
+
+
 def read_list(node: Node, what: str, length: int | None, faults: FaultList) -> list[Node] | None:
     """The items of a list, which must have ``length`` entries unless that is None; a fault and None otherwise."""
     if not isinstance(node, Sequence):

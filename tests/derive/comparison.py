@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from oracles import lagrange
 from oracles import newton_euler as oracle
-from oracles.newton_euler import Robot
-from oracles.random_robots import random_state
+from oracles.newton_euler import Link, Robot
+from oracles.random_robots import random_link, random_state, transform
 from rrrgen.program import Program, evaluate
 
 DOUBLE = 1e-11  # relative to the largest value over the states: some hundred to thousand roundings of 1e-16
@@ -33,6 +34,9 @@ class Reference:
         self.tau = self.each(oracle.inverse_dynamics, self.q, self.dq, self.ddq)
         self.torque = float(np.max(np.abs(self.tau))) or 1.0
         self.beta = self.K @ robot.phi
+        self.v, self.a = (np.float32(rng.uniform(-3, 3, self.q.shape)).astype(float) for _ in range(2))
+        self.payload = random_link(rng)
+        self.frame = transform((2, -1, 1, 3), (0.1, -0.2, 0.35))
 
     def each(self, function: Callable[..., np.ndarray], *arguments: np.ndarray) -> np.ndarray:
         return np.array([function(self.robot, *state) for state in zip(*arguments, strict=True)])
@@ -40,7 +44,9 @@ class Reference:
     def arguments(self, program: Program) -> list[np.ndarray]:
         """The inputs of a program at these states."""
         known = {"q": self.q, "dq": self.dq, "ddq": self.ddq, "tau": self.tau, "e": self.e, "beta": self.beta}
-        return [known[port.name] for port in program.inputs]
+        known |= {"v": self.v, "a": self.a, "phi": self.robot.phi, "gravity": self.robot.gravity, "frame": self.frame}
+        known |= {"mass": self.payload.mass, "com": self.payload.com, "inertia": self.payload.inertia}
+        return [np.asarray(known[port.name]) for port in program.inputs]
 
     def program_error(self, function: str, program: Program) -> float:
         """Error of a program's reference evaluation; infinite where anything is not a number."""
@@ -175,6 +181,46 @@ class Reference:
 
     def _standard_regressor(self, Y):
         return relative(Y, self.standard)
+
+    def _base_parameters(self, beta):
+        return relative(beta, self.beta)
+
+    def _add_payload(self, beta):
+        return relative(beta, self._loaded(self.payload))
+
+    def _add_payload_at(self, beta):
+        R, p = self.frame[:3, :3], self.frame[:3, 3]
+        body = self.payload
+        return relative(beta, self._loaded(Link(body.mass, R @ body.com + p, R @ body.inertia @ R.T)))
+
+    def _loaded(self, body: Link) -> np.ndarray:
+        return self.beta + self.K[:, -10:] @ body.parameters()
+
+    def _momentum_terms(self, p, ct, g):
+        momentum = np.einsum("bij,bj->bi", self.M, self.dq)
+        return max(relative(p, momentum), self._coriolis_transpose(ct), self._gravity(g))
+
+    def _reference_torque(self, tau):
+        return self._torques(tau, self._at_reference)
+
+    @property
+    def _at_reference(self) -> np.ndarray:
+        """M a + C(q, dq) v + g with the matrix of the Christoffel symbols, which the oracle differentiates."""
+        moving = np.einsum("bij,bj->bi", self.M, self.a) + np.einsum("bij,bj->bi", self.christoffel, self.v)
+        return moving + self.each(lagrange.gravity, self.q)
+
+    def _reference_regressor_transpose(self, r):
+        """C(q, dq) v = c((dq + v)/2) - c((dq - v)/2), so that Y is the difference of two usual regressors."""
+        weightless = replace(self.robot, gravity=np.zeros(3))
+        Y = self.each(oracle.standard_regressor, self.q, (self.dq + self.v) / 2, self.a)
+        halves = zip(self.q, (self.dq - self.v) / 2, strict=True)
+        Y -= np.array([oracle.standard_regressor(weightless, q, half, np.zeros_like(q)) for q, half in halves])
+        expected = np.einsum("bij,bi->bj", Y, self.e)
+        power = np.einsum("bi,bi->b", self.e, self._at_reference)
+        return max(
+            np.max(np.abs(r @ self.K - expected)) / (np.max(np.abs(Y)) * np.max(np.abs(self.e))),
+            np.max(np.abs(r @ self.beta - power)) / self.torque,
+        )
 
     def _energy(self, E):
         """Kinetic energy, and potential energy up to a constant: differences to the first state."""

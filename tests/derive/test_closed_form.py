@@ -35,7 +35,7 @@ def point(model, program, values) -> dict[sp.Symbol, sp.Expr]:
     for port, value in zip(program.inputs, values, strict=True):
         own = model.base_parameters if port.name == "beta" else None
         for k, number in enumerate(value.ravel()):
-            name = own[k].name if own else f"{port.name}{k + 1}"
+            name = own[k].name if own else f"{port.name}{k + 1}" if port.shape else port.name
             numbers[sp.Symbol(name, real=True)] = sp.Rational(float(number))
     return numbers
 

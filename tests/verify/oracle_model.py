@@ -7,7 +7,7 @@ import sympy as sp
 
 from oracles import newton_euler as ne
 from oracles.lagrange import STEP
-from oracles.newton_euler import Robot
+from oracles.newton_euler import Link, Robot
 from oracles.numeric_rank import stacked_regressor
 from rrrgen.errors import DerivationError
 from rrrgen.robotfile.robot_spec import DriveSpec, FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
@@ -227,6 +227,22 @@ class OracleModel:
         ddq, inverse = self._accelerations(q, dq, tau, phi), np.linalg.inv(self._mass(q, phi))
         by_q, by_dq = self._slopes(q, dq, ddq, phi)
         return ddq, -inverse @ by_q, -inverse @ by_dq, inverse
+
+    def base_parameters_of(self, phi):
+        return np.asarray(phi) @ self.base_projection.T
+
+    def add_payload(self, mass, com, inertia, frame=None, *, beta):
+        mass, com, inertia = (np.asarray(each, dtype=float) for each in (mass, com, inertia))
+        if frame is not None:
+            R = frame[..., :3, :3]
+            com = np.einsum("...ij,...j->...i", R, com) + frame[..., :3, 3]
+            inertia = R @ inertia @ np.swapaxes(R, -1, -2)
+        bodies = np.broadcast_arrays(mass[..., None, None], com[..., None, :], inertia)
+        added = [
+            Link(m.flat[0], c[0], tensor).parameters()
+            for m, c, tensor in zip(*(body.reshape(-1, *body.shape[-2:]) for body in bodies), strict=True)
+        ]
+        return beta + np.reshape(added, (*mass.shape, 10)) @ self.base_projection[:, -10:].T
 
     @batched
     def energy(self, q, dq, phi):

@@ -1895,6 +1895,174 @@ def energy_nominal():
     return ca.Function("rrr_casadi_energy_nominal", [q, dq], [E], ["q", "dq"], ["E"])
 
 
+@lru_cache(maxsize=None)
+def base_parameters():
+    """Base parameters from the standard parameters of all links.
+
+    beta = K phi
+
+    input  phi (30, 1): per link: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz; SI; link frames
+    output beta (15, 1): base parameters; SI
+
+    Inertia tensors about the origin of the link frame, in its axes: Ixy = -integral of x*y dm, Ixz and Iyz alike.
+    """
+    phi = ca.SX.sym("phi", 30, 1)
+    [phi1, phi2, phi3, phi4, phi5, phi6, phi7, phi8, phi9, phi10, phi11, phi12, phi13, phi14, phi15, phi16, phi17,
+        phi18, phi19, phi20, phi21, phi22, phi23, phi24, phi25, phi26, phi27, phi28, phi29, phi30] = _rows(phi)
+    t1 = 0.04*phi11 + 0.4*phi12
+    t2 = 0.83*phi22
+    t3 = t2 + 0.172225*phi21
+    beta = _matrix(15, 1, [
+        phi17 + t1 + 0.04*phi21 - phi15,
+        phi16 + phi16 - 0.4*phi13,
+        phi22 + 0.415*phi21,
+        phi23,
+        phi27 + t3 - phi25,
+        0.83*phi23 - (phi26 + phi26),
+        phi15 + phi25 + phi7 + 0.028561*phi11 + 0.338*phi14 + 0.067081*phi21 + 0.518*phi24,
+        phi29 - 0.259*phi23,
+        phi28 - 0.107485*phi21 - 0.259*phi22 - 0.415*phi24,
+        phi19 - 0.169*phi13,
+        phi18 - 0.0338*phi11 - 0.169*phi12 - 0.0518*phi21 - 0.2*(phi14 + phi24),
+        phi30 + t2 + phi20 + t1 + 0.212225*phi21,
+        phi30 + t3,
+        phi12 + 0.2*(phi11 + phi21),
+        phi13,
+    ])
+    return ca.Function("rrr_casadi_base_parameters", [phi], [beta], ["phi"], ["beta"])
+
+
+@lru_cache(maxsize=None)
+def add_payload():
+    """Base parameters of the robot with a payload fixed to its last link.
+
+    beta_loaded = beta + K_n phi_payload
+
+    input  beta (15, 1): base parameters without the payload; SI
+    input  mass (1, 1): mass of the payload; kg
+    input  com (3, 1): centre of mass of the payload; m; the last link frame
+    input  inertia (3, 3): inertia tensor about the centre of mass; kg m^2; axes of the last link frame
+    output beta_loaded (15, 1): base parameters with the payload; SI
+
+    The inertia tensor is symmetric: only its upper triangle is read.
+    A payload is taken off again by the same call with negative mass and inertia and the same centre of mass.
+    """
+    beta = ca.SX.sym("beta", 15, 1)
+    mass = ca.SX.sym("mass", 1, 1)
+    com = ca.SX.sym("com", 3, 1)
+    inertia = ca.SX.sym("inertia", 3, 3)
+    [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
+        beta15] = _rows(beta)
+    [com1, com2, com3] = _rows(com)
+    [inertia_1_1, inertia_1_2, inertia_1_3, inertia_2_1, inertia_2_2, inertia_2_3, inertia_3_1, inertia_3_2,
+        inertia_3_3] = _rows(inertia)
+    t1 = mass*com1
+    t2 = mass*com2
+    t3 = 0.172225*mass
+    t4 = t1*(com1 + 0.83)
+    t5 = com2*t2
+    t6 = inertia_1_1 + t5
+    t7 = com2*t1 - inertia_1_2
+    t8 = mass*com3
+    t9 = com3 + 0.259
+    t10 = mass + 3.8610038610038608*t8
+    t11 = inertia_3_3 + t5 + t4
+    beta_loaded = _matrix(15, 1, [
+        beta1 + 0.04*mass,
+        beta2,
+        beta3 + 0.415*mass + t1,
+        beta4 + t2,
+        beta5 + inertia_2_2 + t3 + t4 - t6,
+        beta6 + 0.83*t2 + (t7 + t7),
+        beta7 + 0.067081*mass + t8*(com3 + 0.518) + t6,
+        beta8 + inertia_2_3 - t2*t9,
+        beta9 + inertia_1_3 - t1*t9 - 0.107485*t10,
+        beta10,
+        beta11 - 0.0518*t10,
+        beta12 + 0.212225*mass + t11,
+        beta13 + t3 + t11,
+        beta14 + 0.2*mass,
+        beta15,
+    ])
+    return ca.Function("rrr_casadi_add_payload", [beta, mass, com, inertia], [beta_loaded], ["beta", "mass", "com",
+        "inertia"], ["beta_loaded"])
+
+
+@lru_cache(maxsize=None)
+def add_payload_at():
+    """Base parameters of the robot with a payload that is described in a frame of its own.
+
+    beta_loaded = beta + K_n phi_payload
+
+    input  beta (15, 1): base parameters without the payload; SI
+    input  frame (4, 4): pose of the payload's frame, a homogeneous transform; -, m; last link frame
+    input  mass (1, 1): mass of the payload; kg
+    input  com (3, 1): centre of mass of the payload; m; the payload's frame
+    input  inertia (3, 3): inertia tensor about the centre of mass; kg m^2; axes of the payload's frame
+    output beta_loaded (15, 1): base parameters with the payload; SI
+
+    The inertia tensor is symmetric: only its upper triangle is read.
+    A payload is taken off again by the same call with negative mass and inertia and the same centre of mass.
+    """
+    beta = ca.SX.sym("beta", 15, 1)
+    frame = ca.SX.sym("frame", 4, 4)
+    mass = ca.SX.sym("mass", 1, 1)
+    com = ca.SX.sym("com", 3, 1)
+    inertia = ca.SX.sym("inertia", 3, 3)
+    [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
+        beta15] = _rows(beta)
+    [frame_1_1, frame_1_2, frame_1_3, frame_1_4, frame_2_1, frame_2_2, frame_2_3, frame_2_4, frame_3_1, frame_3_2,
+        frame_3_3, frame_3_4, frame_4_1, frame_4_2, frame_4_3, frame_4_4] = _rows(frame)
+    [com1, com2, com3] = _rows(com)
+    [inertia_1_1, inertia_1_2, inertia_1_3, inertia_2_1, inertia_2_2, inertia_2_3, inertia_3_1, inertia_3_2,
+        inertia_3_3] = _rows(inertia)
+    t1 = frame_1_1*com1 + frame_1_2*com2 + frame_1_3*com3 + frame_1_4
+    t2 = mass*t1
+    t3 = mass + 2.4096385542168677*t2
+    t4 = 0.415*t3
+    t5 = frame_2_1*com1 + frame_2_2*com2 + frame_2_3*com3 + frame_2_4
+    t6 = mass*t5
+    t7 = frame_2_1*inertia_1_1 + frame_2_2*inertia_1_2 + frame_2_3*inertia_1_3
+    t8 = frame_2_1*inertia_1_2 + frame_2_2*inertia_2_2 + frame_2_3*inertia_2_3
+    t9 = frame_2_1*inertia_1_3 + frame_2_2*inertia_2_3 + frame_2_3*inertia_3_3
+    t10 = 0.83*t2
+    t11 = 0.172225*mass + t10
+    t12 = t1*t2
+    t13 = frame_3_1*com1 + frame_3_2*com2 + frame_3_3*com3 + frame_3_4
+    t14 = mass*t13
+    t15 = t13*t14
+    t16 = frame_1_1*inertia_1_1 + frame_1_2*inertia_1_2 + frame_1_3*inertia_1_3
+    t17 = frame_1_1*inertia_1_2 + frame_1_2*inertia_2_2 + frame_1_3*inertia_2_3
+    t18 = frame_1_1*inertia_1_3 + frame_1_2*inertia_2_3 + frame_1_3*inertia_3_3
+    t19 = t5*t6
+    t20 = frame_1_1*t16 + frame_1_2*t17 + frame_1_3*t18 + t19 + t15
+    t21 = frame_2_1*t16 + frame_2_2*t17 + frame_2_3*t18
+    t22 = t13 + 0.259
+    t23 = frame_3_2*inertia_1_2 + frame_3_3*inertia_1_3
+    t24 = frame_3_2*(frame_3_2*inertia_2_2 + inertia_2_3*(frame_3_3 + frame_3_3))
+    t25 = frame_3_1*(t23 + t23 + frame_3_1*inertia_1_1) + t24 + frame_3_3*frame_3_3*inertia_3_3
+    t26 = t12 + t25 + t19
+    beta_loaded = _matrix(15, 1, [
+        beta1 + 0.04*mass,
+        beta2,
+        beta3 + t4,
+        beta4 + t6,
+        beta5 + frame_2_1*t7 + frame_2_2*t8 + frame_2_3*t9 + t11 + t12 + t15 - t20,
+        beta6 + 0.83*t5*t3 - (t21 + t21),
+        beta7 + 0.067081*mass + t20 + 0.518*t14,
+        beta8 + frame_3_1*t7 + frame_3_2*t8 + frame_3_3*t9 - t6*t22,
+        beta9 + frame_3_1*t16 + frame_3_2*t17 + frame_3_3*t18 - t4*t22,
+        beta10,
+        beta11 - 0.0518*mass - 0.2*t14,
+        beta12 + 0.212225*mass + t26 + t10,
+        beta13 + t11 + t26,
+        beta14 + 0.2*mass,
+        beta15,
+    ])
+    return ca.Function("rrr_casadi_add_payload_at", [beta, frame, mass, com, inertia], [beta_loaded], ["beta",
+        "frame", "mass", "com", "inertia"], ["beta_loaded"])
+
+
 FUNCTIONS = {
     "forward_kinematics": forward_kinematics,
     "link_frames": link_frames,
@@ -1929,4 +2097,7 @@ FUNCTIONS = {
     "standard_regressor": standard_regressor,
     "energy": energy,
     "energy_nominal": energy_nominal,
+    "base_parameters": base_parameters,
+    "add_payload": add_payload,
+    "add_payload_at": add_payload_at,
 }

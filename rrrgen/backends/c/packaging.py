@@ -13,16 +13,16 @@ def build_files(files: Iterable[str], identity: Identity, dialect: Dialect) -> d
     """``CMakeLists.txt`` and ``<name>.pc`` for the C files named in ``files`` (paths relative to the output)."""
     names = sorted(files)
     prefix = dialect.prefix
-    selftest = f"{prefix}_selftest.c"
+    selftests = [name for name in names if name.endswith("_selftest.c")]
     values = {
         "prefix": prefix,
         "macro": dialect.macro,
         "identity": identity,
         "version": identity.tool_version,
         "headers": [name for name in names if name.endswith(".h") and "/" not in name],
-        "sources": [name for name in names if name.endswith(".c") and "/" not in name and name != selftest],
+        "sources": [name for name in names if name.endswith(".c") and "/" not in name and name not in selftests],
         "casadi": [name for name in names if name.startswith("casadi/") and name.endswith(".c")],
-        "selftest": selftest,
+        "selftests": selftests,
     }
     return {
         "CMakeLists.txt": render("c/CMakeLists.txt.j2", **values),

@@ -14,7 +14,7 @@ from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import function_name
 from rrrgen.model.drive_terms import inertia_terms
 from rrrgen.model.standard_parameters import standard_parameters
-from rrrgen.program import Program, Role, evaluate
+from rrrgen.program import Port, Program, Role, evaluate
 from rrrgen.resources import render
 
 if TYPE_CHECKING:
@@ -33,10 +33,27 @@ TABLES = {
     Role.VELOCITY: "dq",
     Role.ACCELERATION: "ddq",
     Role.COVECTOR: "e",
+    Role.REFERENCE_VELOCITY: "ddq",
+    Role.REFERENCE_ACCELERATION: "q",
     Role.BASE_PARAMETERS: "beta",
     Role.DRIVE_INERTIA: "Ia",
+    Role.STANDARD_PARAMETERS: "phi",
 }
-"""The table of the self-test from which an input of this role is read."""
+"""The table of the self-test from which an input of this role is read; other inputs have a table of their own name."""
+
+STATES = ("q", "dq", "ddq", "e")
+"""The tables with a row per state."""
+
+PAYLOAD = {
+    "mass": [1.5],
+    "com": [0.0625, -0.03125, 0.125],
+    "inertia": [0.03125, 0.0078125, -0.00390625, 0.0078125, 0.046875, 0.001953125, -0.00390625, 0.001953125, 0.015625],
+    "frame": [0.0, -1.0, 0.0, 0.25, 0.0, 0.0, -1.0, -0.125, 1.0, 0.0, 0.0, 0.0625, 0.0, 0.0, 0.0, 1.0],
+}
+"""The payload of the self-test: a body with its mass off all axes, and a frame with permuted axes."""
+
+GRAVITY = [3.0, -5.0, -7.5]
+"""Gravity in the self-test of functions with gravity as an input, in no special direction."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +91,7 @@ def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: 
         golden=golden,
         functions=set(model.programs),
         drives=len(model.drive_inertia_nominal or ()),
+        gravity="gravity, " if model.spec.gravity_input else "",
         reflected=_reflected(model.spec),
         positive=_is_positive(model.programs, states, parameters),
         specializations=_specializations(model, dialect),
@@ -119,7 +137,10 @@ def _parameters(model: DerivedModel) -> dict[str, Array]:
     parameters = {"phi": phi, "beta": K @ phi if nominal is None else np.array([float(x) for x in nominal])}
     if model.drive_inertia_nominal is not None:
         parameters["Ia"] = np.array([float(value) for value in model.drive_inertia_nominal])
-    return parameters
+    if model.spec.gravity_input:
+        parameters["gravity"] = np.array(GRAVITY)
+    taken = {port.name for program in model.programs.values() for port in program.inputs}
+    return parameters | {name: np.array(values) for name, values in PAYLOAD.items() if name in taken}
 
 
 def _plausible(n: int) -> list[Array]:
@@ -157,7 +178,7 @@ def _golden(programs: Mapping[str, Program], states: dict[str, Array], parameter
 
 def _evaluated(program: Program, states: dict[str, Array], parameters: dict[str, Array]) -> tuple[Any, ...]:
     known = {**states, **parameters}
-    values = evaluate(program, *(known[TABLES[port.role]] for port in program.inputs))
+    values = evaluate(program, *(known[_table(port)].reshape(-1, *port.shape) for port in program.inputs))
     count = len(states["q"])
     return tuple(np.broadcast_to(v, (count, *port.shape)) for v, port in zip(values, program.outputs, strict=True))
 
@@ -191,7 +212,18 @@ def _specializations(model: DerivedModel, dialect: Dialect) -> list[dict[str, An
 
 def _arguments(program: Program) -> list[str]:
     """The arguments of a call in C: row k of the tables of states, and the parameter vectors."""
-    return [TABLES[p.role] if p.role.is_parameter else f"{TABLES[p.role]}[k]" for p in program.inputs]
+    return [_argument(port) for port in program.inputs]
+
+
+def _argument(port: Port) -> str:
+    table = _table(port)
+    if port.shape == ():
+        return f"{table}[0]"
+    return f"{table}[k]" if table in STATES else table
+
+
+def _table(port: Port) -> str:
+    return TABLES.get(port.role, port.name)
 
 
 def _rows(table: Array) -> tuple[str, ...]:

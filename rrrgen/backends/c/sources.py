@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rrrgen.backends import Identity
 from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.joints import joint_macros
 from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, prototype
 from rrrgen.backends.c.stack import STACK_RULE
@@ -45,6 +46,7 @@ def header_and_sources(
         failures=failures,
         functions=functions.values(),
         opening=_opening(model, identity, dialect, sincos),
+        joints=joint_macros(model.spec, dialect),
         n=model.spec.n,
         b=len(model.base_parameters),
     )

@@ -10,13 +10,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen import pipeline
-from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument
+from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument, words
 from rrrgen.parallel_map import usual_jobs
+from rrrgen.robotfile.keys import EMIT
 
 if TYPE_CHECKING:
     from rrrgen.backends import Language, Real
     from rrrgen.backends.c.trigonometry import Trig
     from rrrgen.derive.derived_model import DerivedModel
+
+GROUPS = ("control",)
+"""Those of :data:`rrrgen.robotfile.keys.EMIT` that are groups of functions."""
 
 
 @click.command()
@@ -34,10 +38,11 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--with",
-    "languages",
-    type=click.Choice(["rust"]),
+    "further",
+    callback=words(EMIT),
     multiple=True,
-    help="Also write this language: rust, a crate without dependencies and standard library.",
+    metavar="WORD,...",
+    help="Also write, besides what the robot file asks for: " + "; ".join(map(": ".join, EMIT.items())) + ".",
 )
 @click.option(
     "--check", "only_check", is_flag=True, help="Write nothing; print a diff and exit with 1 if DIR would change."
@@ -62,7 +67,7 @@ def generate(
     output: Path,
     real: Real,
     trig: Trig,
-    languages: tuple[Language, ...],
+    further: tuple[str, ...],
     only_check: bool,
     casadi_files: bool | None,
     jobs: int,
@@ -81,15 +86,21 @@ def generate(
       rrrgen generate my_robot.yaml -o firmware/model --real float
       rrrgen generate rrr -o generated/rrr --check      (in continuous integration)
       rrrgen generate rrr -o generated/rrr --with rust
+      rrrgen generate rrr -o generated/rrr --with gravity,control
     """
     from rrrgen.output import writer as emit
 
     start = time.perf_counter()
     with_casadi = _with_casadi(casadi_files)
-    model = pipeline.derive(read_with_warnings(robot), jobs)
+    spec = read_with_warnings(robot)
+    wanted = {*spec.emit, *further}
+    groups = ("model", *sorted(wanted & set(GROUPS)))
+    model = pipeline.derive(spec, jobs, groups)
+    any_gravity = pipeline.derive(spec.in_any_gravity(), jobs, groups) if "gravity" in wanted else None
     if verbose:
         _report_passes(model)
-    files = pipeline.emit(model, real, with_casadi and not only_check, trig, jobs, languages)
+    languages: tuple[Language, ...] = ("rust",) if "rust" in wanted else ()
+    files = pipeline.emit(model, real, with_casadi and not only_check, trig, jobs, languages, any_gravity)
     if only_check:
         diff = emit.differences(files, output)
         if as_json:

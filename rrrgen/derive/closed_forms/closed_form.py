@@ -166,6 +166,8 @@ def _input_symbols(
             symbols.append(list(generators))
         elif port.role in parameters:
             symbols.append([sp.Symbol(name, real=True) for name in parameters[port.role]])
+        elif port.shape == ():
+            symbols.append([sp.Symbol(port.name, real=True)])
         else:
             symbols.append(list(joint_symbols(port.size, port.name)))
     return symbols

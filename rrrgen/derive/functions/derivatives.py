@@ -47,7 +47,7 @@ TWICE = 2
 
 def inverse_dynamics_derivatives(r: Recording) -> Program:
     """Record the joint torques tau and their derivatives dtau/dq, dtau/d(dq) and M, (n, n) each, in SI units."""
-    chain = r.chain()
+    chain = r.chain_in_gravity("dq", "ddq")
     dq, ddq = r.joints("dq"), r.joints("ddq")
     inertias, drives = r.inertias(), r.drive_inertia()
     composition = compose(chain, dq, inertias, TWICE)
@@ -72,7 +72,7 @@ def inverse_dynamics_derivatives(r: Recording) -> Program:
 
 def forward_dynamics_derivatives(r: Recording) -> Program:
     """Record the joint accelerations ddq and their derivatives by q, dq and tau, (n, n) each, in SI units."""
-    b, chain = r.builder, r.chain()
+    b, chain = r.builder, r.chain_in_gravity("dq", "tau")
     dq, tau = r.joints("dq"), r.joints("tau")
     inertias, drives = r.inertias(), r.drive_inertia()
     composition = compose(chain, dq, inertias, TWICE)
@@ -130,6 +130,8 @@ def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
     That program is evaluated at ddq = 0, for M and the bias torques, and at the solution ddq, for the derivatives.
     """
     _, _, tau = (r.joints(name) for name in ("q", "dq", "tau"))
+    if derivatives.takes(Role.GRAVITY):
+        r.gravity()
     r.beta()
     r.drive_inertia()
 

@@ -48,16 +48,17 @@ def coriolis_matrix(r: Recording) -> Program:
     )
 
 
-def _torque_port(r: Recording, name: str, meaning: str) -> Port:
+def torque_port(r: Recording, name: str, meaning: str) -> Port:
+    """An output of joint torques (n,)."""
     return Port(name, (r.n,), r.torque_unit, "", meaning, Role.TORQUE)
 
 
 def _coriolis_port(r: Recording) -> Port:
-    return _torque_port(r, "c", "Coriolis and centrifugal torques")
+    return torque_port(r, "c", "Coriolis and centrifugal torques")
 
 
 def _gravity_port(r: Recording) -> Port:
-    return _torque_port(r, "g", "torques that hold the arm against gravity")
+    return torque_port(r, "g", "torques that hold the arm against gravity")
 
 
 def link_frames_only(chain: Chain) -> list[bool]:
@@ -91,10 +92,10 @@ def bias(frames: Frames) -> Callable[[Recording], Program]:
     """A recorder of the bias torques h = c(q, dq) + g(q), shape (n,), N m or N."""
 
     def record(r: Recording) -> Program:
-        chain = r.chain()
+        chain = r.chain_in_gravity("dq")
         dq = r.joints("dq")
         torques = newton_euler.inverse_dynamics(chain, dq, [0] * r.n, r.inertias(), frames(chain))
-        port = _torque_port(r, "h", "torques for ddq = 0, friction not included")
+        port = torque_port(r, "h", "torques for ddq = 0, friction not included")
         return r.builder.program(
             "bias", [(port, torques)], "Coriolis, centrifugal and gravity torques together.", "h = c(q, dq) + g(q)"
         )
@@ -107,7 +108,7 @@ def coriolis_transpose(r: Recording) -> Program:
     chain = r.chain()
     dq = r.joints("dq")
     value = momentum.coriolis_transpose(chain, dq, r.inertias())
-    port = _torque_port(r, "p", "C' dq, the gradient of the kinetic energy with respect to q")
+    port = torque_port(r, "p", "C' dq, the gradient of the kinetic energy with respect to q")
     return r.builder.program(
         "coriolis_transpose",
         [(port, value)],
@@ -118,7 +119,7 @@ def coriolis_transpose(r: Recording) -> Program:
 
 def gravity(r: Recording) -> Program:
     """Record the gravity torques g = dU/dq, shape (n,), N m or N."""
-    chain = r.chain()
+    chain = r.chain_in_gravity()
     g = composite.gravity(chain, r.inertias())
     return r.builder.program("gravity", [(_gravity_port(r), g)], "Gravity torques.", "g = dU/dq")
 
@@ -127,7 +128,7 @@ def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
     """A recorder of M (n, n), c (n,) and g (n,) in one program, so that they share subexpressions."""
 
     def record(r: Recording) -> Program:
-        chain, dq, inertias = r.chain(), r.joints("dq"), r.inertias()
+        chain, dq, inertias = r.chain_in_gravity("dq"), r.joints("dq"), r.inertias()
         M = composite.mass_matrix(chain, inertias)
         M = r.drive_inertia().added_to_mass(M)  # here, because ports are printed in the order of declaration
         weightless = _weightless(chain)
@@ -147,11 +148,11 @@ def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
     """A recorder of tau = M ddq + c + g, shape (n,), N m or N, without friction. (14.6)"""
 
     def record(r: Recording) -> Program:
-        chain = r.chain()
+        chain = r.chain_in_gravity("dq", "ddq")
         dq, ddq = r.joints("dq"), r.joints("ddq")
         tau = newton_euler.inverse_dynamics(chain, dq, ddq, r.inertias(), frames(chain))
         tau = r.drive_inertia().added_to_torques(tau, ddq)
-        port = _torque_port(r, "tau", "joint torques, friction not included")
+        port = torque_port(r, "tau", "joint torques, friction not included")
         return r.builder.program(
             "inverse_dynamics",
             [(port, tau)],
@@ -168,6 +169,8 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
     The parameter ports are those of the two programs. The status is 1 if M is not positive definite; ddq then is 0.
     """
     _, _, tau = (r.joints(name) for name in ("q", "dq", "tau"))
+    if torques.takes(Role.GRAVITY):
+        r.gravity()
     if mass.takes(Role.BASE_PARAMETERS):
         r.beta()
         r.drive_inertia()

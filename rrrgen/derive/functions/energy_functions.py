@@ -9,7 +9,7 @@ from rrrgen.program import Port, Program
 
 def energy(r: Recording) -> Program:
     """Record E = [kinetic, potential] in J: dq' M dq / 2, and U with dU/dq = g, defined up to a constant."""
-    chain = r.chain()
+    chain = r.chain_in_gravity("dq")
     dq = r.joints("dq")
     inertias = r.inertias()
     kinetic = momentum.kinetic_energy(chain, dq, inertias)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import sympy as sp
 
+from rrrgen.derive.algebra.polynomials import to_expression
 from rrrgen.derive.drive_inertia import DriveInertia
 from rrrgen.derive.parameters.base_parameters import BaseSet
 from rrrgen.derive.parameters.user_basis import BasisChange
@@ -26,6 +28,8 @@ JOINT_PORTS = {
     "ddq": (Role.ACCELERATION, "joint accelerations", "/s^2"),
     "tau": (Role.TORQUE, "joint torques", "torque"),
     "e": (Role.COVECTOR, "vector multiplied from the left", "any"),
+    "v": (Role.REFERENCE_VELOCITY, "reference velocities", "/s"),
+    "a": (Role.REFERENCE_ACCELERATION, "reference accelerations", "/s^2"),
 }
 """Joint vectors by name: role, meaning, and the suffix of the unit of position ("torque", "any": another unit)."""
 
@@ -34,14 +38,33 @@ JOINT_PORTS = {
 class Parametrization:
     """How base parameters map to pseudo-inertias of the links in canonical frames.
 
-    ``basis`` is the compiler's set; ``inverse`` (b, b) maps the user's base parameters to it (None: they are the same).
+    ``basis`` is the compiler's set, ``change`` its relation to the set of the robot file (None: they are the same).
     ``names`` and ``units`` are those of the public base parameters.
     """
 
     basis: BaseSet
     names: tuple[str, ...]
     units: tuple[str, ...]
-    inverse: tuple[tuple[sp.Expr, ...], ...] | None
+    change: BasisChange | None
+
+    @property
+    def inverse(self) -> tuple[tuple[sp.Expr, ...], ...] | None:
+        """The matrix (b, b) from the user's base parameters to the compiler's set; None if they are the same."""
+        return None if self.change is None else self.change.inverse
+
+    @cached_property
+    def projection(self) -> tuple[tuple[sp.Expr, ...], ...]:
+        """The exact K of ``beta = K phi``, shape (b, 10 n), for the public base parameters."""
+        if self.change is None:
+            return self.basis.projection
+        rows = []
+        for factors in self.change.forward:
+            row = [sp.S.Zero] * len(self.basis.projection[0])
+            for factor, base in zip(factors, self.basis.projection, strict=True):
+                if factor:
+                    row = [sp.expand(x + to_expression(factor) * y) for x, y in zip(row, base, strict=True)]
+            rows.append(tuple(row))
+        return tuple(rows)
 
     def inertias(self, n: int, beta: Sequence[Any], constant: Constant) -> list[PseudoInertia]:
         """The pseudo-inertias of ``n`` links for ``beta`` (b,): entries outside the base set are zero."""
@@ -66,7 +89,7 @@ def parametrize(basis: BaseSet, change: BasisChange | None) -> Parametrization:
     """The parametrization in the user's base parameters if there is a ``change``, else in the compiler's."""
     if change is None:
         return Parametrization(basis, basis.names, tuple(basis.units), None)
-    return Parametrization(basis, change.names, change.units, change.inverse)
+    return Parametrization(basis, change.names, change.units, change)
 
 
 class Recording:
@@ -88,6 +111,11 @@ class Recording:
         """Number of joints."""
         return self.model.n
 
+    def with_gravity_input(self) -> Recording:
+        """A new, empty recording of the same robot in which gravity is an input."""
+        spec = replace(self.model.spec, gravity_input=True)
+        return Recording(replace(self.model, spec=spec), self.parametrization)
+
     def _input(self, port: Port) -> list[Value]:
         self._declared[port.role] = values = list[Value](self.builder.input(port))
         return values
@@ -98,8 +126,10 @@ class Recording:
         return [values[port.role] for port in program.inputs]
 
     def joints(self, name: str) -> list[Value]:
-        """Declare the joint vector ``name`` (n,), one of :data:`JOINT_PORTS`, as an input."""
+        """The joint vector ``name`` (n,), one of :data:`JOINT_PORTS`; declared as an input when first asked for."""
         role, meaning, suffix = JOINT_PORTS[name]
+        if role in self._declared:
+            return self._declared[role]
         if suffix == "any":
             unit = ""
         elif suffix == "torque":
@@ -109,14 +139,32 @@ class Recording:
         return self._input(Port(name, (self.n,), unit, "", meaning, role))
 
     def chain(self) -> Chain:
-        """Declare q as an input and return the chain at q."""
+        """Declare q as an input and return the chain at q, in the gravity of the robot file."""
         return program_chain(self.model, self.builder, self.constant, self.joints("q"))
+
+    def chain_in_gravity(self, *rates: str) -> Chain:
+        """The chain of a function that feels gravity; ``rates`` are its further joint vectors.
+
+        Where gravity is an input of the functions, it is declared after all joint vectors.
+        """
+        if not self.model.spec.gravity_input:
+            return self.chain()
+        q, *_ = [self.joints(name) for name in ("q", *rates)]
+        return program_chain(self.model, self.builder, self.constant, q, self.gravity())
+
+    def gravity(self) -> list[Value]:
+        """Declare the acceleration of gravity (3,) as an input."""
+        meaning = "acceleration of gravity; minus the acceleration of an accelerated base"
+        return self._input(Port("gravity", (3,), "m/s^2", "base frame", meaning, Role.GRAVITY))
 
     def beta(self) -> list[Value]:
         """Declare the base parameters beta (b,) as an input."""
         names = self.parametrization.names
-        meaning = "base parameters " + ", ".join(names)
-        return self._input(Port("beta", (len(names),), "SI", "", meaning, Role.BASE_PARAMETERS))
+        return self._input(self.beta_port("base parameters " + ", ".join(names)))
+
+    def beta_port(self, meaning: str, role: Role = Role.BASE_PARAMETERS, name: str = "beta") -> Port:
+        """A port of base parameters (b,)."""
+        return Port(name, (len(self.parametrization.names),), "SI", "", meaning, role)
 
     def inertias(self) -> list[PseudoInertia]:
         """Declare the base parameters as an input and return the pseudo-inertias of the links."""

@@ -47,8 +47,8 @@ def _through(r: Recording, inverse: tuple[tuple[sp.Expr, ...], ...], values: lis
     return result
 
 
-def _motions(r: Recording) -> tuple[Chain, list[LinkMotion]]:
-    chain = r.chain()
+def _motions(r: Recording, *further: str) -> tuple[Chain, list[LinkMotion]]:
+    chain = r.chain_in_gravity("dq", "ddq", *further)
     dq, ddq = r.joints("dq"), r.joints("ddq")
     return chain, forward(chain, dq, ddq, [True] * r.n)
 
@@ -57,7 +57,7 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
     """A recorder of Y (n, b) with tau = Y(q, dq, ddq) beta. (14.10)"""
 
     def record(r: Recording) -> Program:
-        chain = r.chain()
+        chain = r.chain_in_gravity("dq", "ddq")
         dq, ddq = r.joints("dq"), r.joints("ddq")
         rows = _regressor_rows(r, columns(chain, dq, ddq, frames(chain), r.parametrization.basis.parameters))
         port = Port("Y", (r.n, len(r.parametrization.names)), "SI", "", "columns in the order of the base parameters")
@@ -73,7 +73,7 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
 
 def regressor_transpose(r: Recording) -> Program:
     """Record r = Y(q, dq, ddq)' e, shape (b,), for a vector e (n,), without forming Y. (14.23)"""
-    chain, motions = _motions(r)
+    chain, motions = _motions(r, "e")
     e = r.joints("e")
     virtual = composite.velocities(chain, e)
     in_link_frame = [True] * r.n
@@ -92,7 +92,7 @@ def regressor_transpose(r: Recording) -> Program:
 
 def standard_regressor(r: Recording) -> Program:
     """Record Y (n, 10 n) with tau = Y(q, dq, ddq) phi, for the standard parameters phi about the link frames."""
-    chain = r.chain()
+    chain = r.chain_in_gravity("dq", "ddq")
     dq, ddq = r.joints("dq"), r.joints("ddq")
     canonical = columns_by_axes(chain, dq, ddq, [True] * r.n, all_parameters(r.n))
     columns = []

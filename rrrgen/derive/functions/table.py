@@ -1,12 +1,18 @@
-"""The table of the public model functions, in the order of emission; each module ends with its part of it."""
+"""The tables of the public model functions, in the order of emission; each module ends with its part of them.
+
+The group "model" is always emitted. The functions of the other groups are needed by some users only, and are derived
+and emitted on request.
+"""
 
 from __future__ import annotations
 
 from rrrgen.derive.functions import (
+    control_functions,
     derivatives,
     dynamic_functions,
     energy_functions,
     kinematic_functions,
+    parameter_functions,
     regressor_functions,
 )
 from rrrgen.derive.functions.recording import Recorder
@@ -17,5 +23,9 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
     **derivatives.FUNCTIONS,
     **regressor_functions.FUNCTIONS,
     **energy_functions.FUNCTIONS,
+    **parameter_functions.FUNCTIONS,
 }
-"""Public function -> recorders of one or more equivalent programs."""
+"""Public function of the group "model" -> recorders of one or more equivalent programs."""
+
+GROUPS: dict[str, dict[str, tuple[Recorder, ...]]] = {"model": FUNCTIONS, "control": control_functions.FUNCTIONS}
+"""Name of a group -> its functions."""

@@ -19,8 +19,9 @@ is superfluous, and every removed column satisfies its relation at independent s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import sympy as sp
@@ -176,24 +177,32 @@ class _Linear:
 
 def _regroup(model: RobotModel, ring: PolynomialRing) -> dict[Parameter, list[Any]]:
     """Candidate -> its coefficients over the standard parameters (10 n,), after both regrouping rules."""
-    n = model.n
-    width = 10 * n
-    rows: dict[Parameter, list[Any]] = {}
+    width = 10 * model.n
+    phi = [[_Linear(_unit_row(width, 10 * i + k)) for k in range(10)] for i in range(model.n)]
+    values = regroup(model, partial(exact_placement, ring), phi)
+    return {c: value.row if isinstance(value, _Linear) else [0] * width for c, value in values.items()}
+
+
+def regroup(
+    model: RobotModel, placement: Callable[[RigidTransform], Placement], phi: Sequence[Sequence[Any]]
+) -> dict[Parameter, Any]:
+    """Candidate -> its value for the standard parameters ``phi`` (n, 10), after both regrouping rules.
+
+    The scalars are of any kind; ``placement`` converts constant transforms to it.
+    """
+    values: dict[Parameter, Any] = {}
     carried = PseudoInertia()
-    for i in reversed(range(n)):
+    for i in reversed(range(model.n)):
         joint = model.joints[i]
-        phi = [_Linear(_unit_row(width, 10 * i + k)) for k in range(10)]
-        J = from_standard(phi).moved(exact_placement(ring, model.link_frames[i])).plus(carried)
-        for entry in CANDIDATES[joint.revolute]:
-            value = getattr(J, entry)
-            rows[i, entry] = value.row if isinstance(value, _Linear) else [0] * width
-        X = exact_placement(ring, joint.before)
+        J = from_standard(list(phi[i])).moved(placement(model.link_frames[i])).plus(carried)
+        values |= {(i, entry): getattr(J, entry) for entry in CANDIDATES[joint.revolute]}
+        X = placement(joint.before)
         if joint.revolute:
             carried = PseudoInertia(Jzz=J.Jzz, hz=J.hz, m=J.m).moved(X)
         else:
             second = PseudoInertia(Jxx=J.Jxx, Jxy=J.Jxy, Jxz=J.Jxz, Jyy=J.Jyy, Jyz=J.Jyz, Jzz=J.Jzz)
             carried = second.moved(Placement(X.R, [0, 0, 0]))
-    return rows
+    return values
 
 
 def _lift(model: RobotModel, ring: PolynomialRing, kept: list[Parameter]) -> tuple[tuple[Any, ...], ...]:

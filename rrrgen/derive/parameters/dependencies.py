@@ -167,11 +167,12 @@ def _rational_state(
             c, s = c * points[i][0] - s * points[i][1], s * points[i][0] + c * points[i][1]
         return c, s
 
-    def numbers() -> list[Fraction]:
-        return [Fraction(random.choice((0, 1)) * random.randint(-9, 9)) for _ in range(joints)]
+    def numbers(count: int = joints) -> list[Fraction]:
+        return [Fraction(random.choice((0, 1)) * random.randint(-9, 9)) for _ in range(count)]
 
     part = replace(model, joints=model.joints[:joints], link_frames=model.link_frames[:joints])
-    return build_chain(part, ring.convert, trig, numbers()), numbers(), numbers()
+    q, gravity = numbers(), numbers(3) if model.spec.gravity_input else None
+    return build_chain(part, ring.convert, trig, q, gravity), numbers(), numbers()
 
 
 def _check(

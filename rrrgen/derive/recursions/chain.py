@@ -69,11 +69,18 @@ Trig = Callable[[tuple[int, ...], sp.Expr], tuple[Any, Any]]
 """(indices of the joints whose angles add up, constant angle) -> (cosine, sine) of the total angle."""
 
 
-def build_chain(model: RobotModel, constant: Callable[[sp.Expr], Any], trig: Trig, q: Sequence[Any]) -> Chain:
+def build_chain(
+    model: RobotModel,
+    constant: Callable[[sp.Expr], Any],
+    trig: Trig,
+    q: Sequence[Any],
+    gravity: Sequence[Any] | None = None,
+) -> Chain:
     """The chain of ``model`` in one kind of scalar.
 
     ``constant`` converts exact constants, ``trig`` gives the cosine and sine of block angles, ``q`` (n,) the
-    displacements of prismatic joints (m).
+    displacements of prismatic joints (m), ``gravity`` (3,) the acceleration of gravity (m/s^2) in the base frame, by
+    default the constant of the robot file.
     """
 
     def placement(R: sp.MatrixBase, p: sp.MatrixBase) -> Placement:
@@ -94,7 +101,7 @@ def build_chain(model: RobotModel, constant: Callable[[sp.Expr], Any], trig: Tri
         joints=tuple(joints),
         tip=placement(model.tip.R, model.tip.p),
         link_frames=tuple(placement(frame.R, frame.p) for frame in model.link_frames),
-        gravity=[constant(g) for g in model.spec.gravity],
+        gravity=[constant(g) for g in model.spec.gravity] if gravity is None else list(gravity),
     )
 
 
@@ -168,7 +175,13 @@ def symbolic_constant(builder: Builder, generators: Sequence[sp.Expr]) -> Callab
     return constant
 
 
-def program_chain(model: RobotModel, builder: Builder, constant: Callable[[sp.Expr], Value], q: Sequence[Any]) -> Chain:
+def program_chain(
+    model: RobotModel,
+    builder: Builder,
+    constant: Callable[[sp.Expr], Value],
+    q: Sequence[Any],
+    gravity: Sequence[Any] | None = None,
+) -> Chain:
     """The chain over program scalars recorded into ``builder``, for the joint positions ``q`` (n,)."""
 
     def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:
@@ -182,7 +195,7 @@ def program_chain(model: RobotModel, builder: Builder, constant: Callable[[sp.Ex
         s = builder.label(builder.sin(total), f"s{label}")
         return rotate_quarters(quarters, c, s)
 
-    return build_chain(model, constant, trig, q)
+    return build_chain(model, constant, trig, q, gravity)
 
 
 # -- finite field ----------------------------------------------------------------------------------------------------
@@ -240,7 +253,10 @@ class ResidueConstants:
 
 
 def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain, list[Residue]]:
-    """The chain at a random configuration in the finite field, and the joint displacements of that configuration."""
+    """The chain at a random configuration in the finite field, and the joint displacements of that configuration.
+
+    Gravity is random too where it is an input of the functions.
+    """
     q = [constants.draw() for _ in range(model.n)]
     angles: dict[int, tuple[Residue, Residue]] = {}
 
@@ -254,7 +270,8 @@ def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain
             c, s = c * ci - s * si, s * ci + c * si
         return c, s  # a constant offset is irrelevant: the angle is random
 
-    return build_chain(model, constants, trig, q), q
+    gravity = [constants.draw() for _ in range(3)] if model.spec.gravity_input else None
+    return build_chain(model, constants, trig, q, gravity), q
 
 
 # -- exact constants -------------------------------------------------------------------------------------------------
@@ -267,7 +284,9 @@ def exact_constants(
 
     Returns free symbols, (cosine, sine) pairs of constant angles, and square roots of primes.
     """
-    expressions: list[sp.Expr] = [*model.spec.gravity, *further]
+    expressions: list[sp.Expr] = [*further]
+    if not model.spec.gravity_input:
+        expressions += model.spec.gravity
     for X in [joint.before for joint in model.joints] + [model.tip, *model.link_frames]:
         expressions += [*X.R, *X.p]
     for joint, angle in zip(model.joints, block_angles(model), strict=True):

@@ -34,7 +34,18 @@ def link_momentum(J: PseudoInertia, velocity: BlockVelocity) -> tuple[Vector, Ve
 
 def coriolis_transpose(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]) -> list[Any]:
     """C(q, dq)' dq, shape (n,), N m or N: the gradient of the kinetic energy with respect to q."""
+    return momentum_and_coriolis_transpose(chain, dq, inertias)[1]
+
+
+def momentum_and_coriolis_transpose(
+    chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]
+) -> tuple[list[Any], list[Any]]:
+    """The generalized momentum M dq without drive inertia, and C' dq, (n,) each, from one recursion.
+
+    The momentum of joint i is the component of L_i (revolute) or P_i (prismatic) along its axis.
+    """
     motion = velocities(chain, dq)
+    momentum: list[Any] = [0] * chain.n
     result: list[Any] = [0] * chain.n
     P: Vector = [0, 0, 0]
     L: Vector = [0, 0, 0]
@@ -47,9 +58,10 @@ def coriolis_transpose(chain: Chain, dq: Sequence[Any], inertias: Sequence[Pseud
             result[i] = (y * L[0] - x * L[1]) - (v[0] * P[1] - v[1] * P[0])
         else:
             result[i] = y * P[0] - x * P[1]
+        momentum[i] = L[2] if joint.revolute else P[2]
         if i:
             P, L = step_down(chain, i, P, L)
-    return result
+    return momentum, result
 
 
 def kinetic_energy(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]) -> Any:

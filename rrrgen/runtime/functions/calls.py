@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.program import Role
-from rrrgen.runtime.arguments import checked, choose, nominal_values
+from rrrgen.runtime.arguments import checked, choose, nominal_values, read_only
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.runtime.engines import Engine
+    from rrrgen.runtime.model import Model
 
 Array = NDArray[Any]
 
@@ -34,19 +35,82 @@ class Calls:
         self.n: int = derived.spec.n
         self.beta: Array | None = nominal_values(derived.beta_nominal)
         self.drive_inertia: Array | None = nominal_values(derived.drive_inertia_nominal)
+        self._compiled: Callable[..., Model] | None = None
+        self._any_gravity: Model | None = None
+        self._groups: dict[str, Model] = {}
+
+    @property
+    def any_gravity(self) -> Model:
+        """The model of the same robot with gravity as an input; in C it is ``<name>_any_gravity``.
+
+        Its functions take ``gravity``, by default that of the robot file. It has more base parameters, since gravity in
+        any direction feels mass that gravity along the first axis does not; a basis chosen in the robot file does not
+        hold for it. It is compiled when it is first asked for.
+        """
+        if self.spec.gravity_input:
+            return self  # type: ignore[return-value]
+        if self._any_gravity is None:
+            self._any_gravity = self._compiler()(self.spec.in_any_gravity())
+        self._any_gravity.engine.threads = self.engine.threads
+        return self._any_gravity
+
+    @property
+    def nominal_gravity(self) -> Array:
+        """The acceleration of gravity of the robot file in the base frame, (3,), m/s^2."""
+        return read_only(np.array([float(self.spec.nominal(value)) for value in self.spec.gravity]))
+
+    def _compiler(self) -> Callable[..., Model]:
+        if self._compiled is None:
+            raise TypeError("this model was made without its description and cannot be copied; use rrrgen.compile")
+        return self._compiled
+
+    def _with(self, name: str) -> Model:
+        """The model that has the function ``name``: this one, or that of another group of functions."""
+        if name in self.derived.programs:
+            return self  # type: ignore[return-value]
+        from rrrgen.derive.functions.table import GROUPS
+
+        for group, functions in GROUPS.items():
+            if name.removesuffix("_nominal") in functions and self._compiled is not None and group not in self._groups:
+                self._groups[group] = self._compiled(self.spec, groups=(group,))
+            if group in self._groups and name in self._groups[group].derived.programs:
+                self._groups[group].engine.threads = self.engine.threads
+                return self._groups[group]
+        others = [each for group, functions in GROUPS.items() if group != "model" for each in functions]
+        known = sorted({*self.derived.programs, *(others if self._compiled is not None else ())})
+        raise ValueError(f"no function '{name}'; there are inverse_kinematics, {', '.join(known)}")
 
     def _call(self, name: str, *values: Any) -> Array:
         """The first result of the function ``name``, which takes no parameters."""
         return self.engine.call(name, values)[0]
 
-    def _call_with(self, name: str, values: tuple[Any, ...], beta: Any, Ia: Any = None) -> Array:
+    def _call_with(self, name: str, values: tuple[Any, ...], beta: Any, Ia: Any = None, gravity: Any = None) -> Array:
         """The first result of the function ``name`` with the parameters given, or the nominal ones."""
-        return self._evaluate(name, values, beta, Ia)[0]
+        return self._evaluate(name, values, beta, Ia, gravity)[0]
 
-    def _evaluate(self, name: str, values: tuple[Any, ...], beta: Any, Ia: Any) -> Sequence[Array]:
+    def _evaluate(
+        self, name: str, values: tuple[Any, ...], beta: Any = None, Ia: Any = None, gravity: Any = None
+    ) -> Sequence[Array]:
         """All results of the function ``name`` with the parameters given, or the nominal ones."""
+        if gravity is not None and not self.spec.gravity_input:
+            self._check_beta(name, beta)
+            return self.any_gravity._evaluate(name, values, beta, Ia, gravity)
+        if name not in self.derived.programs:
+            return self._with(name)._evaluate(name, values, beta, Ia, gravity)
         chosen, parameters = self._chosen(name, beta, Ia)
+        if self.spec.gravity_input and self.derived.programs[chosen].takes(Role.GRAVITY):
+            values = (*values, self.nominal_gravity if gravity is None else gravity)
         return self.engine.call(chosen, (*values, *parameters.values()))
+
+    def _check_beta(self, name: str, beta: Any) -> None:
+        """Raise ValueError for base parameters of this model in a call with gravity."""
+        own, wanted = self.derived.b, self.any_gravity.derived.b
+        if beta is not None and np.shape(beta)[-1:] == (own,) != (wanted,):
+            raise ValueError(
+                f"{name}: with gravity= beta must be the {wanted} base parameters of model.any_gravity, not the {own} "
+                "of the gravity of the robot file; any_gravity.beta, any_gravity.add_payload(...) and "
+                "any_gravity.base_projection @ phi give them"
+            )
 
     def _chosen(self, name: str, beta: Any, Ia: Any) -> tuple[str, dict[str, Any]]:
         """The name of the program to run, the nominal specialization if no parameters are given, and its parameters."""

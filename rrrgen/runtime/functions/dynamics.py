@@ -30,7 +30,8 @@ class DynamicFunctions(Calls):
 
     Without ``beta`` and ``Ia`` the functions use the nominal values of the robot file, folded into the code. They raise
     ValueError if the file states no inertias and ``beta`` is not given, or if ``Ia`` is given and the file states no
-    drive inertia.
+    drive inertia. With ``gravity`` they are those of ``any_gravity``, the model with gravity as an input, whose base
+    parameters ``beta`` then is; it is compiled at the first such call.
     """
 
     def mass_matrix(self, q: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None) -> Array:
@@ -85,33 +86,54 @@ class DynamicFunctions(Calls):
         """
         return self._call_with("coriolis_transpose", (q, dq), beta)
 
-    def gravity(self, q: ArrayLike, beta: ArrayLike | None = None) -> Array:
+    def gravity(
+        self,
+        q: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
         """Gravity torques ``g = dU/dq``: the joint torques that hold the arm still. Source: (14.7).
 
         Args:
             q: joint positions, (..., n), rad or m.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
 
         Returns:
             g, (..., n), N m or N.
         """
-        return self._call_with("gravity", (q,), beta)
+        return self._call_with("gravity", (q,), beta, gravity=gravity)
 
-    def bias(self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None) -> Array:
+    def bias(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
         """Bias torques ``h = c(q, dq) + g(q)``: the joint torques for ddq = 0, without friction.
 
         Args:
             q: joint positions, (..., n), rad or m.
             dq: joint velocities, (..., n), rad/s or m/s.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
 
         Returns:
             h, (..., n), N m or N.
         """
-        return self._call_with("bias", (q, dq), beta)
+        return self._call_with("bias", (q, dq), beta, gravity=gravity)
 
     def dynamics_terms(
-        self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
     ) -> DynamicsTerms:
         """All terms of ``tau = M ddq + c + g`` from one evaluation, cheaper than one call for each.
 
@@ -120,11 +142,12 @@ class DynamicFunctions(Calls):
             dq: joint velocities, (..., n), rad/s or m/s.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
 
         Returns:
             The named tuple (M, c, g): (..., n, n), (..., n) and (..., n).
         """
-        return DynamicsTerms(*self._evaluate("dynamics_terms", (q, dq), beta, Ia))
+        return DynamicsTerms(*self._evaluate("dynamics_terms", (q, dq), beta, Ia, gravity))
 
     def inverse_dynamics(
         self,
@@ -134,6 +157,7 @@ class DynamicFunctions(Calls):
         beta: ArrayLike | None = None,
         *,
         Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
     ) -> Array:
         """Joint torques ``tau = M ddq + c + g`` of rigid body and drive inertia, without friction. Source: (14.6).
 
@@ -143,11 +167,12 @@ class DynamicFunctions(Calls):
             ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
 
         Returns:
             tau, (..., n), N m or N.
         """
-        return self._call_with("inverse_dynamics", (q, dq, ddq), beta, Ia)
+        return self._call_with("inverse_dynamics", (q, dq, ddq), beta, Ia, gravity)
 
     def forward_dynamics(
         self,
@@ -157,6 +182,7 @@ class DynamicFunctions(Calls):
         beta: ArrayLike | None = None,
         *,
         Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
         with_status: bool = False,
     ) -> Any:
         """Joint accelerations ``ddq = M^-1 (tau - c - g)``; friction is not part of it: subtract it from ``tau``.
@@ -167,6 +193,7 @@ class DynamicFunctions(Calls):
             tau: joint torques, (..., n), N m or N.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
             with_status: return ``(ddq, status)`` instead of raising LinAlgError.
 
         Returns:
@@ -176,7 +203,7 @@ class DynamicFunctions(Calls):
         Raises:
             numpy.linalg.LinAlgError: M is indefinite or singular at some state, and ``with_status`` is False.
         """
-        ddq, status = self._evaluate("forward_dynamics", (q, dq, tau), beta, Ia)
+        ddq, status = self._evaluate("forward_dynamics", (q, dq, tau), beta, Ia, gravity)
         return self._checked("forward_dynamics", ddq, status, with_status)
 
     def inverse_dynamics_derivatives(
@@ -187,6 +214,7 @@ class DynamicFunctions(Calls):
         beta: ArrayLike | None = None,
         *,
         Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
     ) -> InverseDynamicsDerivatives:
         """Joint torques and their analytical derivatives, ``d tau = dtau_dq d(q) + dtau_dv d(dq) + M d(ddq)``.
 
@@ -196,11 +224,14 @@ class DynamicFunctions(Calls):
             ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
 
         Returns:
             The named tuple (tau, dtau_dq, dtau_dv, M): (..., n), then three times (..., n, n), in SI units.
         """
-        return InverseDynamicsDerivatives(*self._evaluate("inverse_dynamics_derivatives", (q, dq, ddq), beta, Ia))
+        return InverseDynamicsDerivatives(
+            *self._evaluate("inverse_dynamics_derivatives", (q, dq, ddq), beta, Ia, gravity)
+        )
 
     def forward_dynamics_derivatives(
         self,
@@ -210,6 +241,7 @@ class DynamicFunctions(Calls):
         beta: ArrayLike | None = None,
         *,
         Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
         with_status: bool = False,
     ) -> Any:
         """Joint accelerations and their derivatives, ``d ddq = dddq_dq d(q) + dddq_dv d(dq) + dddq_dtau d(tau)``.
@@ -220,6 +252,7 @@ class DynamicFunctions(Calls):
             tau: joint torques, (..., n), N m or N.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
             with_status: return ``(derivatives, status)`` instead of raising LinAlgError.
 
         Returns:
@@ -230,11 +263,17 @@ class DynamicFunctions(Calls):
         Raises:
             numpy.linalg.LinAlgError: M is indefinite or singular at some state, and ``with_status`` is False.
         """
-        *values, status = self._evaluate("forward_dynamics_derivatives", (q, dq, tau), beta, Ia)
+        *values, status = self._evaluate("forward_dynamics_derivatives", (q, dq, tau), beta, Ia, gravity)
         return self._checked("forward_dynamics_derivatives", ForwardDynamicsDerivatives(*values), status, with_status)
 
     def energy(
-        self, q: ArrayLike, dq: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
     ) -> Energy:
         """Kinetic energy ``dq' M dq / 2`` and potential energy U with ``dU/dq = g``, defined up to a constant.
 
@@ -243,11 +282,12 @@ class DynamicFunctions(Calls):
             dq: joint velocities, (..., n), rad/s or m/s.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
 
         Returns:
             The named tuple (kinetic, potential), each (...), in J; in C and CasADi the vector E of the two.
         """
-        E = self._call_with("energy", (q, dq), beta, Ia)
+        E = self._call_with("energy", (q, dq), beta, Ia, gravity)
         return Energy(E[..., 0], E[..., 1])
 
     def friction(self, dq: ArrayLike) -> Array:

@@ -34,20 +34,36 @@ class RegressorFunctions(Calls):
         self.base_parameter_names: tuple[str, ...] = tuple(p.name for p in derived.base_parameters)
         self._terms: tuple[DriveTerm, ...] = drive_terms(derived.spec)
 
-    def regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+    def regressor(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
         """Base regressor: ``tau = Y(q, dq, ddq) beta``, rigid body without drive inertia. Source: (14.10).
 
         Args:
             q: joint positions, (..., n), rad or m.
             dq: joint velocities, (..., n), rad/s or m/s.
             ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
 
         Returns:
             Y, (..., n, b), in SI units; its columns belong to ``base_parameter_names``.
         """
-        return self._call("regressor", q, dq, ddq)
+        return self._evaluate("regressor", (q, dq, ddq), gravity=gravity)[0]
 
-    def regressor_transpose(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, e: ArrayLike) -> Array:
+    def regressor_transpose(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        e: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
         """Transposed base regressor times a vector, ``r = Y' e``, without forming Y: for adaptation. Source: (14.23).
 
         Args:
@@ -55,13 +71,21 @@ class RegressorFunctions(Calls):
             dq: joint velocities, (..., n), rad/s or m/s.
             ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
             e: the vector, (..., n), in any unit, such as a tracking error.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
 
         Returns:
             r, (..., b), in SI units times the unit of ``e``.
         """
-        return self._call("regressor_transpose", q, dq, ddq, e)
+        return self._evaluate("regressor_transpose", (q, dq, ddq, e), gravity=gravity)[0]
 
-    def standard_regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+    def standard_regressor(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
         """Regressor of the standard parameters of all links: ``tau = Y(q, dq, ddq) phi``.
 
         phi lists, link by link, m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz: mass (kg), first moments (kg m) and
@@ -71,11 +95,12 @@ class RegressorFunctions(Calls):
             q: joint positions, (..., n), rad or m.
             dq: joint velocities, (..., n), rad/s or m/s.
             ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
 
         Returns:
             Y, (..., n, 10 n), in SI units.
         """
-        return self._call("standard_regressor", q, dq, ddq)
+        return self._evaluate("standard_regressor", (q, dq, ddq), gravity=gravity)[0]
 
     def identification_regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """Base regressor with the columns of drive inertia, friction and offset that the robot file asks for.

@@ -1,0 +1,72 @@
+"""Base parameters of a model from link parameters, and with a payload."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rrrgen.runtime.functions.calls import Array, Calls
+
+ASYMMETRY = 1e-9
+"""Largest difference between mirrored entries of an inertia tensor, relative to its largest entry."""
+
+
+class ParameterFunctions(Calls):
+    """Conversion of standard to base parameters, and payloads."""
+
+    def base_parameters_of(self, phi: ArrayLike) -> Array:
+        """Base parameters ``beta = K phi`` of links with the standard parameters phi; ``base_parameters`` in C and CasADi.
+
+        Args:
+            phi: standard parameters of all links, (..., 10 n) or (n, 10): per link m, mx, my, mz, Ixx, Ixy, Iyy, Ixz,
+                Iyz, Izz, kg, kg m and kg m^2, first moments and inertia tensor about the origin of the link frame, in
+                its axes.
+
+        Returns:
+            beta, (..., b), in SI units.
+        """
+        values = np.asarray(phi)
+        if values.shape == (self.n, 10) and self.n > 1:  # of one joint: a batch of one
+            values = values.reshape(-1)
+        return self._call("base_parameters", values)
+
+    def add_payload(
+        self,
+        mass: ArrayLike,
+        com: ArrayLike = (0.0, 0.0, 0.0),
+        inertia: ArrayLike | None = None,
+        frame: ArrayLike | None = None,
+        *,
+        beta: ArrayLike | None = None,
+    ) -> Array:
+        """The base parameters of the robot with a body fixed to its last link: ``beta=`` of every other function.
+
+        Further bodies are added one by one; a negative mass with the negative tensor takes a body off again.
+
+        Args:
+            mass: mass of the body, (...), kg.
+            com: its centre of mass, (..., 3), m, in the frame of the last link, ``link_frames(q)[-1]``, which is the one
+                before the tool.
+            inertia: its inertia tensor about that centre, (..., 3, 3), kg m^2, in the axes of the same frame; zero by
+                default, a point mass.
+            frame: pose of a frame of the body in the last link, (..., 4, 4), -, m; if it is given, ``com`` and
+                ``inertia`` are those in that frame.
+            beta: base parameters without the body, (b,) or (..., b), SI units; by default those of the robot file.
+
+        Returns:
+            beta_loaded, (..., b), in SI units.
+
+        Raises:
+            ValueError: the tensor is not symmetric, or the robot file has no links and ``beta`` is not given.
+        """
+        if beta is None and self.beta is None:
+            raise ValueError("add_payload: the robot file has no links, so beta= must be given")
+        tensor = np.zeros((3, 3)) if inertia is None else np.asarray(inertia)
+        if tensor.shape[-2:] != (3, 3):
+            raise ValueError(f"add_payload: inertia must be a tensor (3, 3) or (..., 3, 3), got shape {tensor.shape}")
+        if np.max(np.abs(tensor - np.swapaxes(tensor, -1, -2))) > ASYMMETRY * np.max(np.abs(tensor)):
+            raise ValueError("add_payload: the inertia tensor is not symmetric")
+        known = self.beta if beta is None else beta
+        if frame is None:
+            return self._call("add_payload", known, mass, com, tensor)
+        return self._call("add_payload_at", known, frame, mass, com, tensor)

@@ -1,0 +1,52 @@
+"""Base parameters and payloads of the model, compared as torques, to which they are linear."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rrrgen.verify.comparison import Collector, Tolerances
+from rrrgen.verify.references.chain import Array, centre_and_tensor
+from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.subject import States, random_parameters
+
+if TYPE_CHECKING:
+    from rrrgen.runtime.model import Model
+
+
+def check_parameters(
+    model: Model, ne: NewtonEuler, s: States, rng: np.random.Generator, tolerances: Tolerances, rows: Collector
+) -> None:
+    """Compare the torques of random link parameters, and those that random payloads add, at the states ``s``."""
+    check = rows.against(ne.name, "-", tolerances.exact, s.count)
+    Y, n = ne.standard_regressor(s.q, s.dq, s.ddq), ne.chain.n
+    phi = np.stack([random_parameters(n, rng).ravel() for _ in range(s.count)])
+
+    def torques(beta: Array) -> Array:
+        return np.asarray(np.einsum("nij,nj->ni", model.regressor(s.q, s.dq, s.ddq), beta))
+
+    check("base_parameters", lambda: torques(model.base_parameters_of(phi)), np.einsum("nij,nj->ni", Y, phi))
+    bodies = random_parameters(s.count, rng)
+    added = np.einsum("nij,nj->ni", Y[:, :, -10:], bodies)
+    mass = bodies[:, 0]
+    centres = [centre_and_tensor(row) for row in bodies]
+    com, tensors = (np.stack(part) for part in zip(*centres, strict=True))
+    R, p = np.stack([_rotation(rng) for _ in range(s.count)]), rng.uniform(-0.3, 0.3, (s.count, 3))
+    frame = np.zeros((s.count, 4, 4))
+    frame[:, :3, :3], frame[:, :3, 3], frame[:, 3, 3] = R, p, 1.0
+    own_com = np.einsum("nji,nj->ni", R, com - p)
+    own_tensors = np.einsum("nki,nkl,nlj->nij", R, tensors, R)
+
+    def with_payload(*payload: Array) -> Array:
+        bare = model.base_parameters_of(np.zeros((s.count, 10 * n)))[0]
+        return torques(model.add_payload(*payload, beta=bare))
+
+    check("add_payload", lambda: with_payload(mass, com, tensors), added)
+    check("add_payload_at", lambda: with_payload(mass, own_com, own_tensors, frame), added)
+
+
+def _rotation(rng: np.random.Generator) -> Array:
+    """A random rotation matrix."""
+    Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return np.asarray(Q * np.sign(np.linalg.det(Q)))

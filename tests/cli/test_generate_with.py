@@ -1,0 +1,88 @@
+"""``generate --with`` and the key ``emit`` of a robot file: what is written besides the model, and what is not."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+
+import pytest
+
+from rrrgen.cli.main import run
+from rrrgen.output.manifest import identify
+from rrrgen.robotfile import dumps, load_spec, loads_spec
+
+PENDULUM = """\
+schema: rrrgen/1
+name: swing
+convention: standard
+units: {angle: rad, length: m}
+gravity: [0, -9.81, 0]
+joints:
+  - {type: revolute, alpha: 0, a: 0.5, d: 0, theta: 0}
+links:
+  - {mass: 2, com: [-0.1, 0, 0], inertia: {about: com, xx: 0.01, yy: 0.02, zz: 0.02}}
+"""
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]
+
+
+def generate(tmp_path, text, *options):
+    file, output = tmp_path / "swing.yaml", tmp_path / "out"
+    file.write_text(text)
+    assert run(["generate", str(file), "-o", str(output), "--no-casadi-files", *options]) == 0
+    return output
+
+
+def names(output):
+    return {path.name for path in output.iterdir()}
+
+
+def test_nothing_more_is_written_unless_it_is_asked_for(tmp_path):
+    output = generate(tmp_path, PENDULUM)
+    assert not any("any_gravity" in name for name in names(output))
+    assert "momentum_terms" not in (output / "swing.h").read_text()
+    assert "any_gravity" not in json.loads((output / "manifest.json").read_text())
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_gravity_and_control(tmp_path, real):
+    output = generate(tmp_path, PENDULUM, "--with", "gravity,control", "--real", real)
+    for prefix, others in (("swing", ["swing_ik.c"]), ("swing_any_gravity", [])):
+        sources = [f"{prefix}{part}.c" for part in ("", "_nominal", "_derivatives", "_selftest")]
+        command = ["gcc", *STRICT, *sources, *others, "-o", prefix, "-lm"]
+        subprocess.run(command, cwd=output, check=True)
+        report = subprocess.run([output / prefix], capture_output=True, text=True, check=True).stdout
+        assert "p = M dq" in report
+    manifest = json.loads((output / "manifest.json").read_text())
+    assert "momentum_terms" in manifest["functions"]
+    inputs = manifest["any_gravity"]["functions"]["inverse_dynamics"]["inputs"]
+    assert [port["name"] for port in inputs] == ["q", "dq", "ddq", "gravity", "beta"]
+    assert {"swing_any_gravity.h", "swing_any_gravity_selftest.c"} <= set(manifest["files"])
+    cmake = (output / "CMakeLists.txt").read_text()
+    assert "add_executable(swing_any_gravity_selftest swing_any_gravity_selftest.c)" in cmake
+    assert "add_library(swing swing.c swing_any_gravity.c" in cmake
+
+
+def test_the_robot_file_asks_like_the_option(tmp_path):
+    asked = generate(tmp_path, PENDULUM + "emit: [gravity, control]\n")
+    before = {name: (asked / name).read_bytes() for name in names(asked) if (asked / name).is_file()}
+    option = generate(tmp_path, PENDULUM, "--with", "gravity", "--with", "control")
+    assert {name: (option / name).read_bytes() for name in before} == before
+
+
+def test_what_is_emitted_is_no_property_of_the_robot():
+    plain, asked = loads_spec(PENDULUM), loads_spec(PENDULUM + "emit: [gravity]\n")
+    assert identify(plain) == identify(asked)
+    assert loads_spec(dumps(asked)).emit == ("gravity",)
+    assert identify(plain.in_any_gravity()) != identify(plain)
+    assert identify(load_spec("rrr")).model_hash.startswith("f76b01304d96f30a")
+
+
+def test_unknown_words_are_refused(tmp_path, capsys):
+    assert run(["generate", "rrr", "-o", str(tmp_path), "--with", "gravty"]) == 2
+    assert "did you mean 'gravity'? allowed are control, gravity, rust" in capsys.readouterr().err
+    file = tmp_path / "swing.yaml"
+    file.write_text(PENDULUM + "emit: [gravity, momentum]\n")
+    assert run(["check", str(file)]) == 3
+    error = capsys.readouterr().err
+    assert "swing.yaml:10:17" in error
+    assert "emit: 'momentum' is not allowed" in error
