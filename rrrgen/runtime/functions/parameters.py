@@ -15,7 +15,7 @@ class ParameterFunctions(Calls):
     """Conversion of standard to base parameters, and payloads."""
 
     def base_parameters_of(self, phi: ArrayLike) -> Array:
-        """Base parameters ``beta = K phi`` of links with the standard parameters phi; ``base_parameters`` in C and CasADi.
+        """Base parameters ``beta = K phi`` of given links; in C and CasADi ``base_parameters``.
 
         Args:
             phi: standard parameters of all links, (..., 10 n) or (n, 10): per link m, mx, my, mz, Ixx, Ixy, Iyy, Ixz,
@@ -45,8 +45,8 @@ class ParameterFunctions(Calls):
 
         Args:
             mass: mass of the body, (...), kg.
-            com: its centre of mass, (..., 3), m, in the frame of the last link, ``link_frames(q)[-1]``, which is the one
-                before the tool.
+            com: its centre of mass, (..., 3), m, in the frame of the last link, ``link_frames(q)[-1]``, which is
+                the one before the tool.
             inertia: its inertia tensor about that centre, (..., 3, 3), kg m^2, in the axes of the same frame; zero by
                 default, a point mass.
             frame: pose of a frame of the body in the last link, (..., 4, 4), -, m; if it is given, ``com`` and
