@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,8 @@ class FrequencyResponse:
     ``variance`` (L,) that of the complex P; ``coherence`` (L,) the share of the output's power that is due to the
     excitation (14.37); ``period`` the sampling period in s. ``independent`` is the
     share of the lines that do not share data with others. ``findings`` are reasons against the recording as a whole.
+    ``dof`` are the complex degrees of freedom of the variance, ``kernel`` (lags,) the correlation of lines that are 0,
+    1, .. apart (None: independent); ``unsmoothed`` is the response before it was smoothed over lines, where it was.
     """
 
     name: str
@@ -41,6 +43,9 @@ class FrequencyResponse:
     independent: float = 1.0
     findings: tuple[Finding, ...] = ()
     details: dict[str, Any] = field(default_factory=dict)
+    dof: float = np.inf
+    kernel: Array | None = None
+    unsmoothed: FrequencyResponse | None = None
 
     @property
     def reasons(self) -> list[str]:
@@ -60,6 +65,7 @@ class FrequencyResponse:
 
     def to_json(self) -> dict[str, Any]:
         """What ``results/frf.json`` holds."""
+        raw = self.unsmoothed
         return {
             "schema": SCHEMA,
             "name": self.name,
@@ -81,7 +87,7 @@ class FrequencyResponse:
             "reason": self.reasons,
             "variance": self.variance,
             **self.details,
-        }
+        } | ({} if raw is None else {"unsmoothed": {"re": raw.P.real, "im": raw.P.imag, "variance": raw.variance}})
 
 
 def read_responses(path: Path) -> list[FrequencyResponse]:
@@ -100,10 +106,16 @@ def read_responses(path: Path) -> list[FrequencyResponse]:
 def _of_json(found: dict[str, Any]) -> FrequencyResponse:
     names = ("frequency", "re", "im", "variance", "band95", "coherence")
     columns = {key: np.array(found[key], float) for key in names}
+    raw = (
+        {key: np.array(found["unsmoothed"][key], float) for key in ("re", "im", "variance")}
+        if "unsmoothed" in found
+        else {}
+    )
     independent, period = float(found["independent_share"]), float(found["sampling_period"])
-    if len({len(column) for column in columns.values()}) > 1 or not (period > 0.0 and 0.0 < independent <= 1.0):
+    lengths = {len(column) for column in (*columns.values(), *raw.values())}
+    if len(lengths) > 1 or not (period > 0.0 and 0.0 < independent <= 1.0):
         raise ValueError("columns of different length, or no period")
-    return FrequencyResponse(
+    response = FrequencyResponse(
         name=str(found["name"]),
         method=str(found["method"]),
         frequency=columns["frequency"],
@@ -115,3 +127,7 @@ def _of_json(found: dict[str, Any]) -> FrequencyResponse:
         independent=independent,
         findings=tuple(Finding(**each) for each in found["verdict"]["findings"]),
     )
+    if not raw:
+        return response
+    unsmoothed = replace(response, P=raw["re"] + 1j * raw["im"], variance=raw["variance"])
+    return replace(response, unsmoothed=unsmoothed)

@@ -52,6 +52,35 @@ def test_local_polynomial_method_meets_its_band(kind, request):
     assert np.mean(found.trusted[: len(band)]) > 0.75
 
 
+@pytest.mark.parametrize(("kind", "narrow_share"), [("periodic", 0.5), ("noisy", 0.35)])
+def test_strong_disturbance_leaves_an_honest_band(kind, narrow_share):
+    """1 rad/s^2 rms of disturbance against 7 of excitation: lines by themselves have bands of 5 %."""
+    rng = np.random.default_rng(11)
+    n = multisine(rng, SAMPLES) if kind == "periodic" else 7.0 * rng.standard_normal(SAMPLES)
+    found = estimate_one(record(rng, n, disturbance=1.0))
+    _, band, held, magnitude, phase = errors(found)
+    assert 0.9 < np.mean(held) < 0.985
+    narrow = band < 0.05
+    assert np.mean(narrow) > narrow_share
+    assert np.mean((magnitude < 0.04) & (phase < 2.5) & narrow) / np.mean(narrow) > 0.95
+    assert np.mean(found.trusted[: len(band)]) > 0.8
+    alone = found.unsmoothed
+    wide = alone.band95[: len(band)] > 0.045
+    assert np.median(band[wide]) < 0.8 * np.median(alone.band95[: len(band)][wide])
+    assert found.findings == ()
+
+
+def test_resonances_are_not_smoothed_away():
+    rng = np.random.default_rng(12)
+    joint = flexible_joint(((28.0, 0.003, 0.3), (96.0, 0.004, 0.5)))
+    found = estimate_one(record(rng, multisine(rng, SAMPLES), joint, disturbance=1.0))
+    near = np.abs(found.frequency - 28.0) <= 1.0
+    assert np.all(np.array(found.details["smoothed_over"])[near] == 1)
+    truth = joint.response(found.frequency)
+    close = np.abs(found.frequency - 28.0) < 6.0
+    assert np.mean((np.abs(found.P - truth) < found.band95 * np.abs(found.P))[close]) > 0.85
+
+
 def test_indirect_method_needs_the_controller_as_implemented(periodic):
     found = estimate_one(periodic, controller=CONTROLLER, method="indirect")
     wrong, _, held, _, _ = errors(found)
@@ -87,6 +116,17 @@ def test_friction_at_changes_of_direction_is_refused(kind):
     assert {finding.kind for finding in bad.findings} <= {"friction", "distortion"}
     assert bad.findings
     assert not bad.trusted.any()
+
+
+@pytest.mark.parametrize("kind", ["periodic", "noisy"])
+def test_a_joint_that_turns_round_is_refused_where_it_has_friction(kind):
+    rng = np.random.default_rng(13)
+    n = 7.0 * rng.standard_normal(SAMPLES) if kind == "noisy" else multisine(rng, SAMPLES)
+    turning = {"speed": 1.2, "turn_after": 3.7}
+    bad = estimate_one(record(rng, n, friction=1.0, **turning))
+    assert [finding.kind for finding in bad.findings] == ["friction"]
+    assert "changes sign" in bad.findings[0].message
+    assert estimate_one(record(rng, n, **turning)).findings == ()
 
 
 def test_fast_joint_with_the_same_friction_is_trusted():
@@ -138,6 +178,7 @@ def test_command_writes_the_response_and_its_figure(periodic, tmp_path):
     assert (tmp_path / "run/figures/frf.png").is_file()
     (again,) = read_responses(tmp_path / "run/results/frf.json")
     assert np.allclose(again.P, np.array(found["re"]) + 1j * np.array(found["im"]))
+    assert np.allclose(again.unsmoothed.variance, found["unsmoothed"]["variance"])
 
 
 def test_postures_stand_beside_one_another(periodic, noisy, tmp_path):
@@ -157,6 +198,8 @@ def test_postures_stand_beside_one_another(periodic, noisy, tmp_path):
     ("samples", "extra", "message"),
     [
         (3000, "period: 2 s\n", "1.50 periods"),
+        (3000, "", "1.50 periods"),
+        (2000, "", "1.00 periods"),
         (200, "", "too few"),
         (4000, "period: 1.0005 s\n", "not a whole number of samples"),
         (4000, "period: 1.5 s\n", "does not repeat"),

@@ -53,18 +53,27 @@ KP, KD = (2 * np.pi) ** 2, 4 * np.pi  # 1 Hz
 CONTROLLER = Controller((KP + KD / PERIOD, -KD / PERIOD))
 
 
-def record(rng, n, joint=None, speed=0.51237, resolution=1e-5, disturbance=0.1, friction=0.0, name="run"):
-    """The loop ``u = n - kp e - kd (e - e_1)/T`` of a joint at constant speed; e = rounded position - reference."""
+def record(
+    rng, n, joint=None, speed=0.51237, resolution=1e-5, disturbance=0.1, friction=0.0, turn_after=None, name="run"
+):
+    """The loop ``u = n - kp e - kd (e - e_1)/T`` of a joint; e = rounded position - reference.
+
+    The reference has a constant speed, whose sign changes every ``turn_after`` s where that is given. Friction is
+    compensated at the reference's first direction.
+    """
     joint = joint or flexible_joint()
     A, B, C = joint.A, joint.B, joint.C
     d = disturbance * rng.standard_normal(len(n))
     x = np.zeros(len(A))
     x[1], u_1, e_1 = speed, 0.0, 0.0
     q, u = np.empty(len(n)), np.empty(len(n))
+    reference = speed * PERIOD * np.arange(len(n))
+    if turn_after:
+        reference = speed * np.abs((PERIOD * np.arange(len(n)) + turn_after) % (2 * turn_after) - turn_after)
     for i in range(len(n)):
         y = float(C @ x)
         q[i] = resolution * round(y / resolution) if resolution else y
-        e = q[i] - speed * PERIOD * i
+        e = q[i] - reference[i]
         u[i] = n[i] - KP * e - KD / PERIOD * (e - e_1)
         x = A @ x + B * (u_1 + d[i] - friction * (np.sign(x[1]) - np.sign(speed)))
         u_1, e_1 = u[i], e

@@ -11,8 +11,6 @@ from rrrgen.response.controller import Complex
 from rrrgen.response.estimators.local_polynomial import (
     LineEstimates,
     between_harmonics,
-    regress_window,
-    spectrum,
     whole_periods,
 )
 from rrrgen.response.response_file import ResponseRecording
@@ -22,13 +20,8 @@ LARGEST_RATIO = 1.5  # of total to noise variance
 LARGEST_SCATTER = 1.65  # the same between harmonics, where the smooth curve adds an error of its own
 LARGEST_PART_RATIO = 5.0  # the same in a sixth of the lines, where it scatters more
 MATERIAL = 0.01  # of the response: what nobody has to care about
-MATERIAL_BIAS = 0.002  # the same of what friction biases: it spreads the response more than it biases it
-SIGNIFICANT = 5.0  # standard deviations of the sign of the velocity's coefficient
-SLOW_SHARE = 0.01  # of the samples that must go in the other direction for a sign change to count
 PARTS = 6
 QUANTILE = 0.3  # of the lines that lie nearest to the curve: resonances bend it, noise and distortion do not
-FRICTION_WINDOW = 6
-SMOOTHING = 11  # samples of the polynomial that differentiates the output
 
 
 @dataclass(frozen=True)
@@ -128,54 +121,3 @@ def check_detection_lines(
             message = f"at the {name} harmonics left out there is {ratio:.1f} times the noise (limit {LARGEST_RATIO})"
             worst = Finding("distortion", ratio, LARGEST_RATIO, message + ": the plant is not linear")
     return worst, found
-
-
-def check_friction(record: ResponseRecording, samples: int | None) -> Finding | None:
-    """Whether part of the input goes into a force with the sign of the velocity, which changes in the recording.
-
-    The model is ``Q = P (U - f S)`` with S the transform of sgn(velocity). S less its part that follows n is an
-    independent input, whose coefficient f is estimated over all lines. Its part that follows n biases P by
-    ``f G_s/G_u``, which no noise band shows.
-    """
-    from scipy.signal import savgol_filter
-
-    if len(record.q) < 40 * FRICTION_WINDOW:
-        return None
-    velocity = savgol_filter(record.q, SMOOTHING, 2, deriv=1)
-    back = float(min(np.mean(velocity > 0.0), np.mean(velocity < 0.0)))
-    if back < SLOW_SHARE:
-        return None
-    if samples is None:
-        F = spectrum(np.column_stack([record.n, record.u, record.q, np.sign(velocity)]))
-    else:
-        signed = ResponseRecording(record.name, record.period, np.sign(velocity), record.u, record.q)
-        rows, M = whole_periods(record, samples)
-        signs = whole_periods(signed, samples)[0][:, :1]
-        both = np.hstack([rows, signs]).reshape(M, samples, 4).mean(axis=0)
-        F = np.fft.fft(both - both.mean(axis=0), axis=0)
-    power = np.abs(F[: len(F) // 2, 0])
-    active = np.flatnonzero(power > 0.03 * power[1:].max())
-    width = FRICTION_WINDOW
-    k = np.arange(max(width, active[0]), min(len(F) // 2 - width, active[-1]), 2 * width + 1)
-    if len(k) < 4:
-        return None
-    around = F[k[:, None] + np.arange(-width, width + 1)]
-    G, residual, _, dof = regress_window(around[:, :, :1], around[:, :, 1:])
-    P = (G[:, 1] / G[:, 0])[:, None]
-    e = residual[:, :, 1] - P * residual[:, :, 0]
-    s = -P * residual[:, :, 2]
-    noise = np.sum(np.abs(e) ** 2, axis=1) / dof
-    weight = 1.0 / np.maximum(noise, 1e-300)
-    information = float(np.sum(weight * np.sum(np.abs(s) ** 2, axis=1)))
-    force = float(np.sum(weight * np.sum(s.conj() * e, axis=1).real)) / max(information, 1e-300)
-    certainty = abs(force) * np.sqrt(2.0 * information)
-    bias = np.abs(force * G[:, 2] / G[:, 0])
-    if certainty > SIGNIFICANT and float(np.quantile(bias, 0.9)) > MATERIAL_BIAS:
-        message = (
-            f"the velocity changes sign ({100 * back:.0f} % of the samples go back), and with it "
-            f"a force of {abs(force):.3g} in units of the input ({certainty:.0f} deviations from none): friction "
-            f"biases the response by up to {100 * float(np.quantile(bias, 0.9)):.1f} % and scatters it; move the "
-            "joint so fast that it never turns"
-        )
-        return Finding("friction", certainty, SIGNIFICANT, message)
-    return None

@@ -16,16 +16,17 @@ from rrrgen.response.estimators.distortion import (
     MATERIAL,
     Finding,
     check_detection_lines,
-    check_friction,
     check_repetition,
 )
 from rrrgen.response.estimators.excitation_period import samples_of
+from rrrgen.response.estimators.friction import check_friction
 from rrrgen.response.estimators.local_polynomial import LineEstimates, noise_lines, periodic_lines
+from rrrgen.response.estimators.smoothing import smooth
+from rrrgen.response.estimators.uncertainty import radius
 from rrrgen.response.frequency_response import FrequencyResponse
 from rrrgen.response.response_file import ResponseFile, ResponseRecording, read_recordings
 
 METHODS = ("local_polynomial", "instrumental", "direct", "indirect")
-CONFIDENCE = 0.95
 
 
 def estimate_responses(response: ResponseFile, method: str = "local_polynomial") -> list[FrequencyResponse]:
@@ -70,7 +71,7 @@ def estimate_one(
             if controller is None:
                 raise InputError("the indirect method needs the controller: name it in the response file")
             P, variance = indirect_response(lines, controller, record.period)
-    return FrequencyResponse(
+    found = FrequencyResponse(
         name=record.name,
         method=f"{method} ({kind})",
         frequency=frequency,
@@ -82,7 +83,10 @@ def estimate_one(
         independent=independent,
         findings=tuple(findings),
         details=details,
+        dof=dof,
+        kernel=lines.kernel,
     )
+    return smooth(found) if method in ("local_polynomial", "indirect") else found
 
 
 def _findings(
@@ -95,7 +99,7 @@ def _findings(
         by_lines, measures["detection_lines"] = check_detection_lines(record, lines, P, samples)
         by_scatter, measures["total_over_noise_variance"] = check_repetition(lines, P, variance)
         found = [by_lines, by_scatter]
-    found.append(check_friction(record, samples))
+    found.append(check_friction(record, samples, lines, P))
     return [finding for finding in found if finding is not None], measures
 
 
@@ -118,16 +122,6 @@ def indirect_response(lines: LineEstimates, controller: Controller, period: floa
     return (1.0 / S - 1.0) / C, lines.covariance[:, 0, 0].real / np.abs(S) ** 4 / np.abs(C) ** 2
 
 
-def radius(variance: Array, dof: float) -> Array:
-    """Of the 95 % circle of a complex number whose ``variance`` was estimated with ``dof`` complex degrees of freedom:
-    ``radius^2 = variance F.95(2, 2 dof)``.
-    """
-    from scipy.stats import f as f_distribution
-
-    factor = float(f_distribution.ppf(CONFIDENCE, 2, 2.0 * dof))
-    return np.asarray(np.sqrt(factor * variance))
-
-
 def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
     """Mean over R realisations of one loop, with noise and nonlinear distortion apart.
 
@@ -136,6 +130,8 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
     """
     from scipy.stats import chi2
 
+    smoothed = found[0].unsmoothed is not None
+    found = [each.unsmoothed or each for each in found]
     first = found[0]
     if any(len(each.P) != len(first.P) or not np.allclose(each.frequency, first.frequency) for each in found):
         raise InputError("realisations must be excited at the same frequencies; are these postures? (recordings: ...)")
@@ -156,11 +152,7 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
         findings.insert(0, Finding("distortion", ratio, LARGEST_RATIO, message))
     use_total = ratio > LARGEST_RATIO
     variance = (np.maximum(total, noise) if use_total else noise) / R
-    widest = (
-        radius(variance, R - 1.0)
-        if use_total
-        else np.sqrt(np.mean([(each.band95 * np.abs(each.P)) ** 2 for each in found], axis=0) / R)
-    )
+    dof = R - 1.0 if use_total else R * first.dof
     details = {
         "excitation": first.details["excitation"],
         "realisations": R,
@@ -168,16 +160,19 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
         "distortion_variance": np.maximum(total - noise, 0.0),
         "distortion": {"total_over_noise_variance": ratio},
     }
-    return FrequencyResponse(
+    mean_response = FrequencyResponse(
         name=name,
         method=f"{first.method}, {R} realisations",
         frequency=first.frequency,
         P=mean,
         variance=variance,
-        band95=widest / np.abs(mean),
+        band95=radius(variance, dof) / np.abs(mean),
         coherence=np.mean([each.coherence for each in found], axis=0),
         period=first.period,
         independent=first.independent,
         findings=tuple(findings),
         details=details,
+        dof=dof,
+        kernel=first.kernel,
     )
+    return smooth(mean_response) if smoothed else mean_response

@@ -11,6 +11,9 @@ from rrrgen.response.response_file import ResponseRecording
 SAME = 1e-3  # difference of two periods relative to the excitation: rounding in the file
 ALIKE = 0.05  # the same where a period is stated
 SHORTEST = 16  # samples
+LEAST_OVERLAP = 0.05  # of the record, which two periods must share to be seen
+FLAT = 5e-4  # typical second difference of the logarithms of a multisine's lines; 3e-3 of a sweep, 1 of noise
+LEAST_LINES = 8
 
 
 def samples_of(record: ResponseRecording, period: float | None) -> int | None:
@@ -32,23 +35,40 @@ def samples_of(record: ResponseRecording, period: float | None) -> int | None:
 
 
 def find_period(n: Array) -> int | None:
-    """The shortest shift that leaves the second half of ``n`` as it is, at most half of its length; None if none does.
+    """The shortest shift that leaves ``n`` as it is; None if none does.
 
-    The second half, since an excitation may fade in.
+    Longer than half of ``n`` where less than two periods are recorded, and as long as ``n`` for a single period of a
+    multisine, which shows by lines whose magnitudes follow a smooth curve.
     """
-    x = n[len(n) // 4 :] - np.mean(n[len(n) // 4 :])
+    found = _shift(n[len(n) // 4 :], len(n) // 2)  # the first quarter apart, since an excitation may fade in
+    if found is None:
+        found = _shift(n, int((1.0 - LEAST_OVERLAP) * len(n)))
+    return len(n) if found is None and _is_one_period(n) else found
+
+
+def _shift(n: Array, longest: int) -> int | None:
+    """The shortest lag up to ``longest`` at which ``n`` repeats."""
+    x = n - np.mean(n)
     power = float(x @ x)
     if not power > 0.0:
         return None
     size = 2 * len(x)
     correlation = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: len(x)]
+    # of the parts that overlap, each by its own power
+    cumulated = np.concatenate([[0.0], np.cumsum(x**2)])
     lags = np.arange(len(x))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        normal = correlation / (1.0 - lags / len(x)) / power
+    both = np.sqrt(cumulated[len(x) - lags] * (cumulated[-1] - cumulated[lags]))
+    normal = correlation / np.maximum(both, 1e-12 * power)
     top = (normal[1:-1] >= normal[:-2]) & (normal[1:-1] >= normal[2:]) & (normal[1:-1] > 0.9)
     peaks = np.flatnonzero(top) + 1
-    for lag in peaks[peaks >= SHORTEST]:
+    for lag in peaks[(peaks >= SHORTEST) & (peaks <= longest)]:
         part = x[lag:] - x[:-lag]
-        if lag <= len(n) // 2 and len(part) >= lag // 2 and np.sqrt(np.mean(part**2)) < SAME * np.sqrt(power / len(x)):
+        if len(part) >= max(LEAST_OVERLAP * len(x), SHORTEST) and np.sqrt(np.mean(part**2)) < SAME * np.std(x):
             return int(lag)
     return None
+
+
+def _is_one_period(n: Array) -> bool:
+    magnitude = np.abs(np.fft.rfft(n - np.mean(n)))
+    lines = magnitude[magnitude > 1e-3 * magnitude.max()] if magnitude.max() > 0.0 else magnitude[:0]
+    return len(lines) >= LEAST_LINES and float(np.median(np.abs(np.diff(np.log(lines), 2)))) < FLAT

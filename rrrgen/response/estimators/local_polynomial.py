@@ -44,6 +44,7 @@ class LineEstimates:
     signal: Array
     noise: Array
     independent: float = 1.0
+    kernel: Array | None = None
 
 
 def spectrum(values: Array) -> Complex:
@@ -99,16 +100,26 @@ def between_harmonics(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex
 
     Also the covariance of the noise (L, c, c), the variance factor that the transient adds, degrees of freedom.
     """
+    around, basis, inverse = _around_harmonics(F, k, M)
+    smooth = np.einsum("sr,lrc->lsc", inverse, around)
+    residual = around - np.einsum("rs,lsc->lrc", basis, smooth)
+    dof = len(basis) - ORDER - 1
+    V = np.einsum("lra,lrb->lab", residual, residual.conj()) / dof
+    return smooth[:, 0], V, float(inverse[0] @ inverse[0]), dof
+
+
+def remove_smooth(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex, int]:
+    """What a transient leaves (L, lines, c) of the lines around the harmonics ``k`` (L,), and degrees of freedom."""
+    around, basis, inverse = _around_harmonics(F, k, M)
+    return around - np.einsum("rs,st,ltc->lrc", basis, inverse, around), len(basis) - ORDER - 1
+
+
+def _around_harmonics(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex, Array, Array]:
+    """Lines (L, lines, c) beside the harmonics, none of them among them; polynomials there, and their inverse."""
     width = max(M - 1, LEAST_WINDOW)
     r = np.array([r for r in range(-width, width + 1) if r % M])
     basis = (r[:, None] / width) ** np.arange(ORDER + 1)
-    inverse = np.linalg.pinv(basis)
-    around = F[(k[:, None] * M + r) % len(F)]
-    smooth = np.einsum("sr,lrc->lsc", inverse, around)
-    residual = around - np.einsum("rs,lsc->lrc", basis, smooth)
-    dof = len(r) - ORDER - 1
-    V = np.einsum("lra,lrb->lab", residual, residual.conj()) / dof
-    return smooth[:, 0], V, float(inverse[0] @ inverse[0]), dof
+    return F[(k[:, None] * M + r) % len(F)], basis, np.linalg.pinv(basis)
 
 
 def excited_lines(magnitude: Array, name: str) -> NDArray[np.int64]:
@@ -152,7 +163,16 @@ def noise_lines(record: ResponseRecording) -> LineEstimates:
         signal=np.abs(solution[:, 1]) ** 2 * power,
         noise=V[:, 1, 1].real,
         independent=min(1.0, STEP * PARABOLA_AT_ITS_CENTRE / (2 * width + 1)),
+        kernel=_overlap(width),
     )
+
+
+def _overlap(width: int) -> Array:
+    """Correlation of estimates that are 0, 1, .. times STEP lines apart: that of the weights in their windows."""
+    r = np.arange(-width, width + 1)
+    weights = np.linalg.pinv((r[:, None] / width) ** np.arange(ORDER + 1))[0]
+    full = np.correlate(weights, weights, "full")[2 * width :]
+    return np.asarray(full[::STEP] / full[0])
 
 
 def regress_window(inputs: Complex, outputs: Complex) -> tuple[Complex, Complex, Array, int]:

@@ -54,9 +54,10 @@ def fit_modes(response: FrequencyResponse) -> ResponseModel:
     if np.count_nonzero(use) < LEAST_LINES:
         reason = response.findings[0].message if response.findings else f"{LEAST_LINES} are the least"
         raise DerivationError(f"{response.name}: {np.count_nonzero(use)} lines can be trusted: {reason}")
-    P = response.P[use]
+    raw = response.unsmoothed or response  # smoothed lines say the same thing several times
+    P = raw.P[use]
     # neighbouring lines that share data count for as much as independent ones in their place would
-    sigma = np.sqrt((response.variance[use] + (LEAST_BAND * np.abs(P)) ** 2) / response.independent)
+    sigma = np.sqrt((raw.variance[use] + (LEAST_BAND * np.abs(P)) ** 2) / response.independent)
     z = np.exp(-2j * np.pi * response.frequency[use] * response.period)
     lines = _Lines(z, P, 1.0 / sigma, response.period)
     table: list[dict[str, Any]] = []

@@ -1,0 +1,135 @@
+"""Friction with the sign of a velocity that changes in a recording: it biases a response, and no noise band shows it.
+
+The model is ``Q = P (U - f S)`` with S the transform of sgn(velocity). S less its part that follows the excitation is
+an independent input; its coefficient f is estimated over all lines. The part that follows n biases P by ``f G_s/G_u``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.response.controller import Complex
+from rrrgen.response.estimators.distortion import Finding
+from rrrgen.response.estimators.local_polynomial import (
+    LineEstimates,
+    regress_window,
+    remove_smooth,
+    spectrum,
+    whole_periods,
+)
+from rrrgen.response.response_file import ResponseRecording
+
+MATERIAL_BIAS = 0.002  # of the response: friction spreads it more than it biases it
+MATERIAL_FORCE = 0.01  # of the input, root mean square
+SIGNIFICANT = 5.0  # standard deviations of the coefficient of the velocity's sign
+SLOW_SHARE = 0.01  # of the samples that must go in the other direction for a sign change to count
+FRICTION_WINDOW = 6  # lines at either side
+SMOOTHING = 11  # samples of the polynomial that differentiates the output
+SLOW_PART = 20  # of the recording is the time over which a velocity is averaged to see the joint turn round
+
+
+@dataclass(frozen=True)
+class _Force:
+    """Friction ``force`` in units of the input, how many deviations it is ``certain``, and its 90 % ``bias`` of P."""
+
+    force: float
+    certain: float
+    bias: float = 0.0
+
+
+def check_friction(record: ResponseRecording, samples: int | None, lines: LineEstimates, P: Complex) -> Finding | None:
+    """Whether part of the input goes into a force with the sign of the velocity, which changes in the recording.
+
+    ``samples`` is the period of the excitation (None: noise), ``P`` (L,) the response at ``lines``. The verdict is no
+    where the force biases the response, or where the joint turns round in the course of the recording.
+    """
+    from scipy.signal import savgol_filter
+
+    if len(record.q) < 40 * FRICTION_WINDOW:
+        return None
+    velocity = savgol_filter(record.q, SMOOTHING, 2, deriv=1)
+    back = _share_back(velocity)
+    if back < SLOW_SHARE:
+        return None
+    width = samples or len(velocity) // SLOW_PART
+    turns = _share_back(np.convolve(velocity, np.ones(width) / width, "valid")) >= SLOW_SHARE
+    sign = np.sign(velocity)
+    found = [_of_noise(record, sign) if samples is None else _of_periods(record, sign, samples)]
+    if samples is not None and turns:
+        found.append(_between_harmonics(record, sign, samples, lines, P))
+    large = MATERIAL_FORCE * float(np.std(record.u))
+    for each in found:
+        if each is None or each.certain <= SIGNIFICANT:
+            continue
+        if each.bias <= MATERIAL_BIAS and not (turns and abs(each.force) > large):
+            continue
+        harm = f"friction biases the response by up to {100 * each.bias:.1f} % and scatters it"
+        if each.bias <= MATERIAL_BIAS:
+            harm = "the joint turns round in the recording, and friction there is no part of a linear response"
+        message = (
+            f"the velocity changes sign ({100 * back:.0f} % of the samples go back), and with it "
+            f"a force of {abs(each.force):.3g} in units of the input ({each.certain:.0f} deviations from none): {harm}"
+            "; move the joint so fast that it never turns"
+        )
+        return Finding("friction", each.certain, SIGNIFICANT, message)
+    return None
+
+
+def _share_back(velocity: Array) -> float:
+    """Share of the samples that go in the less frequent direction."""
+    return float(min(np.mean(velocity > 0.0), np.mean(velocity < 0.0)))
+
+
+def _of_noise(record: ResponseRecording, sign: Array) -> _Force | None:
+    return _beside_excitation(spectrum(np.column_stack([record.n, record.u, record.q, sign])))
+
+
+def _of_periods(record: ResponseRecording, sign: Array, samples: int) -> _Force | None:
+    """From the mean period."""
+    rows, signs, M = _with_sign(record, sign, samples)
+    both = np.hstack([rows, signs]).reshape(M, samples, 4).mean(axis=0)
+    return _beside_excitation(np.fft.fft(both - both.mean(axis=0), axis=0))
+
+
+def _with_sign(record: ResponseRecording, sign: Array, samples: int) -> tuple[Array, Array, int]:
+    rows, M = whole_periods(record, samples)
+    signed = ResponseRecording(record.name, record.period, sign, record.u, record.q)
+    return rows, whole_periods(signed, samples)[0][:, :1], M
+
+
+def _beside_excitation(F: Complex) -> _Force | None:
+    """From spectra (lines, 4) of n, u, q and the sign: over windows in which responses to n are smooth."""
+    power = np.abs(F[: len(F) // 2, 0])
+    active = np.flatnonzero(power > 0.03 * power[1:].max())
+    width = FRICTION_WINDOW
+    k = np.arange(max(width, active[0]), min(len(F) // 2 - width, active[-1]), 2 * width + 1)
+    if len(k) < 4:
+        return None
+    around = F[k[:, None] + np.arange(-width, width + 1)]
+    G, residual, _, dof = regress_window(around[:, :, :1], around[:, :, 1:])
+    P = (G[:, 1] / G[:, 0])[:, None]
+    force, certain = _coefficient(residual[:, :, 1] - P * residual[:, :, 0], -P * residual[:, :, 2], dof)
+    return _Force(force, certain, float(np.quantile(np.abs(force * G[:, 2] / G[:, 0]), 0.9)))
+
+
+def _between_harmonics(
+    record: ResponseRecording, sign: Array, samples: int, lines: LineEstimates, P: Complex
+) -> _Force | None:
+    """From the lines between the harmonics, where a joint that turns round after some periods leaves its friction."""
+    rows, signs, M = _with_sign(record, sign, samples)
+    both = np.hstack([rows[:, 1:], signs])
+    residual, dof = remove_smooth(np.fft.fft(both - both.mean(axis=0), axis=0), lines.line, M)
+    at = P[:, None]
+    force, certain = _coefficient(residual[:, :, 1] - at * residual[:, :, 0], -at * residual[:, :, 2], dof)
+    return _Force(force, certain)
+
+
+def _coefficient(e: Complex, s: Complex, dof: int) -> tuple[float, float]:
+    """Real f in ``e = f s`` over windows (L, lines), each weighted by its noise, and its size in deviations."""
+    weight = dof / np.maximum(np.sum(np.abs(e) ** 2, axis=1), 1e-300)
+    information = max(float(np.sum(weight * np.sum(np.abs(s) ** 2, axis=1))), 1e-300)
+    force = float(np.sum(weight * np.sum(s.conj() * e, axis=1).real)) / information
+    return force, abs(force) * float(np.sqrt(2.0 * information))
