@@ -1,4 +1,4 @@
-"""The report as one self-contained, reproducible HTML file without scripts, fonts and external resources."""
+"""The report as one self-contained, reproducible HTML file: its script and styles are inside, nothing is fetched."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from markupsafe import Markup
 
 from rrrgen.backends.latex import Form, Walk, lay_out, trig_abbreviates
 from rrrgen.derive.parameter_listing import listing
+from rrrgen.errors import DerivationError
 from rrrgen.report import tables
 from rrrgen.report.geometry import zero_pose
 from rrrgen.report.mathml import MathmlMarkup, definition_lines, display, equation_lines
+from rrrgen.report.scene import as_json, scene
 from rrrgen.report.sketch import frame_sketch
 from rrrgen.resources import template_text
 
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.verify.report import Report
 
 
@@ -31,15 +34,17 @@ def html_report(
 ) -> str:
     """The text of a self-contained HTML file about the robot of ``model``.
 
-    It states the convention, prints the Denavit-Hartenberg table in both unit systems, draws the frames of the zero
-    pose, lists the base parameters with what became of every link parameter, shows ``closed_forms`` (name of a model
-    function -> exact expression or matrix) as MathML, counts operations, and tabulates ``verify_report``. ``notice``
-    is one line about the origin (model hash, version). Raises :class:`rrrgen.errors.BackendError` when a closed form
+    It shows the arm in an interactive view with configurations of the same tip pose, states the convention, prints the
+    Denavit-Hartenberg table in both unit systems, draws the frames of the zero pose, lists the base parameters with
+    what became of every link parameter, shows ``closed_forms`` (name of a model function -> exact expression, matrix or
+    shared form) as MathML and the inverse kinematics, counts operations, and tabulates ``verify_report``. ``notice`` is
+    one line about the origin (model hash, version). Raises :class:`rrrgen.errors.BackendError` when a closed form
     contains what has no notation.
     """
     spec, parameters = model.spec, listing(model)
     walk = Walk(MathmlMarkup(), trig_abbreviates(closed_forms))
     _, _, tip = zero_pose(spec)
+    view = scene(model)
     return (
         _environment()
         .get_template("report/report.html.j2")
@@ -64,6 +69,9 @@ def html_report(
             passes=tables.passes(model),
             verification=None if verify_report is None else tables.verification(verify_report),
             report=verify_report,
+            inverse=_inverse_kinematics(spec),
+            poses=len(view["poses"]),
+            scene=Markup(as_json(view)),
         )
     )
 
@@ -84,6 +92,20 @@ def _closed_forms(closed_forms: Mapping[str, Form], walk: Walk) -> list[dict[str
             }
         )
     return shown
+
+
+def _inverse_kinematics(spec: RobotSpec) -> str:
+    """The closed form of the inverse kinematics, a summary where it is long, or the reason why there is none."""
+    from rrrgen.ik.classify import plan
+    from rrrgen.ik.report import closed_form, summary
+
+    found = plan(spec)
+    if not found.solvable:
+        return f"none: {found.reason}"
+    try:
+        return closed_form(spec).text()
+    except DerivationError:
+        return summary(found).text()
 
 
 @cache

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from rrrgen.verify.report import Report
 
 
+DECIMALS = 12  # of the zero pose: what products of rounded cosines leave, 6e-17, is zero
+
+
 @dataclass(frozen=True)
 class Table:
     """Headings and rows; ``numeric`` columns are aligned to the right."""
@@ -39,6 +42,11 @@ def number(value: float, digits: int = 6) -> str:
     if not isfinite(value):
         return str(value)
     return f"{value + 0.0:.{digits}g}".replace("-", "−")
+
+
+def unit(text: str) -> str:
+    """A unit with raised exponents, on one line: ``kg m^2`` as kg m²."""
+    return text.replace("^2", "²").replace("^3", "³").replace(" ", "\u00a0")
 
 
 def dh_exact(spec: RobotSpec, walk: Walk) -> Table:
@@ -131,12 +139,11 @@ def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
     rows = []
     for k, parameter in enumerate(parameters.rows):
         symbol = Markup(inline(sp.Symbol(parameter.name, real=True), walk))
-        row: list[str | Markup] = [str(k + 1), symbol, Markup(inline(parameter.expression, walk)), parameter.unit]
-        if parameter.nominal is not None:
-            row.append(number(parameter.nominal))
-        rows.append(tuple(row))
+        value = () if parameter.nominal is None else (number(parameter.nominal),)
+        rows.append((str(k + 1), symbol, *value, unit(parameter.unit), Markup(inline(parameter.expression, walk))))
     nominal = ("nominal value",) if rows and len(rows[0]) == 5 else ()
-    return Table(("", "parameter", "expression", "unit", *nominal), tuple(rows), frozenset({0, 4}))
+    right = frozenset({0, 2}) if nominal else frozenset({0})
+    return Table(("", "parameter", *nominal, "unit", "expression"), tuple(rows), right)
 
 
 def regrouping(model: DerivedModel) -> Table:
@@ -180,5 +187,8 @@ def verification(report: Report) -> Table:
 
 def pose(rows: Sequence[Sequence[float]]) -> str:
     """A homogeneous transform as a MathML matrix of numbers."""
-    cells = "".join("<mtr>" + "".join(f"<mtd><mn>{number(v, 5)}</mn></mtd>" for v in row) + "</mtr>" for row in rows)
+    cells = "".join(
+        "<mtr>" + "".join(f"<mtd><mn>{number(round(v, DECIMALS), 5)}</mn></mtd>" for v in row) + "</mtr>"
+        for row in rows
+    )
     return f"<math><mo>[</mo><mtable>{cells}</mtable><mo>]</mo></math>"

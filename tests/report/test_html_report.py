@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -17,8 +18,10 @@ import pytest
 
 from oracles.newton_euler import Robot, frames
 from rrrgen.pipeline import derive
+from rrrgen.program import evaluate
 from rrrgen.report import html_report
 from rrrgen.report.geometry import zero_pose
+from rrrgen.report.scene import POSES, scene
 from rrrgen.report.sketch import HEIGHT, WIDTH, frame_sketch
 from rrrgen.robotfile import bundled_names, load_spec
 from rrrgen.verify.report import Report, Row
@@ -88,7 +91,8 @@ def forms(name: str) -> dict[str, Any]:
 def test_report_is_well_formed_and_fetches_nothing(name: str) -> None:
     text = html_report(model(name), forms(name) if name == "rrr" else {})
     reader = read(text)
-    assert not reader.tags & {"script", "link", "img", "iframe", "object", "embed"}
+    assert not reader.tags & {"link", "img", "iframe", "object", "embed"}
+    assert text.count("<script") == 2  # the scene and the view, both inline
     assert not reader.attributes & {"src", "href", "style", "onload"}
     assert "url(" not in text
     assert "http" not in re.sub(re.escape(model(name).spec.source), "", text)
@@ -102,7 +106,7 @@ def test_tables_hold_the_numbers_of_the_robot() -> None:
     assert ["2", "0", "200", "169", "q2"] in rows  # degrees, mm
     assert ["1", "1.5708", "0", "0.56", "q1"] in rows
     assert ["1", "90", "0", "560", "q1"] in rows
-    names = [row[1] for row in rows if len(row) == 5 and re.fullmatch(r"p\d+", row[1].replace(" ", ""))]
+    names = [row[1] for row in rows if len(row) in (4, 5) and re.fullmatch(r"p\d+", row[1].replace(" ", ""))]
     assert names == [f"p{k}" for k in range(1, 16)]
     functions = {row[0] for row in rows if len(row) == 8}
     assert set(derived.programs) <= functions
@@ -137,8 +141,40 @@ def test_verification_table_shows_failures() -> None:
 def test_text_of_the_file_is_escaped() -> None:
     spec = replace(model("rrr").spec, description="<script>alert(1)</script> & more")
     text = html_report(replace(model("rrr"), spec=spec), {}, notice="<b>")
-    assert "script" not in read(text).tags
+    assert "<script>alert" not in text
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; more" in text
     assert "&lt;b&gt;" in text
+
+
+def test_names_of_joints_cannot_end_the_script_that_holds_the_scene() -> None:
+    spec = model("rrr").spec
+    name = "</script><script>alert(1)</script>"
+    hostile = replace(spec, joints=(replace(spec.joints[0], name=name), *spec.joints[1:]))
+    text = html_report(replace(model("rrr"), spec=hostile), {})
+    assert text.count("<script") == 2
+    held = re.search(r'<script type="application/json" id="scene">(.*?)</script>', text, re.S)
+    assert held is not None
+    assert json.loads(held[1])["joints"][0]["name"] == name
+
+
+@pytest.mark.parametrize("name", ["ur10e", "scara", "gantry"])
+def test_offered_configurations_have_the_same_tip_pose(name: str) -> None:
+    view = scene(model(name))
+    assert len(view["poses"]) == POSES
+    program = model(name).programs["forward_kinematics"]
+    for solutions in view["poses"]:
+        tips = [evaluate(program, np.array(each["q"]))[0] for each in solutions]
+        for tip in tips:
+            np.testing.assert_allclose(np.array(tip, float), np.array(tips[0], float), atol=1e-7)
+    if name == "ur10e":
+        assert max(map(len, view["poses"])) == 8
+
+
+def test_zero_pose_shows_no_round_off_and_units_have_raised_exponents() -> None:
+    text = html_report(model("ur10e"), {})
+    assert "e−17" not in text
+    assert "kg\xa0m²" in text
+    assert "kg m^2" not in text
 
 
 @pytest.mark.parametrize("name", bundled_names())

@@ -1,0 +1,107 @@
+"""The data of the interactive view in the report: geometry, limits, and solutions of the inverse kinematics."""
+
+from __future__ import annotations
+
+import json
+from math import pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrrgen.errors import DerivationError
+from rrrgen.program import evaluate
+from rrrgen.report.geometry import origin, zero_pose
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.robotfile.robot_spec import JointSpec
+    from rrrgen.runtime.inverse_kinematics import InverseKinematics
+
+DIGITS = 9  # decimals of lengths and angles: below a nanometre, above the round-off that differs between machines
+POSES = 4  # poses for which the view offers all configurations
+CANDIDATES = 16  # of which the poses that reach farthest are taken: a folded arm shows little
+GOLDEN = 0.6180339887498949  # multiples of it, modulo 1, spread evenly over an interval
+
+
+def as_json(content: dict[str, Any]) -> str:
+    """``content`` as JSON for a ``<script>`` element: no character in it can end the element."""
+    text = json.dumps(content, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return text.replace("&", r"\u0026").replace("<", r"\u003c").replace(">", r"\u003e")
+
+
+def scene(model: DerivedModel) -> dict[str, Any]:
+    """Geometry at nominal parameters (SI units), range of every joint, and configurations of the same tip pose.
+
+    ``joints`` holds per joint name, type, alpha, a, d, theta and the ends of its slider: the limits of the robot file,
+    else one turn or the reach. ``poses`` holds lists of configurations ``q`` with the names of their branches.
+    """
+    spec = model.spec
+    base, stages, tip = zero_pose(spec)
+    corners = np.array([origin(base), origin(tip), *(point for stage in stages for point in stage.path)])
+    reach = float(np.sum(np.linalg.norm(np.diff(corners[2:], axis=0), axis=1))) or 1.0
+    ends = [_range(joint, reach) for joint in spec.joints]
+    joints = [
+        {"name": joint.name, "revolute": joint.is_revolute, "lower": _short(lower), "upper": _short(upper)}
+        | dict(zip(("alpha", "a", "d", "theta"), (_short(v) for v in row[1:]), strict=True))
+        for joint, row, (lower, upper) in zip(spec.joints, spec.dh_table(), ends, strict=True)
+    ]
+    return {
+        "name": spec.name,
+        "convention": spec.convention,
+        "base": _rows(np.array(base)),
+        "tool": _rows(np.array([[float(spec.nominal(v)) for v in row] for row in spec.tool.matrix().tolist()])),
+        "gravity": [_short(float(spec.nominal(v))) for v in spec.gravity],
+        "reach": _short(reach),
+        "joints": joints,
+        "poses": _poses(model, ends),
+    }
+
+
+def _range(joint: JointSpec, reach: float) -> tuple[float, float]:
+    """The ends of the slider of a joint, rad or m."""
+    most = pi if joint.is_revolute else reach
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return -most if lower is None else lower, most if upper is None else upper
+
+
+def _poses(model: DerivedModel, ends: list[tuple[float, float]]) -> list[list[dict[str, Any]]]:
+    """All configurations for each of some tip poses; none where the solver needs a compiler or does not exist."""
+    from rrrgen.runtime.inverse_kinematics import load_solver
+
+    try:
+        solver = load_solver(model.spec, backend="numpy")
+    except DerivationError:
+        return []
+    program = model.programs["forward_kinematics"]
+    candidates = []
+    for k in range(CANDIDATES):
+        parts = [0.15 + 0.7 * ((GOLDEN * (k * len(ends) + i + 1)) % 1.0) for i in range(len(ends))]
+        q = np.array([lower + part * (upper - lower) for part, (lower, upper) in zip(parts, ends, strict=True)])
+        T = np.asarray(evaluate(program, q)[0], float)
+        candidates.append((_short(float(np.linalg.norm(T[:3, 3]))), T, q))
+    candidates.sort(key=lambda candidate: -candidate[0])
+    found = [_configurations(solver, T, q) for _, T, q in candidates[:POSES]]
+    return [pose for pose in found if pose]
+
+
+def _configurations(solver: InverseKinematics, T: NDArray[np.float64], q: NDArray[np.float64]) -> list[dict[str, Any]]:
+    solved = solver.solve(T, q)
+    return [
+        {"q": [_short(float(v)) for v in row], "branch": _branch(solver, int(branch))}
+        for row, branch in zip(solved.q, solved.branch, strict=True)
+    ]
+
+
+def _branch(solver: InverseKinematics, branch: int) -> str:
+    """The named choices of a branch: ``shoulder 0, elbow 1``."""
+    return ", ".join(f"{name} {value}" for name, value in solver.branch_names(branch).items())
+
+
+def _rows(matrix: NDArray[np.float64]) -> list[list[float]]:
+    return [[_short(float(v)) for v in row] for row in matrix]
+
+
+def _short(value: float) -> float:
+    return round(value, DIGITS) + 0.0

@@ -1,0 +1,336 @@
+/* The interactive view of the report: draws the arm from its Denavit-Hartenberg table on a canvas, without libraries. */
+"use strict";
+(function () {
+  const scene = JSON.parse(document.getElementById("scene").textContent);
+  const canvas = document.getElementById("view");
+  const paint = canvas.getContext("2d");
+  const root = document.getElementById("viewer");
+  const n = scene.joints.length;
+  const start = scene.joints.map((joint) => Math.min(Math.max(0, joint.lower), joint.upper));
+  const state = { q: start.slice(), azimuth: -0.9, elevation: 0.38, zoom: 1, frames: true, others: [] };
+  const sliders = [];
+  let motion = 0;
+
+  /* -- geometry: 4x4 transforms as arrays of rows ------------------------------------------------------------------ */
+
+  function times(A, B) {
+    return A.map((row) => [0, 1, 2, 3].map((c) => row[0] * B[0][c] + row[1] * B[1][c] + row[2] * B[2][c] + row[3] * B[3][c]));
+  }
+  function turnZ(angle) {
+    const c = Math.cos(angle), s = Math.sin(angle);
+    return [[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]];
+  }
+  function turnX(angle) {
+    const c = Math.cos(angle), s = Math.sin(angle);
+    return [[1, 0, 0, 0], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]];
+  }
+  function shift(x, z) {
+    return [[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, z], [0, 0, 0, 1]];
+  }
+  function origin(T) { return [T[0][3], T[1][3], T[2][3]]; }
+  function axis(T, k) { return [T[0][k], T[1][k], T[2][k]]; }
+  function plus(p, d, f) { return [p[0] + f * d[0], p[1] + f * d[1], p[2] + f * d[2]]; }
+  function dot(p, r) { return p[0] * r[0] + p[1] * r[1] + p[2] * r[2]; }
+  function cross(p, r) { return [p[1] * r[2] - p[2] * r[1], p[2] * r[0] - p[0] * r[2], p[0] * r[1] - p[1] * r[0]]; }
+  function size(p) { return Math.hypot(p[0], p[1], p[2]); }
+
+  /* Frames, joint axes and the corners of the links at the joint positions q. */
+  function pose(q) {
+    let T = scene.base;
+    const frames = [T], joints = [], path = [origin(T)];
+    const step = (S) => {
+      T = times(T, S);
+      const p = origin(T), last = path[path.length - 1];
+      if (size(plus(p, last, -1)) > 1e-9 * scene.reach) path.push(p);
+    };
+    scene.joints.forEach((joint, i) => {
+      const theta = joint.theta + (joint.revolute ? q[i] : 0), d = joint.d + (joint.revolute ? 0 : q[i]);
+      if (scene.convention === "standard") {
+        joints.push({ at: origin(T), along: axis(T, 2), revolute: joint.revolute });
+        step(turnZ(theta)); step(shift(0, d)); step(shift(joint.a, 0)); step(turnX(joint.alpha));
+      } else {
+        step(turnX(joint.alpha)); step(shift(joint.a, 0));
+        joints.push({ at: origin(T), along: axis(T, 2), revolute: joint.revolute });
+        step(turnZ(theta)); step(shift(0, d));
+      }
+      frames.push(T);
+    });
+    step(scene.tool);
+    frames.push(T);
+    return { frames: frames, joints: joints, path: path, tip: T };
+  }
+
+  /* -- projection ---------------------------------------------------------------------------------------------------- */
+
+  let width = 0, height = 0, eye = null;
+
+  /* Middle and radius of what the view shows: the arm at rest and in the offered configurations. */
+  const room = (function () {
+    const points = [start].concat(...scene.poses.map((solutions) => solutions.map((each) => each.q))).flatMap((q) => pose(q).path);
+    const middle = [0, 1, 2].map((k) => {
+      const values = points.map((p) => p[k]);
+      return (Math.min(...values) + Math.max(...values)) / 2;
+    });
+    return { middle: middle, radius: Math.max(0.4 * scene.reach, ...points.map((p) => size(plus(p, middle, -1)))) };
+  })();
+
+  function look() {
+    const ca = Math.cos(state.azimuth), sa = Math.sin(state.azimuth);
+    const ce = Math.cos(state.elevation), se = Math.sin(state.elevation);
+    eye = {
+      right: [-sa, ca, 0], up: [-se * ca, -se * sa, ce], back: [ce * ca, ce * sa, se], middle: room.middle,
+      scale: state.zoom * 0.43 * Math.min(width, height) / room.radius, far: 5 * scene.reach,
+    };
+  }
+  function project(p) {
+    const r = plus(p, eye.middle, -1), depth = dot(r, eye.back), f = eye.scale * eye.far / (eye.far - depth);
+    return [width / 2 + f * dot(r, eye.right), height / 2 - f * dot(r, eye.up), depth];
+  }
+
+  /* -- solids: facets are collected, sorted from far to near, and filled ------------------------------------------------ */
+
+  function across(direction) {
+    const other = Math.abs(direction[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0];
+    const u = cross(direction, other), l = size(u);
+    const v = [u[0] / l, u[1] / l, u[2] / l];
+    return [v, cross(direction, v)];
+  }
+  function cylinder(facets, from, to, radius, color, sides) {
+    const length = size(plus(to, from, -1));
+    if (length < 1e-9 * scene.reach) return;
+    const direction = plus([0, 0, 0], plus(to, from, -1), 1 / length), uv = across(direction), rim = [];
+    for (let k = 0; k < sides; k++) {
+      const angle = 2 * Math.PI * k / sides;
+      rim.push(plus(plus([0, 0, 0], uv[0], Math.cos(angle)), uv[1], Math.sin(angle)));
+    }
+    for (let k = 0; k < sides; k++) {
+      const a = rim[k], b = rim[(k + 1) % sides], normal = plus(plus([0, 0, 0], a, 0.5), b, 0.5);
+      facet(facets, [plus(from, a, radius), plus(from, b, radius), plus(to, b, radius), plus(to, a, radius)], normal, color);
+    }
+    facet(facets, rim.map((r) => plus(from, r, radius)), plus([0, 0, 0], direction, -1), color);
+    facet(facets, rim.map((r) => plus(to, r, radius)), direction, color);
+  }
+  function box(facets, at, along, half, color) {
+    const uv = across(along), w = along;
+    [[uv[0], uv[1], w], [uv[1], w, uv[0]], [w, uv[0], uv[1]]].forEach((t) => {
+      [1, -1].forEach((sign) => {
+        const middle = plus(at, t[0], sign * half), corners = [[1, 1], [1, -1], [-1, -1], [-1, 1]]
+          .map((c) => plus(plus(middle, t[1], c[0] * half), t[2], c[1] * half));
+        facet(facets, corners, plus([0, 0, 0], t[0], sign), color);
+      });
+    });
+  }
+  function facet(facets, corners, normal, color) {
+    if (dot(normal, eye.back) <= -0.12) return;
+    const flat = corners.map(project), depth = flat.reduce((sum, p) => sum + p[2], 0) / flat.length;
+    const light = plus(plus(plus([0, 0, 0], eye.back, 0.75), eye.up, 0.55), eye.right, -0.35);
+    facets.push({ depth: depth, corners: flat, shade: 0.62 + 0.38 * Math.max(0, dot(normal, light)), color: color });
+  }
+  function tone(color, shade) {
+    return "rgb(" + color.map((v) => Math.round(Math.min(255, v * shade))).join(",") + ")";
+  }
+
+  /* -- drawing --------------------------------------------------------------------------------------------------------- */
+
+  function palette() {
+    const styles = getComputedStyle(root), read = (name) => styles.getPropertyValue(name).trim();
+    const channels = (name) => read(name).split(",").map(Number);
+    return {
+      link: channels("--arm-link"), joint: channels("--arm-joint"), slide: channels("--arm-slide"),
+      grid: read("--line"), ghost: read("--muted"), text: read("--text"),
+      axes: [read("--axis-x"), read("--axis-y"), read("--axis-z")],
+    };
+  }
+  function line(from, to, color, thickness) {
+    const a = project(from), b = project(to);
+    paint.strokeStyle = color;
+    paint.lineWidth = thickness;
+    paint.beginPath();
+    paint.moveTo(a[0], a[1]);
+    paint.lineTo(b[0], b[1]);
+    paint.stroke();
+  }
+  function ground(colors) {
+    const base = origin(scene.base), unit = Math.pow(10, Math.floor(Math.log10(scene.reach))), cells = 5;
+    const pitch = scene.reach / unit > 4 ? 2 * unit : scene.reach / unit > 2 ? unit : scene.reach / unit > 1 ? unit / 2 : unit / 4;
+    for (let k = -cells; k <= cells; k++) {
+      line(plus(base, [k, -cells, 0], pitch), plus(base, [k, cells, 0], pitch), colors.grid, 1);
+      line(plus(base, [-cells, k, 0], pitch), plus(base, [cells, k, 0], pitch), colors.grid, 1);
+    }
+  }
+  function triad(T, length, colors, label) {
+    [0, 1, 2].forEach((k) => line(origin(T), plus(origin(T), axis(T, k), length), colors.axes[k], 2));
+    if (label) {
+      const at = project(plus(origin(T), [1, 1, 1], 0.12 * length));
+      paint.fillStyle = colors.text;
+      paint.font = "600 12px system-ui, sans-serif";
+      paint.fillText(label, at[0] + 5, at[1] - 5);
+    }
+  }
+  function draw() {
+    const ratio = window.devicePixelRatio || 1;
+    width = canvas.clientWidth;
+    height = canvas.clientHeight;
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+    paint.setTransform(ratio, 0, 0, ratio, 0, 0);
+    paint.clearRect(0, 0, width, height);
+    paint.lineCap = "round";
+    look();
+    const colors = palette(), arm = pose(state.q), facets = [], thick = 0.026 * scene.reach;
+    ground(colors);
+    state.others.forEach((q) => {
+      const path = pose(q).path;
+      for (let k = 1; k < path.length; k++) line(path[k - 1], path[k], colors.ghost, 2);
+    });
+    for (let k = 1; k < arm.path.length; k++) cylinder(facets, arm.path[k - 1], arm.path[k], thick, colors.link, 14);
+    arm.joints.forEach((joint) => {
+      const half = 1.9 * thick;
+      if (joint.revolute) cylinder(facets, plus(joint.at, joint.along, -half), plus(joint.at, joint.along, half), 1.5 * thick, colors.joint, 20);
+      else box(facets, joint.at, joint.along, 1.5 * thick, colors.slide);
+    });
+    facets.sort((a, b) => a.depth - b.depth).forEach((f) => {
+      paint.fillStyle = paint.strokeStyle = tone(f.color, f.shade);
+      paint.lineWidth = 0.7;
+      paint.beginPath();
+      f.corners.forEach((p, k) => (k ? paint.lineTo(p[0], p[1]) : paint.moveTo(p[0], p[1])));
+      paint.closePath();
+      paint.fill();
+      paint.stroke();
+    });
+    const length = 0.13 * scene.reach;
+    if (state.frames) arm.frames.slice(0, -1).forEach((T, k) => triad(T, length, colors, String(k)));
+    triad(arm.tip, 1.3 * length, colors, "tip");
+    report(arm.tip);
+  }
+
+  /* -- texts ----------------------------------------------------------------------------------------------------------- */
+
+  function fixed(value, digits) {
+    const text = value.toFixed(digits);
+    return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "\u2212");
+  }
+  function angles(T) {
+    const pitch = Math.atan2(-T[2][0], Math.hypot(T[0][0], T[1][0]));
+    const locked = Math.hypot(T[0][0], T[1][0]) < 1e-9;
+    const roll = locked ? Math.atan2(-T[1][2], T[1][1]) : Math.atan2(T[2][1], T[2][2]);
+    return [roll, pitch, locked ? 0 : Math.atan2(T[1][0], T[0][0])];
+  }
+  function report(T) {
+    const p = origin(T).map((v) => fixed(v * 1000, 1)), a = angles(T).map((v) => fixed(v * 180 / Math.PI, 2));
+    document.getElementById("tip").textContent =
+      "Tip: x " + p[0] + ", y " + p[1] + ", z " + p[2] + " mm; roll " + a[0] + ", pitch " + a[1] + ", yaw " + a[2] + "\u00b0";
+  }
+  function value(i) {
+    const q = state.q[i];
+    return scene.joints[i].revolute ? fixed(q * 180 / Math.PI, 1) + "\u00b0" : fixed(q * 1000, 1) + " mm";
+  }
+
+  /* -- controls -------------------------------------------------------------------------------------------------------- */
+
+  function element(kind, parent, text, properties) {
+    const made = document.createElement(kind);
+    if (text) made.textContent = text;
+    Object.assign(made, properties || {});
+    parent.appendChild(made);
+    return made;
+  }
+  function show() {
+    sliders.forEach((slider, i) => {
+      slider.input.value = state.q[i];
+      slider.output.textContent = value(i);
+    });
+    draw();
+  }
+  function move(goal) {
+    cancelAnimationFrame(motion);
+    const from = state.q.slice(), begin = performance.now();
+    const advance = (now) => {
+      const s = Math.min(1, (now - begin) / 700), f = s * s * (3 - 2 * s);
+      state.q = goal.map((to, i) => from[i] + f * (to - from[i]));
+      show();
+      if (s < 1) motion = requestAnimationFrame(advance);
+    };
+    motion = requestAnimationFrame(advance);
+  }
+  function release() {
+    state.others = [];
+    Array.from(document.querySelectorAll("#configurations button")).forEach((b) => b.setAttribute("aria-pressed", "false"));
+  }
+
+  const list = document.getElementById("joints");
+  scene.joints.forEach((joint, i) => {
+    const row = element("label", list, "", { className: "slider" });
+    element("span", row, joint.name);
+    const input = element("input", row, "", { type: "range", min: joint.lower, max: joint.upper, step: "any", value: start[i] });
+    const output = element("output", row, value(i));
+    input.addEventListener("input", () => {
+      cancelAnimationFrame(motion);
+      release();
+      state.q[i] = Number(input.value);
+      output.textContent = value(i);
+      draw();
+    });
+    sliders.push({ input: input, output: output });
+  });
+  const buttons = document.getElementById("actions");
+  element("button", buttons, "Zero pose", { type: "button" }).addEventListener("click", () => { release(); move(start); });
+  const toggle = element("button", buttons, "Frames", { type: "button" });
+  toggle.setAttribute("aria-pressed", "true");
+  toggle.addEventListener("click", () => {
+    state.frames = !state.frames;
+    toggle.setAttribute("aria-pressed", String(state.frames));
+    draw();
+  });
+  const choices = document.getElementById("configurations");
+  scene.poses.forEach((solutions, k) => {
+    const row = element("p", choices, "", { className: "choice" });
+    element("span", row, "Pose " + (k + 1) + ":");
+    solutions.forEach((solution, j) => {
+      const button = element("button", row, String(j + 1), { type: "button", title: solution.branch });
+      button.setAttribute("aria-label", "pose " + (k + 1) + ", configuration " + (j + 1) + ": " + solution.branch);
+      button.setAttribute("aria-pressed", "false");
+      button.addEventListener("click", () => {
+        release();
+        state.others = solutions.filter((other) => other !== solution).map((other) => other.q);
+        button.setAttribute("aria-pressed", "true");
+        document.getElementById("branch").textContent = solution.branch;
+        move(solution.q);
+      });
+    });
+  });
+
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    state.drag = [event.clientX, event.clientY, state.azimuth, state.elevation];
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!state.drag) return;
+    state.azimuth = state.drag[2] - 0.008 * (event.clientX - state.drag[0]);
+    state.elevation = Math.min(1.55, Math.max(-1.55, state.drag[3] + 0.008 * (event.clientY - state.drag[1])));
+    draw();
+  });
+  ["pointerup", "pointercancel"].forEach((kind) => canvas.addEventListener(kind, () => { state.drag = null; }));
+  canvas.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey && !event.shiftKey) return;
+    event.preventDefault();
+    state.zoom = Math.min(8, Math.max(0.3, state.zoom * Math.exp(-0.0015 * event.deltaY)));
+    draw();
+  }, { passive: false });
+  canvas.addEventListener("keydown", (event) => {
+    const turn = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key];
+    if (turn) {
+      event.preventDefault();
+      state.azimuth += turn[0];
+      state.elevation = Math.min(1.55, Math.max(-1.55, state.elevation + turn[1]));
+    } else if (event.key === "+" || event.key === "-") {
+      state.zoom = Math.min(8, Math.max(0.3, state.zoom * (event.key === "+" ? 1.15 : 0.87)));
+    } else return;
+    draw();
+  });
+  window.addEventListener("resize", draw);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  window.addEventListener("beforeprint", draw);
+  root.classList.add("alive");
+  draw();
+})();

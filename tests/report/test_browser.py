@@ -1,0 +1,107 @@
+"""The report in a browser at the widths of a phone, a laptop and a large screen. Skipped where Chromium is missing."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rrrgen import pipeline
+from rrrgen.derive import prepare
+from rrrgen.derive.closed_forms.closed_form import closed_form
+from rrrgen.program import evaluate
+from rrrgen.report import html_report
+from rrrgen.robotfile import load_spec
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+
+QUIET = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-component-update",
+    "--disable-background-networking", "--disable-sync", "--enable-logging=stderr", "--virtual-time-budget=4000",
+)  # fmt: skip
+
+ANGLES = (0.4, -1.1, 0.9, -0.3, 0.7, 0.2)
+PROBE = """
+<script>
+const found = { width: innerWidth, scroll: document.documentElement.scrollWidth, outside: [], tip: "" };
+const scrolls = (e) => e !== document.body &&
+  (/(auto|scroll)/.test(getComputedStyle(e).overflowX) || scrolls(e.parentElement));
+document.querySelectorAll("body *").forEach((e) => {
+  const box = e.getBoundingClientRect();
+  if (box.width && box.right > innerWidth + 1 && !scrolls(e)) found.outside.push(e.tagName + "." + e.className);
+});
+document.querySelectorAll("#joints input").forEach((input, i) => {
+  input.value = ANGLES[i];
+  input.dispatchEvent(new Event("input"));
+});
+found.tip = document.getElementById("tip").textContent;
+const view = document.getElementById("view"), seen = new Set();
+const pixels = view.getContext("2d").getImageData(0, 0, view.width, view.height).data;
+for (let k = 0; k < pixels.length; k += 4) seen.add(pixels[k] + "," + pixels[k + 1] + "," + pixels[k + 2]);
+found.colors = seen.size;
+parent.postMessage(JSON.stringify(found), "*");
+</script>
+"""
+
+# a window is at least 500 px wide; a frame in it may have the width of a phone
+FRAME = """<pre id="found"></pre>
+<script>addEventListener("message", (said) => { document.getElementById("found").textContent = said.data; });</script>
+<iframe src="report.html" style="width:WIDTHpx;height:900px;border:0"></iframe>
+"""
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    model = pipeline.derive(load_spec("ur10e"))
+    forms = {name: closed_form(prepare(model.spec), name).readable() for name in ("forward_kinematics", "gravity")}
+    return html_report(model, forms, notice=f"Written from model {64 * 'a'}.")
+
+
+def opened(text: str, width: int, folder: Path) -> tuple[dict, str]:
+    """What the probe found on the page of this width, and what the browser said on its console."""
+    file = folder / "report.html"
+    file.write_text(text.replace("</body>", PROBE.replace("ANGLES", json.dumps(ANGLES)) + "</body>"), encoding="utf-8")
+    frame = folder / "frame.html"
+    frame.write_text(FRAME.replace("WIDTH", str(width)), encoding="utf-8")
+    command = [CHROMIUM, *QUIET, f"--user-data-dir={folder / 'profile'}", f"--window-size={width + 100},1000"]
+    done = subprocess.run(
+        [*command, "--dump-dom", frame.as_uri()], capture_output=True, text=True, timeout=120, check=True
+    )
+    found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
+    assert found is not None
+    assert found[1], done.stderr[-2000:]
+    console = "\n".join(line for line in done.stderr.splitlines() if "CONSOLE" in line)
+    return json.loads(found[1].replace("&amp;", "&")), console
+
+
+@pytest.mark.parametrize("width", [390, 1280, 1920])
+def test_report_is_whole_at_every_width(page: str, width: int, tmp_path: Path) -> None:
+    found, console = opened(page, width, tmp_path)
+    assert found["width"] == width
+    assert console == ""
+    assert found["scroll"] <= found["width"], "the page scrolls sideways"
+    assert found["outside"] == [], "elements stand out of the page"
+    assert found["colors"] > 20, "the canvas is empty"
+
+
+def test_view_computes_the_pose_of_the_tip(page: str, tmp_path: Path) -> None:
+    found, _ = opened(page, 1280, tmp_path)
+    numbers = [float(text.replace("−", "-")) for text in re.findall(r"−?\d+\.\d+", found["tip"])]
+    model = pipeline.derive(load_spec("ur10e"))
+    T = np.asarray(evaluate(model.programs["forward_kinematics"], np.array(ANGLES))[0], float)
+    np.testing.assert_allclose(numbers[:3], 1000 * T[:3, 3], atol=0.051)
+    roll, pitch, yaw = (radians(value) for value in numbers[3:])
+    cr, sr, cp, sp, cy, sy = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
+    R = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    np.testing.assert_allclose(R, T[:3, :3], atol=2e-4)
