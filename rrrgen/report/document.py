@@ -96,8 +96,8 @@ def _closed_forms(closed_forms: Mapping[str, Form], walk: Walk) -> list[dict[str
 
 def _inverse_kinematics(spec: RobotSpec) -> str:
     """The closed form of the inverse kinematics, a summary where it is long, or the reason why there is none."""
+    from rrrgen.backends.latex.inverse_kinematics import closed_form, summary
     from rrrgen.ik.classify import plan
-    from rrrgen.ik.report import closed_form, summary
 
     found = plan(spec)
     if not found.solvable:
