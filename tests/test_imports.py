@@ -21,6 +21,7 @@ ROOMS = (
     "parallel_map",
     "cache",
     "resources",
+    "text_table",
     "program",
     "yamltext",
     "friction",

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,6 +20,9 @@ if TYPE_CHECKING:
 
 SHORT = 3
 """Largest number of joints for which closed forms are shown by default."""
+
+NARROWEST = 40
+"""Columns below which tables are no longer folded."""
 
 USUAL = ("forward_kinematics", "mass_matrix", "coriolis", "gravity")
 """Functions whose closed forms are shown by default."""
@@ -98,6 +104,13 @@ def words(choices: Iterable[str]) -> Callable[[click.Context, click.Parameter, I
         return tuple(given)
 
     return callback
+
+
+def terminal_width() -> int | None:
+    """The number of columns to which tables are folded: those of the terminal, or COLUMNS; None for files and pipes."""
+    if not sys.stdout.isatty() and not os.environ.get("COLUMNS", "").isdigit():
+        return None
+    return max(shutil.get_terminal_size().columns, NARROWEST)
 
 
 def print_json(content: Any) -> None:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rrrgen.cli.model.facts import data, in_words, measured, not_stated, tables
 from rrrgen.derive.parameter_listing import ParameterListing, listing
-from rrrgen.model.drive_text import coupling_equations, drives_data, motor_facts
+from rrrgen.model.drive_text import coupling_equations, motor_facts
 from rrrgen.program import count_operations, evaluate
+from rrrgen.text_table import text_table
+from rrrgen.yamltext.units import QUANTITIES
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -26,23 +28,27 @@ _CONVENTION = {
 }
 
 
-def as_text(model: DerivedModel) -> str:
-    """The description as text: table, zero pose, base parameters, operations; without closed forms."""
+def as_text(model: DerivedModel, width: int | None = None) -> str:
+    """The description as text without closed forms; lines are folded to ``width`` characters where it is given."""
     spec = model.spec
-    lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec), ""]
-    lines += ["Denavit-Hartenberg table (exact; in parentheses the nominal value in m or rad, and in deg)"]
-    lines += _table([("joint", "type", "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.joints)])
-    lines += _drives(spec)
-    lines += ["", "Pose of the tip at q = 0, in the base frame"]
+    lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec, width), ""]
+    lines += ["Denavit-Hartenberg table, exact and in both units at the nominal parameters"]
+    rows = [("joint", "type", "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.joints)]
+    lines += text_table(rows, width)
+    lines += _drives(spec, width)
+    for title, rows in tables(spec):
+        lines += ["", *text_table([(title,)], width, indent=""), *text_table(rows, width)]
+    lines += ["", "Pose of the tip at q = 0, in the base frame; lengths in m"]
     lines += [f"  {'  '.join(f'{value:10.6f}' for value in row)}" for row in zero_pose(model)]
     parameters = listing(model)
     lines += ["", f"{model.b} base parameters, tau = Y(q, dq, ddq) beta"]
-    lines += textwrap.wrap(parameters.statement, 118, initial_indent="  ", subsequent_indent="  ")
-    lines += _parameters(parameters)
+    lines += textwrap.wrap(parameters.statement, width or 118, initial_indent="  ", subsequent_indent="  ")
+    lines += _parameters(parameters, width)
     lines += ["", "Where each link parameter went"]
-    lines += _regrouping(model)
+    lines += _regrouping(model, width)
     lines += ["", "Operations of the emitted functions"]
-    lines += _table([(name, str(count_operations(program))) for name, program in model.programs.items()])
+    counts = [(name, str(count_operations(program))) for name, program in model.programs.items()]
+    lines += text_table(counts, width)
     return "\n".join(lines) + "\n\n"
 
 
@@ -57,7 +63,8 @@ def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseF
         "gravity": [str(component) for component in spec.gravity],
         "parameters": {name: str(value) for name, value in spec.parameters.items()},
         "joints": [_joint(spec, joint) for joint in spec.joints],
-        "drives": drives_data(spec),
+        **data(spec),
+        "units": {"angle": spec.angle_unit, "length": spec.length_unit},
         "zero_pose": [[float(value) for value in row] for row in zero_pose(model)],
         "link_parameters": parameters.statement,
         "base_parameters": [
@@ -92,20 +99,30 @@ def zero_pose(model: DerivedModel) -> NDArray[np.float64]:
     return np.where(np.abs(T) < 1e-15, 0.0, T)
 
 
-def _facts(spec: RobotSpec) -> list[str]:
-    links = "given" if spec.links else "not given: dynamics take their parameters at run time"
+def _facts(spec: RobotSpec, width: int | None) -> list[str]:
     gravity = ", ".join(_number(value) for value in spec.gravity)
     facts = [
         ("convention", _CONVENTION[spec.convention]),
         ("units", f"file: {spec.angle_unit}, {spec.length_unit}; here and in emitted code: SI and rad"),
         ("gravity", f"acceleration [{gravity}] m/s^2 in the base frame"),
-        ("links", links),
     ]
     if spec.parameters:
-        facts.append(("parameters", ", ".join(f"{name} = {_number(value)}" for name, value in spec.parameters.items())))
+        facts.append(("parameters", ", ".join(_parameter(spec, name) for name in spec.parameters)))
+    if missing := not_stated(spec):
+        facts.append(("not stated", missing))
+    if spec.links is None:
+        facts.append(("dynamics", "without links they take the base parameters at run time"))
     if spec.source:
         facts.append(("source", spec.source))
-    return [f"  {name:11} {text}" for name, text in facts]
+    return text_table(facts, width)
+
+
+def _parameter(spec: RobotSpec, name: str) -> str:
+    """A named parameter with its value, in both units if it was declared with a unit of angle or length."""
+    value, unit = spec.parameters[name], spec.parameter_units.get(name, "")
+    measures = {quantity.units: quantity.si_unit for quantity in (QUANTITIES["angle"], QUANTITIES["length"])}
+    si = next((unit_si for units, unit_si in measures.items() if unit in units), None)
+    return f"{name} = {_number(value) if si is None else in_words(float(value), si)}"
 
 
 def _row(spec: RobotSpec, joint: JointSpec) -> tuple[str, ...]:
@@ -122,26 +139,31 @@ def _row(spec: RobotSpec, joint: JointSpec) -> tuple[str, ...]:
     )
 
 
-def _drives(spec: RobotSpec) -> list[str]:
+def _drives(spec: RobotSpec, width: int | None) -> list[str]:
     """The lines about coupled drives: their equations and motors; none without coupling."""
     if spec.drives is None:
         return []
     lines = ["", "Coupled drives: speeds of the joints from those of the drives; values of the motors at their shafts"]
     lines += [f"  {equation}" for equation in coupling_equations(spec)]
-    return lines + _table([(motor.name, motor_facts(motor)) for motor in spec.drives.motors])
+    return lines + text_table([(motor.name, motor_facts(motor)) for motor in spec.drives.motors], width)
 
 
-def _angle(spec: RobotSpec, value: sp.Expr) -> str:
+def _in_both(spec: RobotSpec, value: sp.Expr, unit: str) -> str:
+    """``pi/2 (1.5708 rad, 90 deg)`` where the exact value is an expression, else ``0.35 m (350 mm)``."""
     if value == 0:
         return "0"
     nominal = float(spec.nominal(value))
-    return f"{value} ({math.degrees(nominal):.6g} deg)"
+    if value.is_Rational:
+        return in_words(nominal, unit)
+    return f"{value} ({', '.join(f'{number:.6g} {name}' for name, number in measured(nominal, unit).items())})"
+
+
+def _angle(spec: RobotSpec, value: sp.Expr) -> str:
+    return _in_both(spec, value, "rad")
 
 
 def _length(spec: RobotSpec, value: sp.Expr) -> str:
-    if value.is_number:
-        return _number(value)
-    return f"{value} ({float(spec.nominal(value)):.6g})"
+    return _in_both(spec, value, "m")
 
 
 def _number(value: sp.Expr) -> str:
@@ -153,28 +175,30 @@ def _joint(spec: RobotSpec, joint: JointSpec) -> dict[str, Any]:
     return {
         "name": joint.name,
         "type": joint.type,
-        **{name: {"exact": str(value), "nominal": float(spec.nominal(value))} for name, value in exact.items()},
+        **{name: _exact(spec, value, "m" if name in ("a", "d") else "rad") for name, value in exact.items()},
     }
 
 
-def _parameters(parameters: ParameterListing) -> list[str]:
+def _exact(spec: RobotSpec, value: sp.Expr, unit: str) -> dict[str, Any]:
+    """An exact value with its nominal value, in SI and in both units."""
+    nominal = float(spec.nominal(value))
+    return {"exact": str(value), "nominal": nominal, **measured(nominal, unit)}
+
+
+def _parameters(parameters: ParameterListing, width: int | None) -> list[str]:
     values = ["" if p.nominal is None else f"{p.nominal:.10g}" for p in parameters.rows]
     rows = zip(parameters.rows, values, strict=True)
-    return _table([(p.name, p.unit, value, str(p.expression)) for p, value in rows])
+    return text_table([(p.name, p.unit, value, str(p.expression)) for p, value in rows], width)
 
 
-def _regrouping(model: DerivedModel) -> list[str]:
+def _regrouping(model: DerivedModel, width: int | None) -> list[str]:
     """The lines about regrouping: reasons, and under each the standard parameters with their formula."""
     reasons: dict[str, dict[str, list[str]]] = {}
     for entry in model.regrouping:
         reasons.setdefault(entry.reason, {}).setdefault(entry.formula, []).append(entry.parameter)
     lines = []
     for reason, formulas in reasons.items():
-        lines.append(f"  {reason}")
-        lines += [f"    {', '.join(parameters)}: {formula}" for formula, parameters in formulas.items()]
+        lines += text_table([(reason,)], width)
+        found = [f"{', '.join(parameters)}: {formula}" for formula, parameters in formulas.items()]
+        lines += [line for text in found for line in text_table([(text,)], width, indent=" " * 4)]
     return lines
-
-
-def _table(rows: list[tuple[str, ...]]) -> list[str]:
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
-    return ["  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]

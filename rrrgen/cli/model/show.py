@@ -16,6 +16,7 @@ from rrrgen.cli.arguments import (
     print_json,
     read_with_warnings,
     robot_argument,
+    terminal_width,
     write_html,
 )
 
@@ -54,7 +55,8 @@ def show(
 ) -> None:
     """Print a robot as rrrgen understands it.
 
-    Shows DH table, zero pose, conventions, base parameters, where each link parameter went, and closed forms.
+    Shows conventions, DH table, base, tool, limits, friction, drives and links in both usual units, the zero pose, base
+    parameters, where each link parameter went, operations, and closed forms.
 
     \b
     Examples:
@@ -99,7 +101,7 @@ def show(
     else:
         from rrrgen.cli.model.description import as_text
 
-        click.echo(_as_plain("" if functions else as_text(pipeline.derive(spec)), forms, inverse))
+        click.echo(_as_plain("" if functions else as_text(pipeline.derive(spec), terminal_width()), forms, inverse))
 
 
 def _show_programs(robot: str, functions: tuple[str, ...], recorded: bool, as_json: bool) -> None:
