@@ -14,7 +14,7 @@ from rrrgen.cli.main import main
 if TYPE_CHECKING:
     from bench.results import Results
 
-PARTS = ("functions", "python", "ik", "growth", "generation")
+PARTS = ("functions", "python", "ik", "growth", "generation", "control")
 
 
 @click.command()
@@ -99,6 +99,8 @@ def _print(results: Results) -> None:
             f"{score.robot:9} {contender.function:22} {contender.label:26} {score.nanoseconds:9.1f} ns "
             f"{instructions:>8} instr {counted:>9}"
         )
+    for tick in results.ticks:
+        click.echo(f"{tick.robot:9} {tick.work:49} {tick.nanoseconds:9.1f} ns {tick.parameters:8} parameters")
     for text in results.left_out:
         click.echo(f"left out: {text}", err=True)
     for verdict in verdicts(results):

@@ -17,7 +17,7 @@ def page(results: Results, plot: str = "benchmark.svg") -> str:
     """The whole page."""
     parts = [_opening(results), f"![Instructions per call]({plot})\n", _targets(results)]
     parts += [_functions(results, robot) for robot in results.robots()]
-    parts += [_calls(results), _batches(results), _ik(results), _growth(results), _generation(results)]
+    parts += [_calls(results), _batches(results), _ik(results), _growth(results), _generation(results), _ticks(results)]
     return "\n".join(part for part in parts if part)
 
 
@@ -158,3 +158,11 @@ def _generation(results: Results) -> str:
     text = "Elapsed seconds of the fastest run; the C compiler takes `-O2` and all sources side by side.\n\n"
     head = ["robot", "generate", "compile", "peak MB"]
     return "## From robot file to compiled C\n\n" + text + _table(head, rows)
+
+
+def _ticks(results: Results) -> str:
+    rows = [[each.robot, str(each.parameters), each.work, f"{each.nanoseconds:.0f}"] for each in results.ticks]
+    if not rows:
+        return ""
+    text = "Kalman filter, neural friction and an online estimator of all base parameters, each sample of a motion.\n\n"
+    return "## One tick of the controller\n\n" + text + _table(["robot", "parameters", "work", "ns"], rows)

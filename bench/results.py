@@ -7,6 +7,7 @@ from typing import Any
 
 from bench.contenders.contender import OURS_FILE, PINOCCHIO
 from bench.measurements.batches import BatchTime
+from bench.measurements.control_tick import TickTime
 from bench.measurements.generation import Generation
 from bench.measurements.inverse_kinematics import IKScore
 from bench.measurements.python_calls import CallTime
@@ -28,6 +29,7 @@ class Results:
     growth: list[Score] = field(default_factory=list)
     derivations: list[float] = field(default_factory=list)
     generations: list[Generation] = field(default_factory=list)
+    ticks: list[TickTime] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
     def score(self, robot: str, function: str, label: str) -> Score | None:
@@ -68,6 +70,7 @@ class Results:
             "growth": [_plain(score) for score in self.growth],
             "growth_derivation_seconds": self.derivations,
             "generation": [asdict(each) for each in self.generations],
+            "control_ticks": [asdict(each) for each in self.ticks],
             "left_out": self.left_out,
         }
 

@@ -30,7 +30,7 @@ class Plan:
     quick: bool = False
     flags: tuple[str, ...] = FLAGS
     pinocchio: bool = True
-    parts: frozenset[str] = frozenset({"functions", "python", "ik", "growth", "generation"})
+    parts: frozenset[str] = frozenset({"functions", "python", "ik", "growth", "generation", "control"})
 
     @property
     def effort(self) -> Effort:
@@ -54,6 +54,8 @@ def bench(plan: Plan, say: Say) -> Results:
         _growth(plan, toolchain, results, say)
     if "generation" in plan.parts:
         _generation(plan, toolchain, results, say)
+    if "control" in plan.parts:
+        _control(plan, toolchain, results, say)
     return results
 
 
@@ -149,6 +151,19 @@ def _generation(plan: Plan, toolchain: Toolchain, results: Results, say: Say) ->
         results.generations += generations(plan.robots[:1], toolchain, 1)
     else:
         results.generations += generations(plan.robots, toolchain, ROUNDS)
+
+
+def _control(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
+    from bench.measurements.control_tick import control_ticks
+    from rrrgen import pipeline
+    from rrrgen.output.manifest import identify
+    from rrrgen.runtime.derived_cache import recall
+
+    for robot in plan.robots:
+        say(f"{robot}: one tick of the controller")
+        spec = pipeline.read(robot)
+        derived = recall(spec, identify(spec), pipeline.derive)
+        results.ticks += control_ticks(derived, toolchain, max(10, plan.effort.rounds // 4))
 
 
 def _leave_out(results: Results, text: str) -> None:

@@ -42,6 +42,9 @@ INVERSE_KINEMATICS = {"rrr": 100.0, "puma560": 400.0, "ur10e": 1000.0, "general6
 IK_RATIOS = {"rrr": ("C by hand", 1.0), "puma560": ("EAIK", 0.15), "ur10e": ("EAIK", 0.20)}
 """Times against a rival of the same run, which noise leaves alone."""
 
+TICK = {"rrr": 2000.0}
+"""Nanoseconds of one tick with Kalman filter, friction and recursive least squares."""
+
 SECONDS = {"rrr": 3.0, "panda": 20.0}
 MEGABYTES = 500.0
 
@@ -60,7 +63,7 @@ class Verdict:
 def verdicts(results: Results) -> list[Verdict]:
     """Every target that the run has figures for."""
     ik = (_inverse_kinematics, _inverse_kinematics_rivals)
-    parts = (_operations, _ratios, _transpose, _not_slower, _batches, *ik, _calls, _generation)
+    parts = (_operations, _ratios, _transpose, _not_slower, _batches, *ik, _calls, _generation, _ticks)
     return [verdict for part in parts for verdict in part(results)]
 
 
@@ -167,3 +170,11 @@ def _generation(results: Results) -> Iterator[Verdict]:
         if each.megabytes is not None:
             met = each.megabytes <= MEGABYTES
             yield Verdict("peak memory of generation", each.robot, "<= 500 MB", f"{each.megabytes:.0f} MB", met)
+
+
+def _ticks(results: Results) -> Iterator[Verdict]:
+    for tick in results.ticks:
+        limit = TICK.get(tick.robot)
+        if limit is not None and tick.work.endswith("RLS"):
+            found = f"{tick.nanoseconds:.0f} ns"
+            yield Verdict(f"{tick.work}, one tick", tick.robot, f"<= {limit:.0f} ns", found, tick.nanoseconds <= limit)

@@ -29,6 +29,7 @@ from bench.contenders.contender import (
 )
 from bench.contenders.joint_frames import joint_frames, regrouped
 from bench.measurements.batches import BatchTime
+from bench.measurements.control_tick import control_ticks
 from bench.measurements.growth import COMPARED, chain_text, growth
 from bench.measurements.inverse_kinematics import IKScore, ik_scores
 from bench.measurements.python_calls import BOUND_RUN, PIN, CallTime, turns
@@ -217,3 +218,20 @@ def test_turns_give_the_least_time_of_each_call() -> None:
 @pytest.mark.parametrize("n", [1, 6, 12])
 def test_random_chains_are_valid_robot_files(n: int) -> None:
     assert loads_spec(chain_text(n), "chain.yaml").n == n
+
+
+@needs_gcc
+def test_a_tick_of_the_controller_is_timed_part_by_part():
+    """The parts in their order on the page and in the verdict; how long they take is not asserted."""
+    from rrrgen import pipeline
+
+    toolchain = find_toolchain(("-O1",))
+    found = control_ticks(pipeline.compile("rrr").derived, toolchain, 1)
+    works = ["Kalman filter", "friction", "RLS", "gradient"]
+    assert [each.work.split(" + ") for each in found] == [works[:1], works[:2], works[:3], [*works[:2], works[3]]]
+    assert all(each.nanoseconds > 0.0 and each.parameters == 15 for each in found)
+    results = Results(
+        "m", "c", {}, "e", ticks=[replace(found[2], nanoseconds=1999.0), replace(found[2], nanoseconds=2001.0)]
+    )
+    assert [verdict.met for verdict in verdicts(results)] == [True, False]
+    assert "One tick of the controller" in page(results)

@@ -23,6 +23,7 @@ FIGURES = (
     "10_exciting",
     "11_torque",
     "12_settling",
+    "12_online",
     "13_val",
 )
 
@@ -94,6 +95,14 @@ def test_a_wrong_model_fails(study) -> None:
     joints = [s.joint for s in v.joints]
     worse = score_torques(v.t, v.measured, 1.05 * v.predicted, joints=joints, used=v.used, noise=[0.05] * 3)
     assert min(s.beyond_noise for s in worse.joints if s.beyond_noise is not None) > 0.02
+
+
+def test_online_estimates_settle_on_the_recording(study) -> None:
+    folder, _ = study
+    table = np.genfromtxt(folder / "results" / "online_estimates.csv", delimiter=",", names=True)
+    assert table["rls_torque_error"][table["t"] > 5.0].max() < 0.01
+    assert table["rls_torque_error"][-1] < 0.003
+    assert table["gradient_torque_error"][-1] < 0.05
 
 
 def test_the_run_folder_holds_every_figure_and_table(study) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.excitation.plots import design_figures
+from rrrgen.experiments.case_study.online import online_estimates, plot_online_estimates
 from rrrgen.experiments.writing import JointPath
 from rrrgen.identify.convergence import convergence
 from rrrgen.identify.estimation_plots import plot_bode
@@ -43,6 +44,7 @@ def write_figures(run: RunFolder, study: CaseStudy) -> None:
     run.figure("fig_14_10_exciting_trajectory", _with_range(excitation.pop("motion")))
     run.figure("fig_14_11_torque_and_friction", plot_experiment(study))
     run.figure("fig_14_12_settling_estimates", _settling(run, study))
+    run.figure("fig_14_12_online_estimates", _online(run, study))
     run.figure("fig_14_13_validation", plot_torques(study.validation))
     for name, figure in excitation.items():
         run.figure(f"excitation_{name}", figure)
@@ -170,6 +172,16 @@ def _settling(run: RunFolder, study: CaseStudy) -> Figure:
     header = ("samples", *settling.names)
     run.write_csv("settling.csv", header, ([int(k), *row] for k, row in zip(settling.samples, settling.x, strict=True)))
     return plot_settling(settling, found.estimate.std, found.units, study.truth)
+
+
+def _online(run: RunFolder, study: CaseStudy) -> Figure:
+    found = online_estimates(study)
+    names = found[0].names
+    header = ("t", *(f"{each.kind}_{name}" for each in found for name in (*names, "torque_error")))
+    columns = [part for each in found for part in (each.p, each.error[:, None])]
+    run.write_csv("online_estimates.csv", header, np.column_stack([found[0].t, *columns]).tolist())
+    values = dict(zip(study.model.base_parameter_names, study.model.beta, strict=True))
+    return plot_online_estimates(found, np.array([values[name] for name in names]))
 
 
 def _tables(run: RunFolder, study: CaseStudy) -> None:
