@@ -66,7 +66,7 @@ def turning(tmp_path_factory):
     prepare(folder, spec)
     names = ["angles.c", "roots.c", "refine.c", "rows.c", "target.c"]
     library = build(folder, names)
-    for name in ("ik_wrap", "ik_opposite", "ik_root0", "ik_atan2", "ik_feasible", "ik_error", "ik_refine", "ik_apart"):
+    for name in ("ik_wrap", "ik_opposite", "ik_atan2", "ik_feasible", "ik_error", "ik_refine", "ik_apart"):
         getattr(library, name).restype = REAL
     return library, plan(spec)
 
@@ -82,7 +82,6 @@ def test_angles(turning):
         assert np.exp(1j * library.ik_opposite(REAL(x / 10))) == pytest.approx(-np.exp(1j * x / 10))
     assert library.ik_wrap(REAL(pi)) == pi
     assert library.ik_wrap(REAL(-pi)) == pi
-    assert [library.ik_root0(REAL(x)) for x in (4.0, 0.0, -1.0)] == [2.0, 0.0, 0.0]
     y, x = RNG(1).normal(size=(2, 40))
     angle = np.zeros(40)
     library.ik_arcs(INT(40), pointer(y), pointer(x), pointer(angle))

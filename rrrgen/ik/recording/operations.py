@@ -19,8 +19,9 @@ from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_tu
 from rrrgen.ik.recording.scalar import Pool, Scalar
 from rrrgen.ik.recording.solver import Solver
 from rrrgen.ik.tolerances import SIZE_OF_NOTHING
+from rrrgen.program import Op
 
-_NAMES = {"add": "add", "sub": "add", "mul": "mul", "div": "div", "root0": "sqrt", "sqrt": "sqrt"}
+_NAMES = {Op.ADD: "add", Op.SUB: "add", Op.MUL: "mul", Op.DIV: "div", Op.SQRT: "sqrt"}
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ class _Counter:
     def name(self, hint: str, x: S) -> Scalar:
         """A value that is computed once."""
         node = self.pool.of(x)
-        if node.op in ("const", "var") or (node.op == "neg" and node.args[0].op == "var"):
+        if node.is_plain:
             return node
         variable = self._variable(node.level)
         self._defined[id(variable)] = node
@@ -149,7 +150,7 @@ class _Counter:
 
     def sqrt(self, x: S) -> Scalar:
         """The square root of a quantity that cannot be negative."""
-        return self.pool.call("root0", self.pool.of(x))
+        return self.pool.sqrt(self.pool.of(x))
 
     # -- choices ------------------------------------------------------------------------------------------------------
 
@@ -208,7 +209,7 @@ class _Counter:
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
         """The one angle about z that turns ``v`` onto ``u``; limits of a free angle cost nothing where none is free."""
-        before, after = (self.name("", self.pool.call("sqrt", self.pool.of(square((*x[:2], 0))))) for x in (v, u))
+        before, after = (self.name("", self.pool.sqrt(self.pool.of(square((*x[:2], 0))))) for x in (v, u))
         level = self._need(before * after, *between(v, u))
         a, b, g = (self._variable(level) for _ in range(3))
         self._directions.append((level, g))

@@ -51,7 +51,7 @@ class Recorder:
     def name(self, hint: str, x: S) -> Scalar:
         """``x`` under a name, unless it has one."""
         node = self.pool.of(x)
-        if node.op in ("const", "var") or (node.op == "neg" and node.args[0].op == "var"):
+        if node.is_plain:
             return node
         results = self._variables([hint], node.level)
         self._steps.append(steps.Named(results, hint, node))
@@ -63,7 +63,7 @@ class Recorder:
 
     def sqrt(self, x: S) -> Scalar:
         """The square root; round-off below zero counts as zero."""
-        return self.pool.call("root0", self.pool.of(x))
+        return self.pool.sqrt(self.pool.of(x))
 
     # -- choices ------------------------------------------------------------------------------------------------------
 

@@ -1,4 +1,7 @@
-"""Scalars of emitted straight-line code: hash-consed expressions over floats, folded as they are built.
+"""Scalars of a recorded solver: hash-consed expressions over floats, folded as they are built.
+
+Their operations are those of :class:`rrrgen.program.Op`; printed, the values between two choices are a
+:class:`rrrgen.program.Program`.
 
 ``0 x``, ``1 x``, ``x + 0`` and arithmetic on constants vanish, so a kernel written once for every geometry shrinks to
 the terms that a robot has. Nodes remember the loop level at which they can be computed first.
@@ -8,19 +11,21 @@ from __future__ import annotations
 
 from typing import Union
 
+from rrrgen.program import Op
+
 Operand = Union["Scalar", float, int]
 
 
 class Scalar:
-    """One node; ``level`` is the loop depth it needs.
+    """One node; ``level`` is the number of choices that it depends on, counted from the outermost.
 
-    ``op`` is const, var, add, sub, mul, div, neg or a function: sqrt, fabs, root0, wrap.
+    ``op`` is CONST (with a ``value``), INPUT (a variable, with its name as ``text``), or an operation on ``args``.
     """
 
     __slots__ = ("args", "level", "op", "pool", "text", "value")
 
     def __init__(
-        self, pool: Pool, op: str, args: tuple[Scalar, ...] = (), *, value: float = 0.0, text: str = "", level: int = 0
+        self, pool: Pool, op: Op, args: tuple[Scalar, ...] = (), *, value: float = 0.0, text: str = "", level: int = 0
     ) -> None:
         self.pool, self.op, self.args, self.value, self.text = pool, op, args, value, text
         self.level: int = max((arg.level for arg in args), default=level)
@@ -55,7 +60,12 @@ class Scalar:
     @property
     def is_const(self) -> bool:
         """Whether the node is a number."""
-        return self.op == "const"
+        return self.op is Op.CONST
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the node is a number or a variable, with a minus sign at most: it needs no name."""
+        return self.op in (Op.CONST, Op.INPUT) or (self.op is Op.NEG and self.args[0].op is Op.INPUT)
 
 
 class Pool:
@@ -68,11 +78,11 @@ class Pool:
         """``x`` as a node."""
         if isinstance(x, Scalar):
             return x
-        return self._node("const", (), value=float(x) + 0.0)
+        return self._node(Op.CONST, (), value=float(x) + 0.0)
 
     def var(self, text: str, level: int = 0) -> Scalar:
         """A C lvalue or variable, available from loop depth ``level``."""
-        return self._node("var", (), text=text, level=level)
+        return self._node(Op.INPUT, (), text=text, level=level)
 
     def add(self, x: Scalar, y: Scalar) -> Scalar:
         """The sum."""
@@ -82,13 +92,13 @@ class Pool:
             x, y = y, x
         if y.is_const and y.value == 0.0:
             return x
-        if y.op == "neg":
+        if y.op is Op.NEG:
             return self.sub(x, y.args[0])
-        if x.op == "neg":
+        if x.op is Op.NEG:
             return self.sub(y, x.args[0])
         if y.is_const and y.value < 0.0:
-            return self._node("sub", (x, self.of(-y.value)))
-        return self._node("add", (x, y))
+            return self._node(Op.SUB, (x, self.of(-y.value)))
+        return self._node(Op.ADD, (x, y))
 
     def sub(self, x: Scalar, y: Scalar) -> Scalar:
         """The difference."""
@@ -98,9 +108,9 @@ class Pool:
             return self.add(x, self.of(-y.value))
         if x.is_const and x.value == 0.0:
             return self.neg(y)
-        if y.op == "neg":
+        if y.op is Op.NEG:
             return self.add(x, y.args[0])
-        return self._node("sub", (x, y))
+        return self._node(Op.SUB, (x, y))
 
     def mul(self, x: Scalar, y: Scalar) -> Scalar:
         """The product; signs move outwards, constants to the front."""
@@ -113,13 +123,13 @@ class Pool:
                 return y if x.value else x
             if x.value < 0.0:
                 return self.neg(self.mul(self.of(-x.value), y))
-            if y.op == "mul" and y.args[0].is_const:
+            if y.op is Op.MUL and y.args[0].is_const:
                 return self.mul(self.of(x.value * y.args[0].value), y.args[1])
-        if x.op == "neg":
+        if x.op is Op.NEG:
             return self.neg(self.mul(x.args[0], y))
-        if y.op == "neg":
+        if y.op is Op.NEG:
             return self.neg(self.mul(x, y.args[0]))
-        return self._node("mul", (x, y))
+        return self._node(Op.MUL, (x, y))
 
     def div(self, x: Scalar, y: Scalar) -> Scalar:
         """The quotient; division by a constant becomes a product."""
@@ -127,31 +137,36 @@ class Pool:
             return self.mul(self.of(1.0 / y.value), x)
         if x.is_const and x.value == 0.0:
             return x
-        if x.op == "neg":
+        if x.op is Op.NEG:
             return self.neg(self.div(x.args[0], y))
-        return self._node("div", (x, y))
+        return self._node(Op.DIV, (x, y))
 
     def neg(self, x: Scalar) -> Scalar:
         """The negative."""
         if x.is_const:
             return self.of(-x.value)
-        if x.op == "neg":
+        if x.op is Op.NEG:
             return x.args[0]
-        if x.op == "sub":
+        if x.op is Op.SUB:
             return self.sub(x.args[1], x.args[0])
-        return self._node("neg", (x,))
+        return self._node(Op.NEG, (x,))
 
-    def call(self, function: str, x: Scalar) -> Scalar:
-        """``sqrt`` of what cannot be negative, ``root0`` (0 for negative x) or ``wrap`` (to (-pi, pi]) of ``x``."""
-        if x.is_const and function in ("sqrt", "root0"):
+    def sqrt(self, x: Scalar) -> Scalar:
+        """The square root of what cannot be negative; |a| of a a."""
+        if x.is_const:
             return self.of(max(x.value, 0.0) ** 0.5)
-        if function == "sqrt" and x.op == "mul" and x.args[0] is x.args[1]:
-            return self._node("fabs", (x.args[0],))
-        return self._node(function, (x,))
+        if x.op is Op.MUL and x.args[0] is x.args[1]:
+            return self._node(Op.ABS, x.args[:1])
+        return self._node(Op.SQRT, (x,))
 
-    def _node(self, op: str, args: tuple[Scalar, ...], *, value: float = 0.0, text: str = "", level: int = 0) -> Scalar:
+    def clamped_sqrt(self, x: Scalar) -> Scalar:
+        """The square root, 0 where round-off takes ``x`` below zero."""
+        root = self.sqrt(x)
+        return self._node(Op.SELECT, (x, root, self.of(0.0))) if root.op is Op.SQRT else root
+
+    def _node(self, op: Op, args: tuple[Scalar, ...], *, value: float = 0.0, text: str = "", level: int = 0) -> Scalar:
         key = (op, value, text, *map(id, args))
-        if op in ("add", "mul"):
+        if op is Op.ADD or op is Op.MUL:
             key = (op, *sorted(map(id, args)))
         node = self._nodes.get(key)
         if node is None:

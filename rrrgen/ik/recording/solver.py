@@ -7,16 +7,18 @@ the steps in order, every scalar with the ``level`` of the last choice that it d
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
+from operator import add, mul, neg, sub, truediv
 
 from rrrgen.ik.geometry.rigid import S
 from rrrgen.ik.recording.builder import Builder
 from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.ik.recording.solver_text import text_of
 from rrrgen.ik.recording.steps import Pair, Residual, Stage, Step
+from rrrgen.program import Op
 
 
 @dataclass(frozen=True)
@@ -119,18 +121,18 @@ def _collect(node: Scalar, used: set[int]) -> None:
             _collect(arg, used)
 
 
-def _applied(b: Builder, op: str, args: list[S]) -> S:
-    if op == "root0":
+def _applied(b: Builder, op: Op, args: list[S]) -> S:
+    if op is Op.SQRT:
         return b.sqrt(args[0])
-    if op == "neg":
-        return -args[0]
-    x, y = args
-    match op:
-        case "add":
-            return x + y
-        case "sub":
-            return x - y
-        case "mul":
-            return x * y
-        case _:
-            return x / y
+    if op is Op.ABS:
+        return b.sqrt(args[0] * args[0])
+    return _ARITHMETIC[op](*args)
+
+
+_ARITHMETIC: dict[Op, Callable[..., S]] = {
+    Op.ADD: add,
+    Op.SUB: sub,
+    Op.MUL: mul,
+    Op.DIV: truediv,
+    Op.NEG: neg,
+}

@@ -16,8 +16,9 @@ from itertools import count
 
 from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.ik.recording.steps import Residual, Step
+from rrrgen.program import Op
 
-_SIGNS = {"add": (" + ", 1, 1), "sub": (" - ", 1, 2), "mul": ("*", 2, 2), "div": ("/", 2, 3)}
+_SIGNS = {Op.ADD: (" + ", 1, 1), Op.SUB: (" - ", 1, 2), Op.MUL: ("*", 2, 2), Op.DIV: ("/", 2, 3)}
 """Of each operation the sign, its strength, and the strength that its right operand needs."""
 
 
@@ -68,21 +69,21 @@ class _Writer:
         return True
 
     def _text(self, node: Scalar, strength: int) -> str:
-        if node.op == "var":
+        if node.op is Op.INPUT:
             return node.text
         if node.is_const:
             return f"{node.value:.12g}" if node.value >= 0 else f"({node.value:.12g})"
-        if id(node) not in self._named and self._uses[id(node)] > 1 and node.op != "neg":
+        if id(node) not in self._named and self._uses[id(node)] > 1 and node.op is not Op.NEG:
             text = self._expression(node, 0)
             self._named[id(node)] = f"%{next(self._numbers)}"
             self._blocks[node.level].append(f"{self._named[id(node)]} = {text}")
         return self._named.get(id(node)) or self._expression(node, strength)
 
     def _expression(self, node: Scalar, strength: int) -> str:
-        if node.op == "neg":
+        if node.op is Op.NEG:
             return f"-{self._text(node.args[0], 3)}"
         if node.op not in _SIGNS:
-            return f"sqrt({self._text(node.args[0], 0)})"
+            return f"{node.op.value}({self._text(node.args[0], 0)})"
         sign, own, right = _SIGNS[node.op]
         text = f"{self._text(node.args[0], own)}{sign}{self._text(node.args[1], right)}"
         return f"({text})" if own < strength else text

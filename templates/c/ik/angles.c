@@ -17,13 +17,6 @@ LOCAL REAL ik_opposite(REAL x)
     return x > (REAL)0 ? x - (REAL)3.141592653589793 : x + (REAL)3.141592653589793;
 }
 #endif
-#if NEEDS_SQRT
-
-LOCAL REAL ik_root0(REAL x)
-{
-    return x > (REAL)0 ? SQRT(x) : (REAL)0;
-}
-#endif
 
 #if NEEDS_ATAN2
 /* atan2 to 2.7 ulp, the same bits wherever every step is rounded; a quarter turn at the origin. Without branches and

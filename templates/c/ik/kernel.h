@@ -81,7 +81,6 @@ extern "C" {
 /* angles.c */
 REAL ik_wrap(REAL x);
 REAL ik_opposite(REAL x);
-REAL ik_root0(REAL x);
 REAL ik_atan2(REAL y, REAL x);
 void ik_arcs(int count, const REAL *RESTRICT sine, const REAL *RESTRICT cosine, REAL *RESTRICT angle);
 /* roots.c */

@@ -207,7 +207,7 @@ class CBuilder(Scaffold):
 
     def _length(self, hint: str, v: Vector) -> Scalar:
         """Length across z."""
-        return self.name(hint, self.pool.call("sqrt", self.pool.of(square((v[0], v[1], 0)))))
+        return self.name(hint, self.pool.sqrt(self.pool.of(square((v[0], v[1], 0)))))
 
     def _directed(self, joint: Joint, tag: str, level: int, reference: str) -> tuple[str, ...]:
         """Lines that scale (c, s) to a unit vector, that of the reference where they vanish.

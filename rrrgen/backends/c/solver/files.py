@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.backends import Real
 from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.printer import CTarget
 from rrrgen.backends.c.solver.call_stack import stack_bounds
 from rrrgen.backends.c.solver.choices import CBuilder
-from rrrgen.backends.c.solver.kernels import Settings, kernel, specialize
+from rrrgen.backends.c.solver.kernels import KernelDialect, Settings, kernel, specialize
 from rrrgen.backends.c.solver.settings import reopening, settings
 from rrrgen.backends.c.solver.statements import CBody
 from rrrgen.backends.c.solver.wording import branch_text, explanation, opening
+from rrrgen.backends.c.trigonometry import LibmSinCos
 from rrrgen.errors import DerivationError
 from rrrgen.ik.answers import STATUS_TEXTS, labels, most_rows, opens, operations, parts_of, reasons_of
 from rrrgen.ik.classify import plan as make_plan
@@ -97,11 +99,12 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double") -> Emitted:
     return Emitted(plan, files, rows, public)
 
 
-def _body(plan: SolverPlan, part: SolverPlan) -> CBody | None:
+def _body(plan: SolverPlan, part: SolverPlan, dialect: Dialect) -> CBody | None:
     """The list of candidates of ``part``, which is ``plan`` or its companion; None where a kernel lists them."""
     if part.general:
         return None
     builder = CBuilder(
+        CTarget(KernelDialect(dialect.prefix, dialect.real), LibmSinCos()),
         part.chain.joints,
         part.chain.reach,
         position_only=part.task == "position",
@@ -122,7 +125,7 @@ CANDIDATES = (
 def _source(plan: SolverPlan, dialect: Dialect) -> tuple[str, int]:
     """The text of ``<name>_ik.c`` and the rows that an answer has room for."""
     stem, parts = f"{dialect.prefix}_ik", parts_of(plan)
-    bodies = [_body(plan, part) for part in parts]
+    bodies = [_body(plan, part, dialect) for part in parts]
     needs = frozenset().union(*({"near"} if body is None else body.needs for body in bodies))
     open_joints = [opens(part) for part in parts]
     chosen = settings(

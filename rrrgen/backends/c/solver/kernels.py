@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from rrrgen.backends.c.dialect import Dialect
 from rrrgen.errors import InternalError
 from rrrgen.resources import template_text
 
@@ -36,6 +37,19 @@ class Settings:
     options: Mapping[str, bool]
     words: Mapping[str, str]
     prefixes: Mapping[str, str]
+
+
+class KernelDialect(Dialect):
+    """C in the words of the kernels, which :func:`specialize` replaces: REAL, SQRT."""
+
+    @property
+    def real_type(self) -> str:
+        """The word for the floating-point type."""
+        return "REAL"
+
+    def function(self, name: str) -> str:
+        """The word for a function of math.h."""
+        return name.upper()
 
 
 def kernel(name: str, settings: Settings) -> str:

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 from rrrgen.backends.c.solver.arcs import RESERVED, Arcs, Slot, kept_count
 from rrrgen.backends.c.solver.statements import CBody, Loop, Statement, position, printed
+from rrrgen.backends.interface import Target
 from rrrgen.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, square, total
 from rrrgen.ik.recording.builder import Turn, users_turn
 from rrrgen.ik.recording.scalar import Pool, Scalar
+from rrrgen.program import Op
 
 VIRTUAL_END = 100
 """Joint indices from n to here are virtual joints, further ones are arguments (the arm angle)."""
@@ -21,6 +23,7 @@ class Scaffold:
 
     def __init__(
         self,
+        target: Target,
         joints: Sequence[Joint],
         length: float,
         *,
@@ -29,6 +32,7 @@ class Scaffold:
         banded: bool = False,
     ) -> None:
         self.pool = Pool()
+        self._target = target
         self._trusted = trusted
         self._slack = "slack, band" if banded else "slack"
         self.length = length
@@ -69,7 +73,7 @@ class Scaffold:
     def name(self, hint: str, x: S) -> Scalar:
         """``const REAL hint = x;``."""
         node = self.pool.of(x)
-        if node.op in ("const", "var") or (node.op == "neg" and node.args[0].op == "var"):
+        if node.is_plain:
             return node
         text = self._fresh(hint)
         variable = self.pool.var(text, node.level)
@@ -82,8 +86,7 @@ class Scaffold:
 
     def sqrt(self, x: S) -> Scalar:
         """The square root; round-off below zero counts as zero."""
-        self._needs.add("sqrt")
-        return self.pool.call("root0", self.pool.of(x))
+        return self.pool.clamped_sqrt(self.pool.of(x))
 
     # -- angles -------------------------------------------------------------------------------------------------------
 
@@ -160,7 +163,7 @@ class Scaffold:
         operands.append(error)
         leaf.append("++rows;")
         self._add(deepest, tuple(leaf), tuple(operands))
-        loops = printed(self._items, self._loops, self._taken)
+        loops = printed(self._items, self._loops, self._target, self._taken)
         text = "\n".join([*(f"    {line}" for line in before), loops, *(f"    {line}" for line in behind)])
         return CBody(text, frozenset(self._needs))
 
@@ -197,10 +200,12 @@ class Scaffold:
         """The user's joint value of a raw one, wrapped where an offset can push it out of (-pi, pi]."""
         q = joint.sign * (raw - float(joint.offset))
         bare = raw if joint.sign > 0 else -raw
-        if not joint.revolute or (q is bare and raw.op == "var" and raw.text[0] == "x"):
+        if not joint.revolute or (q is bare and raw.op is Op.INPUT and raw.text[0] == "x"):
             return q
-        self._needs.add("wrap")
-        return self.pool.call("wrap", q)
+        text = self._fresh(f"q{joint.index + 1}")
+        wrapped = self.pool.var(text, q.level)
+        self._items.append(Statement(q.level, (f"const REAL {text} = ik_wrap({{0}});",), (q,), wrapped))
+        return wrapped
 
     def _real(self, x: float) -> str:
         return f"(REAL){x!r}"

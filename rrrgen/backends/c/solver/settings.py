@@ -25,7 +25,6 @@ NEEDS = (
     "quadratic",
     "quartic",
     "root",
-    "sqrt",
     "unit",
     "wrist",
 )

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from math import prod
-from typing import ClassVar
 
+from rrrgen.backends.interface import Target
+from rrrgen.backends.names import Names
+from rrrgen.backends.printing import Statements
 from rrrgen.ik.recording.scalar import Scalar
-
-_FUNCTIONS = {"sqrt": "SQRT", "fabs": "FABS", "root0": "ik_root0", "wrap": "ik_wrap"}
-"""Functions of one scalar under their names in the kernels."""
+from rrrgen.program import Node, Op, Port, Program
 
 
 @dataclass(frozen=True)
@@ -56,82 +57,150 @@ def opening(loop: Loop, count: str = "") -> str:
     return f"for (int {loop.variable} = 0; {loop.variable} < {count or loop.count}; ++{loop.variable}) {{"
 
 
-class _Printer:
-    """Places expressions: shared or hoisted ones get a name at their own level, the rest are written in place."""
+class _Blocks:
+    """Sorts statements and the values that they need into one block for each depth of loops.
 
-    ORDER: ClassVar[dict[str, int]] = {"add": 1, "sub": 1, "neg": 2, "mul": 3, "div": 3}
+    A value belongs to the block of its own level, at the place where it is needed first; ``exported`` are those that
+    deeper blocks read.
+    """
 
-    def __init__(self, items: list[Statement], loops: list[Loop], taken: set[str]) -> None:
-        self.items, self.loops, self.taken = items, loops, taken
-        self.blocks: list[list[str]] = [[] for _ in range(len(loops) + 1)]
-        self.named: dict[int, str] = {}
-        self.uses: dict[int, int] = {}
-        self.serial = 0
-
-    def text(self) -> str:
-        """The nested loops."""
-        for item in self.items:
+    def __init__(self, items: Sequence[Statement], depth: int) -> None:
+        self.values: list[list[Scalar]] = [[] for _ in range(depth + 1)]
+        self.items: list[list[tuple[int, Statement]]] = [[] for _ in range(depth + 1)]
+        self.exported: set[int] = set()
+        self._seen: set[int] = set()
+        for item in items:
             for operand in item.operands:
-                self._count(operand)
-        for item in self.items:
-            rendered = [self._render(operand, item.level, 0) for operand in item.operands]
-            self.blocks[item.level] += [_fill(line, rendered) for line in item.lines]
-        lines: list[str] = []
-        for depth, block in enumerate(self.blocks):
-            lines += ["    " * (depth + 1) + line for line in block]
-            if depth < len(self.loops):
-                lines.append("    " * (depth + 1) + opening(self.loops[depth]))
-        for depth in reversed(range(len(self.loops))):
-            lines.append("    " * (depth + 1) + "}")
-        return "\n".join(lines)
+                self._need(operand, item.level)
+            self.items[item.level].append((len(self.values[item.level]), item))
 
-    def _count(self, node: Scalar) -> None:
-        self.uses[id(node)] = self.uses.get(id(node), 0) + 1
-        if self.uses[id(node)] == 1:
+    def _need(self, node: Scalar, level: int) -> None:
+        if node.is_plain:
+            return
+        if node.level < level:
+            self.exported.add(id(node))
+        if id(node) not in self._seen:
+            self._seen.add(id(node))
             for arg in node.args:
-                self._count(arg)
-
-    def _render(self, node: Scalar, level: int, strength: int) -> str:
-        if node.op == "var":
-            return node.text
-        if node.op == "const":
-            text = repr(node.value)
-            return f"(REAL){text}" if node.value >= 0 else f"-(REAL){text[1:]}"
-        trivial = node.op == "neg" and node.args[0].op == "var"
-        if id(node) not in self.named and not trivial and (self.uses[id(node)] > 1 or node.level < level):
-            expression = self._expression(node, node.level, 0)
-            self.serial += 1
-            while f"t{self.serial}" in self.taken:
-                self.serial += 1
-            name = self.named[id(node)] = f"t{self.serial}"
-            self.blocks[node.level].append(f"const REAL {name} = {expression};")
-        if id(node) in self.named:
-            return self.named[id(node)]
-        return self._expression(node, level, strength)
-
-    def _expression(self, node: Scalar, level: int, strength: int) -> str:
-        if node.op in _FUNCTIONS:
-            return f"{_FUNCTIONS[node.op]}({self._render(node.args[0], level, 0)})"
-        own = self.ORDER[node.op]
-        if node.op == "neg":
-            text = f"-{self._render(node.args[0], level, 4)}"
-        else:
-            sign = {"add": "+", "sub": "-", "mul": "*", "div": "/"}[node.op]
-            left = self._render(node.args[0], level, own)
-            right = self._render(node.args[1], level, own + (node.op in ("sub", "div", "mul")))
-            text = f"{left} {sign} {right}"
-        return f"({text})" if own < strength else text
+                self._need(arg, node.level)
+            self.values[node.level].append(node)
 
 
-def printed(items: list[Statement], loops: list[Loop], taken: set[str]) -> str:
+class _Recorded:
+    """The values of one block as a :class:`rrrgen.program.Program`; what it reads are the variables ``texts``."""
+
+    def __init__(self, level: int, outside: Mapping[int, str]) -> None:
+        self.texts: list[str] = []
+        self.exported: set[int] = set()
+        self._level, self._outside = level, outside
+        self._nodes: list[Node] = []
+        self._index: dict[int, int] = {}
+        self._places: dict[str, int] = {}
+        self._results: list[tuple[int, ...]] = []
+
+    def __len__(self) -> int:
+        return len(self._nodes)
+
+    def add(self, node: Scalar) -> int:
+        """The number of the node that holds a value."""
+        index = self._index.get(id(node))
+        if index is None:
+            index = self._index[id(node)] = self._new(node)
+        return index
+
+    def _new(self, node: Scalar) -> int:
+        if node.is_const:
+            return self._node(Node(Op.CONST, (), Fraction(repr(node.value))))
+        text = node.text if node.op is Op.INPUT else self._outside.get(id(node), "")
+        if not text:
+            return self._node(Node(node.op, tuple(self.add(arg) for arg in node.args)))
+        if text not in self._places:
+            self._places[text] = self._node(Node(Op.INPUT, (), (0, len(self.texts))))
+            self.texts.append(text)
+        return self._places[text]
+
+    def _node(self, node: Node) -> int:
+        self._nodes.append(node)
+        return len(self._nodes) - 1
+
+    def use(self, nodes: Sequence[Scalar]) -> tuple[int, ...]:
+        """These values are results: what a statement reads, or what deeper blocks do."""
+        self._results.append(tuple(self.add(node) for node in nodes))
+        return self._results[-1]
+
+    def program(self) -> Program:
+        """The block as a program, an output for each use."""
+        outputs = tuple(Port(f"use{k}", (len(row),)) for k, row in enumerate(self._results))
+        inputs = (Port("variables", (len(self.texts),)),)
+        return Program(f"block{self._level}", inputs, outputs, tuple(self._nodes), tuple(self._results))
+
+
+class _Lines(Statements):
+    """The lines of one block: its statements, each behind the definitions that it needs."""
+
+    def __init__(self, block: _Recorded, exported: Iterable[int], target: Target, names: Names) -> None:
+        self._exported = frozenset(exported)
+        super().__init__(block.program(), target, names, lambda _, element: block.texts[element])
+        self._named = self._worth_a_name()
+        self._visited = 0
+
+    def _worth_a_name(self) -> list[bool]:
+        """Besides shared values those that deeper blocks read; a sign before a variable is written wherever needed."""
+        nodes = self.program.nodes
+        plain = [node.op is Op.NEG and nodes[node.args[0]].op is Op.INPUT for node in nodes]
+        shared = super()._worth_a_name()
+        return [(shared[k] or k in self._exported) and not plain[k] for k in range(len(nodes))]
+
+    def advance(self, count: int) -> None:
+        """Visit the nodes before number ``count``."""
+        for index in range(self._visited, count):
+            self._visit(index)
+        self._visited = max(self._visited, count)
+
+
+def printed(items: Sequence[Statement], loops: Sequence[Loop], target: Target, taken: Iterable[str]) -> str:
     """The statements between their loops, without definitions that nothing uses.
 
     ``taken`` are the names in use already.
     """
-    return _Printer(_live(items), loops, taken).text()
+    blocks = _Blocks(_live(items), len(loops))
+    names = Names(target.reserved, taken)
+    outside: dict[int, str] = {}
+    lines: list[str] = []
+    for depth in range(len(loops) + 1):
+        indent = "    " * (depth + 1)
+        lines += [indent + line for line in _block(blocks, depth, outside, target, names)]
+        if depth < len(loops):
+            lines.append(indent + opening(loops[depth]))
+    lines += ["    " * (depth + 1) + "}" for depth in reversed(range(len(loops)))]
+    return "\n".join(lines)
 
 
-def _live(items: list[Statement]) -> list[Statement]:
+def _block(blocks: _Blocks, depth: int, outside: dict[int, str], target: Target, names: Names) -> list[str]:
+    """The lines of one block; ``outside`` gains the names of the values that deeper blocks read."""
+    block = _Recorded(depth, outside)
+    values, done = blocks.values[depth], 0
+    uses: list[tuple[int, Statement, tuple[int, ...]]] = []
+    for count, item in blocks.items[depth]:
+        for node in values[done:count]:
+            block.add(node)
+        done = count
+        operands = block.use(item.operands)
+        uses.append((len(block), item, operands))
+    for node in values[done:]:
+        block.add(node)
+    exported = {id(node): block.add(node) for node in values if id(node) in blocks.exported}
+    printer = _Lines(block, exported.values(), target, names)
+    for count, item, operands in uses:
+        printer.advance(count)
+        texts = [printer.texts[index].code for index in operands]
+        printer.lines += [_fill(line, texts) for line in item.lines]
+    printer.advance(len(block))
+    outside.update({key: printer.texts[index].code for key, index in exported.items()})
+    return printer.lines
+
+
+def _live(items: Sequence[Statement]) -> list[Statement]:
     """Without the definitions that nothing uses."""
     used: set[int] = set()
 
