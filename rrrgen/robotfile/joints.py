@@ -18,6 +18,7 @@ from rrrgen.yamltext.sections import describe, read_choice, read_list, read_sect
 _TYPE = next(key for key in JOINT if key.name == "type")
 _POSITIVE = ("velocity", "acceleration", "torque", "torque_constant", "encoder_resolution")
 _NOT_NEGATIVE = ("inertia",)
+_SHORT_LENGTH = 0.001  # m
 _SHORTEST_ARM = 0.005  # m; a whole mm file below it was written in metres
 
 
@@ -34,6 +35,7 @@ def read_joints(node: Node, scope: Scope) -> list[JointSpec | None]:
     joints = [_read_joint(item, number, scope) for number, item in enumerate(items, start=1)]
     _check_names(items, joints, scope)
     _check_scale(node, scope)
+    _warn_about_short_lengths(node, joints, scope)
     return joints
 
 
@@ -110,6 +112,19 @@ def _check_scale(node: Node, scope: Scope) -> None:
         message = f"the longest length of the robot is {longest * 1000:g} mm"
         hint = f"units say mm; for metres write units: {{..., length: m}}, and for mm indeed {longest * 1000:g} mm"
         scope.faults.error(node, message, hint)
+
+
+def _warn_about_short_lengths(node: Node, joints: list[JointSpec | None], scope: Scope) -> None:
+    """One warning for all lengths of rows below 1 mm: calibrated ones are such, others were meant in another unit."""
+    found = []
+    for number, joint in enumerate(joints, start=1):
+        for key in ("a", "d") if joint is not None else ():
+            length = abs(float(scope.substitute(getattr(joint, key))))
+            if 0.0 < length < _SHORT_LENGTH:
+                found.append(f"{key} of joint {number} is {length * 1000:.3g} mm")
+    if found:
+        hint = "as in a calibrated table? otherwise check the unit; 0 makes shorter code and simpler inverse kinematics"
+        scope.faults.warning(node, "lengths below 1 mm: " + ", ".join(found), hint)
 
 
 def _read_limits(node: Node | None, joint_type: str, what: str, scope: Scope) -> Limits:

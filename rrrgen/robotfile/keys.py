@@ -22,7 +22,7 @@ ROBOT = (
     Key("description", "text", "what the robot is"),
     Key("source", "text", "where the numbers come from"),
     Key("convention", "choice", "Denavit-Hartenberg convention", True, ("standard", "modified")),
-    Key("units", "mapping", "units of bare numbers of joint rows, base and tool", True, section="units"),
+    Key("units", "mapping", "units of bare angles and lengths", True, section="units"),
     Key("gravity", "vector", "acceleration of gravity in the base frame, m/s^2", True, quantity="acceleration"),
     Key("parameters", "names", "named constants with nominal values"),
     Key("base", "mapping", "fixed transform before the first joint", section="transform"),
@@ -135,7 +135,7 @@ MOTOR = (
 )
 LINK = (
     Key("mass", "value", "mass, kg", True, quantity="mass"),
-    Key("com", "vector", "centre of mass in the link frame, m", True, quantity="length"),
+    Key("com", "vector", "centre of mass in the link frame", True, quantity="length", file_units=True),
     Key("inertia", "mapping", "inertia in the axes of the link frame, kg m^2", True, section="inertia"),
 )
 INERTIA = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence as Row
 from typing import Literal, cast
 
@@ -16,7 +17,7 @@ from rrrgen.yamltext.document import Node, Scalar, Sequence
 from rrrgen.yamltext.sections import read_choice, read_list, read_section
 
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
-FARTHEST_COM = 2  # m; a bare number beyond it in a mm file was written in mm
+_SHORTEST_COM = 0.005  # m; centres of mass of a mm file that are all nearer were written in metres
 ROUNDING = sp.Rational(1, 10**6)  # share of the trace by which rounded decimals may miss the semidefinite cone
 
 _ABOUT = next(key for key in INERTIA if key.name == "about")
@@ -37,7 +38,10 @@ def read_links(node: Node, joints: int, strict: bool, scope: Scope) -> list[Link
         hint = f"describe all {joints} links, or none" if joints else f"at most {MAX_JOINTS}"
         scope.faults.error(node, f"{len(items)} links for {joints} joints", hint)
         return []
-    return [_read_link(item, number, strict, scope) for number, item in enumerate(items, start=1)]
+    start = len(scope.bare_lengths)
+    links = [_read_link(item, number, strict, scope) for number, item in enumerate(items, start=1)]
+    _check_scale(items, scope, start)
+    return links
 
 
 def _read_link(node: Node, number: int, strict: bool, scope: Scope) -> LinkSpec | None:
@@ -62,20 +66,32 @@ def _read_link(node: Node, number: int, strict: bool, scope: Scope) -> LinkSpec 
 
 
 def _read_com(node: Node, what: str, scope: Scope) -> tuple[sp.Rational, sp.Rational, sp.Rational] | None:
-    vector = read_vector(node, what, "length", scope)
+    vector = read_vector(node, what, "length", scope, True)
     if vector is None:
         return None
     x, y, z = (scope.substitute(value) for value in vector)
     if not (x.is_Rational and y.is_Rational and z.is_Rational):
         scope.faults.error(node, f"{what} is not rational", "write decimal numbers")
         return None
-    for item, value in zip(node.items if isinstance(node, Sequence) else (), (x, y, z), strict=False):
-        if not isinstance(item, Scalar) or any(letter.isalpha() for letter in item.text):
-            continue
-        if scope.units.length == "mm" and abs(value) > FARTHEST_COM:
-            hint = f"links are in SI units whatever the units of the file; write {with_unit(item.text, 'mm')}"
-            scope.faults.error(item, f"{what} is {value} m", hint)
     return x, y, z
+
+
+def _check_scale(items: list[Node], scope: Scope, start: int) -> None:
+    """Report centres of mass of a mm file whose longest bare number is below 5: they were probably written in metres.
+
+    ``start`` is the number of bare lengths that were read before the links.
+    """
+    longest = max(scope.bare_lengths[start:], default=0.0)
+    if not 0.0 < longest < _SHORTEST_COM:
+        return
+    for number, item in enumerate(items, start=1):
+        com = next((value for key, value in getattr(item, "entries", ()) if getattr(key, "text", "") == "com"), None)
+        for entry in com.items if isinstance(com, Sequence) else ():
+            if isinstance(entry, Scalar) and re.fullmatch(r"-?[\d.]*[1-9][\d.]*", entry.text):
+                message = f"com of link {number} is {entry.text} mm, and none of this file is longer than 5 mm"
+                hint = f"com is in the units of the file; write {with_unit(entry.text, 'm')}"
+                scope.faults.error(entry, message, f"{hint}, or {with_unit(entry.text, 'mm')} if that is meant")
+                break
 
 
 def _read_inertia(

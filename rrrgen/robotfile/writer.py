@@ -51,7 +51,7 @@ def dumps(spec: RobotSpec) -> str:
     if spec.links is not None:
         lines.append("links:")
         for link in spec.links:
-            lines += _link(link)
+            lines += printer.link(link)
     if spec.drives is not None:
         lines += printer.drives(spec.drives)
     if spec.basis is not None:
@@ -171,6 +171,15 @@ class _Printer:
                 entries.append(f"{item.name}: {text}")
         return "{" + ", ".join(entries) + "}"
 
+    def link(self, link: LinkSpec) -> list[str]:
+        sign = -1 if link.products == "positive" else 1
+        entries = dict(zip(("xx", "yy", "zz", "xy", "xz", "yz"), link.inertia, strict=True))
+        texts = [f"about: {link.about}", f"products: {link.products}"]
+        texts += [f"{name}: {number_text(entries[name])}" for name in ("xx", "yy", "zz")]
+        texts += [f"{name}: {number_text(sign * entries[name])}" for name in ("xy", "xz", "yz") if entries[name]]
+        com = ", ".join(self.value(value, "length") for value in link.com)
+        return [f"  - mass: {number_text(link.mass)}", f"    com: [{com}]", f"    inertia: {{{', '.join(texts)}}}"]
+
     def drives(self, drives: DrivesSpec) -> list[str]:
         lines = ["drives:", "  joint_from_drive:"]
         lines += [f"    - [{', '.join(number_text(value) for value in row)}]" for row in drives.joint_from_drive]
@@ -218,16 +227,6 @@ def _float_text(value: float, target: Quantity, unit: Unit) -> str:
                 return f"{text} {other.name}"
     doubtful = abs(value) > _CERTAIN and target.dimension in (ANGLE, LENGTH)
     return plain if unit.name == target.si_unit and not doubtful else f"{plain} {target.si_unit}"
-
-
-def _link(link: LinkSpec) -> list[str]:
-    sign = -1 if link.products == "positive" else 1
-    entries = dict(zip(("xx", "yy", "zz", "xy", "xz", "yz"), link.inertia, strict=True))
-    texts = [f"about: {link.about}", f"products: {link.products}"]
-    texts += [f"{name}: {number_text(entries[name])}" for name in ("xx", "yy", "zz")]
-    texts += [f"{name}: {number_text(sign * entries[name])}" for name in ("xy", "xz", "yz") if entries[name]]
-    com = ", ".join(_with_unit(value, "m") if abs(value) > _CERTAIN else number_text(value) for value in link.com)
-    return [f"  - mass: {number_text(link.mass)}", f"    com: [{com}]", f"    inertia: {{{', '.join(texts)}}}"]
 
 
 def _basis(basis: BasisSpec) -> list[str]:

@@ -41,8 +41,8 @@ joints:
   - {name: swing, type: revolute, alpha: 90, a: 0, d: 0, theta: 0,
      friction: {viscous: 0.4, coulomb: 0.7, offset: 0.1}, drive: {inertia: 0.25}}
 links:
-  - {mass: 4.0, com: [0, 0, 0.05], inertia: {about: com, xx: 0.02, yy: 0.02, zz: 0.01, xy: 0, xz: 0, yz: 0}}
-  - {mass: 1.5, com: [0.15, 0, 0], inertia: {about: com, xx: 0.001, yy: 0.02, zz: 0.02, xy: 0, xz: 0, yz: 0}}
+  - {mass: 4.0, com: [0, 0, 50], inertia: {about: com, xx: 0.02, yy: 0.02, zz: 0.01, xy: 0, xz: 0, yz: 0}}
+  - {mass: 1.5, com: [150, 0, 0], inertia: {about: com, xx: 0.001, yy: 0.02, zz: 0.02, xy: 0, xz: 0, yz: 0}}
 """
 
 

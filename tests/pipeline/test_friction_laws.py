@@ -44,7 +44,7 @@ def robot(friction: list[str], drives: str = "") -> str:
         f"  - {{name: j{i}, type: revolute, alpha: 0, a: 300, d: 0, friction: {text}}}"
         for i, text in enumerate(friction)
     ]
-    link = "  - {mass: 2, com: [-0.1, 0, 0], inertia: {about: com, xx: 0.02, yy: 0.03, zz: 0.04}}"
+    link = "  - {mass: 2, com: [-100, 0, 0], inertia: {about: com, xx: 0.02, yy: 0.03, zz: 0.04}}"
     return HEAD + "\n".join(rows) + "\nlinks:\n" + "\n".join([link] * len(friction)) + "\n" + drives
 
 

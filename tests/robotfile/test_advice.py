@@ -71,7 +71,7 @@ CASES: list[tuple[dict[str, str], str, str, list[str]]] = [
     ({}, "com", "[0, -0,06, 0]", ["-0.06"]),
     ({}, "com", "[0,1, 0, 0]", ["0.1"]),
     ({}, "com", "[-1,5, 0, 0,25]", ["-1.5 and 0.25"]),
-    (MILLIMETRES, "com", "[0, -60, 0]", ["-60 mm"]),
+    (MILLIMETRES, "com", "[0, -0.06, 0]", ["-0.06 m"]),
     (MILLIMETRES, "a", "a2 + 30", ["offset: 30 mm"]),
     (MILLIMETRES, "a", "25 - a2", ["offset: 25 mm"]),
 ]

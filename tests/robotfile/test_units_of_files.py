@@ -6,7 +6,7 @@ import pytest
 import sympy as sp
 
 from rrrgen.errors import InputError
-from rrrgen.robotfile import RobotSpec, loads_spec
+from rrrgen.robotfile import RobotSpec, dumps, loads_spec
 
 ROW = "{type: revolute, alpha: ALPHA, a: A, d: 0, theta: 0}"
 PRISMATIC = "{type: prismatic, alpha: 0, a: 300, d: D, theta: THETA, limits: {lower: 10, upper: 900, velocity: 250}}"
@@ -107,7 +107,7 @@ def test_bare_parameters_are_si_in_si_files() -> None:
         ({"a": "L1", "parameters": "{L1: 300 mm, S: L1*L1}"}, "parameter S is a value in m^2"),
         ({"parameters": "{L1: 300 mm, L2: L1 + 3}"}, "adds a bare number to a parameter with a unit"),
         ({"alpha": "1.5708"}, "alpha of joint 1 is 1.5708 deg"),
-        ({"links": "[{mass: 1, com: [4, -180, 12], inertia: {about: com, xx: 1, yy: 1, zz: 1}}, {}]"}, "write -180 mm"),
+        ({"links": "[{mass: 1, com: [0, -0.18, 0], inertia: {about: com, xx: 1, yy: 1, zz: 1}}, {}]"}, "-0.18 m, or"),
     ],
 )  # fmt: skip
 def test_ambiguous_values_are_refused(changes: dict[str, str], expected: str) -> None:
@@ -142,3 +142,18 @@ def test_links_and_gravity_may_use_parameters_at_their_nominal_values() -> None:
     assert spec.links[0].com[0] == sp.Rational(-15, 100)
     assert spec.links[0].inertia[2] == sp.Rational(2, 10)
     assert (spec.links[1].mass, spec.links[1].com[1]) == (sp.Rational(1, 2), sp.Rational(12, 1000))
+
+
+def test_the_centre_of_mass_follows_the_units_of_the_file() -> None:
+    link = "{mass: 1, com: [COM], inertia: {about: com, xx: 1, yy: 1, zz: 1}}"
+    both = f"[{link}, {link}]".replace("COM", "4, -180, 0.1 m", 1).replace("COM", "0, 0, 2")
+    spec = loads_spec(robot(links=both))
+    assert spec.links[0].com == (sp.Rational(4, 1000), sp.Rational(-18, 100), sp.Rational(1, 10))
+    assert spec.links[1].com[2] == sp.Rational(2, 1000)
+    assert loads_spec(dumps(spec)).links == spec.links
+
+
+def test_lengths_below_a_millimetre_are_mentioned_once() -> None:
+    (fault,) = loads_spec(robot(a="0.3", d="0.5")).faults
+    assert "a of joint 1 is 0.3 mm, d of joint 2 is 0.5 mm" in fault.message
+    assert not loads_spec(robot(a="1", d="0")).faults

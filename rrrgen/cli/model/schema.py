@@ -8,7 +8,8 @@ from rrrgen.cli.arguments import print_json
 
 
 @click.command()
-def schema() -> None:
+@click.option("--markdown", is_flag=True, help="Print a page with a table of every key instead.")
+def schema(markdown: bool) -> None:
     """Print the JSON Schema of robot files.
 
     \b
@@ -18,5 +19,9 @@ def schema() -> None:
       # yaml-language-server: $schema=./robot.schema.json
     """
     from rrrgen.robotfile import json_schema
+    from rrrgen.robotfile.reference_page import reference_page
 
-    print_json(json_schema())
+    if markdown:
+        click.echo(reference_page(), nl=False)
+    else:
+        print_json(json_schema())

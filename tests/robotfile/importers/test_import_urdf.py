@@ -123,6 +123,7 @@ FAULTS = {
     "no parent": ('<parent link="upper"/>', "", "12:3", "joint 'fore-arm' has no <parent>"),
     "type": ('type="continuous"', 'type="continous"', "12:32", "the type of joint 'fore-arm' is 'continous'"),
     "floating": ('type="continuous"', 'type="floating"', "12:3", "is floating"),
+    "mimic": ('<child link="lower"/>', '<child link="lower"/><mimic joint="lift"/>', "12:3", "follows 'lift'"),
     "axis": ('"0 0 -1"', '"0 0 0"', "13:59", "xyz of <axis> has no direction"),
     "twice": ('<link name="tool">', '<link name="lower">', "7:3", "there are two links 'lower'"),
     "circle": ('<parent link="base"/>', '<parent link="tool"/>', "9:3", "the links around 'upper' carry each other"),

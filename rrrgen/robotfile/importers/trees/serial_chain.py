@@ -172,6 +172,9 @@ def _check_path(base: str, tip: str, moving: list[tuple[TreeJoint, bool]], fault
         if joint.kind not in MOVING:
             hint = f"revolute and prismatic joints make a serial chain; hold it with --hold {joint.name}=0"
             faults.error(joint.place, f"joint '{joint.name}' on the chain is {joint.kind}", hint)
+        elif joint.mimic is not None:
+            hint = f"a robot file couples drives, not joints: hold it with --hold {joint.name}=0, or end before it"
+            faults.error(joint.place, f"joint '{joint.name}' on the chain follows '{joint.mimic.of}'", hint)
     if not moving:
         faults.error(None, f"no joint moves between '{base}' and '{tip}'", "choose other ends with --base and --tip")
     if len(moving) > MAX_JOINTS:
