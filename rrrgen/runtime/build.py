@@ -12,14 +12,28 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Mapping, Sequence
+from importlib.machinery import ExtensionFileLoader
 from pathlib import Path
 from typing import Any
 
 from rrrgen.cache import cache_directory, digest, keep_library, prune, recall_library
 from rrrgen.errors import BuildError, StorageError, storage_error
+from rrrgen.extras import installed
 
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-fast-math", "-fPIC")
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-fast-math")
 """Flags of every build. No contraction to fused multiply-adds: results then do not depend on the processor."""
+
+SHARED: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "linux": (("-fPIC",), ("-lm",)),
+    "darwin": (("-fPIC",), ("-undefined", "dynamic_lookup")),
+    "win32": ((), (f"-L{Path(sys.base_prefix) / 'libs'}", f"-lpython{sys.version_info[0]}{sys.version_info[1]}")),
+}
+"""Flags to compile and to link a Python extension on each system; other systems are treated like Linux. Windows with
+gcc, clang or zig: untested."""
+
+ZIG = ("-m", "ziglang", "cc", "-fno-sanitize=undefined")
+"""The C compiler of the Python package ``ziglang``, run by this Python. Without the flag it adds checks of its own to
+the unoptimized part, whose library is not linked."""
 
 CONTRACT = ("-ffp-contract=fast",)
 """Flag for vectorized loops over states: a fifth faster with fused multiply-adds, equal to single states to
@@ -61,16 +75,22 @@ def build_extension(
 
 
 def find_compiler() -> list[str]:
-    """The command of the C compiler: ``$CC``, else the first of cc, gcc, clang. Raises BuildError if there is none."""
+    """The command of the C compiler: ``$CC``, else the first of cc, gcc, clang, else that of the package ziglang.
+
+    Raises BuildError if there is none.
+    """
     chosen = shlex.split(os.environ.get("CC", ""))
     for command in [chosen] if chosen else [["cc"], ["gcc"], ["clang"]]:
         program = shutil.which(command[0])
         if program:
             return [program, *command[1:]]
+    if not chosen and installed("ziglang"):
+        return [sys.executable, *ZIG]
     missing = f"the C compiler '{chosen[0]}' named by CC" if chosen else "a C compiler (cc, gcc or clang)"
     raise BuildError(
         f"{missing} was not found. Install one (Debian, Ubuntu: apt install gcc; Fedora: dnf install gcc; macOS: "
-        "xcode-select --install), or work without: rrrgen.compile(..., backend='numpy')"
+        "xcode-select --install; anywhere: pip install ziglang, a compiler as a Python package of 400 MB), or work "
+        "without: rrrgen.compile(..., backend='numpy')"
     )
 
 
@@ -87,6 +107,8 @@ def _include_directory() -> str:
 def _build(module: str, sources: Mapping[str, str], cdef: str, compile_command: list[str]) -> bytes:
     """Compile and link in a temporary directory; returns the bytes of the library."""
     include = _include_directory()
+    compile_flags, link_flags = SHARED.get(sys.platform, SHARED["linux"])
+    compile_command = [*compile_command, *compile_flags]
     with tempfile.TemporaryDirectory(dir=cache_directory(), prefix=".build-") as name:
         directory = Path(name)
         try:
@@ -104,9 +126,8 @@ def _build(module: str, sources: Mapping[str, str], cdef: str, compile_command: 
             ],
             directory,
         )
-        link = ["-undefined", "dynamic_lookup"] if sys.platform == "darwin" else []
         objects = [f"{unit}.o" for unit in units]
-        _run([[*compile_command, "-shared", *link, *objects, "-lm", "-o", "library.so"]], directory)
+        _run([[*compile_command, "-shared", *objects, *link_flags, "-o", "library.so"]], directory)
         return (directory / "library.so").read_bytes()
 
 
@@ -138,7 +159,8 @@ def _run(commands: list[list[str]], directory: Path) -> None:
 
 
 def _load(path: Path, module: str) -> tuple[Any, Any]:
-    spec = importlib.util.spec_from_file_location(module, path)
+    loader = ExtensionFileLoader(module, str(path))  # named, because Windows expects another suffix than .so
+    spec = importlib.util.spec_from_file_location(module, path, loader=loader)
     if spec is None or spec.loader is None:
         raise BuildError(f"the built extension cannot be loaded: {path}")
     try:

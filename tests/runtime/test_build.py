@@ -98,9 +98,19 @@ def test_what_the_compiler_refuses_is_shown(cache):
 def test_without_a_compiler_the_message_says_what_to_install(cache, monkeypatch):
     monkeypatch.setenv("PATH", "/nonexistent")
     monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr(build_module, "installed", lambda _: False)
     with pytest.raises(BuildError, match=r"(?s)C compiler.*was not found.*apt install gcc.*backend='numpy'") as caught:
         build_extension(SOURCES, CDEF, "twice")
     assert caught.value.exit_code == 5
+
+
+def test_without_a_compiler_of_the_system_the_one_from_pypi_is_used(cache, monkeypatch):
+    pytest.importorskip("ziglang", reason="the optional compiler from PyPI is not installed")
+    monkeypatch.setenv("PATH", "/nonexistent")
+    monkeypatch.delenv("CC", raising=False)
+    assert build_module.find_compiler()[:3] == [sys.executable, "-m", "ziglang"]
+    _, lib = build_extension(SOURCES, CDEF, "twice")
+    assert lib.twice(1.5) == 3.0
 
 
 def test_a_compiler_named_by_cc_is_used_or_missed(cache, monkeypatch):
