@@ -31,15 +31,32 @@ def usual_jobs() -> int:
     return min(MAX_JOBS, len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1)
 
 
-def parallel_map(function: Callable[[Task], Result], tasks: Sequence[Task], jobs: int) -> list[Result]:
+Tell = Callable[[int, int, str], None]
+"""``tell(done, total, message)``: how many tasks of how many are done, and of what kind they are."""
+
+
+def parallel_map(
+    function: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    jobs: int,
+    tell: Tell | None = None,
+    message: str = "",
+) -> list[Result]:
     """``[function(task) for task in tasks]``, computed by up to ``jobs`` processes that start tasks in the given order.
 
     Results must pickle. A task whose process failed or was killed is repeated in this process, so that its error
-    reaches the caller.
+    reaches the caller. ``tell(done, total, message)`` is called after every task, in the process that did it.
     """
     others = min(jobs, len(tasks)) - 1
     if others < 1 or not _has_one_thread():
-        return [function(task) for task in tasks]
+        results = []
+        for k, task in enumerate(tasks):
+            results.append(function(task))
+            if tell is not None:
+                tell(k + 1, len(tasks), message)
+        return results
+    if tell is not None:
+        function = _telling(function, len(tasks), tell, message)
     queue = _queue(len(tasks))
     children: list[_ChildProcess] = []
     try:
@@ -54,6 +71,19 @@ def parallel_map(function: Callable[[Task], Result], tasks: Sequence[Task], jobs
         for child in children:
             child.end()
     return [done[k] if k in done else function(task) for k, task in enumerate(tasks)]
+
+
+def _telling(function: Callable[[Task], Result], total: int, tell: Tell, message: str) -> Callable[[Task], Result]:
+    """``function``, which then tells how many calls have ended in all processes: each takes the next number."""
+    numbers = _queue(total)
+
+    def told(task: Task) -> Result:
+        result = function(task)
+        if number := os.read(numbers, INDEX_BYTES):
+            tell(int.from_bytes(number, "little") + 1, total, message)
+        return result
+
+    return told
 
 
 def _has_one_thread() -> bool:

@@ -10,7 +10,7 @@ from functools import partial
 from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rrrgen.parallel_map import parallel_map
+from rrrgen.parallel_map import Tell, parallel_map
 
 if TYPE_CHECKING:
     from rrrgen.backends import Identity, Language, Real
@@ -39,13 +39,16 @@ def without_collection() -> Iterator[None]:
 
 
 @without_collection()
-def derive(spec: RobotSpec, jobs: int = 1, groups: Sequence[str] = ("model",)) -> DerivedModel:
+def derive(
+    spec: RobotSpec, jobs: int = 1, groups: Sequence[str] = ("model",), tell: Tell | None = None
+) -> DerivedModel:
     """The optimized programs of all functions of a robot, with their ``_nominal`` specializations.
 
     Args:
         spec: the robot, as :func:`rrrgen.load_spec` reads it.
         jobs: the largest number of processes; the result does not depend on it.
         groups: names of groups of functions: "model", and "control" for observers and passivity-based control.
+        tell: called as ``tell(done, total, message)`` as the work proceeds.
 
     Raises:
         DerivationError: a function does not exist for this robot.
@@ -53,7 +56,7 @@ def derive(spec: RobotSpec, jobs: int = 1, groups: Sequence[str] = ("model",)) -
     from rrrgen.derive import derive_model
     from rrrgen.optimize import optimize
 
-    return optimize(derive_model(spec, groups), jobs)
+    return optimize(derive_model(spec, groups), jobs, tell)
 
 
 @without_collection()
@@ -65,6 +68,7 @@ def emit(
     jobs: int = 1,
     languages: Sequence[Language] = (),
     any_gravity: DerivedModel | None = None,
+    tell: Tell | None = None,
 ) -> dict[str, Contents]:
     """The files that ``rrrgen generate`` writes, as relative path -> contents; nothing is written.
 
@@ -76,6 +80,7 @@ def emit(
         jobs: the largest number of processes; the result does not depend on it.
         languages: printed in addition to C and CasADi, such as "rust".
         any_gravity: the model of the same robot with gravity as an input, to be written beside it, or None.
+        tell: called as ``tell(done, total, message)`` as the work proceeds.
 
     Raises:
         BackendError: a language cannot express a function.
@@ -91,11 +96,11 @@ def emit(
     backends = _backends(model.spec, real, trig, languages)
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     every: list[Callable[[], Any]] = [partial(_inverse_kinematics_data, model.spec, real), *chain.from_iterable(tasks)]
-    data, *printed = parallel_map(lambda task: task(), every, jobs)
+    data, *printed = parallel_map(lambda task: task(), every, jobs, tell, "printing sources")
     files = _assembled(model, identity, backends, tasks, printed)
     models = [model] if any_gravity is None else [model, any_gravity]
     for other in models[1:]:
-        files |= _further_model(other, real, trig, jobs)
+        files |= _further_model(other, real, trig, jobs, tell)
     files |= build_files(files, identity, Dialect(model.spec.name, real))
     files[MANIFEST] = manifest(model, identity, real, files, data, any_gravity)
     if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
@@ -103,7 +108,7 @@ def emit(
     return files
 
 
-def _further_model(model: DerivedModel, real: Real, trig: Trig, jobs: int) -> dict[str, Contents]:
+def _further_model(model: DerivedModel, real: Real, trig: Trig, jobs: int, tell: Tell | None) -> dict[str, Contents]:
     """The functions of a model that is written beside another one: C with its self-test, and CasADi."""
     from rrrgen.backends.c.backend import CBackend
     from rrrgen.backends.casadi.sources import CasadiBackend
@@ -112,7 +117,7 @@ def _further_model(model: DerivedModel, real: Real, trig: Trig, jobs: int) -> di
     identity = identify(model.spec)
     backends: list[Backend] = [CBackend(trig), CasadiBackend()]
     tasks = [backend.tasks(model, identity, real) for backend in backends]
-    printed = parallel_map(lambda task: task(), list(chain.from_iterable(tasks)), jobs)
+    printed = parallel_map(lambda task: task(), list(chain.from_iterable(tasks)), jobs, tell, "printing sources")
     return _assembled(model, identity, backends, tasks, printed)
 
 

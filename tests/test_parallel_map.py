@@ -119,3 +119,23 @@ def test_an_interrupt_ends_all_processes_without_a_word():
             print("interrupted")
         """)
     assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+def test_every_finished_task_is_told_with_the_number_of_those_done(jobs):
+    succeeds(f"""
+        reading, writing = os.pipe()
+
+        def task(k):
+            time.sleep(0.01)
+            return k
+
+        def tell(done, total, message):
+            os.write(writing, bytes([done, total]) + message[:1].encode())
+
+        assert parallel_map(task, range(10), {jobs}, tell, "squaring") == list(range(10))
+        os.close(writing)
+        told = os.read(reading, 1000)
+        assert sorted(told[::3]) == list(range(1, 11))
+        assert set(told[1::3]) == {{10}} and told[2::3] == b"s" * 10
+        """)

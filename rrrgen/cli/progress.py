@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
-Tell = Callable[[int, int, str], None]
+from rrrgen.parallel_map import Tell
 
 
 @contextmanager
-def progress_bar() -> Iterator[Tell]:
-    """A function ``tell(done, total, message)`` that draws on stderr; ``total`` 0 means that no end is known."""
+def progress_bar(in_processes: bool = False) -> Iterator[Tell]:
+    """A function ``tell(done, total, message)`` that draws on stderr; ``total`` 0 means that no end is known.
+
+    ``in_processes``: the bar is drawn by ``tell`` alone, which forked processes may call; otherwise a thread keeps it
+    moving, and processes with several threads cannot fork safely.
+    """
     if not sys.stderr.isatty():
         yield lambda done, total, message: None
         return
@@ -24,10 +28,13 @@ def progress_bar() -> Iterator[Tell]:
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, auto_refresh=not in_processes) as bar:
         task = bar.add_task("", total=None)
 
         def tell(done: int, total: int, message: str) -> None:
             bar.update(task, description=message, completed=done, total=total or None)
+            if in_processes:
+                bar.refresh()
 
         yield tell

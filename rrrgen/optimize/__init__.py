@@ -6,14 +6,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel, RecordedModel
+    from rrrgen.parallel_map import Tell
 
 
-def optimize(recorded: RecordedModel, jobs: int = 1) -> DerivedModel:
+def optimize(recorded: RecordedModel, jobs: int = 1, tell: Tell | None = None) -> DerivedModel:
     """The functions of ``recorded`` with as few operations as the passes reach, and a report of each pass.
 
     Functions of the base parameters gain a ``_nominal`` specialization with the numbers of the robot file. ``jobs`` is
-    the largest number of processes; the result does not depend on it.
+    the largest number of processes; the result does not depend on it. ``tell(done, total, message)`` is called as
+    functions are done.
     """
     from rrrgen.optimize.optimizer import Optimizer
 
-    return Optimizer()(recorded, jobs)
+    return Optimizer()(recorded, jobs, tell)

@@ -9,7 +9,7 @@ from rrrgen.derive.derived_model import DerivedModel, PassReport, RecordedModel
 from rrrgen.derive.functions.from_programs import SOURCES, as_nominal, by_chain_rule, with_forward_dynamics
 from rrrgen.optimize.choosing import Cheapest, Choice, Log
 from rrrgen.optimize.folding import Fold
-from rrrgen.parallel_map import parallel_map
+from rrrgen.parallel_map import Tell, parallel_map
 from rrrgen.program import Program, Role, count_operations
 
 
@@ -36,9 +36,9 @@ class Optimizer:
     max_chain_rule: int = 115  # halving costs 0.15 % (25 % of one function), doubling changes nothing
     search_anew_below: float = 0.8  # 0.6 costs 0.17 % (19 % of one function); 1 saves 0.02 % for a tenth more time
 
-    def __call__(self, recorded: RecordedModel, jobs: int = 1) -> DerivedModel:
+    def __call__(self, recorded: RecordedModel, jobs: int = 1, tell: Tell | None = None) -> DerivedModel:
         """The optimized model, computed by up to ``jobs`` processes; the result does not depend on their number."""
-        found = self._function_by_function(recorded, jobs)
+        found = self._function_by_function(recorded, jobs, tell)
         programs: dict[str, Program] = {}
         for name in recorded.alternatives:
             programs[name] = found[name].program
@@ -49,7 +49,7 @@ class Optimizer:
         passes = tuple(report for name in recorded.alternatives for report in found[name].reports)
         return recorded.optimized(programs, passes)
 
-    def _function_by_function(self, recorded: RecordedModel, jobs: int) -> dict[str, _Optimized]:
+    def _function_by_function(self, recorded: RecordedModel, jobs: int, tell: Tell | None) -> dict[str, _Optimized]:
         """Each function optimized as a task of its own, except that functions derived from each other form one task.
 
         The longest tasks start first.
@@ -58,7 +58,7 @@ class Optimizer:
         chain = [name for name in ("inverse_dynamics", *SOURCES) if name in variants]
         groups = [chain, *([name] for name in variants if name not in chain)]
         groups.sort(key=lambda names: -sum(count_operations(variants[name][0]).total for name in names))
-        found = parallel_map(lambda names: self._in_turn(recorded, names), groups, jobs)
+        found = parallel_map(lambda names: self._in_turn(recorded, names), groups, jobs, tell, "simplifying functions")
         return {name: one for group in found for name, one in group.items()}
 
     def _in_turn(self, recorded: RecordedModel, names: Sequence[str]) -> dict[str, _Optimized]:

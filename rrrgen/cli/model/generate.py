@@ -11,6 +11,7 @@ import click
 
 from rrrgen import pipeline
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument, words
+from rrrgen.cli.progress import progress_bar
 from rrrgen.parallel_map import usual_jobs
 from rrrgen.robotfile.keys import EMIT
 
@@ -95,12 +96,14 @@ def generate(
     spec = read_with_warnings(robot)
     wanted = {*spec.emit, *further}
     groups = ("model", *sorted(wanted & set(GROUPS)))
-    model = pipeline.derive(spec, jobs, groups)
-    any_gravity = pipeline.derive(spec.in_any_gravity(), jobs, groups) if "gravity" in wanted else None
+    languages: tuple[Language, ...] = ("rust",) if "rust" in wanted else ()
+    with progress_bar(in_processes=True) as tell:
+        tell(0, 0, "deriving")
+        model = pipeline.derive(spec, jobs, groups, tell)
+        any_gravity = pipeline.derive(spec.in_any_gravity(), jobs, groups, tell) if "gravity" in wanted else None
+        files = pipeline.emit(model, real, with_casadi and not only_check, trig, jobs, languages, any_gravity, tell)
     if verbose:
         _report_passes(model)
-    languages: tuple[Language, ...] = ("rust",) if "rust" in wanted else ()
-    files = pipeline.emit(model, real, with_casadi and not only_check, trig, jobs, languages, any_gravity)
     if only_check:
         diff = emit.differences(files, output)
         if as_json:
