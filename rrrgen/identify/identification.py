@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,11 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.identify.diagnosis.cause import Cause
 from rrrgen.identify.estimation.consistency import (
-    DEFAULT_STRENGTH,
     ConsistentEstimate,
-    Prior,
     consistent_estimate,
     default_prior,
 )
-from rrrgen.identify.estimation.definiteness import POSES, indefinite_share, mass_matrix, pose_limits
+from rrrgen.identify.estimation.definiteness import indefinite_share, mass_matrix, pose_limits
 from rrrgen.identify.estimation.essential import Essential, essential_parameters
 from rrrgen.identify.estimation.factoring import (
     Factors,
@@ -33,9 +31,10 @@ from rrrgen.identify.estimation.factoring import (
     rows_of_recordings,
     score,
 )
+from rrrgen.identify.estimation.friction_surfaces import with_linear_friction, without_laws
 from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
 from rrrgen.identify.estimation.identifiability import Direction, collinear, unexcited, weak_directions
-from rrrgen.identify.estimation.observations import KnownTorque, Observations, Recording, RowMaker
+from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
 from rrrgen.identify.estimation.parametrisation import Parametrisation, parametrise
 from rrrgen.identify.estimation.regression import (
     HUBER,
@@ -49,6 +48,8 @@ from rrrgen.identify.estimation.regression import (
 from rrrgen.identify.estimation.statistics import Whiteness, correlation_lags, residual_whiteness
 from rrrgen.identify.estimation.structure import Structure
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows
+from rrrgen.identify.friction_laws.choice import FrictionFit, fit_friction
+from rrrgen.identify.options import METHODS, Options
 from rrrgen.identify.parameter_names import explained_names, identified_units
 from rrrgen.identify.scoring.bandwidth import Tuning, reach, tune
 from rrrgen.identify.scoring.fingerprint import Fingerprint, fingerprint
@@ -58,46 +59,6 @@ from rrrgen.model.estimated_terms import Column, DriveTerms
 from rrrgen.model.standard_parameters import standard_names
 from rrrgen.recordings.repairs import Repairs
 from rrrgen.signals.processing import Processing
-
-Method = Literal["ordinary", "weighted", "robust"]
-METHODS: tuple[Method, ...] = ("ordinary", "weighted", "robust")
-
-
-@dataclass(frozen=True)
-class Options:
-    """Options of an identification: what to estimate, from which part of the data, and how.
-
-    - ``method``: ordinary, weighted or robust least squares.
-    - ``terms``: drive terms to estimate; those of the robot file if None.
-    - ``fixed``: known values of columns, ``{"fv1": 3.2}``; ``fixed_standard``: of standard parameters, ``{"my2": 0}``.
-    - ``known``: a torque that is subtracted from the measured one, as a function of the motion.
-    - ``split``: which part of the data is fitted; ``guard`` (s): guard band on both sides of its borders, the reach of
-      the filters if None.
-    - ``consistent``: also compute the physically consistent estimate, with ``prior`` (from the robot if None) of weight
-      ``prior_strength``.
-    - ``essential``: also reduce the model to its essential parameters.
-    - ``correlated``: allow for correlated residuals in the standard deviations.
-    - ``limits`` (2, n), ``poses``: range and number of the random poses at which M(q) is tested.
-    - ``seed``: of all random numbers; ``jobs``, ``cluster``: processes, or a Dask scheduler, that share the work.
-    """
-
-    method: Method = "weighted"
-    terms: DriveTerms | None = None
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    fixed_standard: Mapping[str, float] = field(default_factory=dict)
-    known: KnownTorque | None = None
-    split: Split = field(default_factory=Split)
-    guard: float | None = None
-    consistent: bool = True
-    prior: Prior | None = None
-    prior_strength: float = DEFAULT_STRENGTH
-    essential: bool = False
-    correlated: bool = True
-    limits: Array | None = None
-    poses: int = POSES
-    seed: int = 0
-    jobs: int = 1
-    cluster: str | None = None
 
 
 @dataclass(frozen=True)
@@ -133,6 +94,7 @@ class Identification:
       robot leaves undetermined, that the motion does, and that the data determine poorly; ``weak``: combinations that
       are hardly excited.
     - ``delivered``: the parameters of the written model, with their ``units`` and ``meanings``.
+    - ``friction``: the friction laws other than the linear one, None without any.
     - ``repairs``, ``diagnoses``: repairs of the recordings, and probable faults in them or in the robot file.
     - ``blocks``, ``held_out_blocks``, ``transform``: the rows and the map to the identifiable parameters, for figures.
     """
@@ -161,6 +123,7 @@ class Identification:
     units: tuple[str, ...]
     meanings: tuple[str, ...]
     hardly_determined: tuple[str, ...]
+    friction: FrictionFit | None = None
     repairs: tuple[Repairs, ...] = ()
     diagnoses: tuple[Cause, ...] = ()
     blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
@@ -200,14 +163,15 @@ def identify(
     for recording in recordings:
         if len(recording.joints) != model.n:
             raise InputError(f"a recording of {len(recording.joints)} joints for a robot with {model.n}")
-    regressor = FullRegressor(model, options.terms or DriveTerms.of_spec(model.spec))
-    chosen = parametrise(regressor, options.fixed, options.fixed_standard, options.seed)
-    tell(0, 0, f"{chosen.structure.rank} identifiable parameters")
     tuning = tune(processing, recordings, options.split)
     if options.split.kind != "none":
         guard = reach(tuning) if options.guard is None else options.guard
         options = replace(options, split=options.split.guarded(guard))
-    maker = RowMaker(regressor, tuning.processing, len(regressor.columns), options.known)
+    regressor, tuning, friction = _with_friction(model, recordings, tuning, options, tell)
+    chosen = parametrise(regressor, options.fixed, options.fixed_standard, options.seed)
+    tell(0, 0, f"{chosen.structure.rank} identifiable parameters")
+    width = len(regressor.columns)
+    maker = RowMaker(regressor, tuning.processing, width, options.known, regressor.sliding)
     observations = Observations(tuple(recordings), maker)
     blocks: Iterable[Rows]
     held_out: Iterable[Rows] = []
@@ -228,7 +192,31 @@ def identify(
     if int(np.sum(factors.fit.counts)) == 0:
         raise InputError("no row is left to fit: check the split of the data and the lowest speed")
     found = _Run(model, regressor, chosen, recordings, tuning, options, factors, blocks, held_out, tell).result()
-    return replace(found, repairs=tuple(recording.repairs for recording in recordings))
+    return replace(found, repairs=tuple(recording.repairs for recording in recordings), friction=friction)
+
+
+def _with_friction(
+    model: RigidModel, recordings: Sequence[Recording], tuning: Tuning, options: Options, tell: Progress
+) -> tuple[FullRegressor, Tuning, FrictionFit | None]:
+    """The regressor with the friction laws asked for, their shapes tuned on the fitted part of the data.
+
+    A law other than the linear one describes slow motion too: no rows are left out then.
+    """
+    terms = with_linear_friction(options.terms or DriveTerms.of_spec(model.spec), model.spec)
+    every = replace(tuning, processing=replace(tuning.processing, low_speed=()))
+    fit = fit_friction(
+        model,
+        recordings,
+        every.processing,
+        terms,
+        options.friction,
+        options.split,
+        options.known,
+        lambda message: tell(0, 0, message),
+    )
+    if fit is None:
+        return FullRegressor(model, terms), tuning, None
+    return FullRegressor(model, without_laws(terms, fit.surfaces), fit.surfaces), every, fit
 
 
 class _Run:
@@ -374,8 +362,8 @@ class _Run:
         estimates = {self.options.method: theta} | ({} if consistent is None else {"consistent": consistent.theta})
         stacked = np.column_stack(list(estimates.values()))
 
-        def torques(q: Array, dq: Array, ddq: Array) -> Array:
-            return np.asarray(self.regressor(q, dq, ddq) @ stacked)
+        def torques(q: Array, dq: Array, ddq: Array, s: Array | None = None) -> Array:
+            return np.asarray(self.regressor(q, dq, ddq, s) @ stacked)
 
         return score_models(
             tuple(estimates),
@@ -385,6 +373,7 @@ class _Run:
             self.options.split,
             known=self.options.known,
             columns=len(self.regressor.columns),
+            sliding=self.regressor.sliding,
         )
 
     def indefinite(self, theta: Array, consistent: ConsistentEstimate | None) -> dict[str, float]:

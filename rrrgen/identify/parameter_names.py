@@ -46,8 +46,10 @@ def column_unit(column: Column, weights: Array, revolute: Sequence[bool]) -> str
     type of each joint, for drive parameters.
     """
     if column.kind != "rigid":
-        turning = [revolute[i] for i, weight in enumerate(column.direction) if weight]
-        return DRIVE_UNITS[column.kind][0 if all(turning) else 1]
+        turning = all(revolute[i] for i, weight in enumerate(column.direction) if weight)
+        if column.kind == "law":
+            return column.unit if turning else column.unit.replace("N m", "N").replace("rad", "m")
+        return DRIVE_UNITS[column.kind][0 if turning else 1]
     present = np.abs(weights) > NEGLIGIBLE * np.max(np.abs(weights), initial=0.0)
     orders = [_order(name) for name, there in zip(standard_names(len(weights) // 10), present, strict=True) if there]
     return UNITS[max(orders, default=0)]
@@ -89,4 +91,6 @@ def explained_names(names: Sequence[str], columns: Sequence[Column], model: Any)
             lines.append(f"{name} = {words}")
     own = used & set(standard) or lines
     kinds = [kind for kind in MEANING if any(column.kind == kind and column.name in used for column in columns)]
-    return (*([STANDARD] if own else []), *(MEANING[kind] for kind in kinds), *lines)
+    laws = {re.sub(r"(\d+|_\w+)$", "", column.name): column.meaning for column in columns if column.kind == "law"}
+    told = [f"{name}: {meaning}" for name, meaning in laws.items()]
+    return (*([STANDARD] if own else []), *(MEANING[kind] for kind in kinds), *told, *lines)

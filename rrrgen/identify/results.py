@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +13,12 @@ from rrrgen.identify.estimation.consistency import ConsistentEstimate
 from rrrgen.identify.estimation.statistics import confidence_factor
 from rrrgen.model.drive_terms import SYMBOLS
 from rrrgen.model.standard_parameters import STANDARD, link_of, standard_names
-from rrrgen.robotfile.robot_spec import DriveSpec, FrictionSpec
+from rrrgen.robotfile.robot_spec import DriveSpec, FrictionSpec, LawSpec
 from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
     from rrrgen.arrays import Array
+    from rrrgen.identify.estimation.friction_surfaces import FrictionSurface
     from rrrgen.identify.estimation.full_regressor import RigidModel
     from rrrgen.identify.estimation.observations import Recording
     from rrrgen.identify.identification import Identification
@@ -39,6 +40,7 @@ def as_record(found: Identification) -> dict[str, Any]:
         "identified": [dict(zip(header, row, strict=True)) for row in rows],
         "names": list(found.meanings),
         "hardly_determined": list(found.hardly_determined),
+        "friction": None if found.friction is None else found.friction.to_json(),
         "diagnoses": [cause.to_json() for cause in found.diagnoses],
         "repairs": [repairs.to_json() for repairs in found.repairs],
         "identifiable_parameters": found.structure.rank,
@@ -138,27 +140,34 @@ def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Se
     return (*header, *beside), rows()
 
 
-def identified_spec(spec: RobotSpec, consistent: ConsistentEstimate, description: str = "") -> RobotSpec:
+def identified_spec(
+    spec: RobotSpec,
+    consistent: ConsistentEstimate,
+    description: str = "",
+    surfaces: Sequence[FrictionSurface] = (),
+) -> RobotSpec:
     """Copy of ``spec`` with the links, friction and (also coupled) drives of a physically consistent estimate.
 
     Inertia is stated about the origin of the link frame, as estimated; friction and drive terms that ``spec`` lacks are
-    added. ``description`` replaces that of the robot unless empty. Raises :class:`DerivationError` for an estimate that
-    a robot file cannot hold: a link without mass, or terms of a motor that the robot does not have.
+    added; ``surfaces`` are the joints and motors with other friction laws. ``description`` replaces that of the robot
+    unless empty. Raises :class:`DerivationError` for an estimate that a robot file cannot hold: a link without mass, or
+    terms of a motor that the robot does not have.
     """
     phi = consistent.phi.reshape(spec.n, len(STANDARD))
     if np.any(phi[:, 0] <= 0):
         raise DerivationError("a link without mass cannot be written into a robot file")
     left = dict(consistent.drives)
+    laws = {surface.owner: _law(surface, left) for surface in surfaces}
     joints = []
     for i, joint in enumerate(spec.joints):
-        friction, inertia = _identified(f"{i + 1}", joint.friction, left)
+        friction, inertia = _identified(f"{i + 1}", joint.friction, left, laws)
         drive = joint.drive if inertia is None else replace(joint.drive or DriveSpec(), inertia=inertia)
         joints.append(replace(joint, friction=friction, drive=drive))
     drives = spec.drives
     if drives is not None:
         motors = []
         for motor in drives.motors:
-            friction, inertia = _identified(f"_{motor.name}", motor.friction, left)
+            friction, inertia = _identified(f"_{motor.name}", motor.friction, left, laws)
             motors.append(replace(motor, friction=friction, inertia=motor.inertia if inertia is None else inertia))
         drives = replace(drives, motors=tuple(motors))
     if left:
@@ -167,13 +176,23 @@ def identified_spec(spec: RobotSpec, consistent: ConsistentEstimate, description
     return replace(spec, joints=tuple(joints), drives=drives, links=links, description=description or spec.description)
 
 
+def _law(surface: FrictionSurface, left: dict[str, float]) -> LawSpec:
+    """The law of a surface with its estimated parameters, which are removed from ``left``."""
+    linear = [left.pop(f"{parameter.name}{surface.owner}") for parameter in surface.definition.linear]
+    return LawSpec(surface.law, tuple(float(value) for value in surface.definition.joined(linear, surface.shapes)))
+
+
 def _identified(
-    owner: str, friction: FrictionSpec | None, left: dict[str, float]
+    owner: str, friction: FrictionSpec | None, left: dict[str, float], laws: Mapping[str, LawSpec]
 ) -> tuple[FrictionSpec | None, float | None]:
     """Friction and inertia of the joint or motor whose parameter names end in ``owner``; removes them from ``left``."""
     given = {field: left.pop(f"{symbol}{owner}", None) for field, symbol in FRICTION_SYMBOLS.items()}
     found: dict[str, Any] = {field: value for field, value in given.items() if value is not None}
-    if found:
+    if owner in laws:
+        friction = FrictionSpec(offset=found.get("offset"), law=laws[owner])
+    elif friction is not None and friction.law is not None:
+        friction = FrictionSpec(**found)  # the linear law was asked for instead of the stated one
+    elif found:
         friction = replace(friction or FrictionSpec(), **found)
     return friction, left.pop(f"Ia{owner}", None)
 
@@ -211,7 +230,10 @@ def write_identification(
     folder.write_csv("parameters.csv", *parameter_table(found))
     if found.consistent is not None:
         fits = {fit.hashes: fit for fit in (*spec.provenance, fitted_data(found, recordings))}
-        identified = replace(identified_spec(spec, found.consistent), provenance=tuple(fits.values()))
+        surfaces = () if found.friction is None else found.friction.surfaces
+        identified = replace(
+            identified_spec(spec, found.consistent, surfaces=surfaces), provenance=tuple(fits.values())
+        )
         folder.write_text("robot.yaml", dumps(identified))
     joints = [joint.name for joint in spec.joints]
     samples = found.fit["rows"] // spec.n
@@ -236,14 +258,20 @@ def _write_friction(
 ) -> None:
     """Write the figure ``friction`` if the model has friction."""
     from rrrgen.identify.diagnosis.sample import sample_of
+    from rrrgen.identify.estimation.full_regressor import FullRegressor
     from rrrgen.identify.torque_plots import plot_friction
     from rrrgen.model.drive_columns import drive_columns
+    from rrrgen.model.estimated_terms import DriveTerms
 
     sample = sample_of(recording, found.processing)
-    if sample is None or not any(column.kind in ("viscous", "coulomb") for column in found.columns):
+    kinds = {column.kind for column in found.columns}
+    if sample is None or not kinds & {"viscous", "coulomb", "law"}:
         return
-    drives = [column for column in found.columns if column.kind != "rigid"]
-    rigid = np.asarray(model.regressor(sample.q, sample.dq, sample.ddq))
-    W = np.concatenate([rigid, drive_columns(drives, sample.dq, sample.ddq)], axis=-1)
+    regressor = FullRegressor(model, DriveTerms(), () if found.friction is None else found.friction.surfaces)
+    drives = [column for column in found.columns if column.kind not in ("rigid", "law")]
+    W = regressor(sample.q, sample.dq, sample.ddq)
+    b = len(model.base_parameter_names)
+    W = np.concatenate([W[..., :b], drive_columns(drives, sample.dq, sample.ddq), W[..., b:]], axis=-1)
     revolute = [joint.is_revolute for joint in model.spec.joints]
-    folder.figure("friction", plot_friction(sample, W, found.columns, theta, recording.joints, revolute))
+    figure = plot_friction(sample, W, found.columns, theta, recording.joints, revolute, regressor.surfaces)
+    folder.figure("friction", figure)

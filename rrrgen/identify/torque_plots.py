@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.identify.diagnosis.sample import Sample
+from rrrgen.identify.estimation.friction_surfaces import FrictionSurface, law_columns
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.runs.figures import new_figure, style_axes
@@ -99,13 +100,19 @@ def plot_torque_curves(
 
 
 def plot_friction(
-    sample: Sample, W: Array, columns: Sequence[Column], theta: Array, joints: Sequence[str], revolute: Sequence[bool]
+    sample: Sample,
+    W: Array,
+    columns: Sequence[Column],
+    theta: Array,
+    joints: Sequence[str],
+    revolute: Sequence[bool],
+    surfaces: Sequence[FrictionSurface] = (),
 ) -> Figure:
     """Friction over speed for every joint: measured torque minus the rest of the model, and the identified law.
 
     ``W`` (N, n, p) is the regressor at the instants of ``sample``, ``columns`` and ``theta`` (p,) are its columns and
-    their parameters; ``revolute`` (n,) gives the joint types. Points off the line show what Coulomb and viscous
-    friction do not describe, such as a rise near standstill or another slope at high speed.
+    their parameters; ``revolute`` (n,) gives the joint types, ``surfaces`` the friction laws. Points off the line show
+    what the law does not describe, such as a rise near standstill or another slope at high speed.
     """
     n = len(joints)
     across = min(3, n)
@@ -116,7 +123,7 @@ def plot_friction(
         if i >= n:
             axis.set_visible(False)
             continue
-        own = [k for k, column in enumerate(columns) if column.kind in ("viscous", "coulomb", "offset")]
+        own = [k for k, column in enumerate(columns) if column.kind in ("viscous", "coulomb", "offset", "law")]
         own = [k for k in own if sum(w != 0.0 for w in columns[k].direction) == 1 and columns[k].direction[i] != 0.0]
         speed, use = sample.dq[:, i], sample.use[:, i]
         cloud = rest[:, i] + W[:, i, own] @ theta[own]
@@ -125,9 +132,19 @@ def plot_friction(
         for a, b in ((low, -1e-6), (1e-6, high)):
             v = np.zeros((50, n))
             v[:, i] = np.linspace(a, b, 50)
-            law = drive_columns([columns[k] for k in own], v, np.zeros_like(v))[:, i] @ theta[own]
+            law = _friction_at(v, own, columns, theta, surfaces)[:, i]
             axis.plot(v[:, i], law, color="C0", linewidth=1.4, label="identified law" if a < 0.0 else None)
         unit, speeds = ("N m", "rad/s") if revolute[i] else ("N", "m/s")
         style_axes(axis, f"speed of {joints[i]} [{speeds}]", f"friction [{unit}]")
     axes[0].legend(loc="upper left", fontsize=7)
     return figure
+
+
+def _friction_at(
+    v: Array, own: Sequence[int], columns: Sequence[Column], theta: Array, surfaces: Sequence[FrictionSurface]
+) -> Array:
+    """Friction torques (N, n) of the columns ``own`` at the speeds ``v`` (N, n), in sliding."""
+    linear = [k for k in own if columns[k].kind != "law"]
+    torque = drive_columns([columns[k] for k in linear], v, np.zeros_like(v)) @ theta[linear]
+    laws = [k for k, column in enumerate(columns) if column.kind == "law"]
+    return np.asarray(torque + law_columns(surfaces, v) @ np.where(np.isin(laws, own), theta[laws], 0.0))

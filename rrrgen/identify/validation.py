@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.friction.stated import stated_friction
+from rrrgen.friction.laws import LAWS
+from rrrgen.friction.models import FrictionModel
+from rrrgen.identify.estimation.friction_surfaces import FrictionSurface, Sliding, law_columns, stated_laws
 from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
 from rrrgen.identify.estimation.statistics import relative_error, rms
 from rrrgen.identify.estimation.tsqr import Rows
@@ -24,12 +26,12 @@ from rrrgen.identify.scoring.fingerprint import UNKNOWN, Label
 from rrrgen.identify.scoring.scores import Score, score_models
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import friction_terms
-from rrrgen.robotfile.robot_spec import FrictionSpec
 from rrrgen.signals.decimation import Decimator
 from rrrgen.signals.processing import Processing
 
-TorqueModel = Callable[[Array, Array, Array], Array]
-"""Motion (q, dq, ddq), (N, n) each, to joint torques (N, n)."""
+TorqueModel = Callable[..., Array]
+"""Motion (q, dq, ddq), (N, n) each, to joint torques (N, n); with an attribute ``sliding`` also the states of friction.
+"""
 
 MAIN_LOBE = 2
 """Half width, in decimated samples, of the main lobe of the decimation filter: neighbours that it mixes strongly."""
@@ -178,12 +180,14 @@ def validate_recordings(
     ``options`` are the other keyword arguments of :func:`score_torques`.
     """
 
-    def as_column(q: Array, dq: Array, ddq: Array) -> Array:
-        return np.asarray(torque_model(q, dq, ddq))[..., None]
+    def as_column(*motion: Array) -> Array:
+        return np.asarray(torque_model(*motion))[..., None]
+
+    sliding = getattr(torque_model, "sliding", None)
 
     tuning = tune(processing, recordings)
     chosen = tuning.processing
-    blocks = list(Observations(tuple(recordings), RowMaker(as_column, chosen, columns=1)))
+    blocks = list(Observations(tuple(recordings), RowMaker(as_column, chosen, 1, sliding=sliding)))
     left = None if noise is None else [value * noise_gain(chosen.decimate or 1) for value in noise]
     result = score_torques(
         np.concatenate([rows.t for rows in blocks]),
@@ -195,7 +199,8 @@ def validate_recordings(
         **options,
     )
     labels = (result.label, "held out")  # nothing is split off here
-    return replace(result, tuning=tuning, scores=score_models(("model",), as_column, recordings, tuning, labels=labels))
+    scores = score_models(("model",), as_column, recordings, tuning, labels=labels, sliding=sliding)
+    return replace(result, tuning=tuning, scores=scores)
 
 
 def _undisturbed(blocks: Sequence[Rows], decimate: int) -> NDArray[np.bool_]:
@@ -271,36 +276,51 @@ def column_model(regressor: Callable[[Array, Array, Array], Array], theta: Array
     return torque
 
 
-def robot_model(model: Any) -> TorqueModel:
+@dataclass(frozen=True, eq=False)
+class RobotTorque:
     """Torque model of a compiled robot as its file describes it: inverse dynamics plus friction.
 
-    Friction is computed from the columns of identification, whose Coulomb term is zero at rest, so that round-off of a
-    reconstructed speed has no sign.
+    Friction is computed from the columns of identification, in which the sign of a speed is zero at rest, so that
+    round-off of a reconstructed speed has none. ``sliding`` gives the states of friction laws; without states they are
+    taken in sliding, as are laws that no regressor holds, ``others`` with the direction of each.
     """
+
+    model: Any
+    terms: tuple[Any, ...]
+    surfaces: tuple[FrictionSurface, ...]
+    values: Array
+    others: tuple[tuple[Array, FrictionModel], ...] = ()
+
+    @property
+    def sliding(self) -> Sliding | None:
+        """The states of the friction laws; None without any."""
+        return Sliding.of(self.surfaces)
+
+    def __call__(self, q: Array, dq: Array, ddq: Array, s: Array | None = None) -> Array:
+        """Joint torques (N, n) at N instants; ``s`` (N, m) are the directions of friction with a state."""
+        speeds = np.asarray(dq, dtype=float)
+        drives = drive_columns(self.terms, speeds, np.asarray(ddq, dtype=float))
+        columns = np.concatenate([drives, law_columns(self.surfaces, speeds, s)], axis=-1)
+        torque = self.model.inverse_dynamics(q, dq, ddq) + columns @ self.values
+        for w, friction in self.others:
+            torque = torque + friction.torque(speeds @ w[:, None]) * w
+        return np.asarray(torque)
+
+
+def robot_model(model: Any) -> RobotTorque:
+    """Torque model of a compiled robot."""
     terms = friction_terms(model.spec)
-    values = np.array([term.value for term in terms])
-    spec = model.spec
-    laws = [_law_alone(joint.friction) for joint in spec.joints]
-    laws += [] if spec.drives is None else [_law_alone(motor.friction) for motor in spec.drives.motors]
-    W = (
-        np.eye(spec.n)
-        if spec.drives is None
-        else np.vstack([np.eye(spec.n), spec.drives.motor_from_joint]).astype(float)
-    )
-    named = stated_friction(laws)
-
-    def torque(q: Array, dq: Array, ddq: Array) -> Array:
-        friction = drive_columns(terms, np.asarray(dq, dtype=float), np.asarray(ddq, dtype=float)) @ values
-        if named is not None:
-            friction = friction + named.torque(np.asarray(dq) @ W.T) @ W
-        return np.asarray(model.inverse_dynamics(q, dq, ddq) + friction)
-
-    return torque
-
-
-def _law_alone(friction: Any) -> Any:
-    """The friction of a joint or motor without its linear terms."""
-    return None if friction is None or friction.law is None else FrictionSpec(law=friction.law)
+    values = [term.value for term in terms]
+    surfaces, others = [], []
+    for owner, direction, law in stated_laws(model.spec):
+        definition = LAWS[law.name]
+        if definition.factors is None:
+            others.append((np.array(direction), FrictionModel(definition, np.array([law.values]))))
+        else:
+            linear, shapes = definition.split(law.values)
+            surfaces.append(FrictionSurface(owner, direction, law.name, tuple(shapes)))
+            values += linear
+    return RobotTorque(model, terms, tuple(surfaces), np.array(values, dtype=float), tuple(others))
 
 
 def summary(result: Validation) -> list[Mapping[str, Any]]:

@@ -13,16 +13,23 @@ from rrrgen.errors import InputError
 from rrrgen.model.drive_terms import KINDS, SYMBOLS, drive_terms, unit
 from rrrgen.model.drive_terms import Kind as DriveKind
 
-Kind = Literal["rigid"] | DriveKind
+Kind = Literal["rigid", "law"] | DriveKind
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the identification regressor: name, kind and, for a drive term, direction ``w`` (n,)."""
+    """One column of the identification regressor: name, kind and, for a drive term, direction ``w`` (n,).
+
+    A parameter of a friction law also has its ``unit`` at a revolute joint and its ``meaning``; it is ``bounded`` if it
+    must not be negative.
+    """
 
     name: str
     kind: Kind
     direction: tuple[float, ...] = ()
+    unit: str = ""
+    meaning: str = ""
+    bounded: bool = False
 
 
 @dataclass(frozen=True)

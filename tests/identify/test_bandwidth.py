@@ -14,7 +14,8 @@ from rrrgen.errors import InputError
 from rrrgen.identify.estimation.factoring import factor_recordings
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.observations import Observations, RowMaker
-from rrrgen.identify.identification import Options, identify
+from rrrgen.identify.identification import identify
+from rrrgen.identify.options import Options
 from rrrgen.identify.scoring.bandwidth import bandwidth_of, fitted_stretches, motion_bandwidth, reach, tune
 from rrrgen.identify.scoring.scores import score_table
 from rrrgen.identify.scoring.split import Split

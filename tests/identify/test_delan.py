@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.identify.identification import Options, identify
+from rrrgen.identify.identification import identify
+from rrrgen.identify.options import Options
 from rrrgen.identify.scoring.split import Split
 from rrrgen.recordings.logs import read_log
 from rrrgen.signals.processing import Processing

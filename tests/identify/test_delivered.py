@@ -19,7 +19,8 @@ from rrrgen.identify.estimation.regression import (
 )
 from rrrgen.identify.estimation.statistics import correlation_lags, residual_whiteness
 from rrrgen.identify.estimation.tsqr import Rows, factor_rows
-from rrrgen.identify.identification import Options, identify
+from rrrgen.identify.identification import identify
+from rrrgen.identify.options import Options
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.logs import Log
 from rrrgen.robotfile import dumps

@@ -12,7 +12,8 @@ import rrrgen
 from rrrgen.cli.main import cli
 from rrrgen.identify.diagnosis.cause import Cause, Wording, merged
 from rrrgen.identify.diagnosis.report import diagnose_fit, diagnose_recordings
-from rrrgen.identify.identification import Options, identify
+from rrrgen.identify.identification import identify
+from rrrgen.identify.options import Options
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.recordings.log_stream import LogStream
 from rrrgen.recordings.logs import Log, open_log

@@ -10,7 +10,8 @@ from rrrgen.errors import InputError
 from rrrgen.identify.convergence import convergence
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation_plots import bode_data, plot_bode, plot_whiteness
-from rrrgen.identify.identification import Options, identify
+from rrrgen.identify.identification import identify
+from rrrgen.identify.options import Options
 from rrrgen.identify.results import as_record, write_identification
 from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import DriveTerms

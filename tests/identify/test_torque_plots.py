@@ -9,7 +9,8 @@ from rrrgen.identify.convergence import convergence
 from rrrgen.identify.diagnosis.sample import Sample
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.identify.estimation_plots import plot_bode, plot_convergence
-from rrrgen.identify.identification import Options, identify
+from rrrgen.identify.identification import identify
+from rrrgen.identify.options import Options
 from rrrgen.identify.results import write_identification
 from rrrgen.identify.scoring.split import Split
 from rrrgen.identify.torque_plots import force_units, plot_friction, torque_curves

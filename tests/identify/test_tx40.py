@@ -12,7 +12,9 @@ from rrrgen.identify.estimation.observations import Observations, RowMaker, reco
 from rrrgen.identify.estimation.regression import least_squares, weighted_least_squares
 from rrrgen.identify.estimation.structure import structure_of
 from rrrgen.identify.estimation.tsqr import Rows, factor_rows
-from rrrgen.identify.identification import Options, identify
+from rrrgen.identify.friction_laws.choice import LawChoice
+from rrrgen.identify.identification import identify
+from rrrgen.identify.options import Options
 from rrrgen.identify.results import identified_spec
 from rrrgen.identify.scoring.split import Split
 from rrrgen.identify.validation import robot_model
@@ -109,6 +111,17 @@ def test_interleaved_blocks(case):
     assert result.consistent_held_out["relative_error"] <= INTERLEAVED
     assert result.held_out["relative_error"] <= 0.0629
     assert found(case, "blocks:0.5", correlated=False).consistent_held_out["relative_error"] <= 0.06
+
+
+@pytest.mark.parametrize(("split", "most"), [("none", 0.05), ("blocks:0.5", 0.054), ("first:0.6", 0.08)])
+def test_friction_with_presliding_and_an_exponential_term(case, split, most):
+    """All samples, slow ones too, friction evaluated at 5 kHz, shapes tuned on the fitted part alone."""
+    laws = LawChoice("dahl_exponential")
+    result = found(case, split, guard=0.0, friction=laws, consistent=False, correlated=False, poses=2)
+    data = "in sample" if split == "none" else "held out"
+    (score,) = [each for each in result.scores if each.torque != "unfiltered" and each.data == data]
+    assert (score.rows, score.share) == ("all", 1.0)
+    assert score.relative_error <= most
 
 
 def test_the_figures_say_what_they_were_measured_on(everything):

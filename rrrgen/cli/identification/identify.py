@@ -55,6 +55,13 @@ if TYPE_CHECKING:
     help="Guard band in seconds, left out on both sides of every border of --split; default: reach of the filters.",
 )
 @click.option(
+    "--friction",
+    multiple=True,
+    metavar="LAW",
+    help="Friction law to fit at all joints, or JOINT=LAW at one; auto chooses by held-out error. "
+    "Default: as the robot file states. Repeat for several.",
+)
+@click.option(
     "--fix",
     multiple=True,
     metavar="NAME=VALUE",
@@ -78,6 +85,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     Examples:
       rrrgen identify rrr --log runs/log.yaml -o runs/identified
       rrrgen identify examples/tx40/robot.yaml --log examples/tx40/log.yaml --split first:0.6 -o runs/tx40
+      rrrgen identify examples/tx40/robot.yaml --log examples/tx40/log.yaml --friction auto -o runs/tx40_friction
     """
     consistency = ("cvxpy", "clarabel") if options["consistent"] else ()
     require("rrrgen identify", "scipy", "matplotlib", *consistency, *parallel_packages(options))
@@ -86,8 +94,9 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     from rrrgen import pipeline
     from rrrgen.identify.diagnosis.cause import merged
     from rrrgen.identify.diagnosis.report import diagnose_fit, diagnose_recordings
-    from rrrgen.identify.identification import Options
+    from rrrgen.identify.friction_laws.choice import LawChoice
     from rrrgen.identify.identification import identify as estimate
+    from rrrgen.identify.options import Options
     from rrrgen.identify.results import as_record, write_identification
     from rrrgen.identify.scoring.split import Split
     from rrrgen.model.estimated_terms import DriveTerms
@@ -105,6 +114,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     chosen = Options(
         method=options["estimator"],
         terms=DriveTerms.of_spec(spec),
+        friction=LawChoice.parse(options["friction"], spec),
         fixed=columns,
         fixed_standard=standard,
         split=Split.parse(options["split"]),
@@ -115,7 +125,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         jobs=options["jobs"],
         cluster=options["cluster"],
     )
-    named = ("estimator", "split", "guard", "fix", "consistent", "essential", "skip_truncated_line")
+    named = ("estimator", "split", "guard", "friction", "fix", "consistent", "essential", "skip_truncated_line")
     settings = {**processing.settings(), **{name: options[name] for name in named}}
     inputs = input_files(robot, logs, mappings)
     with (
@@ -178,6 +188,8 @@ def _report(found: Identification, output: Path) -> None:
     from rrrgen.identify.scoring.scores import score_table
 
     for line in parameter_lines(found):
+        click.echo(line)
+    for line in () if found.friction is None else found.friction.lines():
         click.echo(line)
     for sentence in found.tuning.sentences():
         click.echo(sentence)

@@ -29,7 +29,8 @@ from rrrgen.experiments.writing import (
 )
 from rrrgen.friction.models import FrictionModel, coulomb_viscous
 from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.identification import Identification, Options, identify
+from rrrgen.identify.identification import Identification, identify
+from rrrgen.identify.options import Options
 from rrrgen.identify.scoring.fingerprint import common_share, fingerprint
 from rrrgen.identify.validation import Thresholds, Validation, column_model, validate_recordings
 from rrrgen.model.estimated_terms import DriveTerms

@@ -15,7 +15,7 @@ from rrrgen.identify.diagnosis.missing_terms import missing_terms
 from rrrgen.identify.diagnosis.motion import Motion, clock, clock_factor
 from rrrgen.identify.diagnosis.recorded_speed import recorded_speed
 from rrrgen.identify.diagnosis.sample import Sample, sample_of
-from rrrgen.identify.diagnosis.trial import AllTerms
+from rrrgen.identify.diagnosis.trial import AllTerms, linear_stand_ins
 from rrrgen.identify.diagnosis.unexplained import unexplained
 from rrrgen.identify.diagnosis.wiring import Corrected, corrected
 from rrrgen.identify.estimation.full_regressor import RigidModel
@@ -52,7 +52,7 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
 
     ``found`` is the identification of ``model`` from these recordings.
     """
-    regressor = AllTerms(model, found.columns)
+    regressor = AllTerms(model, linear_stand_ins(found.columns))
     causes: list[Cause] = []
     for recording in recordings:
         sample = sample_of(recording, found.processing)
@@ -67,7 +67,7 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
 def _of_sample(regressor: AllTerms, sample: Sample, words: Wording, found: Identification) -> list[Cause]:
     """Test wiring first, then masses, signs and missing terms on the corrected sample, and last unexplained errors."""
     names = regressor.names
-    estimated = [column.name for column in found.columns]
+    estimated = [column.name for column in linear_stand_ins(found.columns)]
     inside = [k for k, name in enumerate(names) if name in estimated]
     # friction at every joint; an offset or a drive inertia that is not in the model may stand for gravity or a link
     plain = [k for k, name in enumerate(names) if name in estimated or name.startswith(("fv", "fc"))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -53,6 +54,21 @@ class AllTerms:
             if column.kind == "inertia":
                 found += value * np.asarray(column.direction) ** 2
         return found
+
+
+def linear_stand_ins(columns: Sequence[Column]) -> tuple[Column, ...]:
+    """``columns`` with viscous and Coulomb friction in the place of other friction laws.
+
+    A wrong sign or unit is many times larger than the difference between two laws.
+    """
+    found = {column.name: column for column in columns if column.kind != "law"}
+    for column in columns:
+        if column.kind == "law":
+            end = re.search(r"(\d+|_\w+)$", column.name)
+            for kind, symbol in (("viscous", "fv"), ("coulomb", "fc")):
+                name = f"{symbol}{end.group() if end else ''}"
+                found.setdefault(name, Column(name, kind, column.direction))  # type: ignore[arg-type]
+    return tuple(found.values())
 
 
 @dataclass(frozen=True)

@@ -227,8 +227,8 @@ class _Program:
         A = np.column_stack([R[:, :b] @ K @ self.to_phi, R[:, b:-1] * self.drive_size])
         # only the triangular factor of the (possibly rank-deficient) problem enters the solver
         self.A, self.z = _reduced(A, R[:, -1])
-        self.bounded = [10 * n + i for i, column in enumerate(drives) if column.kind in NON_NEGATIVE]
-        self.free = [10 * n + i for i, column in enumerate(drives) if column.kind not in NON_NEGATIVE]
+        self.bounded = [10 * n + i for i, column in enumerate(drives) if _is_bounded(column)]
+        self.free = [10 * n + i for i, column in enumerate(drives) if not _is_bounded(column)]
         self.n, self.basis, self.strength = n, basis, prior.strength
 
     def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, dict[str, Any], Neighbourhood]:
@@ -297,6 +297,11 @@ class _Program:
         values = np.asarray(x.value, float)
         values[self.bounded] = np.maximum(values[self.bounded], 0.0)
         return values, str(problem.status)
+
+
+def _is_bounded(column: Column) -> bool:
+    """Whether the parameter of a drive must not be negative."""
+    return column.kind in NON_NEGATIVE or column.bounded
 
 
 def _null_space(rows: Array) -> Array:

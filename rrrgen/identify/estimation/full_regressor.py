@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.identify.estimation.friction_surfaces import FrictionSurface, Sliding, law_columns
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.estimated_terms import Column, DriveTerms
 
@@ -31,19 +32,22 @@ class RigidModel(Protocol):
 
 @dataclass(frozen=True)
 class FullRegressor:
-    """Regressor ``W(q, dq, ddq)`` (N, n, p): base columns of ``model``, then the columns of the drive ``terms``.
+    """Regressor ``W(q, dq, ddq)`` (N, n, p): base columns of ``model``, columns of the drive ``terms``, friction laws.
 
-    ``tau = W theta`` with the base parameters and the drive parameters in theta. Source: (14.10), (14.11).
+    ``tau = W theta`` with the base parameters, the drive parameters and the linear parameters of the friction laws of
+    ``surfaces`` in theta. Source: (14.10), (14.11).
     """
 
     model: RigidModel
     terms: DriveTerms
+    surfaces: tuple[FrictionSurface, ...] = ()
 
     @property
     def columns(self) -> tuple[Column, ...]:
         """The p columns in order."""
         rigid = tuple(Column(name, "rigid") for name in self.model.base_parameter_names)
-        return rigid + self.terms.columns(self.model.n)
+        laws = tuple(column for surface in self.surfaces for column in surface.columns())
+        return rigid + self.terms.columns(self.model.n) + laws
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -55,19 +59,30 @@ class FullRegressor:
         from rrrgen.runtime.model import Model
 
         if isinstance(self.model, Model):
-            return _compiled_regressor, (self.model.spec, self.terms)
-        return FullRegressor, (self.model, self.terms)
+            return _compiled_regressor, (self.model.spec, self.terms, self.surfaces)
+        return FullRegressor, (self.model, self.terms, self.surfaces)
 
-    def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """W (N, n, p) at N instants; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds."""
+    @property
+    def sliding(self) -> Sliding | None:
+        """The states of the friction laws; None without any."""
+        return Sliding.of(self.surfaces)
+
+    def __call__(self, q: Array, dq: Array, ddq: Array, s: Array | None = None) -> Array:
+        """W (N, n, p) at N instants; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds.
+
+        ``s`` (N, m) are the directions of friction with a state; without them it slides.
+        """
         drives = drive_columns(self.terms.columns(self.model.n), np.asarray(dq, float), np.asarray(ddq, float))
-        return np.concatenate([np.asarray(self.model.regressor(q, dq, ddq)), drives], axis=-1)
+        rigid = np.asarray(self.model.regressor(q, dq, ddq))
+        if not self.surfaces:
+            return np.concatenate([rigid, drives], axis=-1)
+        return np.concatenate([rigid, drives, law_columns(self.surfaces, np.asarray(dq, float), s)], axis=-1)
 
 
 _COMPILED: dict[bytes, RigidModel] = {}
 
 
-def _compiled_regressor(spec: Any, terms: DriveTerms) -> FullRegressor:
+def _compiled_regressor(spec: Any, terms: DriveTerms, surfaces: tuple[FrictionSurface, ...]) -> FullRegressor:
     """The regressor of ``spec``; each robot is compiled once per process."""
     import pickle
 
@@ -76,4 +91,4 @@ def _compiled_regressor(spec: Any, terms: DriveTerms) -> FullRegressor:
     key = pickle.dumps(spec)
     if key not in _COMPILED:
         _COMPILED[key] = compile(spec)
-    return FullRegressor(_COMPILED[key], terms)
+    return FullRegressor(_COMPILED[key], terms, surfaces)

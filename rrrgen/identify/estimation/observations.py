@@ -14,6 +14,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
+from rrrgen.identify.estimation.friction_surfaces import Sliding
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.recordings.log_stream import Part, joined
 from rrrgen.recordings.repairs import Repairs
@@ -24,7 +25,8 @@ from rrrgen.signals.reconstruction import Reconstruction, Reconstructor
 BLOCK_BYTES = 4_000_000  # size of the part of the regressor held in memory
 SHORTEST_BLOCK = 500  # samples
 
-Regressor = Callable[[Array, Array, Array], Array]
+Regressor = Callable[..., Array]
+"""``W(q, dq, ddq)``, or ``W(q, dq, ddq, s)`` with the states s of friction."""
 KnownTorque = Callable[[Reconstruction], Array]
 
 
@@ -50,13 +52,14 @@ class RowMaker:
 
     ``regressor(q, dq, ddq)`` gives W (N, n, p) with p = ``columns``; ``processing`` holds filters and lowest speeds.
     ``known`` is a torque as a function of the motion that is subtracted from the measured one first, such as friction
-    that is already known, (14.19).
+    that is already known, (14.19). ``sliding`` gives the states of friction that the regressor takes, if any.
     """
 
     regressor: Regressor
     processing: Processing
     columns: int
     known: KnownTorque | None = None
+    sliding: Sliding | None = None
 
     def memory(self, period: float) -> int:
         """Number of samples on either side that a row depends on, for a sampling ``period`` in s."""
@@ -69,19 +72,41 @@ class RowMaker:
             raise InputError("the recording has no torques: nothing can be estimated from it")
         motion = reconstruct(part, self.processing)
         tau = part.tau if self.known is None else part.tau - self.known(motion)
+        states = None if self.sliding is None else self._states(window, motion.q)
         decimate = Decimator(self.processing.decimate or 1)
         block = max(SHORTEST_BLOCK, decimate.memory, BLOCK_BYTES // (8 * part.q.shape[1] * self.columns))
         for start in range(window.start, window.stop, block):
             stop = min(start + block, window.stop)
             lo, hi = max(0, start - decimate.memory), min(len(part), stop + decimate.memory)
             kept = _kept(decimate, part.first + lo, start - lo, stop - lo, hi - lo)
-            rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept)
+            given = () if states is None else (states[lo:hi],)
+            rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept, given)
             yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
 
-    def _block(self, motion: Reconstruction, tau: Array, part: Part, decimate: Decimator, kept: slice) -> Rows:
+    def _states(self, window: Window, q: Array) -> Array:
+        """States of friction (N, m) along the positions ``q`` (N, n) of a window, constant before its known state."""
+        assert self.sliding is not None
+        lead, start = (0, self.sliding.start()) if window.state is None else window.state
+        states = self.sliding.states(q[lead:], start)
+        return np.concatenate([np.broadcast_to(start, (lead, len(start))), states])
+
+    def following(self, window: Window) -> tuple[int, Array] | None:
+        """Known state of friction for the window after ``window`` in the same stretch: sample, and directions (m,).
+
+        Filtered positions are exact from the reach of the reconstruction on, so the state is known from there on.
+        """
+        if self.sliding is None:
+            return None
+        states = self._states(window, reconstruct(window.part, self.processing).q)
+        at = max(0, window.stop - Decimator(self.processing.decimate or 1).memory)
+        return at - max(0, window.stop - self.memory(window.period)), states[at]
+
+    def _block(
+        self, motion: Reconstruction, tau: Array, part: Part, decimate: Decimator, kept: slice, given: tuple[Array, ...]
+    ) -> Rows:
         """Filter both sides of the equations alike; samples with an invalid torque are set to zero on both sides."""
         first = part.first
-        W = self.regressor(motion.q, motion.dq, motion.ddq) * part.valid[..., None]
+        W = self.regressor(motion.q, motion.dq, motion.ddq, *given) * part.valid[..., None]
         sound = decimate(part.valid.astype(float), first)[kept] > 0.5
         speed = np.abs(decimate(motion.dq, first)[kept])
         use = sound & (speed >= np.asarray(self.processing.low_speed)) if self.processing.low_speed else sound
@@ -110,6 +135,7 @@ class Window:
     """A piece of a recording: rows are made of samples ``start`` to ``stop`` of ``part``; the others feed the filters.
 
     ``recording`` is the number of the recording, ``segment`` that of the uninterrupted stretch over all recordings.
+    ``period`` is that of the sampling, s; ``state`` is a sample of the part and the states of friction at it.
     """
 
     part: Part
@@ -117,6 +143,8 @@ class Window:
     stop: int
     recording: int = 0
     segment: int = 0
+    period: float = 0.0
+    state: tuple[int, Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -134,10 +162,14 @@ class Observations:
         """Iterate over the windows of all recordings."""
         segment = -1
         for number, recording in enumerate(self.recordings):
-            last = -1
+            last, state = -1, None  # of friction
             for window in windows(recording, self.maker.memory(recording.period)):
-                segment, last = segment + int(window.part.segment != last), window.part.segment
-                yield replace(window, recording=number, segment=segment)
+                if window.part.segment != last:
+                    segment, last, state = segment + 1, window.part.segment, None
+                numbered = replace(window, recording=number, segment=segment, period=recording.period, state=state)
+                yield numbered
+                if window.stop < len(window.part):
+                    state = self.maker.following(numbered)
 
 
 def windows(recording: Recording, memory: int) -> Iterator[Window]:

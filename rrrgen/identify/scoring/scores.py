@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
+from rrrgen.identify.estimation.friction_surfaces import Sliding
 from rrrgen.identify.estimation.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.identify.scoring.bandwidth import Tuning
 from rrrgen.identify.scoring.split import Split
 
-TorqueModels = Callable[[Array, Array, Array], Array]
+TorqueModels = Callable[..., Array]
 """Motion (q, dq, ddq), (N, n) each, to the joint torques (N, n, k) of k models."""
 
 Selection = Literal["moving", "all"]
@@ -65,6 +66,7 @@ def score_models(
     *,
     known: KnownTorque | None = None,
     columns: int = 1,
+    sliding: Sliding | None = None,
     labels: tuple[str, str] = ("in sample", "held out"),
 ) -> tuple[Score, ...]:
     """Score several models on the fitted and the held-out part of ``recordings``.
@@ -72,10 +74,11 @@ def score_models(
     ``names`` are those of the models, ``torques(q, dq, ddq)`` computes their joint torques. For each part, the scores
     are those on the rows as fitted, on all rows, and on unfiltered torques at all samples; duplicates are left out.
     ``tuning`` holds the filters; ``columns`` is the width of the regressor, which bounds the size of the blocks;
-    ``known`` is a torque subtracted from the measured one; ``labels`` name the two parts.
+    ``known`` is a torque subtracted from the measured one; ``sliding`` the states of friction that ``torques`` takes as
+    a fourth argument; ``labels`` name the two parts.
     """
     split = split or Split()
-    filtered = RowMaker(torques, tuning.processing, columns, known)
+    filtered = RowMaker(torques, tuning.processing, columns, known, sliding)
     plain = replace(filtered, processing=replace(tuning.processing, low_speed=(), decimate=1))
     sums: dict[tuple[str, str, Selection], _Sums] = {}
     observations = Observations(tuple(recordings), filtered)

@@ -1,0 +1,213 @@
+"""Friction laws of joints and motors in the regressor: columns of the linear parameters for known shapes.
+
+A separable law is linear in all parameters but its shapes (:mod:`rrrgen.friction.laws`). With known shapes its factors
+are columns of the regressor, evaluated at every recorded sample and filtered like all others. Where a law has a state,
+its direction s follows the motion: ``ds/dx = (1 - s sgn(dx)) / presliding``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.friction.laws import LAWS, FrictionLaw
+from rrrgen.friction.models import NUMPY
+from rrrgen.model.drive_columns import STANDSTILL
+from rrrgen.model.drive_terms import KINDS, unit
+from rrrgen.model.estimated_terms import Column, CoupledDrive, DriveTerms
+from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
+
+BOUNDED = ("viscous", "coulomb", "viscous_p", "viscous_n", "coulomb_p", "coulomb_n")
+"""Parameters that a physically consistent estimate keeps from being negative."""
+
+
+@dataclass(frozen=True)
+class FrictionSurface:
+    """Friction under ``law`` at the joint or motor whose parameter names end in ``owner``; ``shapes`` of the law.
+
+    ``direction`` w (n,): it slides at ``w dq``, and its friction f adds ``w f`` to the joint torques.
+    """
+
+    owner: str
+    direction: tuple[float, ...]
+    law: str
+    shapes: tuple[float, ...] = ()
+
+    @property
+    def definition(self) -> FrictionLaw:
+        """The law itself."""
+        return LAWS[self.law]
+
+    @property
+    def has_state(self) -> bool:
+        """Whether the direction of friction follows the motion instead of the sign of the speed."""
+        return self.definition.rate is not None
+
+    @property
+    def is_two_sided(self) -> bool:
+        """Whether each direction has coefficients of its own."""
+        return any(p.name == "coulomb_n" for p in self.definition.parameters)
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """The joints (from 0) on which the friction acts."""
+        return tuple(i for i, weight in enumerate(self.direction) if weight)
+
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of the linear parameters."""
+        return tuple(
+            Column(f"{p.name}{self.owner}", "law", self.direction, p.unit, p.meaning, p.name in BOUNDED)
+            for p in self.definition.linear
+        )
+
+    def factors(self, dq: Array, s: Array | None) -> Array:
+        """The factors (N, k) of the linear parameters at the joint speeds ``dq`` (N, n), with directions ``s`` (N,).
+
+        Without ``s``, or for a law without a state, s is the sign of the speed, which is 0 up to :data:`STANDSTILL`.
+        """
+        speed = along(self.direction, dq)
+        speed = np.where(np.abs(speed) > STANDSTILL, speed, 0.0)
+        at = np.sign(speed) if s is None or not self.has_state else s
+        law = self.definition
+        assert law.factors is not None
+        return np.stack([factor + 0.0 * speed for factor in law.factors(NUMPY, speed, at, self.shapes)], axis=-1)
+
+
+def along(direction: Sequence[float], values: Array) -> Array:
+    """``w . values`` (N,) of joint values (N, n)."""
+    return np.asarray(sum(w * values[..., i] for i, w in enumerate(direction) if w))
+
+
+def law_columns(surfaces: Sequence[FrictionSurface], dq: Array, s: Array | None = None) -> Array:
+    """The columns (N, n, k) of all surfaces; ``s`` (N, m) are the directions of the m surfaces with a state."""
+    n, parts, state = dq.shape[-1], [], 0
+    for surface in surfaces:
+        own = None if s is None or not surface.has_state else s[..., state]
+        state += int(surface.has_state)
+        weights = np.array([surface.direction[i] for i in range(n)])
+        parts.append(weights[:, None] * surface.factors(dq, own)[..., None, :])
+    return np.concatenate(parts, axis=-1) if parts else np.zeros((*dq.shape, 0))
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """The directions of friction with a state along a motion, one for every surface whose law has one."""
+
+    surfaces: tuple[FrictionSurface, ...]
+
+    @classmethod
+    def of(cls, surfaces: Sequence[FrictionSurface]) -> Sliding | None:
+        """The states of ``surfaces``; None if no law has one."""
+        moved = tuple(surface for surface in surfaces if surface.has_state)
+        return cls(moved) if moved else None
+
+    def start(self) -> Array:
+        """Directions (m,) at the beginning of a stretch: unloaded."""
+        return np.zeros(len(self.surfaces))
+
+    def states(self, q: Array, start: Array) -> Array:
+        """Directions (N, m) along the positions ``q`` (N, n), from ``start`` (m,) at the first sample.
+
+        Exact between samples: over the travel x in one direction, ``s - sgn`` decays by exp(-|x| / presliding).
+        """
+        x = np.stack([along(surface.direction, q) for surface in self.surfaces], axis=-1)
+        distances = np.array([surface.shapes[-1] for surface in self.surfaces])
+        travel = np.diff(x, axis=0)
+        kept = np.exp(-np.abs(travel) / distances)
+        added = -np.expm1(-np.abs(travel) / distances) * np.sign(travel)
+        return recursion(np.vstack([np.zeros_like(start), kept]), np.vstack([start, added]))
+
+
+def recursion(a: Array, b: Array) -> Array:
+    """``y_k = a_k y_{k-1} + b_k`` (N, m) with ``y_{-1} = 0``, all samples at once by repeated doubling; 0 <= a <= 1."""
+    a, y, shift = a.copy(), b.copy(), 1
+    while shift < len(y) and np.any(a[shift:]):
+        y[shift:] = y[shift:] + a[shift:] * y[:-shift]
+        a[shift:] = a[shift:] * a[:-shift]
+        a[shift : 2 * shift] = 0.0
+        shift *= 2
+    return y
+
+
+def stated_laws(spec: Any) -> list[tuple[str, tuple[float, ...], LawSpec]]:
+    """Ending of the parameter names, direction (n,) and law of every joint and motor that states a friction law."""
+    owners = _owners(spec)
+    return [(owner, w, each.law) for owner, w, each in owners if each is not None and each.law is not None]
+
+
+def stated_surfaces(spec: Any) -> tuple[FrictionSurface, ...]:
+    """The joints and motors for which the robot file states a friction law.
+
+    Raises InputError for a law that is not separable.
+    """
+    found = []
+    for owner, direction, stated in stated_laws(spec):
+        law = LAWS[stated.name]
+        if law.factors is None:
+            fitted = ", ".join(name for name, each in LAWS.items() if each.factors is not None)
+            raise InputError(f"the friction law {law.name} cannot be fitted to a recording; {fitted} can")
+        found.append(FrictionSurface(owner, direction, law.name, tuple(law.split(stated.values)[1])))
+    return tuple(found)
+
+
+def surfaces_with(spec: Any, law: str) -> tuple[FrictionSurface, ...]:
+    """The joints and motors for which the robot file states friction, under ``law`` with its shapes yet unknown."""
+    return tuple(
+        FrictionSurface(owner, direction, law) for owner, direction, friction in _owners(spec) if slides(friction)
+    )
+
+
+def slides(friction: FrictionSpec | None) -> bool:
+    """Whether friction that depends on the speed is stated."""
+    return friction is not None and (friction.viscous, friction.coulomb, friction.law) != (None, None, None)
+
+
+def _owners(spec: Any) -> list[tuple[str, tuple[float, ...], FrictionSpec | None]]:
+    """Ending of the parameter names, direction and friction of every joint and every coupled motor."""
+    found = [
+        (f"{i + 1}", tuple(float(w) for w in unit(i, spec.n)), joint.friction) for i, joint in enumerate(spec.joints)
+    ]
+    if spec.drives is not None:
+        rows = spec.drives.motor_from_joint
+        for k, motor in enumerate(spec.drives.motors):
+            found.append((f"_{motor.name}", tuple(float(w) for w in rows.row(k)), motor.friction))
+    return found
+
+
+def with_linear_friction(terms: DriveTerms, spec: Any) -> DriveTerms:
+    """``terms`` with viscous and Coulomb friction also where the robot file states another law."""
+    stated = {surface.owner: surface for surface in stated_surfaces(spec)}
+    joints = tuple(i for i in range(spec.n) if f"{i + 1}" in stated)
+    both: dict[str, Any] = {kind: tuple(sorted({*getattr(terms, kind), *joints})) for kind in ("viscous", "coulomb")}
+    coupled = {drive.name: drive for drive in terms.coupled}
+    for owner, surface in stated.items():
+        if owner.startswith("_"):
+            own = coupled.get(owner[1:], CoupledDrive(owner[1:], surface.direction, ()))
+            kinds = dict.fromkeys((*own.terms, "viscous", "coulomb"))
+            coupled[owner[1:]] = replace(own, terms=tuple(kind for kind in KINDS if kind in kinds))
+    return replace(terms, **both, coupled=tuple(coupled.values()))
+
+
+def without_laws(terms: DriveTerms, surfaces: Sequence[FrictionSurface]) -> DriveTerms:
+    """``terms`` without viscous and Coulomb friction where a surface has a law.
+
+    Where the law has one set of coefficients per direction, the offset goes too: while the joint moves, an offset is
+    the difference of the two directions.
+    """
+    owners = {surface.owner for surface in surfaces}
+    two_sided = {surface.owner for surface in surfaces if surface.is_two_sided}
+    gone = {"viscous": owners, "coulomb": owners, "offset": two_sided}
+    kept: dict[str, Any] = {
+        kind: tuple(i for i in getattr(terms, kind) if f"{i + 1}" not in each) for kind, each in gone.items()
+    }
+    coupled: list[CoupledDrive] = []
+    for drive in terms.coupled:
+        own = tuple(kind for kind in drive.terms if f"_{drive.name}" not in gone.get(kind, ()))
+        if own:
+            coupled.append(replace(drive, terms=own))
+    return replace(terms, **kept, coupled=tuple(coupled))

@@ -1,0 +1,271 @@
+"""Choice of a friction law for every joint and motor by held-out error, within the fitted part of the data.
+
+The fitted part is halved into alternating stretches. A law is tuned on one half and scored on the other, and the other
+way round; the data that the caller holds out are not looked at. Each joint takes the simplest law within two percent of
+its smallest error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.friction.laws import LAWS
+from rrrgen.identify.estimation.friction_surfaces import (
+    FrictionSurface,
+    stated_surfaces,
+    surfaces_with,
+    without_laws,
+)
+from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
+from rrrgen.identify.estimation.observations import KnownTorque, Recording, RowMaker
+from rrrgen.identify.friction_laws.problem import Problem
+from rrrgen.identify.friction_laws.shapes import Fitted, tune_shapes
+from rrrgen.identify.scoring.split import Split
+from rrrgen.model.estimated_terms import DriveTerms
+from rrrgen.signals.processing import Processing
+
+LINEAR = "coulomb_viscous"
+AUTO = "auto"
+CANDIDATES = (LINEAR, "asymmetric", "exponential", "stribeck", "dahl", "asymmetric_exponential", "dahl_exponential")
+"""The laws compared by ``auto``, the simpler ones first."""
+FITTED_LAWS = tuple(name for name, law in LAWS.items() if law.factors is not None)
+"""The laws that can be named."""
+PARTS = 6  # stretches into which the fitted part is cut, alternating between the two halves
+TOLERANCE = 0.02  # a simpler law may have an error larger by this share
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Errors of one law at all joints: relative torque error in sample, held out, and held out per joint (n,).
+
+    ``squares`` (n,) are the sums of squared held-out errors, weighted equally at all joints.
+    """
+
+    law: str
+    in_sample: float
+    held_out: float
+    joints: tuple[float, ...]
+    squares: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionFit:
+    """Friction laws in the estimation: the law and tuned shapes of every surface, and how they were found.
+
+    ``std`` are the standard deviations of the logarithms of the shapes; ``table`` the candidates compared, empty where
+    the laws were named; ``seconds`` the length of the data on which shapes were tuned.
+    """
+
+    surfaces: tuple[FrictionSurface, ...]
+    std: tuple[tuple[float, ...], ...]
+    names: tuple[str, ...]
+    joints: tuple[str, ...]
+    table: tuple[Candidate, ...] = ()
+
+    def lines(self) -> list[str]:
+        """The candidates with their errors, then the law and the shapes of every surface, as text."""
+        lines = []
+        if self.table:
+            width = max(len(each.law) for each in self.table)
+            heads = "".join(f"  {name[:10]:>10}" for name in ("in sample", "held out", *self.joints))
+            lines.append("friction laws at all joints: relative torque error, cross-validated within the fitted data")
+            lines.append(f"{'':<{width}}{heads}")
+            for each in self.table:
+                values = (each.in_sample, each.held_out, *each.joints)
+                lines.append(f"{each.law:<{width}}" + "".join(f"  {f'{100 * v:.3g} %':>10}" for v in values))
+        for name, surface, std in zip(self.names, self.surfaces, self.std, strict=True):
+            shapes = zip(surface.definition.shapes, surface.shapes, std, strict=True)
+            told = ", ".join(f"{shape} {value:.3g} (factor {np.exp(spread):.2g})" for shape, value, spread in shapes)
+            lines.append(f"friction of {name}: {surface.law}{': ' + told if told else ''}")
+        return lines
+
+    def to_json(self) -> dict[str, Any]:
+        """Laws, shapes and candidates as plain data for JSON."""
+        return {
+            "surfaces": [
+                {
+                    "name": name,
+                    "law": surface.law,
+                    "shapes": dict(zip(surface.definition.shapes, surface.shapes, strict=True)),
+                    "std_of_log": dict(zip(surface.definition.shapes, std, strict=True)),
+                }
+                for name, surface, std in zip(self.names, self.surfaces, self.std, strict=True)
+            ],
+            "candidates": [vars(each) for each in self.table],
+        }
+
+
+@dataclass(frozen=True)
+class LawChoice:
+    """Which laws to fit: ``common`` at every joint and motor that states friction, ``named`` at single ones.
+
+    Either is a name of :data:`FITTED_LAWS` or :data:`AUTO`; ``common`` None keeps what the robot file states.
+    """
+
+    common: str | None = None
+    named: tuple[tuple[str, str], ...] = ()
+
+    @classmethod
+    def parse(cls, texts: Sequence[str], spec: Any) -> LawChoice:
+        """From ``LAW``, ``auto`` or ``JOINT=LAW``; raises InputError for laws, joints and motors that do not exist."""
+        owners = _owner_names(spec)
+        common, named = None, []
+        for text in texts:
+            where, _, law = text.rpartition("=")
+            if law not in (*FITTED_LAWS, AUTO):
+                raise InputError(f"no friction law '{law}' can be fitted; there are {', '.join((*FITTED_LAWS, AUTO))}")
+            if where and where not in owners:
+                raise InputError(
+                    f"no joint or motor '{where}' states friction; there are {', '.join(owners) or 'none'}"
+                )
+            if where:
+                named.append((where, law))
+            else:
+                common = law
+        if common is not None and not owners:
+            raise InputError("no joint or motor of the robot file states friction: write friction: {viscous: 0, ...}")
+        return cls(common, tuple(named))
+
+    def law_of(self, name: str, stated: str) -> str:
+        """The law asked for at the joint or motor ``name``, where the file states ``stated``."""
+        return dict(self.named).get(name, self.common or stated)
+
+
+def _owner_names(spec: Any) -> dict[str, str]:
+    """Names of joints and motors that state friction, with the ending of their parameters."""
+    endings = {f"{i + 1}": joint.name for i, joint in enumerate(spec.joints)}
+    if spec.drives is not None:
+        endings |= {f"_{motor.name}": motor.name for motor in spec.drives.motors}
+    return {endings[each.owner]: each.owner for each in surfaces_with(spec, LINEAR)}
+
+
+def fit_friction(
+    model: RigidModel,
+    recordings: Sequence[Recording],
+    processing: Processing,
+    terms: DriveTerms,
+    choice: LawChoice,
+    split: Split,
+    known: KnownTorque | None = None,
+    tell: Tell | None = None,
+) -> FrictionFit | None:
+    """Laws and shapes for the joint estimation, from the fitted part of ``recordings``; None if all friction is linear.
+
+    ``terms`` are the drive terms to estimate, ``choice`` the laws asked for. Raises InputError for recordings without
+    rows.
+    """
+    tell = tell or (lambda message: None)
+    owners = {owner: name for name, owner in _owner_names(model.spec).items()}
+    stated = {each.owner: each for each in stated_surfaces(model.spec)}
+    wanted = {
+        owner: choice.law_of(name, stated[owner].law if owner in stated else LINEAR) for owner, name in owners.items()
+    }
+    if all(law == LINEAR for law in wanted.values()):
+        return None
+    problems = _Problems(model, recordings, processing, terms, known)
+    table: tuple[Candidate, ...] = ()
+    if AUTO in wanted.values():
+        table = tuple(_compared(problems, model.spec, wanted, split, tell))
+        wanted |= _chosen(table, surfaces_with(model.spec, LINEAR), wanted)
+    surfaces = _surfaces(model.spec, wanted, stated)
+    tell("shapes of the friction laws")
+    problem = problems.of(surfaces)
+    fitted = tune_shapes(problem, surfaces, problem.fitted(split))
+    named = tuple(owners[each.owner] for each in fitted.surfaces)
+    return FrictionFit(fitted.surfaces, fitted.std, named, tuple(recordings[0].joints), table)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problems:
+    """The rows of the recordings with the columns that are not friction of a law as fixed columns."""
+
+    model: RigidModel
+    recordings: Sequence[Recording]
+    processing: Processing
+    terms: DriveTerms
+    known: KnownTorque | None
+
+    def of(self, surfaces: Sequence[FrictionSurface]) -> Problem:
+        regressor = FullRegressor(self.model, without_laws(self.terms, surfaces))
+        maker = RowMaker(regressor, self.processing, len(regressor.columns), self.known)
+        return Problem.of(self.recordings, maker)
+
+
+def _surfaces(
+    spec: Any, wanted: Mapping[str, str], stated: Mapping[str, FrictionSurface]
+) -> tuple[FrictionSurface, ...]:
+    """The surfaces under the laws ``wanted`` other than the linear one; shapes of the robot file are starts."""
+    found = []
+    for each in surfaces_with(spec, LINEAR):
+        law = wanted[each.owner]
+        own = stated.get(each.owner)
+        if law != LINEAR:
+            found.append(replace(each, law=law, shapes=own.shapes if own is not None and own.law == law else ()))
+    return tuple(found)
+
+
+def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: Split, tell: Tell) -> list[Candidate]:
+    """Errors of every candidate law at the surfaces left to choose, tuned and scored on alternating halves."""
+    found = []
+    for law in CANDIDATES:
+        tell(f"friction law {law}, cross-validated")
+        surfaces = _surfaces(spec, {owner: law if each == AUTO else each for owner, each in wanted.items()}, {})
+        problem = problems.of(surfaces)
+        use = problem.fitted(split)
+        halves = _halves(problem, use)
+        squares, size, inside, inside_size = (np.zeros(use.shape[1]) for _ in range(4))
+        for half in halves:
+            fitted: Fitted = tune_shapes(problem, surfaces, use & half[:, None])
+            other = use & ~half[:, None]
+            squares += _sums(fitted.residual, other)
+            size += _sums(problem.tau, other)
+            inside += _sums(fitted.residual, use & half[:, None])
+            inside_size += _sums(problem.tau, use & half[:, None])
+        found.append(
+            Candidate(
+                law,
+                float(np.sqrt(np.sum(inside) / np.sum(inside_size))),
+                float(np.sqrt(np.sum(squares) / np.sum(size))),
+                tuple(float(v) for v in np.sqrt(squares / np.maximum(size, np.finfo(float).tiny))),
+                tuple(float(v) for v in squares),
+            )
+        )
+    return found
+
+
+def _halves(problem: Problem, use: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Two masks (r,) that alternate over stretches with equally many fitted rows each."""
+    count = np.cumsum(use.any(axis=1))
+    part = np.minimum(PARTS - 1, (count - 1) * PARTS // max(1, int(count[-1])))
+    return part % 2 == 0, part % 2 == 1
+
+
+def _sums(values: Array, use: NDArray[np.bool_]) -> Array:
+    return np.asarray(np.sum(np.where(use, values, 0.0) ** 2, axis=0))
+
+
+def _chosen(
+    table: Sequence[Candidate], surfaces: Sequence[FrictionSurface], wanted: Mapping[str, str]
+) -> dict[str, str]:
+    """The simplest law of every surface left to choose whose error is within the tolerance of the smallest one.
+
+    The error of a surface is that of the joints on which it acts, each relative to its own smallest error.
+    """
+    squares = np.array([each.squares for each in table])
+    relative = squares / np.maximum(np.min(squares, axis=0), np.finfo(float).tiny)
+    found = {}
+    for surface in surfaces:
+        if wanted[surface.owner] == AUTO:
+            own = np.mean(relative[:, list(surface.joints)], axis=1)
+            good = np.flatnonzero(own <= np.min(own) * (1.0 + TOLERANCE) ** 2)
+            found[surface.owner] = table[int(good[0])].law
+    return found

@@ -1,0 +1,140 @@
+"""The rows of a separable least-squares problem: fixed columns, and friction columns that depend on shapes.
+
+Friction is evaluated at every recorded sample, before the decimation filter: filtering the speed first would round off
+the very changes of sign that determine the shapes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.identify.estimation.friction_surfaces import FrictionSurface, Sliding, along
+from rrrgen.identify.estimation.observations import Recording, RowMaker, Window, reconstruct
+from rrrgen.identify.scoring.split import Split
+from rrrgen.recordings.log_stream import Part, joined
+from rrrgen.signals.decimation import Decimator
+
+MOST_SAMPLES = 200_000
+"""Samples from the beginning of the recordings on which shapes are tuned and laws compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """One uninterrupted stretch: motion (N, n) and validity at the samples, rows after decimation.
+
+    ``W`` (r, n, p) are the fixed columns, ``tau`` (r, n) the torques, ``use`` (r, n) the sound rows, ``t`` (r,) their
+    instants; ``start`` and ``duration`` (s) are those of the recording.
+    """
+
+    q: Array
+    dq: Array
+    valid: NDArray[np.bool_]
+    first: int
+    t: Array
+    W: Array
+    tau: Array
+    use: NDArray[np.bool_]
+    start: float
+    duration: float
+
+    def columns(self, surface: FrictionSurface, decimate: Decimator) -> Array:
+        """The filtered columns (r, n, k) of the linear parameters of a surface."""
+        sliding = Sliding.of((surface,))
+        s = None if sliding is None else sliding.states(self.q, sliding.start())[:, 0]
+        factors = surface.factors(self.dq, s)
+        found = np.zeros((len(self.t), self.dq.shape[1], factors.shape[1]))
+        every = decimate(factors, self.first) if self.valid.all() else None
+        for i in surface.joints:
+            filtered = every if every is not None else decimate(factors * self.valid[:, [i]], self.first)
+            found[:, i] = surface.direction[i] * filtered
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """All stretches together, with their decimation filter."""
+
+    stretches: tuple[Stretch, ...]
+    decimate: Decimator
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording], maker: RowMaker, most: int = MOST_SAMPLES) -> Problem:
+        """The rows of ``maker``, whose regressor has the fixed columns only, of the first ``most`` samples."""
+        found: list[Stretch] = []
+        decimate = Decimator(maker.processing.decimate or 1)
+        left = most
+        for recording in recordings:
+            start, duration = recording.span
+            for part in _stretches(recording, left):
+                rows = list(maker.rows(Window(part, 0, len(part))))
+                motion = reconstruct(part, maker.processing)
+                found.append(
+                    Stretch(
+                        motion.q,
+                        motion.dq,
+                        part.valid,
+                        part.first,
+                        np.concatenate([r.t for r in rows]),
+                        np.concatenate([r.W for r in rows]),
+                        np.concatenate([r.tau for r in rows]),
+                        np.concatenate([r.use for r in rows]),
+                        start,
+                        duration,
+                    )
+                )
+                left -= len(part)
+        if not found:
+            raise InputError("the recordings hold no samples to which friction laws could be fitted")
+        return cls(tuple(found), decimate)
+
+    @property
+    def W(self) -> Array:
+        """The fixed columns (r, n, p)."""
+        return np.concatenate([stretch.W for stretch in self.stretches])
+
+    @property
+    def tau(self) -> Array:
+        """The torques (r, n)."""
+        return np.concatenate([stretch.tau for stretch in self.stretches])
+
+    def fitted(self, split: Split) -> NDArray[np.bool_]:
+        """Mask (r, n) of the rows that are fitted."""
+        return self._use([split.fitted(s.t, s.start, s.duration) for s in self.stretches])
+
+    def scored(self, split: Split) -> NDArray[np.bool_]:
+        """Mask (r, n) of the rows that are held out."""
+        return self._use([split.scored(s.t, s.start, s.duration) for s in self.stretches])
+
+    def _use(self, masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+        return np.concatenate([s.use & mask[:, None] for s, mask in zip(self.stretches, masks, strict=True)])
+
+    def speed(self, surface: FrictionSurface) -> float:
+        """RMS speed of a surface, rad/s (m/s)."""
+        squares = [np.sum(along(surface.direction, s.dq) ** 2) for s in self.stretches]
+        return float(np.sqrt(np.sum(squares) / sum(len(s.dq) for s in self.stretches)))
+
+    def columns(self, surface: FrictionSurface) -> Array:
+        """The columns (r, n, k) of a surface with its shapes."""
+        return np.concatenate([s.columns(surface, self.decimate) for s in self.stretches])
+
+
+def _stretches(recording: Recording, most: int) -> list[Part]:
+    """The whole stretches of a recording, cut after ``most`` samples in all."""
+    found: list[list[Part]] = []
+    left = most
+    for part in recording.parts():
+        if left <= 0:
+            break
+        taken = part.sliced(0, min(len(part), left))
+        left -= len(taken)
+        if found and found[-1][-1].segment == taken.segment:
+            found[-1].append(taken)
+        else:
+            found.append([taken])
+    return [joined(parts) for parts in found if sum(map(len, parts)) > 1]

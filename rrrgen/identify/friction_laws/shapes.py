@@ -1,0 +1,241 @@
+"""Shapes of friction laws by separable least squares (variable projection).
+
+For given shapes the torques are linear in all other parameters, which are projected out: the residual
+``r = P y`` depends on the shapes alone (Golub and Pereyra 1973), with ``dr = -P dPhi c`` in Kaufman's approximation.
+The shapes of all joints are tuned together first, as one common value; then each may deviate from it. A deviation by a
+factor of two counts as one standard deviation, so that a joint whose data say little keeps the common shape.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.identify.estimation.friction_surfaces import FrictionSurface
+from rrrgen.identify.friction_laws.problem import Problem
+
+SCALES = {"presliding": 3e-5, "decay_speed": 0.05, "stribeck_speed": 0.05, "w1": 0.3, "w2": 3.0, "w3": 30.0}
+"""Usual values of shapes at an RMS speed of 1 rad/s (m/s); speeds and distances grow with it, weights of it fall."""
+STARTS = (1 / 3, 3.0)
+"""Multiples of the usual values at which the search of common shapes starts."""
+RANGE = 300.0  # factor by which a shape may leave its usual value
+PRIOR = math.log(2.0)  # standard deviation of the logarithm of a shape about the common one
+COMMON_PRIOR = math.log(3.0)  # of the common one about its usual value
+STEP = 1e-3  # of the logarithm, for differences
+ITERATIONS = 12
+SETTLED = 1e-3  # change of the logarithms at which the search ends
+RANK = 1e-9  # singular values of the scaled columns below this share of the largest are zero
+WEIGHTS = 2  # passes in which the weights of the joints are renewed
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Surfaces with tuned shapes, and what is left: residuals (r, n), parameters of all columns, standard deviations.
+
+    ``std`` holds for every surface the standard deviations of the logarithms of its shapes, prior included.
+    """
+
+    surfaces: tuple[FrictionSurface, ...]
+    residual: Array
+    theta: Array
+    std: tuple[tuple[float, ...], ...]
+
+
+class _Search:
+    """Tunes shapes on the rows ``use`` of a problem, with weights (n,) of the joints."""
+
+    def __init__(self, problem: Problem, surfaces: Sequence[FrictionSurface], use: NDArray[np.bool_]) -> None:
+        self.problem, self.use = problem, use
+        self.surfaces = tuple(surfaces)
+        self.fixed, self.tau = problem.W, problem.tau
+        self.owner = [k for k, each in enumerate(self.surfaces) for _ in each.definition.shapes]
+        self.scale = np.log(_scales(problem, self.surfaces)) if self.owner else np.zeros(0)
+        self.known: dict[tuple[int, bytes], Array] = {}
+        self.weights = np.ones(self.tau.shape[1])
+        self.renew(None)
+
+    def renew(self, logs: Array | None) -> None:
+        """Weights from the residuals at the shapes ``logs``, or of the fixed columns alone; projects these out."""
+        residual = self.residual(logs)[0] if logs is not None else self.tau
+        count = np.maximum(1, np.sum(self.use, axis=0))
+        sigma = np.sqrt(np.sum(np.where(self.use, residual, 0.0) ** 2, axis=0) / count)
+        self.weights = 1.0 / np.maximum(sigma, 1e-9 * max(float(np.max(sigma)), np.finfo(float).tiny))
+        self.basis = _basis(self.stack(self.fixed))
+        self.y = self.left(self.stack(self.tau[..., None])[:, 0])
+
+    def stack(self, columns: Array) -> Array:
+        """Weighted rows in use (rows, k) of columns (r, n, k)."""
+        return np.concatenate([w * columns[self.use[:, j], j] for j, w in enumerate(self.weights)])
+
+    def left(self, columns: Array) -> Array:
+        """What the fixed columns do not explain of ``columns``."""
+        return np.asarray(columns - self.basis @ (self.basis.T @ columns))
+
+    def shaped(self, logs: Array) -> tuple[FrictionSurface, ...]:
+        """The surfaces with the shapes of these logarithms."""
+        shapes: list[list[float]] = [[] for _ in self.surfaces]
+        for k, value in zip(self.owner, np.exp(logs), strict=True):
+            shapes[k].append(float(value))
+        return tuple(replace(each, shapes=tuple(own)) for each, own in zip(self.surfaces, shapes, strict=True))
+
+    def columns(self, k: int, surface: FrictionSurface) -> Array:
+        key = (k, np.array(surface.shapes).tobytes())
+        if key not in self.known:
+            if len(self.known) > 8 * len(self.surfaces):
+                self.known.clear()
+            self.known[key] = self.problem.columns(surface)
+        return self.known[key]
+
+    def projected(self, logs: Array) -> tuple[Array, Array, Array, list[Array]]:
+        """Residual, basis of the friction columns, their parameters, and the columns of every surface."""
+        parts = [self.stack(self.columns(k, each)) for k, each in enumerate(self.shaped(logs))]
+        A = self.left(np.hstack(parts))
+        size = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
+        U, s, Vt = np.linalg.svd(A / size, full_matrices=False)
+        kept = s > RANK * s[0]
+        U = U[:, kept]
+        c = (Vt[kept].T / s[kept]) @ (U.T @ self.y) / size
+        return self.y - U @ (U.T @ self.y), U, c, parts
+
+    def cost(self, logs: Array) -> float:
+        return float(np.sum(self.projected(logs)[0] ** 2))
+
+    def jacobian(self, logs: Array) -> tuple[Array, Array]:
+        """Residual and its derivative by the logarithms of all shapes."""
+        r, U, c, parts = self.projected(logs)
+        J = np.zeros((len(r), len(logs)))
+        places = np.cumsum([0, *(part.shape[1] for part in parts)])
+        for i, k in enumerate(self.owner):
+            moved = logs.copy()
+            moved[i] += STEP
+            after = self.stack(self.problem.columns(self.shaped(moved)[k]))
+            change = self.left((after - parts[k]) @ c[places[k] : places[k + 1]] / STEP)
+            J[:, i] = -(change - U @ (U.T @ change))
+        return r, J
+
+    def descend(self, start: Array, to_logs: Array, pull: Array, usual: Array | None = None) -> tuple[Array, Array]:
+        """Levenberg-Marquardt from the logarithms ``start`` over x in ``usual + to_logs x``, x bound to 0 by ``pull``.
+
+        ``pull`` are precisions; ``usual`` is ``start`` by default. Returns the logarithms and the covariance of x in
+        units of the noise.
+        """
+        logs = start if usual is None else usual
+        x: Array = np.asarray(np.linalg.lstsq(to_logs, start - logs, rcond=None)[0])
+        damping = 1e-2
+        r, J = self.jacobian(logs + to_logs @ x)
+        cost = float(r @ r) + float(pull @ x**2)
+        H: Array = np.eye(len(x))
+        for _ in range(ITERATIONS):
+            A = J @ to_logs
+            H, gradient = A.T @ A + np.diag(pull), A.T @ r + pull * x
+            step: Array = np.zeros(len(x))
+            moved = False
+            for _ in range(6):
+                step = -np.linalg.solve(H + damping * np.diag(np.diag(H)) + 1e-12 * np.eye(len(x)), gradient)
+                step = np.clip(step, -1.0, 1.0)
+                tried = np.clip(logs + to_logs @ (x + step), self.scale - math.log(RANGE), self.scale + math.log(RANGE))
+                reached = self.cost(tried) + float(pull @ (x + step) ** 2)
+                if reached < cost:
+                    moved, damping = True, damping / 5.0
+                    break
+                damping *= 5.0
+            if not moved:
+                break
+            x, cost = x + step, reached
+            if np.max(np.abs(step)) < SETTLED:
+                break
+            r, J = self.jacobian(logs + to_logs @ x)
+        return logs + to_logs @ x, np.linalg.pinv(H, hermitian=True)
+
+    def residual(self, logs: Array) -> tuple[Array, Array]:
+        """Residuals (r, n) of all rows, and the parameters of fixed and friction columns, fitted to those in use."""
+        surfaces = self.shaped(logs)
+        W = np.concatenate([self.fixed, *(self.columns(k, each) for k, each in enumerate(surfaces))], axis=-1)
+        A = self.stack(W)
+        size = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
+        theta = np.linalg.lstsq(A / size, self.stack(self.tau[..., None])[:, 0], rcond=RANK)[0] / size
+        return self.tau - W @ theta, theta
+
+
+def tune_shapes(problem: Problem, surfaces: Sequence[FrictionSurface], use: NDArray[np.bool_]) -> Fitted:
+    """Tune the shapes of ``surfaces`` on the rows ``use`` (r, n); shapes that they already have are one more start."""
+    search = _Search(problem, surfaces, use)
+    logs: Array = np.zeros(0)
+    std: tuple[tuple[float, ...], ...] = tuple(() for _ in surfaces)
+    for _ in range(WEIGHTS if search.owner else 1):
+        if search.owner:
+            logs, std = _tuned(search, logs)
+        search.renew(logs)
+    residual, theta = search.residual(logs)
+    return Fitted(search.shaped(logs), residual, theta, std)
+
+
+def _tuned(search: _Search, before: Array) -> tuple[Array, tuple[tuple[float, ...], ...]]:
+    """Common shapes from several starts, or from those ``before``, then the deviations of every joint."""
+    names = [name for each in search.surfaces for name in each.definition.shapes]
+    laws = [search.surfaces[k].law for k in search.owner]
+    groups = list(dict.fromkeys(zip(laws, names, strict=True)))
+    common = np.zeros((len(names), len(groups)))
+    for i, key in enumerate(zip(laws, names, strict=True)):
+        common[i, groups.index(key)] = 1.0
+    start: Array = before if len(before) else min(_starts(search, groups, common), key=search.cost)
+    residual, _ = search.jacobian(start)
+    # the priors count in rows of unit variance, of which only a share is independent
+    variance = float(residual @ residual) / max(1, len(residual)) / _independent_share(search, start)
+    if not len(before):
+        start, _ = search.descend(start, common, np.full(len(groups), variance / COMMON_PRIOR**2), search.scale)
+    pull = np.full(len(names), variance / PRIOR**2)
+    logs, covariance = search.descend(start, np.eye(len(names)), pull)
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0) * variance)
+    std: list[list[float]] = [[] for _ in search.surfaces]
+    for k, value in zip(search.owner, spread, strict=True):
+        std[k].append(float(value))
+    return logs, tuple(tuple(own) for own in std)
+
+
+def _starts(search: _Search, groups: Sequence[tuple[str, str]], common: Array) -> list[Array]:
+    """Logarithms of all shapes at each combination of starting values, and those that the surfaces bring along."""
+    choices = [(1.0,) if name.startswith("w") else STARTS for _, name in groups]
+    found = [search.scale + common @ np.log(values) for values in product(*choices)]
+    known = [value for each in search.surfaces for value in each.shapes]
+    if len(known) == len(search.owner):
+        found.append(np.log(known))
+    return found
+
+
+def _scales(problem: Problem, surfaces: Sequence[FrictionSurface]) -> Array:
+    """Scale of every shape: the RMS speed of all surfaces of like motion, its inverse for weights of the speed.
+
+    The speed of a motor is divided by its gear, so that all surfaces share one scale.
+    """
+    gears = [float(np.linalg.norm(each.direction)) for each in surfaces]
+    rms = math.sqrt(np.mean([(problem.speed(each) / gear) ** 2 for each, gear in zip(surfaces, gears, strict=True)]))
+    scales = []
+    for each, gear in zip(surfaces, gears, strict=True):
+        speed = max(rms, 1e-9) * gear
+        names = each.definition.shapes
+        scales += [SCALES[name] / speed if name.startswith("w") else SCALES[name] * speed for name in names]
+    return np.array(scales)
+
+
+def _independent_share(search: _Search, logs: Array) -> float:
+    """Share of the rows that are independent: ``(1 - a)/(1 + a)`` with the lag-one correlation a of the residuals."""
+    residual = np.where(search.use, search.residual(logs)[0], 0.0)
+    both = search.use[1:] & search.use[:-1]
+    own = np.sum(np.where(both, residual[1:] ** 2 + residual[:-1] ** 2, 0.0), axis=0) / 2.0
+    pairs = np.sum(np.where(both, residual[1:] * residual[:-1], 0.0), axis=0)
+    a = np.clip(np.divide(pairs, own, out=np.zeros(len(own)), where=own > 0.0), 0.0, 0.97)
+    return float(np.mean((1.0 - a) / (1.0 + a)))
+
+
+def _basis(A: Array) -> Array:
+    """Orthonormal basis of the columns of A (rows, p), of which some may depend on others."""
+    size = np.linalg.norm(A, axis=0)
+    U, s, _ = np.linalg.svd(A[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return np.asarray(U[:, s > RANK * s[0]]) if len(s) else np.zeros((len(A), 0))
