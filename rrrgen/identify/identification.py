@@ -31,7 +31,6 @@ from rrrgen.identify.estimation.factoring import (
     rows_of_recordings,
     score,
 )
-from rrrgen.identify.estimation.friction_surfaces import with_linear_friction, without_laws
 from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
 from rrrgen.identify.estimation.identifiability import Direction, collinear, unexcited, weak_directions
 from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
@@ -49,6 +48,7 @@ from rrrgen.identify.estimation.statistics import Whiteness, correlation_lags, r
 from rrrgen.identify.estimation.structure import Structure
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows
 from rrrgen.identify.friction_laws.choice import FrictionFit, fit_friction
+from rrrgen.identify.friction_laws.surfaces import with_linear_friction, without_laws
 from rrrgen.identify.options import METHODS, Options
 from rrrgen.identify.parameter_names import explained_names, identified_units
 from rrrgen.identify.scoring.bandwidth import Tuning, reach, tune

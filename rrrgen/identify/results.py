@@ -18,9 +18,9 @@ from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
     from rrrgen.arrays import Array
-    from rrrgen.identify.estimation.friction_surfaces import FrictionSurface
     from rrrgen.identify.estimation.full_regressor import RigidModel
     from rrrgen.identify.estimation.observations import Recording
+    from rrrgen.identify.friction_laws.surfaces import FrictionSurface
     from rrrgen.identify.identification import Identification
     from rrrgen.robotfile.robot_spec import FitSpec, RobotSpec
     from rrrgen.runs.run_folder import RunFolder

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.identify.diagnosis.sample import Sample
-from rrrgen.identify.estimation.friction_surfaces import FrictionSurface, law_columns
 from rrrgen.identify.estimation.tsqr import Rows
+from rrrgen.identify.friction_laws.surfaces import FrictionSurface, law_columns
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.runs.figures import new_figure, style_axes
 

@@ -17,10 +17,10 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel
-from rrrgen.identify.estimation.friction_surfaces import FrictionSurface, Sliding, law_columns, stated_laws
 from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
 from rrrgen.identify.estimation.statistics import relative_error, rms
 from rrrgen.identify.estimation.tsqr import Rows
+from rrrgen.identify.friction_laws.surfaces import FrictionSurface, Sliding, law_columns, stated_laws
 from rrrgen.identify.scoring.bandwidth import Tuning, tune
 from rrrgen.identify.scoring.fingerprint import UNKNOWN, Label
 from rrrgen.identify.scoring.scores import Score, score_models

@@ -7,8 +7,8 @@ import pytest
 
 from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel
-from rrrgen.identify.estimation.friction_surfaces import FrictionSurface, Sliding, law_columns, recursion
 from rrrgen.identify.estimation.observations import Observations, RowMaker
+from rrrgen.identify.friction_laws.surfaces import FrictionSurface, Sliding, law_columns, recursion
 from rrrgen.recordings.logs import Log
 from rrrgen.signals.processing import Processing
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.identify.estimation.friction_surfaces import FrictionSurface, Sliding, law_columns
+from rrrgen.identify.friction_laws.surfaces import FrictionSurface, Sliding, law_columns
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.estimated_terms import Column, DriveTerms
 

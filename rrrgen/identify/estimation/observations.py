@@ -14,8 +14,8 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.estimation.friction_surfaces import Sliding
 from rrrgen.identify.estimation.tsqr import Rows
+from rrrgen.identify.friction_laws.surfaces import Sliding
 from rrrgen.recordings.log_stream import Part, joined
 from rrrgen.recordings.repairs import Repairs
 from rrrgen.signals.decimation import Decimator

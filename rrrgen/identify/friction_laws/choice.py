@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.friction.laws import LAWS
-from rrrgen.identify.estimation.friction_surfaces import (
+from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
+from rrrgen.identify.estimation.observations import KnownTorque, Recording, RowMaker
+from rrrgen.identify.friction_laws.problem import Problem
+from rrrgen.identify.friction_laws.shapes import Fitted, tune_shapes
+from rrrgen.identify.friction_laws.surfaces import (
     FrictionSurface,
     stated_surfaces,
     surfaces_with,
     without_laws,
 )
-from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
-from rrrgen.identify.estimation.observations import KnownTorque, Recording, RowMaker
-from rrrgen.identify.friction_laws.problem import Problem
-from rrrgen.identify.friction_laws.shapes import Fitted, tune_shapes
 from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.signals.processing import Processing

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.estimation.friction_surfaces import FrictionSurface, Sliding, along
 from rrrgen.identify.estimation.observations import Recording, RowMaker, Window, reconstruct
+from rrrgen.identify.friction_laws.surfaces import FrictionSurface, Sliding, along
 from rrrgen.identify.scoring.split import Split
 from rrrgen.recordings.log_stream import Part, joined
 from rrrgen.signals.decimation import Decimator

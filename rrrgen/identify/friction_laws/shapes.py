@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
-from rrrgen.identify.estimation.friction_surfaces import FrictionSurface
 from rrrgen.identify.friction_laws.problem import Problem
+from rrrgen.identify.friction_laws.surfaces import FrictionSurface
 
 SCALES = {"presliding": 3e-5, "decay_speed": 0.05, "stribeck_speed": 0.05, "w1": 0.3, "w2": 3.0, "w3": 30.0}
 """Usual values of shapes at an RMS speed of 1 rad/s (m/s); speeds and distances grow with it, weights of it fall."""

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
-from rrrgen.identify.estimation.friction_surfaces import Sliding
 from rrrgen.identify.estimation.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.identify.estimation.tsqr import Rows
+from rrrgen.identify.friction_laws.surfaces import Sliding
 from rrrgen.identify.scoring.bandwidth import Tuning
 from rrrgen.identify.scoring.split import Split
 
