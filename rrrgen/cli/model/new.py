@@ -27,9 +27,13 @@ from rrrgen.errors import Fault, InputError
 def new(name: str, output: Path | None, joints: str, convention: str, bundled: str | None, force: bool) -> None:
     """Write a robot file to start from, with a comment on every field.
 
+    The table is that of an arm that can move in as many ways as its joints allow; six or more joints that end in RRR
+    have a spherical wrist. Change the numbers to those of your robot.
+
     \b
     Examples:
       rrrgen new elbow3                         elbow3.yaml with three revolute joints
+      rrrgen new arm6 --joints RRRRRR           a shoulder, an elbow and a spherical wrist
       rrrgen new gantry2 --joints PP
       rrrgen new my_ur5 --from ur5
     """
@@ -54,9 +58,25 @@ def new(name: str, output: Path | None, joints: str, convention: str, bundled: s
 
 
 def _template(name: str, joints: str, convention: str) -> str:
-    from rrrgen.resources import render
+    import textwrap
 
-    return render("robot.yaml.j2", name=name, joints=joints, convention=convention)
+    from rrrgen.friction.laws import LAWS
+    from rrrgen.resources import render
+    from rrrgen.robotfile.keys import EMIT
+    from rrrgen.robotfile.robots.starting_rows import starting_rows
+
+    start = starting_rows(joints, convention)
+    return render(
+        "robot.yaml.j2",
+        name=name,
+        joints=joints,
+        convention=convention,
+        rows=start.rows,
+        parameters=start.parameters,
+        tip=start.tip,
+        laws=textwrap.wrap(", ".join(LAWS), 76),
+        emitted=EMIT,
+    )
 
 
 def _renamed(bundled: str, name: str) -> str:
