@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rrrgen.backends.comments import plain
 from rrrgen.backends.printing import decimal
+from rrrgen.derive.functions.friction_functions import friction_parameters
 from rrrgen.derive.functions.recording import drive_inertia_meaning
 from rrrgen.model.drive_text import coupling_equations, motor_facts
 from rrrgen.program import Builder, Op, Port, Program, Role
@@ -30,6 +31,8 @@ def programs_of(model: DerivedModel) -> dict[str, Program]:
     programs = {name: program.described(name=name) for name, program in model.programs.items()}
     if model.beta_nominal is not None:
         programs["nominal_parameters"] = _nominal_parameters(model)
+    if "friction" in model.programs:
+        programs["nominal_friction"] = _nominal_friction(model.spec)
     return programs
 
 
@@ -87,6 +90,14 @@ def _drive_facts(spec: RobotSpec) -> list[tuple[str, str]]:
     rows = [("Drives", f"coupled; speeds of joints and drives: {', '.join(coupling_equations(spec))}")]
     stated = [f"{motor.name}: {text}" for motor in spec.drives.motors if (text := motor_facts(motor))]
     return [*rows, ("Motors", "; ".join(stated))] if stated else rows
+
+
+def _nominal_friction(spec: RobotSpec) -> Program:
+    known = friction_parameters(spec)
+    meaning = "friction parameters " + ", ".join(name for name, _ in known)
+    port = Port("friction", (len(known),), "SI", "", meaning, Role.FRICTION)
+    summary = "The friction parameters of the robot file, for the functions that take them at run time."
+    return Builder().program("nominal_friction", [(port, [value for _, value in known])], summary)
 
 
 def _nominal_parameters(model: DerivedModel) -> Program:

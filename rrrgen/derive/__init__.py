@@ -68,7 +68,13 @@ def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> Recorde
     Raises InputError if the base parameters chosen in the robot file are no basis, DerivationError if a named parameter
     has no nominal value.
     """
-    from rrrgen.derive.functions.friction_functions import friction, friction_of, friction_step
+    from rrrgen.derive.functions.friction_functions import (
+        friction,
+        friction_of,
+        friction_step,
+        friction_with,
+        smooth_friction,
+    )
     from rrrgen.derive.functions.table import GROUPS
 
     derivation = prepare(spec)
@@ -82,6 +88,9 @@ def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> Recorde
         alternatives["friction"] = (friction(derivation.recording()),)
     if any(surface.has_state for surface in surfaces):
         alternatives["friction_step"] = (friction_step(derivation.recording()),)
+    if "model" in groups:
+        alternatives["friction_with"] = (friction_with(derivation.recording()),)
+        alternatives["smooth_friction"] = (smooth_friction(derivation.recording()),)
     return parametrized(derivation).recorded(derivation, alternatives)
 
 

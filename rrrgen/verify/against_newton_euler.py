@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rrrgen.robotfile.robot_spec import MotorSpec, RobotSpec
+from rrrgen.robotfile.robot_spec import FrictionSpec, MotorSpec, RobotSpec
 from rrrgen.verify.comparison import Collector, Tolerances, rate, size
 from rrrgen.verify.definiteness import check_refusal, is_definite
 from rrrgen.verify.references.chain import Array, motor_speeds
-from rrrgen.verify.references.friction_laws import has_state, sliding, stepped
+from rrrgen.verify.references.friction_laws import changed, has_state, parameters_of, sliding, stepped
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, NewtonEuler
 from rrrgen.verify.subject import Parameters, States, draw_states
 
@@ -88,6 +88,7 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
     check = rows.against("(14.11)-(14.14)", NO_PARAMETERS, tolerances.exact, s.count)
     torques = np.stack([sliding(friction, v) for friction, v in zip(stated, speeds.T, strict=True)], axis=1)
     check("friction", lambda: model.friction(s.dq), torques @ lever)
+    _check_run_time_friction(model, s, rows, tolerances)
     moved = [k for k, friction in enumerate(stated) if has_state(friction)]
     if not moved:
         return
@@ -100,6 +101,31 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
     period = np.full(s.count, STEP)
     check("friction_step: z", lambda: model.friction_step(s.dq, z, period)[0], after)
     check("friction_step: tau_f", lambda: model.friction_step(s.dq, z, period)[1], torques @ lever)
+
+
+WIDTH = 0.3  # rad/s or m/s, over which smooth friction turns round when it is compared
+
+
+def _check_run_time_friction(model: Model, s: States, rows: Collector, tolerances: Tolerances) -> None:
+    """Compare friction with parameters at run time, other than those of the file, exact and smooth."""
+    spec = model.spec
+    owners = [(joint.friction, s.dq[:, i], np.eye(spec.n)[i]) for i, joint in enumerate(spec.joints)]
+    if spec.drives is not None:
+        speeds, lever = motor_speeds(spec, s.dq), motor_speeds(spec, np.eye(spec.n)).T
+        owners += [(motor.friction, speeds[:, k], lever[k]) for k, motor in enumerate(spec.drives.motors)]
+    stated = [owner for owner in owners if owner[0] is not None]
+    values: list[float] = []
+    torques = {0.0: np.zeros_like(s.dq), WIDTH: np.zeros_like(s.dq)}
+    for friction, v, lever_arm in stated or [(FrictionSpec(), v, w) for _, v, w in owners[: spec.n]]:
+        other = changed(friction or FrictionSpec())
+        values += parameters_of(other)
+        for width, total in torques.items():
+            total += sliding(other, v, width)[:, None] * lever_arm
+    check = rows.against("(14.11)-(14.14)", NO_PARAMETERS, tolerances.exact, s.count)
+    given = np.tile(values, (s.count, 1))
+    widths = np.full((s.count, len(stated) or spec.n), WIDTH)
+    check("friction_with", lambda: model.friction_with(s.dq, given), torques[0.0])
+    check("smooth_friction", lambda: model.smooth_friction(s.dq, given, widths), torques[WIDTH])
 
 
 def _extra_columns(model: Model, s: States) -> Array:

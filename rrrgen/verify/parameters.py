@@ -38,12 +38,15 @@ def check_parameters(
     own_com = np.einsum("nji,nj->ni", R, com - p)
     own_tensors = np.einsum("nki,nkl,nlj->nij", R, tensors, R)
 
-    def with_payload(*payload: Array) -> Array:
-        bare = model.base_parameters_of(np.zeros((s.count, 10 * n)))[0]
-        return torques(model.add_payload(*payload, beta=bare))
+    def bare() -> Array:
+        return np.asarray(model.base_parameters_of(np.zeros((s.count, 10 * n)))[0])
 
-    check("add_payload", lambda: with_payload(mass, com, tensors), added)
-    check("add_payload_at", lambda: with_payload(mass, own_com, own_tensors, frame), added)
+    check("add_payload", lambda: torques(model.add_payload(mass, com, tensors, beta=bare())), added)
+    check(
+        "add_payload_at",
+        lambda: torques(model.add_payload_at(mass, own_com, own_tensors, frame, beta=bare())),
+        added,
+    )
 
 
 def _rotation(rng: np.random.Generator) -> Array:

@@ -126,7 +126,7 @@ def test_a_payload_in_a_frame_of_its_own(model, payload):
     T = transform((1, 2, 2, 0), (0.1, 0.0, -0.25))
     R, p = T[:3, :3], T[:3, 3]
     inside = model.add_payload(payload.mass, R @ payload.com + p, R @ payload.inertia @ R.T)
-    close(model.add_payload(payload.mass, payload.com, payload.inertia, frame=T), inside)
+    close(model.add_payload_at(payload.mass, payload.com, payload.inertia, T), inside)
 
 
 def test_payloads_in_batches_and_point_masses(evaluated):
@@ -154,7 +154,7 @@ def test_wrong_arguments_are_named(model, state):
 def test_casadi_takes_gravity_and_payload(model, loaded, payload, state):
     pytest.importorskip("casadi")
     general = model.any_gravity
-    beta = general.casadi_function("add_payload")(general.beta, payload.mass, payload.com, payload.inertia)
+    beta = general.casadi_function("add_payload")(payload.mass, payload.com, payload.inertia, general.beta)
     tau = general.casadi_function("inverse_dynamics")(*state, G, beta)
     close(np.array(tau).ravel(), oracle.inverse_dynamics(loaded, *state))
     terms = general.casadi_function("momentum_terms")(state[0], state[1], G, beta)

@@ -231,6 +231,17 @@ class OracleModel:
     def base_parameters_of(self, phi):
         return np.asarray(phi) @ self.base_projection.T
 
+    def add_payload_at(self, mass, com, inertia, frame, *, beta):
+        return self.add_payload(mass, com, inertia, frame, beta=beta)
+
+    def friction_with(self, dq, friction):
+        viscous, coulomb, offset = np.moveaxis(np.reshape(friction, (*np.shape(dq), 3)), -1, 0)
+        return viscous * dq + coulomb * np.sign(dq) + offset
+
+    def smooth_friction(self, dq, friction, width):
+        viscous, coulomb, offset = np.moveaxis(np.reshape(friction, (*np.shape(dq), 3)), -1, 0)
+        return viscous * dq + coulomb * np.tanh(dq / width) + offset
+
     def add_payload(self, mass, com, inertia, frame=None, *, beta):
         mass, com, inertia = (np.asarray(each, dtype=float) for each in (mass, com, inertia))
         if frame is not None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rrrgen.backends import Identity
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import function_name
+from rrrgen.derive.functions.friction_functions import friction_parameters
 from rrrgen.model.drive_terms import inertia_terms
 from rrrgen.model.standard_parameters import standard_parameters
 from rrrgen.program import Port, Program, Role, evaluate
@@ -51,6 +52,9 @@ PAYLOAD = {
     "frame": [0.0, -1.0, 0.0, 0.25, 0.0, 0.0, -1.0, -0.125, 1.0, 0.0, 0.0, 0.0625, 0.0, 0.0, 0.0, 1.0],
 }
 """The payload of the self-test: a body with its mass off all axes, and a frame with permuted axes."""
+
+WIDTH = 0.25
+"""Speed, rad/s or m/s, over which smooth friction turns round in the self-test."""
 
 GRAVITY = [3.0, -5.0, -7.5]
 """Gravity in the self-test of functions with gravity as an input, in no special direction."""
@@ -137,9 +141,14 @@ def _parameters(model: DerivedModel) -> dict[str, Array]:
     parameters = {"phi": phi, "beta": K @ phi if nominal is None else np.array([float(x) for x in nominal])}
     if model.drive_inertia_nominal is not None:
         parameters["Ia"] = np.array([float(value) for value in model.drive_inertia_nominal])
+    if any(program.takes(Role.FRICTION) for program in model.programs.values()):
+        stated = [float(value) for _, value in friction_parameters(model.spec)]
+        parameters["friction"] = np.array([value or 0.25 + k / 64 for k, value in enumerate(stated)])
     if model.spec.gravity_input:
         parameters["gravity"] = np.array(GRAVITY)
-    taken = {port.name for program in model.programs.values() for port in program.inputs}
+    taken = {port.name: port for program in model.programs.values() for port in program.inputs}
+    if "width" in taken:
+        parameters["width"] = np.full(taken["width"].shape, WIDTH)
     return parameters | {name: np.array(values) for name, values in PAYLOAD.items() if name in taken}
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.drive_inertia import along
@@ -15,7 +16,7 @@ from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.recursions.chain import rational, rational_float
 from rrrgen.friction.laws import LAWS, FrictionLaw
 from rrrgen.model.drive_terms import unit
-from rrrgen.program import Port, Program, Role
+from rrrgen.program import Builder, Port, Program, Role
 from rrrgen.robotfile.robot_spec import FrictionSpec, RobotSpec
 
 LINEAR = "tau_f = fv dq + fc sgn(dq) + offset   (14.11)"
@@ -94,6 +95,105 @@ def friction_step(r: Recording) -> Program:
         "exact for constant dq",
         _laws(surfaces),
     )
+
+
+def friction_with(r: Recording) -> Program:
+    """Record the friction torques (n,) for parameters given at run time, under the laws of the robot file."""
+    dq = r.joints("dq")
+    surfaces, values = _parameters(r)
+    torques = _at_joints(
+        r, surfaces, lambda surface: _given(r.builder, surface, along(surface.direction, dq), values[surface])
+    )
+    return r.builder.program(
+        "friction_with",
+        [(_port(r), torques)],
+        "Joint friction with its parameters at run time.",
+        "",
+        [*_laws(surfaces), "sgn(0) = 0."],
+    )
+
+
+def smooth_friction(r: Recording) -> Program:
+    """Record ``friction_with`` with tanh(s / width) in place of sgn(s), for controllers and optimisation."""
+    dq = r.joints("dq")
+    surfaces, values = _parameters(r)
+    meaning = "speeds of the same joints and motors over which the sign of each turns round, > 0"
+    widths = r.builder.input(Port("width", (len(surfaces),), "rad/s | m/s", "", meaning))
+
+    def torque(surface: Surface) -> Any:
+        smooth = _Smooth(r.builder, widths[surfaces.index(surface)])
+        return _given(smooth, surface, along(surface.direction, dq), values[surface])
+
+    return r.builder.program(
+        "smooth_friction",
+        [(_port(r), _at_joints(r, surfaces, torque))],
+        "Joint friction with its parameters at run time, smooth.",
+        "sgn(s) replaced by tanh(s / width)",
+        _laws(surfaces),
+    )
+
+
+@dataclass(frozen=True)
+class _Smooth:
+    """The functions that friction laws use, recorded, with tanh(x / width) in place of sgn x."""
+
+    builder: Builder
+    width: Any
+
+    def sign(self, x: Any) -> Any:
+        return self.builder.tanh(x / self.width)
+
+    def exp(self, x: Any) -> Any:
+        return self.builder.exp(x)
+
+    def tanh(self, x: Any) -> Any:
+        return self.builder.tanh(x)
+
+
+def friction_parameters(spec: RobotSpec) -> tuple[tuple[str, Fraction], ...]:
+    """Names and nominal values of the friction parameters at run time, joint by joint, then motor by motor.
+
+    Under a law: its parameters and the offset; otherwise viscous, coulomb, offset. A robot whose file states no
+    friction has the linear law at all joints, with zeros.
+    """
+    found = []
+    for surface in _surfaces(spec):
+        given = surface.friction
+        if given.law is None:
+            values = {"viscous": given.viscous, "coulomb": given.coulomb}
+        else:
+            names = (p.name for p in LAWS[given.law.name].parameters)
+            values = dict(zip(names, given.law.values, strict=True))
+        values["offset"] = given.offset
+        found += [(f"{surface.name}_{name}", rational_float(value)) for name, value in values.items()]
+    return tuple(found)
+
+
+def _surfaces(spec: RobotSpec) -> tuple[Surface, ...]:
+    """Where friction acts: as the robot file states it, at all joints if it states none."""
+    return friction_of(spec) or tuple(
+        Surface(joint.name, unit(i, spec.n), FrictionSpec()) for i, joint in enumerate(spec.joints)
+    )
+
+
+def _parameters(r: Recording) -> tuple[tuple[Surface, ...], dict[Surface, list[Any]]]:
+    """Where friction acts, with the parameters of each, which are declared as an input."""
+    surfaces = _surfaces(r.model.spec)
+    names = [name for name, _ in friction_parameters(r.model.spec)]
+    meaning = "friction parameters " + ", ".join(names)
+    values = iter(r.builder.input(Port("friction", (len(names),), "SI", "", meaning, Role.FRICTION)))
+    counts = [3 if surface.law is None else len(surface.law.parameters) + 1 for surface in surfaces]
+    return surfaces, {
+        surface: [next(values) for _ in range(count)] for surface, count in zip(surfaces, counts, strict=True)
+    }
+
+
+def _given(ops: Any, surface: Surface, speed: Any, values: Sequence[Any]) -> Any:
+    """Friction of one joint or motor at its ``speed`` with these parameters, by the functions of ``ops``."""
+    *own, offset = values
+    if surface.law is None:
+        return own[0] * speed + own[1] * ops.sign(speed) + offset
+    return surface.law.torque(ops, speed, own) + offset
 
 
 def _sliding(r: Recording, surface: Surface, speed: Any) -> Any:

@@ -80,8 +80,8 @@ def add_payload(project: Projection) -> Recorder:
     """A recorder of beta_loaded (b,) = beta + K_n phi_p for a payload given in the axes of the last link frame."""
 
     def record(r: Recording) -> Program:
-        beta = r.builder.input(r.beta_port("base parameters without the payload"))
         mass, com, inertia = _payload_inputs(r, "the last link frame")
+        beta = r.builder.input(r.beta_port("base parameters without the payload"))
         delta = project(r, [*[[0] * 10] * (r.n - 1), _standard(mass, com, inertia)])
         return r.builder.program(
             "add_payload",
@@ -98,10 +98,10 @@ def add_payload_at(project: Projection) -> Recorder:
     """A recorder of beta_loaded (b,) for a payload given in a frame of its own, with its pose in the last link."""
 
     def record(r: Recording) -> Program:
-        beta = r.builder.input(r.beta_port("base parameters without the payload"))
+        mass, com, inertia = _payload_inputs(r, "the payload's frame")
         meaning = "pose of the payload's frame, a homogeneous transform"
         T = r.builder.input(Port("frame", (4, 4), "-, m", "last link frame", meaning))
-        mass, com, inertia = _payload_inputs(r, "the payload's frame")
+        beta = r.builder.input(r.beta_port("base parameters without the payload"))
         R: Matrix = [list(T[4 * i : 4 * i + 3]) for i in range(3)]
         own = [[inertia[min(i, j)][max(i, j)] for j in range(3)] for i in range(3)]
         com = add(times(R, com), [T[3], T[7], T[11]])

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rrrgen.derive.functions.friction_functions import friction_parameters
 from rrrgen.program import Port, Role
-from rrrgen.runtime.arguments import prepare
+from rrrgen.runtime.arguments import prepare, read_only
 from rrrgen.runtime.functions.calls import Array, Calls
 from rrrgen.runtime.results import (
     DynamicsTerms,
@@ -306,6 +307,44 @@ class DynamicFunctions(Calls):
             return self._call("friction", dq)
         port = Port("dq", (self.n,), meaning="joint velocities", role=Role.VELOCITY)
         return np.zeros_like(prepare("friction", [port], [dq], self.engine.dtype)[1][0])
+
+    def friction_with(self, dq: ArrayLike, friction: ArrayLike) -> Array:
+        """Friction torques under the laws of the robot file, with their parameters at run time.
+
+        Args:
+            dq: joint velocities, (..., n), rad/s or m/s.
+            friction: friction parameters, (k,) or (..., k), SI units, in the order of ``friction_parameter_names``.
+
+        Returns:
+            tau_f, (..., n), N m or N.
+        """
+        return self._call("friction_with", dq, friction)
+
+    def smooth_friction(self, dq: ArrayLike, friction: ArrayLike, width: ArrayLike) -> Array:
+        """Friction torques as :meth:`friction_with`, with tanh(s / width) in place of sgn(s).
+
+        Args:
+            dq: joint velocities, (..., n), rad/s or m/s.
+            friction: friction parameters, (k,) or (..., k), SI units, in the order of ``friction_parameter_names``.
+            width: speeds over which the sign turns round, one for each joint and motor with friction, (s,) or (..., s),
+                rad/s or m/s, or one number for all.
+
+        Returns:
+            tau_f, (..., n), N m or N.
+        """
+        (port,) = (port for port in self.derived.programs["smooth_friction"].inputs if port.name == "width")
+        wide = np.asarray(width)
+        return self._call("smooth_friction", dq, friction, wide if wide.ndim else np.broadcast_to(wide, port.shape))
+
+    @property
+    def friction_parameter_names(self) -> tuple[str, ...]:
+        """Names of the friction parameters at run time, such as q1_viscous, q1_coulomb, q1_offset."""
+        return tuple(name for name, _ in friction_parameters(self.spec))
+
+    @property
+    def friction_parameters(self) -> Array:
+        """The friction parameters of the robot file, (k,), SI units, in the order of their names; 0 if it is silent."""
+        return read_only(np.array([float(value) for _, value in friction_parameters(self.spec)]))
 
     def friction_step(self, dq: ArrayLike, z: ArrayLike, Ts: ArrayLike) -> FrictionStep:
         """One period of the friction laws with a state, exact for constant dq: the next state and the torques.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -35,7 +37,6 @@ class ParameterFunctions(Calls):
         mass: ArrayLike,
         com: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike | None = None,
-        frame: ArrayLike | None = None,
         *,
         beta: ArrayLike | None = None,
     ) -> Array:
@@ -49,8 +50,6 @@ class ParameterFunctions(Calls):
                 the one before the tool.
             inertia: its inertia tensor about that centre, (..., 3, 3), kg m^2, in the axes of the same frame; zero by
                 default, a point mass.
-            frame: pose of a frame of the body in the last link, (..., 4, 4), -, m; if it is given, ``com`` and
-                ``inertia`` are those in that frame.
             beta: base parameters without the body, (b,) or (..., b), SI units; by default those of the robot file.
 
         Returns:
@@ -59,14 +58,43 @@ class ParameterFunctions(Calls):
         Raises:
             ValueError: the tensor is not symmetric, or the robot file has no links and ``beta`` is not given.
         """
+        return self._call("add_payload", mass, com, *self._symmetric(inertia, beta, "add_payload"))
+
+    def add_payload_at(
+        self,
+        mass: ArrayLike,
+        com: ArrayLike,
+        inertia: ArrayLike | None,
+        frame: ArrayLike,
+        *,
+        beta: ArrayLike | None = None,
+    ) -> Array:
+        """The base parameters of the robot with a body that is described in a frame of its own.
+
+        Args:
+            mass: mass of the body, (...), kg.
+            com: its centre of mass, (..., 3), m, in its own frame.
+            inertia: its inertia tensor about that centre, (..., 3, 3), kg m^2, in the axes of its own frame; None for a
+                point mass.
+            frame: pose of its frame in the last link, (..., 4, 4), -, m.
+            beta: base parameters without the body, (b,) or (..., b), SI units; by default those of the robot file.
+
+        Returns:
+            beta_loaded, (..., b), in SI units.
+
+        Raises:
+            ValueError: as for :meth:`add_payload`.
+        """
+        tensor, known = self._symmetric(inertia, beta, "add_payload_at")
+        return self._call("add_payload_at", mass, com, tensor, frame, known)
+
+    def _symmetric(self, inertia: Any, beta: Any, function: str) -> tuple[Any, Any]:
+        """The tensor and the base parameters of a call of ``function``, checked."""
         if beta is None and self.beta is None:
-            raise ValueError("add_payload: the robot file has no links, so beta= must be given")
+            raise ValueError(f"{function}: the robot file has no links, so beta= must be given")
         tensor = np.zeros((3, 3)) if inertia is None else np.asarray(inertia)
         if tensor.shape[-2:] != (3, 3):
-            raise ValueError(f"add_payload: inertia must be a tensor (3, 3) or (..., 3, 3), got shape {tensor.shape}")
+            raise ValueError(f"{function}: inertia must be a tensor (3, 3) or (..., 3, 3), got shape {tensor.shape}")
         if np.max(np.abs(tensor - np.swapaxes(tensor, -1, -2))) > ASYMMETRY * np.max(np.abs(tensor)):
-            raise ValueError("add_payload: the inertia tensor is not symmetric")
-        known = self.beta if beta is None else beta
-        if frame is None:
-            return self._call("add_payload", known, mass, com, tensor)
-        return self._call("add_payload_at", known, frame, mass, com, tensor)
+            raise ValueError(f"{function}: the inertia tensor is not symmetric")
+        return tensor, self.beta if beta is None else beta

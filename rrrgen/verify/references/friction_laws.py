@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,37 @@ from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
 from rrrgen.verify.references.chain import Array
 
 
-def sliding(friction: FrictionSpec | None, v: Array) -> Array:
-    """Friction torque at the speeds ``v`` (N,); laws with a state after long motion at a constant speed."""
+def sliding(friction: FrictionSpec | None, v: Array, width: float = 0.0) -> Array:
+    """Friction torque at the speeds ``v`` (N,); laws with a state after long motion at a constant speed.
+
+    ``width`` > 0 replaces sgn(v) by tanh(v / width), in |v| = v sgn(v) too.
+    """
     if friction is None:
         return np.zeros_like(v)
     offset = friction.offset or 0.0
+    s = np.tanh(v / width) if width else np.sign(v)
     if friction.law is None:
-        return (friction.viscous or 0.0) * v + (friction.coulomb or 0.0) * np.sign(v) + offset
-    return np.asarray(_law(friction.law, v, np.sign(v)) + offset)
+        return (friction.viscous or 0.0) * v + (friction.coulomb or 0.0) * s + offset
+    return np.asarray(_law(friction.law, v, s, v * s) + offset)
+
+
+def changed(friction: FrictionSpec) -> FrictionSpec:
+    """The same law with other parameters, none of them zero."""
+    if friction.law is None:
+        known = (friction.viscous, friction.coulomb, friction.offset)
+        viscous, coulomb, offset = (
+            1.25 * (value or start) for value, start in zip(known, (0.5, 2.0, 0.125), strict=True)
+        )
+        return FrictionSpec(viscous, coulomb, offset)
+    law = replace(friction.law, values=tuple(1.25 * value for value in friction.law.values))
+    return replace(friction, law=law, offset=1.25 * (friction.offset or 0.5))
+
+
+def parameters_of(friction: FrictionSpec) -> list[float]:
+    """The parameters in the order of the functions that take them at run time."""
+    if friction.law is None:
+        return [friction.viscous or 0.0, friction.coulomb or 0.0, friction.offset or 0.0]
+    return [*friction.law.values, friction.offset or 0.0]
 
 
 def has_state(friction: FrictionSpec | None) -> bool:
@@ -38,29 +62,34 @@ def stepped(friction: FrictionSpec, v: Array, z: Array, period: float) -> tuple[
         after = _relaxed(z, level * np.sign(v), np.abs(v) / level * period)
         return after, sigma0 * after + sigma1 * (after - z) / period + viscous * v + offset
     after = _relaxed(z, p[-1] * np.sign(v), np.abs(v) / p[-1] * period)
-    return after, np.asarray(_law(law, v, after / p[-1]) + offset)
+    return after, np.asarray(_law(law, v, after / p[-1], np.abs(v)) + offset)
 
 
 def _relaxed(z: Array, final: Array, decay: Array) -> Array:
     return final + (z - final) * np.exp(-decay)
 
 
-def _law(law: LawSpec, v: Array, s: Array) -> Any:
-    """The formula of a law with the direction ``s`` (N,): the sign of the speed, or the state over its last value."""
+def _law(law: LawSpec, v: Array, s: Array, size: Array) -> Any:
+    """The formula of a law with the direction ``s`` (N,): the sign of the speed, or the state over its last value.
+
+    ``size`` (N,) is |v|.
+    """
     p = np.array(law.values)
     match law.name:
         case "asymmetric" | "asymmetric_exponential":
-            decaying = p[4] * np.exp(-np.abs(v) / p[5]) * np.sign(v) if len(p) > 4 else 0.0
-            return decaying + np.where(v > 0, p[0] * v + p[2], np.where(v < 0, p[1] * v - p[3], 0.0))
+            decaying = p[4] * np.exp(-size / p[5]) * s if len(p) > 4 else 0.0
+            forwards, backwards = (s * s + s) / 2, (s * s - s) / 2  # 1 in one direction, 0 in the other
+            speeds = p[0] * (size + v) / 2 - p[1] * (size - v) / 2
+            return decaying + speeds + p[2] * forwards - p[3] * backwards
         case "exponential":
-            return (p[0] * np.exp(-np.abs(v) / p[3]) + p[1]) * s + p[2] * v
+            return (p[0] * np.exp(-size / p[3]) + p[1]) * s + p[2] * v
         case "stribeck" | "lugre":
             excess, coulomb, viscous, speed = p[-4:]
             return (excess * np.exp(-((v / speed) ** 2)) + coulomb) * s + viscous * v
         case "dahl":
             return p[0] * s + p[1] * v
         case "dahl_exponential":
-            return (p[0] * np.exp(-np.abs(v) / p[4]) + p[1]) * s + (p[2] + p[3] * np.abs(v)) * v
+            return (p[0] * np.exp(-size / p[4]) + p[1]) * s + (p[2] + p[3] * size) * v
         case "logistic":
             return p[0] / (1 + np.exp(-p[1] * (v + p[2]))) - p[0] / (1 + np.exp(-p[1] * p[2]))
         case "neural":
