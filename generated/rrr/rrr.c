@@ -925,10 +925,10 @@ void rrr_base_parameters(const rrr_real phi[30], rrr_real beta[RRR_RESTRICT 15])
     beta[14] = phi[12];
 }
 
-void rrr_add_payload(const rrr_real beta[15],
-                     rrr_real mass,
+void rrr_add_payload(rrr_real mass,
                      const rrr_real com[3],
                      const rrr_real inertia[9],
+                     const rrr_real beta[15],
                      rrr_real beta_loaded[RRR_RESTRICT 15])
 {
     beta_loaded[0] = beta[0] + (rrr_real)0.04*mass;
@@ -940,15 +940,15 @@ void rrr_add_payload(const rrr_real beta[15],
     const rrr_real t4 = t1*(com[0] + (rrr_real)0.83);
     const rrr_real t5 = com[1]*t2;
     const rrr_real t6 = inertia[0] + t5;
-    beta_loaded[4] = beta[4] + inertia[4] + t3 + t4 - t6;
+    beta_loaded[4] = inertia[4] + beta[4] + t3 + t4 - t6;
     const rrr_real t7 = com[1]*t1 - inertia[1];
     beta_loaded[5] = beta[5] + (rrr_real)0.83*t2 + (t7 + t7);
     const rrr_real t8 = mass*com[2];
     beta_loaded[6] = beta[6] + (rrr_real)0.067081*mass + t8*(com[2] + (rrr_real)0.518) + t6;
     const rrr_real t9 = com[2] + (rrr_real)0.259;
-    beta_loaded[7] = beta[7] + inertia[5] - t2*t9;
+    beta_loaded[7] = inertia[5] + beta[7] - t2*t9;
     const rrr_real t10 = mass + (rrr_real)3.8610038610038608*t8;
-    beta_loaded[8] = beta[8] + inertia[2] - t1*t9 - (rrr_real)0.107485*t10;
+    beta_loaded[8] = inertia[2] + beta[8] - t1*t9 - (rrr_real)0.107485*t10;
     beta_loaded[10] = beta[10] - (rrr_real)0.0518*t10;
     const rrr_real t11 = inertia[8] + t5 + t4;
     beta_loaded[11] = beta[11] + (rrr_real)0.212225*mass + t11;
@@ -959,54 +959,73 @@ void rrr_add_payload(const rrr_real beta[15],
     beta_loaded[14] = beta[14];
 }
 
-void rrr_add_payload_at(const rrr_real beta[15],
-                        const rrr_real frame[16],
-                        rrr_real mass,
+void rrr_add_payload_at(rrr_real mass,
                         const rrr_real com[3],
                         const rrr_real inertia[9],
+                        const rrr_real frame[16],
+                        const rrr_real beta[15],
                         rrr_real beta_loaded[RRR_RESTRICT 15])
 {
     beta_loaded[0] = beta[0] + (rrr_real)0.04*mass;
-    const rrr_real t1 = frame[0]*com[0] + frame[1]*com[1] + frame[2]*com[2] + frame[3];
+    const rrr_real t1 = com[0]*frame[0] + com[1]*frame[1] + com[2]*frame[2] + frame[3];
     const rrr_real t2 = mass*t1;
     const rrr_real t3 = mass + (rrr_real)2.4096385542168677*t2;
     const rrr_real t4 = (rrr_real)0.415*t3;
     beta_loaded[2] = beta[2] + t4;
-    const rrr_real t5 = frame[4]*com[0] + frame[5]*com[1] + frame[6]*com[2] + frame[7];
+    const rrr_real t5 = com[0]*frame[4] + com[1]*frame[5] + com[2]*frame[6] + frame[7];
     const rrr_real t6 = mass*t5;
     beta_loaded[3] = beta[3] + t6;
-    const rrr_real t7 = frame[4]*inertia[0] + frame[5]*inertia[1] + frame[6]*inertia[2];
-    const rrr_real t8 = frame[4]*inertia[1] + frame[5]*inertia[4] + frame[6]*inertia[5];
-    const rrr_real t9 = frame[4]*inertia[2] + frame[5]*inertia[5] + frame[6]*inertia[8];
+    const rrr_real t7 = inertia[0]*frame[4] + inertia[1]*frame[5] + inertia[2]*frame[6];
+    const rrr_real t8 = inertia[1]*frame[4] + inertia[4]*frame[5] + inertia[5]*frame[6];
+    const rrr_real t9 = inertia[2]*frame[4] + inertia[5]*frame[5] + inertia[8]*frame[6];
     const rrr_real t10 = (rrr_real)0.83*t2;
     const rrr_real t11 = (rrr_real)0.172225*mass + t10;
     const rrr_real t12 = t1*t2;
-    const rrr_real t13 = frame[8]*com[0] + frame[9]*com[1] + frame[10]*com[2] + frame[11];
+    const rrr_real t13 = com[0]*frame[8] + com[1]*frame[9] + com[2]*frame[10] + frame[11];
     const rrr_real t14 = mass*t13;
     const rrr_real t15 = t13*t14;
-    const rrr_real t16 = frame[0]*inertia[0] + frame[1]*inertia[1] + frame[2]*inertia[2];
-    const rrr_real t17 = frame[0]*inertia[1] + frame[1]*inertia[4] + frame[2]*inertia[5];
-    const rrr_real t18 = frame[0]*inertia[2] + frame[1]*inertia[5] + frame[2]*inertia[8];
+    const rrr_real t16 = inertia[0]*frame[0] + inertia[1]*frame[1] + inertia[2]*frame[2];
+    const rrr_real t17 = inertia[1]*frame[0] + inertia[4]*frame[1] + inertia[5]*frame[2];
+    const rrr_real t18 = inertia[2]*frame[0] + inertia[5]*frame[1] + inertia[8]*frame[2];
     const rrr_real t19 = t5*t6;
     const rrr_real t20 = frame[0]*t16 + frame[1]*t17 + frame[2]*t18 + t19 + t15;
-    beta_loaded[4] = beta[4] + frame[4]*t7 + frame[5]*t8 + frame[6]*t9 + t11 + t12 + t15 - t20;
+    beta_loaded[4] = frame[4]*t7 + frame[5]*t8 + frame[6]*t9 + beta[4] + t11 + t12 + t15 - t20;
     const rrr_real t21 = frame[4]*t16 + frame[5]*t17 + frame[6]*t18;
     beta_loaded[5] = beta[5] + (rrr_real)0.83*t5*t3 - (t21 + t21);
     beta_loaded[6] = beta[6] + (rrr_real)0.067081*mass + t20 + (rrr_real)0.518*t14;
     const rrr_real t22 = t13 + (rrr_real)0.259;
-    beta_loaded[7] = beta[7] + frame[8]*t7 + frame[9]*t8 + frame[10]*t9 - t6*t22;
-    beta_loaded[8] = beta[8] + frame[8]*t16 + frame[9]*t17 + frame[10]*t18 - t4*t22;
+    beta_loaded[7] = frame[8]*t7 + frame[9]*t8 + frame[10]*t9 + beta[7] - t6*t22;
+    beta_loaded[8] = frame[8]*t16 + frame[9]*t17 + frame[10]*t18 + beta[8] - t4*t22;
     beta_loaded[10] = beta[10] - (rrr_real)0.0518*mass - (rrr_real)0.2*t14;
-    const rrr_real t23 = frame[9]*inertia[1] + frame[10]*inertia[2];
-    const rrr_real t24 = frame[9]*(frame[9]*inertia[4] + inertia[5]*(frame[10] + frame[10]));
-    const rrr_real t25 = frame[8]*(t23 + t23 + frame[8]*inertia[0]) + t24 + frame[10]*frame[10]*inertia[8] + t12;
-    const rrr_real t26 = t19 + t25;
-    beta_loaded[11] = beta[11] + (rrr_real)0.212225*mass + t26 + t10;
-    beta_loaded[12] = beta[12] + t11 + t26;
+    const rrr_real t23 = inertia[1]*frame[9] + inertia[2]*frame[10];
+    const rrr_real t24 = inertia[8]*frame[10]*frame[10] + frame[8]*(t23 + t23 + inertia[0]*frame[8]);
+    const rrr_real t25 = t24 + frame[9]*(inertia[4]*frame[9] + frame[10]*(inertia[5] + inertia[5])) + t12 + t19;
+    beta_loaded[11] = beta[11] + (rrr_real)0.212225*mass + t25 + t10;
+    beta_loaded[12] = beta[12] + t11 + t25;
     beta_loaded[13] = beta[13] + (rrr_real)0.2*mass;
     beta_loaded[1] = beta[1];
     beta_loaded[9] = beta[9];
     beta_loaded[14] = beta[14];
+}
+
+void rrr_friction_with(const rrr_real dq[3], const rrr_real friction[9], rrr_real tau_f[RRR_RESTRICT 3])
+{
+    const rrr_real t1 = (dq[0] > (rrr_real)0.0) ? (rrr_real)1.0 : ((dq[0] < (rrr_real)0.0) ? -(rrr_real)1.0 : dq[0]);
+    tau_f[0] = dq[0]*friction[0] + friction[1]*t1 + friction[2];
+    const rrr_real t2 = (dq[1] > (rrr_real)0.0) ? (rrr_real)1.0 : ((dq[1] < (rrr_real)0.0) ? -(rrr_real)1.0 : dq[1]);
+    tau_f[1] = dq[1]*friction[3] + friction[4]*t2 + friction[5];
+    const rrr_real t3 = (dq[2] > (rrr_real)0.0) ? (rrr_real)1.0 : ((dq[2] < (rrr_real)0.0) ? -(rrr_real)1.0 : dq[2]);
+    tau_f[2] = dq[2]*friction[6] + friction[7]*t3 + friction[8];
+}
+
+void rrr_smooth_friction(const rrr_real dq[3],
+                         const rrr_real friction[9],
+                         const rrr_real width[3],
+                         rrr_real tau_f[RRR_RESTRICT 3])
+{
+    tau_f[0] = dq[0]*friction[0] + friction[1]*tanh(dq[0]/width[0]) + friction[2];
+    tau_f[1] = dq[1]*friction[3] + friction[4]*tanh(dq[1]/width[1]) + friction[5];
+    tau_f[2] = dq[2]*friction[6] + friction[7]*tanh(dq[2]/width[2]) + friction[8];
 }
 
 void rrr_nominal_parameters(rrr_real beta[RRR_RESTRICT 15])

@@ -695,10 +695,10 @@ void rrr_base_parameters(const rrr_real phi[30], rrr_real beta[RRR_RESTRICT 15])
  *
  *     beta_loaded = beta + K_n phi_payload
  *
- *   in   beta         15     SI      -                            base parameters without the payload
  *   in   mass         1      kg      -                            mass of the payload
  *   in   com          3      m       the last link frame          centre of mass of the payload
  *   in   inertia      3 x 3  kg m^2  axes of the last link frame  inertia tensor about the centre of mass
+ *   in   beta         15     SI      -                            base parameters without the payload
  *   out  beta_loaded  15     SI      -                            base parameters with the payload
  *
  * Operations: 19 mul, 33 add.
@@ -706,10 +706,10 @@ void rrr_base_parameters(const rrr_real phi[30], rrr_real beta[RRR_RESTRICT 15])
  * The inertia tensor is symmetric: only its upper triangle is read.
  * A payload is taken off again by the same call with negative mass and inertia and the same centre of mass.
  */
-void rrr_add_payload(const rrr_real beta[15],
-                     rrr_real mass,
+void rrr_add_payload(rrr_real mass,
                      const rrr_real com[3],
                      const rrr_real inertia[9],
+                     const rrr_real beta[15],
                      rrr_real beta_loaded[RRR_RESTRICT 15]);
 
 /*
@@ -717,12 +717,12 @@ void rrr_add_payload(const rrr_real beta[15],
  *
  *     beta_loaded = beta + K_n phi_payload
  *
- *   in   beta         15     SI      -                            base parameters without the payload
- *   in   frame        4 x 4  -, m    last link frame              pose of the payload's frame, a homogeneous
- *                                                                 transform
  *   in   mass         1      kg      -                            mass of the payload
  *   in   com          3      m       the payload's frame          centre of mass of the payload
  *   in   inertia      3 x 3  kg m^2  axes of the payload's frame  inertia tensor about the centre of mass
+ *   in   frame        4 x 4  -, m    last link frame              pose of the payload's frame, a homogeneous
+ *                                                                 transform
+ *   in   beta         15     SI      -                            base parameters without the payload
  *   out  beta_loaded  15     SI      -                            base parameters with the payload
  *
  * Operations: 72 mul, 71 add.
@@ -730,12 +730,48 @@ void rrr_add_payload(const rrr_real beta[15],
  * The inertia tensor is symmetric: only its upper triangle is read.
  * A payload is taken off again by the same call with negative mass and inertia and the same centre of mass.
  */
-void rrr_add_payload_at(const rrr_real beta[15],
-                        const rrr_real frame[16],
-                        rrr_real mass,
+void rrr_add_payload_at(rrr_real mass,
                         const rrr_real com[3],
                         const rrr_real inertia[9],
+                        const rrr_real frame[16],
+                        const rrr_real beta[15],
                         rrr_real beta_loaded[RRR_RESTRICT 15]);
+
+/*
+ * Joint friction with its parameters at run time.
+ *
+ *   in   dq        3  rad/s  -  joint velocities
+ *   in   friction  9  SI     -  friction parameters q1_viscous, q1_coulomb, q1_offset, q2_viscous, q2_coulomb,
+ *                               q2_offset, q3_viscous, q3_coulomb, q3_offset
+ *   out  tau_f     3  N m    -  friction torques, added to the rigid body's
+ *
+ * Operations: 6 mul, 6 add, 3 other.
+ * Stack: at most 224 bytes built by gcc, 256 by clang.
+ * q1, q2, q3: tau_f = fv dq + fc sgn(dq) + offset (14.11)
+ * sgn(0) = 0.
+ */
+void rrr_friction_with(const rrr_real dq[3], const rrr_real friction[9], rrr_real tau_f[RRR_RESTRICT 3]);
+
+/*
+ * Joint friction with its parameters at run time, smooth.
+ *
+ *     sgn(s) replaced by tanh(s / width)
+ *
+ *   in   dq        3  rad/s        -  joint velocities
+ *   in   friction  9  SI           -  friction parameters q1_viscous, q1_coulomb, q1_offset, q2_viscous,
+ *                                     q2_coulomb, q2_offset, q3_viscous, q3_coulomb, q3_offset
+ *   in   width     3  rad/s | m/s  -  speeds of the same joints and motors over which the sign of each turns
+ *                                     round, > 0
+ *   out  tau_f     3  N m          -  friction torques, added to the rigid body's
+ *
+ * Operations: 6 mul, 6 add, 3 div, 3 other.
+ * Stack: at most 224 bytes built by gcc, 256 by clang.
+ * q1, q2, q3: tau_f = fv dq + fc sgn(dq) + offset (14.11)
+ */
+void rrr_smooth_friction(const rrr_real dq[3],
+                         const rrr_real friction[9],
+                         const rrr_real width[3],
+                         rrr_real tau_f[RRR_RESTRICT 3]);
 
 /*
  * The nominal values of the parameters that the other functions take at run time.

@@ -78,6 +78,12 @@ static const real beta[] = {
     R(0.2696), R(0.008), R(0.168), R(0.0), R(0.03185), R(0.001), R(0.8531086), R(-0.0013), R(-0.043584),
     R(-0.004), R(-0.299444), R(0.38897), R(0.03637), R(1.536), R(0.0)
 };
+static const real friction[] = {
+    R(0.25), R(0.265625), R(0.28125), R(0.296875), R(0.3125), R(0.328125), R(0.34375), R(0.359375), R(0.375)
+};
+static const real width[] = {
+    R(0.25), R(0.25), R(0.25)
+};
 static const real mass[] = {
     R(1.5)
 };
@@ -556,6 +562,26 @@ static const real golden_add_payload_at[STATES][15] = {
      R(0.14660625000000002), R(-0.4524365), R(-0.004), R(-0.414644), R(1.30111609375), R(0.8885160937500001),
      R(1.836), R(0.0)}
 };
+static const real golden_friction_with[STATES][3] = {
+    {R(0.28125), R(0.328125), R(0.375)},
+    {R(0.6171875), R(-0.27197265625), R(-0.22607421875)},
+    {R(-0.40234375), R(0.969970703125), R(-0.220703125)},
+    {R(0.64453125), R(-0.220947265625), R(-0.21533203125)},
+    {R(0.58203125), R(1.174072265625), R(-0.435546875)},
+    {R(0.58203125), R(0.9560546875), R(0.93310546875)},
+    {R(-0.08203125), R(0.765869140625), R(1.12646484375)},
+    {R(0.875), R(-0.08642578125), R(-0.03271484375)}
+};
+static const real golden_smooth_friction[STATES][3] = {
+    {R(0.28125), R(0.328125), R(0.375)},
+    {R(0.5665330967723481), R(-0.2717035580741721), R(-0.22349131689460433)},
+    {R(-0.4023429247043179), R(0.9698833143277203), R(-0.2177777135166996)},
+    {R(0.6221721445448275), R(-0.21988431411785292), R(-0.2120189012460748)},
+    {R(0.4518298367734275), R(1.1740719084372206), R(-0.4355270837220113)},
+    {R(0.4518298367734275), R(0.9559275456387155), R(0.9261275012789405)},
+    {R(-0.0596721445448275), R(0.7451904041320598), R(1.1263865740959185)},
+    {R(0.8749853716640954), R(-0.04887162489124525), R(0.14344000943889218)}
+};
 
 typedef struct check {
     const char *what;
@@ -783,7 +809,7 @@ static int golden_vectors(void)
         check c = {"golden vectors: add_payload", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
             real result[15];
-            rrr_add_payload(beta, mass[0], com, inertia, result);
+            rrr_add_payload(mass[0], com, inertia, beta, result);
             compare(&c, result, golden_add_payload[k], 15, R(1.84), EXACT);
         }
         failed |= report(&c);
@@ -792,8 +818,26 @@ static int golden_vectors(void)
         check c = {"golden vectors: add_payload_at", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
             real result[15];
-            rrr_add_payload_at(beta, frame, mass[0], com, inertia, result);
+            rrr_add_payload_at(mass[0], com, inertia, frame, beta, result);
             compare(&c, result, golden_add_payload_at[k], 15, R(1.84), EXACT);
+        }
+        failed |= report(&c);
+    }
+    {
+        check c = {"golden vectors: friction_with", 0, R(0.0)};
+        for (k = 0; k < STATES; k++) {
+            real result[3];
+            rrr_friction_with(dq[k], friction, result);
+            compare(&c, result, golden_friction_with[k], 3, R(1.17), EXACT);
+        }
+        failed |= report(&c);
+    }
+    {
+        check c = {"golden vectors: smooth_friction", 0, R(0.0)};
+        for (k = 0; k < STATES; k++) {
+            real result[3];
+            rrr_smooth_friction(dq[k], friction, width, result);
+            compare(&c, result, golden_smooth_friction[k], 3, R(1.17), EXACT);
         }
         failed |= report(&c);
     }

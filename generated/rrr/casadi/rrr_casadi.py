@@ -1938,24 +1938,24 @@ def add_payload():
 
     beta_loaded = beta + K_n phi_payload
 
-    input  beta (15, 1): base parameters without the payload; SI
     input  mass (1, 1): mass of the payload; kg
     input  com (3, 1): centre of mass of the payload; m; the last link frame
     input  inertia (3, 3): inertia tensor about the centre of mass; kg m^2; axes of the last link frame
+    input  beta (15, 1): base parameters without the payload; SI
     output beta_loaded (15, 1): base parameters with the payload; SI
 
     The inertia tensor is symmetric: only its upper triangle is read.
     A payload is taken off again by the same call with negative mass and inertia and the same centre of mass.
     """
-    beta = ca.SX.sym("beta", 15, 1)
     mass = ca.SX.sym("mass", 1, 1)
     com = ca.SX.sym("com", 3, 1)
     inertia = ca.SX.sym("inertia", 3, 3)
-    [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
-        beta15] = _rows(beta)
+    beta = ca.SX.sym("beta", 15, 1)
     [com1, com2, com3] = _rows(com)
     [inertia_1_1, inertia_1_2, inertia_1_3, inertia_2_1, inertia_2_2, inertia_2_3, inertia_3_1, inertia_3_2,
         inertia_3_3] = _rows(inertia)
+    [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
+        beta15] = _rows(beta)
     t1 = mass*com1
     t2 = mass*com2
     t3 = 0.172225*mass
@@ -1972,11 +1972,11 @@ def add_payload():
         beta2,
         beta3 + 0.415*mass + t1,
         beta4 + t2,
-        beta5 + inertia_2_2 + t3 + t4 - t6,
+        inertia_2_2 + beta5 + t3 + t4 - t6,
         beta6 + 0.83*t2 + (t7 + t7),
         beta7 + 0.067081*mass + t8*(com3 + 0.518) + t6,
-        beta8 + inertia_2_3 - t2*t9,
-        beta9 + inertia_1_3 - t1*t9 - 0.107485*t10,
+        inertia_2_3 + beta8 - t2*t9,
+        inertia_1_3 + beta9 - t1*t9 - 0.107485*t10,
         beta10,
         beta11 - 0.0518*t10,
         beta12 + 0.212225*mass + t11,
@@ -1984,8 +1984,8 @@ def add_payload():
         beta14 + 0.2*mass,
         beta15,
     ])
-    return ca.Function("rrr_casadi_add_payload", [beta, mass, com, inertia], [beta_loaded], ["beta", "mass", "com",
-        "inertia"], ["beta_loaded"])
+    return ca.Function("rrr_casadi_add_payload", [mass, com, inertia, beta], [beta_loaded], ["mass", "com",
+        "inertia", "beta"], ["beta_loaded"])
 
 
 @lru_cache(maxsize=None)
@@ -1994,64 +1994,64 @@ def add_payload_at():
 
     beta_loaded = beta + K_n phi_payload
 
-    input  beta (15, 1): base parameters without the payload; SI
-    input  frame (4, 4): pose of the payload's frame, a homogeneous transform; -, m; last link frame
     input  mass (1, 1): mass of the payload; kg
     input  com (3, 1): centre of mass of the payload; m; the payload's frame
     input  inertia (3, 3): inertia tensor about the centre of mass; kg m^2; axes of the payload's frame
+    input  frame (4, 4): pose of the payload's frame, a homogeneous transform; -, m; last link frame
+    input  beta (15, 1): base parameters without the payload; SI
     output beta_loaded (15, 1): base parameters with the payload; SI
 
     The inertia tensor is symmetric: only its upper triangle is read.
     A payload is taken off again by the same call with negative mass and inertia and the same centre of mass.
     """
-    beta = ca.SX.sym("beta", 15, 1)
-    frame = ca.SX.sym("frame", 4, 4)
     mass = ca.SX.sym("mass", 1, 1)
     com = ca.SX.sym("com", 3, 1)
     inertia = ca.SX.sym("inertia", 3, 3)
-    [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
-        beta15] = _rows(beta)
-    [frame_1_1, frame_1_2, frame_1_3, frame_1_4, frame_2_1, frame_2_2, frame_2_3, frame_2_4, frame_3_1, frame_3_2,
-        frame_3_3, frame_3_4, frame_4_1, frame_4_2, frame_4_3, frame_4_4] = _rows(frame)
+    frame = ca.SX.sym("frame", 4, 4)
+    beta = ca.SX.sym("beta", 15, 1)
     [com1, com2, com3] = _rows(com)
     [inertia_1_1, inertia_1_2, inertia_1_3, inertia_2_1, inertia_2_2, inertia_2_3, inertia_3_1, inertia_3_2,
         inertia_3_3] = _rows(inertia)
-    t1 = frame_1_1*com1 + frame_1_2*com2 + frame_1_3*com3 + frame_1_4
+    [frame_1_1, frame_1_2, frame_1_3, frame_1_4, frame_2_1, frame_2_2, frame_2_3, frame_2_4, frame_3_1, frame_3_2,
+        frame_3_3, frame_3_4, frame_4_1, frame_4_2, frame_4_3, frame_4_4] = _rows(frame)
+    [beta1, beta2, beta3, beta4, beta5, beta6, beta7, beta8, beta9, beta10, beta11, beta12, beta13, beta14,
+        beta15] = _rows(beta)
+    t1 = com1*frame_1_1 + com2*frame_1_2 + com3*frame_1_3 + frame_1_4
     t2 = mass*t1
     t3 = mass + 2.4096385542168677*t2
     t4 = 0.415*t3
-    t5 = frame_2_1*com1 + frame_2_2*com2 + frame_2_3*com3 + frame_2_4
+    t5 = com1*frame_2_1 + com2*frame_2_2 + com3*frame_2_3 + frame_2_4
     t6 = mass*t5
-    t7 = frame_2_1*inertia_1_1 + frame_2_2*inertia_1_2 + frame_2_3*inertia_1_3
-    t8 = frame_2_1*inertia_1_2 + frame_2_2*inertia_2_2 + frame_2_3*inertia_2_3
-    t9 = frame_2_1*inertia_1_3 + frame_2_2*inertia_2_3 + frame_2_3*inertia_3_3
+    t7 = inertia_1_1*frame_2_1 + inertia_1_2*frame_2_2 + inertia_1_3*frame_2_3
+    t8 = inertia_1_2*frame_2_1 + inertia_2_2*frame_2_2 + inertia_2_3*frame_2_3
+    t9 = inertia_1_3*frame_2_1 + inertia_2_3*frame_2_2 + inertia_3_3*frame_2_3
     t10 = 0.83*t2
     t11 = 0.172225*mass + t10
     t12 = t1*t2
-    t13 = frame_3_1*com1 + frame_3_2*com2 + frame_3_3*com3 + frame_3_4
+    t13 = com1*frame_3_1 + com2*frame_3_2 + com3*frame_3_3 + frame_3_4
     t14 = mass*t13
     t15 = t13*t14
-    t16 = frame_1_1*inertia_1_1 + frame_1_2*inertia_1_2 + frame_1_3*inertia_1_3
-    t17 = frame_1_1*inertia_1_2 + frame_1_2*inertia_2_2 + frame_1_3*inertia_2_3
-    t18 = frame_1_1*inertia_1_3 + frame_1_2*inertia_2_3 + frame_1_3*inertia_3_3
+    t16 = inertia_1_1*frame_1_1 + inertia_1_2*frame_1_2 + inertia_1_3*frame_1_3
+    t17 = inertia_1_2*frame_1_1 + inertia_2_2*frame_1_2 + inertia_2_3*frame_1_3
+    t18 = inertia_1_3*frame_1_1 + inertia_2_3*frame_1_2 + inertia_3_3*frame_1_3
     t19 = t5*t6
     t20 = frame_1_1*t16 + frame_1_2*t17 + frame_1_3*t18 + t19 + t15
     t21 = frame_2_1*t16 + frame_2_2*t17 + frame_2_3*t18
     t22 = t13 + 0.259
-    t23 = frame_3_2*inertia_1_2 + frame_3_3*inertia_1_3
-    t24 = frame_3_2*(frame_3_2*inertia_2_2 + inertia_2_3*(frame_3_3 + frame_3_3))
-    t25 = frame_3_1*(t23 + t23 + frame_3_1*inertia_1_1) + t24 + frame_3_3*frame_3_3*inertia_3_3
-    t26 = t12 + t25 + t19
+    t23 = inertia_1_2*frame_3_2 + inertia_1_3*frame_3_3
+    t24 = inertia_3_3*frame_3_3*frame_3_3 + frame_3_1*(t23 + t23 + inertia_1_1*frame_3_1)
+    t25 = t24 + frame_3_2*(inertia_2_2*frame_3_2 + frame_3_3*(inertia_2_3 + inertia_2_3)) + t12
+    t26 = t19 + t25
     beta_loaded = _matrix(15, 1, [
         beta1 + 0.04*mass,
         beta2,
         beta3 + t4,
         beta4 + t6,
-        beta5 + frame_2_1*t7 + frame_2_2*t8 + frame_2_3*t9 + t11 + t12 + t15 - t20,
+        frame_2_1*t7 + frame_2_2*t8 + frame_2_3*t9 + beta5 + t11 + t12 + t15 - t20,
         beta6 + 0.83*t5*t3 - (t21 + t21),
         beta7 + 0.067081*mass + t20 + 0.518*t14,
-        beta8 + frame_3_1*t7 + frame_3_2*t8 + frame_3_3*t9 - t6*t22,
-        beta9 + frame_3_1*t16 + frame_3_2*t17 + frame_3_3*t18 - t4*t22,
+        frame_3_1*t7 + frame_3_2*t8 + frame_3_3*t9 + beta8 - t6*t22,
+        frame_3_1*t16 + frame_3_2*t17 + frame_3_3*t18 + beta9 - t4*t22,
         beta10,
         beta11 - 0.0518*mass - 0.2*t14,
         beta12 + 0.212225*mass + t26 + t10,
@@ -2059,8 +2059,89 @@ def add_payload_at():
         beta14 + 0.2*mass,
         beta15,
     ])
-    return ca.Function("rrr_casadi_add_payload_at", [beta, frame, mass, com, inertia], [beta_loaded], ["beta",
-        "frame", "mass", "com", "inertia"], ["beta_loaded"])
+    return ca.Function("rrr_casadi_add_payload_at", [mass, com, inertia, frame, beta], [beta_loaded], ["mass",
+        "com", "inertia", "frame", "beta"], ["beta_loaded"])
+
+
+@lru_cache(maxsize=None)
+def friction_with():
+    """Joint friction with its parameters at run time.
+
+    input  dq (3, 1): joint velocities; rad/s
+    input  friction (9, 1): friction parameters q1_viscous, q1_coulomb, q1_offset, q2_viscous, q2_coulomb, q2_offset, q3_viscous, q3_coulomb, q3_offset; SI
+    output tau_f (3, 1): friction torques, added to the rigid body's; N m
+
+    q1, q2, q3: tau_f = fv dq + fc sgn(dq) + offset   (14.11)
+    sgn(0) = 0.
+    """
+    dq = ca.SX.sym("dq", 3, 1)
+    friction = ca.SX.sym("friction", 9, 1)
+    [dq1, dq2, dq3] = _rows(dq)
+    [friction1, friction2, friction3, friction4, friction5, friction6, friction7, friction8,
+        friction9] = _rows(friction)
+    tau_f = _matrix(3, 1, [
+        dq1*friction1 + friction2*ca.sign(dq1) + friction3,
+        dq2*friction4 + friction5*ca.sign(dq2) + friction6,
+        dq3*friction7 + friction8*ca.sign(dq3) + friction9,
+    ])
+    return ca.Function("rrr_casadi_friction_with", [dq, friction], [tau_f], ["dq", "friction"], ["tau_f"])
+
+
+@lru_cache(maxsize=None)
+def friction_with_smooth():
+    """Joint friction with its parameters at run time.
+
+    input  dq (3, 1): joint velocities; rad/s
+    input  friction (9, 1): friction parameters q1_viscous, q1_coulomb, q1_offset, q2_viscous, q2_coulomb, q2_offset, q3_viscous, q3_coulomb, q3_offset; SI
+    input  eps (1, 1): width of the smooth sign: sgn(x) is replaced by tanh(x/eps); rad/s or m/s
+    output tau_f (3, 1): friction torques, added to the rigid body's; N m
+
+    q1, q2, q3: tau_f = fv dq + fc sgn(dq) + offset   (14.11)
+    sgn(0) = 0.
+    sgn(x) is replaced by tanh(x/eps).
+    """
+    dq = ca.SX.sym("dq", 3, 1)
+    friction = ca.SX.sym("friction", 9, 1)
+    eps = ca.SX.sym("eps", 1, 1)
+    [dq1, dq2, dq3] = _rows(dq)
+    [friction1, friction2, friction3, friction4, friction5, friction6, friction7, friction8,
+        friction9] = _rows(friction)
+    tau_f = _matrix(3, 1, [
+        dq1*friction1 + friction2*ca.tanh(dq1/eps) + friction3,
+        dq2*friction4 + friction5*ca.tanh(dq2/eps) + friction6,
+        dq3*friction7 + friction8*ca.tanh(dq3/eps) + friction9,
+    ])
+    return ca.Function("rrr_casadi_friction_with_smooth", [dq, friction, eps], [tau_f], ["dq", "friction", "eps"],
+        ["tau_f"])
+
+
+@lru_cache(maxsize=None)
+def smooth_friction():
+    """Joint friction with its parameters at run time, smooth.
+
+    sgn(s) replaced by tanh(s / width)
+
+    input  dq (3, 1): joint velocities; rad/s
+    input  friction (9, 1): friction parameters q1_viscous, q1_coulomb, q1_offset, q2_viscous, q2_coulomb, q2_offset, q3_viscous, q3_coulomb, q3_offset; SI
+    input  width (3, 1): speeds of the same joints and motors over which the sign of each turns round, > 0; rad/s | m/s
+    output tau_f (3, 1): friction torques, added to the rigid body's; N m
+
+    q1, q2, q3: tau_f = fv dq + fc sgn(dq) + offset   (14.11)
+    """
+    dq = ca.SX.sym("dq", 3, 1)
+    friction = ca.SX.sym("friction", 9, 1)
+    width = ca.SX.sym("width", 3, 1)
+    [dq1, dq2, dq3] = _rows(dq)
+    [friction1, friction2, friction3, friction4, friction5, friction6, friction7, friction8,
+        friction9] = _rows(friction)
+    [width1, width2, width3] = _rows(width)
+    tau_f = _matrix(3, 1, [
+        dq1*friction1 + friction2*ca.tanh(dq1/width1) + friction3,
+        dq2*friction4 + friction5*ca.tanh(dq2/width2) + friction6,
+        dq3*friction7 + friction8*ca.tanh(dq3/width3) + friction9,
+    ])
+    return ca.Function("rrr_casadi_smooth_friction", [dq, friction, width], [tau_f], ["dq", "friction", "width"],
+        ["tau_f"])
 
 
 FUNCTIONS = {
@@ -2100,4 +2181,7 @@ FUNCTIONS = {
     "base_parameters": base_parameters,
     "add_payload": add_payload,
     "add_payload_at": add_payload_at,
+    "friction_with": friction_with,
+    "friction_with_smooth": friction_with_smooth,
+    "smooth_friction": smooth_friction,
 }
