@@ -75,13 +75,13 @@ def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> Recorde
         friction_with,
         smooth_friction,
     )
-    from rrrgen.derive.functions.table import GROUPS
+    from rrrgen.derive.functions.table import functions_of
 
     derivation = prepare(spec)
     alternatives = {
         name: tuple(record(derivation.recording()) for record in recorders)
         for group in dict.fromkeys(groups)
-        for name, recorders in GROUPS[group].items()
+        for name, recorders in functions_of(group, spec.n).items()
     }
     surfaces = friction_of(spec) if "model" in groups else ()
     if surfaces:

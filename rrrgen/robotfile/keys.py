@@ -12,6 +12,7 @@ HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 EMIT = {
     "control": "functions for observers and passivity-based control",
     "gravity": "<name>_any_gravity.h and .c, the model with gravity as an input",
+    "points": "velocities, Jacobians and wrenches at any link or point, tools, null space, manipulability",
     "rust": "a crate without dependencies and standard library",
 }
 """What can be emitted besides the model, on request of the robot file or of the command line."""

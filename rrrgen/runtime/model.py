@@ -19,6 +19,7 @@ from rrrgen.runtime.functions.control import ControlFunctions
 from rrrgen.runtime.functions.dynamics import DynamicFunctions
 from rrrgen.runtime.functions.kinematics import KinematicFunctions
 from rrrgen.runtime.functions.parameters import ParameterFunctions
+from rrrgen.runtime.functions.points import PointFunctions
 from rrrgen.runtime.functions.regressors import RegressorFunctions
 from rrrgen.runtime.results import JointLimits
 from rrrgen.runtime.summary import html_summary
@@ -33,7 +34,9 @@ if TYPE_CHECKING:
     from rrrgen.runtime.results import IKBatch, IKResult
 
 
-class Model(KinematicFunctions, DynamicFunctions, RegressorFunctions, ParameterFunctions, ControlFunctions):
+class Model(
+    KinematicFunctions, DynamicFunctions, RegressorFunctions, ParameterFunctions, PointFunctions, ControlFunctions
+):
     """Kinematics and dynamics of one robot, made by :func:`rrrgen.compile`.
 
     Every function takes a state (n,) or a batch (..., n) of any strides and returns dense float64 arrays (float32 if

@@ -67,6 +67,20 @@ class MomentumTerms(NamedTuple):
     g: NDArray[Any]
 
 
+class PointMotion(NamedTuple):
+    """Velocity ``V_p`` and acceleration ``A_p`` of a point, (..., 6) each, linear part first."""
+
+    V_p: NDArray[Any]
+    A_p: NDArray[Any]
+
+
+class Manipulability(NamedTuple):
+    """Manipulability ``w`` (...) and its gradient ``dw_dq`` (..., n)."""
+
+    w: NDArray[Any]
+    dw_dq: NDArray[Any]
+
+
 class InverseDynamicsDerivatives(NamedTuple):
     """Torques ``tau`` (..., n), N m or N, and their derivatives (..., n, n), SI units.
 

@@ -14,6 +14,7 @@ from rrrgen.backends.c.signature import prototype
 from rrrgen.backends.c.solver.files import emit
 from rrrgen.backends.casadi.derivatives import matrix_size
 from rrrgen.derive import derive_model
+from rrrgen.derive.functions.table import GROUPS
 from rrrgen.ik.classify import plan
 from rrrgen.program import Program
 from rrrgen.robotfile import bundled_names, load_spec, loads_spec
@@ -44,7 +45,7 @@ joints:
 def programs(name: str) -> dict[str, Program]:
     """The functions as recorded: optimization keeps their ports."""
     spec = loads_spec(WITH_FRICTION) if name == "with_friction" else load_spec(name)
-    return {function: equivalent[0] for function, equivalent in derive_model(spec).alternatives.items()}
+    return {function: equivalent[0] for function, equivalent in derive_model(spec, tuple(GROUPS)).alternatives.items()}
 
 
 def arguments(method: object) -> list[str]:
@@ -94,6 +95,8 @@ def test_several_results_are_named_tuples():
         names = tuple(port.name for port in program.data_outputs)
         tuples = {
             "forward_dynamics_derivatives": rrrgen.runtime.results.ForwardDynamicsDerivatives._fields,
+            "manipulability": rrrgen.runtime.results.Manipulability._fields,
+            "position_manipulability": rrrgen.runtime.results.Manipulability._fields,
             "energy": ("E",),  # the vector (kinetic, potential), which Python names
         }
         expected = tuples.get(title, results(getattr(Model, RENAMED.get(title, title))))

@@ -45,16 +45,14 @@ TABLES = {
 STATES = ("q", "dq", "ddq", "e")
 """The tables with a row per state."""
 
-PAYLOAD = {
+GIVEN = {
     "mass": [1.5],
     "com": [0.0625, -0.03125, 0.125],
     "inertia": [0.03125, 0.0078125, -0.00390625, 0.0078125, 0.046875, 0.001953125, -0.00390625, 0.001953125, 0.015625],
+    "tool": [0.0, 0.0, -1.0, 0.125, -1.0, 0.0, 0.0, 0.0625, 0.0, 1.0, 0.0, -0.25, 0.0, 0.0, 0.0, 1.0],
     "frame": [0.0, -1.0, 0.0, 0.25, 0.0, 0.0, -1.0, -0.125, 1.0, 0.0, 0.0, 0.0625, 0.0, 0.0, 0.0, 1.0],
 }
-"""The payload of the self-test: a body with its mass off all axes, and a frame with permuted axes."""
-
-WIDTH = 0.25
-"""Speed, rad/s or m/s, over which smooth friction turns round in the self-test."""
+"""The payload of the self-test, a body with its mass off all axes in a frame with permuted axes; a tool alike."""
 
 GRAVITY = [3.0, -5.0, -7.5]
 """Gravity in the self-test of functions with gravity as an input, in no special direction."""
@@ -146,10 +144,16 @@ def _parameters(model: DerivedModel) -> dict[str, Array]:
         parameters["friction"] = np.array([value or 0.25 + k / 64 for k, value in enumerate(stated)])
     if model.spec.gravity_input:
         parameters["gravity"] = np.array(GRAVITY)
-    taken = {port.name: port for program in model.programs.values() for port in program.inputs}
-    if "width" in taken:
-        parameters["width"] = np.full(taken["width"].shape, WIDTH)
-    return parameters | {name: np.array(values) for name, values in PAYLOAD.items() if name in taken}
+    for program in _with_golden(model.programs).values():
+        for port in program.inputs:
+            if (name := _table(port)) not in (*STATES, *parameters):
+                parameters[name] = np.array(GIVEN[name]) if name in GIVEN else np.abs(_some(port))
+    return parameters
+
+
+def _some(port: Port) -> Array:
+    """Numbers below 1 in magnitude for an input of any shape, multiples of 1/64 other than zero."""
+    return np.asarray((np.round(31 * _scattered(1, port.size, len(port.name))[0]) * 2 + 1) / 64)
 
 
 def _plausible(n: int) -> list[Array]:
@@ -175,14 +179,22 @@ def _reflected(spec: RobotSpec) -> tuple[str, ...]:
 
 def _golden(programs: Mapping[str, Program], states: dict[str, Array], parameters: dict[str, Array]) -> list[Golden]:
     found = []
-    for name, program in programs.items():
-        if len(program.outputs) == 1 and name != BY_IDENTITY and not name.endswith("_nominal"):
-            (values,) = _evaluated(program, states, parameters)
-            rows = values.reshape(len(values), -1)
-            scale = max(float(np.abs(rows).max()), 1e-6)
-            call = ", ".join(_arguments(program))
-            found.append(Golden(name, call, rows.shape[1], f"{scale:.3g}", _rows(rows)))
+    for name, program in _with_golden(programs).items():
+        (values,) = _evaluated(program, states, parameters)
+        rows = values.reshape(len(values), -1)
+        scale = max(float(np.abs(rows).max()), 1e-6)
+        call = ", ".join(_arguments(program))
+        found.append(Golden(name, call, rows.shape[1], f"{scale:.3g}", _rows(rows)))
     return found
+
+
+def _with_golden(programs: Mapping[str, Program]) -> dict[str, Program]:
+    """The functions that are compared with golden vectors: those with one result, specializations left out."""
+    return {
+        name: program
+        for name, program in programs.items()
+        if len(program.outputs) == 1 and name != BY_IDENTITY and not name.endswith("_nominal")
+    }
 
 
 def _evaluated(program: Program, states: dict[str, Array], parameters: dict[str, Array]) -> tuple[Any, ...]:

@@ -25,14 +25,16 @@ def forward_kinematics_inwards(r: Recording) -> Program:
 
 
 def _pose(r: Recording, T: list[list[Any]]) -> Program:
-    return r.builder.program("forward_kinematics", [(_pose_port(), flat(T))], "Pose of the tip.", PRODUCT)
+    return r.builder.program("forward_kinematics", [(pose_port(), flat(T))], "Pose of the tip.", PRODUCT)
 
 
-def _pose_port() -> Port:
+def pose_port() -> Port:
+    """The output T of the pose of the tip."""
     return Port("T", (4, 4), "-, m", BASE, "homogeneous transform of the tip")
 
 
-def _jacobian_port(r: Recording) -> Port:
+def jacobian_port(r: Recording) -> Port:
+    """The output J of the Jacobian at the tip."""
     return Port("J", (6, r.n), "m, -", BASE, "rows 1-3 linear, rows 4-6 angular velocity of the tip")
 
 
@@ -49,7 +51,7 @@ def link_frames(r: Recording) -> Program:
 def jacobian(r: Recording) -> Program:
     """Record J(q) (6, n), base frame: [v; omega] = J dq of the tip, in m/s and rad/s."""
     J = poses.jacobian(r.chain())
-    return r.builder.program("jacobian", [(_jacobian_port(r), flat(J))], "Geometric Jacobian at the tip.", VELOCITY)
+    return r.builder.program("jacobian", [(jacobian_port(r), flat(J))], "Geometric Jacobian at the tip.", VELOCITY)
 
 
 def link_jacobians(r: Recording) -> Program:
@@ -73,7 +75,7 @@ def kinematics(r: Recording) -> Program:
     T, J = poses.forward_kinematics(chain), poses.jacobian(chain)
     return r.builder.program(
         "kinematics",
-        [(_pose_port(), flat(T)), (_jacobian_port(r), flat(J))],
+        [(pose_port(), flat(T)), (jacobian_port(r), flat(J))],
         "Pose of the tip and geometric Jacobian; they share their evaluation.",
         f"{PRODUCT},  {VELOCITY}",
     )

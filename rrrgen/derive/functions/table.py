@@ -13,6 +13,7 @@ from rrrgen.derive.functions import (
     energy_functions,
     kinematic_functions,
     parameter_functions,
+    point_functions,
     regressor_functions,
 )
 from rrrgen.derive.functions.recording import Recorder
@@ -27,5 +28,15 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
 }
 """Public function of the group "model" -> recorders of one or more equivalent programs."""
 
-GROUPS: dict[str, dict[str, tuple[Recorder, ...]]] = {"model": FUNCTIONS, "control": control_functions.FUNCTIONS}
+GROUPS: dict[str, dict[str, tuple[Recorder, ...]]] = {
+    "model": FUNCTIONS,
+    "points": point_functions.FUNCTIONS,
+    "control": control_functions.FUNCTIONS,
+}
 """Name of a group -> its functions."""
+
+
+def functions_of(group: str, joints: int) -> dict[str, tuple[Recorder, ...]]:
+    """The functions of ``group`` that exist for a robot with so many joints."""
+    least = point_functions.MORE_JOINTS_THAN
+    return {name: recorders for name, recorders in GROUPS[group].items() if joints > least.get(name, 0)}

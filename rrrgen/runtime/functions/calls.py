@@ -68,15 +68,16 @@ class Calls:
         """The model that has the function ``name``: this one, or that of another group of functions."""
         if name in self.derived.programs:
             return self  # type: ignore[return-value]
-        from rrrgen.derive.functions.table import GROUPS
+        from rrrgen.derive.functions.table import GROUPS, functions_of
 
-        for group, functions in GROUPS.items():
+        for group in GROUPS:
+            functions = functions_of(group, self.n)
             if name.removesuffix("_nominal") in functions and self._compiled is not None and group not in self._groups:
                 self._groups[group] = self._compiled(self.spec, groups=(group,))
             if group in self._groups and name in self._groups[group].derived.programs:
                 self._groups[group].engine.threads = self.engine.threads
                 return self._groups[group]
-        others = [each for group, functions in GROUPS.items() if group != "model" for each in functions]
+        others = [each for group in GROUPS if group != "model" for each in functions_of(group, self.n)]
         known = sorted({*self.derived.programs, *(others if self._compiled is not None else ())})
         raise ValueError(f"no function '{name}'; there are inverse_kinematics, {', '.join(known)}")
 
