@@ -15,6 +15,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.friction.models import FrictionModel
+from rrrgen.friction.stated import MixedFriction
 from rrrgen.program import Builder, Port, Program, Role, Value
 from rrrgen.program.builder import replay
 from rrrgen.simulate.friction import NoFriction
@@ -112,7 +113,7 @@ def plant_program(plant: Plant) -> Program | None:
     """The rates of the state of ``plant`` as a program; None for a model or a friction that has no program."""
     dynamics, friction = plant.body.forward_dynamics_program(), plant.friction
     model = friction.model
-    if dynamics is None or not (isinstance(friction, NoFriction) or isinstance(model, FrictionModel)):
+    if dynamics is None or not (isinstance(friction, NoFriction) or isinstance(model, FrictionModel | MixedFriction)):
         return None
     builder = _SmoothBuilder(friction.width)
     layout, n = plant.layout, plant.n
@@ -124,7 +125,7 @@ def plant_program(plant: Plant) -> Program | None:
     if plant.base is not None:
         sliding[0] = sliding[0] - parts["base_speed"][0]
     net: list[Any] = list(tau)
-    if isinstance(model, FrictionModel):
+    if isinstance(model, FrictionModel | MixedFriction):
         torques, bristles = _friction(builder, model, parts.get("z"), sliding)
         net = [a - b for a, b in zip(net, torques, strict=True)]
         if bristles is not None:
@@ -161,16 +162,27 @@ def plant_program(plant: Plant) -> Program | None:
 
 
 def _friction(
-    smooth: Builder, model: FrictionModel, z: list[Any] | None, speeds: list[Any]
+    smooth: Builder, model: FrictionModel | MixedFriction, z: list[Any] | None, speeds: list[Any]
 ) -> tuple[list[Any], list[Any] | None]:
-    """Friction torques, and the rates of the bristles of a law with a state, which needs no smoothing."""
-    rows = [[Fraction(float(value)) for value in row] for row in model.parameters]
-    law = model.law
-    if z is None or law.rate is None or law.state_torque is None:
-        return [law.torque(smooth, v, row) for v, row in zip(speeds, rows, strict=True)], None
-    ops = _Exact(smooth)
-    torques = [law.state_torque(ops, a, v, row) for a, v, row in zip(z, speeds, rows, strict=True)]
-    return torques, [law.rate(ops, a, v, row) for a, v, row in zip(z, speeds, rows, strict=True)]
+    """Friction torques, and the rates of the bristles where a law has a state; with a state nothing is smoothed."""
+    if isinstance(model, FrictionModel):
+        laws = [(model.law, row) for row in model.parameters]
+        offsets = [0.0] * model.n
+    else:
+        laws = [(each.law, each.parameters[0]) for each in model.models]
+        offsets = [float(value) for value in model.offset]
+    ops: Any = smooth if z is None else _Exact(smooth)
+    torques: list[Any] = []
+    rates: list[Any] = []
+    for i, ((law, values), v) in enumerate(zip(laws, speeds, strict=True)):
+        row = [Fraction(float(value)) for value in values]
+        if z is not None and law.rate is not None and law.state_torque is not None:
+            torque, rate = law.state_torque(ops, z[i], v, row), law.rate(ops, z[i], v, row)
+        else:
+            torque, rate = law.torque(ops, v, row), 0
+        torques.append(torque + Fraction(offsets[i]))
+        rates.append(rate)
+    return torques, None if z is None else rates
 
 
 class _Exact:

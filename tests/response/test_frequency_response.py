@@ -8,7 +8,9 @@ from click.testing import CliRunner
 
 from rrrgen.cli.main import cli, run
 from rrrgen.errors import DerivationError, InputError
+from rrrgen.excitation.response.signals import excitation_signal
 from rrrgen.response.estimators.estimate import combine, estimate_one
+from rrrgen.response.estimators.excitation_period import find_period
 from rrrgen.response.frequency_response import read_responses
 from rrrgen.response.response_file import loads_response, read_recordings
 from samples.flexible_joint import CONTROLLER, PERIOD, flexible_joint, multisine, record
@@ -248,3 +250,10 @@ def test_gaps_and_missing_numbers_are_refused(periodic, tmp_path):
     np.save(tmp_path / "log.npy", np.column_stack([rows[:, 0], t, periodic.q]))
     with pytest.raises(InputError, match="not on a grid"):
         read_recordings(loads_response(log.read_text().replace("rate: 1 kHz", "column: 2"), str(log)))
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_cut_from_noise_in_a_band_is_no_single_period(seed):
+    """What its ends leak beyond the band is smooth over the lines, as the lines of one multisine are."""
+    noise = excitation_signal("noise", (0.5, 200.0), 3 * SAMPLES, 1.0 / PERIOD, np.random.default_rng(seed))
+    assert find_period(noise[4000 : 4000 + SAMPLES]) is None

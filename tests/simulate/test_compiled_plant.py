@@ -10,6 +10,7 @@ import pytest
 import rrrgen
 from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel, coulomb_viscous
+from rrrgen.friction.stated import MixedFriction
 from rrrgen.program import evaluate
 from rrrgen.simulate.compiled_plant import compiled_integrator, fastest_rate, plant_program
 from rrrgen.simulate.friction import Friction, MotorFriction
@@ -22,12 +23,15 @@ COULOMB = coulomb_viscous([1.0, 0.5], [2.0, 1.0])
 LUGRE = FrictionModel(LAWS["lugre"], np.array([[1e4, 30.0, 0.3, 1.0, 0.4, 0.1], [2e4, 20.0, 0.2, 0.5, 0.2, 0.1]]))
 
 
+MIXED = MixedFriction([coulomb_viscous([1.0], [2.0]), FrictionModel(LAWS["lugre"], LUGRE.parameters[1:])], [0.3, -0.2])
+
+
 @cache
 def model():
     return rrrgen.compile("planar2r")
 
 
-@pytest.mark.parametrize("friction", [None, COULOMB, LUGRE], ids=["none", "coulomb", "lugre"])
+@pytest.mark.parametrize("friction", [None, COULOMB, LUGRE, MIXED], ids=["none", "coulomb", "lugre", "mixed"])
 @pytest.mark.parametrize(
     ("joints", "base"), [(JOINTS, None), (None, BASE), (JOINTS, BASE)], ids=["joints", "base", "both"]
 )

@@ -14,6 +14,7 @@ SHORTEST = 16  # samples
 LEAST_OVERLAP = 0.05  # of the record, which two periods must share to be seen
 FLAT = 5e-4  # typical second difference of the logarithms of a multisine's lines; 3e-3 of a sweep, 1 of noise
 LEAST_LINES = 8
+STRONG = 0.03  # of the largest line: what the ends of a record leak is weaker, and smooth whatever the excitation
 
 
 def samples_of(record: ResponseRecording, period: float | None) -> int | None:
@@ -70,5 +71,5 @@ def _shift(n: Array, longest: int) -> int | None:
 
 def _is_one_period(n: Array) -> bool:
     magnitude = np.abs(np.fft.rfft(n - np.mean(n)))
-    lines = magnitude[magnitude > 1e-3 * magnitude.max()] if magnitude.max() > 0.0 else magnitude[:0]
+    lines = magnitude[magnitude > STRONG * magnitude.max()] if magnitude.max() > 0.0 else magnitude[:0]
     return len(lines) >= LEAST_LINES and float(np.median(np.abs(np.diff(np.log(lines), 2)))) < FLAT
