@@ -21,6 +21,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "identify": ("rrrgen.cli.identification.identify:identify", "Estimate parameters from recordings."),
     "validate": ("rrrgen.cli.identification.validate:validate", "Score a robot file against recordings."),
     "frf": ("rrrgen.cli.identification.frf:frf", "Estimate a frequency response with its uncertainty."),
+    "linearise": (
+        "rrrgen.cli.experiments.linearise:linearise",
+        "Turn recordings of torques into recordings for frf.",
+    ),
     "response-model": (
         "rrrgen.cli.identification.response_model:response_model",
         "Fit a linear model and its resonances to a response.",
@@ -36,4 +40,4 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "schema": ("rrrgen.cli.model.schema:schema", "Print the JSON Schema of robot files, for editors."),
 }
-"""A new command takes one line here and one file in ``cli/model`` or ``cli/identification``."""
+"""A new command takes one line here and one file in a folder of ``cli``."""

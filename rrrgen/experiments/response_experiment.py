@@ -10,7 +10,7 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.excitation.response.design import design_response
-from rrrgen.excitation.response.plan import ResponseDesign, ResponsePlan, ResponseRun
+from rrrgen.excitation.response.plan import ResponseDesign, ResponsePlan
 from rrrgen.experiments.experiment_file import Experiment
 from rrrgen.experiments.experiment_setup import (
     friction_of,
@@ -23,7 +23,7 @@ from rrrgen.response.controller import Controller
 from rrrgen.signals.kalman import KalmanMatrices, kalman_matrices
 from rrrgen.signals.smoother import quantisation_variance
 from rrrgen.simulate.control import BackwardDifference, ComputedTorque, DeviationFilter, Observer, RecordedInput
-from rrrgen.simulate.experiment import VirtualRobot
+from rrrgen.simulate.experiment import Recording, VirtualRobot
 from rrrgen.simulate.response_recording import LoopSignals
 
 Progress = Callable[[int, int, str], None]
@@ -63,20 +63,21 @@ def simulate_response(
             f"{experiment.period:g} s"
         )
     filters = _filters(experiment, model)
-    found = [_run(experiment, model, design, run, filters, k, progress) for k, run in enumerate(design.runs)]
+    found = [recorded_run(experiment, model, design, k, filters, progress)[0] for k in range(len(design.runs))]
     i = design.joint
     return found, sampled_controller(design.kp[i], design.kd[i], design.period, filters[i] if filters else None)
 
 
-def _run(
+def recorded_run(
     experiment: Experiment,
     model: Any,
     design: ResponseDesign,
-    run: ResponseRun,
-    filters: list[KalmanMatrices] | None,
     number: int,
-    progress: Progress | None,
-) -> LoopSignals:
+    filters: list[KalmanMatrices] | None = None,
+    progress: Progress | None = None,
+) -> tuple[LoopSignals, Recording]:
+    """Run number ``number`` of ``design``: its signals, and the recording of all joints."""
+    run = design.runs[number]
     robot = VirtualRobot(plant_of(experiment, model), instruments_of(experiment, model), experiment.period)
     law = ComputedTorque(
         rigid_body_of(experiment, model),
@@ -107,7 +108,8 @@ def _run(
     )
     i = design.joint
     u = np.array(controller.inputs)[:, i]
-    return LoopSignals(run, recording.t, run.n, u, recording.q[:, i], recording.reference[:, i])
+    signals = LoopSignals(run, recording.t, run.n, u, recording.q[:, i], recording.reference[:, i])
+    return signals, recording
 
 
 def _filters(experiment: Experiment, model: Any) -> list[KalmanMatrices] | None:

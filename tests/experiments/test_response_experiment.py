@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +16,18 @@ from oracles.linear_loop import joint_response
 from rrrgen.cli.main import cli
 from rrrgen.cli.main import run as run_command
 from rrrgen.errors import InputError
+from rrrgen.excitation.response.plan import ResponseDesign
 from rrrgen.experiments.experiment_file import loads_experiment
 from rrrgen.experiments.experiment_setup import plant_of, rigid_body_of
-from rrrgen.experiments.response_experiment import response_design, response_plan, simulate_response
+from rrrgen.experiments.linearised_log import linearised_log
+from rrrgen.experiments.response_experiment import recorded_run, response_design, response_plan, simulate_response
+from rrrgen.recordings.logs import read_log
 from rrrgen.response.estimators.estimate import estimate_one, estimate_responses
 from rrrgen.response.response_file import ResponseRecording, load_response
+from rrrgen.simulate.recording import write_recording
 from rrrgen.simulate.response_recording import write_responses
+
+ROBOTS = Path(rrrgen.__file__).parent / "robotfile/robots"
 
 ARM = """
 schema: rrrgen-experiment/1
@@ -167,3 +175,74 @@ def test_experiments_that_cannot_be_are_refused(tmp_path, monkeypatch, arguments
     monkeypatch.chdir(tmp_path)
     (tmp_path / "other.json").write_text("{}")
     assert run_command(list(arguments)) == code
+
+
+@pytest.fixture(scope="module")
+def logged(tmp_path_factory):
+    """A designed run of the arm with the friction of its file, as positions and torques after a second at rest."""
+    folder = tmp_path_factory.mktemp("logged")
+    text = (ROBOTS / "rrr.yaml").read_text()
+    for rotor in ("0.2", "0.1", "0.02"):  # a model that takes the joints for rigid has the rotors as drive inertia
+        text = text.replace("drive: {encoder", f"drive: {{inertia: {rotor}, encoder", 1)
+    friction = "friction: {viscous: 1.1, coulomb: 3}"
+    text = text.replace("    drive: {inertia: 0.2,", f"    {friction}\n    drive: {{inertia: 0.2,")
+    (folder / "arm.yaml").write_text(text)
+    model = rrrgen.compile(str(folder / "arm.yaml"))
+    section = "response: {joint: q1, period: 1 s, periods: 4, settle: 3, band: [1 Hz, 150 Hz]}\n"
+    flexible = "\n".join(line for line in ARM.splitlines() if "law:" not in line)
+    found = loads_experiment(f"{flexible}\n  torque_record: command\n  torque_noise: 0.05\n{section}", 3)
+    design = response_design(found, model, response_plan(found))
+    signals, recording = recorded_run(found, model, design, 0)
+    (folder / "design.json").write_text(json.dumps(design.to_json()))
+    rest = 1000
+    still = model.bias(recording.q[:1], np.zeros((1, 3)))
+    before = replace(
+        recording,
+        t=1e-3 * np.arange(rest + len(recording.t)),
+        q=np.vstack([np.repeat(recording.q[:1], rest, axis=0), recording.q]),
+        tau=np.vstack([np.repeat(still, rest, axis=0), recording.tau]),
+    )
+    write_recording(folder, "log", before, joints=("q1", "q2", "q3"))
+    return folder, model, signals
+
+
+def test_a_recording_of_torques_gives_the_input_that_the_controller_computed(logged):
+    folder, model, signals = logged
+    design = ResponseDesign.from_json(json.loads((folder / "design.json").read_text()))
+    found = linearised_log(model, read_log(folder / "log.yaml"), design, design.runs[0])
+    assert len(found.u) == len(signals.u) - 1  # aligned to the sample where the excitation acts, after the delay
+    assert np.std(found.u - signals.u[:-1]) < 0.1  # the noise of the torque
+    assert np.std(signals.u) > 3.0
+    a, b = estimate_one(record(found), 1.0), estimate_one(record(signals), 1.0)
+    advance = np.exp(2j * np.pi * b.frequency * 1e-3)
+    assert np.median(np.abs(a.P / (b.P * advance) - 1.0)) < 0.05
+
+
+def test_the_command_writes_a_recording_that_frf_reads(logged, tmp_path):
+    folder, _, _ = logged
+    arguments = ["--log", folder / "log.yaml", "--response", folder / "design.json", "-o", tmp_path / "run"]
+    result = CliRunner().invoke(
+        cli, ["linearise", str(folder / "arm.yaml"), *map(str, arguments)], standalone_mode=False
+    )
+    assert result.return_value == 0, result.output
+    (response,) = estimate_responses(load_response(tmp_path / "run/results/response.yaml"))
+    assert response.findings == ()
+    assert np.mean(response.trusted) > 0.7
+
+
+def test_a_recording_of_something_else_is_refused(logged, tmp_path):
+    folder, model, _ = logged
+    design = ResponseDesign.from_json(json.loads((folder / "design.json").read_text()))
+    log = read_log(folder / "log.yaml")
+    rng = np.random.default_rng(1)
+    with pytest.raises(InputError, match="is not in the recording"):
+        linearised_log(model, replace(log, tau=rng.normal(size=log.tau.shape)), design, design.runs[0])
+    with pytest.raises(InputError, match="from the designed motion"):
+        linearised_log(model, replace(log, q=log.q + np.array([0.0, 1.0, 0.0])), design, design.runs[0])
+    short = replace(log, t=log.t[:3500], q=log.q[:3500], tau=log.tau[:3500])
+    with pytest.raises(InputError, match="still settling"):
+        linearised_log(model, short, design, design.runs[0])
+    with pytest.raises(InputError, match="no torques"):
+        linearised_log(model, replace(log, tau=None), design, design.runs[0])
+    options = ["--log", str(folder / "log.yaml"), "--response", str(folder / "design.json"), "--run", "q9"]
+    assert run_command(["linearise", str(folder / "arm.yaml"), *options, "-o", str(tmp_path / "out")]) == 2

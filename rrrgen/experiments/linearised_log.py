@@ -1,0 +1,101 @@
+"""The input u of a feedback linearisation from recorded joint torques, and where in the recording the excitation is.
+
+``u = inv(M) (tau - c - g - tau_f)`` (14.34) with the model along the reference of the designed experiment, so that the
+noise of the encoders stays out of it. The controller of the robot need not be known, and need not be (14.36).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.excitation.response.plan import ResponseDesign, ResponseRun
+from rrrgen.recordings.logs import Log
+from rrrgen.simulate.response_recording import LoopSignals
+
+LEAST_CORRELATION = 0.2
+"""Of torque and excitation at the best alignment, below which the excitation is not in the recording."""
+FEWEST = 100
+"""Samples of the excitation that the recording must hold to be aligned."""
+PERIOD_SHARE = 1e-3
+"""Of the sampling period, by which recording and design may differ."""
+NEARBY = 0.2
+"""Largest distance in rad (m) of the joint positions from those of the design."""
+
+
+def linearised_log(model: Any, log: Log, design: ResponseDesign, run: ResponseRun) -> LoopSignals:
+    """The signals of ``run`` in the recording ``log`` of positions and torques of all joints.
+
+    Excitation and torque are aligned where the torque acts, so that a delay of the controller is not in the response:
+    the excitation is found where its differences correlate most with those of u; samples before it,
+    its settling periods and what follows it are left out. Friction is that of the robot file. Raises
+    :class:`InputError` where the recording is of another rate, has holes, or the excitation is not found in it.
+    """
+    _check(model, log, design)
+    assert log.tau is not None
+    lag = _lag(model, log, design, run)
+    count = min(len(run.n), len(log.t) - lag)
+    if count <= run.settle:
+        raise InputError(f"{run.name}: the recording ends {count} samples after the excitation begins: still settling")
+    rows = slice(lag, lag + count)
+    t = design.period * np.arange(count)
+    q_r, dq_r, _ = design.reference(run, t)
+    i = design.joint
+    q = log.q[rows]
+    far = np.abs(q - q_r).max(axis=0)
+    if far.max() > NEARBY:
+        worst = int(np.argmax(far))
+        raise InputError(
+            f"{run.name}: joint {log.joints[worst]} is up to {far[worst]:.3g} from the designed motion: is this its "
+            "recording, in its units, and did the robot start where the design says?"
+        )
+    u = _inputs(model, q_r, dq_r, log.tau[rows])
+    return LoopSignals(run, t, run.n[:count], u[:, i], q[:, i], q_r[:, i])
+
+
+def _check(model: Any, log: Log, design: ResponseDesign) -> None:
+    if model.beta is None:
+        raise InputError("the model torques need masses and inertias: the robot file has no links")
+    if log.tau is None:
+        raise InputError("the recording has no torques, from which the input follows")
+    if log.n != model.n or len(design.kp) != model.n:
+        raise InputError(f"recording and design are of {log.n} and {len(design.kp)} joints, the robot has {model.n}")
+    if abs(log.period - design.period) > PERIOD_SHARE * design.period:
+        raise InputError(f"the recording is sampled every {log.period:g} s, the design every {design.period:g} s")
+    if log.segment is not None and np.ptp(log.segment) > 0:
+        raise InputError("the recording has holes; a frequency response needs all its samples")
+
+
+def _inputs(model: Any, q: Array, dq: Array, tau: Array) -> Array:
+    """u (m, n) of (14.34) for the torques ``tau`` along the motion ``q``, ``dq``, (m, n) each."""
+    net = tau - model.bias(q, dq) - model.friction(dq)
+    return np.asarray(np.linalg.solve(model.mass_matrix(q), net[:, :, None])[:, :, 0])
+
+
+def _lag(model: Any, log: Log, design: ResponseDesign, run: ResponseRun) -> int:
+    """The sample of ``log`` at which the excitation of ``run`` begins."""
+    assert log.tau is not None
+    q = np.broadcast_to(np.asarray(run.start), log.q.shape).copy()
+    q[:, design.joint] = log.q[:, design.joint]
+    u = _inputs(model, q, np.zeros_like(q), log.tau)[:, design.joint]
+    # differences: what the loop answers at low frequencies would hide the excitation
+    a, b = np.diff(u - u.mean()), np.diff(run.n)
+    size = len(a) + len(b)
+    correlation = np.fft.irfft(np.fft.rfft(a, size) * np.fft.rfft(b, size).conj(), size)[: len(a)]
+    overlap = np.minimum(len(b), len(a) - np.arange(len(a)))
+    usable = overlap >= FEWEST
+    if not usable.any():
+        raise InputError(f"{run.name}: {len(log.t)} samples are too few for an excitation of {len(run.n)}")
+    level = np.where(usable, correlation / np.sqrt(np.maximum(overlap, 1) / len(b)), -np.inf)
+    lag = int(np.argmax(level))
+    energy = np.linalg.norm(b[: overlap[lag]]) * np.linalg.norm(a[lag : lag + overlap[lag]])
+    share = float(correlation[lag] / max(energy, 1e-300))
+    if share < LEAST_CORRELATION:
+        raise InputError(
+            f"{run.name}: its excitation is not in the recording: the correlation of u and n is {share:.2g} at best "
+            f"(limit {LEAST_CORRELATION})"
+        )
+    return lag
