@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from rrrgen.errors import InternalError
 from rrrgen.ik.geometry.chain import Chain, Joint
 from rrrgen.ik.geometry.loop import Loop, close, commuted, lock, straightened
@@ -9,6 +11,7 @@ from rrrgen.ik.geometry.rigid import Crossing, Vector, minus, rigid, rotate, tra
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.recording.builder import Builder, Turn
 from rrrgen.ik.recording.recorder import Recorder
+from rrrgen.ik.recording.scalar import Pool
 from rrrgen.ik.recording.solver import Solver
 from rrrgen.ik.solutions.elbow7 import derive_elbow7
 from rrrgen.ik.solutions.parallel import derive_parallel
@@ -28,6 +31,27 @@ def record(plan: SolverPlan) -> Solver:
     recorder = Recorder()
     derive(recorder, plan)
     return recorder.solver(plan.chain.n)
+
+
+def record_exactly(plan: SolverPlan, chain: Chain) -> Solver | None:
+    """The recorded equations of ``plan`` with the exact numbers and symbols of ``chain``, a twin of its chain.
+
+    None where a decision of the derivation needs numbers instead of symbols, or falls otherwise than with numbers.
+    """
+    recorder = Recorder(Pool(_exact))
+    try:
+        derive(recorder, plan, chain)
+        found = recorder.solver(plan.chain.n)
+    except (TypeError, InternalError):
+        return None
+    return found if found.outline == plan.equations.outline else None
+
+
+def _exact(x: Any) -> Any:
+    """A number as SymPy has it: the decimal that a float reads as."""
+    import sympy as sp
+
+    return x if isinstance(x, sp.Basic) else sp.Rational(repr(float(x)))
 
 
 def derive(b: Builder, plan: SolverPlan, chain: Chain | None = None) -> None:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
-from rrrgen.errors import DerivationError, InternalError
+from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan as make_plan
-from rrrgen.ik.derive import derive
+from rrrgen.ik.derive import record_exactly
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
-from rrrgen.ik.geometry.symbols import symbolic_chain
+from rrrgen.ik.geometry.symbols import number_chain, symbolic_chain
 from rrrgen.ik.plan import Singularity, SolverPlan
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
 from rrrgen.ik.singularities import singular_sets
@@ -93,12 +93,11 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
     if plan.general:
         return summary(plan)
     chain, values = symbolic_chain(spec, plan)
+    solver = record_exactly(plan, chain)
+    if solver is None:  # write the numbers
+        solver, values = record_exactly(plan, number_chain(spec, plan)) or plan.equations, ()
     builder = TextBuilder(chain.n, position=plan.task == "position")
-    try:
-        derive(builder, plan, chain)
-    except (TypeError, InternalError):  # a decision that needs numbers: write the numbers
-        builder, values = TextBuilder(chain.n, position=plan.task == "position"), ()
-        derive(builder, plan)
+    solver.play(builder)
     return ClosedForm(plan, singular_sets(spec, plan), values, _needed(builder.steps))
 
 
@@ -144,7 +143,8 @@ class TextBuilder:
         value = _tidied(x)
         if value.is_number or value.is_symbol or (-value).is_symbol:
             return value
-        symbol = self._fresh(hint)
+        part = len(hint) > 1 and hint[-1] in "xyz" and "_" not in hint
+        symbol = self._fresh(f"{hint[:-1]}_{hint[-1]}" if part else hint)
         self.steps.append(Step(symbol, value))
         return symbol
 

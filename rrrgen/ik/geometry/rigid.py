@@ -21,7 +21,7 @@ Rotation = tuple[Vector, Vector, Vector]  # rows
 def is_zero(x: S) -> bool:
     """Whether ``x`` is zero by construction (not merely at some pose)."""
     if isinstance(x, Scalar):
-        return x.is_const and x.value == 0.0
+        return x.is_const and bool(x.value == 0)
     if hasattr(x, "is_zero"):
         return bool(x.is_zero() if callable(x.is_zero) else x.is_zero)
     return bool(x == 0)
@@ -30,7 +30,7 @@ def is_zero(x: S) -> bool:
 def is_one(x: S) -> bool:
     """Whether ``x`` is one by construction."""
     if isinstance(x, Scalar):
-        return x.is_const and x.value == 1.0
+        return x.is_const and bool(x.value == 1)
     if hasattr(x, "is_one"):
         return bool(x.is_one())
     return bool(x == 1)

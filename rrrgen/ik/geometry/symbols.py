@@ -46,7 +46,12 @@ def symbolic_chain(spec: RobotSpec, plan: SolverPlan) -> tuple[Chain, tuple[tupl
         for i, joint in enumerate(spec.joints, start=1)
     )
     exact = exact_chain(replace(spec, joints=joints), nominal=False)
-    decided = plan.solving
-    if decided.n != exact.n:  # virtual joints have numbers only
-        return decided, ()
-    return exact_like(exact, decided), tuple(values)
+    if plan.solving.n != exact.n:  # virtual joints have numbers only
+        return plan.solving, ()
+    return exact_like(exact, plan.solving), tuple(values)
+
+
+def number_chain(spec: RobotSpec, plan: SolverPlan) -> Chain:
+    """The chain with exact numbers, where it has no virtual joints."""
+    exact = exact_chain(spec)
+    return plan.solving if plan.solving.n != exact.n else exact_like(exact, plan.solving)

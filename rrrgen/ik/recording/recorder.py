@@ -14,8 +14,8 @@ from rrrgen.ik.recording.solver import Solver
 class Recorder:
     """Writes down what a derivation asks for; see :class:`rrrgen.ik.recording.builder.Builder`."""
 
-    def __init__(self) -> None:
-        self.pool = Pool()
+    def __init__(self, pool: Pool | None = None) -> None:
+        self.pool = pool or Pool()
         self._steps: list[steps.Step] = []
         self._taken: set[str] = set()
         self._solved: set[int] = set()
@@ -70,7 +70,7 @@ class Recorder:
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
         """Both angles with ``A cos(x) + B sin(x) = C``."""
         a, b, c = self._nodes(A, B, C)
-        if a.is_const and b.is_const and a.value == b.value == 0.0:
+        if a.is_const and b.is_const and a.value == b.value == 0:
             raise InternalError(f"the equation of joint {joint.index + 1} does not contain it")
         better = None if radicand is None else self.pool.of(radicand)
         results = self._turn(joint, self._opened())

@@ -1,4 +1,6 @@
-"""Scalars of a recorded solver: hash-consed expressions over floats, folded as they are built.
+"""Scalars of a recorded solver: hash-consed expressions over numbers, folded as they are built.
+
+The numbers are floats, or exact SymPy expressions in the lengths of the robot where the record is made for reading.
 
 Their operations are those of :class:`rrrgen.program.Op`; printed, the values between two choices are a
 :class:`rrrgen.program.Program`.
@@ -9,11 +11,15 @@ the terms that a robot has. Nodes remember the loop level at which they can be c
 
 from __future__ import annotations
 
-from typing import Union
+from collections.abc import Callable
+from typing import Any, Union
 
 from rrrgen.program import Op
 
-Operand = Union["Scalar", float, int]
+Constant = Any
+"""A float, or a SymPy expression."""
+
+Operand = Union["Scalar", Constant]
 
 
 class Scalar:
@@ -25,7 +31,14 @@ class Scalar:
     __slots__ = ("args", "level", "op", "pool", "text", "value")
 
     def __init__(
-        self, pool: Pool, op: Op, args: tuple[Scalar, ...] = (), *, value: float = 0.0, text: str = "", level: int = 0
+        self,
+        pool: Pool,
+        op: Op,
+        args: tuple[Scalar, ...] = (),
+        *,
+        value: Constant = 0.0,
+        text: str = "",
+        level: int = 0,
     ) -> None:
         self.pool, self.op, self.args, self.value, self.text = pool, op, args, value, text
         self.level: int = max((arg.level for arg in args), default=level)
@@ -68,17 +81,22 @@ class Scalar:
         return self.op in (Op.CONST, Op.INPUT) or (self.op is Op.NEG and self.args[0].op is Op.INPUT)
 
 
-class Pool:
-    """Makes scalars; equal expressions of one pool are one node."""
+def _rounded(x: Any) -> float:
+    return float(x) + 0.0
 
-    def __init__(self) -> None:
+
+class Pool:
+    """Makes scalars; equal expressions of one pool are one node. ``number`` makes its constants of numbers."""
+
+    def __init__(self, number: Callable[[Any], Constant] = _rounded) -> None:
         self._nodes: dict[tuple[object, ...], Scalar] = {}
+        self._number = number
 
     def of(self, x: Operand) -> Scalar:
         """``x`` as a node."""
         if isinstance(x, Scalar):
             return x
-        return self._node(Op.CONST, (), value=float(x) + 0.0)
+        return self._node(Op.CONST, (), value=self._number(x))
 
     def var(self, text: str, level: int = 0) -> Scalar:
         """A C lvalue or variable, available from loop depth ``level``."""
@@ -90,13 +108,13 @@ class Pool:
             return self.of(x.value + y.value)
         if x.is_const:
             x, y = y, x
-        if y.is_const and y.value == 0.0:
+        if y.is_const and y.value == 0:
             return x
         if y.op is Op.NEG:
             return self.sub(x, y.args[0])
         if x.op is Op.NEG:
             return self.sub(y, x.args[0])
-        if y.is_const and y.value < 0.0:
+        if y.is_const and _is_negative(y.value):
             return self._node(Op.SUB, (x, self.of(-y.value)))
         return self._node(Op.ADD, (x, y))
 
@@ -106,7 +124,7 @@ class Pool:
             return self.of(0.0)
         if y.is_const:
             return self.add(x, self.of(-y.value))
-        if x.is_const and x.value == 0.0:
+        if x.is_const and x.value == 0:
             return self.neg(y)
         if y.op is Op.NEG:
             return self.add(x, y.args[0])
@@ -119,9 +137,9 @@ class Pool:
         if y.is_const:
             x, y = y, x
         if x.is_const:
-            if x.value in (0.0, 1.0):
-                return y if x.value else x
-            if x.value < 0.0:
+            if x.value == 0 or x.value == 1:
+                return x if x.value == 0 else y
+            if _is_negative(x.value):
                 return self.neg(self.mul(self.of(-x.value), y))
             if y.op is Op.MUL and y.args[0].is_const:
                 return self.mul(self.of(x.value * y.args[0].value), y.args[1])
@@ -134,8 +152,8 @@ class Pool:
     def div(self, x: Scalar, y: Scalar) -> Scalar:
         """The quotient; division by a constant becomes a product."""
         if y.is_const:
-            return self.mul(self.of(1.0 / y.value), x)
-        if x.is_const and x.value == 0.0:
+            return self.mul(self.of(1 / y.value), x)
+        if x.is_const and x.value == 0:
             return x
         if x.op is Op.NEG:
             return self.neg(self.div(x.args[0], y))
@@ -153,7 +171,7 @@ class Pool:
 
     def sqrt(self, x: Scalar) -> Scalar:
         """The square root of what cannot be negative; |a| of a a."""
-        if x.is_const:
+        if x.is_const and isinstance(x.value, float):
             return self.of(max(x.value, 0.0) ** 0.5)
         if x.op is Op.MUL and x.args[0] is x.args[1]:
             return self._node(Op.ABS, x.args[:1])
@@ -164,7 +182,9 @@ class Pool:
         root = self.sqrt(x)
         return self._node(Op.SELECT, (x, root, self.of(0.0))) if root.op is Op.SQRT else root
 
-    def _node(self, op: Op, args: tuple[Scalar, ...], *, value: float = 0.0, text: str = "", level: int = 0) -> Scalar:
+    def _node(
+        self, op: Op, args: tuple[Scalar, ...], *, value: Constant = 0.0, text: str = "", level: int = 0
+    ) -> Scalar:
         key = (op, value, text, *map(id, args))
         if op is Op.ADD or op is Op.MUL:
             key = (op, *sorted(map(id, args)))
@@ -172,3 +192,8 @@ class Pool:
         if node is None:
             node = self._nodes[key] = Scalar(self, op, args, value=value, text=text, level=level)
         return node
+
+
+def _is_negative(x: Constant) -> bool:
+    """Whether a number is below zero, or an expression is written with a sign in front."""
+    return x < 0.0 if isinstance(x, float) else bool(x.could_extract_minus_sign())

@@ -82,6 +82,15 @@ class Solver:
         """The joints decided by a pair whose direction (A, B) is a constant of the robot."""
         return frozenset(step.joint.index for step in self.steps if isinstance(step, Pair) and step.fixed)
 
+    @property
+    def outline(self) -> tuple[tuple[object, ...], ...]:
+        """What is asked for, in order, without the values: two records of one arm agree in it."""
+        return tuple(
+            (step.kind, tuple(joint.index for joint in step.joints), step.stage)
+            for step in self.steps
+            if step.kind not in ("name", "residual")
+        )
+
     def play(self, b: Builder) -> None:
         """Let ``b`` interpret the recorded steps."""
         values: dict[int, S] = {}

@@ -199,6 +199,5 @@ def _best(b: Builder, joint: Joint, equations: list[tuple[Form, float]]) -> Moti
 
 
 def _constant(x: S) -> float:
-    if isinstance(x, Scalar):
-        return x.value
-    return float(x) if isinstance(x, (int, float)) else 0.0
+    """A number of the robot, 0 for what depends on the target; TypeError for a symbol."""
+    return float(x.value if isinstance(x, Scalar) else x)
