@@ -24,6 +24,15 @@ EXTRAS = {
 """Top-level module -> the extra of pyproject.toml that installs it."""
 
 
+USES = {
+    "identify": "excite, identify, validate, reconstruct, friction and case-study, with figures; CasADi functions",
+    "logs": "recordings in HDF5, Parquet and ROS bags",
+    "cluster": "excite on the machines of a Dask cluster",
+    "response": "response-model: export to python-control, subspace identification",
+}
+"""Extra -> what it lets a user do, in a few words."""
+
+
 def require(purpose: str, *modules: str) -> None:
     """Raise MissingExtraError unless all ``modules`` are installed; none of them is imported.
 

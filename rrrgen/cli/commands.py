@@ -38,6 +38,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "rrrgen.cli.identification.controller:controller",
         "Write C for the controller: motion, Kalman step, friction.",
     ),
+    "doctor": ("rrrgen.cli.doctor:doctor", "Say what this installation can do, and what is missing."),
     "schema": ("rrrgen.cli.model.schema:schema", "Print the JSON Schema of robot files, for editors."),
 }
 """A new command takes one line here and one file in a folder of ``cli``."""

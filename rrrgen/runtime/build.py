@@ -60,7 +60,7 @@ def build_extension(
     compiler = find_compiler()
     identity = [sys.implementation.cache_tag, platform.machine(), _cffi_version(), *compiler, _stamp(compiler[0])]
     if "-march=native" in flags:
-        identity.append(_processor())
+        identity.append(processor())
     contents = [text for name in sorted(sources) for text in (name, sources[name])]
     key = digest(*identity, *FLAGS, *flags, cdef, *contents)
     if key not in _loaded:
@@ -172,7 +172,7 @@ def _load(path: Path, module: str) -> tuple[Any, Any]:
     return extension.ffi, extension.lib
 
 
-def _processor() -> str:
+def processor() -> str:
     """The instruction-set features of this processor, as far as the system reports them."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").splitlines()

@@ -1,0 +1,151 @@
+"""``rrrgen doctor``."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import subprocess
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json, terminal_width
+from rrrgen.version import VERSION
+
+TOOLS = {
+    "gcc": "compiles the emitted C",
+    "clang": "compiles the emitted C",
+    "cmake": "builds the emitted C as a library",
+    "rustc": "builds the crate of generate --with rust",
+}
+"""Program -> what it is good for; the C compiler that rrrgen itself uses is a finding of its own."""
+
+PROBE = {"probe.c": "double probe(double x) { return 2.0 * x; }\n", "probe.h": "double probe(double x);\n"}
+
+WIDEST = ("avx512f", "avx2", "asimd", "neon", "sse2")
+"""Vector instructions from the widest to the narrowest, as Linux names them."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing looked for: what was found, whether it is usable, and what it is good for or how to get it."""
+
+    name: str
+    found: str
+    ok: bool
+    use: str
+
+
+@click.command()
+@json_option
+def doctor(as_json: bool) -> int:
+    """Say what this installation can do: compiler, extras, cache, processor.
+
+    A small function is compiled, loaded and called. Exit code 5 if that fails: models then work with
+    rrrgen.compile(..., backend="numpy") only.
+
+    \b
+    Example:
+      rrrgen doctor
+    """
+    compiler = _compiler()
+    findings = [*_system(), compiler, *_tools(), *_extras(), _cache()]
+    if as_json:
+        print_json({"findings": [asdict(finding) for finding in findings]})
+    else:
+        _print(findings)
+    return 0 if compiler.ok else 5
+
+
+def _print(findings: Sequence[Finding]) -> None:
+    width = max(len(finding.name) for finding in findings)
+    indent = " " * (width + 10)
+    columns = max(terminal_width() or 100, width + 40)
+    for finding in findings:
+        mark = click.style("ok     ", fg="green") if finding.ok else click.style("missing", fg="yellow")
+        first, *others = textwrap.wrap(finding.found, columns - len(indent), break_long_words=False)
+        click.echo(f"{mark} {finding.name:{width}}  {first}")
+        for line in others:
+            click.echo(indent + line)
+        for line in textwrap.wrap(finding.use, columns - len(indent)):
+            click.echo(indent + click.style(line, dim=True))
+
+
+def _system() -> Iterator[Finding]:
+    from rrrgen.runtime.build import processor
+
+    python = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    yield Finding("rrrgen", VERSION, True, "")
+    yield Finding("Python", python, True, "")
+    features = processor().split()
+    vectors = next((name for name in WIDEST if name in features), "no vector instructions reported")
+    yield Finding("processor", f"{os.cpu_count()} cores, {vectors}", True, "")
+
+
+def _compiler() -> Finding:
+    """The compiler of the runtime, tried out."""
+    from rrrgen.errors import RrrgenError
+    from rrrgen.runtime.build import build_extension, find_compiler
+
+    use = "compiled models in Python, verify, ik"
+    try:
+        command = find_compiler()
+        _, library = build_extension(PROBE, "double probe(double x);", "probe")
+        works = library.probe(1.5) == 3.0
+    except RrrgenError as error:
+        return Finding("C compiler", str(error), False, f"needed for {use}")
+    return Finding("C compiler", f"{command[0]}: {_version([*command, '--version'])}", works, use)
+
+
+def _tools() -> Iterator[Finding]:
+    for program, use in TOOLS.items():
+        path = shutil.which(program)
+        found = "not found" if path is None else _version([path, "--version"])
+        yield Finding(program, found, path is not None, use)
+
+
+def _version(command: list[str]) -> str:
+    """The first line that a program says of its version."""
+    try:
+        said = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=60, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"does not run ({error})"
+    lines = said.stdout.splitlines()
+    return lines[0] if lines else "says no version"
+
+
+def _extras() -> Iterator[Finding]:
+    from rrrgen.extras import EXTRAS, USES, installed
+
+    for extra, use in USES.items():
+        modules = [module for module, needed in EXTRAS.items() if needed == extra]
+        missing = [module for module in modules if not installed(module)]
+        there = ", ".join(f"{module} {_distribution(module)}".strip() for module in modules if module not in missing)
+        lacking = f"without {', '.join(missing)}; pip install 'rrrgen[{extra}]'"
+        found = there if not missing else f"{there}; {lacking}" if there else lacking
+        yield Finding(f"extra {extra}", found, not missing, use)
+
+
+def _distribution(module: str) -> str:
+    """The version of the package of the same name."""
+    try:
+        return version(module)
+    except PackageNotFoundError:
+        return ""
+
+
+def _cache() -> Finding:
+    from rrrgen.cache import cache_directory
+    from rrrgen.errors import StorageError
+
+    use = "what earlier runs built and derived; RRRGEN_CACHE chooses another directory, and it may be deleted"
+    try:
+        directory = cache_directory()
+        sizes = [file.stat().st_size for file in directory.rglob("*") if file.is_file()]
+    except (OSError, StorageError) as error:
+        return Finding("cache", str(error), False, use)
+    return Finding("cache", f"{directory}: {len(sizes)} files, {sum(sizes) / 1e6:.0f} MB", True, use)
