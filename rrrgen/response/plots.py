@@ -9,7 +9,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.response.controller import Complex
-from rrrgen.response.frequency_response import FrequencyResponse
+from rrrgen.response.frequency_response import WIDEST_BAND, FrequencyResponse
 from rrrgen.response.models.postures import modes_over_postures
 from rrrgen.response.models.response_model import ResponseModel
 from rrrgen.runs.figures import new_figure, style_axes
@@ -55,15 +55,16 @@ def plot_resonances(models: Sequence[ResponseModel]) -> Figure:
 
 
 def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[str, Array, Complex]] = ()) -> Figure:
-    """Magnitude (dB), phase (deg), coherence over frequency; ``models`` (label, Hz, response) as dashed lines,
+    """Magnitude (dB), phase (deg), band and coherence over frequency; ``models`` (label, Hz, response) as dashed lines,
     each label once.
 
-    Bands hold the true response with 95 %; lines that are not trusted are drawn light.
+    Bands hold the true response with 95 %; their radius is drawn once more, dotted the limit of trust. Lines that are
+    not trusted are drawn light.
     """
     from matplotlib.ticker import FuncFormatter
 
-    figure, (magnitude, phase, coherence) = new_figure(
-        3, 1, 7.2, 7.0, sharex=True, gridspec_kw={"height_ratios": [2.2, 1.6, 0.8]}
+    figure, (magnitude, phase, radius, coherence) = new_figure(
+        4, 1, 8.4, 7.0, sharex=True, gridspec_kw={"height_ratios": [2.2, 1.6, 0.9, 0.7]}
     )
     for number, each in enumerate(found):
         color = f"C{number % 10}"
@@ -74,11 +75,12 @@ def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[st
         spread = np.degrees(np.arcsin(band))
         magnitude.fill_between(each.frequency, gain + lower, gain + upper, color=color, alpha=0.22, linewidth=0)
         phase.fill_between(each.frequency, angle - spread, angle + spread, color=color, alpha=0.22, linewidth=0)
-        for axis, values in ((magnitude, gain), (phase, angle), (coherence, each.coherence)):
+        percent = 100.0 * each.band95
+        for axis, values in ((magnitude, gain), (phase, angle), (radius, percent), (coherence, each.coherence)):
             axis.plot(each.frequency, np.where(each.trusted, values, np.nan), color=color, linewidth=1.1)
             axis.plot(each.frequency, values, color=color, linewidth=0.7, alpha=0.4)
         magnitude.plot([], [], color=color, label=each.name if len(found) > 1 else "estimate, 95 % band")
-    style = {"color": "k", "linewidth": 0.9, "linestyle": "--"}
+    style = {"color": "k", "linewidth": 0.6, "linestyle": "--"}
     for number, (label, frequency, P) in enumerate(models):
         known = label in (other for other, _, _ in models[:number])
         magnitude.plot(frequency, 20.0 * np.log10(np.abs(P)), label=None if known else label, **style)
@@ -89,9 +91,14 @@ def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[st
     coherence.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     style_axes(magnitude, "", "magnitude (dB)")
     style_axes(phase, "", "phase (deg)")
+    style_axes(radius, "", "95 % band (%)")
     style_axes(coherence, "frequency (Hz)", "coherence")
+    radius.axhline(100.0 * WIDEST_BAND, color="0.4", linewidth=0.7, linestyle=":")
+    radius.set_yscale("log")
+    radius.set_ylim(0.5, 60.0)
+    radius.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     coherence.set_ylim(0.0, 1.05)
-    for axis in (magnitude, phase):
+    for axis in (magnitude, phase, radius):
         axis.grid(True, which="minor", axis="x", linewidth=0.25, alpha=0.4)
     magnitude.legend(frameon=False, loc="lower left", fontsize=8)
     return figure

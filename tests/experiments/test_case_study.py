@@ -12,8 +12,11 @@ pytest.importorskip("casadi", reason="the search for exciting trajectories needs
 pytest.importorskip("cvxpy", reason="the physically consistent estimate needs CVXPY")
 
 from rrrgen.experiments.case_study.case_study import CaseStudySettings, run_case_study
+from rrrgen.experiments.case_study.flexible_dynamics import FlexibleSettings
 
-SETTINGS = CaseStudySettings(harmonics=12, starts=1)
+SETTINGS = CaseStudySettings(
+    harmonics=12, starts=1, flexible=FlexibleSettings(postures=((0.0, 0.0, 1.5), (0.0, 0.0, 0.0)), periods=7)
+)
 FIGURES = (
     "02_kalman",
     "03_writing",
@@ -25,6 +28,7 @@ FIGURES = (
     "12_settling",
     "12_online",
     "13_val",
+    "14_flexible",
 )
 
 
@@ -50,6 +54,21 @@ def study(tmp_path_factory):
     result = run_case_study(folder, SETTINGS)
     assert all(file.stat().st_mtime_ns == stamp for file, stamp in stamps.items())  # nothing was done twice
     return folder, result
+
+
+def test_resonances_of_joint_1_are_those_of_mass_matrix_and_stiffness(study) -> None:
+    folder, result = study
+    assert result.flexible.failures == ()
+    found = json.loads((folder / "results" / "case_study.json").read_text())["flexible_dynamics"]
+    assert len(found["trusted"]) == 2
+    assert min(found["trusted"].values()) > 0.65
+    seen = [row for row in found["resonances"] if row["computed"]["peak"] > 0.5]
+    assert len(seen) == 4  # base and joint in two postures
+    for row in seen:
+        assert row["measured"]["frequency"] == pytest.approx(row["computed"]["frequency"], rel=5e-3)
+    _, base, stretched, up = sorted(row["measured"]["frequency"] for row in seen)
+    assert base == pytest.approx(28.0, rel=5e-3)
+    assert up > 1.01 * stretched > 80.0  # the joint's resonance moves with the posture, as in Fig. 14.14
 
 
 def test_every_parameter_is_found_within_three_standard_deviations(study) -> None:

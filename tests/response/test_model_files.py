@@ -98,6 +98,27 @@ def test_a_posture_that_is_not_trusted_is_named(recorded, tmp_path, capsys):
     assert "changes sign" in found["refused"]["stretched"]
 
 
+def test_modes_of_an_elastic_robot_stand_beside_the_measured_ones(recorded, tmp_path, capsys):
+    (tmp_path / "elastic.yaml").write_text(
+        "schema: rrrgen-experiment/1\n"
+        "virtual_robot:\n  flexible_base: {frequency: 27.9 Hz, damping_ratio: 0.02}\n"
+        "response: {joint: q1, postures: [[0, 0, 1.5], [0, 0, 0]]}\n"
+    )
+    log, elastic = str(recorded / "frf/results/frf.json"), str(tmp_path / "elastic.yaml")
+    run_at = ["response-model", log, "--robot", "rrr", "--experiment", elastic, "-o", str(tmp_path / "run")]
+    assert run(run_at) == 0
+    assert "M(q) and stiffness give 27.9 Hz" in capsys.readouterr().out
+    rows = json.loads((tmp_path / "run/results/response_model.json").read_text())["elastic_model"]
+    assert [row["posture"] for row in rows] == list(POSTURES)
+    assert rows[0]["measured"]["frequency"] == pytest.approx(28.0, rel=1e-3)
+    assert rows[0]["deviation"] == pytest.approx(28.0 / 27.9 - 1.0, abs=1e-4)
+    assert run([*run_at[:4], "-o", str(tmp_path / "run")]) == 2
+    assert "belong together" in capsys.readouterr().err
+    (tmp_path / "elastic.yaml").write_text("schema: rrrgen-experiment/1\nresponse: {joint: q1}\n")
+    assert run([*run_at, "--fresh"]) == 3
+    assert "neither the joints nor the base are flexible" in capsys.readouterr().err
+
+
 def test_modes_are_matched_by_frequency_and_kept_apart_where_they_differ():
     def model(name, *modes):
         return ResponseModel("", np.zeros(1), np.ones(1), 0, 1.0, tuple(Resonance(f, z) for f, z in modes), name=name)

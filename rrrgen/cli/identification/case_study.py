@@ -25,7 +25,7 @@ from rrrgen.extras import require
 @click.option("--seed", type=int, default=1, show_default=True, help="Seed for all random numbers.")
 @json_option
 def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: int, as_json: bool) -> int:
-    """Run the whole case study on the virtual RRR: excitation, experiment, base parameters, writing task.
+    """Run the whole case study on the virtual RRR: excitation, base parameters, writing task, flexible dynamics.
 
     Repeats section 14.6 of D. Kostic, B. de Jager, M. Steinbuch, Modeling and Identification for Robot Motion Control,
     Robotics and Automation Handbook, CRC Press 2005, on simulated data. Writes the results (JSON, CSV) and the figures
@@ -59,6 +59,12 @@ def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: 
             f"  {score.joint}: {moving:.2f} % while it moves, {100 * score.share:.0f} % of the samples; "
             f"{whole:.1f} % including rest, where friction is not determined by the speed"
         )
+    for row in study.flexible.resonances:
+        if row["measured"] is not None:
+            click.echo(
+                f"joint 1, {row['posture']}: resonance {row['measured']['frequency']:.2f} Hz, by M(q) and stiffness "
+                f"{row['computed']['frequency']:.2f} Hz"
+            )
     for failure in study.failures:
         click.echo(f"not reached: {failure}")
     click.echo(f"results and figures in {output}")

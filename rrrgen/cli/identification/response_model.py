@@ -37,6 +37,8 @@ def _rows(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
 @output_option
 @click.option("--fit-rows", callback=_rows, metavar="A:B", help="Rows to fit, from 1; the others test the model.")
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True, help="Kind of model.")
+@click.option("--robot", metavar="ROBOT", help="With --experiment: resonances by M(q) and stiffness, beside.")
+@click.option("--experiment", type=click.Path(path_type=Path), help="Experiment file: elastic parts and postures.")
 @real_option
 @click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
 @json_option
@@ -47,6 +49,9 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
     and otherwise a difference equation: ARX or output error. Orders are chosen within the rows to fit. Several postures
     get a model each. Writes results/response_model.json, C of one step of the model in state space, and figures. Exits
     with 1 where the response of a posture cannot be trusted.
+
+    --robot and --experiment, the file that `rrrgen simulate --response` reads, print the resonances that the mass
+    matrix of the robot and the elastic joints and base of the experiment lead to beside the measured ones.
 
     \b
     Example:
@@ -72,8 +77,13 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
         response = load_response(log)
         inputs |= {f"file {source.name}": str(source.path) for source in response.files}
         found = fit_recordings(response, rows, method)
+    if (options["robot"] is None) != (options["experiment"] is None):
+        raise click.UsageError("--robot and --experiment belong together")
     settings = {"fit_rows": rows, "method": method, "real": options["real"]}
     record = found.to_json()
+    if options["robot"] is not None:
+        inputs["experiment"] = str(options["experiment"])
+        record["elastic_model"] = _beside(found, options["robot"], options["experiment"])
     with RunFolder(output, "response-model", inputs, settings, 0, options["fresh"]) as folder:
         folder.write_json("response_model.json", record)
         for name, text in function_files(
@@ -89,6 +99,24 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
     else:
         _print(found, record)
     return 1 if found.refused else 0
+
+
+def _beside(found: FittedModels, robot: str, file: Path) -> list[dict[str, Any]]:
+    """Measured resonances beside those of the elastic robot of an experiment file, posture by posture."""
+    from rrrgen.cli.arguments import read_with_warnings
+    from rrrgen.errors import InputError
+    from rrrgen.experiments.elastic_comparison import beside, expected_modes
+    from rrrgen.experiments.experiment_file import load_experiment
+    from rrrgen.pipeline import compile
+
+    spec = read_with_warnings(robot)
+    computed = expected_modes(load_experiment(file, spec.n), compile(spec))
+    names = [each.name for each in found.measured] or [each.name for each in found.models]
+    if len(names) != len(computed):
+        raise InputError(
+            f"{file} has {len(computed)} postures in its section `response`, the responses are {len(names)}"
+        )
+    return beside(found.models, dict(zip(names, computed, strict=True)))
 
 
 def _programs(models: Sequence[ResponseModel]) -> list[Program]:
@@ -116,6 +144,17 @@ def _print(found: FittedModels, record: dict[str, Any]) -> None:
         (low, high), (least, most) = mode["frequency"], mode["damping"]
         click.echo(
             f"over {len(mode['postures'])} postures: {low:.4g} to {high:.4g} Hz, damping {least:.3g} to {most:.3g}"
+        )
+    for row in record.get("elastic_model", ()):
+        computed, measured = row["computed"], row["measured"]
+        told = "no resonance measured"
+        if measured is not None:
+            told = (
+                f"measured {measured['frequency']:.4g} Hz, {measured['damping']:.3g} ({100 * row['deviation']:.2g} %)"
+            )
+        click.echo(
+            f"{row['posture']}: M(q) and stiffness give {computed['frequency']:.4g} Hz, damping "
+            f"{computed['damping']:.3g}, a peak of {computed['peak']:.2g}; {told}"
         )
 
 

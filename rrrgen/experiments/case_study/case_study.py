@@ -10,7 +10,7 @@ an interrupted run is resumed.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from rrrgen.arrays import Array
 from rrrgen.excitation.design import ExcitationDesign, design_excitation
 from rrrgen.excitation.robot import limits_of, robot_problem
 from rrrgen.excitation.starts import Progress
+from rrrgen.experiments.case_study.flexible_dynamics import FlexibleDynamics, FlexibleSettings, flexible_dynamics
 from rrrgen.experiments.writing import (
     InverseKinematics,
     JointPath,
@@ -71,6 +72,7 @@ class CaseStudySettings:
     period: float = 1e-3
     duration: float = 10.0
     seed: int = 1
+    flexible: FlexibleSettings = field(default_factory=FlexibleSettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,7 @@ class CaseStudy:
     writing_log: Log
     identification: Identification
     validation: Validation
+    flexible: FlexibleDynamics
 
     @property
     def truth(self) -> Array:
@@ -106,7 +109,7 @@ class CaseStudy:
     @property
     def failures(self) -> tuple[str, ...]:
         """The required accuracies that are missed, in words; empty if the case study passes."""
-        found = list(self.validation.failures)
+        found = [*self.validation.failures, *self.flexible.failures]
         check = self.design.best.check
         if not check.condition <= LARGEST_CONDITION:
             found.append(f"condition number {check.condition:.3g} exceeds {LARGEST_CONDITION}")
@@ -128,6 +131,7 @@ class CaseStudy:
             "relative_error_fit": self.identification.fit["relative_error"],
             "indefinite_mass_matrix_share": self.identification.indefinite,
             "validation": self.validation.to_json(),
+            "flexible_dynamics": self.flexible.to_json(),
         }
 
 
@@ -180,6 +184,15 @@ class _Work:
         writing = self.experiment("writing", path.evaluate, observer, self.settings.seed + 1)
         self.tell(0, 0, "validation on the writing task")
         validation = self.validated(identification, writing, excitation)
+        flexible = flexible_dynamics(
+            self.model,
+            self.friction,
+            self.settings.flexible,
+            self.run.path / "results" / "flexible_dynamics",
+            self.settings.period,
+            self.settings.seed + 2,
+            self.tell,
+        )
         return CaseStudy(
             settings=self.settings,
             model=self.model,
@@ -192,6 +205,7 @@ class _Work:
             writing_log=writing,
             identification=identification,
             validation=validation,
+            flexible=flexible,
         )
 
     def excitation(self) -> ExcitationDesign:

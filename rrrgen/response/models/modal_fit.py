@@ -24,6 +24,7 @@ SCAN = 80  # frequencies at which a further mode is tried
 FIRST_DAMPING = (0.005, 0.03, 0.15)
 LEAST_LINES = 12
 GROWING_STEPS, LAST_STEPS = 10, 60
+MOST_OF_A_LINE = 9.0  # of the cost by which a mode is accepted: no single line may buy one
 LEAST_BAND = 1e-3  # relative: what smoothness between lines may be wrong by where there is hardly any noise
 
 
@@ -39,13 +40,27 @@ class _Lines:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """Logarithms [ln f, ln zeta] per mode, and what follows: numerators, cost ``sum |P - model|^2/sigma^2``."""
+    """Logarithms [ln f, ln zeta] per mode, and what follows: numerators, ``|P - model|^2/sigma^2`` of all lines."""
 
     modes: Array
     numerators: Array
-    cost: float
+    costs: Array
     delay: int
     integrators: int
+
+    @property
+    def cost(self) -> float:
+        """Of all lines."""
+        return float(np.sum(self.costs))
+
+    @property
+    def scale(self) -> float:
+        """Typical cost of a line, 1 at least: what the model leaves beyond the noise."""
+        return max(1.0, float(np.median(self.costs)))
+
+    def capped(self, scale: float) -> float:
+        """The cost in units of ``scale``, with at most :data:`MOST_OF_A_LINE` of every line."""
+        return float(np.sum(np.minimum(self.costs / scale, MOST_OF_A_LINE)))
 
 
 def fit_modes(response: FrequencyResponse) -> ResponseModel:
@@ -60,24 +75,28 @@ def fit_modes(response: FrequencyResponse) -> ResponseModel:
     sigma = np.sqrt((raw.variance[use] + (LEAST_BAND * np.abs(P)) ** 2) / response.independent)
     z = np.exp(-2j * np.pi * response.frequency[use] * response.period)
     lines = _Lines(z, P, 1.0 / sigma, response.period)
-    table: list[dict[str, Any]] = []
-    best: tuple[float, _Candidate] | None = None
-    for integrators in (2, 0):
-        for delay in DELAYS:
-            for candidate in _growing(lines, response.frequency[use], delay, integrators):
-                size = len(candidate.modes) + len(candidate.numerators)
-                length = candidate.cost + 0.5 * size * np.log(2.0 * len(P))
-                row: dict[str, Any] = {"integrators": integrators, "delay": delay, "modes": len(candidate.modes) // 2}
-                table.append(
-                    row
-                    | {"misfit": candidate.cost / len(P) / response.independent, "description_length": float(length)}
-                )
-                if best is None or length < best[0]:
-                    best = float(length), candidate
-    if best is None:
-        raise DerivationError(f"{response.name}: no model could be fitted")
-    chosen = best[1] if not len(best[1].modes) else _refine(lines, best[1], LAST_STEPS)
-    return _model(response, lines, chosen, tuple(table))
+    found = [
+        candidate
+        for integrators in (2, 0)
+        for delay in DELAYS
+        for candidate in _growing(lines, response.frequency[use], delay, integrators)
+    ]
+    scale = min(found, key=lambda each: each.cost).scale
+    sizes = [len(each.modes) + len(each.numerators) for each in found]
+    lengths = [each.capped(scale) + 0.5 * m * np.log(2.0 * len(P)) for each, m in zip(found, sizes, strict=True)]
+    table = tuple(
+        {
+            "integrators": each.integrators,
+            "delay": each.delay,
+            "modes": len(each.modes) // 2,
+            "misfit": each.cost / len(P) / response.independent,
+            "description_length": float(length),
+        }
+        for each, length in zip(found, lengths, strict=True)
+    )
+    best = found[int(np.argmin(lengths))]
+    chosen = best if not len(best.modes) else _refine(lines, best, LAST_STEPS)
+    return _model(response, lines, chosen, table)
 
 
 def _growing(lines: _Lines, frequency: Array, delay: int, integrators: int) -> list[_Candidate]:
@@ -90,7 +109,7 @@ def _growing(lines: _Lines, frequency: Array, delay: int, integrators: int) -> l
         mode = _best_further_mode(lines, last, grid)
         started = _solve(lines, np.concatenate([last.modes, np.log(mode)]), delay, integrators)
         refined = _refine(lines, started, GROWING_STEPS)
-        if refined.cost > last.cost - penalty:
+        if refined.capped(last.scale) > last.capped(last.scale) - penalty:
             break
         found.append(refined)
     return found
@@ -149,10 +168,15 @@ def _solve(lines: _Lines, modes: Array, delay: int, integrators: int) -> _Candid
     real = _stacked(_basis(lines, modes, delay, integrators) * lines.weight[:, None])
     right = _stacked((lines.P * lines.weight)[:, None])[:, 0]
     if real.shape[1] == 0:
-        return _Candidate(modes, np.empty(0), float(right @ right), delay, integrators)
+        return _Candidate(modes, np.empty(0), _costs(right), delay, integrators)
     scale = np.linalg.norm(real, axis=0)
     numerators = np.linalg.lstsq(real / scale, right, rcond=1e-13)[0] / scale
-    return _Candidate(modes, numerators, float(np.sum((right - real @ numerators) ** 2)), delay, integrators)
+    return _Candidate(modes, numerators, _costs(right - real @ numerators), delay, integrators)
+
+
+def _costs(rest: Array) -> Array:
+    """Squares of the real over imaginary parts (2 L,), by line."""
+    return np.asarray(np.sum(rest.reshape(2, -1) ** 2, axis=0))
 
 
 def _residual(lines: _Lines, modes: Array, delay: int, integrators: int) -> Array:

@@ -1,0 +1,132 @@
+"""Dynamics beyond the rigid body in the case study, (14.34)-(14.42): responses of joint 1 in several postures, their
+modes, and the resonances that the mass matrix and the stiffness of the virtual robot lead to beside them (Fig. 14.14).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrrgen.experiments.elastic_comparison import beside, expected_modes
+from rrrgen.experiments.experiment_file import Experiment
+from rrrgen.experiments.response_experiment import response_design, response_plan, simulate_response
+from rrrgen.friction.models import FrictionModel
+from rrrgen.response.estimators.estimate import estimate_responses
+from rrrgen.response.models.fitting import FittedModels, fit_responses
+from rrrgen.response.plots import plot_models
+from rrrgen.response.response_file import load_response
+from rrrgen.simulate.response_recording import write_responses
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Progress = Callable[[int, int, str], None]
+
+LEAST_TRUSTED = 0.65  # of the lines
+LARGEST_DEVIATION = 0.005  # of a measured resonance from the computed one
+SEEN = 0.5  # peak of a computed mode, relative to the rigid response, that must be found
+
+
+@dataclass(frozen=True)
+class FlexibleSettings:
+    """The elastic parts of the virtual robot and the experiment on joint 1.
+
+    ``postures`` are joint positions in rad, the chapter's (a) and (b) first; ``rotor_inertia`` (kg m^2), ``stiffness``
+    (N m/rad) and ``damping`` (N m s/rad) of the joints; ``base`` frequency (Hz) and damping ratio; ``disturbance`` rms
+    of a torque that is not recorded (N m).
+    """
+
+    postures: tuple[tuple[float, ...], ...] = ((0.0, 0.0, np.pi / 2), (0.0, 0.0, 0.0), (0.0, 0.0, 2.6))
+    rotor_inertia: tuple[float, ...] = (0.8, 0.25, 0.06)
+    stiffness: tuple[float, ...] = (1.45e5, 1.2e5, 4e4)
+    damping: tuple[float, ...] = (14.0, 8.0, 3.0)
+    base: tuple[float, float] = (28.0, 0.1)
+    disturbance: float = 0.5
+    periods: int = 10
+
+
+@dataclass(frozen=True, eq=False)
+class FlexibleDynamics:
+    """Responses and models by posture, and the computed modes beside the measured ones."""
+
+    settings: FlexibleSettings
+    fitted: FittedModels
+    resonances: list[dict[str, Any]]
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What misses its accuracy, in words."""
+        found = [f"response of {name}: {reason}" for name, reason in self.fitted.refused.items()]
+        for response in self.fitted.measured:
+            share = float(np.mean(response.trusted))
+            if share < LEAST_TRUSTED:
+                found.append(f"{response.name}: only {100 * share:.0f} % of the lines are trusted")
+        for row in self.resonances:
+            if row["computed"]["peak"] > SEEN and not row["deviation"] <= LARGEST_DEVIATION:
+                limit, frequency = 100 * LARGEST_DEVIATION, row["computed"]["frequency"]
+                found.append(f"{row['posture']}: no resonance within {limit:g} % of {frequency:.2f} Hz")
+        return tuple(found)
+
+    def figure(self) -> Figure:
+        """Fig. 14.14: the responses of all postures with their bands, and the models."""
+        return plot_models(self.fitted.measured, self.fitted.models)
+
+    def to_json(self) -> dict[str, Any]:
+        """The verdicts on the responses and the resonances, measured beside computed."""
+        return {
+            "postures": self.settings.postures,
+            "trusted": {each.name: float(np.mean(each.trusted)) for each in self.fitted.measured},
+            "resonances": self.resonances,
+        }
+
+
+def flexible_dynamics(
+    model: Any,
+    friction: FrictionModel,
+    settings: FlexibleSettings,
+    folder: Path,
+    period: float,
+    seed: int,
+    tell: Progress,
+) -> FlexibleDynamics:
+    """Excite joint 1 of the virtual robot in every posture, estimate the responses, and fit their modes.
+
+    Recordings and response file are written to ``folder``; those of an interrupted run are used again.
+    """
+    joints = {name: getattr(settings, name) for name in ("rotor_inertia", "stiffness", "damping")}
+    frequency, damping_ratio = settings.base
+    experiment = Experiment(
+        virtual_robot={
+            "friction": friction,
+            "flexible_joints": joints,
+            "flexible_base": {"frequency": frequency, "damping_ratio": damping_ratio},
+            "disturbance": (settings.disturbance,) * model.n,
+        },
+        response={"joint": model.spec.joints[0].name, "postures": settings.postures, "periods": settings.periods},
+        period=period,
+        seed=seed,
+    )
+    log = folder / "response.yaml"
+    if not log.exists():  # written last: with it, the recordings are complete
+        design = response_design(experiment, model, response_plan(experiment))
+        signals, controller = simulate_response(experiment, model, design, tell)
+        write_responses(folder, design, signals, controller)
+    tell(0, 0, "frequency responses")
+    measured = [
+        replace(response, name=_label(posture))
+        for response, posture in zip(estimate_responses(load_response(log)), settings.postures, strict=True)
+    ]
+    fitted = fit_responses(measured)
+    modes = expected_modes(experiment, model)
+    computed = {response.name: found for response, found in zip(measured, modes, strict=True)}
+    return FlexibleDynamics(settings, fitted, beside(fitted.models, computed))
+
+
+def _label(posture: tuple[float, ...]) -> str:
+    """The joints that stand, as the chapter names a posture."""
+    standing = range(2, len(posture) + 1)
+    return f"[{', '.join(f'q{k}' for k in standing)}] = [{', '.join(f'{posture[k - 1]:.3g}' for k in standing)}] rad"

@@ -1,0 +1,87 @@
+"""Vibrations of a robot with elastic joints and base by its mass matrix and stiffness, about a posture.
+
+Links q (n,), rotors r (n,) and base angle b, all absolute: ``M(q) q'' = K (r - q) + D (r' - q')``,
+``J r'' = tau - K (r - q) - D (r' - q')``, ``J_b b'' = -k_b b - d_b b' - tau_1``; the encoders read ``r - b e_1``.
+Gravity and friction are left out: their stiffness is small against K.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints
+
+VISIBLE = 0.02  # of the response without vibration: what a mode must add at its peak to be seen
+MOST_DAMPING = 0.999
+
+
+@dataclass(frozen=True)
+class ElasticMode:
+    """A vibration of ``frequency`` (Hz) and ``damping`` (ratio).
+
+    ``peak`` is what it adds at its resonance to the response ``q_i/u_i`` of the excited joint, relative to the rigid
+    ``1/s^2``.
+    """
+
+    frequency: float
+    damping: float
+    peak: float
+
+
+def elastic_modes(
+    mass: Array, joint: int, joints: FlexibleJoints | None, base: FlexibleBase | None, loops: Sequence[float] = ()
+) -> list[ElasticMode]:
+    """The vibrations that show in the response of ``joint`` (from 0) from the acceleration u of (14.34), by frequency.
+
+    ``mass`` is M(q) of the links (n, n), kg m^2. ``loops`` (n,) are the bandwidths in Hz of the critically damped loops
+    that hold the other joints; without them their drives are free. Raises :class:`InputError` without anything elastic.
+    """
+    if joints is None and base is None:
+        raise InputError("neither the joints nor the base are flexible: there is no vibration to compute")
+    A, B, C = _model(np.asarray(mass, float), joints, base)
+    for j, frequency in enumerate(loops):
+        if j != joint:
+            omega = 2.0 * np.pi * frequency
+            x_and_v = omega**2 * C[j] + 2.0 * omega * (C[j] @ A)  # C A reads the speed
+            A = A - np.outer(B[:, j], x_and_v)
+    values, right = np.linalg.eig(A)
+    left = np.linalg.pinv(right)
+    found = []
+    for k in np.flatnonzero(values.imag > 1.0):
+        s = values[k]
+        residue = (C[joint] @ right[:, k]) * (left[k] @ B[:, joint])
+        peak = float(abs(residue) / max(-s.real, 1e-9 * abs(s)) * abs(s) ** 2)
+        if peak > VISIBLE and -s.real < MOST_DAMPING * abs(s):
+            found.append(ElasticMode(float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s)), peak))
+    return sorted(found, key=lambda mode: mode.frequency)
+
+
+def _model(mass: Array, joints: FlexibleJoints | None, base: FlexibleBase | None) -> tuple[Array, Array, Array]:
+    """State space of [positions, speeds]: A, B from the accelerations u (n,) of (14.34), C to the encoders (n,)."""
+    n = len(mass)
+    parts = n if joints is None else 2 * n
+    size = parts + (base is not None)
+    inertia, stiffness, damping = (np.zeros((size, size)) for _ in range(3))
+    inertia[:n, :n] = mass
+    total = mass
+    if joints is not None:
+        rotor = np.diag(joints.rotor_inertia)
+        inertia[n:parts, n:parts] = rotor
+        total = mass + rotor
+        for matrix, values in ((stiffness, joints.stiffness), (damping, joints.damping)):
+            matrix[:parts, :parts] = np.kron(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.diag(values))
+    force, read = np.zeros((size, n)), np.zeros((n, size))
+    force[parts - n : parts], read[:, parts - n : parts] = np.eye(n), np.eye(n)
+    if base is not None:
+        inertia[-1, -1], stiffness[-1, -1], damping[-1, -1] = base.inertia, base.stiffness, base.damping
+        force[-1, 0], read[0, -1] = -1.0, -1.0
+    inverse: Any = np.linalg.inv(inertia)
+    A = np.block([[np.zeros((size, size)), np.eye(size)], [-inverse @ stiffness, -inverse @ damping]])
+    B = np.vstack([np.zeros((size, n)), inverse @ force @ total])
+    return A, B, np.hstack([read, np.zeros((n, size))])
