@@ -34,18 +34,18 @@
  * moments mxi myi mzi = mi*(xi, yi, zi), inertia tensor Ixxi Ixyi Iyyi Ixzi Iyzi Izzi about the origin of the
  * frame, with Ixy = -integral of x*y dm, Ixz and Iyz alike. The robot file is written with the opposite sign of
  * Ixy, Ixz, Iyz; what is printed here is converted.
- *   beta[0]   p1   kg m^2  -Ixx2 + Iyy2 + a2**2*m3 + a2*m2*(a2 + 2*x2)
+ *   beta[0]   p1   kg m^2  -Ixx2 + Iyy2 + a2^2*m3 + a2*m2*(a2 + 2*x2)
  *   beta[1]   p2   kg m^2  2*Ixy2 - 2*a2*m2*y2
  *   beta[2]   p3   kg m    m3*(a3 + x3)
  *   beta[3]   p4   kg m    m3*y3
  *   beta[4]   p5   kg m^2  -Ixx3 + Iyy3 + a3*m3*(a3 + 2*x3)
  *   beta[5]   p6   kg m^2  -2*Ixy3 + 2*a3*m3*y3
- *   beta[6]   p7   kg m^2  Ixx2 + Ixx3 + Iyy1 + d2**2*m2 + 2*d2*m2*z2 + m3*z3*(2*d2 + 2*d3) + m3*(d2 + d3)**2
+ *   beta[6]   p7   kg m^2  Ixx2 + Ixx3 + Iyy1 + d2^2*m2 + 2*d2*m2*z2 + m3*z3*(2*d2 + 2*d3) + m3*(d2 + d3)^2
  *   beta[7]   p8   kg m^2  Iyz3 + m3*y3*(-d2 - d3)
  *   beta[8]   p9   kg m^2  Ixz3 - a3*m3*(d2 + d3 + z3) - m3*x3*(d2 + d3)
  *   beta[9]   p10  kg m^2  Iyz2 - d2*m2*y2
  *   beta[10]  p11  kg m^2  Ixz2 - a2*(m2*(d2 + z2) + m3*(d2 + d3 + z3)) - d2*m2*x2
- *   beta[11]  p12  kg m^2  Izz2 + Izz3 + a2*m2*(a2 + 2*x2) + m3*(a2**2 + a3**2 + 2*a3*x3)
+ *   beta[11]  p12  kg m^2  Izz2 + Izz3 + a2*m2*(a2 + 2*x2) + m3*(a2^2 + a3^2 + 2*a3*x3)
  *   beta[12]  p13  kg m^2  Izz3 + a3*m3*(a3 + 2*x3)
  *   beta[13]  p14  kg m    a2*m3 + m2*(a2 + x2)
  *   beta[14]  p15  kg m    m2*y2

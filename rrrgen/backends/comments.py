@@ -15,6 +15,11 @@ def plain(text: str) -> str:
     return printable.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").rstrip("\\")
 
 
+def mathematics(expression: object) -> str:
+    """An expression as it is written in a comment: powers with ^, as in units, since ** is no operator of C or Rust."""
+    return plain(str(expression).replace("**", "^"))
+
+
 def wrapped(text: str) -> list[str]:
     """``text`` broken into lines of a comment."""
     return textwrap.wrap(plain(text), WIDTH, break_long_words=False)

@@ -13,7 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from rrrgen.backends import Identity, Real
-from rrrgen.backends.comments import plain, wrapped
+from rrrgen.backends.comments import mathematics, plain, wrapped
 from rrrgen.backends.description import facts, large_angles, programs_of, title
 from rrrgen.backends.interface import CHOICE, PRODUCT, SUM, Text
 from rrrgen.backends.printing import decimal, print_body
@@ -151,7 +151,7 @@ def _opening(model: DerivedModel, identity: Identity, precision: Mapping[str, st
     lines += ["", *wrapped("Matrices are arrays of rows. No function has state, allocates or panics.")]
     lines += ["", *wrapped(f"Base parameters `beta: [Real; B]`. {parameters.statement}"), "", "```text"]
     lines += [
-        f"beta[{k}]  {p.name}  {p.unit or '-'}  {plain(str(p.expression))}" for k, p in enumerate(parameters.rows)
+        f"beta[{k}]  {p.name}  {p.unit or '-'}  {mathematics(p.expression)}" for k, p in enumerate(parameters.rows)
     ]
     return [*lines, "```"]
 

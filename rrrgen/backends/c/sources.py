@@ -13,7 +13,7 @@ from rrrgen.backends.c.printer import print_body
 from rrrgen.backends.c.signature import explanation, prototype
 from rrrgen.backends.c.stack import STACK_RULE
 from rrrgen.backends.c.trigonometry import LibmSinCos, SinCos
-from rrrgen.backends.comments import columns, wrapped
+from rrrgen.backends.comments import columns, mathematics, wrapped
 from rrrgen.backends.description import facts, large_angles, programs_of, title
 from rrrgen.derive.parameter_listing import listing
 from rrrgen.program import Program, Status, count_operations
@@ -133,5 +133,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
     )
     parameters = listing(model)
     lines += ["", *wrapped(f"Base parameters beta[{macro}_B]. {parameters.statement}")]
-    lines += columns([(f"beta[{k}]", p.name, p.unit or "-", f"{p.expression}") for k, p in enumerate(parameters.rows)])
+    lines += columns(
+        [(f"beta[{k}]", p.name, p.unit or "-", mathematics(p.expression)) for k, p in enumerate(parameters.rows)]
+    )
     return lines
