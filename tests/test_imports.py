@@ -39,6 +39,7 @@ ROOMS = (
     "signals",
     "recordings",
     "runs",
+    "calibrate",
     "excitation",
     "response",
     "simulate",

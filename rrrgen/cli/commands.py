@@ -12,6 +12,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "generate": ("rrrgen.cli.model.generate:generate", "Write C and CasADi models of a robot."),
     "verify": ("rrrgen.cli.model.verify:verify", "Compare a compiled model with independent dynamics."),
     "ik": ("rrrgen.cli.model.ik:ik", "Solve the inverse kinematics for a pose."),
+    "calibrate": (
+        "rrrgen.cli.identification.calibrate:calibrate",
+        "Calibrate the geometry from measured poses, points or distances.",
+    ),
     "excite": ("rrrgen.cli.identification.excite:excite", "Design an exciting trajectory."),
     "simulate": ("rrrgen.cli.identification.simulate:simulate", "Run an experiment on the virtual robot."),
     "reconstruct": (

@@ -50,8 +50,8 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
         parameters={},
         joints=joints,
         links=links,
-        base=_fixed(table.base),
-        tool=_fixed(table.tool),
+        base=fixed_transform(table.base),
+        tool=fixed_transform(table.tool),
         description=f"{chain.base} to {chain.tip}",
     )
     held = {joint: float(value) for joint, value in chain.held.items()}
@@ -128,11 +128,12 @@ def _links(chain: SerialChain, table: DenavitHartenberg, faults: FaultList) -> t
         if inertia is None:
             joint = chain.joints[k].joint
             faults.warning(joint.place, f"the link behind '{joint.name}' has no inertia", "its mass is taken as 0")
-        links.append(_link(inertia, frame))
+        links.append(link_in_frame(inertia, frame))
     return tuple(links)
 
 
-def _link(inertia: Inertia | None, frame: Array) -> LinkSpec:
+def link_in_frame(inertia: Inertia | None, frame: Array) -> LinkSpec:
+    """A link from its inertia and the pose (4, 4) of its link frame in the same frame; massless for None."""
     if inertia is None:
         return LinkSpec(sp.S.Zero, (sp.S.Zero,) * 3, (sp.S.Zero,) * 6, "com")
     moved = inertia.moved(inverse(frame))
@@ -141,6 +142,7 @@ def _link(inertia: Inertia | None, frame: Array) -> LinkSpec:
     return LinkSpec(decimal(moved.mass), (x, y, z), tuple(decimal(moved.tensor[place]) for place in places), "com")
 
 
-def _fixed(T: Array) -> FixedTransform:
+def fixed_transform(T: Array) -> FixedTransform:
+    """A rigid transform (4, 4) with exact entries, or decimals of 25 digits."""
     x, y, z = (exact_length(value) for value in T[:3, 3])
     return FixedTransform(exact_rotation(T[:3, :3]), (x, y, z))

@@ -1,0 +1,1 @@
+"""Geometric calibration: Denavit-Hartenberg parameters, base and tool from measured poses, points, distances."""

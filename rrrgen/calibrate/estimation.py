@@ -1,0 +1,184 @@
+"""Weighted nonlinear least squares for the minimal set of geometric parameters, robust against outliers on request."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.calibrate.geometry import Entry, Geometry
+from rrrgen.calibrate.measurements import Measurements, observed
+from rrrgen.calibrate.minimal_set import MinimalSet, minimal_set
+from rrrgen.errors import DerivationError
+
+STEPS = 50
+CONVERGED = 1e-10  # of the standard deviations: a step this small ends the iteration
+HUBER = 1.345  # efficient to 95 % without outliers
+TUKEY = 4.685
+REWEIGHTED = 30
+WORST_CONDITION = 1e8  # of the scaled derivative; beyond it some parameter is not determined by these poses
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The estimate: ``geometry`` and the parameters of ``chosen`` with their changes and standard deviations (p,).
+
+    ``residuals`` (N, components) are measured minus computed in m and rad, ``weights`` (N,) what robust estimation gave
+    each measurement (1 without it). ``chi2_per_dof`` is near 1 where the stated noise is right. ``condition`` and
+    ``observability`` (the geometric mean of the singular values over the root of N) are of the derivative, scaled by
+    the noise.
+    """
+
+    geometry: Geometry
+    chosen: MinimalSet
+    change: Array
+    deviation: Array
+    residuals: Array
+    before: Array
+    weights: Array
+    chi2_per_dof: float
+    condition: float
+    observability: float
+
+    @property
+    def outliers(self) -> list[int]:
+        """Numbers of the measurements, from 0, that robust estimation set aside."""
+        return [int(k) for k in np.flatnonzero(self.weights < 0.1)]
+
+
+def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False) -> Calibration:
+    """The geometry that explains ``measured`` best, starting from ``nominal``.
+
+    With ``robust``, Huber's weights and from their solution Tukey's, which set outliers aside. Raises
+    :class:`DerivationError` if there are fewer numbers than parameters, or poses that do not determine them.
+    """
+    chosen = minimal_set(nominal, measured.kind)
+    start = _aligned(nominal, measured)
+    count = measured.residuals(start).size
+    if count <= len(chosen.kept):
+        raise DerivationError(
+            f"{count} measured numbers for {len(chosen.kept)} parameters; the more, the better: three times as many"
+        )
+    ones: Array = np.ones(len(measured.q))
+    geometry = _solve(start, measured, chosen.kept, ones)
+    weights = ones
+    for law in (_huber, _tukey) if robust else ():
+        for _ in range(REWEIGHTED):
+            sizes = _sizes(geometry, measured)
+            scale = 1.4826 * float(np.median(sizes)) / _MEDIAN[measured.residuals(geometry).shape[1]]
+            weights = law(sizes / max(scale, 1e-12))
+            following = _solve(geometry, measured, chosen.kept, weights)
+            moved = np.abs(following.forward(measured.q) - geometry.forward(measured.q)).max()
+            geometry = following
+            if moved < 1e-9:
+                break
+    return _judged(nominal, geometry, measured, chosen, weights)
+
+
+_MEDIAN = {1: 1.0, 3: 1.538 * 1.4826, 6: 2.313 * 1.4826}
+"""The median length of a vector of as many standard normal numbers, times 1.4826 where that is cancelled above."""
+
+
+def _sizes(geometry: Geometry, measured: Measurements) -> Array:
+    """The length of each residual in standard deviations, (N,)."""
+    return np.asarray(np.linalg.norm(measured.residuals(geometry) * measured.weights, axis=1))
+
+
+def _huber(size: Array) -> Array:
+    return np.asarray(np.minimum(1.0, HUBER * 2 / np.maximum(size, 1e-12)))
+
+
+def _tukey(size: Array) -> Array:
+    return np.asarray(np.where(size < TUKEY * 2, (1 - (size / (TUKEY * 2)) ** 2) ** 2, 0.0))
+
+
+def _aligned(nominal: Geometry, measured: Measurements) -> Geometry:
+    """The nominal geometry with the base that fits measured positions best (Kabsch), where positions are measured."""
+    if measured.kind not in ("pose", "point"):
+        return nominal
+    values = measured.values[:, :3, 3] if measured.kind == "pose" else measured.values
+    p = nominal.forward(measured.q)[:, :3, 3]
+    U, _, Vt = np.linalg.svd((values - values.mean(0)).T @ (p - p.mean(0)))
+    R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, values.mean(0) - R @ p.mean(0)
+    return nominal if len(p) < 3 else Geometry(T @ nominal.base, nominal.rows, nominal.tool, nominal.revolute)
+
+
+def _system(
+    geometry: Geometry, measured: Measurements, entries: tuple[Entry, ...], weights: Array
+) -> tuple[Array, Array]:
+    """The weighted derivative (m, p) and residual (m,)."""
+    J = observed(measured.kind, geometry, measured.q, geometry.jacobian(measured.q, entries))
+    scale = measured.weights[None, :] * np.sqrt(weights)[:, None]
+    return (J * scale[..., None]).reshape(-1, len(entries)), (measured.residuals(geometry) * scale).ravel()
+
+
+def _solve(start: Geometry, measured: Measurements, entries: tuple[Entry, ...], weights: Array) -> Geometry:
+    """Levenberg-Marquardt with columns scaled to length one."""
+    geometry, damping = start, 1e-6
+    A, r = _system(geometry, measured, entries, weights)
+    for _ in range(STEPS):
+        scale = np.maximum(np.linalg.norm(A, axis=0), 1e-12)
+        U, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
+        step = Vt.T @ (s / (s * s + damping * s[0] ** 2) * (U.T @ r))
+        trial = geometry.moved(entries, step / scale)
+        B, after = _system(trial, measured, entries, weights)
+        if after @ after <= r @ r * (1 + 1e-12):
+            geometry, A, r, damping = trial, B, after, max(damping / 30, 1e-15)
+            if float(np.linalg.norm(step)) < CONVERGED * max(1.0, float(np.linalg.norm(r))):
+                return geometry
+        elif damping < 1e6:
+            damping = max(damping, 1e-12) * 30
+        else:
+            return geometry
+    return geometry
+
+
+def _judged(
+    nominal: Geometry, geometry: Geometry, measured: Measurements, chosen: MinimalSet, weights: Array
+) -> Calibration:
+    A, _ = _system(geometry, measured, chosen.kept, weights)
+    scale = np.linalg.norm(A, axis=0)
+    _, s, Vt = np.linalg.svd(A / np.maximum(scale, 1e-300), full_matrices=False)
+    condition = float(s[0] / max(s[-1], 1e-300))
+    if condition > WORST_CONDITION:
+        worst = int(np.argmax(np.abs(Vt[-1])))
+        name = chosen.kept[worst].name
+        raise DerivationError(
+            f"these poses do not determine {name}: condition {condition:.0e}; vary all joints, and put the target off "
+            "the flange axis where only its position is measured"
+        )
+    covariance = (Vt.T / s**2) @ Vt / np.outer(scale, scale)
+    residuals = measured.residuals(geometry)
+    used = weights >= 0.1
+    squares = float(np.sum((residuals * measured.weights)[used] ** 2))
+    dof = int(used.sum()) * residuals.shape[1] - len(chosen.kept)
+    return Calibration(
+        geometry=geometry,
+        chosen=chosen,
+        change=_changes(nominal, geometry, chosen.kept),
+        deviation=np.sqrt(np.diag(covariance)),
+        residuals=residuals,
+        before=measured.residuals(_aligned(nominal, measured)),
+        weights=weights,
+        chi2_per_dof=squares / max(dof, 1),
+        condition=condition,
+        observability=float(np.exp(np.mean(np.log(s)))) / float(np.sqrt(len(measured.q))),
+    )
+
+
+def _changes(nominal: Geometry, geometry: Geometry, entries: tuple[Entry, ...]) -> Array:
+    """Estimated minus nominal values of the parameters (p,); of base and tool relative to their nominal pose."""
+    from rrrgen.calibrate.geometry import RIGID, ROW, rotation_vectors
+
+    def step(before: Array, after: Array) -> Array:
+        T = np.linalg.solve(before, after)
+        return np.concatenate([T[:3, 3], rotation_vectors(T[None, :3, :3])[0]])
+
+    moved = {"base": step(nominal.base, geometry.base), "tool": step(nominal.tool, geometry.tool)}
+    rows = geometry.rows - nominal.rows
+    return np.array(
+        [rows[e.row, ROW.index(e.key)] if e.place == "row" else moved[e.place][RIGID.index(e.key)] for e in entries]
+    )

@@ -1,0 +1,190 @@
+"""The geometry of a chain as calibration varies it: base, rows and tool, with the derivative of the tip by each entry.
+
+``T(q) = base  prod_i Rz(theta_i + q_i) Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i)  tool``, with d_i + q_i for a prismatic
+joint. The twist behind the last joint is part of the tool. ``beta_i`` is zero in a table; it is a parameter where the
+axes i and i+1 are parallel: the common perpendicular, and with it d, jumps by metres when such axes tilt, while beta is
+as small as the tilt (Hayati 1983).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.robotfile.robot_spec import FixedTransform, RobotSpec
+
+PARALLEL = 0.01  # rad; axes this near to parallel get a beta
+ROW = ("theta", "d", "a", "alpha", "beta")
+RIGID = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One geometric parameter: where it acts (base, row from 0, tool) and which; m, or rad for angles."""
+
+    place: str
+    key: str
+    row: int = -1
+
+    @property
+    def name(self) -> str:
+        """Such as ``base_rz``, ``alpha2``, ``tool_x``; rows are counted from 1."""
+        return f"{self.key}{self.row + 1}" if self.place == "row" else f"{self.place}_{self.key}"
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether the unit is rad."""
+        return self.key in ("theta", "alpha", "beta", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """``base`` and ``tool`` (4, 4), ``rows`` (n, 5) of theta, d, a, alpha, beta, and which joints are revolute."""
+
+    base: Array
+    rows: Array
+    tool: Array
+    revolute: tuple[bool, ...]
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.revolute)
+
+    def entries(self) -> list[Entry]:
+        """Every parameter that a measurement may determine, those first that are kept where several act alike."""
+        between = range(self.n - 1)
+        parallel = [i for i in between if self.is_parallel(i)]
+        found = [Entry("base", key) for key in RIGID] + [Entry("tool", key) for key in RIGID]
+        found += [Entry("row", "beta", i) for i in parallel]
+        found += [Entry("row", key, i) for key in ("a", "alpha", "theta", "d") for i in between]
+        return found + [Entry("row", key, self.n - 1) for key in ("theta", "d")]
+
+    def is_parallel(self, i: int) -> bool:
+        """Whether the axes i and i+1 are parallel, or nearly so."""
+        return bool(abs(np.sin(self.rows[i, 3])) < PARALLEL)
+
+    def forward(self, q: Array) -> Array:
+        """Poses (N, 4, 4) of the tip."""
+        return self._frames(q)[-1]
+
+    def _frames(self, q: Array) -> list[Array]:
+        """Poses (N, 4, 4) before each turn about z, before each twist, before each beta, and of the tip."""
+        T = np.broadcast_to(self.base, (len(q), 4, 4))
+        frames = []
+        for i, (theta, d, a, alpha, beta) in enumerate(self.rows):
+            turn = theta + q[:, i] if self.revolute[i] else np.full(len(q), theta)
+            shift = np.full(len(q), d) if self.revolute[i] else d + q[:, i]
+            frames.append(T)
+            T = T @ _screws(turn, shift, 2)
+            frames.append(T)
+            T = T @ _screws(np.array([alpha]), np.array([a]), 0)
+            frames.append(T)
+            T = T @ _screws(np.array([beta]), np.zeros(1), 1)
+        return [*frames, T @ self.tool]
+
+    def jacobian(self, q: Array, entries: Sequence[Entry]) -> Array:
+        """Derivative (N, 6, p) of the tip's position (m) and orientation (rotation vector) in the world frame."""
+        frames = self._frames(q)
+        tip = frames[-1]
+        J = np.zeros((len(q), 6, len(entries)))
+        for k, entry in enumerate(entries):
+            frame = _frame_of(entry, frames)
+            axis = _AXES[entry.key]
+            direction = frame[:, :3, axis]
+            if entry.is_angle:
+                J[:, 3:, k] = direction
+                J[:, :3, k] = np.cross(direction, tip[:, :3, 3] - frame[:, :3, 3])
+            else:
+                J[:, :3, k] = direction
+        return J
+
+    def moved(self, entries: Sequence[Entry], step: Array) -> Geometry:
+        """The geometry with ``step`` (p,) added to ``entries``; base and tool move about their own axes."""
+        rows = self.rows.copy()
+        change = {"base": np.zeros(6), "tool": np.zeros(6)}
+        for entry, value in zip(entries, step, strict=True):
+            if entry.place == "row":
+                rows[entry.row, ROW.index(entry.key)] += value
+            else:
+                change[entry.place][RIGID.index(entry.key)] += value
+        return replace(self, rows=rows, base=self.base @ rigid(change["base"]), tool=self.tool @ rigid(change["tool"]))
+
+
+_AXES = {"theta": 2, "d": 2, "a": 0, "alpha": 0, "beta": 1} | {key: "xyz".index(key[-1]) for key in RIGID}
+_PLACES = {"theta": 0, "d": 0, "a": 1, "alpha": 1, "beta": 2}
+
+
+def _frame_of(entry: Entry, frames: list[Array]) -> Array:
+    if entry.place == "tool":
+        return frames[-1]
+    return frames[0] if entry.place == "base" else frames[3 * entry.row + _PLACES[entry.key]]
+
+
+def _screws(angle: Array, length: Array, axis: int) -> Array:
+    """Turns about and shifts along an axis (N, 4, 4)."""
+    T = np.tile(np.eye(4), (max(len(angle), len(length)), 1, 1))
+    i, k = (axis + 1) % 3, (axis + 2) % 3
+    c, s = np.cos(angle), np.sin(angle)
+    T[:, i, i], T[:, i, k], T[:, k, i], T[:, k, k] = c, -s, s, c
+    T[:, axis, 3] = length
+    return T
+
+
+def rigid(step: Array) -> Array:
+    """The transform (4, 4) of a shift (3,) and a rotation vector (3,)."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation(np.asarray(step[3:])), step[:3]
+    return T
+
+
+def rotation(w: Array) -> Array:
+    """The rotation matrix (3, 3) of a rotation vector."""
+    angle = float(np.linalg.norm(w))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = w / angle
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K)
+
+
+def rotation_vectors(R: Array) -> Array:
+    """Rotation vectors (N, 3) of rotation matrices (N, 3, 3), up to angles of pi."""
+    skew = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
+    sine = np.linalg.norm(skew, axis=1)
+    angle = np.arctan2(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
+    scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
+    return np.asarray(skew * scale[:, None])
+
+
+def geometry_of(spec: RobotSpec) -> Geometry:
+    """The geometry of a robot file at its nominal parameters."""
+    table = spec.dh_table()
+    rows = np.zeros((spec.n, 5))
+    for i, (_, alpha, a, d, theta) in enumerate(table):
+        rows[i, :2] = theta, d
+        if spec.convention == "standard":
+            rows[i, 2:4] = a, alpha
+        elif i > 0:
+            rows[i - 1, 2:4] = a, alpha
+    base, tool = _matrix(spec, spec.base), _matrix(spec, spec.tool)
+    if spec.convention == "standard":
+        tool = _twist(rows[-1, 2], rows[-1, 3]) @ tool
+        rows[-1, 2:4] = 0.0
+    else:
+        base = base @ _twist(table[0][2], table[0][1])
+    return Geometry(base, rows, tool, tuple(joint.is_revolute for joint in spec.joints))
+
+
+def _twist(a: float, alpha: float) -> Array:
+    return np.asarray(_screws(np.array([alpha]), np.array([a]), 0)[0])
+
+
+def _matrix(spec: RobotSpec, transform: FixedTransform) -> Array:
+    T = np.eye(4)
+    T[:3, :3] = np.reshape([float(spec.nominal(v)) for v in transform.rotation], (3, 3))
+    T[:3, 3] = [float(spec.nominal(v)) for v in transform.translation]
+    return T

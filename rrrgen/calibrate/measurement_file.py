@@ -1,0 +1,155 @@
+"""CSV files of measurements: a column per joint, and columns of a pose, a point, a distance or a height.
+
+The header names the joints (or q1, q2, ...) and what was measured: ``x y z`` with ``qw qx qy qz``, with ``roll pitch
+yaw`` or alone, ``distance`` or ``height``. A unit may follow in brackets, ``x [mm]``, ``q1 [deg]``; without it they
+are m and rad.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.calibrate.measurements import Kind, Measurements
+from rrrgen.errors import Fault, InputError
+from rrrgen.yamltext.document import MAX_BYTES, decode
+from rrrgen.yamltext.suggest import did_you_mean
+
+UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3}
+POSITION = ("x", "y", "z")
+QUATERNION = ("qw", "qx", "qy", "qz")
+ANGLES = ("roll", "pitch", "yaw")
+UNIT_NORM = 1e-3  # a quaternion this far from length one was cut or is something else
+FORMS: tuple[tuple[Kind, tuple[str, ...]], ...] = (
+    ("pose", (*POSITION, *QUATERNION)),
+    ("pose", (*POSITION, *ANGLES)),
+    ("point", POSITION),
+    ("distance", ("distance",)),
+    ("height", ("height",)),
+)
+
+
+def read_measurements(path: Path, joints: Sequence[str], sigma: float, sigma_angle: float) -> Measurements:
+    """The measurements of a file for a robot with these joint names; raises :class:`InputError` with every fault."""
+    lines, places = _lines(path)
+    names, factors = _header(lines[0], places[0], path)
+    columns = _joint_columns(names, joints, path, places[0])
+    kind, wanted = _form(names, path, places[0])
+    known = {*(names[k] for k in columns), *wanted}
+    faults = [
+        Fault(str(path), places[0], 1, f"the column '{name}' is not used", hint=_allowed(joints))
+        for name in names
+        if name not in known
+    ]
+    values = _numbers(lines[1:], places[1:], len(names), path, faults)
+    if faults:
+        raise InputError(faults)
+    table: Array = values * factors
+    q, data = table[:, columns], table[:, [names.index(name) for name in wanted]]
+    if kind == "pose":
+        return Measurements(kind, q, _poses(data, places[1:], path), sigma, sigma_angle)
+    return Measurements(kind, q, data if kind == "point" else data[:, 0], sigma, sigma_angle)
+
+
+def _lines(path: Path) -> tuple[list[list[str]], list[int]]:
+    """The rows of the file that are not empty and no comment, with their line numbers."""
+    try:
+        with path.open("rb") as stream:
+            text = decode(stream.read(MAX_BYTES + 1), str(path))
+    except OSError as error:
+        raise InputError([Fault(str(path), 0, 0, f"the file cannot be read: {error.strerror}")]) from None
+    rows, places = [], []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            rows.append([word.strip() for word in next(csv.reader([line], skipinitialspace=True))])
+            places.append(number)
+    if len(rows) < 2:
+        raise InputError(
+            [Fault(str(path), 0, 0, "the file has no measurements", hint="a header, then a line for each")]
+        )
+    return rows, places
+
+
+def _header(words: list[str], line: int, path: Path) -> tuple[list[str], Array]:
+    names, factors = [], []
+    for word in words:
+        name, _, unit = word.replace("]", "").partition("[")
+        if unit.strip() and unit.strip() not in UNITS:
+            hint = did_you_mean(unit.strip(), UNITS) or f"units are {', '.join(UNITS)}"
+            raise InputError(
+                [Fault(str(path), line, 1, f"no unit '{unit.strip()}' of column '{name.strip()}'", hint=hint)]
+            )
+        names.append(name.strip())
+        factors.append(UNITS[unit.strip()] if unit.strip() else 1.0)
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise InputError([Fault(str(path), line, 1, f"two columns are called '{twice[0]}'")])
+    return names, np.array(factors)
+
+
+def _joint_columns(names: list[str], joints: Sequence[str], path: Path, line: int) -> list[int]:
+    numbered = [f"q{k + 1}" for k in range(len(joints))]
+    for wanted in (list(joints), numbered):
+        if all(name in names for name in wanted):
+            return [names.index(name) for name in wanted]
+    missing = [name for name in joints if name not in names]
+    hint = did_you_mean(missing[0], names) or _allowed(joints)
+    raise InputError([Fault(str(path), line, 1, f"there is no column for joint '{missing[0]}'", hint=hint)])
+
+
+def _form(names: list[str], path: Path, line: int) -> tuple[Kind, tuple[str, ...]]:
+    for kind, wanted in FORMS:
+        if all(name in names for name in wanted):
+            return kind, wanted
+    raise InputError([Fault(str(path), line, 1, "no column says what was measured", hint=_allowed(()))])
+
+
+def _allowed(joints: Sequence[str]) -> str:
+    forms = "; ".join(" ".join(columns) for _, columns in FORMS)
+    return f"columns are {' '.join(joints)} and one of: {forms}".replace("are  and", "are those of the joints and")
+
+
+def _numbers(rows: list[list[str]], places: list[int], count: int, path: Path, faults: list[Fault]) -> Array:
+    values = np.zeros((len(rows), count))
+    for k, (row, line) in enumerate(zip(rows, places, strict=True)):
+        if len(row) != count:
+            faults.append(Fault(str(path), line, 1, f"{len(row)} values instead of {count}", hint="as in the header"))
+            continue
+        for j, word in enumerate(row):
+            try:
+                values[k, j] = float(word)
+            except ValueError:
+                values[k, j] = math.nan
+            if not math.isfinite(values[k, j]):
+                column = sum(len(each) + 1 for each in row[:j]) + 1
+                faults.append(Fault(str(path), line, column, f"'{word[:30]}' is not a number"))
+    return values
+
+
+def _poses(data: Array, places: list[int], path: Path) -> Array:
+    """Poses (N, 4, 4) from positions with quaternions or with roll, pitch, yaw."""
+    T = np.tile(np.eye(4), (len(data), 1, 1))
+    T[:, :3, 3] = data[:, :3]
+    if data.shape[1] == 6:
+        for k, (roll, pitch, yaw) in enumerate(data[:, 3:]):
+            (a, b, c), (d, e, f) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+            T[k, :3, :3] = [
+                [c * b, c * e * d - f * a, c * e * a + f * d],
+                [f * b, f * e * d + c * a, f * e * a - c * d],
+                [-e, b * d, b * a],
+            ]
+        return T
+    for k, (w, x, y, z) in enumerate(data[:, 3:]):
+        size = math.sqrt(w * w + x * x + y * y + z * z)
+        if abs(size - 1) > UNIT_NORM:
+            message = f"the quaternion has the length {size:.6g}"
+            raise InputError([Fault(str(path), places[k], 1, message, hint="qw qx qy qz of length one")])
+        v, w = np.array([x, y, z]) / size, w / size
+        K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+        T[k, :3, :3] = np.eye(3) + 2 * w * K + 2 * K @ K
+    return T

@@ -1,0 +1,111 @@
+"""``rrrgen calibrate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rrrgen.cli.arguments import print_json, read_with_warnings, robot_argument
+from rrrgen.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from rrrgen.calibrate.measurements import Kind
+    from rrrgen.robotfile.robot_spec import RobotSpec
+
+
+@click.command()
+@robot_argument
+@click.option("--poses", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="CSV of measurements.")
+@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="Robot file (CSV with --choose).")
+@click.option("--sigma", type=click.FloatRange(0, min_open=True), default=5e-5, show_default=True, metavar="M",
+              help="Standard deviation of a measured length.")  # fmt: skip
+@click.option("--sigma-angle", type=click.FloatRange(0, min_open=True), default=1e-4, show_default=True, metavar="RAD",
+              help="Standard deviation of a measured angle.")  # fmt: skip
+@click.option("--robust", is_flag=True, help="Set outliers aside: Huber's weights, then Tukey's.")
+@click.option(
+    "--figure", type=click.Path(path_type=Path), metavar="STEM", help="Write the errors as STEM.svg and .png."
+)
+@click.option("--choose", type=click.IntRange(min=1), metavar="N", help="Choose N poses to measure instead.")
+@click.option("--kind", type=click.Choice(["pose", "point", "distance", "height"]), default="pose", show_default=True,
+              help="What --choose plans to measure.")  # fmt: skip
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the candidates of --choose.")
+@click.option("--force", is_flag=True, help="Overwrite files.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
+def calibrate(
+    robot: str,
+    poses: Path | None,
+    output: Path | None,
+    sigma: float,
+    sigma_angle: float,
+    robust: bool,
+    figure: Path | None,
+    choose: int | None,
+    kind: Kind,
+    seed: int,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Calibrate the geometry of a robot from measured poses, points, distances or heights.
+
+    The CSV file has a column per joint (its name, or q1, q2, ...) and x y z with qw qx qy qz, with roll pitch yaw or
+    alone, or distance (to the origin of the world frame), or height (over its plane z = 0), in m and rad unless the
+    header says otherwise, as in x [mm]. Of all geometric parameters a minimal set is estimated; which ones the
+    measurements cannot tell apart is printed. The world frame is that of the measuring device; base and tool are
+    estimated too.
+
+    \b
+    Examples:
+      rrrgen calibrate ur10e --choose 50 -o poses.csv
+      rrrgen calibrate ur10e --poses measured.csv -o calibrated.yaml --figure errors
+    """
+    from rrrgen.calibrate.estimation import calibrate as estimate
+    from rrrgen.calibrate.geometry import geometry_of
+    from rrrgen.calibrate.measurement_file import read_measurements
+    from rrrgen.calibrate.report import plot_residuals, to_data, to_text
+    from rrrgen.calibrate.robot_file import calibrated_spec
+    from rrrgen.extras import require
+    from rrrgen.output.writer import write_file
+    from rrrgen.robotfile import dumps
+
+    if (poses is None) == (choose is None):
+        raise click.UsageError("give one of --poses FILE and --choose N")
+    if output is not None and output.exists() and not force:
+        raise InputError([Fault(str(output), 0, 0, "the file exists already", hint="--force overwrites it")])
+    if figure is not None:
+        require("the figure of errors", "matplotlib")
+    spec = read_with_warnings(robot)
+    if choose is not None:
+        _choose(spec, kind, choose, seed, output)
+        return
+    assert poses is not None
+    measured = read_measurements(poses, [joint.name for joint in spec.joints], sigma, sigma_angle)
+    found = estimate(geometry_of(spec), measured, robust)
+    if as_json:
+        print_json(to_data(found, measured))
+    else:
+        click.echo(to_text(found, measured), nl=False)
+    if figure is not None:
+        plot_residuals(found, measured, figure)
+    if output is not None:
+        source = f"calibrated from {len(measured.q)} measurements ({measured.kind}) of {poses.name}"
+        write_file(output, dumps(calibrated_spec(spec, found.geometry, source)))
+        click.echo(f"{output} written", err=as_json)
+
+
+def _choose(spec: RobotSpec, kind: Kind, count: int, seed: int, output: Path | None) -> None:
+    from rrrgen.calibrate.geometry import geometry_of
+    from rrrgen.calibrate.pose_choice import choose_poses
+    from rrrgen.output.writer import write_file
+
+    q, gain = choose_poses(spec, geometry_of(spec), kind, count, seed)
+    lines = [",".join(joint.name for joint in spec.joints)]
+    lines += [",".join(f"{value:.6f}" for value in row) for row in q]
+    text = "\n".join(lines) + "\n"
+    if output is None:
+        click.echo(text, nl=False)
+    else:
+        write_file(output, text)
+    click.echo(f"{count} poses, {100 * (gain - 1):.0f} % more precise than random ones; not checked for collisions",
+               err=True)  # fmt: skip
