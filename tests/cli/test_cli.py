@@ -13,7 +13,7 @@ import pytest
 
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.cli.main import LazyGroup, cli, run
-from rrrgen.robotfile import bundled_names, load_spec, loads_spec
+from rrrgen.robotfile import bundled_names, load_spec
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = Path(__file__).parent / "golden"
@@ -372,11 +372,3 @@ def test_shell_completion_offers_commands_and_robots(monkeypatch):
     script = "from rrrgen.cli import main; main(prog_name='rrrgen')"
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, cwd=ROOT)
     assert "plain,pendulum" in done.stdout
-
-
-def test_the_robot_file_of_the_readme_is_valid():
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```yaml\n(schema:.*?)```", readme, re.DOTALL)
-    assert blocks
-    for block in blocks:
-        assert loads_spec(block).faults == ()

@@ -1,0 +1,96 @@
+"""The pages: commands exist with their options, robot files are right, Python runs, links lead somewhere."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import click
+import pytest
+
+from rrrgen.cli.commands import COMMANDS
+from rrrgen.robotfile import load_spec
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("examples/**/*.md"), ROOT / "bench/README.md"])
+NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
+
+
+def blocks(text: str, *languages: str) -> Iterator[str]:
+    """The fenced blocks of ``languages``."""
+    for match in re.finditer(r"^```(\w+)\n(.*?)^```", text, re.S | re.M):
+        if match[1] in languages:
+            yield match[2]
+
+
+def command(name: str) -> click.Command:
+    module, _, attribute = COMMANDS[name][0].partition(":")
+    found = getattr(import_module(module), attribute)
+    assert isinstance(found, click.Command)
+    return found
+
+
+def calls(text: str) -> Iterator[list[str]]:
+    """The words of every line that calls rrrgen, continued lines joined."""
+    for line in text.replace("\\\n", " ").splitlines():
+        words = line.strip().removeprefix("$ ")
+        if words.startswith("rrrgen "):
+            yield shlex.split(words, comments=True)[1:]
+
+
+def check_call(words: list[str]) -> None:
+    """Raise unless the command exists and understands every option; values and files are not looked at."""
+    words = words[: min((words.index(end) for end in ("|", ">", "&&", ";") if end in words), default=len(words))]
+    if not words or words[0].startswith("-"):
+        return
+    assert words[0] in COMMANDS, f"rrrgen {words[0]}: no such command"
+    found = command(words[0])
+    found.make_parser(click.Context(found, info_name=words[0])).parse_args(list(words[1:]))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_commands_on_the_pages_exist_with_their_options(page):
+    for block in blocks(page.read_text(encoding="utf-8"), "sh", "bash", "console"):
+        for words in calls(block):
+            check_call(words)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_examples_in_the_help_exist_with_their_options(name):
+    found = list(calls(command(name).help or ""))
+    assert found, "a command without an example"
+    for words in found:
+        check_call([word for word in words if not word.startswith("(")])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_links_of_the_pages_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+        if not re.match(r"\w+:", target):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_robot_files_on_the_pages_are_right(tmp_path):
+    found = 0
+    for page in PAGES:
+        for block in blocks(page.read_text(encoding="utf-8"), "yaml"):
+            if block.startswith("schema: rrrgen/1\n"):
+                file = tmp_path / f"{page.stem}{found}.yaml"
+                file.write_text(block, encoding="utf-8")
+                assert load_spec(file).faults == ()
+                found += 1
+    assert found
+
+
+def test_python_on_the_first_page_runs(monkeypatch):
+    import numpy as np
+
+    monkeypatch.chdir(ROOT)
+    q, dq, ddq = np.random.default_rng(1).uniform(-1, 1, (3, 3))
+    space = {"q": q, "dq": dq, "ddq": ddq}
+    for block in blocks((ROOT / "README.md").read_text(encoding="utf-8"), "python"):
+        exec(compile(block, "README.md", "exec"), space)  # our own page
+    assert space["tau"].shape == (3,)
