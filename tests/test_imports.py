@@ -42,6 +42,7 @@ ROOMS = (
     "calibrate",
     "excitation",
     "response",
+    "friction_estimation",
     "simulate",
     "identify",
     "experiments",

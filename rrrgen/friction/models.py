@@ -131,7 +131,7 @@ class FrictionModel:
         At rest friction may take any value between those for -1 and for +1: its break-away torques.
         """
         speeds = np.asarray(dq, dtype=float)
-        return np.asarray(self.law.torque(_Fixed(np.asarray(direction, dtype=float)), speeds, self._columns))
+        return np.asarray(self.law.torque(FixedDirection(np.asarray(direction, dtype=float)), speeds, self._columns))
 
     def passivity_margin(self) -> Array:
         """The law's own margin per joint, (n,), N m s/rad (N s/m): not negative suffices for passivity.
@@ -165,13 +165,14 @@ class FrictionModel:
         return cls(law, np.array(rows))
 
 
-class _Fixed(_NumPy):
+class FixedDirection(_NumPy):
     """The operations with the signs of the speeds decided beforehand."""
 
     def __init__(self, signs: Array) -> None:
         self.signs = signs
 
     def sign(self, x: Array) -> Array:  # type: ignore[override]
+        """The signs that were decided."""
         return self.signs
 
 

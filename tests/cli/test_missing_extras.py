@@ -66,6 +66,7 @@ USES = {
     "simulate": (["pendulum", "--trajectory", "motion.json", "-o", "x"], ("scipy",)),
     "reconstruct": (["log.csv", "-o", "x"], ("scipy", "matplotlib")),
     "controller": (["pendulum", "--tuning", "tuning.json", "-o", "x"], ("scipy",)),
+    "friction": (["pendulum", "--log", "log.csv", "--joint", "q1", "-o", "x"], ("scipy", "matplotlib")),
     "frf": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "response-model": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "vibration": (["--mode", "28:0.1", "--rate", "1000", "-o", "x"], ("scipy", "matplotlib")),

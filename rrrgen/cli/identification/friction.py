@@ -1,0 +1,95 @@
+"""``rrrgen friction``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.identification.workflow import input_files, output_option, print_repairs, seed_option, truncated_option
+from rrrgen.cli.progress import progress_bar
+from rrrgen.extras import require
+
+if TYPE_CHECKING:
+    from rrrgen.friction_estimation.estimation import FrictionEstimate
+
+LAWS = ("coulomb_viscous", "asymmetric", "stribeck", "lugre", "neural")
+
+
+@click.command()
+@robot_argument
+@click.option(
+    "--log",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Recording with rrrgen's own columns, or mapping file of a recording.",
+)
+@truncated_option
+@click.option("--joint", required=True, metavar="NAME", help="The joint that moves; the others stand still.")
+@click.option(
+    "--law", "laws", type=click.Choice(LAWS), multiple=True, help="Law to try; repeat for several; default all."
+)
+@output_option
+@seed_option(default=0)
+@click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
+@json_option
+def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **options: Any) -> int:
+    """Estimate friction, inertia and gravity of one joint from a recording in which it alone moves, (14.15).
+
+    Coulomb-viscous, asymmetric, Stribeck, LuGre and neural laws are estimated by an extended Kalman filter and refined
+    by output error; one is chosen by its error on windows that were left out. Writes results/friction.json and a figure
+    of friction against speed to DIR. Design the motion with `rrrgen excite --friction`.
+
+    \b
+    Example:
+      rrrgen friction rrr --log runs/joint3/log.yaml --joint q3 -o runs/friction3
+    """
+    require("rrrgen friction", "scipy", "matplotlib")
+    from rrrgen.friction_estimation.estimation import estimate_friction
+    from rrrgen.friction_estimation.joint_data import joint_data, recorded_joint
+    from rrrgen.friction_estimation.plots import plot_friction
+    from rrrgen.recordings.log_stream import LogStream
+    from rrrgen.recordings.logs import load_stream, open_log
+    from rrrgen.runs.run_folder import RunFolder, plain
+
+    spec = read_with_warnings(robot)
+    mapping = open_log(log, skip_truncated=options["skip_truncated_line"])
+    moving = recorded_joint(spec, mapping, joint)
+    inputs = input_files(robot, (log,), [mapping])
+    settings = {"joint": joint, "laws": options["laws"], "skip_truncated_line": options["skip_truncated_line"]}
+    with (
+        RunFolder(output, "friction", inputs, settings, options["seed"], options["fresh"]) as folder,
+        progress_bar() as progress,
+    ):
+        recording = LogStream(mapping)
+        data = joint_data(load_stream(recording), moving.name, moving.resolution)
+        print_repairs([recording.repairs], as_json)
+        found = estimate_friction(data, moving.gravity, options["laws"], options["seed"], progress)
+        record = plain(found.to_json())
+        folder.write_json("friction.json", record)
+        folder.figure("friction", plot_friction(found, moving.units))
+    if as_json:
+        print_json(record)
+    else:
+        _print(found, output)
+    return 0
+
+
+def _print(found: FrictionEstimate, output: Path) -> None:
+    """The table of laws, the parameters of the chosen one, notes."""
+    click.echo(f"joint {found.data.name}: {found.windows} windows, encoder steps of {found.data.resolution:.3g}")
+    click.echo(f"  {'law':<16} {'parameters':>10} {'held-out error':>15} {'BIC':>10} {'torque error':>13}")
+    for law in found.laws:
+        mark = "*" if law is found.chosen else " "
+        click.echo(
+            f"{mark} {law.name:<16} {len(law.theta):>10} {law.score.held_out:>15.3f} {law.score.bic:>10.0f} "
+            f"{100 * law.torque_error:>11.2f} %"
+        )
+    click.echo("  held-out error in standard deviations of the noise; * chosen")
+    for name, value in found.chosen.values.items():
+        click.echo(f"  {name:<16} {value:>12.5g} +- {found.chosen.std[name]:.2g}")
+    for note in found.notes:
+        click.echo(f"note: {note}")
+    click.echo(f"results and figures in {output}")

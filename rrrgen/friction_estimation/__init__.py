@@ -1,0 +1,1 @@
+"""Friction of one joint from a recording of its motion: Kalman filter, output error, choice of the law, presliding."""

@@ -1,0 +1,35 @@
+"""Deviations of the estimates by resampling blocks of windows.
+
+The covariance from the Hessian of a fit takes neighbouring residuals for independent and the law for exact; stretches
+of the recording drawn with replacement show what differs between them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.friction_estimation.output_error import Fit
+
+RESAMPLES = 400
+
+
+def resampled(found: Fit, blocks: NDArray[np.int64], seed: int) -> Array:
+    """Parameters (k, resamples) of one Gauss-Newton step from the fit, on blocks drawn with replacement."""
+    groups = np.unique(blocks, return_inverse=True)[1]
+    count, f = int(groups.max()) + 1, len(found.free)
+    H, g = np.zeros((count, f, f)), np.zeros((count, f))
+    np.add.at(H, groups, found.normal)
+    np.add.at(g, groups, found.gradient)
+    g -= g.mean(axis=0)  # the search ends near the optimum, not at it
+    rng = np.random.default_rng(seed)
+    drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES).astype(float)
+    normal, gradient = np.einsum("bg,gjk->bjk", drawn, H), drawn @ g
+    size = np.einsum("bjj->bj", normal)
+    normal[:, np.arange(f), np.arange(f)] += 1e-10 * size + 1e-300
+    steps = np.linalg.solve(normal, gradient[:, :, None])[:, :, 0]
+    free = np.repeat(found.candidate.to_free(found.theta)[:, None], RESAMPLES, axis=1)
+    logs = found.candidate.is_logarithmic[found.free]
+    free[found.free] -= np.where(logs, np.clip(steps, -3.0, 3.0), steps).T
+    return found.candidate.clipped(found.candidate.from_free(free))

@@ -1,0 +1,288 @@
+"""Inertia, gravity and friction of one joint from one recording: every law estimated, one chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError
+from rrrgen.friction_estimation.bootstrap import resampled
+from rrrgen.friction_estimation.candidates import DELAY, Candidate, candidates
+from rrrgen.friction_estimation.inverse_dynamics import best_delay, sliding_samples, start_values
+from rrrgen.friction_estimation.joint_data import JointData
+from rrrgen.friction_estimation.kalman_filter import kalman_estimates
+from rrrgen.friction_estimation.output_error import Fit, fit, likely_noise, start_cost
+from rrrgen.friction_estimation.selection import FOLDS, Score, choose, fold_of, score
+from rrrgen.friction_estimation.windows import Noise, Windows, make_noise
+
+SCHEMA = "rrrgen-friction/1"
+FIRST_RATIO = 100.0  # of torque noise to encoder noise, before it is estimated
+FIRST_ITERATIONS = 6
+REFITTED = 3  # iterations of a fit without one fold
+BRISTLES = 15  # iterations for stiffness and damping of the bristles
+STIFFNESS_FACTORS = (0.1, 0.3, 3.0, 10.0)  # of the first guess of the bristles' stiffness
+LEAST_WINDOWS = 40
+LARGEST_INERTIA_STD = 0.1  # relative: beyond it the motion does not tell the inertia
+
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class LawEstimate:
+    """One law: ``values`` and ``std`` by name, in SI; its score; the values of the Kalman filter before refinement.
+
+    ``torque_error`` is the relative error of the torque by inverse dynamics while the joint slides.
+    """
+
+    candidate: Candidate
+    theta: Array
+    values: dict[str, float]
+    std: dict[str, float]
+    score: Score
+    kalman: dict[str, float]
+    torque_error: float
+
+    @property
+    def name(self) -> str:
+        """Name of the law."""
+        return self.candidate.name
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionEstimate:
+    """All laws estimated for one joint, and the one chosen."""
+
+    data: JointData
+    laws: tuple[LawEstimate, ...]
+    chosen: LawEstimate
+    noise_ratio: float
+    windows: int
+    notes: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """What ``results/friction.json`` holds."""
+        return {
+            "schema": SCHEMA,
+            "joint": self.data.name,
+            "chosen": self.chosen.name,
+            "models": {
+                law.name: {
+                    "parameters": law.values,
+                    "std": law.std,
+                    "held_out": law.score.held_out,
+                    "bic": law.score.bic,
+                    "torque_error": law.torque_error,
+                    "kalman_filter": law.kalman,
+                    "equation": f"J ddq = tau - gravity cos(q - gravity_angle) - tau_f; {law.candidate.law.formula}",
+                }
+                for law in self.laws
+            },
+            "delay": self.chosen.values["delay"],
+            "encoder_resolution": self.data.resolution,
+            "sampling_period": self.data.period,
+            "windows": self.windows,
+            "noise_ratio": self.noise_ratio,
+            "notes": list(self.notes),
+        }
+
+
+def estimate_friction(
+    data: JointData,
+    gravity: int,
+    names: Sequence[str] = (),
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> FrictionEstimate:
+    """Estimate every law from one recording and choose one.
+
+    ``gravity`` is the number of gravity coefficients: 2 for a revolute joint, 1 for a prismatic one, 0 where gravity
+    does not act; ``names`` are the laws to try, all of them if empty. Least squares on sliding samples start an
+    extended Kalman filter (14.15), whose result starts the output error over windows. Raises :class:`DerivationError`
+    where the motion does not tell inertia or friction.
+    """
+    tell = progress or (lambda done, total, message: None)
+    tell(0, 0, "start values")
+    wanted = {*names, "stribeck"} if "lugre" in names else set(names)  # LuGre slides as the Stribeck law does
+    laws = [law for law in candidates(gravity) if not wanted or law.name in wanted]
+    delay = best_delay(data, gravity)
+    least = {law.name: start_values(law, data, delay)[0] for law in laws}
+    filtered = _filtered(laws, least, data, tell)
+    work = _OutputError(laws, data, tell)
+    full = work.fitted({law.name: (filtered[law.name], least[law.name]) for law in laws})
+    inside = work.without_folds(full)
+    sigma = min(each.sigma for each in full.values())
+    estimates, scores = [], []
+    for k, law in enumerate(laws):
+        tell(k, len(laws), f"held-out error, {law.name}")
+        scores.append(score(full[law.name], inside[law.name], work.whole, sigma))
+        estimates.append(_estimate(law, full, scores[-1], work, filtered[law.name], data, seed))
+    chosen = estimates[choose(scores, work.whole.block)]
+    _check(chosen, data)
+    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), _notes(chosen, data))
+
+
+class _OutputError:
+    """Output error of all laws over the windows of sliding; bristles of LuGre over those with rest and reversals."""
+
+    def __init__(self, laws: Sequence[Candidate], data: JointData, tell: Progress) -> None:
+        self.laws, self.tell = laws, tell
+        self.sliding, self.whole = data.sliding_windows(), data.windows()
+        if len(self.sliding) < LEAST_WINDOWS:
+            raise DerivationError(
+                f"joint '{data.name}' slides steadily in {len(self.sliding)} short stretches only: too little data to "
+                "tell inertia and friction apart; record longer"
+            )
+        self.noise = self._noise(FIRST_RATIO)
+
+    def _noise(self, ratio: float) -> Noise:
+        return make_noise(len(self.sliding.measured), self.sliding.period * self.sliding.stride, ratio)
+
+    def fitted(self, starts: dict[str, tuple[Array, ...]]) -> dict[str, Fit]:
+        """All laws: a few iterations under an assumed noise, then under the one that the errors tell."""
+        first: dict[str, Fit] = {}
+        for k, law in enumerate(self._static):
+            self.tell(k, 2 * len(self.laws), f"output error, {law.name}")
+            better = min(starts[law.name], key=lambda theta: start_cost(law, theta, self.sliding, self.noise))
+            first[law.name] = fit(law, better, self.sliding, self.noise, iterations=FIRST_ITERATIONS)
+        best = min(first.values(), key=lambda each: float(np.sum(each.cost)) * each.sigma**2)
+        self.noise = likely_noise(best, self.sliding)
+        full: dict[str, Fit] = {}
+        for k, law in enumerate(self.laws):
+            self.tell(len(self.laws) + k, 2 * len(self.laws), f"output error, {law.name}")
+            if law.name in first:
+                before = first[law.name]
+                full[law.name] = fit(law, before.theta, self.sliding, self.noise, start=before.start)
+            else:
+                full[law.name] = self._bristles(law, full["stribeck"], starts[law.name], self.whole)
+        return full
+
+    def without_folds(self, full: dict[str, Fit]) -> dict[str, list[Fit]]:
+        """The fits of every law without one fold each, from those with everything."""
+        found: dict[str, list[Fit]] = {law.name: [] for law in self.laws}
+        for fold in range(FOLDS):
+            sliding, whole = (w.of(fold_of(w) != fold) for w in (self.sliding, self.whole))
+            for law in self.laws:
+                before = full[law.name]
+                if law.name == "lugre":
+                    again = self._bristles(law, found["stribeck"][fold], (before.theta,), whole, REFITTED)
+                else:
+                    start = before.start[:, fold_of(self.sliding) != fold]
+                    again = fit(law, before.theta, sliding, self.noise, start=start, iterations=REFITTED)
+                found[law.name].append(again)
+        return found
+
+    def _bristles(
+        self, law: Candidate, sliding: Fit, starts: Sequence[Array], windows: Windows, iterations: int = BRISTLES
+    ) -> Fit:
+        """LuGre: the sliding law of ``sliding``, stiffness and damping of the bristles from ``windows``."""
+        known = dict(zip(sliding.candidate.names, sliding.theta, strict=True))
+        bristles = [name for name in law.names if name not in known]
+        tried = []
+        for start in starts:
+            own = dict(zip(law.names, start, strict=True)) | known
+            tried.append(law.clipped(np.array([own[name] for name in law.names])))
+        if len(starts) > 1:
+            stiffness = law.names.index("sigma0")
+            tried += [
+                np.array([v * f if i == stiffness else v for i, v in enumerate(tried[0])]) for f in STIFFNESS_FACTORS
+            ]
+        better = min(tried, key=lambda theta: start_cost(law, theta, windows, self.noise))
+        held = tuple(name for name in law.names if name not in bristles)
+        return fit(law, better, windows, self.noise, held=held, iterations=iterations)
+
+    @property
+    def _static(self) -> list[Candidate]:
+        return [law for law in self.laws if law.name != "lugre"]
+
+
+def _filtered(laws: Sequence[Candidate], starts: dict[str, Array], data: JointData, tell: Progress) -> dict[str, Array]:
+    """Estimates of the Kalman filter; LuGre has those of its sliding law beside its start values of the bristles."""
+    static = [law for law in laws if law.name != "lugre"]
+    found = kalman_estimates(
+        static,
+        [starts[law.name] for law in static],
+        data,
+        lambda done, total: tell(done, total, "Kalman filter"),
+    )
+    values = {law.name: result for law, result in zip(static, found, strict=True)}
+    for law in laws:
+        if law.name == "lugre":
+            own = dict(zip(law.names, starts["lugre"], strict=True))
+            sliding = next(each for each in static if each.name == "stribeck")
+            own |= dict(zip(sliding.names, values["stribeck"], strict=True))
+            values["lugre"] = law.clipped(np.array([own[name] for name in law.names]))
+    return values
+
+
+def _estimate(
+    law: Candidate,
+    full: dict[str, Fit],
+    rating: Score,
+    work: _OutputError,
+    kalman: Array,
+    data: JointData,
+    seed: int,
+) -> LawEstimate:
+    found = full[law.name]
+    if law.name == "lugre":
+        spread = resampled(found, work.whole.block, seed)
+        sliding = full["stribeck"]
+        drawn_sliding = dict(zip(sliding.candidate.names, resampled(sliding, work.sliding.block, seed), strict=True))
+        spread = np.array([drawn_sliding.get(name, row) for name, row in zip(law.names, spread, strict=True)])
+    else:
+        spread = resampled(found, work.sliding.block, seed)
+    drawn = [reported(law, each, data.period) for each in spread.T]
+    values = reported(law, found.theta, data.period)
+    std = {name: _deviation(np.array([each[name] for each in drawn]), name) for name in values}
+    samples = sliding_samples(data, float(found.theta[-1]))
+    model = found.theta[0] * samples.ddq + law.gravity_torque(samples.q, found.theta)
+    error = samples.tau - model - law.torque(samples.dq, found.theta)
+    relative = float(np.linalg.norm(error) / np.linalg.norm(samples.tau))
+    return LawEstimate(law, found.theta, values, std, rating, reported(law, kalman, data.period), relative)
+
+
+def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
+    """Parameters as they are told: gravity as magnitude and angle, the delay in seconds."""
+    given = dict(zip(law.names, theta.tolist(), strict=True))
+    found = {"inertia": given["inertia"]}
+    if law.gravity == 2:
+        cos, sin = given["gravity_cos"], given["gravity_sin"]
+        found |= {"gravity": float(np.hypot(cos, sin)), "gravity_angle": float(np.arctan2(sin, cos))}
+    elif law.gravity:
+        found["gravity"] = given["gravity_cos"]
+    found |= {name: given[name] for name in law.law_names}
+    found["delay"] = given[DELAY] * period
+    return found
+
+
+def _deviation(values: Array, name: str) -> float:
+    """Standard deviation of resampled values; angles about their mean direction."""
+    if name == "gravity_angle":
+        values = np.angle(np.exp(1j * values) / np.mean(np.exp(1j * values)))
+    return float(np.std(values, ddof=1))
+
+
+def _check(chosen: LawEstimate, data: JointData) -> None:
+    """Refuse a recording whose motion does not tell the inertia."""
+    relative = chosen.std["inertia"] / chosen.values["inertia"]
+    if not relative < LARGEST_INERTIA_STD:
+        raise DerivationError(
+            f"the motion of joint '{data.name}' does not tell its inertia (standard deviation {100 * relative:.0f} %): "
+            "it accelerates too little; add a fast multisine before the slow reversals (`rrrgen excite --friction`)"
+        )
+
+
+def _notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
+    notes = []
+    for name in ("stiction_excess", "stribeck_speed", "sigma0", "sigma1"):
+        value, std = chosen.values.get(name), chosen.std.get(name, 0.0)
+        if value is not None and std > 0.2 * abs(value):
+            notes.append(
+                f"{name} is hardly determined ({value:.3g} +- {std:.2g}): slow reversals tell it, sigma0 and sigma1 "
+                "also a recording below break-away"
+            )
+    return tuple(notes)

@@ -1,0 +1,281 @@
+"""The motion and torque of one joint, taken from the recording of a robot whose other joints stand still."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.friction_estimation.simulation import Torque
+from rrrgen.friction_estimation.windows import Windows
+from rrrgen.recordings.logs import check_robot
+from rrrgen.signals.reconstruction import Butterworth
+from rrrgen.verify.references.chain import chain_of
+
+PERIOD = 1e-3  # s; faster recordings are reduced to about this
+CUTOFF = 50.0  # Hz, of the filter that gives start states
+SHORTEST = 15.0  # s; 10 s leave the Stribeck speed undetermined in simulations, 30 s are enough
+WINDOW = 0.2  # s
+SLOW_WINDOW = 0.06  # s
+FAST = 0.3  # of the rms speed
+SPACING = 5e-3  # s between compared positions
+BLOCK = 2.0  # s of windows that are held out or resampled together
+LEAST_POINTS = 6  # compared positions of a window
+MARGIN = 8  # samples at the ends of a stretch that only lend their torque
+LEAST_COUNTS = 200  # encoder steps that the joint has to move
+LEAST_SLIDING = 2.0  # s of sliding in either direction
+PARALLEL = 1e-6  # sine or 1 - cosine of the angle between two directions that count as one
+STILL = 0.02  # of the range of the moving joint: what a locked joint may move
+
+
+@dataclass(frozen=True, eq=False)
+class JointData:
+    """One joint at the constant ``period`` (s): position ``q`` (N,) in rad (m), torque ``u`` (N,) in N m (N).
+
+    ``u[k]`` acts from sample k to the next. ``stretches`` are the uninterrupted parts (first, last + 1) and
+    ``usable`` (N,) says where the torque is known. ``resolution`` of the encoder, rad (m).
+    """
+
+    name: str
+    period: float
+    q: Array
+    u: Array
+    usable: NDArray[np.bool_]
+    stretches: tuple[tuple[int, int], ...]
+    resolution: float
+
+    @cached_property
+    def motion(self) -> tuple[Array, Array, Array]:
+        """Zero-phase filtered position, speed and acceleration (N,) each."""
+        cutoff = min(CUTOFF, 0.2 / self.period)
+        parts = []
+        for first, last in self.stretches:
+            t = np.arange(last - first) * self.period
+            found = Butterworth(cutoff)(t, self.q[first:last, None])
+            parts.append(np.column_stack([found.q, found.dq, found.ddq]))
+        q, dq, ddq = np.concatenate(parts).T
+        return q, dq, ddq
+
+    @cached_property
+    def speed(self) -> float:
+        """Root mean square of the speed, rad/s (m/s), the scale for thresholds."""
+        return float(np.sqrt(np.mean(self.motion[1] ** 2)))
+
+    @property
+    def speed_noise(self) -> float:
+        """Standard deviation of the filtered speed due to the encoder: white rounding error up to the cut-off."""
+        cutoff = min(CUTOFF, 0.2 / self.period)
+        return float(2.0 * np.pi * self.resolution * np.sqrt(cutoff**3 / 3.0 * self.period / 6.0))
+
+    @property
+    def slow(self) -> float:
+        """Speed above which the direction of sliding is certain, rad/s (m/s)."""
+        return max(0.02 * self.speed, 6.0 * self.speed_noise)
+
+    @cached_property
+    def sliding(self) -> NDArray[np.bool_]:
+        """Samples (N,) at which the joint moves and has not changed direction within 30 ms."""
+        from scipy.ndimage import binary_dilation
+
+        dq = self.motion[1]
+        turning = np.abs(dq) < self.slow
+        turning[1:] |= dq[1:] * dq[:-1] < 0.0  # a fast reversal has no slow sample
+        return np.asarray(~binary_dilation(turning, iterations=round(0.03 / self.period)) & self.usable)
+
+    def windows(self) -> Windows:
+        """The whole recording in short windows, one after the other, but where the torque is not known."""
+        return self._tiled(self.usable)
+
+    def sliding_windows(self) -> Windows:
+        """Windows in which the joint slides one way: without stick, positions are smooth in the parameters."""
+        found = self._tiled(self.sliding)
+        return replace(found, direction=np.sign(found.v0))
+
+    def _tiled(self, allowed: NDArray[np.bool_]) -> Windows:
+        """Windows over the allowed samples: at most 0.2 s in fast motion and 0.06 s in slow motion.
+
+        Where friction falls with the speed, slow motion is unstable: errors of a start state grow like e^(60 t).
+        """
+        length, stride = self._grid
+        inside = np.zeros(len(self.q), np.int8)
+        for a, b in self.stretches:
+            inside[a + MARGIN : b - MARGIN - length] = 1
+        fast = np.abs(self.motion[1]) > FAST * self.speed
+        kinds = np.where(allowed, 1 + fast, 0) * inside
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(kinds)) + 1, [len(kinds)]])
+        starts, lengths = [], []
+        for first, last in pairwise(edges.tolist()):
+            if kinds[first]:
+                most = length if kinds[first] == 2 else max(round(SLOW_WINDOW / self.period), LEAST_POINTS * stride)
+                for start in range(first, last - LEAST_POINTS * stride, most):
+                    starts.append(start)
+                    lengths.append(min(most, last - 1 - start))
+        return self._cut(np.array(starts, np.int64), np.array(lengths, np.int64))
+
+    @property
+    def _grid(self) -> tuple[int, int]:
+        """Sampling periods of a window, and between two compared positions."""
+        length = max(round(WINDOW / self.period), 4)
+        stride = max(1, min(round(SPACING / self.period), length // 10))
+        return length - length % stride, stride
+
+    def _cut(self, starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> Windows:
+        length, stride = self._grid
+        q, dq, _ = self.motion
+        ticks = np.arange(0, length + 1, stride)
+        return Windows(
+            period=self.period,
+            stride=stride,
+            torque=Torque(self.u, starts, length),
+            measured=self.q[starts + ticks[:, None]],
+            q0=q[starts],
+            v0=dq[starts],
+            q0_std=self.resolution,
+            v0_std=max(3.0 * self.speed_noise, 1e-3 * self.speed),
+            used=ticks[:, None] <= lengths,
+            block=(starts * self.period // BLOCK).astype(np.int64),
+            resolution=self.resolution,
+        )
+
+
+@dataclass(frozen=True)
+class RecordedJoint:
+    """What a robot file says about the joint of a recording.
+
+    ``gravity``: coefficients of its gravity torque, see :func:`rrrgen.friction_estimation.candidates.candidates`;
+    ``resolution`` of its encoder, rad (m), None where not stated; ``units`` of speed and torque.
+    """
+
+    name: str
+    gravity: int
+    resolution: float | None
+    units: tuple[str, str]
+
+
+def recorded_joint(spec: Any, mapping: Any, joint: str) -> RecordedJoint:
+    """The joint named ``joint`` of the robot ``spec``, which a recording described by ``mapping`` holds.
+
+    The recording may hold the moving joint alone. Raises :class:`InputError` for names and units that do not fit.
+    """
+    names = [each.name for each in spec.joints]
+    if joint not in names:
+        raise InputError(f"robot '{spec.name}' has no joint '{joint}'; its joints are {', '.join(names)}")
+    if len(mapping.names) == len(names):
+        check_robot(mapping, spec)
+    unknown = [name for name in mapping.names if name not in names]
+    if unknown or joint not in mapping.names:
+        raise InputError(
+            f"the recording holds the joints {', '.join(mapping.names)}: they must be joints of the robot "
+            f"({', '.join(names)}), '{joint}' among them"
+        )
+    row = spec.joints[names.index(joint)]
+    resolution = None if row.drive is None else row.drive.encoder_resolution
+    units = ("rad/s", "N m") if row.is_revolute else ("m/s", "N")
+    return RecordedJoint(joint, _gravity_coefficients(spec, names.index(joint)), resolution, units)
+
+
+def _gravity_coefficients(spec: Any, joint: int) -> int:
+    """2 for a revolute joint, 1 for a prismatic one, 0 where the axis never feels gravity, whatever joints precede it.
+
+    Joints before it that are revolute about axes parallel to gravity, or prismatic, do not tilt the axis.
+    """
+    chain = chain_of(spec)
+    gravity = chain.gravity / max(float(np.linalg.norm(chain.gravity)), 1e-300)
+    rotation = chain.base[:3, :3]
+    for k, (before, after) in enumerate(chain.around_joints()):
+        axis = (rotation @ before[:3, :3])[:, 2]
+        along = abs(float(gravity @ axis))
+        if k == joint:
+            if not chain.revolute[k]:
+                return int(along > PARALLEL)
+            return 0 if along > 1.0 - PARALLEL or not chain.gravity.any() else 2
+        if chain.revolute[k] and along < 1.0 - PARALLEL:
+            return 2 if chain.revolute[joint] else 1
+        rotation = rotation @ before[:3, :3] @ after[:3, :3]
+    raise AssertionError(f"no joint {joint}")
+
+
+def joint_data(log: Any, joint: str, resolution: float | None = None) -> JointData:
+    """The joint named ``joint`` of a recording (:class:`rrrgen.recordings.logs.Log`).
+
+    ``resolution`` of its encoder (rad, m) is taken where the recorded positions show no grid. Raises
+    :class:`InputError` for a recording without the joint or its torque, :class:`DerivationError` where the motion
+    cannot tell friction.
+    """
+    if joint not in log.joints:
+        raise InputError(f"the recording has no joint '{joint}'; it has {', '.join(log.joints)}")
+    if log.tau is None:
+        raise InputError(f"the recording has no torque of joint '{joint}', from which friction could be told")
+    i = log.joints.index(joint)
+    _others_stand_still(log, i)
+    stretches: list[tuple[int, int]] = []
+    columns: list[tuple[Array, Array, NDArray[np.bool_]]] = []
+    factor = max(1, round(PERIOD / log.period))
+    count = 0
+    for part in log.parts():
+        rows = len(part) // factor * factor
+        if rows * log.period < 1.0:
+            continue
+        torque = part.tau[:rows, i].reshape(-1, factor)
+        known = part.valid[:rows, i].reshape(-1, factor).all(axis=1) & np.isfinite(torque).all(axis=1)
+        columns.append((part.q[:rows:factor, i], np.where(known, torque.mean(axis=1), 0.0), known))
+        stretches.append((count, count + len(known)))
+        count += len(known)
+    period = log.period * factor
+    if count * period < SHORTEST:
+        raise DerivationError(
+            f"{count * period:.3g} s of recording without a gap are too little to tell inertia, gravity and friction "
+            f"of joint '{joint}' apart: record {SHORTEST:g} s at least, better 40 s (`rrrgen excite --friction`)"
+        )
+    q, u, usable = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+    found = JointData(joint, period, q, u, usable, tuple(stretches), _resolution(q, resolution))
+    _check_motion(found)
+    return found
+
+
+def _resolution(q: Array, stated: float | None) -> float:
+    """The encoder's step: the grid on which the positions lie, or what is stated where they lie on none."""
+    steps = np.abs(np.diff(q))
+    real = steps[steps > 1e-12 * max(1.0, float(np.ptp(q)))]
+    if len(real) == 0:
+        return stated or 1e-12
+    least = float(real.min())
+    whole = real / least
+    is_grid = np.mean(np.abs(whole - np.round(whole)) < 0.05) > 0.5 and np.mean(steps < 0.5 * least) > 1e-4
+    return least if is_grid else stated or max(1e-6 * float(np.ptp(q)), 1e-9)
+
+
+def _others_stand_still(log: Any, moving: int) -> None:
+    """Refuse a recording in which other joints move: their inertia torques would count as this joint's friction."""
+    ranges = np.ptp(log.q, axis=0)
+    for k, name in enumerate(log.joints):
+        if k != moving and ranges[k] > max(STILL * ranges[moving], 0.01):
+            raise DerivationError(
+                f"joint '{name}' moves over {ranges[k]:.3g} while joint '{log.joints[moving]}' is tested: (14.15) "
+                "holds for one moving joint; lock the others and record again"
+            )
+
+
+def _check_motion(data: JointData) -> None:
+    """Refuse a motion that does not excite friction in both directions."""
+    span = float(np.ptp(data.q))
+    if span < LEAST_COUNTS * data.resolution or data.speed <= 3.0 * data.speed_noise:
+        raise DerivationError(
+            f"joint '{data.name}' hardly moves in this recording ({span:.3g} in all, encoder steps of "
+            f"{data.resolution:.3g}): there is no excitation from which friction could be told"
+        )
+    dq = data.motion[1]
+    for direction, name in ((1.0, "forward"), (-1.0, "backward")):
+        seconds = float(np.count_nonzero(data.sliding & (direction * dq > 0.0))) * data.period
+        if seconds < LEAST_SLIDING:
+            raise DerivationError(
+                f"joint '{data.name}' slides {name} for {seconds:.2g} s only: friction needs motion in both "
+                f"directions, {LEAST_SLIDING:g} s each at least, better a multisine and slow reversals "
+                "(`rrrgen excite --friction`)"
+            )

@@ -1,0 +1,171 @@
+"""Extended Kalman filter for position, speed, inertia, gravity and friction parameters of one joint.
+
+State ``x = [q, v, p]`` with constant parameters p (some as logarithms) and the acceleration of (14.15). sgn is smoothed
+to tanh, the step is linearly implicit. What keeps the estimates unbiased is process noise on the speed where friction
+jumps: there the model of one sample is wrong by up to the break-away torque.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.friction_estimation.candidates import Candidate
+from rrrgen.friction_estimation.joint_data import JointData
+from rrrgen.friction_estimation.simulation import Torque
+
+WIDTH = 3e-3  # of tanh for sgn, relative to the rms speed
+SLIDING_NOISE = 0.05  # unmodelled torque relative to the level of friction: in sliding,
+REVERSAL_NOISE = 1.6  # and about rest and changes of direction
+SLOW = 0.03  # of the rms speed: about rest
+START_SPEED = 0.1  # of the rms speed: standard deviation at the start, where the filtered speed is poor
+PRIOR = 0.2  # relative standard deviation of the parameters before the filter
+SURPRISE = 4.0  # standard deviations beyond which an innovation counts no more
+LARGEST_LOGARITHM = 50.0
+DIFFERENCE = 1e-6
+DIVERGED = 0.7  # of the logarithm of the inertia
+REPORT = 2000  # samples between two calls of ``tell``
+
+
+class _Smoothed:
+    """The operations of a law on floats, with a number in place of sgn."""
+
+    exp, tanh = staticmethod(math.exp), staticmethod(math.tanh)
+
+    def __init__(self, direction: float) -> None:
+        self.direction = direction
+
+    def sign(self, x: float) -> float:
+        return self.direction
+
+
+def kalman_estimates(
+    laws: Sequence[Candidate],
+    starts: Sequence[Array],
+    data: JointData,
+    tell: Callable[[int, int], None] | None = None,
+) -> list[Array]:
+    """Parameters (k,) of several static laws after one pass over the recording side by side, from ``starts``.
+
+    Where a filter diverges, its start.
+    """
+    run = _Filters(laws, starts, data)
+    total = sum(last - first for first, last in data.stretches)
+    done = 0
+    for first, last in data.stretches:
+        run.begin(first)
+        own = Torque(data.u[first:last], np.arange(last - first), 1)
+        torque = np.stack([own.held(0, np.array([[theta[-1]]]))[0] for theta in starts], axis=1)
+        for k in range(last - first - 1):
+            run.step(torque[k], data.q[first + k + 1])
+            done += 1
+            if tell is not None and done % REPORT == 0:
+                tell(done, total)
+    return run.results()
+
+
+class _Filters:
+    """The filters of all laws, their states padded to the same length: x (L, n), P (L, n, n)."""
+
+    def __init__(self, laws: Sequence[Candidate], starts: Sequence[Array], data: JointData) -> None:
+        self.laws, self.starts, self.data = laws, starts, data
+        self.logarithmic = [np.flatnonzero(law.is_logarithmic).tolist() for law in laws]
+        self.k = [len(theta) - 1 for theta in starts]  # the delay is not a state
+        n = 2 + max(self.k)
+        self.x, self.P = np.zeros((len(laws), n)), np.zeros((len(laws), n, n))
+        self.level = np.zeros(len(laws))
+        for row, (law, theta, k) in enumerate(zip(laws, starts, self.k, strict=True)):
+            free = law.to_free(theta)[:k]
+            self.x[row, 2 : 2 + k] = free
+            self.level[row] = float(np.mean(np.abs(law.torque(np.array([0.5, -0.5]) * data.speed, theta))))
+            size = np.maximum(np.abs(theta[:k]), 0.25 * self.level[row])
+            spread = PRIOR * np.where(law.is_logarithmic[:k], 1.0, size)
+            self.P[row, 2 : 2 + k, 2 : 2 + k] = np.diag(spread**2)
+        self.noise = max(data.resolution**2 / 12.0, 1e-24)
+        self.width, self.slow = WIDTH * data.speed, SLOW * data.speed
+
+    def begin(self, sample: int) -> None:
+        """Start a stretch at its filtered position and speed."""
+        self.x[:, 0], self.x[:, 1] = (part[sample] for part in self.data.motion[:2])
+        self.P[:, :2], self.P[:, :, :2] = 0.0, 0.0
+        self.P[:, 0, 0], self.P[:, 1, 1] = self.noise, (START_SPEED * self.data.speed) ** 2
+
+    def step(self, u: Array, measured: float) -> None:
+        """Predict over one period under the torque ``u`` (L,) of each law, then correct by the next position."""
+        T, x, P = self.data.period, self.x, self.P
+        a, a_q, a_v, a_p, inertia = self._accelerations(u)
+        v = x[:, 1].copy()
+        implicit = 1.0 / (1.0 - T * np.minimum(a_v, 0.0))
+        dv = T * a * implicit
+        row = np.zeros_like(x)  # derivative of the next speed
+        row[:, 0], row[:, 1] = T * a_q * implicit, 1.0 + T * a_v * implicit
+        row[:, 2:] = T * a_p * implicit[:, None]
+        first = 0.5 * T * row
+        first[:, 0] += 1.0
+        first[:, 1] += 0.5 * T
+        x[:, 0] += T * (v + 0.5 * dv)
+        x[:, 1] = v + dv
+        F = np.stack([first, row], axis=1)  # (L, 2, n)
+        FP = F @ P
+        corner = FP @ F.transpose(0, 2, 1)
+        P[:, :2, :] = FP
+        P[:, :, :2] = FP.transpose(0, 2, 1)
+        P[:, :2, :2] = corner
+        uncertain = (np.abs(v) < self.slow) | (v * x[:, 1] <= 0.0)
+        P[:, 1, 1] += (T * self.level * np.where(uncertain, REVERSAL_NOISE, SLIDING_NOISE) / inertia) ** 2
+        variance = P[:, 0, 0] + self.noise
+        gain = P[:, :, 0] / variance[:, None]
+        limit = SURPRISE * np.sqrt(variance)
+        x += gain * np.minimum(np.maximum(measured - x[:, 0], -limit), limit)[:, None]
+        P -= gain[:, :, None] * P[:, None, 0, :]
+
+    def _accelerations(self, u: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Acceleration (L,), its derivatives by q, v (L,) and the parameters (L, n - 2), and the inertia (L,).
+
+        Plain floats: per sample and law they are faster than arrays.
+        """
+        L, n = self.x.shape
+        a, a_q, a_v, a_p, inertia = np.empty(L), np.empty(L), np.empty(L), np.zeros((L, n - 2)), np.empty(L)
+        for i, (law, k, torque) in enumerate(zip(self.laws, self.k, u.tolist(), strict=True)):
+            q, v, *theta = self.x[i, : 2 + k].tolist()
+            for j in self.logarithmic[i]:
+                theta[j] = math.exp(min(theta[j], LARGEST_LOGARITHM))
+            J, first = theta[0], 1 + law.gravity
+            net, by_q = torque, 0.0
+            if law.gravity == 2:
+                c, s = math.cos(q), math.sin(q)
+                net -= theta[1] * c + theta[2] * s
+                by_q = theta[1] * s - theta[2] * c
+                a_p[i, 1], a_p[i, 2] = -c / J, -s / J
+            elif law.gravity:
+                net -= theta[1]
+                a_p[i, 1] = -1.0 / J
+            values = theta[first:] + [0.0] * len(law.left_out)
+            ops = _Smoothed(math.tanh(v / self.width))
+            friction = law.law.torque(ops, v, values)
+            by_v = DIFFERENCE * self.width
+            ahead = law.law.torque(_Smoothed(math.tanh((v + by_v) / self.width)), v + by_v, values)
+            for j in range(first, k):
+                was = values[j - first]
+                step = DIFFERENCE * max(abs(was), DIFFERENCE)
+                values[j - first] = was + step
+                a_p[i, j] = (friction - law.law.torque(ops, v, values)) / step / J
+                values[j - first] = was
+            a[i], inertia[i] = (net - friction) / J, J
+            a_q[i], a_v[i] = by_q / J, (friction - ahead) / by_v / J
+            a_p[i, 0] = -a[i] / J
+            for j in self.logarithmic[i]:
+                a_p[i, j] *= theta[j]
+        return a, a_q, a_v, a_p, inertia
+
+    def results(self) -> list[Array]:
+        """Parameters of all laws."""
+        found = []
+        for i, (law, start) in enumerate(zip(self.laws, self.starts, strict=True)):
+            theta = np.append(law.from_free(self.x[i, 2 : 1 + len(start)]), start[-1])
+            sane = bool(np.all(np.isfinite(theta))) and abs(math.log(theta[0] / start[0])) < DIVERGED
+            found.append(law.clipped(theta) if sane else start)
+        return found

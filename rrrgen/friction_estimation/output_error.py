@@ -1,0 +1,222 @@
+"""Output error over many short windows (multiple shooting): parameters, and the start state of every window.
+
+Positions simulated over a window from its start state are compared with the recorded ones. The residual is whitened by
+the covariance of encoder noise and of white torque noise, integrated twice; start states are tied to those of a filter
+by their uncertainty and eliminated window by window.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.friction_estimation.candidates import Candidate
+from rrrgen.friction_estimation.simulation import simulate
+from rrrgen.friction_estimation.windows import Noise, Windows, make_noise
+
+STEP = 1e-4  # of a parameter's scale, for forward differences
+ROBUST = 3.0  # standard deviations at which the loss turns from quadratic to linear
+RATIOS = 10.0 ** np.arange(-1.0, 5.1)
+MOST_ITERATIONS = 25
+ADAPTING = 4  # iterations for start states alone
+LARGEST_STEP = 0.7  # of a logarithm in one iteration
+QUADRATIC = 0.6  # by which the bound on the robust scale falls in every iteration
+SMALL_GAIN = 1e-4  # relative decrease of the cost at which the search ends
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A law fitted to windows: parameters ``theta`` (k,), start states (2, S).
+
+    ``cost`` (S,) are the robust losses in units of ``sigma``, the scale of the residuals under ``noise``; ``normal``
+    (S, f, f) and ``gradient`` (S, f) the windows' parts of the normal equations of the f ``free`` parameters, their
+    start states eliminated.
+    """
+
+    candidate: Candidate
+    theta: Array
+    start: Array
+    noise: Noise
+    sigma: float
+    cost: Array
+    free: NDArray[np.int64]
+    normal: Array
+    gradient: Array
+
+
+def fit(
+    candidate: Candidate,
+    theta: Array,
+    windows: Windows,
+    noise: Noise,
+    held: tuple[str, ...] = (),
+    start: Array | None = None,
+    iterations: int = MOST_ITERATIONS,
+) -> Fit:
+    """Levenberg-Marquardt from ``theta`` (k,); parameters named in ``held`` keep their values."""
+    work = _Problem(candidate, windows, noise, held)
+    theta = candidate.clipped(theta)
+    start = np.stack([windows.q0, windows.v0]) if start is None else start
+    damping, done = 1e-2, 0
+    found = work.linearise(theta, start, 1.0)
+    for done in range(1, iterations + 1):
+        trial, trial_start = work.moved(found, theta, start, damping)
+        cost = work.cost(trial, trial_start, found.sigma)
+        if not len(work.free):  # windows are independent of each other: each keeps its better start state
+            trial_start = np.where(cost < found.cost, trial_start, start)
+            cost = np.minimum(cost, found.cost)
+        if np.sum(cost) < np.sum(found.cost):
+            gain = 1.0 - float(np.sum(cost) / np.sum(found.cost))
+            theta, start = trial, trial_start
+            damping = max(damping / 10.0, 1e-9)
+        elif damping > 1e6:
+            break
+        else:
+            gain = 1.0
+            damping *= 10.0
+            continue
+        found = work.linearise(theta, start, QUADRATIC**done)
+        if gain < SMALL_GAIN and QUADRATIC**done < 0.1:
+            break
+    return Fit(
+        candidate, theta, start, noise, found.sigma, found.cost, work.free, found.normal, found.gradient
+    )  # fmt: skip
+
+
+def start_cost(candidate: Candidate, theta: Array, windows: Windows, noise: Noise) -> float:
+    """Robust scale of the residuals at start values: what their fit has to bring down."""
+    start = np.stack([windows.q0, windows.v0])
+    r = _Problem(candidate, windows, noise, ()).residuals(theta[:, None], start[:, None])
+    return _scale(r[:-2, 0][windows.used]) if np.all(np.isfinite(r)) else np.inf
+
+
+def window_losses(candidate: Candidate, theta: Array, windows: Windows, noise: Noise, sigma: float) -> Array:
+    """Robust losses (S,) in units of ``sigma`` for given parameters, the start states adapted to each window."""
+    fitted = fit(candidate, theta, windows, noise, held=candidate.names, iterations=ADAPTING)
+    return _Problem(candidate, windows, noise, candidate.names).cost(theta, fitted.start, sigma)
+
+
+def likely_noise(found: Fit, windows: Windows) -> Noise:
+    """The ratio of torque noise to encoder noise under which the position errors of a fit are most likely.
+
+    Minimises ``N ln(sigma) + sum ln L_ii`` over the positions that count, with a robust sigma for each ratio; L is the
+    Cholesky factor of the covariance.
+    """
+    work = _Problem(found.candidate, windows, found.noise, ())
+    errors = windows.measured - work.positions(found.theta[:, None], found.start[:, None, :])[:, 0]
+    tried = []
+    for ratio in RATIOS:
+        noise = make_noise(len(errors), windows.period * windows.stride, float(ratio))
+        sigma = float(np.median(np.abs((noise.whitener @ errors)[windows.used])))
+        tried.append((windows.points * np.log(sigma) + float(noise.logarithms @ windows.used.sum(axis=1)), noise))
+    return min(tried, key=lambda each: each[0])[1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    sigma: float
+    cost: Array
+    normal: Array
+    gradient: Array
+    own: Array
+    back: Array
+    own_gradient: Array
+
+
+class _Problem:
+    """Residuals of all windows and their derivatives."""
+
+    def __init__(self, candidate: Candidate, windows: Windows, noise: Noise, held: tuple[str, ...]) -> None:
+        self.candidate, self.windows, self.noise = candidate, windows, noise
+        self.free = np.array([i for i, name in enumerate(candidate.names) if name not in held], dtype=int)
+        # prior of the start states, in units of the residual
+        self.prior = np.array([windows.q0_std, windows.v0_std])
+
+    def positions(self, theta: Array, start: Array) -> Array:
+        """Simulated positions (m, C, S) for parameters (k, C) and start states (2, C, S)."""
+        w = self.windows
+        return simulate(self.candidate, theta, w.torque, start[0], start[1], w.period, w.stride, w.direction)
+
+    def whitened(self, plain: Array, start: Array) -> Array:
+        """Whitened residuals (m + 2, C, S): positions, then start states against their prior, in units of sigma."""
+        w = self.windows
+        points, C, S = plain.shape
+        first = (self.noise.whitener @ plain.reshape(points, C * S)).reshape(points, C, S) / w.resolution
+        first *= w.used[:, None]
+        prior = np.stack([w.q0 - start[0], w.v0 - start[1]]) / self.prior[:, None, None]
+        return np.concatenate([first, prior])
+
+    def residuals(self, theta: Array, start: Array) -> Array:
+        return self.whitened(self.windows.measured[:, None] - self.positions(theta, start), start)
+
+    def cost(self, theta: Array, start: Array, sigma: float) -> Array:
+        """Robust loss of every window (S,)."""
+        r = self.residuals(theta[:, None], start[:, None])[:, 0]
+        return np.asarray(np.sum(_loss(r / sigma), axis=0))
+
+    def linearise(self, theta: Array, start: Array, quadratic: float) -> _Linear:
+        """Residuals, weights and normal equations at a point, start states eliminated.
+
+        ``quadratic`` times the root mean square bounds the scale from below: the search begins as plain least squares,
+        since a robust loss far from the optimum takes the informative windows for outliers.
+        """
+        k = len(self.free)
+        free = self.candidate.to_free(theta)
+        steps = STEP * np.maximum(np.abs(theta), 0.05)
+        steps = np.where(self.candidate.is_logarithmic, STEP, steps)
+        shifted = np.repeat(free[:, None], k + 3, axis=1)
+        shifted[self.free, np.arange(1, k + 1)] += steps[self.free]
+        states = np.repeat(start[:, None, :], k + 3, axis=1)
+        own_steps = np.array([self.windows.resolution, max(self.windows.v0_std, 1e-6)]) * 0.1
+        states[0, k + 1] += own_steps[0]
+        states[1, k + 2] += own_steps[1]
+        r = self.residuals(self.candidate.from_free(shifted), states)
+        base = r[:, 0]
+        counted = base[:-2][self.windows.used]
+        sigma = max(_scale(counted), quadratic * float(np.sqrt(np.mean(counted**2))))
+        weight = np.sqrt(_weights(base / sigma))
+        J = (r[:, 1 : k + 1] - base[:, None]) / steps[self.free][None, :, None] * weight[:, None] / sigma
+        B = (r[:, k + 1 :] - base[:, None]) / own_steps[None, :, None] * weight[:, None] / sigma
+        e = base * weight / sigma
+        own = np.einsum("mas,mbs->sab", B, B)
+        cross = np.einsum("mas,mks->sak", B, J)
+        own_gradient = np.einsum("mas,ms->sa", B, e)
+        back = np.linalg.solve(own, cross)
+        settled = np.linalg.solve(own, own_gradient[:, :, None])[:, :, 0]
+        normal = np.einsum("mjs,mks->sjk", J, J) - np.einsum("saj,sak->sjk", cross, back)
+        gradient = np.einsum("mks,ms->sk", J, e) - np.einsum("sak,sa->sk", cross, settled)
+        cost = np.asarray(np.sum(_loss(base / sigma), axis=0))
+        return _Linear(sigma, cost, normal, gradient, own, back, settled)
+
+    def moved(self, at: _Linear, theta: Array, start: Array, damping: float) -> tuple[Array, Array]:
+        """A damped Gauss-Newton step of parameters and start states."""
+        step = np.zeros(len(self.free))
+        if len(step):
+            H, g = at.normal.sum(axis=0), at.gradient.sum(axis=0)
+            scale = np.diag(H) + 1e-12 * max(float(np.max(np.diag(H))), 1e-300)
+            step = -np.linalg.solve(H + damping * np.diag(scale), g)
+        free = self.candidate.to_free(theta)
+        limit = np.where(self.candidate.is_logarithmic, LARGEST_STEP, np.inf)[self.free]
+        step = np.clip(step, -limit, limit)
+        free[self.free] += step
+        own = -at.own_gradient - at.back @ step
+        own = own / (1.0 + damping)
+        return self.candidate.clipped(self.candidate.from_free(free)), start + own.T
+
+
+def _scale(r: Array) -> float:
+    """Standard deviation of whitened residuals by their median, not below the rounding of the encoder."""
+    return max(float(np.median(np.abs(r))) / 0.6745, 0.29)
+
+
+def _loss(x: Array) -> Array:
+    """soft_l1: quadratic below ROBUST, linear above."""
+    s = (x / ROBUST) ** 2
+    return np.asarray(2.0 * ROBUST**2 * (np.sqrt(1.0 + s) - 1.0))
+
+
+def _weights(x: Array) -> Array:
+    return np.asarray(1.0 / np.sqrt(1.0 + (x / ROBUST) ** 2))

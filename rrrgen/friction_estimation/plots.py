@@ -1,0 +1,58 @@
+"""Figures of a friction estimate."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rrrgen.friction_estimation.inverse_dynamics import sliding_samples
+from rrrgen.runs.figures import new_figure, style_axes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from rrrgen.arrays import Array
+    from rrrgen.friction_estimation.estimation import FrictionEstimate, LawEstimate
+
+CURVE = 600  # points of a curve in either direction
+MOST_POINTS = 6000  # of the cloud
+SLOW = 3.0  # Stribeck speeds, or a tenth of the range: what the second panel shows
+
+
+def plot_friction(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", "N m")) -> Figure:
+    """Friction against speed: the measured cloud, every law, the chosen one in front; whole range and low speeds."""
+    speed, friction = _cloud(found)
+    top = float(np.max(np.abs(speed)))
+    slow = min(top, SLOW * found.chosen.values.get("stribeck_speed", top / 30.0))
+    figure, axes = new_figure(1, 2, height=3.6, width=9.0)
+    for axis, limit in zip(axes, (top, slow), strict=True):
+        inside = np.flatnonzero(np.abs(speed) <= limit)
+        shown = inside[:: max(1, len(inside) // MOST_POINTS)]
+        axis.plot(speed[shown], friction[shown], ".", color="0.7", markersize=3.0, zorder=1, rasterized=True)
+        for law in found.laws:
+            is_chosen = law is found.chosen
+            style = {"color": "k", "linewidth": 1.4, "zorder": 3} if is_chosen else {"linewidth": 1.0, "zorder": 2}
+            axis.plot(*_curve(law, limit), label=f"{law.name}{' (chosen)' if is_chosen else ''}", **style)
+        style_axes(axis, f"speed [{units[0]}]", f"friction [{units[1]}]")
+        axis.set_xlim(-1.05 * limit, 1.05 * limit)
+    axes[0].set_title(f"joint {found.data.name}; grey: torque - J ddq - gravity while sliding", fontsize=9, loc="left")
+    axes[1].set_title("low speeds", fontsize=9, loc="left")
+    axes[0].legend(loc="lower right", fontsize=7)
+    return figure
+
+
+def _cloud(found: FrictionEstimate) -> tuple[Array, Array]:
+    """Speed and measured friction while the joint slides, with inertia and gravity of the chosen law."""
+    law, theta = found.chosen.candidate, found.chosen.theta
+    samples = sliding_samples(found.data, float(theta[-1]))
+    friction = samples.tau - theta[0] * samples.ddq - law.gravity_torque(samples.q, theta)
+    return samples.dq, friction
+
+
+def _curve(law: LawEstimate, limit: float) -> tuple[Array, Array]:
+    """A law up to ``limit`` in both directions, with its jump at rest."""
+    speed = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, CURVE) * limit])
+    columns = list(law.theta)
+    forward, backward = (law.candidate.torque(s * speed, columns, s) for s in (1.0, -1.0))
+    return np.concatenate([-speed[::-1], speed]), np.concatenate([backward[::-1], forward])

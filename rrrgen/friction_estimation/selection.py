@@ -1,0 +1,72 @@
+"""Choice of the friction law by errors on windows that were not fitted, and by the Bayesian information criterion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.friction_estimation.output_error import Fit, window_losses
+from rrrgen.friction_estimation.windows import Windows
+
+FOLDS = 4
+SIGNIFICANT = 2.0  # standard errors by which a law has to be better on held-out windows
+MATERIAL = 0.02  # and relative to the held-out loss of the other
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """How a law does on windows left out of its fit, those at rest and at reversals included.
+
+    ``held_out``: root mean square of the whitened position error, in standard deviations of the noise, large errors
+    counted linearly; ``losses`` (S,) per window; ``bic``: ``N ln(mean loss) + k ln N`` of the fit with all windows.
+    """
+
+    law: str
+    held_out: float
+    bic: float
+    losses: Array
+
+
+def fold_of(windows: Windows) -> NDArray[np.int64]:
+    """The fold (S,) of every window: blocks in turn, so that each fold has fast and slow motion."""
+    return np.asarray(windows.block % FOLDS)
+
+
+def score(full: Fit, inside: Sequence[Fit], windows: Windows, sigma: float) -> Score:
+    """Score of a law from its fit with everything and those without one fold each, under the noise scale ``sigma``."""
+    losses, folds = np.empty(len(windows)), fold_of(windows)
+    for fold, found in enumerate(inside):
+        out = folds == fold
+        losses[out] = window_losses(found.candidate, found.theta, windows.of(out), found.noise, sigma)
+    own = window_losses(full.candidate, full.theta, windows, full.noise, sigma)
+    N, k = windows.points, len(full.theta)
+    return Score(
+        law=full.candidate.name,
+        held_out=float(np.sqrt(np.sum(losses) / N)),
+        bic=float(N * np.log(np.sum(own) / N) + k * np.log(N)),
+        losses=losses,
+    )
+
+
+def choose(scores: Sequence[Score], blocks: NDArray[np.int64]) -> int:
+    """Among the laws that no other beats significantly on held-out windows, the one with the least BIC.
+
+    Laws are compared block by block: B beats A if the mean difference of their losses exceeds :data:`SIGNIFICANT`
+    standard errors and :data:`MATERIAL` of the loss of A.
+    """
+    standing = [i for i, a in enumerate(scores) if not any(_beats(b, a, blocks) for b in scores)]
+    return min(standing or range(len(scores)), key=lambda i: scores[i].bic)
+
+
+def _beats(b: Score, a: Score, blocks: NDArray[np.int64]) -> bool:
+    groups = np.unique(blocks, return_inverse=True)[1]
+    gains = np.bincount(groups, a.losses - b.losses)
+    if len(gains) < 2:
+        return False
+    error = float(np.std(gains, ddof=1)) / np.sqrt(len(gains))
+    mean = float(np.mean(gains))
+    return mean > SIGNIFICANT * error and mean > MATERIAL * float(np.sum(a.losses)) / len(gains)

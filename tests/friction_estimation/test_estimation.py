@@ -1,0 +1,116 @@
+"""Friction of one joint against the known truth of an independent simulation with stick and slip."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rrrgen.cli.main import run
+from samples.stick_slip_joint import Joint, record
+
+LIMITS = {
+    "inertia": 0.01,
+    "gravity": 0.01,
+    "coulomb": 0.02,
+    "viscous": 0.05,
+    "stiction_excess": 0.1,
+    "stribeck_speed": 0.1,
+    "coulomb_p": 0.02,
+    "coulomb_n": 0.02,
+    "viscous_p": 0.05,
+    "viscous_n": 0.05,
+}
+"""Relative errors allowed for a fine encoder."""
+
+
+def write_log(path, found, joints=("q1", "q2", "q3"), moving="q3"):
+    """The recording of one joint as a log of rrrgen's own columns; the other joints stand still."""
+    still = np.zeros_like(found["t"])
+    columns = {"t": found["t"]}
+    columns |= {f"q_{name}": found["q"] if name == moving else still for name in joints}
+    columns |= {f"tau_{name}": found["tau"] if name == moving else still for name in joints}
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.15g")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("truth", "rival", "options"),
+    [
+        (Joint("stribeck", angle=0.4), "coulomb_viscous", {"torque_noise": 0.01, "centred": True}),
+        (Joint("asymmetric", coulomb_n=0.45, viscous_n=0.2), "coulomb_viscous", {"delay": 2}),
+    ],
+    ids=["stribeck, torque noise, centred record", "asymmetric, delay of two samples"],
+)
+def test_a_hidden_joint_is_found(truth, rival, options, tmp_path, capsys):
+    log = write_log(tmp_path / "log.csv", record(truth, duration=20.0, seed=3, **options))
+    laws = ["--law", truth.law, "--law", rival]
+    assert run(["friction", "rrr", "--log", str(log), "--joint", "q3", "-o", str(tmp_path / "run"), *laws]) == 0
+    found = json.loads((tmp_path / "run" / "results" / "friction.json").read_text())
+    assert found["chosen"] == truth.law
+    model = found["models"][truth.law]
+    attributes = {
+        "stiction_excess": "excess",
+        "stribeck_speed": "speed",
+        "coulomb_p": "coulomb",
+        "viscous_p": "viscous",
+    }
+    actual = {name: getattr(truth, attributes.get(name, name)) for name in LIMITS}
+    for name in set(LIMITS) & set(model["parameters"]):
+        assert model["parameters"][name] == pytest.approx(actual[name], rel=LIMITS[name]), name
+        assert 0.0 < model["std"][name] < LIMITS[name] * actual[name], name
+    lag = options.get("delay", 0) - (0.5 if options.get("centred") else 0.0)
+    assert found["delay"] == pytest.approx(1e-3 * lag, abs=1e-4)
+    others = [each["held_out"] for name, each in found["models"].items() if name != truth.law]
+    assert model["held_out"] < min(others) * 1.05
+    table = capsys.readouterr().out
+    assert f"* {truth.law}" in table
+    assert "BIC" in table
+    assert (tmp_path / "run" / "figures" / "friction.png").exists()
+
+
+def refused(tmp_path, capsys, found, joint="q3"):
+    log = write_log(tmp_path / "log.csv", found)
+    code = run(["friction", "rrr", "--log", str(log), "--joint", joint, "-o", str(tmp_path / "run")])
+    assert not (tmp_path / "run" / "results").exists()
+    return code, capsys.readouterr().err
+
+
+def test_too_little_data_is_refused(tmp_path, capsys):
+    code, message = refused(tmp_path, capsys, record(Joint(), duration=6.0, substeps=2))
+    assert code == 4
+    assert "too little" in message
+    assert "15 s" in message
+
+
+def test_a_joint_that_stands_is_refused(tmp_path, capsys):
+    rng, t = np.random.default_rng(0), np.arange(20_000) * 1e-3
+    q = 0.3 + 1e-5 * rng.integers(-1, 2, len(t))
+    code, message = refused(tmp_path, capsys, {"t": t, "q": q, "tau": rng.normal(size=len(t))})
+    assert code == 4
+    assert "no excitation" in message
+
+
+def test_motion_in_one_direction_is_refused(tmp_path, capsys):
+    t = np.arange(20_000) * 1e-3
+    q = np.round((0.5 * t + 0.1 * np.sin(t)) / 1e-5) * 1e-5
+    code, message = refused(tmp_path, capsys, {"t": t, "q": q, "tau": np.sin(t)})
+    assert code == 4
+    assert "both directions" in message
+
+
+def test_another_joint_that_moves_is_refused(tmp_path, capsys):
+    found = record(Joint(), duration=16.0, substeps=2)
+    log = write_log(tmp_path / "log.csv", found)
+    table = np.genfromtxt(log, delimiter=",", names=True)
+    table["q_q1"] = np.sin(table["t"])
+    np.savetxt(log, table, delimiter=",", header=",".join(table.dtype.names), comments="")
+    code = run(["friction", "rrr", "--log", str(log), "--joint", "q3", "-o", str(tmp_path / "run")])
+    assert code == 4
+    assert "joint 'q1' moves" in capsys.readouterr().err
+
+
+def test_an_unknown_joint_is_named(tmp_path, capsys):
+    code, message = refused(tmp_path, capsys, record(Joint(), duration=1.0, substeps=2), joint="elbow")
+    assert code == 3
+    assert "q1, q2, q3" in message
