@@ -24,7 +24,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "identify": ("rrrgen.cli.identification.identify:identify", "Estimate parameters from recordings."),
     "validate": ("rrrgen.cli.identification.validate:validate", "Score a robot file against recordings."),
-    "friction": ("rrrgen.cli.identification.friction:friction", "Estimate the friction of one joint by experiment."),
+    "friction": ("rrrgen.cli.experiments.friction:friction", "Estimate the friction of one joint by experiment."),
     "frf": ("rrrgen.cli.identification.frf:frf", "Estimate a frequency response with its uncertainty."),
     "linearise": (
         "rrrgen.cli.experiments.linearise:linearise",
