@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,7 +77,10 @@ def _write_response(
     prismatic: bool,
     several: str,
 ) -> Path:
+    others = {f"{(kp**0.5) / (2.0 * math.pi):.3g}" for k, kp in enumerate(design.kp) if k != design.joint}
+    loops = f", with the loops of the other joints closed at {', '.join(sorted(others))} Hz" if others else ""
     lines = [
+        f"# from the input u of joint {design.joint_name} to its position{loops}",
         "schema: rrrgen-response/1",
         f"name: {design.robot}_{design.joint_name}",
         f"files: [{', '.join(f'{name}.csv' for name in names)}]",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 
 import numpy as np
@@ -167,11 +168,15 @@ def test_online_estimators_are_strict_c_and_cpp_without_heap(inputs, tmp_path, r
     for command in (["gcc", *FLAGS, *STRICT], ["clang", *FLAGS, *STRICT], ["g++", *cpp], ["clang++", *cpp]):
         try:
             built = subprocess.run(
-                [*command, "-c", *sources], cwd=tmp_path, capture_output=True, text=True, check=False
+                [*command, "-fstack-usage", "-c", *sources], cwd=tmp_path, capture_output=True, text=True, check=False
             )
         except FileNotFoundError:
             pytest.skip(f"{command[0]} is not installed")
         assert built.returncode == 0, built.stderr
+        for kind in ("rls", "gradient"):
+            (used,) = re.findall(r"_update[^\t]*\t(\d+)", (tmp_path / f"planar2r_{kind}.su").read_text())
+            (stated,) = re.findall(r"at most (\d+) bytes, and those", (tmp_path / f"planar2r_{kind}.h").read_text())
+            assert int(used) <= int(stated)
 
 
 @pytest.mark.parametrize(

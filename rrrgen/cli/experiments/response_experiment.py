@@ -49,7 +49,8 @@ def excite_response(
         results = folder.write_json("response_excitation.json", design.to_json())
         for run in design.runs:
             _write_samples(folder, design, run)
-        folder.figure("response_excitation", plot_response_excitation(design))
+        unit = "rad/s²" if spec.joints[design.joint].is_revolute else "m/s²"
+        folder.figure("response_excitation", plot_response_excitation(design, unit))
     first = design.runs[0]
     seconds = sum(len(run.n) for run in design.runs) * design.period
     if as_json:

@@ -24,6 +24,9 @@ DEFAULT_FORGETTING = 0.999
 DEFAULT_REST = 0.01
 DEFAULT_SPREAD = 10.0
 LARGEST = {"double": 1e150, "float": 1e15}
+REAL_BYTES = {"double": 8, "float": 4}
+SPARE_STACK = 512
+"""Bytes beside the arrays of an update: saved registers and sums."""
 NEGLIGIBLE = {"double": 1e-24, "float": 1e-12}
 """Share of the noise variance below which a row says nothing about the parameters: the square of the rounding."""
 
@@ -140,9 +143,12 @@ def _values(regression: Regression, kind: Kind, chosen: Tuning, dialect: Dialect
             ("out", "e", "N m | N", _ERRORS[kind]),
         ]
     )
+    n, p = regression.joints, len(regression.names)
+    arrays = n * (p + n + 3) + 3 * p if kind == "rls" else p
     values: dict[str, object] = {
-        "n": regression.joints,
-        "p": len(regression.names),
+        "n": n,
+        "p": p,
+        "stack": SPARE_STACK + arrays * REAL_BYTES[dialect.real],
         "names": regression.names,
         "zero": literal(0.0),
         "one": literal(1.0),

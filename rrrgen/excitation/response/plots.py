@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def plot_response_excitation(design: ResponseDesign) -> Figure:
-    """One period of the excitation of the first run (all of it for noise), and the amplitude of its lines."""
+def plot_response_excitation(design: ResponseDesign, unit: str = "rad/s²") -> Figure:
+    """One period of the excitation of the first run, in ``unit``, or all of it for noise; and its lines."""
     run = design.runs[0]
     n = run.n[: design.signal_period]
     amplitude = 2.0 * np.abs(np.fft.rfft(n)) / len(n)
@@ -28,7 +28,8 @@ def plot_response_excitation(design: ResponseDesign) -> Figure:
         fontsize=9,
         loc="left",
     )
-    style_axes(axes[0], "t [s]", "n [per s²]")
-    axes[1].loglog(frequency[excited], amplitude[excited], ".", markersize=2.5)
-    style_axes(axes[1], "frequency [Hz]", "amplitude of n")
+    style_axes(axes[0], "t [s]", f"n [{unit}]")
+    axes[1].semilogx(frequency[excited], amplitude[excited], ".", markersize=2.5)
+    axes[1].set_ylim(0.0, 1.2 * amplitude.max())
+    style_axes(axes[1], "frequency [Hz]", f"amplitude of n [{unit}]")
     return figure
