@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
+from rrrgen.identify.delivered import Delivered
 from rrrgen.identify.diagnosis.cause import Cause
 from rrrgen.identify.estimation.consistency import (
     ConsistentEstimate,
@@ -51,6 +51,7 @@ from rrrgen.identify.friction_laws.choice import FrictionFit, fit_friction
 from rrrgen.identify.friction_laws.surfaces import with_linear_friction, without_laws
 from rrrgen.identify.options import METHODS, Options
 from rrrgen.identify.parameter_names import explained_names, identified_units
+from rrrgen.identify.scoring.bands import TorqueBand
 from rrrgen.identify.scoring.bandwidth import Tuning, reach, tune
 from rrrgen.identify.scoring.fingerprint import Fingerprint, fingerprint
 from rrrgen.identify.scoring.scores import Score, score_models
@@ -59,21 +60,6 @@ from rrrgen.model.estimated_terms import Column, DriveTerms
 from rrrgen.model.standard_parameters import standard_names
 from rrrgen.recordings.repairs import Repairs
 from rrrgen.signals.processing import Processing
-
-
-@dataclass(frozen=True)
-class Delivered:
-    """The estimate written to ``robot.yaml``: identifiable combinations ``x`` (r,) and standard deviations ``std``
-    (r,).
-
-    ``origin`` names the estimate: the physically consistent one if it was computed. ``at_bound`` (r,) marks drive
-    parameters that lie on their bound of 0.
-    """
-
-    origin: str
-    x: Array
-    std: Array
-    at_bound: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -93,7 +79,8 @@ class Identification:
     - ``structural_notes``, ``motion_notes``, ``hardly_determined``: sentences on parameters that the structure of the
       robot leaves undetermined, that the motion does, and that the data determine poorly; ``weak``: combinations that
       are hardly excited.
-    - ``delivered``: the parameters of the written model, with their ``units`` and ``meanings``.
+    - ``delivered``: the parameters of the written model, with their ``units`` and ``meanings``; ``band``: the
+      uncertainty of the torques that it predicts.
     - ``friction``: the friction laws other than the linear one, None without any.
     - ``repairs``, ``diagnoses``: repairs of the recordings, and probable faults in them or in the robot file.
     - ``blocks``, ``held_out_blocks``, ``transform``: the rows and the map to the identifiable parameters, for figures.
@@ -123,6 +110,7 @@ class Identification:
     units: tuple[str, ...]
     meanings: tuple[str, ...]
     hardly_determined: tuple[str, ...]
+    band: TorqueBand = field(repr=False, compare=False)
     friction: FrictionFit | None = None
     repairs: tuple[Repairs, ...] = ()
     diagnoses: tuple[Cause, ...] = ()
@@ -134,6 +122,11 @@ class Identification:
     def processing(self) -> Processing:
         """The preprocessing settings of the recordings, all of them determined."""
         return self.tuning.processing
+
+    @property
+    def parts(self) -> tuple[tuple[str, Iterable[Rows]], ...]:
+        """The blocks of fitted and of held-out rows by name."""
+        return (("in sample", self.blocks), ("held out", self.held_out_blocks))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -261,6 +254,9 @@ class _Run:
             self.tell(0, 0, "essential parameters")
             inflation = max((w.inflation for w in white), default=1.0)
             essential = essential_parameters(reduced, chosen.structure.names, samples_per_independent=inflation)
+        delivered = self.delivered(estimate, consistent, reduced if rows is None else chosen.transform(rows))
+        final = theta if consistent is None else consistent.theta
+        scatter = np.array(score(self.factors.fit, final)["joint_rms"])
         return Identification(
             columns=self.regressor.columns,
             structure=chosen.structure,
@@ -280,7 +276,8 @@ class _Run:
             essential=essential,
             indefinite=self.indefinite(theta, consistent),
             structural_notes=chosen.structure.in_words(),
-            delivered=self.delivered(estimate, consistent, reduced if rows is None else chosen.transform(rows)),
+            delivered=delivered,
+            band=TorqueBand.of(final, chosen.T, delivered.covariance, scatter),
             units=identified_units(chosen.structure, self.regressor.columns, chosen.free, self.model),
             meanings=explained_names(chosen.structure.names, self.regressor.columns, self.model),
             hardly_determined=collinear(reduced, estimate),
@@ -309,7 +306,7 @@ class _Run:
     def delivered(self, estimate: Estimate, consistent: ConsistentEstimate | None, reduced: JointFactors) -> Delivered:
         """Parameters and standard deviations of the written model; ``reduced`` are the fitted factors in x."""
         if consistent is None or consistent.near is None:
-            return Delivered(self.options.method, estimate.x, estimate.std, np.zeros(len(estimate.x), bool))
+            return Delivered(self.options.method, estimate.x, estimate.covariance, np.zeros(len(estimate.x), bool))
         chosen, names = self.chosen, [column.name for column in self.regressor.columns]
         weights = None if self.options.method == "robust" else estimate.weights
         R = reduced.stacked(weights)[:-1, :-1]
@@ -322,9 +319,9 @@ class _Run:
         directions[moving] = consistent.near.directions
         along = chosen.contract(directions)
         covariance = consistent.near.covariance(along, scores, estimate.variance if weights is not None else 1.0)
-        std = np.sqrt(np.maximum(0.0, np.diag(covariance)))
         x = chosen.contract(consistent.theta)
-        return Delivered("physically consistent", x, std, np.all(along == 0.0, axis=1) | ((x == 0.0) & (std == 0.0)))
+        fixed = np.all(along == 0.0, axis=1) | ((x == 0.0) & (np.diag(covariance) <= 0.0))
+        return Delivered("physically consistent", x, covariance, fixed)
 
     def consistent_estimate(self, estimate: Estimate, robust: JointFactors | None = None) -> ConsistentEstimate:
         """The physically consistent estimate from the same rows and weights; ``robust`` are reweighted rows, if any."""

@@ -40,6 +40,7 @@ def as_record(found: Identification) -> dict[str, Any]:
         "identified": [dict(zip(header, row, strict=True)) for row in rows],
         "names": list(found.meanings),
         "hardly_determined": list(found.hardly_determined),
+        "torque_band": {name: found.band.coverage(blocks) for name, blocks in found.parts},
         "friction": None if found.friction is None else found.friction.to_json(),
         "diagnoses": [cause.to_json() for cause in found.diagnoses],
         "repairs": [repairs.to_json() for repairs in found.repairs],
@@ -244,7 +245,7 @@ def write_identification(
     folder.figure("convergence", plot_convergence(settling, found.estimate.std, found.units))
     theta = found.theta if found.consistent is None else found.consistent.theta
     for name, blocks in (("torques", found.blocks), ("torques_held_out", found.held_out_blocks)):
-        curves = torque_curves(blocks, theta)
+        curves = torque_curves(blocks, theta, band=found.band)
         if curves is not None:
             folder.figure(name, plot_torque_curves(curves, joints, force_units(spec)))
     if found.whiteness:

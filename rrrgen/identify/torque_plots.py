@@ -13,6 +13,7 @@ from rrrgen.arrays import Array
 from rrrgen.identify.diagnosis.sample import Sample
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.identify.friction_laws.surfaces import FrictionSurface, law_columns
+from rrrgen.identify.scoring.bands import BAND, TorqueBand
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.runs.figures import new_figure, style_axes
 
@@ -27,29 +28,44 @@ MOST_POINTS = 20_000
 
 @dataclass(frozen=True)
 class TorqueCurves:
-    """Measured and modelled torques (N, n), N m (N), at the instants ``t`` (N,), s; ``use`` (N, n): rows in use."""
+    """Measured and modelled torques (N, n), N m (N), at the instants ``t`` (N,), s; ``use`` (N, n): rows in use.
+
+    ``spread`` (N, n) is the standard deviation of the measured torque about the model, ``own`` (N, n) the part of it
+    that the parameters cause; None if unknown.
+    """
 
     t: Array
     measured: Array
     model: Array
     use: NDArray[np.bool_]
+    spread: Array | None = None
+    own: Array | None = None
 
     def halved(self) -> TorqueCurves:
         """The curves with every second instant only."""
-        return TorqueCurves(self.t[::2], self.measured[::2], self.model[::2], self.use[::2])
+        return TorqueCurves(*(None if part is None else part[::2] for part in self.parts))  # type: ignore[arg-type]
+
+    @property
+    def parts(self) -> tuple[Any, ...]:
+        """The arrays in order."""
+        return (self.t, self.measured, self.model, self.use, self.spread, self.own)
 
 
-def torque_curves(blocks: Iterable[Rows], theta: Array, most: int = MOST_POINTS) -> TorqueCurves | None:
+def torque_curves(
+    blocks: Iterable[Rows], theta: Array, most: int = MOST_POINTS, band: TorqueBand | None = None
+) -> TorqueCurves | None:
     """Measured torques of a stream of rows, and those modelled with parameters ``theta`` (p,); None if none is in use.
 
-    At most ``most`` instants are kept.
+    At most ``most`` instants are kept; ``band`` adds the uncertainty of the model.
     """
     kept: TorqueCurves | None = None
     step, seen = 1, 0
     for rows in blocks:
         chosen = np.arange(-seen % step, len(rows.t), step)
         seen += len(rows.t)
-        new = TorqueCurves(rows.t[chosen], rows.tau[chosen], rows.W[chosen] @ theta, rows.use[chosen])
+        W = rows.W[chosen]
+        spread = (None, None) if band is None else (band.total(W), band.parameters(W))
+        new = TorqueCurves(rows.t[chosen], rows.tau[chosen], W @ theta, rows.use[chosen], *spread)
         kept = new if kept is None else _joined(kept, new)
         while len(kept.t) > most:
             kept, step = kept.halved(), 2 * step
@@ -57,12 +73,8 @@ def torque_curves(blocks: Iterable[Rows], theta: Array, most: int = MOST_POINTS)
 
 
 def _joined(a: TorqueCurves, b: TorqueCurves) -> TorqueCurves:
-    return TorqueCurves(
-        np.concatenate([a.t, b.t]),
-        np.concatenate([a.measured, b.measured]),
-        np.concatenate([a.model, b.model]),
-        np.concatenate([a.use, b.use]),
-    )
+    pairs = zip(a.parts, b.parts, strict=True)
+    return TorqueCurves(*(None if x is None else np.concatenate([x, y]) for x, y in pairs))  # type: ignore[arg-type]
 
 
 def force_units(spec: Any) -> list[str]:
@@ -76,7 +88,8 @@ def plot_torque_curves(
     """Two panels per joint: measured and modelled torque, and below them the residual on its own scale.
 
     For rows that are not in use (at rest, or in the other part of the data), the model is drawn thin and grey, without
-    a residual.
+    a residual. Where the uncertainty is known, the residual has the 95 % band of the prediction behind it, and in it
+    the darker part that the parameters cause.
     """
     n = len(joints)
     ratios = [2.2, 1.0] * n
@@ -87,13 +100,18 @@ def plot_torque_curves(
         torque.plot(curves.t, curves.measured[:, i], color="0.72", linewidth=2.2, label="measured")
         torque.plot(curves.t, curves.model[:, i], color="0.45", linewidth=0.5)
         torque.plot(curves.t, curves.model[:, i] * used, color="C0", linewidth=1.0, label="model")
+        for part, shade, name in ((curves.spread, "0.9", "95 % band"), (curves.own, "0.7", "of it from parameters")):
+            if part is not None:
+                half = BAND * part[:, i] * used
+                residual.fill_between(curves.t, -half, half, color=shade, linewidth=0.0, label=name)
         residual.plot(curves.t, (curves.measured - curves.model)[:, i] * used, color="C3", linewidth=0.7)
         residual.axhline(0.0, color="0.3", linewidth=0.5)
         style_axes(torque, "", f"{joint} [{units[i]}]")
         style_axes(residual, "", f"residual\n[{units[i]}]")
         residual.yaxis.label.set_fontsize(8)
         torque.set_title(titles[i] if titles else "", fontsize=9, loc="left")
-    axes[0].legend(loc="upper right", ncols=2, fontsize=8)
+    handles = [*axes[0].get_legend_handles_labels()[0], *axes[1].get_legend_handles_labels()[0]]
+    axes[0].legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=8)
     axes[-1].set_xlabel("t [s]")
     figure.align_ylabels(axes)
     return figure

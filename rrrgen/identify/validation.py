@@ -7,7 +7,7 @@ was held out or was used in the fit.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,13 +17,15 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel
+from rrrgen.identify.estimation.factoring import ScoredRows
 from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
 from rrrgen.identify.estimation.statistics import relative_error, rms
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.identify.friction_laws.surfaces import FrictionSurface, Sliding, law_columns, stated_laws
-from rrrgen.identify.scoring.bandwidth import Tuning, tune
+from rrrgen.identify.scoring.bandwidth import Tuning, reach, tune
 from rrrgen.identify.scoring.fingerprint import UNKNOWN, Label
 from rrrgen.identify.scoring.scores import Score, score_models
+from rrrgen.identify.scoring.split import Split
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import friction_terms
 from rrrgen.signals.decimation import Decimator
@@ -80,7 +82,8 @@ class Validation:
 
     ``relative_error`` is that of the ``used`` (N, n) rows; ``scores`` also holds the errors on all rows and on
     unfiltered torques. ``label`` states whether the data were held out; ``failures`` lists the thresholds missed, empty
-    if the model passes. ``tuning`` describes the filters, None if torques were compared as given.
+    if the model passes. ``tuning`` describes the filters, None if torques were compared as given; ``split`` the part of
+    the recordings that was scored.
     """
 
     joints: tuple[JointScore, ...]
@@ -94,6 +97,7 @@ class Validation:
     used: NDArray[np.bool_]
     scores: tuple[Score, ...] = ()
     tuning: Tuning | None = None
+    split: Split = field(default_factory=Split)
 
     @property
     def share(self) -> float:
@@ -111,6 +115,7 @@ class Validation:
             "passed": self.passed,
             "failures": list(self.failures),
             "scored_on": self.label,
+            "part": None if self.split.kind == "none" else str(self.split),
             "relative_error": self.relative_error,
             "share": self.share,
             "scores": [{"measured_on": score.where, **vars(score)} for score in self.scores],
@@ -169,6 +174,8 @@ def validate_recordings(
     processing: Processing,
     *,
     noise: Sequence[float] | None = None,
+    split: Split | None = None,
+    guard: float | None = None,
     **options: Any,
 ) -> Validation:
     """Score ``torque_model`` on recordings that are preprocessed exactly as for identification.
@@ -177,7 +184,8 @@ def validate_recordings(
     Samples below the lowest speed or with an invalid torque are left out, together with their neighbours within the
     main lobe of the filter. Settings that ``processing`` leaves None are chosen from the bandwidth of these recordings.
     ``noise`` (n,) is the standard deviation of the *recorded* torque, from which that of the filtered torque follows.
-    ``options`` are the other keyword arguments of :func:`score_torques`.
+    With a ``split``, only the part that it holds out is scored, at ``guard`` s from its borders (the reach of the
+    filters if None). ``options`` are the other keyword arguments of :func:`score_torques`.
     """
 
     def as_column(*motion: Array) -> Array:
@@ -187,7 +195,11 @@ def validate_recordings(
 
     tuning = tune(processing, recordings)
     chosen = tuning.processing
-    blocks = list(Observations(tuple(recordings), RowMaker(as_column, chosen, 1, sliding=sliding)))
+    split = split or Split()
+    if split.kind != "none":
+        split = split.guarded(reach(tuning) if guard is None else guard)
+    observations = Observations(tuple(recordings), RowMaker(as_column, chosen, 1, sliding=sliding))
+    blocks = list(observations if split.kind == "none" else ScoredRows(observations, split))
     left = None if noise is None else [value * noise_gain(chosen.decimate or 1) for value in noise]
     result = score_torques(
         np.concatenate([rows.t for rows in blocks]),
@@ -198,9 +210,11 @@ def validate_recordings(
         noise=left,
         **options,
     )
-    labels = (result.label, "held out")  # nothing is split off here
-    scores = score_models(("model",), as_column, recordings, tuning, labels=labels, sliding=sliding)
-    return replace(result, tuning=tuning, scores=scores)
+    held_out = split.kind != "none"
+    labels = ("the part left out of the scores", result.label) if held_out else (result.label, "held out")
+    scores = score_models(("model",), as_column, recordings, tuning, split, labels=labels, sliding=sliding)
+    scores = tuple(score for score in scores if score.data == result.label)
+    return replace(result, tuning=tuning, scores=scores, split=split)
 
 
 def _undisturbed(blocks: Sequence[Rows], decimate: int) -> NDArray[np.bool_]:

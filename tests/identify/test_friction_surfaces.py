@@ -67,4 +67,4 @@ def test_states_do_not_depend_on_where_the_recording_is_cut():
     cut = np.concatenate([rows.W for rows in Observations((log,), maker)])
     assert len(list(Observations((log,), maker).windows())) > 2
     assert cut == pytest.approx(whole, abs=1e-9)
-    assert np.ptp(whole[:, 1, 0]) > 0.1
+    assert np.ptp(whole[:, 1, 2]) > 0.1

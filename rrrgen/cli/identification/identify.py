@@ -26,6 +26,7 @@ from rrrgen.cli.progress import progress_bar
 from rrrgen.extras import require
 
 if TYPE_CHECKING:
+    from rrrgen.identify.cross_validation import CrossValidation
     from rrrgen.identify.identification import Identification
 
 
@@ -53,6 +54,12 @@ if TYPE_CHECKING:
     type=click.FloatRange(min=0),
     metavar="S",
     help="Guard band in seconds, left out on both sides of every border of --split; default: reach of the filters.",
+)
+@click.option(
+    "--cross-validate",
+    type=click.IntRange(min=2),
+    metavar="K",
+    help="Also fit K times, to all but one of K parts of the recordings, and score on that part.",
 )
 @click.option(
     "--friction",
@@ -92,6 +99,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     from dataclasses import replace
 
     from rrrgen import pipeline
+    from rrrgen.identify.cross_validation import cross_validate
     from rrrgen.identify.diagnosis.cause import merged
     from rrrgen.identify.diagnosis.report import diagnose_fit, diagnose_recordings
     from rrrgen.identify.friction_laws.choice import LawChoice
@@ -125,7 +133,19 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         jobs=options["jobs"],
         cluster=options["cluster"],
     )
-    named = ("estimator", "split", "guard", "friction", "fix", "consistent", "essential", "skip_truncated_line")
+    if options["cross_validate"] and options["split"] != "none":
+        raise click.UsageError("--cross-validate holds out every part in turn: leave --split away")
+    named = (
+        "estimator",
+        "split",
+        "cross_validate",
+        "guard",
+        "friction",
+        "fix",
+        "consistent",
+        "essential",
+        "skip_truncated_line",
+    )
     settings = {**processing.settings(), **{name: options[name] for name in named}}
     inputs = input_files(robot, logs, mappings)
     with (
@@ -146,14 +166,19 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             digest=folder.digest,
             progress=progress,
         )
+        validation = None
+        if options["cross_validate"]:
+            validation = cross_validate(model, recordings, processing, chosen, options["cross_validate"], progress)
+            folder.write_json("cross_validation.json", validation.to_json())
         progress(0, 0, "diagnosis")
         found = replace(found, diagnoses=merged([*before, *diagnose_fit(model, recordings, found)]))
         read = ", ".join(recording_names(mappings))
         write_identification(folder, found, spec, recordings=read, model=model, recording=recordings[0])
     if as_json:
-        print_json(_json_ready(as_record(found)))
+        more = {} if validation is None else {"cross_validation": validation.to_json()}
+        print_json(_json_ready(as_record(found) | more))
     else:
-        _report(found, output)
+        _report(found, recordings[0].joints, validation, output)
     print_causes([cause for cause in found.diagnoses if cause not in before], as_json)
     return 0
 
@@ -183,9 +208,9 @@ def _json_ready(value: Any) -> Any:
     return plain(value)
 
 
-def _report(found: Identification, output: Path) -> None:
+def _report(found: Identification, joints: tuple[str, ...], validation: CrossValidation | None, output: Path) -> None:
     from rrrgen.identify.parameter_report import parameter_lines
-    from rrrgen.identify.scoring.scores import score_table
+    from rrrgen.identify.scoring.scores import joint_table, score_table
 
     for line in parameter_lines(found):
         click.echo(line)
@@ -196,6 +221,17 @@ def _report(found: Identification, output: Path) -> None:
     if found.split.kind != "none":
         click.echo(f"data: {found.split}")
     for line in score_table(found.scores):
+        click.echo(line)
+    for line in joint_table(found.scores, joints):
+        click.echo(line)
+    for name, blocks in found.parts:
+        covered = found.band.coverage(blocks)
+        if covered is not None:
+            click.echo(
+                f"95 % band of the predicted torque: covers {100 * covered[0]:.1f} % of the rows {name}; "
+                f"{100 * covered[1]:.0f} % of its width is that of the parameters"
+            )
+    for line in () if validation is None else validation.lines():
         click.echo(line)
     for name, share in found.indefinite.items():
         click.echo(f"random poses with an indefinite mass matrix, {name}: {100 * share:.2f} %")

@@ -43,6 +43,18 @@ NO_RECORDING = Path("none")
     show_default=True,
     help="Largest torque error that passes, as a share of the RMS torque.",
 )
+@click.option(
+    "--split",
+    default="none",
+    show_default=True,
+    help="Score only the part that this split of `rrrgen identify` holds out: first:0.6, blocks:0.5, fold:2/5.",
+)
+@click.option(
+    "--guard",
+    type=click.FloatRange(min=0),
+    metavar="S",
+    help="Guard band in seconds on both sides of every border of --split; default: reach of the filters.",
+)
 @click.option("--require-held-out", is_flag=True, help="Fail unless the recordings are known not to have been fitted.")
 @click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
 @json_option
@@ -63,6 +75,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     from rrrgen.identify.estimation.definiteness import indefinite_share, pose_limits
     from rrrgen.identify.scoring.fingerprint import UNKNOWN, Common, Fingerprint, common_share, fingerprint
     from rrrgen.identify.scoring.scores import score_table
+    from rrrgen.identify.scoring.split import Split
     from rrrgen.identify.torque_plots import force_units
     from rrrgen.identify.validation import (
         Thresholds,
@@ -86,8 +99,12 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         raise click.UsageError(f"{robot} has no links: there are no torques to score")
     named = [path for path in options["fitted_on"] if path != NO_RECORDING]
     fitted = [open_log(path, skip_truncated=skip) for path in named]
+    split = Split.parse(options["split"])
     thresholds = Thresholds(relative_error=options["relative_error"], require_held_out=options["require_held_out"])
-    settings = {**processing.settings(), **{k: options[k] for k in ("relative_error", "require_held_out")}}
+    settings = {
+        **processing.settings(),
+        **{k: options[k] for k in ("relative_error", "require_held_out", "split", "guard")},
+    }
     settings["skip_truncated_line"] = skip
     settings["fitted_on"] = [str(path) for path in options["fitted_on"]]
     inputs = input_files(robot, logs, mappings) | input_files("", tuple(named), fitted, "fitted")
@@ -99,7 +116,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         known = [Fingerprint(fit.hashes, fit.windows) for fit in spec.provenance]
         known += [fingerprint([LogStream(mapping)]) for mapping in fitted]
         told = bool(known) or NO_RECORDING in options["fitted_on"]
-        common = common_share(known, recordings) if told else Common(0.0, 0)
+        common = common_share(known, recordings, split) if told else Common(0.0, 0)
         result = validate_recordings(
             robot_model(model),
             recordings,
@@ -107,6 +124,8 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             indefinite=indefinite_share(model.mass_matrix, *pose_limits(spec, model.n))[0],
             label=common.label,
             thresholds=thresholds,
+            split=split,
+            guard=options["guard"],
         )
         record = result.to_json() | {
             "share_of_own_data": common.share if common.looked else None,
@@ -128,6 +147,8 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             click.echo(line)
         own = f" ({100 * common.share:.0f} % of its windows of samples were fitted)" if common.looked and known else ""
         verdict = "passed" if result.passed else "FAILED: " + "; ".join(result.failures)
+        if split.kind != "none":
+            click.echo(f"data: {result.split}")
         click.echo(f"scored on {result.label}{own}; {verdict}")
         if result.label == UNKNOWN and not told:
             click.echo("the robot file does not tell what it was fitted to: say it with --fitted-on LOG, or none")

@@ -16,7 +16,7 @@ therefore estimated from a few hundred hashes (a sketch, as in Broder's minwise 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -76,7 +76,7 @@ class Common:
 
 def fingerprint(recordings: Sequence[Recording], split: Split | None = None) -> Fingerprint:
     """Fingerprint of the fitted part of ``recordings``, including the guard bands, into which the filters reach."""
-    whole = Split() if split is None else Split(split.kind, split.value)
+    whole = Split() if split is None else replace(split, guard=0.0)
     kept: Hashes = np.zeros(0, np.uint64)
     windows = 0
     for recording in recordings:
@@ -87,12 +87,15 @@ def fingerprint(recordings: Sequence[Recording], split: Split | None = None) -> 
     return Fingerprint(tuple(int(value) for value in kept[:size]), windows)
 
 
-def common_share(known: Sequence[Fingerprint], recordings: Sequence[Recording]) -> Common:
-    """Estimate the share of the windows of ``recordings`` that occur in the ``known`` fingerprints."""
+def common_share(known: Sequence[Fingerprint], recordings: Sequence[Recording], split: Split | None = None) -> Common:
+    """Estimate the share of the windows of ``recordings`` that occur in the ``known`` fingerprints.
+
+    With a ``split``, only windows of its held-out part are compared.
+    """
     top = max((each.range for each in known), default=(1 << BITS) - 1)
     seen: Hashes = np.zeros(0, np.uint64)
     for recording in recordings:
-        for hashes in window_hashes(recording, Split()):
+        for hashes in window_hashes(recording, split or Split(), held_out=split is not None and split.kind != "none"):
             seen = np.unique(np.concatenate([seen, hashes[hashes <= np.uint64(top)]]))
     share, looked = 0.0, len(seen)
     for each in known:
@@ -103,8 +106,9 @@ def common_share(known: Sequence[Fingerprint], recordings: Sequence[Recording]) 
     return Common(min(1.0, share), looked)
 
 
-def window_hashes(recording: Recording, split: Split) -> Iterator[Hashes]:
-    """Iterate over the hashes of all windows in the fitted part of a recording, in blocks."""
+def window_hashes(recording: Recording, split: Split, held_out: bool = False) -> Iterator[Hashes]:
+    """Iterate over the hashes of all windows in the fitted or the held-out part of a recording, in blocks."""
+    chosen = split.scored if held_out else split.fitted
     start, duration = recording.span
     step = recording.period * max(1, int(SPACING / recording.period + 0.25))
     pending: Part | None = None
@@ -119,7 +123,7 @@ def window_hashes(recording: Recording, split: Split) -> Iterator[Hashes]:
         wanted = rows.t[:length, None] + step * np.arange(count)
         at = np.minimum(np.searchsorted(rows.t, wanted - 0.5 * recording.period), len(rows) - 1)
         there = np.all(np.abs(rows.t[at] - wanted) <= 0.5 * recording.period, axis=1)
-        usable = split.fitted(rows.t, start, duration) & np.all(np.isfinite(rows.tau), axis=1)
+        usable = chosen(rows.t, start, duration) & np.all(np.isfinite(rows.tau), axis=1)
         at = at[there & usable[at].all(axis=1)]
         if len(at):  # a block may hold no window of the fitted part
             yield _hashed(rows.q[at].reshape(len(at), -1), rows.tau[at].reshape(len(at), -1))

@@ -32,7 +32,8 @@ class Score:
 
     ``data`` states whether the rows were fitted, ``torque`` how they are filtered, ``rows`` whether slow ones are left
     out (``moving``) or not (``all``). ``count`` rows are scored, a ``share`` of all rows of these data; rows with an
-    invalid torque never are. The errors are None if no row is left.
+    invalid torque never are. ``joint_rms``, ``joint_relative`` and ``joint_counts`` (n,) are the same joint by joint.
+    The errors are None if no row is left.
     """
 
     estimate: str
@@ -44,6 +45,8 @@ class Score:
     relative_error: float | None
     rms: float | None
     joint_rms: tuple[float, ...] | None
+    joint_relative: tuple[float, ...] | None = None
+    joint_counts: tuple[int, ...] = ()
 
     @property
     def where(self) -> str:
@@ -123,11 +126,14 @@ class _Sums:
         """The errors of one model."""
         count, squares = int(np.sum(self.counts)), self.error[:, model]
         known: dict[str, Any] = {"relative_error": None, "rms": None, "joint_rms": None}
+        known["joint_counts"] = tuple(int(v) for v in self.counts)
         if count:
             size = max(float(np.sum(self.torque)), np.finfo(float).tiny)
             known["relative_error"] = float(np.sqrt(np.sum(squares) / size))
             known["rms"] = float(np.sqrt(np.sum(squares) / count))
             known["joint_rms"] = tuple(float(v) for v in np.sqrt(squares / np.maximum(1, self.counts)))
+            own = np.maximum(self.torque, np.finfo(float).tiny)
+            known["joint_relative"] = tuple(float(v) for v in np.sqrt(squares / own))
         return Score(estimate, data, torque, rows, count, count / self.total, **known)
 
 
@@ -143,4 +149,18 @@ def score_table(scores: Sequence[Score]) -> list[str]:
         errors = (found[name].relative_error for name in names)
         cells = ("-" if error is None else f"{100 * error:.3g} %" for error in errors)
         lines.append(f"{where:<{width}}" + "".join(f"  {cell:>12}" for cell in cells))
+    return lines
+
+
+def joint_table(scores: Sequence[Score], joints: Sequence[str]) -> list[str]:
+    """Lines of a table of relative errors joint by joint, of the rows as they are fitted."""
+    first: dict[tuple[str, str], Score] = {}
+    for score in scores:
+        if score.joint_relative is not None:
+            first.setdefault((score.data, score.estimate), score)
+    rows = {f"{data}, {estimate}": score.joint_relative for (data, estimate), score in first.items()}
+    width = max((len(name) for name in (*rows, "by joint")), default=0)
+    lines = [f"{'by joint':<{width}}" + "".join(f"  {name[:10]:>10}" for name in joints)]
+    for name, errors in rows.items():
+        lines.append(f"{name:<{width}}" + "".join(f"  {f'{100 * error:.3g} %':>10}" for error in errors or ()))
     return lines

@@ -1,0 +1,102 @@
+"""Blocked cross-validation: every part of the recordings is predicted by a model fitted to all other parts.
+
+Parts are contiguous, because neighbouring samples are correlated, and have guard bands. Everything is fitted anew for
+each part: filters, friction laws and their shapes, weights, and the physically consistent estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.identify.estimation.factoring import Progress
+from rrrgen.identify.estimation.full_regressor import RigidModel
+from rrrgen.identify.estimation.observations import Recording
+from rrrgen.identify.identification import identify
+from rrrgen.identify.options import Options
+from rrrgen.identify.scoring.scores import Score
+from rrrgen.identify.scoring.split import Split
+from rrrgen.signals.processing import Processing
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """Held-out errors of every part: ``parts[k]`` holds the score of each estimate on the rows as they are fitted."""
+
+    joints: tuple[str, ...]
+    parts: tuple[tuple[Score, ...], ...]
+
+    def pooled(self, estimate: int) -> tuple[float, Array]:
+        """Relative error of one estimate over all parts, and that of every joint (n,)."""
+        squares, size = np.zeros(len(self.joints)), np.zeros(len(self.joints))
+        for part in self.parts:
+            score = part[estimate]
+            own = np.square(score.joint_rms or 0.0) * np.array(score.joint_counts)
+            squares += own
+            size += own / np.maximum(np.square(score.joint_relative or 1.0), np.finfo(float).tiny)
+        size = np.maximum(size, np.finfo(float).tiny)
+        return float(np.sqrt(np.sum(squares) / np.sum(size))), np.sqrt(squares / size)
+
+    @property
+    def estimates(self) -> tuple[str, ...]:
+        """The names of the estimates."""
+        return tuple(score.estimate for score in self.parts[0])
+
+    def lines(self) -> list[str]:
+        """A table of the errors of every part and joint, as text."""
+        names = self.estimates
+        lines = [f"cross-validation, {len(self.parts)} parts: relative torque error on the part left out"]
+        lines.append(f"{'part':<8}" + "".join(f"  {name:>12}" for name in names))
+        for k, part in enumerate(self.parts):
+            errors = ("-" if s.relative_error is None else f"{100 * s.relative_error:.3g} %" for s in part)
+            lines.append(f"{k + 1:<8}" + "".join(f"  {error:>12}" for error in errors))
+        found = [self.pooled(i) for i in range(len(names))]
+        lines.append(f"{'all':<8}" + "".join(f"  {f'{100 * total:.3g} %':>12}" for total, _ in found))
+        for j, joint in enumerate(self.joints):
+            lines.append(f"{joint[:8]:<8}" + "".join(f"  {f'{100 * each[j]:.3g} %':>12}" for _, each in found))
+        return lines
+
+    def to_json(self) -> dict[str, Any]:
+        """Errors of all parts and joints as plain data."""
+        pooled = [self.pooled(i) for i in range(len(self.estimates))]
+        return {
+            "parts": [[vars(score) for score in part] for part in self.parts],
+            "relative_error": {name: total for name, (total, _) in zip(self.estimates, pooled, strict=True)},
+            "joint_relative_error": {name: each for name, (_, each) in zip(self.estimates, pooled, strict=True)},
+        }
+
+
+def cross_validate(
+    model: RigidModel,
+    recordings: Sequence[Recording],
+    processing: Processing,
+    options: Options,
+    parts: int,
+    progress: Progress | None = None,
+) -> CrossValidation:
+    """Fit to all but one of ``parts`` equal parts of the recordings and score on that one, for each in turn.
+
+    ``options`` are those of the fit, without a split. Raises InputError for fewer than two parts, for a split, and for
+    parts of which nothing is left between guard bands.
+    """
+    if parts < 2:
+        raise InputError(f"{parts} part: cross-validation needs two or more")
+    if options.split.kind != "none":
+        raise InputError("cross-validation holds out every part in turn: leave the split of the data away")
+    plain = replace(options, correlated=False, essential=False, poses=2)
+    found = []
+    for part in range(1, parts + 1):
+        if progress is not None:
+            progress(part, parts, f"cross-validation, part {part} of {parts}")
+        result = identify(model, recordings, processing, replace(plain, split=Split("fold", float(part), parts=parts)))
+        held_out = [score for score in result.scores if score.data == "held out"]
+        if not held_out or held_out[0].relative_error is None:
+            guard = f"guard bands of {result.split.guard:.3g} s"
+            raise InputError(f"part {part} of {parts} has no rows beside {guard}: choose fewer parts")
+        found.append(tuple(score for score in held_out if score.where == held_out[0].where))
+    return CrossValidation(tuple(recordings[0].joints), tuple(found))

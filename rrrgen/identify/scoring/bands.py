@@ -1,0 +1,56 @@
+"""Uncertainty of predicted torques: a band from the covariance of the parameters and the scatter of the residuals.
+
+The variance of a measured torque about the prediction ``W theta`` is ``w C w' + sigma_j^2``: that of the parameters,
+with the covariance C, and that of the residuals of the joint on the fitted rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.identify.estimation.tsqr import Rows
+
+BAND = 1.96
+"""Half width of a 95 % band in standard deviations."""
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueBand:
+    """Parameters ``theta`` (p,) of all columns with covariance ``root root'`` (p, p); residuals ``sigma`` (n,), N m."""
+
+    theta: Array
+    root: Array
+    sigma: Array
+
+    @classmethod
+    def of(cls, theta: Array, to_columns: Array, covariance: Array, sigma: Array) -> TorqueBand:
+        """From the ``covariance`` (r, r) of the identifiable parameters, which ``to_columns`` (p, r) maps to theta."""
+        values, V = np.linalg.eigh(0.5 * (covariance + covariance.T))
+        return cls(theta, to_columns @ (V * np.sqrt(np.maximum(values, 0.0))), sigma)
+
+    def parameters(self, W: Array) -> Array:
+        """Standard deviation (N, n) of the predicted torque, N m (N), from the parameters alone; W is (N, n, p)."""
+        return np.asarray(np.linalg.norm(W @ self.root, axis=-1))
+
+    def total(self, W: Array) -> Array:
+        """Standard deviation (N, n) of the measured torque about the prediction, N m (N)."""
+        return np.asarray(np.hypot(self.parameters(W), self.sigma))
+
+    def coverage(self, blocks: Iterable[Rows]) -> tuple[float, float] | None:
+        """Share of the rows in use inside the 95 % band, and the RMS share of the parameters in its half width.
+
+        None without rows.
+        """
+        inside = count = 0
+        own = all_ = 0.0
+        for rows in blocks:
+            total = self.total(rows.W)
+            inside += int(np.sum(rows.use & (np.abs(rows.tau - rows.W @ self.theta) <= BAND * total)))
+            count += int(np.sum(rows.use))
+            own += float(np.sum(np.where(rows.use, self.parameters(rows.W), 0.0) ** 2))
+            all_ += float(np.sum(np.where(rows.use, total, 0.0) ** 2))
+        return None if count == 0 or all_ == 0.0 else (inside / count, float(np.sqrt(own / all_)))
