@@ -20,6 +20,7 @@ EXTRAS = {
     "distributed": "cluster",
     "control": "response",
     "nfoursid": "response",
+    "pandas": "response",
 }
 """Top-level module -> the extra of pyproject.toml that installs it."""
 

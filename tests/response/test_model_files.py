@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from backends.c_tools import C99, CXX, compile_all, compiler
+from rrrgen.backends.c.functions import function_files
 from rrrgen.cli.main import run
 from rrrgen.control.linear_step import linear_step_program
 from rrrgen.control.state_space import realize
@@ -38,7 +39,7 @@ int main(void)
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """Recordings of two postures, and the results of both commands in double and float."""
+    """Recordings of two postures, and the results of both commands."""
     folder = tmp_path_factory.mktemp("postures")
     rng = np.random.default_rng(8)
     for name, modes in POSTURES.items():
@@ -50,13 +51,12 @@ def recorded(tmp_path_factory):
     )
     assert run(["frf", str(folder / "log.yaml"), "-o", str(folder / "frf")]) == 0
     log = str(folder / "frf/results/frf.json")
-    for real in ("double", "float"):
-        assert run(["response-model", log, "--real", real, "-o", str(folder / real)]) == 0
+    assert run(["response-model", log, "-o", str(folder / "model")]) == 0
     return folder
 
 
 def test_resonances_of_every_posture(recorded):
-    found = json.loads((recorded / "double/results/response_model.json").read_text())
+    found = json.loads((recorded / "model/results/response_model.json").read_text())
     assert [each["name"] for each in found["postures"]] == list(POSTURES)
     assert found["a"] == found["postures"][0]["a"]
     assert found["refused"] == {}
@@ -74,14 +74,14 @@ def test_resonances_of_every_posture(recorded):
             min(each["frequency"] for each in mode["postures"].values()),
             pytest.approx(max(each["frequency"] for each in mode["postures"].values())),
         ]
-    assert (recorded / "double/figures/resonances.png").is_file()
-    assert (recorded / "double/figures/response_model.png").is_file()
+    assert (recorded / "model/figures/resonances.png").is_file()
+    assert (recorded / "model/figures/response_model.png").is_file()
 
 
 def test_recordings_of_postures_need_no_frf_before(recorded, tmp_path):
     assert run(["response-model", str(recorded / "log.yaml"), "-o", str(tmp_path / "run")]) == 0
     direct = json.loads((tmp_path / "run/results/response_model.json").read_text())
-    before = json.loads((recorded / "double/results/response_model.json").read_text())
+    before = json.loads((recorded / "model/results/response_model.json").read_text())
     assert direct["resonances_over_postures"] == before["resonances_over_postures"]
 
 
@@ -132,10 +132,16 @@ def test_modes_are_matched_by_frequency_and_kept_apart_where_they_differ():
 @pytest.mark.parametrize("real", ["double", "float"])
 @pytest.mark.parametrize(("name", "flags"), [("gcc", C99), ("clang", C99), ("g++", CXX)])
 def test_step_in_c_equals_python(recorded, tmp_path, name, flags, real):
-    model = read_response_models(recorded / real / "results/response_model.json")[0]
+    model = read_response_models(recorded / "model/results/response_model.json")[0]
     states = model.state_space()
-    for each in ("response_model.c", "response_model.h"):
-        (tmp_path / each).write_text((recorded / real / "results" / each).read_text())
+    step = linear_step_program([states], PERIOD, "step_up", "the linear model of up")
+    files = function_files("response_model", "a linear model", [step], real)
+    if real == "double":
+        written = (recorded / "model/results/response_model.c").read_text()
+        body = files["response_model.c"].partition("{")[2].partition("}")[0]
+        assert body in written
+    for each, text in files.items():
+        (tmp_path / each).write_text(text)
     (tmp_path / "driver.c").write_text(DRIVER % {"n": len(states.B)})
     program = compile_all(tmp_path, [compiler(name), *flags, "-O2", "-ffp-contract=off"])
     u = np.random.default_rng(0).standard_normal(1000)
@@ -167,7 +173,7 @@ def test_state_space_is_the_difference_equation():
 
 
 def test_python_control_has_the_same_response(recorded, tmp_path):
-    file = recorded / "double/results/response_model.json"
+    file = recorded / "model/results/response_model.json"
     model = read_response_models(file)[1]
     # in a process of its own: beside these tests, "control" is a folder of tests
     code = (
@@ -193,7 +199,7 @@ def test_files_that_are_no_model_are_refused(recorded, tmp_path):
         read_response_models(tmp_path / "none.json")
     with pytest.raises(InputError, match="no response model"):
         read_response_models(recorded / "frf/results/frf.json")
-    found = json.loads((recorded / "double/results/response_model.json").read_text())
+    found = json.loads((recorded / "model/results/response_model.json").read_text())
     found["postures"][0]["sampling_period"] = 0
     (tmp_path / "model.json").write_text(json.dumps(found))
     with pytest.raises(InputError, match="sampling period"):

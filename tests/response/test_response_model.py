@@ -9,7 +9,9 @@ import pytest
 from rrrgen.cli.main import run
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.response.estimators.estimate import estimate_one
-from rrrgen.response.models.difference_models import arx, fit_difference_model, free_run, plant_of_loop
+from rrrgen.response.models.armax import armax
+from rrrgen.response.models.difference_models import fit_difference_model, free_run, plant_of_loop
+from rrrgen.response.models.equations import arx
 from rrrgen.response.models.modal_fit import fit_modes
 from rrrgen.response.models.response_model import ResponseModel
 from rrrgen.response.response_file import ResponseRecording
@@ -92,6 +94,39 @@ def test_least_squares_are_exact_without_noise(delay):
     assert np.allclose(found.a, TWO_MODES[0], atol=1e-9)
     assert np.allclose(found.b, b, atol=1e-9)
     assert np.allclose(free_run(found, u, y, 20, 60), y[20:], atol=1e-8)
+
+
+def test_armax_is_right_where_arx_is_biased():
+    """Noise through C/A: least squares on y take it for dynamics."""
+    rng = np.random.default_rng(4)
+    a, b, c = np.array([1.5, -0.8]), np.array([1.0, 0.5]), np.array([1.0, -0.9, 0.3])
+    u, e = rng.standard_normal((2, 2000))
+    noise = simulated(a, c, 0, 0.8 * e)
+    y = simulated(a, b, 1, u) + noise
+    plain = arx(u, y, 0, len(u), 2, 1)
+    found = armax(plain, u, y, 0, len(u))
+    assert np.abs(plain.a - a).max() > 5 * np.abs(found.a - a).max()
+    std = np.sqrt(np.diag(found.covariance))
+    assert np.all(np.abs(np.concatenate([found.a - a, found.b - b])) < 4 * std)
+    assert std.max() < 0.05
+
+
+def test_subspace_models_have_the_same_modes(swinging):
+    pytest.importorskip("nfoursid", reason="nfoursid is not installed (extra: response)")
+    recording, _ = swinging
+    model = fit_difference_model(recording, (1, 400), "subspace")
+    assert model.method == "subspace"
+    assert model.fit["free_run_with_state_from_fitted_rows"] > 95.0
+    weak = [mode for mode in model.resonances if mode.damping < 0.01]
+    for found, (w, damping) in zip(weak, ((0.366, 0.006), (0.796, 0.005)), strict=True):
+        assert 2 * np.pi * found.frequency == pytest.approx(w, rel=5e-3)
+        assert found.damping == pytest.approx(damping, rel=0.2)
+        assert found.frequency_std is None
+    long = ResponseRecording("long", 1.0, *(np.tile(x, 3) for x in (recording.n, recording.u, recording.q)))
+    with pytest.raises(DerivationError, match="choose up to 3000"):
+        fit_difference_model(long, (1, 4000), "subspace")
+    with pytest.raises(DerivationError, match="too few for subspace"):
+        fit_difference_model(recording, (1, 20), "subspace")
 
 
 def test_plant_follows_from_the_loop_and_its_controller():

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from rrrgen.program import Program
     from rrrgen.response.models.fitting import FittedModels
     from rrrgen.response.models.response_model import Resonance, ResponseModel
+    from rrrgen.simulate.elastic_modes import ElasticMode
 
-METHODS = ("auto", "modes", "arx", "output_error", "indirect")
+METHODS = ("auto", "modes", "arx", "armax", "output_error", "subspace", "indirect")
 
 
 def _rows(ctx: click.Context, parameter: click.Parameter, value: str | None) -> tuple[int, int] | None:
@@ -46,9 +47,9 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
     """Fit a linear model with its resonances to a recording (response file) or to a frf.json of `rrrgen frf`.
 
     auto fits modes to the frequency response where the recording has an excitation beside the input (a closed loop),
-    and otherwise a difference equation: ARX or output error. Orders are chosen within the rows to fit. Several postures
-    get a model each. Writes results/response_model.json, C of one step of the model in state space, and figures. Exits
-    with 1 where the response of a posture cannot be trusted.
+    and otherwise a difference equation: ARX, ARMAX or output error. Orders are chosen within the rows to fit. Several
+    postures get a model each. Writes results/response_model.json, C of one step of the model in state space, and
+    figures. Exits with 1 where the response of a posture cannot be trusted.
 
     --robot and --experiment, the file that `rrrgen simulate --response` reads, print the resonances that the mass
     matrix of the robot and the elastic joints and base of the experiment lead to beside the measured ones.
@@ -67,6 +68,12 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
 
     rows, method = options["fit_rows"], options["method"]
     inputs = {"log": str(log)}
+    computed = None
+    if (options["robot"] is None) != (options["experiment"] is None):
+        raise click.UsageError("--robot and --experiment belong together")
+    if options["robot"] is not None:
+        computed = _expected(options["robot"], options["experiment"])
+        inputs["experiment"] = str(options["experiment"])
     if log.suffix.lower() == ".json":
         from rrrgen.response.frequency_response import read_responses
 
@@ -77,13 +84,10 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
         response = load_response(log)
         inputs |= {f"file {source.name}": str(source.path) for source in response.files}
         found = fit_recordings(response, rows, method)
-    if (options["robot"] is None) != (options["experiment"] is None):
-        raise click.UsageError("--robot and --experiment belong together")
     settings = {"fit_rows": rows, "method": method, "real": options["real"]}
     record = found.to_json()
-    if options["robot"] is not None:
-        inputs["experiment"] = str(options["experiment"])
-        record["elastic_model"] = _beside(found, options["robot"], options["experiment"])
+    if computed is not None:
+        record["elastic_model"] = _beside(found, computed)
     with RunFolder(output, "response-model", inputs, settings, 0, options["fresh"]) as folder:
         folder.write_json("response_model.json", record)
         for name, text in function_files(
@@ -101,21 +105,25 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
     return 1 if found.refused else 0
 
 
-def _beside(found: FittedModels, robot: str, file: Path) -> list[dict[str, Any]]:
-    """Measured resonances beside those of the elastic robot of an experiment file, posture by posture."""
+def _expected(robot: str, file: Path) -> list[list[ElasticMode]]:
+    """The modes of the elastic robot of an experiment file, posture by posture."""
     from rrrgen.cli.arguments import read_with_warnings
-    from rrrgen.errors import InputError
-    from rrrgen.experiments.elastic_comparison import beside, expected_modes
+    from rrrgen.experiments.elastic_comparison import expected_modes
     from rrrgen.experiments.experiment_file import load_experiment
     from rrrgen.pipeline import compile
 
     spec = read_with_warnings(robot)
-    computed = expected_modes(load_experiment(file, spec.n), compile(spec))
+    return expected_modes(load_experiment(file, spec.n), compile(spec))
+
+
+def _beside(found: FittedModels, computed: list[list[ElasticMode]]) -> list[dict[str, Any]]:
+    """Measured resonances beside computed ones."""
+    from rrrgen.errors import InputError
+    from rrrgen.experiments.elastic_comparison import beside
+
     names = [each.name for each in found.measured] or [each.name for each in found.models]
     if len(names) != len(computed):
-        raise InputError(
-            f"{file} has {len(computed)} postures in its section `response`, the responses are {len(names)}"
-        )
+        raise InputError(f"{len(names)} postures are measured, the experiment file has {len(computed)} (`response`)")
     return beside(found.models, dict(zip(names, computed, strict=True)))
 
 

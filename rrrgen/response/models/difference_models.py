@@ -1,9 +1,10 @@
-"""Difference equations fitted to recordings: ARX (14.41) and output error, the order chosen on rows left out."""
+"""Difference equations fitted to recordings: ARX (14.41), ARMAX, output error and subspace models, the order chosen on
+rows left out.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,10 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.response.controller import Controller
+from rrrgen.response.models.armax import armax
+from rrrgen.response.models.equations import Equation, arx
 from rrrgen.response.models.response_model import ResponseModel, resonances_of
+from rrrgen.response.models.subspace import SubspaceIdentification
 from rrrgen.response.response_file import ResponseRecording
 
 HIGHEST_ORDER = 20
@@ -19,21 +23,6 @@ VALIDATION = 0.25  # of the rows to fit: the last ones choose the order
 NEARLY_BEST = 1.2  # times the smallest validation error: the lowest order below it is taken
 REFINEMENTS = 20
 PREFILTERS = 10
-
-
-@dataclass(frozen=True)
-class Equation:
-    """``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}`` with the covariance of [a, b]."""
-
-    a: Array
-    b: Array
-    delay: int
-    covariance: Array
-
-    @property
-    def past(self) -> int:
-        """Rows before the first one that can be computed."""
-        return max(len(self.a), self.delay + len(self.b) - 1)
 
 
 def fit_difference_model(
@@ -44,9 +33,10 @@ def fit_difference_model(
 ) -> ResponseModel:
     """The model of a recording fitted on ``rows`` (first, last, counted from 1; all but the last third by default).
 
-    ``method`` is "arx" or "output_error", "auto" for the better of both on the validation rows, or "indirect": an ARX
-    model from n to q, from which the plant follows with the controller. Orders are chosen inside the rows to fit; the
-    others are the test of the model. Raises :class:`DerivationError` for too few rows.
+    ``method`` is "arx", "armax" or "output_error"; "auto", the best of them on the validation rows; "subspace" (extra
+    ``response``); or "indirect": an ARX model from n to q, from which the plant follows with the controller. Orders are
+    chosen inside the rows to fit, the others are the test of the model. Raises :class:`DerivationError` for too few
+    rows.
     """
     u = record.n if method == "indirect" else record.u
     if method == "indirect" and controller is None:
@@ -73,9 +63,7 @@ def fit_difference_model(
         )
     limit = NEARLY_BEST * min(finite)[0]
     _, order, kind, delay = min((each[1], each) for each in finite if each[0] <= limit)[1]
-    equation = arx(u, y, start, stop, order, delay)
-    if kind == "output_error":
-        equation = output_error(equation, u, y, start, stop)
+    equation = _fitted(kind, u, y, start, stop, order, delay)
     fit = _scores(equation, u, y, start, stop)
     a, b, delay = equation.a, equation.b, equation.delay
     covariance: Array | None = equation.covariance[: len(a), : len(a)]
@@ -98,34 +86,29 @@ def fit_difference_model(
 def _candidates(
     u: Array, y: Array, start: int, stop: int, method: str, least_delay: int
 ) -> Iterator[tuple[Equation, str]]:
+    """Models of rising order on the rows [start, stop), each with its kind."""
+    kinds = {"auto": ("arx", "armax", "output_error"), "indirect": ("arx",)}.get(method, (method,))
+    subspace = SubspaceIdentification(u, y, start, stop) if method == "subspace" else None
     for order in range(1, HIGHEST_ORDER + 1):
+        if subspace is not None:
+            if order > subspace.highest_order:
+                return
+            yield subspace.model(order), "subspace"
+            continue
         for delay in (least_delay,) if least_delay == 0 else (1, 2):
             if stop - start - order < 3 * (2 * order + 1):
                 return
-            equation = arx(u, y, start, stop, order, delay)
-            if method != "output_error":
-                yield equation, "arx"
-            if method in ("output_error", "auto"):
-                yield output_error(equation, u, y, start, stop), "output_error"
+            for kind in kinds:
+                yield _fitted(kind, u, y, start, stop, order, delay), kind
 
 
-def arx(u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Equation:
-    """Least squares ``theta = F# Q`` (14.41) on the rows [start, stop): order coefficients a, as many b from the delay
-    on, one more without delay.
-
-    Row k of F is ``[y_{k-1} .. y_{k-n}, u_{k-delay} .. ]``; the last one is that of k = stop - 1, so that the columns
-    of (14.42) end at t_{zeta-n} (the book's t_{zeta-n+1} is a misprint).
-    """
-    size = order + 1 if delay == 0 else order
-    past = max(order, delay + size - 1)
-    k = np.arange(start + past, stop)
-    F = np.column_stack([*(y[k - i] for i in range(1, order + 1)), *(u[k - delay - j] for j in range(size))])
-    scale = np.linalg.norm(F, axis=0)
-    theta, _, _, _ = np.linalg.lstsq(F / scale, y[k], rcond=1e-13)
-    theta = theta / scale
-    variance = float(np.sum((y[k] - F @ theta) ** 2)) / max(len(k) - len(theta), 1)
-    covariance = variance * np.linalg.pinv((F / scale).T @ (F / scale)) / np.outer(scale, scale)
-    return Equation(theta[:order], theta[order:], delay, covariance)
+def _fitted(kind: str, u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Equation:
+    if kind == "subspace":
+        return SubspaceIdentification(u, y, start, stop).model(order)
+    equation = arx(u, y, start, stop, order, delay)
+    if kind == "armax":
+        return armax(equation, u, y, start, stop)
+    return output_error(equation, u, y, start, stop) if kind == "output_error" else equation
 
 
 def free_run(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Array:
@@ -276,8 +259,7 @@ def _scores(equation: Equation, u: Array, y: Array, start: int, stop: int) -> di
     k = np.arange(begin, end)
     step = sum(c * y[k - i] for i, c in enumerate(equation.a, start=1))
     step = step + sum(c * u[k - equation.delay - j] for j, c in enumerate(equation.b))
-    rest = np.zeros_like(y)
-    quiet = free_run(equation, np.concatenate([np.zeros(begin), u[begin:]]), rest, begin, end)
+    quiet = free_run(equation, u, np.zeros_like(y), 0, end)[begin:]
     continued = continued_run(equation, u, y, start, begin, end) if after else free_run(equation, u, y, begin, end)
     part = y[begin:end]
     return {

@@ -48,7 +48,8 @@ def fit_responses(measured: Sequence[FrequencyResponse]) -> FittedModels:
 
 
 def fit_recordings(response: ResponseFile, rows: tuple[int, int] | None, method: str) -> FittedModels:
-    """Models of the recordings of a response file by ``method``: auto, modes, arx, output_error or indirect.
+    """Models of the recordings of a response file by ``method``: auto, modes, arx, armax, output_error,
+    subspace or indirect.
 
     "auto" fits modes to the frequency response where the recording has an excitation beside the input (a closed loop)
     or there are several, and a difference equation otherwise.

@@ -1,0 +1,103 @@
+"""ARMAX models ``A y = B u + C e``: noise that is neither at the output alone nor in the equation alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.response.models.equations import Equation
+
+REFINEMENTS = 20
+LONG_ORDER = 2  # times the order: the ARX model whose residuals stand for e at the start
+
+
+def armax(start_from: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
+    """The model with the smallest one-step errors e on the rows [start, stop), C of the order of A.
+
+    Begins with least squares on estimated e (Hannan-Rissanen) and refines by Levenberg-Marquardt steps: the derivatives
+    of e are past outputs, inputs and errors filtered by 1/C. Zeros of C outside the unit circle are reflected. The
+    equation that is returned holds A and B; e is for its uncertainty.
+    """
+    order, size, delay = len(start_from.a), len(start_from.b), start_from.delay
+    part_y, part_u = y[start:stop], u[start:stop]
+    theta = _begin(start_from, part_u, part_y)
+    e = _errors(theta, order, size, delay, part_u, part_y)
+    cost, damping, information = _cost(e), 1e-3, np.eye(len(theta))
+    for _ in range(REFINEMENTS):
+        J = _derivatives(theta, order, size, delay, part_u, part_y, e)
+        if not np.all(np.isfinite(J)):
+            break
+        information = J.T @ J
+        step = np.linalg.lstsq(information + damping * np.diag(np.diag(information)), -J.T @ e, rcond=None)[0]
+        trial = theta + step
+        trial[order + size :] = _inside(trial[order + size :])
+        e_new = _errors(trial, order, size, delay, part_u, part_y)
+        if _cost(e_new) < cost:
+            done = cost - _cost(e_new) < 1e-7 * cost
+            theta, e, cost, damping = trial, e_new, _cost(e_new), damping / 5.0
+            if done:
+                break
+        else:
+            damping *= 10.0
+    variance = cost / max(len(e) - len(theta), 1)
+    covariance = variance * np.linalg.pinv(information, hermitian=True)[: order + size, : order + size]
+    return Equation(theta[:order], theta[order : order + size], delay, covariance)
+
+
+def _cost(e: Array) -> float:
+    found = float(e @ e)
+    return found if np.isfinite(found) else np.inf
+
+
+def _columns(order: int, size: int, delay: int, u: Array, y: Array) -> Array:
+    """Past outputs and inputs (N, order + size), zeros before the first row."""
+    shifts = [(y, i) for i in range(1, order + 1)] + [(u, delay + j) for j in range(size)]
+    columns = np.zeros((len(y), len(shifts)))
+    for column, (signal, shift) in zip(columns.T, shifts, strict=True):
+        column[shift:] = signal[: len(y) - shift]
+    return columns
+
+
+def _begin(start_from: Equation, u: Array, y: Array) -> Array:
+    order, size, delay = len(start_from.a), len(start_from.b), start_from.delay
+    many = LONG_ORDER * order + 1
+    F = _columns(many, many, delay, u, y)
+    if len(y) <= 3 * F.shape[1]:
+        return np.concatenate([start_from.a, start_from.b, np.zeros(order)])
+    e = y - F @ np.linalg.lstsq(F, y, rcond=1e-12)[0]
+    G = np.column_stack([_columns(order, size, delay, u, y), _columns(order, 0, 0, e, e)])
+    theta = np.linalg.lstsq(G[many:], y[many:], rcond=1e-12)[0]
+    theta[order + size :] = _inside(theta[order + size :])
+    return np.asarray(theta)
+
+
+def _inside(c: Array) -> Array:
+    """``c`` of ``1 + sum c_l z^-l`` with its zeros inside the unit circle."""
+    roots = np.roots(np.concatenate([[1.0], c]))
+    sizes = np.abs(roots)
+    outside = sizes > 0.999
+    if not np.any(outside):
+        return c
+    inner = np.minimum(1.0 / np.maximum(sizes, 1.0), 0.999)
+    reflected = np.where(outside, roots / np.maximum(sizes, 1e-12) * inner, roots)
+    found = np.real(np.poly(reflected))[1:]
+    return np.concatenate([found, np.zeros(len(c) - len(found))])
+
+
+def _errors(theta: Array, order: int, size: int, delay: int, u: Array, y: Array) -> Array:
+    from scipy.signal import lfilter
+
+    rest = y - _columns(order, size, delay, u, y) @ theta[: order + size]
+    rest[: max(order, delay + size - 1)] = 0.0  # the rows whose past is not known
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(lfilter([1.0], np.concatenate([[1.0], theta[order + size :]]), rest))
+
+
+def _derivatives(theta: Array, order: int, size: int, delay: int, u: Array, y: Array, e: Array) -> Array:
+    """Of the errors (N,) by theta = [a, b, c]."""
+    from scipy.signal import lfilter
+
+    columns = np.column_stack([_columns(order, size, delay, u, y), _columns(order, 0, 0, e, e)])
+    columns[: max(order, delay + size - 1)] = 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(-lfilter([1.0], np.concatenate([[1.0], theta[order + size :]]), columns, axis=0))

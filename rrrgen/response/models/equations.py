@@ -1,0 +1,43 @@
+"""Difference equations and their least-squares fit (14.41)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.arrays import Array
+
+
+@dataclass(frozen=True)
+class Equation:
+    """``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}`` with the covariance of [a, b]."""
+
+    a: Array
+    b: Array
+    delay: int
+    covariance: Array
+
+    @property
+    def past(self) -> int:
+        """Rows before the first one that can be computed."""
+        return max(len(self.a), self.delay + len(self.b) - 1)
+
+
+def arx(u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Equation:
+    """Least squares ``theta = F# Q`` (14.41) on the rows [start, stop): order coefficients a, as many b from the delay
+    on, one more without delay.
+
+    Row k of F is ``[y_{k-1} .. y_{k-n}, u_{k-delay} .. ]``; the last one is that of k = stop - 1, so that the columns
+    of (14.42) end at t_{zeta-n} (the book's t_{zeta-n+1} is a misprint).
+    """
+    size = order + 1 if delay == 0 else order
+    past = max(order, delay + size - 1)
+    k = np.arange(start + past, stop)
+    F = np.column_stack([*(y[k - i] for i in range(1, order + 1)), *(u[k - delay - j] for j in range(size))])
+    scale = np.linalg.norm(F, axis=0)
+    theta, _, _, _ = np.linalg.lstsq(F / scale, y[k], rcond=1e-13)
+    theta = theta / scale
+    variance = float(np.sum((y[k] - F @ theta) ** 2)) / max(len(k) - len(theta), 1)
+    covariance = variance * np.linalg.pinv((F / scale).T @ (F / scale)) / np.outer(scale, scale)
+    return Equation(theta[:order], theta[order:], delay, covariance)
