@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     )
     from rrrgen.pipeline import compile
     from rrrgen.robotfile import bundled_names, load_spec, loads_spec
+    from rrrgen.robotfile.importers.toolbox import from_toolbox
     from rrrgen.runtime.model import Model
     from rrrgen.runtime.online.estimator import online_estimator
 
@@ -34,6 +35,7 @@ _HOMES = {
     "load_spec": "rrrgen.robotfile",
     "loads_spec": "rrrgen.robotfile",
     "bundled_names": "rrrgen.robotfile",
+    "from_toolbox": "rrrgen.robotfile.importers.toolbox",
     "Model": "rrrgen.runtime.model",
     "online_estimator": "rrrgen.runtime.online.estimator",
     "RrrgenError": "rrrgen.errors",
@@ -55,6 +57,7 @@ __all__ = [
     "__version__",
     "bundled_names",
     "compile",
+    "from_toolbox",
     "load_spec",
     "loads_spec",
     "online_estimator",

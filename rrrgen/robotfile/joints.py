@@ -11,11 +11,12 @@ from rrrgen.robotfile.keys import DRIVE, JOINT, LIMITS, MAX_JOINTS, ROBOT_FILE
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, read_number, read_value
 from rrrgen.robotfile.robot_spec import DriveSpec, JointSpec, JointType, Limits
-from rrrgen.yamltext.document import Node, Scalar
+from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence
 from rrrgen.yamltext.keys import Key
 from rrrgen.yamltext.sections import describe, read_choice, read_list, read_section
 
 _TYPE = next(key for key in JOINT if key.name == "type")
+_SIGN = next(key for key in JOINT if key.name == "sign")
 _POSITIVE = ("velocity", "acceleration", "torque", "torque_constant", "encoder_resolution")
 _NOT_NEGATIVE = ("inertia",)
 _SHORT_LENGTH = 0.001  # m
@@ -69,6 +70,18 @@ def _read_joint(node: Node, number: int, scope: Scope) -> JointSpec | None:
         friction=friction,
         drive=None if drive is None else DriveSpec(**drive),
     )
+
+
+def read_signs(node: Node, faults: FaultList) -> list[int]:
+    """The joints (from 0) of sign -1; a warning says what becomes of their rows."""
+    found = []
+    for number, item in enumerate(node.items if isinstance(node, Sequence) else ()):
+        sign = next((v for k, v in getattr(item, "entries", ()) if getattr(k, "text", "") == "sign"), None)
+        if sign is not None and read_choice(sign, _SIGN, faults) == "-1":
+            hint = "alpha of the rows around it gains 180 deg; the link frame on its axis is turned about x"
+            faults.warning(sign, f"joint {number + 1} has sign -1 and is rewritten in rows without a sign", hint)
+            found.append(number)
+    return found
 
 
 def _read_name(node: Node | None, number: int, scope: Scope) -> str:

@@ -54,6 +54,7 @@ JOINT = (
     Key("a", "value", "link length", True, quantity="length", file_units=True),
     Key("d", "value", "link offset; of a prismatic joint: added to q", quantity="length", file_units=True),
     Key("theta", "value", "joint angle; of a revolute joint: added to q", quantity="angle", file_units=True),
+    Key("sign", "choice", "-1: q moves against the axis of the row", choices=("1", "+1", "-1")),
     Key("limits", "mapping", "joint limits", section="limits"),
     Key("friction", "mapping", "friction at the joint; each key adds its column", section="friction"),
     Key("drive", "mapping", "the drive, seen at the joint", section="drive"),

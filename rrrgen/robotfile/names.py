@@ -79,3 +79,9 @@ def name_fault(name: str, role: str) -> tuple[str, str] | None:
         hint = "q1, dq1, m1, x1, Ixx1 and the like are joint variables and link symbols; C functions are reserved too"
         return f"the parameter name '{name}' is reserved", hint
     return None
+
+
+def identifier(text: str) -> str:
+    """The C identifier nearest to ``text``; empty if none of its characters can stand in one."""
+    word = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_")[:MAX_NAME]
+    return f"_{word}" if word[:1].isdigit() else word

@@ -10,11 +10,12 @@ import sympy as sp
 
 from rrrgen.errors import Fault, InputError
 from rrrgen.robotfile.drives import read_drives
-from rrrgen.robotfile.joints import read_joints
+from rrrgen.robotfile.joints import read_joints, read_signs
 from rrrgen.robotfile.keys import ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robotfile.links import read_links
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, read_parameters, read_vector
+from rrrgen.robotfile.reversal import with_reversed_joint
 from rrrgen.robotfile.robot_spec import Convention, FixedTransform, LinkSpec, RobotSpec
 from rrrgen.robotfile.robots import bundled_names, bundled_path
 from rrrgen.robotfile.sections.basis import read_basis
@@ -85,9 +86,12 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     emit = read_choices(values["emit"], _ROBOT["emit"], faults) if "emit" in values else ()
     provenance = read_provenance(values["provenance"], faults) if "provenance" in values else ()
     description, source = (read_text(values[k], k, faults) if k in values else "" for k in ("description", "source"))
+    reversed_joints = read_signs(values["joints"], faults) if "joints" in values else []
+    if reversed_joints and basis is not None:
+        faults.error(values["basis"], "a basis beside a joint of sign -1", "the links of such joints change their axes")
     if faults.errors or gravity is None or base is None or tool is None:
         return None
-    return RobotSpec(
+    spec = RobotSpec(
         name=name,
         convention=cast(Convention, convention),
         gravity=gravity,
@@ -108,6 +112,9 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         provenance=provenance,
         emit=emit,
     )
+    for joint in reversed_joints:
+        spec = with_reversed_joint(spec, joint)
+    return spec
 
 
 def _read_name(node: Node | None, scope: Scope) -> str:

@@ -60,8 +60,9 @@ def _row(key: Key) -> str:
 
 
 def _value(key: Key) -> str:
-    if key.kind == "choice":
-        return ", ".join(f"`{choice}`" for choice in key.choices)
+    if key.kind in ("choice", "choices"):
+        words = ", ".join(f"`{choice}`" for choice in key.choices)
+        return words if key.kind == "choice" else f"list of {words}"
     if key.kind in ("mapping", "rows"):
         title = _TITLES[key.section].lower()
         anchor = "".join(letter for letter in title if letter.isalnum() or letter in " _-").replace(" ", "-")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import sympy as sp
 
 from rrrgen.errors import InputError
 from rrrgen.robotfile import RobotSpec, dumps, loads_spec
+from rrrgen.verify.references.chain import chain_of, nominal_parameters
+from rrrgen.verify.references.newton_euler import NewtonEuler
 
 ROW = "{type: revolute, alpha: ALPHA, a: A, d: 0, theta: 0}"
 PRISMATIC = "{type: prismatic, alpha: 0, a: 300, d: D, theta: THETA, limits: {lower: 10, upper: 900, velocity: 250}}"
@@ -157,3 +160,29 @@ def test_lengths_below_a_millimetre_are_mentioned_once() -> None:
     (fault,) = loads_spec(robot(a="0.3", d="0.5")).faults
     assert "a of joint 1 is 0.3 mm, d of joint 2 is 0.5 mm" in fault.message
     assert not loads_spec(robot(a="1", d="0")).faults
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_a_sign_turns_the_joint_around(convention: str, joint: int) -> None:
+    rows = [
+        "{type: revolute, alpha: 90, a: 300, d: 100, theta: 20}",
+        "{type: prismatic, alpha: -60, a: 50, d: 70, theta: 10}",
+        "{type: revolute, alpha: 90, a: 30, d: 80, theta: 0}",
+    ]
+    link = (
+        "{mass: 2, com: [10, 20, 30], inertia: {about: com, xx: 0.1, yy: 0.2, zz: 0.25, xy: 0.01, xz: 0.02, yz: 0.03}}"
+    )
+    text = robot(links=f"[{link}, {link}, {link}]", tool="{translation: [10, 20, 30], rpy: [10, 20, 30]}")
+    head = text.split("joints:")[0].replace("standard", convention) + "joints:\n"
+    tail = text[text.index("links:") :]
+    signed = [row.replace("}", ", sign: -1}") if k == joint else row for k, row in enumerate(rows)]
+    plain, turned = (loads_spec(head + "".join(f"  - {row}\n" for row in each) + tail) for each in (rows, signed))
+    assert "has sign -1" in turned.faults[0].message
+    assert loads_spec(dumps(turned)) == turned
+    q = np.random.default_rng(0).normal(size=(3, 3))
+    signs = np.array([-1 if k == joint else 1 for k in range(3)])
+    there, here = (NewtonEuler(chain_of(s), nominal_parameters(s)) for s in (plain, turned))
+    np.testing.assert_allclose(here.forward_kinematics(q), there.forward_kinematics(q * signs), atol=1e-14)
+    expected = there.inverse_dynamics(q * signs, q * signs, q * signs) * signs
+    np.testing.assert_allclose(here.inverse_dynamics(q, q, q), expected, atol=1e-12)

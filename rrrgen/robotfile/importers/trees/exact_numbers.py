@@ -30,7 +30,7 @@ NOISE = HIGH.mpf(10) ** -12  # m, rad; what exporters add to a short decimal by 
 def number(value: Any) -> Any:
     """A 60-digit number from text or an exact number; a double keeps the digits it prints."""
     if isinstance(value, float):
-        value = repr(value)
+        value = repr(float(value))
     if isinstance(value, sp.Expr):
         return HIGH.mpf(str(sp.N(value, HIGH.dps)))
     return HIGH.mpf(value)

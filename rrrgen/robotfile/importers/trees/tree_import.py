@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import sympy as sp
@@ -20,7 +19,7 @@ from rrrgen.robotfile.importers.trees.exact_numbers import (
 )
 from rrrgen.robotfile.importers.trees.serial_chain import Ends, SerialChain, serial_chain
 from rrrgen.robotfile.importers.trees.tree import Inertia, Tree
-from rrrgen.robotfile.names import MAX_NAME, name_fault
+from rrrgen.robotfile.names import identifier, name_fault
 from rrrgen.robotfile.quantities import LARGEST_BARE_LENGTH
 from rrrgen.robotfile.robot_spec import FixedTransform, JointSpec, JointType, LinkSpec, RobotSpec
 from rrrgen.yamltext.document import FaultList
@@ -44,7 +43,7 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
     joints = tuple(_joint(k, name, chain, table, choice) for k, name in enumerate(names))
     g = [decimal(x) for x in chain.gravity]
     spec = RobotSpec(
-        name=_identifier(tree.name) or source.name,
+        name=identifier(tree.name) or source.name,
         convention=choice.convention,
         gravity=(g[0], g[1], g[2]),
         parameters={},
@@ -81,16 +80,11 @@ def _tell_about_held(chain: SerialChain, faults: FaultList) -> None:
         faults.warning(None, f"joints beside the chain from {chain.base} to {chain.tip} are held: {listed}", hint)
 
 
-def _identifier(text: str) -> str:
-    word = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_")[:MAX_NAME]
-    return f"_{word}" if word[:1].isdigit() else word
-
-
 def _joint_names(chain: SerialChain, faults: FaultList) -> list[str]:
     names: list[str] = []
     for k, joint in enumerate(chain.joints):
         given = joint.joint.name
-        name = _identifier(given)
+        name = identifier(given)
         if name_fault(name, "joint") is not None or name in names:
             name = f"q{k + 1}"
         if name != given:
