@@ -15,11 +15,11 @@ from rrrgen.robotfile.keys import ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robotfile.links import read_links
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, read_parameters, read_vector
-from rrrgen.robotfile.reversal import with_reversed_joint
 from rrrgen.robotfile.robot_spec import Convention, FixedTransform, LinkSpec, RobotSpec
 from rrrgen.robotfile.robots import bundled_names, bundled_path
 from rrrgen.robotfile.sections.basis import read_basis
 from rrrgen.robotfile.sections.provenance import read_provenance
+from rrrgen.robotfile.sections.reversal import with_reversed_joint
 from rrrgen.robotfile.sections.transforms import read_transform
 from rrrgen.yamltext.document import MAX_BYTES, FaultList, Node, Scalar, decode, parse_document
 from rrrgen.yamltext.sections import describe, read_choice, read_choices, read_entries, read_section, read_text

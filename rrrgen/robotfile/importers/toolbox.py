@@ -25,7 +25,6 @@ from rrrgen.robotfile.importers.trees.exact_numbers import (
 )
 from rrrgen.robotfile.names import identifier
 from rrrgen.robotfile.reader import read_spec
-from rrrgen.robotfile.reversal import with_reversed_joint
 from rrrgen.robotfile.robot_spec import (
     DriveSpec,
     FixedTransform,
@@ -35,6 +34,7 @@ from rrrgen.robotfile.robot_spec import (
     LinkSpec,
     RobotSpec,
 )
+from rrrgen.robotfile.sections.reversal import with_reversed_joint
 from rrrgen.robotfile.writer import dumps
 
 _NEEDED = ("links", "mdh", "base", "tool", "gravity", "name")

@@ -1,1 +1,1 @@
-"""Readers of optional sections of a robot file: fixed transforms, user-defined base parameters, provenance."""
+"""Readers of optional sections of a robot file: fixed transforms, own base parameters, provenance, reversed joints."""
