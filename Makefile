@@ -4,6 +4,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
+CORE := $(VENV)/.core
 READY := $(VENV)/.ready
 # syntax trees, protocols, pickling, numbers and texts of the standard library change from one Python to the next
 PYTHON_TESTS := tests/verify tests/robotfile tests/yamltext tests/program tests/optimize tests/model \
@@ -12,18 +13,24 @@ PYTHON_TESTS := tests/verify tests/robotfile tests/yamltext tests/program tests/
 	tests/backends/test_c_sources.py tests/backends/test_casadi_function.py tests/test_imports.py
 
 .DEFAULT_GOAL := rrr
-.PHONY: rrr setup test lint types unit python generated update bench clean help
+.PHONY: rrr core setup test lint types unit python generated update bench clean help
 
-rrr: setup  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
+rrr: core  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
 	$(BIN)/rrrgen generate rrr -o runs/rrr
 	$(CC) -std=c99 -O2 runs/rrr/*.c -lm -o runs/rrr_selftest && runs/rrr_selftest
 	$(BIN)/rrrgen verify rrr
 
-setup: $(READY)  ## the virtual environment with everything that the tests need
+core: $(CORE)  ## the virtual environment with rrrgen and no extras, enough for the main job
 
-$(READY): pyproject.toml
+$(CORE): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet -e .
+	touch $@
+
+setup: $(READY)  ## the same with everything that the tests need, about 2 GB
+
+$(READY): $(CORE)
 	$(BIN)/python -m pip install --quiet -e ".[test]"
 	touch $@
 

@@ -107,6 +107,18 @@ class StorageError(RrrgenError):
     exit_code = 5
 
 
+class OutputError(RrrgenError):
+    """What the user asked for cannot be written where it should go; the message names the place and the reason."""
+
+    exit_code = 5
+
+
+def cannot_write(path: str | os.PathLike[str], error: OSError) -> RrrgenError:
+    """Why ``path`` cannot be written, from ``error``: StorageError for a full or broken disk, else OutputError."""
+    reason = error.strerror or str(error)
+    return storage_error(path, error) or OutputError(f"cannot write {os.fspath(path)}: {reason}")
+
+
 def storage_error(path: str | os.PathLike[str], error: OSError) -> StorageError | None:
     """``error`` as a StorageError if it means that the disk of ``path`` is full or broken; None for anything else."""
     reason = {

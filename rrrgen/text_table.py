@@ -11,7 +11,9 @@ NARROWEST = 8
 GAP = "  "
 
 
-def text_table(rows: Sequence[Sequence[str]], width: int | None = None, indent: str = "  ") -> list[str]:
+def text_table(
+    rows: Sequence[Sequence[str]], width: int | None = None, indent: str = "  ", rule: bool = False
+) -> list[str]:
     """The lines of a table: columns as wide as their widest cell, two blanks between them.
 
     Args:
@@ -19,13 +21,16 @@ def text_table(rows: Sequence[Sequence[str]], width: int | None = None, indent: 
         width: the longest line in characters; the widest columns are folded at blanks until the lines fit, as far as
             their longest words allow. None: lines of any length.
         indent: stands at the beginning of every line.
+        rule: draw a line of dashes below the first row.
     """
     if not rows:
         return []
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     if width is not None:
         widths = _folded(rows, widths, width - len(indent) - len(GAP) * (len(widths) - 1))
-    return [indent + line for row in rows for line in _lines(row, widths)]
+    first, *others = ([indent + line for line in _lines(row, widths)] for row in rows)
+    below = [indent + GAP.join("-" * each for each in widths)] if rule else []
+    return [*first, *below, *(line for lines in others for line in lines)]
 
 
 def _folded(rows: Sequence[Sequence[str]], widths: list[int], room: int) -> list[int]:

@@ -24,6 +24,9 @@ SHORT = 3
 NARROWEST = 40
 """Columns below which tables are no longer folded."""
 
+STDIN = "-"
+"""The argument ROBOT that stands for the standard input."""
+
 USUAL = ("forward_kinematics", "mass_matrix", "coriolis", "gravity")
 """Functions whose closed forms are shown by default."""
 
@@ -38,8 +41,16 @@ def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) 
     return [*names, CompletionItem(incomplete, type="file")]
 
 
+def complete_function(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
+    """Shell completion of ``--function``: the functions of every model, and the inverse kinematics."""
+    from rrrgen.derive.functions.table import FUNCTIONS
+
+    further = ("forward_dynamics", "friction", "inverse_kinematics")
+    return [name for name in dict.fromkeys((*FUNCTIONS, *further)) if name.startswith(incomplete)]
+
+
 def robot_argument(function: F) -> F:
-    """Add the argument ROBOT: the path of a robot file, or the name of a bundled robot."""
+    """Add the argument ROBOT: the path of a robot file, the name of a bundled robot, or - for the standard input."""
     return click.argument("robot", shell_complete=complete_robot)(function)
 
 
@@ -79,11 +90,22 @@ def write_html(file: Path, model: DerivedModel, report: Report | None = None) ->
     write_file(file, html_report(model, forms, report, notice))
 
 
-def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:
-    """Read the description of ``robot`` and print its warnings on stderr. Raises InputError for a faulty file."""
+def read_robot(robot: str, strict: bool = False) -> RobotSpec:
+    """Read a robot file, a bundled robot by its name, or for ``-`` the standard input. Raises InputError for faults."""
     from rrrgen.robotfile import load_spec
 
-    spec = load_spec(robot, strict=strict)
+    if robot != STDIN:
+        return load_spec(robot, strict=strict)
+    from rrrgen.robotfile.reader import read_spec
+    from rrrgen.yamltext.document import MAX_BYTES, decode
+
+    data = sys.stdin.buffer.read(MAX_BYTES + 1)
+    return read_spec(decode(data, "<stdin>"), "<stdin>", strict)
+
+
+def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:
+    """Read the description of ``robot`` and print its warnings on stderr. Raises InputError for a faulty file."""
+    spec = read_robot(robot, strict)
     for fault in spec.faults:
         click.echo(str(fault), err=True)
     return spec

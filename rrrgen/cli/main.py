@@ -28,7 +28,7 @@ Examples:
 
 \b
 Exit codes: 0 ok, 1 a check failed, 2 usage, 3 bad input file, 4 no closed form or not identifiable,
-5 toolchain or extra missing, disk full, 70 fault of rrrgen.
+5 toolchain or extra missing, disk full or output not writable, 70 fault of rrrgen, 130 interrupted.
 
 \b
 Shell completion:
@@ -84,7 +84,7 @@ class LazyGroup(click.Group):
 def cli() -> None:
     """Compile a robot's Denavit-Hartenberg table into verified C and CasADi models.
 
-    ROBOT is a robot file (YAML) or the name of a bundled robot; see 'rrrgen robots'.
+    ROBOT is a robot file (YAML), the name of a bundled robot (see 'rrrgen robots'), or - for the standard input.
     """
 
 

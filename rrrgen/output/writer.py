@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
-from rrrgen.errors import InputError, InternalError, RrrgenError, storage_error
+from rrrgen.errors import InternalError, OutputError, cannot_write, storage_error
 from rrrgen.output.exchange import CannotExchangeError, replace_directory
 from rrrgen.output.journal import FILES, complete, move_in
 from rrrgen.output.staging import locked, remove, remove_abandoned, staging_directory, staging_file
@@ -31,14 +31,14 @@ def write(files: Mapping[str, Contents], directory: Path) -> None:
     killed (:mod:`rrrgen.output.exchange`). Otherwise, or if another process works in the directory and would stay in
     the old state, files are moved one by one, and the next run completes an interrupted one
     (:mod:`rrrgen.output.journal`). Files listed in an earlier manifest but no longer emitted are removed; other files
-    stay. Staging files of ended processes are removed. Raises InputError if the directory cannot be written,
+    stay. Staging files of ended processes are removed. Raises OutputError if the directory cannot be written,
     StorageError if the disk is full.
     """
     for name in files:
         _checked(name)
     directory = Path(os.path.realpath(directory))
     if directory.exists() and not directory.is_dir():
-        raise InputError(f"cannot write to {directory}: it is not a directory")
+        raise OutputError(f"cannot write to {directory}: it is not a directory")
     try:
         directory.parent.mkdir(parents=True, exist_ok=True)
         remove_abandoned(directory.parent, directory.name)
@@ -53,7 +53,7 @@ def write(files: Mapping[str, Contents], directory: Path) -> None:
                 _check_obstacles(files, directory)
                 _replace(files, directory)
     except OSError as error:
-        raise _cannot_write(directory, error) from error
+        raise cannot_write(directory, error) from error
 
 
 def _appear(files: Mapping[str, Contents], directory: Path) -> bool:
@@ -71,14 +71,14 @@ def _appear(files: Mapping[str, Contents], directory: Path) -> bool:
 
 
 def _check_obstacles(files: Mapping[str, Contents], directory: Path) -> None:
-    """Raise InputError if a directory exists where a file must be written, or a file where a directory is needed."""
+    """Raise OutputError if a directory exists where a file must be written, or a file where a directory is needed."""
     for name in files:
         place = directory / name
         if place.is_dir():
-            raise InputError(f"cannot write {place}: a directory of that name is in the way")
+            raise OutputError(f"cannot write {place}: a directory of that name is in the way")
         for folder in PurePosixPath(name).parents:
             if (directory / folder).exists() and not (directory / folder).is_dir():
-                raise InputError(f"cannot write {place}: {directory / folder} is a file, not a directory")
+                raise OutputError(f"cannot write {place}: {directory / folder} is a file, not a directory")
 
 
 @contextmanager
@@ -145,17 +145,17 @@ def _read(path: Path) -> bytes | None:
 def write_file(file: Path, contents: Contents) -> None:
     """Write one file atomically, with the permissions of the umask; other files in the directory are not touched.
 
-    Raises InputError if the file cannot be written, StorageError if the disk is full.
+    Raises OutputError if the file cannot be written, StorageError if the disk is full.
     """
     file = Path(os.path.abspath(file))
     if file.is_dir():
-        raise InputError(f"cannot write {file}: it is a directory")
+        raise OutputError(f"cannot write {file}: it is a directory")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         remove_abandoned(file.parent, file.name)
         handle, staged = staging_file(file.parent, file.name)
     except OSError as error:
-        raise _cannot_write(file, error) from error
+        raise cannot_write(file, error) from error
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(as_bytes(contents))
@@ -165,13 +165,9 @@ def write_file(file: Path, contents: Contents) -> None:
             os.chmod(staged, 0o666 & ~_umask())  # it was made private
             os.replace(staged, file)
     except OSError as error:
-        raise _cannot_write(file, error) from error
+        raise cannot_write(file, error) from error
     finally:
         staged.unlink(missing_ok=True)
-
-
-def _cannot_write(place: Path, error: OSError) -> RrrgenError:
-    return storage_error(place, error) or InputError(f"cannot write {place}: {error.strerror or error}")
 
 
 def differences(files: Mapping[str, Contents], directory: Path) -> str:

@@ -7,6 +7,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from rrrgen.text_table import text_table
+
 HEADINGS = ("function", "reference", "parameters", "states", "max rel. difference", "tolerance", "verdict")
 
 
@@ -86,8 +88,11 @@ class Report:
         """The report as JSON text."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
 
-    def to_text(self) -> str:
-        """The report as text: a table of all comparisons, the references not available, and the verdict."""
+    def to_text(self, width: int | None = None) -> str:
+        """The report as text: a table of all comparisons, the references not available, and the verdict.
+
+        The table is folded to lines of ``width`` characters; None: lines of any length.
+        """
         cells = [HEADINGS] + [
             (
                 row.function,
@@ -100,11 +105,7 @@ class Report:
             )
             for row in self.rows
         ]
-        widths = [max(len(line[k]) for line in cells) for k in range(len(HEADINGS))]
-        text = [
-            "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in cells
-        ]
-        text.insert(1, "  ".join("-" * width for width in widths))
+        text = text_table(cells, width, indent="", rule=True)
         text += [f"note: {row.function}: {row.note}" for row in self.rows if row.note]
         text += [f"not asked: {name}: {reason}" for name, reason in self.skipped]
         failed = len(self.failures)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.errors import InputError, StorageError
+from rrrgen.errors import OutputError, StorageError
 from rrrgen.output import exchange, journal, staging, writer
 from rrrgen.output.writer import checksum, write, write_file
 
@@ -215,7 +215,7 @@ def test_a_name_of_the_user_in_the_way_is_a_fault_and_changes_nothing(tmp_path, 
     else:
         (out / "more").write_text("mine")
     before = contents(out)
-    with pytest.raises(InputError, match=r"in the way|is a file, not a directory"):
+    with pytest.raises(OutputError, match=r"in the way|is a file, not a directory"):
         write(NEW, out)
     assert contents(out) == before
 

@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from rrrgen.errors import InputError, InternalError, StorageError
+from rrrgen.errors import InternalError, OutputError, StorageError
 from rrrgen.output import writer as emit
 from rrrgen.output.writer import differences, listed_files, write, write_file
 
@@ -83,9 +83,9 @@ def test_when_writing_fails_nothing_changes(tmp_path, monkeypatch):
 
 def test_places_that_cannot_be_written_are_the_user_s_fault(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="not a directory"):
+    with pytest.raises(OutputError, match="not a directory"):
         write(files(), tmp_path / "file")
-    with pytest.raises(InputError):
+    with pytest.raises(OutputError):
         write(files(), tmp_path / "file" / "below")
 
 
@@ -146,5 +146,5 @@ def test_one_file_appears_whole_with_usual_permissions_or_not_at_all(tmp_path, m
         write_file(file, "new")
     assert [path.name for path in file.parent.iterdir()] == ["report.html"]
     assert file.read_bytes() == "ü\n".encode()
-    with pytest.raises(InputError, match="is a directory"):
+    with pytest.raises(OutputError, match="is a directory"):
         write_file(tmp_path / "deep", "")

@@ -49,7 +49,7 @@ def jobs_options(function: F) -> F:
     cluster = "Address of a Dask scheduler that distributes the work, tcp://HOST:PORT."
     function = click.option("--cluster", metavar="ADDRESS", help=cluster)(function)
     jobs = "Number of parallel processes."
-    return click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help=jobs)(function)
+    return click.option("-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help=jobs)(function)
 
 
 def parallel_packages(options: dict[str, Any]) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from rrrgen.cli.arguments import complete_robot, json_option, print_json
+from rrrgen.cli.arguments import complete_robot, json_option, print_json, read_robot
 from rrrgen.errors import Fault, InputError
 
 
@@ -17,12 +17,13 @@ from rrrgen.errors import Fault, InputError
 def check(files: tuple[str, ...], strict: bool, as_json: bool) -> int:
     """Check robot files and print every fault as file:line:col, with the line and what is allowed.
 
-    Exits with 3 if a file has errors.
+    A file named - is the standard input. Exits with 3 if a file has errors.
 
     \b
     Examples:
       rrrgen check elbow3.yaml
       rrrgen check --strict robots/*.yaml
+      make-robot | rrrgen check -
     """
     results = [_check(file, strict, as_json) for file in files]
     if as_json:
@@ -31,11 +32,9 @@ def check(files: tuple[str, ...], strict: bool, as_json: bool) -> int:
 
 
 def _check(file: str, strict: bool, quiet: bool) -> dict[str, Any]:
-    from rrrgen.robotfile import load_spec
-
     summary, faults = "", []
     try:
-        spec = load_spec(file, strict=strict)
+        spec = read_robot(file, strict)
         faults = [fault for fault in spec.faults if isinstance(fault, Fault)]
         coupled = "" if spec.drives is None else ", coupled drives"
         summary = f"{spec.name}, {spec.n} joints, {spec.convention} DH{coupled}"

@@ -6,12 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument, terminal_width
+from rrrgen.text_table import text_table
 
 if TYPE_CHECKING:
+    from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.runtime.engines import EngineName
     from rrrgen.runtime.inverse_kinematics import InverseKinematics
     from rrrgen.runtime.results import IKResult
+
+
+NUMBER = 10
+"""Characters of a joint variable in the table."""
 
 
 @click.command()
@@ -50,7 +56,8 @@ def ik(robot: str, pose: str, near: str | None, backend: EngineName, as_json: bo
     """
     from rrrgen.runtime.inverse_kinematics import load_solver
 
-    solver = load_solver(read_with_warnings(robot), backend=backend)
+    spec = read_with_warnings(robot)
+    solver = load_solver(spec, backend=backend)
     target = _target(pose)
     reference = None if near is None else _numbers(near, "--near", (solver.n,))
     chosen = {"limits": options["limits"], "redundancy": options["redundancy"]}
@@ -59,9 +66,9 @@ def ik(robot: str, pose: str, near: str | None, backend: EngineName, as_json: bo
     else:
         found = solver.solve(target, reference, sort="branch" if reference is None else "nearest", **chosen)
     if as_json:
-        print_json(_record(solver, found))
+        print_json(_record(spec, solver, found))
     else:
-        _print(solver, found)
+        _print(spec, solver, found)
     return 0 if len(found) else 1
 
 
@@ -95,8 +102,9 @@ def _target(text: str) -> Any:
     return T
 
 
-def _record(solver: InverseKinematics, found: IKResult) -> dict[str, Any]:
+def _record(spec: RobotSpec, solver: InverseKinematics, found: IKResult) -> dict[str, Any]:
     return {
+        "joints": [{"name": joint.name, "unit": "rad" if joint.is_revolute else "m"} for joint in spec.joints],
         "family": str(solver.plan.family),
         "max_solutions": solver.max_solutions,
         "incomplete": solver.plan.incomplete or None,
@@ -110,16 +118,25 @@ def _record(solver: InverseKinematics, found: IKResult) -> dict[str, Any]:
     }
 
 
-def _print(solver: InverseKinematics, found: IKResult) -> None:
+def _headings(spec: RobotSpec) -> tuple[str, ...]:
+    """The joints with their units, right above their numbers, then what else a row says."""
+    units = (f"{joint.name} [{'rad' if joint.is_revolute else 'm'}]" for joint in spec.joints)
+    return (*(unit.rjust(NUMBER) for unit in units), "branch", "remarks")
+
+
+def _print(spec: RobotSpec, solver: InverseKinematics, found: IKResult) -> None:
     from rrrgen.runtime.results import FREE, INEXACT, MULTIPLE, OUTSIDE
 
     words = {MULTIPLE: "multiple", FREE: "free angle from the reference", OUTSIDE: "outside limits", INEXACT: "inexact"}
     click.echo(f"{solver.plan.family}: at most {solver.max_solutions} solutions")
+    rows = [_headings(spec)]
     for q, branch, flags in zip(found.q, found.branch, found.flags, strict=True):
-        angles = "  ".join(f"{value:10.6f}" for value in q)
         names = " ".join(f"{name}={value}" for name, value in solver.branch_names(branch).items())
         remarks = ", ".join(text for bit, text in words.items() if flags & bit)
-        click.echo(f"  {angles}   {names}{'   ' + remarks if remarks else ''}")
+        numbers = (f"{value:{len(heading)}.6f}" for value, heading in zip(q, rows[0], strict=False))
+        rows.append((*numbers, names, remarks))
+    if len(found):
+        click.echo("\n".join(text_table(rows, terminal_width())))
     if not len(found):
         distance = f", {found.distance:.6g} m from reach" if found.distance > 0 else ""
         click.echo(f"no solution: {found.status}{': ' + found.reason if found.reason else ''}{distance}")

@@ -7,7 +7,7 @@ from typing import Literal
 
 import click
 
-from rrrgen.errors import Fault, InputError
+from rrrgen.errors import Fault, InputError, cannot_write
 
 
 class _WithFormats(click.Command):
@@ -83,7 +83,7 @@ def import_robot(
     try:
         path.write_text(found.text, encoding="utf-8", newline="\n")
     except OSError as error:
-        raise InputError([Fault(str(path), 0, 0, f"the file cannot be written: {error.strerror}")]) from None
+        raise cannot_write(path, error) from None
     for note in found.notes:
         click.echo(str(note), err=True)
     if found.chain is not None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from rrrgen.errors import Fault, InputError
+from rrrgen.errors import Fault, InputError, cannot_write
 
 
 @click.command()
@@ -53,7 +53,7 @@ def new(name: str, output: Path | None, joints: str, convention: str, bundled: s
     try:
         path.write_text(text, encoding="utf-8", newline="\n")
     except OSError as error:
-        raise InputError([Fault(str(path), 0, 0, f"the file cannot be written: {error.strerror}")]) from None
+        raise cannot_write(path, error) from None
     click.echo(f"{path} written; next: rrrgen check {path}, rrrgen show {path}")
 
 

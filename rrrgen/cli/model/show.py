@@ -11,6 +11,7 @@ import click
 from rrrgen.cli.arguments import (
     SHORT,
     USUAL,
+    complete_function,
     html_option,
     json_option,
     print_json,
@@ -33,7 +34,12 @@ INVERSE = "inverse_kinematics"
 @click.command()
 @robot_argument
 @click.option(
-    "-f", "--function", "functions", multiple=True, help="Function to show in closed form; repeat for several."
+    "-f",
+    "--function",
+    "functions",
+    multiple=True,
+    shell_complete=complete_function,
+    help="Function to show in closed form; repeat for several.",
 )
 @click.option("--entry", help="Only this entry of the function, e.g. 1,2, counted from 1; for large robots.")
 @click.option("--closed-forms/--no-closed-forms", default=None, help="Show closed forms; by default up to 3 joints.")

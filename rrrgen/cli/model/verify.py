@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rrrgen.cli.arguments import html_option, json_option, read_with_warnings, real_option, robot_argument, write_html
+from rrrgen.cli.arguments import (
+    html_option,
+    json_option,
+    read_with_warnings,
+    real_option,
+    robot_argument,
+    terminal_width,
+    write_html,
+)
 from rrrgen.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -63,5 +71,5 @@ def verify(
         report = compare(pipeline.compile(spec, backend, real), samples, seed, libraries=libraries, tell=tell)
     if html is not None:
         write_html(html, pipeline.derive(spec), report)
-    click.echo(report.to_json() if as_json else report.to_text(), nl=False)
+    click.echo(report.to_json() if as_json else report.to_text(terminal_width()), nl=False)
     return 0 if report.ok else 1

@@ -1,0 +1,158 @@
+"""What is alike in every command: options, exit codes, the standard input, tables, completion; and what README says."""
+
+from __future__ import annotations
+
+import io
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import click
+import pytest
+from click.shell_completion import ShellComplete
+
+from rrrgen.cli.commands import COMMANDS
+from rrrgen.cli.main import cli, run
+from rrrgen.robotfile import bundled_path
+from rrrgen.verify.report import Report, Row
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+SHORT = {"--jobs": "-j", "--verbose": "-v", "--output": "-o", "--function": "-f"}
+"""Options that have the same short name in every command."""
+
+
+def commands() -> dict[str, click.Command]:
+    found = {}
+    for name, (place, _) in COMMANDS.items():
+        module, attribute = place.split(":")
+        found[name] = getattr(import_module(module), attribute)
+    return found
+
+
+@pytest.fixture
+def rrrgen(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "")
+
+    def call(*arguments: object, stdin: bytes = b""):
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin)))
+        code = run([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+def test_options_of_one_name_have_one_short_name():
+    seen = set()
+    for name, command in commands().items():
+        for option in command.params:
+            for long in set(option.opts) & set(SHORT):
+                seen.add(long)
+                assert SHORT[long] in option.opts, f"{name} {long}"
+    assert seen == set(SHORT)
+
+
+def test_check_reads_the_standard_input(rrrgen):
+    code, out, _ = rrrgen("check", "-", stdin=bundled_path("scara").read_bytes())
+    assert (code, out) == (0, "-: ok (scara, 4 joints, standard DH)\n")
+    code, out, err = rrrgen("check", "-", stdin=b"name: 5x\n")
+    assert code == 3
+    assert "<stdin>:1:7: error: " in err
+
+
+def test_every_robot_may_come_from_the_standard_input(rrrgen):
+    code, out, _ = rrrgen(
+        "ik", "-", "--backend", "numpy", "--pose", "0.3 0.2 0", stdin=bundled_path("planar2r").read_bytes()
+    )
+    assert code == 0
+    assert "q1 [rad]" in out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["generate", "pendulum", "-o", "file/below"],
+        ["new", "arm", "-o", "missing/arm.yaml"],
+        ["show", "pendulum", "--html", "file/report.html"],
+    ],
+)
+def test_output_that_cannot_be_written_is_no_bad_input(arguments, rrrgen):
+    Path("file").write_text("")
+    code, _, err = rrrgen(*arguments)
+    assert code == 5
+    assert "cannot write" in err
+    assert arguments[-1].split("/")[0] in err
+
+
+def test_exit_codes_are_documented_alike():
+    """Every exit code of an error, the check that fails, usage and the interrupt stand in the help and in README."""
+    from rrrgen import errors
+    from rrrgen.cli.main import EPILOG, INTERRUPTED
+
+    kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, errors.RrrgenError)]
+    codes = {0, 1, 2, INTERRUPTED, *(kind.exit_code for kind in kinds)}
+    for text in (EPILOG, README):
+        listed = " ".join(re.search(r"[Ee]xit codes: ([^.]*)\.", text)[1].split())
+        assert {int(number) for number in re.findall(r"(?:^|, )(\d+) ", listed)} == codes
+
+
+def test_functions_are_completed():
+    (context,) = [ShellComplete(cli, {}, "rrrgen", "_RRRGEN_COMPLETE")]
+    found = [item.value for item in context.get_completions(["show", "rrr", "-f"], "mass")]
+    assert found == ["mass_matrix"]
+    every = {item.value for item in context.get_completions(["show", "rrr", "-f"], "")}
+    assert {"forward_dynamics", "inverse_kinematics", "regressor"} <= every
+
+
+def test_the_table_of_solutions_names_joints_and_units(rrrgen):
+    code, out, _ = rrrgen("ik", "scara", "--backend", "numpy", "--no-limits", "--pose", "0.4 0.1 0.1 0 0 0.3")
+    assert code == 0, out
+    head, *rows = out.splitlines()[1:]
+    names = re.findall(r"(\w+) \[(rad|m)\]", head)
+    assert [unit for _, unit in names] == ["rad", "rad", "m", "rad"]
+    ends = [match.end() for match in re.finditer(r"\]", head)]
+    for row in rows:
+        assert [match.end() for match in re.finditer(r"-?\d+\.\d{6}", row)] == ends  # numbers end below their heading
+
+
+def test_the_verification_folds():
+    rows = tuple(
+        Row(f"function_{k}", "Robotics Toolbox for Python", "nominal and random", 200, 1e-15, 1e-11) for k in range(3)
+    )
+    report = Report("arm", 200, 0, rows)
+    wide, narrow = (report.to_text(width).splitlines() for width in (None, 80))
+    assert max(map(len, wide)) > 100
+    assert max(map(len, narrow)) <= 80
+    words = sorted(word for line in wide for word in line.split() if not word.startswith("-"))
+    assert words == sorted(word for line in narrow for word in line.split() if not word.startswith("-"))
+
+
+def test_readme_speaks_of_one_robot():
+    """The file that is shown is the one that the commands and the C name."""
+    (named,) = re.findall(r"^name: (\w+)$", README, re.M)
+    shown = set(re.findall(r"\belbow\d\b", README, re.I))
+    assert {word.lower() for word in shown} == {named}
+
+
+def test_readme_lists_every_extra():
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for extra in set(project["optional-dependencies"]) - {"test", "bench"}:
+        assert re.search(rf"^\| `{extra}` \|", README, re.M), extra
+    assert "pip install" in README
+
+
+def test_the_main_job_installs_no_extra():
+    """``make`` needs the core dependencies alone; ``make test`` installs what tests need."""
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+    needed = re.search(r"^rrr: (\w+)", text, re.M)
+    assert needed
+    recipe = re.search(rf"^\$\({needed[1].upper()}\):.*?\n((?:\t.*\n)+)", text, re.M)
+    assert recipe
+    assert "[" not in recipe[1]
+    assert "-e ." in recipe[1]
