@@ -219,7 +219,7 @@ def test_show_and_verify_write_the_html_report_and_touch_nothing_else(rrrgen):
     assert (code, out.splitlines()[-1]) == (0, "pendulum: all comparisons pass (5 states, seed 0)")
     assert "Newton-Euler (built in)" in Path("verified.html").read_text(encoding="utf-8")
     code, _, err = rrrgen("show", "pendulum", "--html", "out/pendulum.html/report.html")
-    assert code == 3
+    assert code == 5
     assert "cannot write" in err
 
 
