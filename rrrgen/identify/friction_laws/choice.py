@@ -142,6 +142,8 @@ class LawChoice:
 
 def _owner_names(spec: Any) -> dict[str, str]:
     """Names of joints and motors that state friction, with the ending of their parameters."""
+    if spec is None:  # a model of equations alone
+        return {}
     endings = {f"{i + 1}": joint.name for i, joint in enumerate(spec.joints)}
     if spec.drives is not None:
         endings |= {f"_{motor.name}": motor.name for motor in spec.drives.motors}

@@ -169,6 +169,8 @@ def slides(friction: FrictionSpec | None) -> bool:
 
 def _owners(spec: Any) -> list[tuple[str, tuple[float, ...], FrictionSpec | None]]:
     """Ending of the parameter names, direction and friction of every joint and every coupled motor."""
+    if spec is None:  # a model of equations alone
+        return []
     found = [
         (f"{i + 1}", tuple(float(w) for w in unit(i, spec.n)), joint.friction) for i, joint in enumerate(spec.joints)
     ]
@@ -182,6 +184,8 @@ def _owners(spec: Any) -> list[tuple[str, tuple[float, ...], FrictionSpec | None
 def with_linear_friction(terms: DriveTerms, spec: Any) -> DriveTerms:
     """``terms`` with viscous and Coulomb friction also where the robot file states another law."""
     stated = {surface.owner: surface for surface in stated_surfaces(spec)}
+    if not stated:
+        return terms
     joints = tuple(i for i in range(spec.n) if f"{i + 1}" in stated)
     both: dict[str, Any] = {kind: tuple(sorted({*getattr(terms, kind), *joints})) for kind in ("viscous", "coulomb")}
     coupled = {drive.name: drive for drive in terms.coupled}
