@@ -12,7 +12,7 @@ from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.trigonometry import sincos_strategy
 from rrrgen.output.manifest import identify
-from rrrgen.program import Program, Role, count_operations
+from rrrgen.program import Program, Role, count_operations, specialization
 from rrrgen.verify.references.chain import Array
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def _add(
 
 
 def _variants(label: str, function: str, derived: DerivedModel) -> list[tuple[str, Numbers]]:
-    with_nominal = label == OURS and f"{function}_nominal" in derived.programs
+    with_nominal = label == OURS and specialization(derived.programs, function) is not None
     return [("", "dense"), ("_nominal", "file")] if with_nominal else [("", "dense")]
 
 

@@ -10,7 +10,7 @@ from rrrgen.derive.functions.from_programs import SOURCES, as_nominal, by_chain_
 from rrrgen.optimize.choosing import Cheapest, Choice, Log
 from rrrgen.optimize.folding import Fold
 from rrrgen.parallel_map import Tell, parallel_map
-from rrrgen.program import Program, Role, count_operations
+from rrrgen.program import Program, Role, count_operations, nominal_name
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Optimizer:
             return None
         if any(port.role is Role.BASE_PARAMETERS for port in best.outputs):
             return None
-        name = f"{best.name}_nominal"
+        name = nominal_name(best.name)
         first = log.note("fold parameters", name, best, fold(best))
         if count_operations(first).total <= self.search_anew_below * count_operations(best).total:
             nominal, _ = self.cheapest([first, *map(fold, variants)], name, log)

@@ -3,7 +3,7 @@
 from rrrgen.program.builder import Builder, Scalar, Value
 from rrrgen.program.counts import OperationCount, count_operations
 from rrrgen.program.evaluate import evaluate
-from rrrgen.program.ir import Program
+from rrrgen.program.ir import Program, nominal_name, specialization
 from rrrgen.program.nodes import Node, Op
 from rrrgen.program.ports import Port, Role, Status
 
@@ -20,4 +20,6 @@ __all__ = [
     "Value",
     "count_operations",
     "evaluate",
+    "nominal_name",
+    "specialization",
 ]

@@ -5,6 +5,7 @@ Programs are recorded by a :class:`rrrgen.program.builder.Builder`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rrrgen.errors import InternalError
@@ -19,7 +20,8 @@ class Program:
 
     ``results[k]`` lists the nodes of the elements of output ``k``, row-major. Nodes stand in order of evaluation:
     operands come before their use. ``labels`` suggests readable variable names for nodes in printed code. ``status`` is
-    None for a function whose evaluation cannot fail.
+    None for a function whose evaluation cannot fail. ``specializes`` names the general function of a program
+    into which the parameters of the robot file are folded, its nominal specialization; it is empty for the others.
     """
 
     name: str
@@ -32,6 +34,12 @@ class Program:
     notes: tuple[str, ...] = ()
     labels: dict[int, str] = field(default_factory=dict, compare=False)
     status: Status | None = None
+    specializes: str = ""
+
+    @property
+    def function(self) -> str:
+        """Name of the general function: that which this program specializes, or its own."""
+        return self.specializes or self.name
 
     @property
     def data_outputs(self) -> tuple[Port, ...]:
@@ -71,6 +79,16 @@ class Program:
             0 <= self.status.output < len(self.outputs) and self.outputs[self.status.output].shape == ()
         ):
             raise InternalError(f"program {self.name}: the status is no scalar output")
+
+
+def nominal_name(function: str) -> str:
+    """Name of the nominal specialization of ``function``."""
+    return f"{function}_nominal"
+
+
+def specialization(programs: Mapping[str, Program], function: str) -> Program | None:
+    """The nominal specialization of ``function`` among ``programs``, if there is one."""
+    return next((program for program in programs.values() if program.specializes == function), None)
 
 
 def uses(program: Program) -> list[int]:

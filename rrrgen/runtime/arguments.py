@@ -86,17 +86,20 @@ def _wrong_shape(function: str, port: Port, shape: tuple[int, ...]) -> str:
 
 
 def choose(
-    programs: Mapping[str, Program], name: str, given: Mapping[Role, tuple[Any, Array | None]]
+    programs: Mapping[str, Program],
+    specializations: Mapping[str, str],
+    name: str,
+    given: Mapping[Role, tuple[Any, Array | None]],
 ) -> tuple[str, dict[str, Any]]:
     """The program that evaluates function ``name``, and its parameters by the name of their port.
 
+    ``specializations`` maps functions to the names of their nominal specializations.
     ``given`` holds, by role, what the caller gave (None for nothing) and the nominal values of the robot file (None
     where it has none). Where nothing is given, the nominal specialization is taken if there is one. Raises ValueError
     for parameters that are missing, or that the function does not take.
     """
-    nominal = f"{name}_nominal"
-    if all(value is None for value, _ in given.values()) and nominal in programs:
-        return nominal, {}
+    if name in specializations and all(value is None for value, _ in given.values()):
+        return specializations[name], {}
     program = programs[name]
     inertia, _ = given.get(Role.DRIVE_INERTIA, (None, None))
     if inertia is not None and not program.takes(Role.DRIVE_INERTIA):

@@ -60,7 +60,7 @@ class NumpyEngine:
     def call(self, name: str, values: Sequence[Any]) -> Sequence[Array]:
         """Check ``values`` and evaluate the program ``name`` node by node; one array per output."""
         program = self._programs[name]
-        _, arrays = prepare(name.removesuffix("_nominal"), program.inputs, values, self.dtype)
+        _, arrays = prepare(program.function, program.inputs, values, self.dtype)
         return evaluate(program, *arrays)
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
@@ -129,7 +129,7 @@ class CompiledCall:
     ) -> None:
         self._ports, self._dtype, self._single, self._loops = program.inputs, dtype, function, loops
         self._shapes = [port.shape for port in program.inputs]
-        self._name, self._function = program.name, program.name.removesuffix("_nominal")
+        self._name, self._function = program.name, program.function
         self._inputs = [(len(port.shape), port.size) for port in program.inputs]
         is_status = [program.is_status(k) for k in range(len(program.outputs))]
         codes = np.dtype(np.intc)

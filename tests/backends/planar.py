@@ -128,7 +128,8 @@ def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
         dq = values.get("dq", [0, 0])
         parts = _model(b, q, dq, beta, Ia)
         summary = f"The {name} of the arm."
-        programs[name + suffix] = b.program(name + suffix, outputs(b, values, *parts), summary, status=status)
+        program = b.program(name + suffix, outputs(b, values, *parts), summary, status=status)
+        programs[name + suffix] = program.described(specializes=name if nominal else "")
 
     vector = lambda name, unit="N m": Port(name, (2,), unit, "joint", name)  # noqa: E731
     matrix = lambda name, unit="kg m^2": Port(name, (2, 2), unit, "joint", name)  # noqa: E731

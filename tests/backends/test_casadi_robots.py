@@ -195,11 +195,13 @@ def test_saved_functions_load_and_are_kept_out_of_checks(tmp_path: Path) -> None
 
 
 def test_second_derivatives_come_with_the_nominal_twin() -> None:
-    with_links, without = {"energy": None, "energy_nominal": None}, {"energy": None}
-    assert "fwd1_adj1" in derivatives_of("energy_nominal", with_links)  # type: ignore[arg-type]
-    assert "fwd1_adj1" not in derivatives_of("energy", with_links)  # type: ignore[arg-type]
-    assert "fwd1_adj1" in derivatives_of("energy", without)  # type: ignore[arg-type]
-    assert derivatives_of("standard_regressor", without) == ()  # type: ignore[arg-type]
+    names = ("energy", "standard_regressor")
+    without = {name: Program(name, (), (), (), ()) for name in names}
+    with_links = without | {"energy_nominal": without["energy"].described(name="energy_nominal", specializes="energy")}
+    assert "fwd1_adj1" in derivatives_of("energy_nominal", with_links)
+    assert "fwd1_adj1" not in derivatives_of("energy", with_links)
+    assert "fwd1_adj1" in derivatives_of("energy", without)
+    assert derivatives_of("standard_regressor", without) == ()
 
 
 _HASH = """

@@ -15,7 +15,7 @@ from rrrgen.backends.c.signature import function_name
 from rrrgen.derive.functions.friction_functions import friction_parameters
 from rrrgen.model.drive_terms import inertia_terms
 from rrrgen.model.standard_parameters import standard_parameters
-from rrrgen.program import Port, Program, Role, evaluate
+from rrrgen.program import Port, Program, Role, evaluate, specialization
 from rrrgen.resources import render
 
 if TYPE_CHECKING:
@@ -193,7 +193,7 @@ def _with_golden(programs: Mapping[str, Program]) -> dict[str, Program]:
     return {
         name: program
         for name, program in programs.items()
-        if len(program.outputs) == 1 and name != BY_IDENTITY and not name.endswith("_nominal")
+        if len(program.outputs) == 1 and name != BY_IDENTITY and not program.specializes
     }
 
 
@@ -216,15 +216,15 @@ def _specializations(model: DerivedModel, dialect: Dialect) -> list[dict[str, An
     """Functions with a nominal specialization: both calls in C, and the size of the output."""
     specializations = []
     for name, program in model.programs.items():
-        specialization = model.programs.get(f"{name}_nominal")
-        if specialization is None or len(specialization.outputs) > 1:
+        nominal = specialization(model.programs, name)
+        if nominal is None or len(nominal.outputs) > 1:
             continue
-        arguments = [_arguments(each) for each in (program, specialization)]
+        arguments = [_arguments(each) for each in (program, nominal)]
         specializations.append(
             {
                 "name": name,
                 "general": f"{function_name(program, dialect)}({', '.join(arguments[0])}, expected)",
-                "nominal": f"{function_name(specialization, dialect)}({', '.join(arguments[1])}, result)",
+                "nominal": f"{function_name(nominal, dialect)}({', '.join(arguments[1])}, result)",
                 "size": program.outputs[0].size,
             }
         )

@@ -51,7 +51,7 @@ def header_and_sources(
         b=len(model.base_parameters),
     )
     files = {f"{dialect.prefix}.h": header}
-    for part, names in _parts(programs).items():
+    for part, names in _parts(programs.values()).items():
         files[f"{dialect.prefix}{part}.c"] = render(
             "c/source.c.j2",
             **naming(dialect, identity),
@@ -72,13 +72,13 @@ BESIDE = {"_nominal": "functions with the numbers of the robot file", "_derivati
 """Suffix of a separate source file -> its content. A project can leave these out, and compile them in parallel."""
 
 
-def _parts(programs: Iterable[str]) -> dict[str, list[str]]:
+def _parts(programs: Iterable[Program]) -> dict[str, list[str]]:
     """Suffix of a source file ("" for the main one) -> the functions in it."""
     parts: dict[str, list[str]] = {"": []}
-    for name in programs:
-        stem = name.removesuffix("_nominal")
-        part = "_derivatives" if stem.endswith("_derivatives") else "" if stem == name else "_nominal"
-        parts.setdefault(part, []).append(name)
+    for program in programs:
+        specialized = "_nominal" if program.specializes else ""
+        part = "_derivatives" if program.function.endswith("_derivatives") else specialized
+        parts.setdefault(part, []).append(program.name)
     return parts
 
 
@@ -106,7 +106,7 @@ def print_functions(programs: Mapping[str, Program], dialect: Dialect, sincos: S
 
 def _sources(prefix: str, model: DerivedModel) -> str:
     return "; ".join(
-        f"{BESIDE[part]} in {prefix}{part}.c" if part else f"{prefix}.c" for part in _parts(model.programs)
+        f"{BESIDE[part]} in {prefix}{part}.c" if part else f"{prefix}.c" for part in _parts(model.programs.values())
     )
 
 

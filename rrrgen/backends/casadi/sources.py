@@ -25,7 +25,7 @@ from rrrgen.backends.casadi.function import function
 from rrrgen.backends.casadi.module import rebuild_module
 from rrrgen.backends.casadi.smooth import has_sign, smooth_sign
 from rrrgen.derive.parameter_listing import listing
-from rrrgen.program import Program
+from rrrgen.program import Program, specialization
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
@@ -47,7 +47,7 @@ DERIVATIVES: dict[str, tuple[str, ...]] = {
 }
 """Functions that the C file contains and the derivatives that come with them.
 
-A ``_nominal`` specialization has the derivatives of its general function. If there is one, it alone has the second
+A nominal specialization has the derivatives of its general function. If there is one, it alone has the second
 derivatives, which exact Hessians need: with the parameters as inputs these would be the largest part of the file and
 are hardly ever needed. The Python module can compute them in any case.
 """
@@ -105,8 +105,8 @@ def external_functions(model: DerivedModel) -> list[tuple[str, Program, tuple[st
 
 def derivatives_of(name: str, programs: Mapping[str, Program]) -> tuple[str, ...]:
     """The derivatives that the C file holds of the function ``name``; () when it leaves the function out."""
-    kinds = DERIVATIVES.get(name.removesuffix("_nominal"), ())
-    return FIRST_ORDER if kinds and f"{name}_nominal" in programs else kinds
+    kinds = DERIVATIVES.get(programs[name].specializes or name, ())
+    return FIRST_ORDER if kinds and specialization(programs, name) is not None else kinds
 
 
 def serialized(model: DerivedModel) -> dict[str, bytes]:

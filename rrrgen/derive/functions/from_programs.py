@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from rrrgen.derive.derived_model import Derivation, RecordedModel
 from rrrgen.derive.functions.derivatives import differentiated, from_inverse_dynamics
 from rrrgen.derive.functions.dynamic_functions import forward_dynamics
-from rrrgen.program import Program
+from rrrgen.program import Program, nominal_name, specialization
 
 SOURCES = {
     "inverse_dynamics_derivatives": "inverse_dynamics",
@@ -30,13 +30,15 @@ def with_forward_dynamics(derivation: Derivation, programs: Mapping[str, Program
     """
     program = forward_dynamics(derivation.recording(), programs["mass_matrix"], programs["bias"])
     found = {"forward_dynamics": program}
-    if "mass_matrix_nominal" in programs:
-        nominal = forward_dynamics(derivation.recording(), programs["mass_matrix_nominal"], programs["bias_nominal"])
-        found["forward_dynamics_nominal"] = as_nominal(nominal, "forward_dynamics", program.summary)
+    mass_matrix, bias = (specialization(programs, name) for name in ("mass_matrix", "bias"))
+    if mass_matrix is not None and bias is not None:
+        computed = forward_dynamics(derivation.recording(), mass_matrix, bias)
+        nominal = as_nominal(computed, "forward_dynamics", program.summary)
+        found[nominal.name] = nominal
     return found
 
 
 def as_nominal(program: Program, function: str, summary: str) -> Program:
-    """``program`` under the name and summary of the nominal specialization of ``function``."""
+    """``program`` as the nominal specialization of ``function``, ``<function>_nominal``."""
     words = summary.rstrip(".") + ", with the parameters of the robot file."
-    return program.described(name=f"{function}_nominal", summary=words)
+    return program.described(name=nominal_name(function), summary=words, specializes=function)

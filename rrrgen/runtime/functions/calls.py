@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.program import Role
+from rrrgen.program import Role, nominal_name
 from rrrgen.runtime.arguments import checked, choose, nominal_values, read_only
 
 if TYPE_CHECKING:
@@ -72,7 +73,8 @@ class Calls:
 
         for group in GROUPS:
             functions = functions_of(group, self.n)
-            if name.removesuffix("_nominal") in functions and self._compiled is not None and group not in self._groups:
+            offered = {*functions, *map(nominal_name, functions)}
+            if name in offered and self._compiled is not None and group not in self._groups:
                 self._groups[group] = self._compiled(self.spec, groups=(group,))
             if group in self._groups and name in self._groups[group].derived.programs:
                 self._groups[group].engine.threads = self.engine.threads
@@ -96,7 +98,7 @@ class Calls:
         if gravity is not None and not self.spec.gravity_input:
             self._check_beta(name, beta)
             return self.any_gravity._evaluate(name, values, beta, Ia, gravity)
-        if name not in self.derived.programs:
+        if name not in self.derived.programs and name not in self._specializations:
             return self._with(name)._evaluate(name, values, beta, Ia, gravity)
         chosen, parameters = self._chosen(name, beta, Ia)
         if self.spec.gravity_input and self.derived.programs[chosen].takes(Role.GRAVITY):
@@ -116,7 +118,13 @@ class Calls:
     def _chosen(self, name: str, beta: Any, Ia: Any) -> tuple[str, dict[str, Any]]:
         """The name of the program to run, the nominal specialization if no parameters are given, and its parameters."""
         given = {Role.BASE_PARAMETERS: (beta, self.beta), Role.DRIVE_INERTIA: (Ia, self.drive_inertia)}
-        return choose(self.derived.programs, name, given)
+        return choose(self.derived.programs, self._specializations, name, given)
+
+    @cached_property
+    def _specializations(self) -> dict[str, str]:
+        """Function -> name of its nominal specialization."""
+        programs = self.derived.programs
+        return {program.specializes: name for name, program in programs.items() if program.specializes}
 
     def _checked(self, name: str, result: Any, status: Any, with_status: bool) -> Any:
         """``result`` if no state failed; otherwise LinAlgError, or both for the caller to look at."""
