@@ -108,7 +108,8 @@ def recorded_run(
     )
     i = design.joint
     u = np.array(controller.inputs)[:, i]
-    signals = LoopSignals(run, recording.t, run.n, u, recording.q[:, i], recording.reference[:, i])
+    clipped = int(recording.saturated.sum())
+    signals = LoopSignals(run, recording.t, run.n, u, recording.q[:, i], recording.reference[:, i], clipped)
     return signals, recording
 
 

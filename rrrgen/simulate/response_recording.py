@@ -21,7 +21,10 @@ COLUMNS = ("t", "n", "u", "q", "q_r")
 
 @dataclass(frozen=True, eq=False)
 class LoopSignals:
-    """One recorded run of one joint: time, excitation, input, measured position and its reference, (N,) each."""
+    """One recorded run of one joint: time, excitation, input, measured position and its reference, (N,) each.
+
+    ``clipped`` counts the torques of all joints that a limit has clipped.
+    """
 
     run: ResponseRun
     t: Array
@@ -29,6 +32,7 @@ class LoopSignals:
     u: Array
     q: Array
     q_r: Array
+    clipped: int = 0
 
     def settled(self) -> Array:
         """The rows [t, n, u, q, q_r] after the transients of the start."""

@@ -158,10 +158,22 @@ def test_online_estimators_are_strict_c_and_cpp_without_heap(inputs, tmp_path, r
     folder, _ = inputs
     kinds = ("--estimator", "rls", "--estimator", "gradient", "--trajectory", folder / "trajectory.json")
     result = run(
-        "controller", "planar2r", *kinds, "--torque-noise", "0.2,0.1", "--real", real, "-o", tmp_path, "--json"
+        "controller",
+        "planar2r",
+        *kinds,
+        "--torque-noise",
+        "0.2,0.1",
+        "--spread",
+        "0.5",
+        "--real",
+        real,
+        "-o",
+        tmp_path,
+        "--json",
     )
     names = {f"planar2r_{kind}{suffix}" for kind in ("rls", "gradient") for suffix in (".h", ".c")}
     assert names <= set(json.loads(result.output)["files"])
+    assert "+- 0.5" in (tmp_path / "planar2r_rls.h").read_text()
     assert not any("malloc" in (tmp_path / name).read_text() for name in names)
     sources = ["planar2r_rls.c", "planar2r_gradient.c"]
     cpp = ["-std=c++11", "-x", "c++", *(flag for flag in FLAGS if flag != "-std=c99"), "-Werror"]

@@ -109,6 +109,50 @@ def test_least_squares_equal_the_information_form(name, backend, real, tolerance
     assert np.abs(estimator.covariance - P).max() <= 10.0 * tolerance * np.abs(P).max()
 
 
+COUPLED = """
+schema: rrrgen/1
+name: coupled
+convention: standard
+gravity: [0, -9.81, 0]
+units: {angle: rad, length: m}
+joints:
+  - {name: q1, type: revolute, alpha: 0, a: 0.4, d: 0, theta: 0, friction: {offset: 0.1}}
+  - {name: q2, type: revolute, alpha: 0, a: 0.3, d: 0, theta: 0}
+links:
+  - {mass: 3, com: [-0.2, 0, 0], inertia: {about: com, xx: 0.01, yy: 0.05, zz: 0.05}}
+  - {mass: 2, com: [-0.15, 0.02, 0], inertia: {about: com, xx: 0.01, yy: 0.03, zz: 0.03}}
+drives:
+  joint_from_drive: [[1, 0], [-1, 1]]
+  motors:
+    - {name: left, gear_ratio: 50, inertia: 2e-5, friction: {viscous: 1e-4, coulomb: 0.008}}
+    - {name: right, gear_ratio: 40, inertia: 3e-5, friction: {coulomb: 0.01, offset: 0.001}}
+"""
+
+
+def test_rows_of_coupled_drives_are_those_of_the_identification():
+    """A joint rests where a motor that acts on it rests, at a speed that is compared at the joints."""
+    model = rrrgen.compile(rrrgen.loads_spec(COUPLED), backend="numpy")
+    fixed = {"fc_left": 0.3, "off1": 0.2}
+    setting = regression(model.derived, fixed)
+    q, dq, ddq = motion(2, 0.1 * np.arange(50))
+    tau = np.random.default_rng(0).normal(size=q.shape)
+    Y, y, moves = evaluate(setting.rows, q, dq, ddq, tau, 0.3)
+    every, names = model.identification_regressor(q, dq, ddq), model.identification_parameter_names
+    keep = [k for k, name in enumerate(names) if name not in fixed]
+    assert tuple(names[k] for k in keep) == setting.names
+    assert np.allclose(Y, every[..., keep], atol=1e-12)
+    assert np.allclose(y, tau - every @ [fixed.get(name, 0.0) for name in names], atol=1e-12)
+    W = np.array(model.spec.drives.motor_from_joint, dtype=float)
+    slow = np.abs(dq @ W.T) < 0.3 * np.linalg.norm(W, axis=1)
+    expected = ~((slow[:, :, None] & (W != 0.0)).any(axis=1) | (np.abs(dq) < 0.3) * [True, False])
+    assert np.array_equal(moves > 0.0, expected)
+    p = np.zeros(len(setting.names))
+    following, errors, _ = evaluate(setting.gradient, q, dq, ddq, tau, p, 1e-12, 0.3)
+    assert np.allclose(errors, -y, atol=1e-12)
+    r = np.einsum("kij,ki->kj", Y, errors * expected)
+    assert np.allclose(following, -1e-12 * r, rtol=1e-9, atol=1e-15)
+
+
 def test_without_forgetting_the_recursion_is_the_batch_estimate():
     model = compiled("rrr")
     q, dq, ddq, tau = measured(model, 0.01 * np.arange(500))

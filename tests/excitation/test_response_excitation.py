@@ -138,6 +138,19 @@ def test_plans_that_cannot_be_are_refused(changes, reason):
         design_response(rrr(), ResponsePlan(**{"joint": "table", **changes}), RATE)
 
 
+def test_standing_joints_stay_in_their_range():
+    text = (
+        "schema: rrrgen/1\nname: elbow\nconvention: standard\nunits: {angle: rad, length: m}\ngravity: [0, 0, -9.81]\n"
+        "joints:\n"
+        "  - {name: turn, type: revolute, alpha: 0, a: 0.3, d: 0, theta: 0}\n"
+        "  - {name: bend, type: revolute, alpha: 0, a: 0.2, d: 0, theta: 0, limits: {lower: -3, upper: -0.5}}\n"
+    )
+    model = rrrgen.compile(rrrgen.loads_spec(text), backend="numpy")
+    assert design_response(model, ResponsePlan("turn"), RATE).runs[0].start == (0.0, -1.75)
+    with pytest.raises(InputError, match="posture 1 has joint bend at 0\\.1, outside"):
+        design_response(model, ResponsePlan("turn", postures=((0.0, 0.1),)), RATE)
+
+
 def test_a_joint_without_room_or_speed_is_refused():
     with pytest.raises(InputError, match="room for 0 periods"):
         design_response(rrr(-0.05, 0.05), ResponsePlan("table"), RATE)

@@ -40,6 +40,12 @@ def estimator_options(function: F) -> F:
             help="Standard deviation of the torque noise in N m (N), one for all joints or one each; default 0.1.",
         ),
         click.option(
+            "--spread",
+            type=positive,
+            metavar="STD",
+            help="Standard deviation of all parameters at the start, SI; default ten times the largest nominal one.",
+        ),
+        click.option(
             "--forgetting",
             type=click.FloatRange(0.0, 1.0, min_open=True),
             help="Forgetting factor of the least squares, 1 to forget nothing; default 0.999.",
@@ -79,6 +85,8 @@ def estimator_files_of(spec: RobotSpec, options: dict[str, Any]) -> dict[str, st
     settings = EstimatorSettings(**{name: value for name, value in given.items() if value is not None})
     if options["torque_noise"] is not None:
         settings = replace(settings, noise=_covariance(options["torque_noise"], spec.n))
+    if options["spread"] is not None:
+        settings = replace(settings, spread=(options["spread"],) * len(setting.names))
     if "gradient" in kinds:
         settings = replace(settings, gain=_gain(setting, options))
     files: dict[str, str] = {}
@@ -89,7 +97,14 @@ def estimator_files_of(spec: RobotSpec, options: dict[str, Any]) -> dict[str, st
 
 def _refuse_unused(kinds: tuple[str, ...], options: dict[str, Any]) -> None:
     """Raise UsageError for an option that no chosen estimator has."""
-    users = {"fix": KINDS, "rest_speed": KINDS, "torque_noise": ("rls",), "forgetting": ("rls",), "gain": ("gradient",)}
+    users = {
+        "fix": KINDS,
+        "rest_speed": KINDS,
+        "torque_noise": ("rls",),
+        "spread": ("rls",),
+        "forgetting": ("rls",),
+        "gain": ("gradient",),
+    }
     for name, having in users.items():
         if options[name] not in (None, ()) and not set(having) & set(kinds):
             option = f"--{name.replace('_', '-')}"

@@ -101,8 +101,14 @@ def simulate_response_runs(
         signals, controller = simulate_response(experiment, pipeline.compile(spec), design, progress)
         prismatic = not spec.joints[design.joint].is_revolute
         paths = write_responses(folder.path / "results", design, signals, controller, prismatic)
+    clipped = {each.run.name: each.clipped for each in signals if each.clipped}
+    for name, count in clipped.items():
+        click.echo(f"warning: {name}: {count} torques are clipped, so the loop is not linear; lower the rms", err=True)
     if as_json:
-        print_json({"responses": [str(path) for path in paths], "recordings": [each.run.name for each in signals]})
+        names = [each.run.name for each in signals]
+        print_json(
+            {"responses": [str(path) for path in paths], "recordings": names, "clipped_torques": sum(clipped.values())}
+        )
     else:
         for path in paths:
             click.echo(f"recordings in {path}: now rrrgen frf {path} -o DIR")

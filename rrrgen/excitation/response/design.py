@@ -41,11 +41,10 @@ def design_response(model: Any, plan: ResponsePlan, rate: float, seed: int = 0) 
     kp, kd = omega**2, 2.0 * plan.damping * omega
     rng = np.random.default_rng(seed)
     periodic = plan.signal != "noise"
-    postures = plan.postures or ((0.0,) * model.n,)
+    postures = plan.postures or (_middle(model),)
     runs: list[ResponseRun] = []
     for p, posture in enumerate(postures, start=1):
-        if len(posture) != model.n:
-            raise InputError(f"posture {p} has {len(posture)} joint positions, the robot {model.n}")
+        _check_posture(model, posture, p, i)
         for r in range(1, plan.realisations + 1):
             count = samples if periodic else samples * plan.periods * (plan.settle + 1)  # for the most strokes
             shape = excitation_signal(plan.signal, plan.band, count, rate, rng)
@@ -64,6 +63,27 @@ def design_response(model: Any, plan: ResponsePlan, rate: float, seed: int = 0) 
         kd=tuple(kd.tolist()),
         runs=tuple(runs),
     )
+
+
+def _middle(model: Any) -> tuple[float, ...]:
+    """Zero, or the middle of the range of joints whose range does not contain zero."""
+    found = []
+    for joint in model.spec.joints:
+        lower, upper = joint.limits.lower, joint.limits.upper
+        outside = lower is not None and upper is not None and not float(lower) < 0.0 < float(upper)
+        found.append(0.5 * (float(lower) + float(upper)) if outside else 0.0)
+    return tuple(found)
+
+
+def _check_posture(model: Any, posture: tuple[float, ...], number: int, moving: int) -> None:
+    """Raise InputError for a posture of another robot, or with a standing joint outside its range."""
+    if len(posture) != model.n:
+        raise InputError(f"posture {number} has {len(posture)} joint positions, the robot {model.n}")
+    for k, (position, joint) in enumerate(zip(posture, model.spec.joints, strict=True)):
+        lower, upper = joint.limits.lower, joint.limits.upper
+        below, above = lower is not None and position < lower, upper is not None and position > upper
+        if k != moving and (below or above):
+            raise InputError(f"posture {number} has joint {joint.name} at {position:.4g}, outside its range")
 
 
 def _samples(plan: ResponsePlan, rate: float) -> int:

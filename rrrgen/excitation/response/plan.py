@@ -22,7 +22,8 @@ class ResponsePlan:
     - ``signal``: one of ``SIGNALS``; ``band`` (Hz); ``period`` (s) of the signal, also the inverse of the distance of
       its lines; ``periods`` that are recorded after ``settle`` periods in which transients fade.
     - ``rms`` of the excitation, rad/s^2 (m/s^2), and ``speed`` of the joint, rad/s (m/s); None: chosen.
-    - ``realisations``: experiments with other random phases; ``postures``: joint positions (n,) of each experiment.
+    - ``realisations``: experiments with other random phases; ``postures``: joint positions (n,) of each experiment;
+      zero, or the middle of ranges that do not contain zero, if None.
     - ``bandwidth``: (Hz) of the loop of the joint, and of those of the others; ``damping`` of both.
     """
 
