@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -66,6 +66,17 @@ def plot_torque(t: Floats, tau: Floats, limits: Sequence[float] | None = None) -
             axis.axhline(limits[i], color="0.4", linestyle="--", linewidth=0.6)
             axis.axhline(-limits[i], color="0.4", linestyle="--", linewidth=0.6)
         style_axes(axis, "", f"τ{i + 1} [N m]")
+    axes[-1].set_xlabel("t [s]")
+    return figure
+
+
+def plot_joint(t: Any, motion: Sequence[Any], title: str) -> Figure:
+    """Position, speed and acceleration, (m,) each, of one joint over time, one panel each."""
+    figure, axes = new_figure(3, 1, height=5.0, sharex=True)
+    for axis, values, label in zip(axes, motion, ("q [rad]", "dq [rad/s]", "ddq [rad/s²]"), strict=True):
+        axis.plot(t, values, linewidth=0.8)
+        style_axes(axis, "", label)
+    axes[0].set_title(title, fontsize=9, loc="left")
     axes[-1].set_xlabel("t [s]")
     return figure
 

@@ -27,6 +27,7 @@ Bounds = tuple[float, float]
 BOUNDS: dict[str, Bounds] = {
     "inertia": (1e-9, np.inf),
     "coulomb": (0.0, np.inf),
+    "viscous": (0.0, np.inf),
     "stribeck_speed": (1e-4, 50.0),
     "sigma0": (1.0, 1e9),
     "sigma1": (0.0, np.inf),

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from rrrgen.cli.main import run
+from rrrgen.friction.laws import LAWS
+from rrrgen.robotfile import load_spec
 from samples.stick_slip_joint import Joint, record
 
 LIMITS = {
@@ -67,6 +69,9 @@ def test_a_hidden_joint_is_found(truth, rival, options, tmp_path, capsys):
     assert f"* {truth.law}" in table
     assert "BIC" in table
     assert (tmp_path / "run" / "figures" / "friction.png").exists()
+    written = load_spec(str(tmp_path / "run" / "results" / "robot.yaml")).joints[2].friction.law
+    assert written.name == truth.law
+    assert sorted(written.values) == sorted(model["parameters"][p.name] for p in LAWS[truth.law].parameters)
 
 
 def refused(tmp_path, capsys, found, joint="q3"):

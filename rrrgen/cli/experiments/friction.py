@@ -39,8 +39,9 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
     """Estimate friction, inertia and gravity of one joint from a recording in which it alone moves, (14.15).
 
     Coulomb-viscous, asymmetric, Stribeck, LuGre and neural laws are estimated by an extended Kalman filter and refined
-    by output error; one is chosen by its error on windows that were left out. Writes results/friction.json and a figure
-    of friction against speed to DIR. Design the motion with `rrrgen excite --friction`.
+    by output error; one is chosen by its error on windows that were left out. Writes results/friction.json, the
+    robot file with this law and a figure of friction against speed to DIR. Design the motion with
+    `rrrgen excite --friction`.
 
     \b
     Example:
@@ -50,8 +51,10 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
     from rrrgen.friction_estimation.estimation import estimate_friction
     from rrrgen.friction_estimation.joint_data import joint_data, recorded_joint
     from rrrgen.friction_estimation.plots import plot_friction
+    from rrrgen.friction_estimation.robot_file import with_friction
     from rrrgen.recordings.log_stream import LogStream
     from rrrgen.recordings.logs import load_stream, open_log
+    from rrrgen.robotfile import dumps
     from rrrgen.runs.run_folder import RunFolder, plain
 
     spec = read_with_warnings(robot)
@@ -69,6 +72,7 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
         found = estimate_friction(data, moving.gravity, options["laws"], options["seed"], progress)
         record = plain(found.to_json())
         folder.write_json("friction.json", record)
+        folder.write_text("robot.yaml", dumps(with_friction(spec, joint, found.chosen)))
         folder.figure("friction", plot_friction(found, moving.units))
     if as_json:
         print_json(record)

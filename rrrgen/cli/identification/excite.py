@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.experiments.friction_experiment import excite_friction
 from rrrgen.cli.experiments.response_experiment import excite_response
 from rrrgen.cli.identification.workflow import (
     chosen_experiment,
@@ -32,6 +33,11 @@ from rrrgen.extras import require
     metavar="JOINT",
     help="Excite one joint for its frequency response instead; '-' for the joint that the experiment file names.",
 )
+@click.option(
+    "--friction",
+    metavar="JOINT",
+    help="Move one joint for `rrrgen friction` instead: a fast multisine, then slow reversals; 40 s unless --duration.",
+)
 @click.option("--harmonics", type=click.IntRange(min=1), help="Number of harmonics of the Fourier series; default 15.")
 @click.option("--duration", "cycle", type=float, metavar="S", help="Period of the motion in seconds; default 10.")
 @click.option("--rate", type=float, metavar="HZ", help="Sampling rate of the controller; default 1000.")
@@ -54,7 +60,13 @@ def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
       rrrgen excite rrr -o runs/excitation --jobs 2
       rrrgen excite rrr --experiment experiment.yaml -o runs/excitation
       rrrgen excite rrr --response q1 -o runs/response-excitation
+      rrrgen excite rrr --friction q3 -o runs/friction-motion
     """
+    if options["friction"] is not None:
+        require("rrrgen excite", "matplotlib")
+        spec = read_with_warnings(robot)
+        chosen = chosen_experiment(options["experiment"], spec.n, {**options, "cycle": None, "harmonics": None})
+        return excite_friction(robot, spec, chosen, output, options, as_json)
     if options["response"] is not None:
         require("rrrgen excite", "matplotlib")
         spec = read_with_warnings(robot)

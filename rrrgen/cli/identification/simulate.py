@@ -31,7 +31,7 @@ from rrrgen.extras import require
 @click.option(
     "--trajectory",
     type=click.Path(path_type=Path, exists=True),
-    help="Motion to follow: excitation.json of `rrrgen excite`.",
+    help="Motion to follow: excitation.json or friction_motion.json of `rrrgen excite`.",
 )
 @click.option("--writing", is_flag=True, help="Follow the writing task of the experiment file; default: RRR in 10 s.")
 @click.option(
@@ -114,7 +114,9 @@ def _motion(model: Model, experiment: Experiment, trajectory: Path | None) -> tu
     from rrrgen.experiments.experiment_setup import writing_path
 
     if trajectory is not None:
-        series = read_trajectory(trajectory)
+        from rrrgen.excitation.friction_motion import read_friction_motion
+
+        series = read_friction_motion(trajectory) or read_trajectory(trajectory)
         return series.evaluate, series.period
     path = writing_path(experiment, model)
     return path.evaluate, path.task.duration

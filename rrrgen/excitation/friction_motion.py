@@ -1,0 +1,199 @@
+"""The motion of one joint from which its friction is estimated: a fast multisine, then slow reversals.
+
+Fast motion tells inertia and viscous friction, slow motion with reversals stiction and Stribeck speed; either alone
+leaves something undetermined.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError, InputError
+
+SCHEMA = "rrrgen-friction-motion/1"
+FAST_BAND, SLOW_BAND = (0.1, 5.0), (0.05, 0.2)  # Hz
+FAST_SPACING, SLOW_SPACING = 0.1, 0.05  # Hz
+FAST_SPEED, SLOW_SPEED = 1.2, 0.25  # rad/s rms of a revolute joint
+PRISMATIC = 0.3  # the same speeds of a prismatic joint, m/s per rad/s
+FADE = 1.0  # s
+DRAWS = 40  # sets of random phases, of which the least peaked is kept
+RESERVE = 0.9  # of a limit on motion that is used
+TORQUE_RESERVE = 0.6  # of the torque limit that links without friction may take
+GRID = 1e-3  # s
+
+
+@dataclass(frozen=True)
+class Multisine:
+    """A position ``sum a_k cos(2 pi f_k t + phase_k)``, rad (m), over ``duration`` s from ``start``, with fades."""
+
+    start: float
+    duration: float
+    frequency: tuple[float, ...]
+    amplitude: tuple[float, ...]
+    phase: tuple[float, ...]
+
+    def evaluate(self, t: Array) -> tuple[Array, Array, Array]:
+        """Position, speed and acceleration (N,) each."""
+        local = np.clip(t - self.start, 0.0, self.duration)
+        omega = 2.0 * math.pi * np.array(self.frequency)
+        angle = np.multiply.outer(local, omega) + np.array(self.phase)
+        a = np.array(self.amplitude)
+        wave = [np.cos(angle) @ a, -np.sin(angle) @ (a * omega), -np.cos(angle) @ (a * omega**2)]
+        near = np.minimum(local, self.duration - local) / FADE
+        sign = np.where(local <= 0.5 * self.duration, 1.0, -1.0) / FADE
+        s = np.clip(near, 0.0, 1.0)
+        fade = [
+            s**3 * (10 - 15 * s + 6 * s**2),
+            30 * s**2 * (1 - s) ** 2 * sign,
+            (60 * s - 180 * s**2 + 120 * s**3) / FADE**2,
+        ]
+        return (
+            fade[0] * wave[0],
+            fade[0] * wave[1] + fade[1] * wave[0],
+            fade[0] * wave[2] + 2.0 * fade[1] * wave[1] + fade[2] * wave[0],
+        )
+
+
+@dataclass(frozen=True)
+class FrictionMotion:
+    """Motion of joint number ``joint`` (from 0) about the posture ``centre`` (n,), the others at rest."""
+
+    joint: int
+    name: str
+    centre: tuple[float, ...]
+    parts: tuple[Multisine, ...]
+
+    @property
+    def period(self) -> float:
+        """Duration, s."""
+        return self.parts[-1].start + self.parts[-1].duration
+
+    def evaluate(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+        """Positions, speeds and accelerations (N, n) of all joints at the instants ``t`` (N,)."""
+        instants = np.asarray(t, dtype=float)
+        found = [np.zeros((len(instants), len(self.centre))) for _ in range(3)]
+        found[0] += np.array(self.centre)
+        for part in self.parts:
+            for total, own in zip(found, part.evaluate(instants), strict=True):
+                total[:, self.joint] += own
+        return found[0], found[1], found[2]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data that :meth:`from_json` reads back."""
+        return {"schema": SCHEMA, **asdict(self)}
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> FrictionMotion:
+        """Read what :meth:`to_json` gives; raises InputError for anything else."""
+        try:
+            series = ("frequency", "amplitude", "phase")
+            parts = tuple(
+                Multisine(float(p["start"]), float(p["duration"]), *(tuple(float(v) for v in p[key]) for key in series))
+                for p in data["parts"]
+            )
+            return cls(int(data["joint"]), str(data["name"]), tuple(float(v) for v in data["centre"]), parts)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"this is no motion of `rrrgen excite --friction`: {error!r}") from None
+
+
+def read_friction_motion(path: Path) -> FrictionMotion | None:
+    """The motion in a JSON file, None if the file holds something else."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    is_motion = isinstance(data, dict) and data.get("schema") == SCHEMA
+    return FrictionMotion.from_json(data) if is_motion else None
+
+
+def design_friction_motion(
+    spec: Any,
+    joint: str,
+    duration: float,
+    seed: int,
+    torque: Callable[[Array, Array, Array], Array] | None = None,
+) -> FrictionMotion:
+    """A fast multisine and slow reversals of the joint named ``joint`` within the limits of the robot file ``spec``.
+
+    Each takes half of ``duration`` (s). ``torque(q, dq, ddq)`` gives the torques of the links without friction, for the
+    torque limit. Raises InputError for an unknown joint or a duration below 20 s, DerivationError where position limits
+    leave no room.
+    """
+    names = [each.name for each in spec.joints]
+    if joint not in names:
+        raise InputError(f"robot '{spec.name}' has no joint '{joint}'; its joints are {', '.join(names)}")
+    if not duration >= 20.0:
+        raise InputError(f"a friction experiment of {duration:g} s is too short: 20 s at least, better 40 s")
+    i = names.index(joint)
+    row = spec.joints[i]
+    unit = 1.0 if row.is_revolute else PRISMATIC
+    half = 0.5 * duration
+    rng = np.random.default_rng(seed)
+    parts = (
+        _multisine(rng, 0.0, half, FAST_BAND, FAST_SPACING, FAST_SPEED * unit),
+        _multisine(rng, half, half, SLOW_BAND, SLOW_SPACING, SLOW_SPEED * unit),
+    )
+    centre = [_middle(each.limits) for each in spec.joints]
+    found = [_scaled(part, _share(part, row.limits, centre[i], joint)) for part in parts]
+    motion = FrictionMotion(i, joint, tuple(centre), tuple(found))
+    if torque is None or row.limits.torque is None:
+        return motion
+    for _ in range(30):  # inertia torque falls with the amplitude, gravity does not
+        t = np.arange(0.0, motion.period, 5.0 * GRID)
+        largest = float(np.max(np.abs(torque(*motion.evaluate(t))[:, i])))
+        if largest <= TORQUE_RESERVE * float(row.limits.torque):
+            return motion
+        motion = FrictionMotion(i, joint, motion.centre, tuple(_scaled(part, 0.8) for part in motion.parts))
+    raise DerivationError(f"gravity alone takes more than {100 * TORQUE_RESERVE:g} % of the torque limit of '{joint}'")
+
+
+def _multisine(
+    rng: np.random.Generator, start: float, duration: float, band: tuple[float, float], spacing: float, speed: float
+) -> Multisine:
+    """Flat in speed, with the least peaked of some random phases."""
+    f = np.arange(band[0], band[1] + 1e-9, spacing)
+    amplitude = speed * math.sqrt(2.0 / len(f)) / (2.0 * math.pi * f)
+    t = start + np.arange(0.0, duration, 5.0 * GRID)
+    drawn = [
+        Multisine(start, duration, tuple(f.tolist()), tuple(amplitude.tolist()), tuple(phase.tolist()))
+        for phase in rng.uniform(0.0, 2.0 * math.pi, (DRAWS, len(f)))
+    ]
+    return min(drawn, key=lambda each: float(np.max(np.abs(each.evaluate(t)[1])) * np.ptp(each.evaluate(t)[0])))
+
+
+def _middle(limits: Any) -> float:
+    """Centre of the range of a joint; 0 where it has none."""
+    if limits.lower is not None and limits.upper is not None:
+        return 0.5 * (float(limits.lower) + float(limits.upper))
+    low = -math.inf if limits.lower is None else float(limits.lower)
+    high = math.inf if limits.upper is None else float(limits.upper)
+    return min(max(0.0, low), high)
+
+
+def _share(part: Multisine, limits: Any, centre: float, joint: str) -> float:
+    """The factor, at most 1, with which a part stays within the limits of the joint."""
+    q, dq, ddq = part.evaluate(part.start + np.arange(0.0, part.duration, GRID))
+    share = 1.0
+    for values, limit in ((dq, limits.velocity), (ddq, limits.acceleration)):
+        if limit is not None:
+            share = min(share, RESERVE * float(limit) / float(np.max(np.abs(values))))
+    for limit, reach in ((limits.upper, float(np.max(q))), (limits.lower, -float(np.min(q)))):
+        if limit is not None and reach > 0.0:
+            share = min(share, RESERVE * abs(float(limit) - centre) / reach)
+    if not share > 0.02:
+        raise DerivationError(f"the position limits of joint '{joint}' leave no room for a friction experiment")
+    return share
+
+
+def _scaled(part: Multisine, factor: float) -> Multisine:
+    amplitude = tuple(factor * a for a in part.amplitude)
+    return Multisine(part.start, part.duration, part.frequency, amplitude, part.phase)

@@ -1,0 +1,29 @@
+"""The robot file with the friction law that was chosen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
+
+if TYPE_CHECKING:
+    from rrrgen.friction_estimation.estimation import LawEstimate
+    from rrrgen.robotfile.robot_spec import RobotSpec
+
+LEAST = 1e-9  # of a parameter that has to be positive and was estimated as 0
+
+
+def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate) -> RobotSpec:
+    """A copy of ``spec`` whose joint named ``joint`` has the law ``chosen``; all else stays as it is."""
+    law = chosen.candidate.law
+    values = dict(
+        zip((p.name for p in law.parameters), chosen.candidate.law_values(chosen.theta.tolist()), strict=True)
+    )
+    if law.name == "coulomb_viscous":
+        friction = FrictionSpec(viscous=values["viscous"], coulomb=values["coulomb"])
+    else:
+        numbers = tuple(max(values[p.name], LEAST) if p.positive else values[p.name] for p in law.parameters)
+        friction = FrictionSpec(law=LawSpec(law.name, numbers))
+    joints = tuple(replace(each, friction=friction) if each.name == joint else each for each in spec.joints)
+    return replace(spec, joints=joints)

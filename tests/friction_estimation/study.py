@@ -1,0 +1,92 @@
+"""Friction of one joint estimated from simulated recordings with known truth: laws, encoders, noise, delay, seeds.
+
+    python tests/friction_estimation/study.py --seeds 3 --jobs 2
+
+Prints for every case the law chosen, the largest error of each parameter over the seeds beside its limit, and how many
+reported standard deviations the errors amount to. The simulation is that of the tests and shares nothing with the
+package. Exits with 1 if a law or a limit is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from rrrgen.friction_estimation.estimation import estimate_friction
+from rrrgen.friction_estimation.joint_data import joint_data
+from rrrgen.recordings.logs import Log
+from samples.stick_slip_joint import COARSE, Joint, record
+
+LIMITS = {"inertia": 0.01, "coulomb": 0.02, "viscous": 0.05, "stiction_excess": 0.1, "stribeck_speed": 0.1}
+LIMITS |= {"coulomb_p": 0.02, "coulomb_n": 0.02, "viscous_p": 0.05, "viscous_n": 0.05, "gravity": 0.01}
+ATTRIBUTES = {"stiction_excess": "excess", "stribeck_speed": "speed", "coulomb_p": "coulomb", "viscous_p": "viscous"}
+
+STRIBECK = Joint("stribeck")
+CASES: dict[str, tuple[Joint, dict[str, object]]] = {
+    "stribeck": (STRIBECK, {}),
+    "stribeck, torque noise": (STRIBECK, {"torque_noise": 0.02}),
+    "stribeck, centred torque": (STRIBECK, {"centred": True, "torque_noise": 0.01}),
+    "stribeck, delay of 2 samples": (STRIBECK, {"delay": 2}),
+    "stribeck, coarse encoder": (STRIBECK, {"resolution": COARSE}),
+    "stribeck, no gravity": (Joint("stribeck", gravity=0.0), {}),
+    "stribeck, small excess": (Joint("stribeck", excess=0.1, speed=0.15), {}),
+    "stribeck, heavy": (Joint("stribeck", inertia=0.8, gravity=12.0, coulomb=4.0, excess=2.0, viscous=1.5), {}),
+    "coulomb_viscous": (Joint("coulomb_viscous", angle=0.7), {"torque_noise": 0.01}),
+    "asymmetric": (Joint("asymmetric", coulomb_n=0.45, viscous_n=0.2), {}),
+    "neural": (Joint("tanh"), {}),
+    "lugre": (Joint("lugre"), {}),
+    "lugre, stiff": (Joint("lugre", sigma0=1e5, sigma1=60.0), {}),
+}
+
+
+def run_case(name: str, seed: int) -> tuple[str, dict[str, float], dict[str, float]]:
+    """The law chosen, relative errors and errors in standard deviations of the true law's parameters."""
+    truth, options = CASES[name]
+    found = record(truth, seed=seed, **options)
+    data = joint_data(Log(("q",), found["t"], found["q"][:, None], found["tau"][:, None]), "q")
+    estimate = estimate_friction(data, 0 if truth.gravity == 0.0 else 2, seed=seed)
+    law = {"tanh": "neural"}.get(truth.law, truth.law)
+    model = next(each for each in estimate.laws if each.name == law)
+    relative, deviations = {}, {}
+    for parameter, value in model.values.items():
+        actual = getattr(truth, ATTRIBUTES.get(parameter, parameter), None)
+        if actual and parameter != "delay":
+            relative[parameter] = abs(value / actual - 1.0)
+            deviations[parameter] = abs(value - actual) / model.std[parameter]
+    return estimate.chosen.name, relative, deviations
+
+
+def main() -> int:
+    """Run the study and print its table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=3, help="recordings per case")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--case", action="append", choices=list(CASES), help="case to run; repeat for several")
+    chosen = parser.parse_args()
+    names, missed = chosen.case or list(CASES), 0
+    with ProcessPoolExecutor(chosen.jobs) as pool:
+        runs = {name: [pool.submit(run_case, name, seed) for seed in range(chosen.seeds)] for name in names}
+        for name, futures in runs.items():
+            results = [each.result() for each in futures]
+            law = {"tanh": "neural"}.get(CASES[name][0].law, CASES[name][0].law)
+            right = sum(each[0] == law for each in results)
+            print(f"{name}: {right} of {len(results)} times {law}; chosen: {', '.join(each[0] for each in results)}")
+            missed += len(results) - right
+            for parameter in results[0][1]:
+                error = max(each[1][parameter] for each in results)
+                deviations = np.sqrt(np.mean([each[2][parameter] ** 2 for each in results]))
+                limit = LIMITS.get(parameter)
+                missed += limit is not None and error > limit
+                told = "" if limit is None else f"  limit {100 * limit:g} %{'  MISSED' if error > limit else ''}"
+                print(f"  {parameter:<16} {100 * error:7.3f} %  {deviations:5.1f} deviations{told}", flush=True)
+    return int(missed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
