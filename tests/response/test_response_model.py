@@ -57,6 +57,43 @@ def test_modes_of_a_joint_in_closed_loop():
     assert (len(model.a), model.delay) == (6, 2)
 
 
+def write_loop(folder, recording):
+    np.save(folder / "loop.npy", np.column_stack([recording.n, recording.u, recording.q]))
+    c = ", ".join(repr(x) for x in CONTROLLER.numerator)
+    (folder / "loop.yaml").write_text(
+        "schema: rrrgen-response/1\nfiles: loop.npy\ntime: {rate: 1 kHz}\nexcitation: {column: 1}\ninput: {column: 2}\n"
+        f"output: {{column: 3}}\ncontroller: {{numerator: [{c}]}}\n"
+    )
+    return str(folder / "loop.yaml")
+
+
+def test_rows_of_a_closed_loop_are_fitted_and_the_others_test_the_model(tmp_path):
+    rng = np.random.default_rng(2)
+    log = write_loop(tmp_path, record(rng, multisine(rng, 16000)))
+    assert run(["response-model", log, "--fit-rows", "1:10000", "-o", str(tmp_path / "run")]) == 0
+    found = json.loads((tmp_path / "run/results/response_model.json").read_text())
+    assert found["method"] == "modes"
+    assert (found["fit"]["fitted_rows"], found["fit"]["scored_rows"]) == ([1, 10000], [10001, 16000])
+    assert found["fit"]["held_out"]
+    assert found["fit"]["value"] > 94.0
+    for mode, (frequency, damping, _) in zip(found["resonances"], MODES, strict=True):
+        assert mode["frequency"] == pytest.approx(frequency, rel=5e-3)
+        assert mode["damping"] == pytest.approx(damping, rel=0.1)
+    assert run(["response-model", log, "--fit-rows", "1:99999", "-o", str(tmp_path / "no")]) == 3
+
+
+def test_difference_equations_of_a_closed_loop_are_judged_by_what_they_can_tell():
+    """The joint integrates: its free run drifts, short runs and the loop from n to q do not."""
+    rng = np.random.default_rng(5)
+    recording = record(rng, multisine(rng, 3000))
+    direct = fit_difference_model(recording, (1, 2000), "arx")
+    assert "free runs of 50 samples" in direct.fit["protocol"]
+    assert direct.fit["value"] > 80.0
+    loop = fit_difference_model(recording, (1, 2000), "indirect", CONTROLLER)
+    assert "state that the fitted rows lead to" in loop.fit["protocol"]
+    assert loop.fit["value"] > 80.0
+
+
 def test_difference_equation_is_chosen_on_rows_left_out(swinging):
     recording, a = swinging
     model = fit_difference_model(recording, (1, 800))

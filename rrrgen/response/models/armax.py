@@ -8,6 +8,7 @@ from rrrgen.arrays import Array
 from rrrgen.response.models.equations import Equation
 
 REFINEMENTS = 20
+LARGEST = 1e100  # of what an unstable model may reach: squares must stay numbers
 LONG_ORDER = 2  # times the order: the ARX model whose residuals stand for e at the start
 
 
@@ -25,7 +26,7 @@ def armax(start_from: Equation, u: Array, y: Array, start: int, stop: int) -> Eq
     cost, damping, information = _cost(e), 1e-3, np.eye(len(theta))
     for _ in range(REFINEMENTS):
         J = _derivatives(theta, order, size, delay, part_u, part_y, e)
-        if not np.all(np.isfinite(J)):
+        if not float(np.abs(J).max()) < LARGEST:
             break
         information = J.T @ J
         step = np.linalg.lstsq(information + damping * np.diag(np.diag(information)), -J.T @ e, rcond=None)[0]

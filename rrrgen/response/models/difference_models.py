@@ -15,7 +15,7 @@ from rrrgen.response.controller import Controller
 from rrrgen.response.models.armax import armax
 from rrrgen.response.models.equations import Equation, arx
 from rrrgen.response.models.response_model import ResponseModel, resonances_of
-from rrrgen.response.models.subspace import SubspaceIdentification
+from rrrgen.response.models.subspace import SubspaceIdentification, check_rows
 from rrrgen.response.response_file import ResponseRecording
 
 HIGHEST_ORDER = 20
@@ -23,6 +23,8 @@ VALIDATION = 0.25  # of the rows to fit: the last ones choose the order
 NEARLY_BEST = 1.2  # times the smallest validation error: the lowest order below it is taken
 REFINEMENTS = 20
 PREFILTERS = 10
+SHORT_RUN = 50  # samples
+LARGEST = 1e100  # of what an unstable model may reach: squares must stay numbers
 
 
 def fit_difference_model(
@@ -48,11 +50,19 @@ def fit_difference_model(
     if not 1 <= first < last <= len(y):
         raise InputError(f"rows {first}:{last} of a recording with rows 1:{len(y)}")
     start, stop = first - 1, last
+    if method == "subspace":
+        check_rows(stop - start)
     cut = stop - int(VALIDATION * (stop - start))
-    open_loop = u is record.n or np.array_equal(record.u, record.n)
+    open_loop = np.array_equal(record.u, record.n)
+    if not open_loop:
+        u, y = (_without_ramp(column, start, stop) for column in (u, y))
+    short = not open_loop and method != "indirect"  # the plant itself may integrate, and its free run drift
     candidates, table = [], []
     for equation, kind in _candidates(u, y, start, cut, method, 0 if open_loop and method != "indirect" else 1):
-        error = _relative(y[cut:stop] - continued_run(equation, u, y, start, cut, stop), y[cut:stop])
+        if short:
+            error = _short_run_error(equation, u, y, cut, stop)
+        else:
+            error = _relative(y[cut:stop] - continued_run(equation, u, y, start, cut, stop), y[cut:stop])
         row = {"method": kind, "order": len(equation.a), "delay": equation.delay, "validation_fit": 100.0 * (1 - error)}
         candidates.append((error, len(equation.a), kind, equation.delay))
         table.append(row)
@@ -65,11 +75,19 @@ def fit_difference_model(
     _, order, kind, delay = min((each[1], each) for each in finite if each[0] <= limit)[1]
     equation = _fitted(kind, u, y, start, stop, order, delay)
     fit = _scores(equation, u, y, start, stop)
+    if short:
+        begin, end = fit["scored_rows"]
+        fit["free_run"] = fit["value"]
+        fit["value"] = 100.0 * (1.0 - _short_run_error(equation, u, y, begin - 1, end))
+        fit["protocol"] = f"free runs of {SHORT_RUN} samples each, from the measured past: measured inputs"
     a, b, delay = equation.a, equation.b, equation.delay
     covariance: Array | None = equation.covariance[: len(a), : len(a)]
     if method == "indirect" and controller is not None:
         a, b = plant_of_loop(a, b, delay, controller)
         covariance, fit["of"] = None, "the closed loop from n to q"
+        if fit["held_out"]:
+            fit["value"] = fit["free_run_with_state_from_fitted_rows"]
+            fit["protocol"] = "free run with the state that the fitted rows lead to: measured excitation"
     return ResponseModel(
         method=f"indirect {kind}" if method == "indirect" else kind,
         a=a,
@@ -87,7 +105,7 @@ def _candidates(
     u: Array, y: Array, start: int, stop: int, method: str, least_delay: int
 ) -> Iterator[tuple[Equation, str]]:
     """Models of rising order on the rows [start, stop), each with its kind."""
-    kinds = {"auto": ("arx", "armax", "output_error"), "indirect": ("arx",)}.get(method, (method,))
+    kinds = {"auto": ("arx", "armax", "output_error"), "indirect": ("arx", "output_error")}.get(method, (method,))
     subspace = SubspaceIdentification(u, y, start, stop) if method == "subspace" else None
     for order in range(1, HIGHEST_ORDER + 1):
         if subspace is not None:
@@ -160,7 +178,7 @@ def output_error(equation: Equation, u: Array, y: Array, start: int, stop: int) 
     with np.errstate(over="ignore", invalid="ignore"):
         for _ in range(REFINEMENTS):
             J = _derivatives(theta, order, delay, size, part, model)
-            if not np.all(np.isfinite(J)):
+            if not float(np.abs(J).max()) < LARGEST:
                 break
             information = J.T @ J
             D = np.diag(np.diag(information))
@@ -210,7 +228,7 @@ def _initial_state(equation: Equation, u: Array, y: Array) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):
         rest = y - _run(theta, order, delay, size, u)
         J = _derivatives(theta, order, delay, size, u, u)[:, order + size :]
-        if not (np.all(np.isfinite(J)) and np.all(np.isfinite(rest))):
+        if not (float(np.abs(J).max(initial=0.0)) < LARGEST and float(np.abs(rest).max(initial=0.0)) < LARGEST):
             return np.zeros(states)
         return np.asarray(np.linalg.lstsq(J, rest, rcond=None)[0])
 
@@ -231,6 +249,21 @@ def plant_of_loop(a: Array, b: Array, delay: int, controller: Controller) -> tup
     size = max(len(left), len(right))
     denominator = np.pad(left, (0, size - len(left))) - np.pad(right, (0, size - len(right)))
     return -denominator[1:] / denominator[0], np.convolve(b, D) / denominator[0]
+
+
+def _without_ramp(column: Array, start: int, stop: int) -> Array:
+    """``column`` less the straight line through its rows [start, stop): the motion at constant speed of (14.36)."""
+    t = np.arange(len(column), dtype=float)
+    return np.asarray(column - np.polyval(np.polyfit(t[start:stop], column[start:stop], 1), t))
+
+
+def _short_run_error(equation: Equation, u: Array, y: Array, begin: int, end: int) -> float:
+    """Relative error of free runs of :data:`SHORT_RUN` samples each, one after the other in the rows [begin, end)."""
+    starts = range(max(begin, equation.past), end - SHORT_RUN + 1, SHORT_RUN)
+    if not len(starts):
+        return np.inf
+    parts = [y[k : k + SHORT_RUN] - free_run(equation, u, y, k, k + SHORT_RUN) for k in starts]
+    return _relative(np.concatenate(parts), y[starts[0] : starts[-1] + SHORT_RUN])
 
 
 def _relative(error: Array, y: Array) -> float:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.response.estimators.estimate import estimate_one, estimate_responses
@@ -13,7 +15,7 @@ from rrrgen.response.models.difference_models import fit_difference_model
 from rrrgen.response.models.modal_fit import fit_modes
 from rrrgen.response.models.postures import modes_over_postures
 from rrrgen.response.models.response_model import ResponseModel
-from rrrgen.response.response_file import ResponseFile, read_recordings
+from rrrgen.response.response_file import ResponseFile, ResponseRecording, read_recordings
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,8 @@ def fit_recordings(response: ResponseFile, rows: tuple[int, int] | None, method:
     subspace or indirect.
 
     "auto" fits modes to the frequency response where the recording has an excitation beside the input (a closed loop)
-    or there are several, and a difference equation otherwise.
+    or there are several, and a difference equation otherwise. ``rows`` (first, last, counted from 1) are fitted, the
+    others test the model.
     """
     records = read_recordings(response)
     if len(records) > 1:
@@ -63,10 +66,43 @@ def fit_recordings(response: ResponseFile, rows: tuple[int, int] | None, method:
         return fit_responses(estimate_responses(response))
     record = records[0]
     closed = response.excitation is not None and bool((record.n != record.u).any())
-    if method == "modes" or (method == "auto" and closed and rows is None):
-        return fit_responses([estimate_one(record, response.period)])
+    if method == "modes" or (method == "auto" and closed):
+        return _modes_of(record, response.period, rows)
     model = fit_difference_model(record, rows, method, response.controller)
     try:
         return FittedModels([model], [estimate_one(record, response.period)], {})
     except DerivationError:  # too short for a frequency response to show beside the model
         return FittedModels([model], [], {})
+
+
+def _modes_of(record: ResponseRecording, period: float | None, rows: tuple[int, int] | None) -> FittedModels:
+    """Modes of the response of the chosen rows, scored on the response of the rows after them where they suffice."""
+    if rows is None:
+        return fit_responses([estimate_one(record, period)])
+    first, last = rows
+    if last > len(record.q):
+        raise InputError(f"rows {first}:{last} of a recording with rows 1:{len(record.q)}")
+    found = fit_responses([estimate_one(_part(record, first - 1, last), period)])
+    fit = found.models[0].fit
+    fit["fitted_rows"] = [first, last]
+    try:
+        other = estimate_one(_part(record, last, len(record.q)), period)
+    except DerivationError:  # too short
+        return found
+    use = other.trusted
+    if not use.any():
+        return found
+    relative = np.abs(found.models[0].response(other.frequency[use]) / other.P[use] - 1.0)
+    fit |= {
+        "value": 100.0 * (1.0 - float(np.sqrt(np.mean(relative**2)))),
+        "protocol": "frequency response of the scored rows at its trusted lines, which includes their own noise",
+        "scored_rows": [last + 1, len(record.q)],
+        "held_out": True,
+        "lines": int(np.count_nonzero(use)),
+        "largest_relative_error_95": float(np.quantile(relative, 0.95)),
+    }
+    return found
+
+
+def _part(record: ResponseRecording, start: int, stop: int) -> ResponseRecording:
+    return replace(record, **{name: getattr(record, name)[start:stop] for name in ("n", "u", "q")})

@@ -16,10 +16,19 @@ ROWS_PER_BLOCK_ROW = 12  # samples
 MOST_ROWS = 3000  # the library's memory grows with their square
 
 
+def check_rows(rows: int) -> None:
+    """Raises :class:`DerivationError` for more rows than the library can do."""
+    if rows > MOST_ROWS:
+        raise DerivationError(
+            f"{rows} rows are too many for subspace identification, whose library needs memory that grows with their "
+            f"square: choose up to {MOST_ROWS} with --fit-rows"
+        )
+
+
 class SubspaceIdentification:
     """N4SID/PO-MOESP models of the rows [start, stop) of an input ``u`` and an output ``y`` (N,), order by order.
 
-    Raises :class:`MissingExtraError` without nfoursid, :class:`DerivationError` for too few or too many rows.
+    Raises :class:`MissingExtraError` without nfoursid, :class:`DerivationError` for too few rows.
     """
 
     def __init__(self, u: Array, y: Array, start: int, stop: int) -> None:
@@ -30,11 +39,6 @@ class SubspaceIdentification:
         self.rows = min(MOST_BLOCK_ROWS, (stop - start) // ROWS_PER_BLOCK_ROW)
         if self.rows < 2:
             raise DerivationError(f"{stop - start} rows are too few for subspace identification")
-        if stop - start > MOST_ROWS:
-            raise DerivationError(
-                f"{stop - start} rows are too many for subspace identification, whose library needs memory that grows "
-                f"with their square: choose up to {MOST_ROWS} with --fit-rows"
-            )
         # of size 1 both: the numbers of the library's pseudo-inverses are relative
         self.scale_u, self.scale_y = (max(float(np.std(x[start:stop])), 1e-300) for x in (u, y))
         frame = DataFrame({"u": u[start:stop] / self.scale_u, "y": y[start:stop] / self.scale_y})
