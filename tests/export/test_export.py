@@ -18,6 +18,7 @@ from rrrgen.export.exporting import export_robot, exporters
 from rrrgen.pipeline import derive
 from rrrgen.robotfile import load_spec, loads_spec
 from rrrgen.robotfile.importers.importing import import_robot
+from rrrgen.robotfile.importers.interface import ChainChoice
 from rrrgen.robotfile.robot_spec import LinkSpec
 from rrrgen.verify.references.chain import chain_of, nominal_parameters
 from rrrgen.verify.references.newton_euler import NewtonEuler
@@ -106,6 +107,19 @@ def test_coupled_drives_are_tendons():
     viscous = W.T @ np.diag([1e-4, 2e-4]) @ W
     close(torques, ours(spec, q, dq, ddq)[1] + dq @ viscous)
     assert any("coupled drives are left out" in note for note in export_robot(spec, "urdf").notes)
+
+
+def test_coupled_drives_come_back(tmp_path):
+    spec = loads_spec(WRIST)
+    (tmp_path / "w.xml").write_text(only(export_robot(spec, "mjcf")))
+    again = import_robot(tmp_path / "w.xml", chain=ChainChoice(tip="tip")).spec
+    q, dq, ddq = states(spec)
+    close(ours(again, q, dq, ddq)[1], ours(spec, q, dq, ddq)[1])
+    W, V = (np.array(each.drives.motor_from_joint, dtype=float) for each in (spec, again))
+    np.testing.assert_allclose(V, W, atol=1e-12)
+    assert [m.name for m in again.drives.motors] == ["left", "right"]
+    assert again.drives.motors[1].torque_limit == 1.0
+    assert again.drives.motors[0].friction == spec.drives.motors[0].friction
 
 
 def test_round_trips(tmp_path):

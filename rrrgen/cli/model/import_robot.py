@@ -7,7 +7,7 @@ from typing import Literal
 
 import click
 
-from rrrgen.errors import Fault, InputError, cannot_write
+from rrrgen.errors import Fault, InputError
 
 
 class _WithFormats(click.Command):
@@ -70,6 +70,7 @@ def import_robot(
       rrrgen import panda.urdf --tip panda_link8 -o panda.yaml
       rrrgen import cell.xml --tip tool --hold rail=250mm
     """
+    from rrrgen.output.writer import write_file
     from rrrgen.robotfile.importers.importing import import_robot as read
     from rrrgen.robotfile.importers.importing import parse_value
     from rrrgen.robotfile.importers.interface import ChainChoice
@@ -80,10 +81,7 @@ def import_robot(
     path = output or Path(f"{found.spec.name}.yaml")
     if path.exists() and not force:
         raise InputError([Fault(str(path), 0, 0, "the file exists already", hint="--force overwrites it")])
-    try:
-        path.write_text(found.text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    write_file(path, found.text)
     for note in found.notes:
         click.echo(str(note), err=True)
     if found.chain is not None:

@@ -83,7 +83,7 @@ ARM = """\
     </body>
   </worldbody>
   <asset><mesh name="forearm" file="forearm.stl"/></asset>
-  <actuator><motor joint="lift"/></actuator>
+  <actuator><motor joint="bend" gear="30" ctrlrange="-2 3"/><muscle site="s"/></actuator>
 </mujoco>
 """
 
@@ -94,11 +94,11 @@ def test_what_is_read_and_what_is_said(tmp_path):
     assert (str(lift.alpha), str(lift.a), str(bend.theta)) == ("pi", "1/2", "0")
     assert lift.limits.lower == pytest.approx(-np.pi / 2)
     assert (lift.limits.torque, lift.friction.viscous, lift.friction.coulomb, lift.drive.inertia) == (20, 0.4, 0.2, 0.3)
-    assert bend.limits.lower is None
+    assert (bend.limits.lower, bend.limits.torque) == (None, 60)
     assert (found.spec.links[0].mass, found.spec.links[1].mass) == (2, 0)
     said = "\n".join(str(note) for note in found.notes)
     for part in ("arm.xml:9:9: warning: the inertia of a mesh is left out", "the spring of joint 'bend' is left out",
-                 "<actuator> is left out", "<asset> is left out"):  # fmt: skip
+                 "the actuator <muscle> is left out", "<asset> is left out"):  # fmt: skip
         assert part in said, part
     assert "cannot load the file alone" in str(compare_with_source(found))
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from rrrgen.robotfile.importers.interface import Found, Importer, Source
 from rrrgen.robotfile.importers.trees.exact_numbers import Array, identity, number, transform, vector
+from rrrgen.robotfile.importers.trees.mjcf_actuators import Actuators, friction_of
 from rrrgen.robotfile.importers.trees.mjcf_bodies import body_inertia
 from rrrgen.robotfile.importers.trees.mjcf_settings import Settings, pose
 from rrrgen.robotfile.importers.trees.serial_chain import motion
@@ -21,7 +22,7 @@ from rrrgen.robotfile.importers.trees.tree import Body, Mimic, Tree, TreeJoint
 from rrrgen.robotfile.importers.trees.tree_import import robot_of_tree
 from rrrgen.robotfile.importers.trees.xml_tree import Element, parse_xml
 from rrrgen.robotfile.importers.trees.xml_values import Values
-from rrrgen.robotfile.robot_spec import DriveSpec, FrictionSpec, Limits
+from rrrgen.robotfile.robot_spec import DriveSpec, Limits
 from rrrgen.yamltext.document import FaultList
 
 KINDS = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "free"}
@@ -32,7 +33,7 @@ REFUSED = {
     "composite": "expand it first: MuJoCo saves an expanded file with mj_saveLastXML",
     "flexcomp": "soft bodies have no place in a serial chain of rigid ones",
 }
-READ = ("worldbody", "compiler", "default", "option", "equality")
+READ = ("worldbody", "compiler", "default", "option", "equality", "actuator", "tendon")
 WORLD = "world"
 
 
@@ -59,8 +60,14 @@ def _read(source: Source, faults: FaultList) -> Found | None:
     if faults.errors:
         return None
     _tell_left_out(root, faults)
+    actuators = Actuators(root, reader.settings, values, frozenset(reader.joints))
     tree = Tree(
-        root.attributes.get("model", ""), WORLD, reader.bodies, tuple(reader.joints.values()), reader.settings.gravity
+        root.attributes.get("model", ""),
+        WORLD,
+        reader.bodies,
+        tuple(actuators.with_limit(joint) for joint in reader.joints.values()),
+        reader.settings.gravity,
+        actuators.shafts,
     )
     return robot_of_tree(tree, source, values.rounded, faults)
 
@@ -147,7 +154,7 @@ class _Reader:
             axis,
             given.place,
             self._limits(element, kind),
-            self._friction(element),
+            friction_of(element, self.values),
             self._drive(element),
         )
         self.ref[name] = ref
@@ -173,13 +180,6 @@ class _Reader:
             found["torque"] = float(min(force[1], -force[0]) if force[0] < 0 else force[1])
         return Limits(**found)
 
-    def _friction(self, element: Element) -> FrictionSpec | None:
-        damping = self.values.numbers(element, "damping", None, "0") or [number(0)]
-        if len(damping) > 1 and any(x != 0 for x in damping[1:]):
-            self.faults.warning(element.place, "damping of higher order is left out", "friction is viscous and Coulomb")
-        viscous, coulomb = float(damping[0]), float(self.values.one(element, "frictionloss", "0"))
-        return FrictionSpec(viscous=viscous or None, coulomb=coulomb or None) if viscous or coulomb else None
-
     def _drive(self, element: Element) -> DriveSpec | None:
         armature = float(self.values.one(element, "armature", "0"))
         return DriveSpec(inertia=armature) if armature else None
@@ -204,12 +204,8 @@ def _tell_left_out(root: Element, faults: FaultList) -> None:
     for tag, times in count.items():
         first = root.child(tag)
         assert first is not None
-        hint = {
-            "actuator": "limits of motors: give them as limits of joints",
-            "tendon": "coupled drives: section drives",
-        }
         more = f", {times} times" if times > 1 else ""
-        faults.warning(first.place, f"<{tag}> is left out{more}", hint.get(tag, "a robot file has no such entry"))
+        faults.warning(first.place, f"<{tag}> is left out{more}", "a robot file has no such entry")
 
 
 IMPORTER = Importer(

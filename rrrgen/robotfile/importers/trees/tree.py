@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -92,6 +93,18 @@ class TreeJoint:
 
 
 @dataclass(frozen=True)
+class Shaft:
+    """A motor that turns by ``sum_j weights[j] q_j``, with what is stated at it; a fixed tendon of an MJCF."""
+
+    name: str
+    weights: Mapping[str, Any]
+    inertia: float | None
+    friction: FrictionSpec | None
+    torque_limit: float | None
+    place: Place
+
+
+@dataclass(frozen=True)
 class Tree:
     """Bodies by name and the joints between them; ``gravity`` (3,) is in the frame of ``root``."""
 
@@ -100,6 +113,7 @@ class Tree:
     bodies: dict[str, Body]
     joints: tuple[TreeJoint, ...]
     gravity: Array
+    shafts: tuple[Shaft, ...] = ()
 
     def joint_above(self) -> dict[str, TreeJoint]:
         """The joint that carries each body but the root."""

@@ -18,6 +18,7 @@ from rrrgen.robotfile.importers.trees.exact_numbers import (
     inverse,
 )
 from rrrgen.robotfile.importers.trees.serial_chain import Ends, SerialChain, serial_chain
+from rrrgen.robotfile.importers.trees.shaft_drives import drives_of
 from rrrgen.robotfile.importers.trees.tree import Inertia, Tree
 from rrrgen.robotfile.names import identifier, name_fault
 from rrrgen.robotfile.quantities import LARGEST_BARE_LENGTH
@@ -50,6 +51,7 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
         joints=joints,
         links=links,
         base=fixed_transform(table.base),
+        drives=drives_of(tree, chain, names, faults),
         tool=fixed_transform(table.tool),
         description=f"{chain.base} to {chain.tip}",
     )
