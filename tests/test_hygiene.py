@@ -86,3 +86,15 @@ def test_what_is_defined_is_used():
         if words[name] < 2 and not name.startswith("__")
     }
     assert not unused
+
+
+FRAGMENTS = re.compile(r"(Of|From|See|Likewise|As :|As in|The same\.|Like :)\b")
+
+
+@pytest.mark.parametrize("path", PYTHON, ids=identify)
+def test_docstrings_say_what_the_thing_is(path):
+    """Not a fragment that continues the name of the function, nor a pointer to another docstring."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    kinds = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+    found = {node.name: ast.get_docstring(node) or "" for node in ast.walk(tree) if isinstance(node, kinds)}
+    assert {name: text.splitlines()[0] for name, text in found.items() if FRAGMENTS.match(text)} == {}

@@ -71,7 +71,7 @@ def batch_time(case: Case, model: Model, toolchain: Toolchain, rounds: int) -> B
 
 
 def _single_calls(model: Model, state: Sequence[Array], toolchain: Toolchain, place: Path) -> Callable[[], object]:
-    """As many calls as the batch has states."""
+    """One call for each state of the batch."""
     derived, name = model.derived, model.derived.name
     files = header_and_sources(derived, identify(derived.spec), Dialect(name, "double"), sincos_strategy("inline"))
     files["calls.c"] = LOOP.format(name=name, n=derived.spec.n, count=BATCH, few=FEW)

@@ -127,7 +127,7 @@ def _forgotten(ops: Any, relaxation: Any, period: Any) -> Any:
 
 
 def coulomb_viscous_columns(ops: Any, dq: Any) -> list[Any]:
-    """``[dq, sgn dq, 1]``. Source: (14.11)."""
+    """Factors of the viscous, Coulomb and offset parameters: ``[dq, sgn dq, 1]``. Source: (14.11)."""
     return [dq, ops.sign(dq), 1]
 
 
@@ -168,7 +168,7 @@ def _dahl_exponential_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) 
 
 
 def stribeck_level(ops: Any, dq: Any, excess: Any, coulomb: Any, speed: Any) -> Any:
-    """``gamma = alpha0 exp(-(dq/v_s)^2) + alpha1``. Source: (14.12)."""
+    """Stribeck curve ``gamma = alpha0 exp(-(dq/v_s)^2) + alpha1``, N m, of sliding friction. Source: (14.12)."""
     ratio = dq / speed
     return excess * ops.exp(-(ratio * ratio)) + coulomb
 
@@ -187,7 +187,7 @@ def _lugre_sliding(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
 
 
 def _lugre_relaxation(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
-    """``sigma0 |dq| / gamma``, the rate at which the bristles forget, 1/s."""
+    """Relaxation rate of the bristle deflection, ``sigma0 |dq| / gamma``, 1/s."""
     sigma0, _, excess, coulomb, _, speed = p
     return sigma0 * (dq * ops.sign(dq)) / stribeck_level(ops, dq, excess, coulomb, speed)
 
@@ -201,7 +201,7 @@ def _lugre_torque(ops: Any, z: Any, dq: Any, p: Sequence[Any]) -> Any:
 
 
 def _lugre_step(ops: Any, z: Any, dq: Any, p: Sequence[Any], period: Any) -> tuple[Any, Any]:
-    """Exact over a period of constant speed, hence bounded whatever the period."""
+    """Deflection and torque after a period at constant speed, exact, so that no period makes the law unstable."""
     sigma0, sigma1, excess, coulomb, viscous, speed = p
     level = stribeck_level(ops, dq, excess, coulomb, speed) * ops.sign(dq) / sigma0
     following = z + (level - z) * _forgotten(ops, _lugre_relaxation(ops, dq, p), period)
@@ -209,7 +209,7 @@ def _lugre_step(ops: Any, z: Any, dq: Any, p: Sequence[Any], period: Any) -> tup
 
 
 def _lugre_passivity(p: Sequence[Any]) -> Any:
-    """``alpha2 - sigma1 alpha0/alpha1``. Source: after (14.13)."""
+    """Passivity margin of the LuGre law, ``alpha2 - sigma1 alpha0/alpha1``. Source: after (14.13)."""
     _, sigma1, excess, coulomb, viscous, _ = p
     return viscous - sigma1 * excess / coulomb
 
@@ -227,7 +227,7 @@ def _neural_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[An
 
 
 def _logistic(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
-    """Written with tanh, ``1/(1 + exp(-x)) = (1 + tanh(x/2))/2``, which cannot overflow."""
+    """The logistic law, with ``1/(1 + exp(-x)) = (1 + tanh(x/2))/2``, which cannot overflow."""
     span, steepness, shift = p
     half = steepness / 2
     return span / 2 * (ops.tanh(half * (dq + shift)) - ops.tanh(half * shift))

@@ -1,4 +1,4 @@
-"""Friction of a robot's joints with numbers: evaluated with NumPy, told from YAML or JSON, checked for passivity.
+"""Friction models: a law with the parameters of every joint, evaluated with NumPy, read from YAML or JSON.
 
 The laws themselves are those of :mod:`rrrgen.friction.laws`, from which programs for C and CasADi are recorded
 too; here they run over arrays.
@@ -21,7 +21,7 @@ Array = NDArray[Any]
 
 
 class _NumPy:
-    """The operations that the laws ask for."""
+    """The operations that friction laws use, for NumPy arrays."""
 
     sign = staticmethod(np.sign)
     exp = staticmethod(np.exp)
@@ -29,7 +29,7 @@ class _NumPy:
 
 
 class _Smooth(_NumPy):
-    """The same with sgn(x) replaced by tanh(x/width)."""
+    """NumPy operations with sgn(x) replaced by tanh(x/width), so that friction is smooth at rest."""
 
     def __init__(self, width: Array) -> None:
         self.width = width
@@ -79,7 +79,7 @@ class FrictionModel:
 
     @property
     def has_state(self) -> bool:
-        """Whether the law remembers (LuGre): one state z per joint, rad or m."""
+        """Whether the law has a state (LuGre, Dahl): a bristle deflection z per joint, rad or m."""
         return self.law.rate is not None
 
     def torque(self, dq: ArrayLike, width: ArrayLike = 0.0) -> Array:
@@ -107,13 +107,13 @@ class FrictionModel:
         return Y.reshape((*speeds.shape, n * k))
 
     def rate(self, z: ArrayLike, dq: ArrayLike) -> Array:
-        """dz/dt of the state, zero for laws without one. Source: (14.13)."""
+        """Rate dz/dt (..., n) of the states ``z`` at speeds ``dq``; zero for laws without a state. Source: (14.13)."""
         if self.law.rate is None:
             return np.zeros(np.broadcast_shapes(np.shape(z), np.shape(dq)))
         return np.asarray(self.law.rate(NUMPY, np.asarray(z), np.asarray(dq), self._columns))
 
     def state_torque(self, z: ArrayLike, dq: ArrayLike) -> Array:
-        """Torque in the state ``z``; laws without a state ignore it. Source: (14.13)."""
+        """Torque (..., n) in the states ``z`` at speeds ``dq``; laws without a state ignore ``z``. Source: (14.13)."""
         if self.law.state_torque is None:
             return self.torque(dq)
         return np.asarray(self.law.state_torque(NUMPY, np.asarray(z), np.asarray(dq), self._columns))
@@ -134,7 +134,7 @@ class FrictionModel:
         return np.asarray(self.law.torque(FixedDirection(np.asarray(direction, dtype=float)), speeds, self._columns))
 
     def passivity_margin(self) -> Array:
-        """The law's own margin per joint, (n,), N m s/rad (N s/m): not negative suffices for passivity.
+        """Passivity margin of each joint, (n,), N m s/rad (N s/m): where it is not negative, the law is passive.
 
         LuGre: ``alpha2 - sigma1 alpha0/alpha1``. Zero for laws that state none: where their torque opposes every motion
         they are passive. Source: after (14.13).
@@ -142,13 +142,13 @@ class FrictionModel:
         return np.zeros(self.n) if self.law.passivity is None else np.asarray(self.law.passivity(self._columns))
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data that :meth:`from_mapping` reads back."""
+        """Plain data ``{law: NAME, joints: [{parameter: value}, ...]}``, as :meth:`from_mapping` reads it."""
         rows = [{p.name: float(v) for p, v in zip(self.law.parameters, row, strict=True)} for row in self.parameters]
         return {"law": self.law.name, "joints": rows}
 
     @classmethod
     def from_mapping(cls, data: Mapping[str, Any]) -> FrictionModel:
-        """Read ``{law: NAME, joints: [{parameter: value}, ...]}``; every fault is reported.
+        """Read ``{law: NAME, joints: [{parameter: value}, ...]}``. Raises InputError that lists every fault.
 
         A parameter left out is 0 where that is allowed.
         """
@@ -166,13 +166,13 @@ class FrictionModel:
 
 
 class FixedDirection(_NumPy):
-    """The operations with the signs of the speeds decided beforehand."""
+    """NumPy operations in which sgn(dq) is a given direction, whatever the speed."""
 
     def __init__(self, signs: Array) -> None:
         self.signs = signs
 
     def sign(self, x: Array) -> Array:  # type: ignore[override]
-        """The signs that were decided."""
+        """The given direction."""
         return self.signs
 
 

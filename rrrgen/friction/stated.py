@@ -34,11 +34,11 @@ class MixedFriction:
         return np.asarray(self._each("directed", (dq, direction)) + self.offset)
 
     def rate(self, z: ArrayLike, dq: ArrayLike) -> Array:
-        """dz/dt of the states."""
+        """Rates dz/dt (..., n) of the states ``z`` at speeds ``dq``; zero for laws without a state."""
         return self._each("rate", (z, dq))
 
     def state_torque(self, z: ArrayLike, dq: ArrayLike) -> Array:
-        """Torque in the states ``z``."""
+        """Friction torques (..., n) in the states ``z`` at speeds ``dq``, N m or N."""
         return np.asarray(self._each("state_torque", (z, dq)) + self.offset)
 
     def _each(self, name: str, values: tuple[Any, ...], own: Sequence[tuple[Any, ...]] | None = None) -> Array:
@@ -56,7 +56,7 @@ def robot_friction(spec: Any) -> FrictionModel | MixedFriction | None:
 
 
 def motor_friction(spec: Any) -> FrictionModel | MixedFriction | None:
-    """The same of coupled motors, at their shafts; None without coupled drives too."""
+    """The friction that a robot file states at the shafts of coupled motors; None where it states none."""
     return None if spec.drives is None else stated_friction([motor.friction for motor in spec.drives.motors])
 
 

@@ -105,6 +105,6 @@ def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[st
 
 
 def _phase(P: Complex) -> Array:
-    """In degrees, unwrapped, and moved by whole turns so that it starts between -360 and 0."""
+    """Phase in degrees, unwrapped, and moved by whole turns so that it starts between -360 and 0."""
     angle = np.degrees(np.unwrap(np.angle(P)))
     return np.asarray(angle - 360.0 * np.ceil(angle[0] / 360.0))

@@ -141,7 +141,7 @@ class _ResponseReader(SourceReader):
             self.faults.error(node, "files names no file")
 
     def instants(self, node: Node | None) -> TimeSource:
-        """As in a mapping file; a column of instants may do without file (every recording has one) and unit (s)."""
+        """Read ``time``: a column of instants, whose file and unit (s) may be left out, or a rate or period."""
         found = self.values(node, "time", TIME_KEYS) if node is not None else None
         if not found or "column" not in found or "rate" in found or "period" in found:
             return self.read_time(node)

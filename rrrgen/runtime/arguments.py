@@ -135,6 +135,6 @@ def nominal_values(values: Any) -> Array | None:
 
 
 def read_only(array: Array) -> Array:
-    """``array``, which nobody can write to any more."""
+    """``array``, made read-only."""
     array.setflags(write=False)
     return array

@@ -17,7 +17,7 @@ from rrrgen.runtime.arguments import prepare
 Array = NDArray[Any]
 
 EngineName = Literal["c", "numpy"]
-"""What computes: emitted C, or Python itself."""
+"""The engine of a model: "c", the compiled C code, or "numpy", evaluation in Python."""
 
 
 SMALLEST_SHARE = 2048

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Answer:
-    """What an engine says about one target: status, rows, the number of the reason, the distance (m)."""
+    """The answer for one target: status, solutions, the number of the reason, the distance (m) to the workspace."""
 
     code: int
     q: NDArray[np.float64]
@@ -39,12 +39,12 @@ class _Answer:
 
 
 class _Engine(Protocol):
-    """What solves; targets are (3,) or (4, 4) and have been checked for their shapes."""
+    """A solver of the inverse kinematics; targets are (3,) or (4, 4), their shapes already checked."""
 
     def answer(
         self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
     ) -> _Answer:
-        """The rows of one target, or the nearest configuration."""
+        """The solutions of one target, or with ``closest`` the nearest configuration."""
         ...
 
     def batch(
@@ -54,7 +54,7 @@ class _Engine(Protocol):
         given: NDArray[np.float64] | None,
         bits: int,
     ) -> IKBatch:
-        """The rows of N targets."""
+        """The solutions of N targets."""
         ...
 
 
@@ -108,7 +108,7 @@ class _Compiled:
 
 
 class _Evaluated:
-    """The recorded solver in Python's floats: slow, needs no compiler."""
+    """The recorded solver evaluated in Python: slow, but without a compiler."""
 
     def __init__(self, plan: SolverPlan, rows: int) -> None:
         self._n, self._rows, self._evaluation = plan.chain.n, rows, Evaluation(plan, len(reasons_of(plan)))

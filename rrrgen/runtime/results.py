@@ -60,7 +60,7 @@ class FrictionStep(NamedTuple):
 
 
 class MomentumTerms(NamedTuple):
-    """Momentum p = M dq (N m s, N s), C' dq and gravity torques g, each (..., n): dp/dt = tau + C' dq - g."""
+    """Momentum ``p = M dq`` (N m s), ``ct = C' dq`` and gravity torques ``g``, (..., n): ``dp/dt = tau + ct - g``."""
 
     p: NDArray[Any]
     ct: NDArray[Any]

@@ -77,7 +77,7 @@ DEFLECTION = 1e-5  # rad or m, size of the states at which they are
 
 
 def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collector) -> None:
-    """Compare friction, in sliding and over one period, with the laws retyped; what is not stated counts as zero."""
+    """Compare friction, in sliding and over one period, with laws written a second time; zero where not stated."""
     spec = model.spec
     stated = [joint.friction for joint in spec.joints]
     speeds, lever = s.dq, np.eye(spec.n)

@@ -49,7 +49,7 @@ def verify(
 
     The inverse kinematics, which is evaluated in double, is compared with forward kinematics of the verifier's own and
     with a numerical search; see :func:`rrrgen.verify.inverse_kinematics.check_inverse_kinematics`. ``tell(done, total,
-    message)`` hears of its progress.
+    message)`` is called with its progress.
     """
     if samples < 1:
         raise ValueError(f"samples must be at least 1, got {samples}")
@@ -99,7 +99,7 @@ def _check_library(
     tolerances: Tolerances,
     rows: Collector,
 ) -> None:
-    """Torque, mass matrix and tip against another library."""
+    """Compare torques, mass matrix and pose of the tip with another library."""
     try:
         library = LIBRARIES[name](chain, parameters.phi)
     except ReferenceUnavailableError as reason:

@@ -53,7 +53,7 @@ def relative_difference(value: Array, expected: Array, scale: float) -> float:
 
 
 class Check(Protocol):
-    """A comparison bound to a reference, parameters, and a tolerance."""
+    """Compares values with those of one reference, for one set of parameters, at one tolerance."""
 
     def __call__(
         self, function: str, value: Callable[[], Array], expected: Array, *, scale: float | None = None
@@ -64,16 +64,18 @@ class Check(Protocol):
 
 @dataclass
 class Collector:
-    """Gathers rows. Nothing of ours is left out: where a model raises instead of answering, or has no such function,
-    the row fails with the message. ``skipped`` is for other people's libraries, and for functions that
-    cannot exist for a robot (a chain without a solver of its inverse kinematics).
+    """Collects the rows of a report.
+
+    A model that raises instead of answering, or lacks the function, makes a row that fails with the message.
+    ``skipped`` holds references that are not installed, and functions that cannot exist for a robot, such as the
+    inverse kinematics of a chain without a solver.
     """
 
     rows: list[Row] = field(default_factory=list)
     skipped: list[tuple[str, str]] = field(default_factory=list)
 
     def against(self, reference: str, parameters: str, tolerance: float, samples: int) -> Check:
-        """The check that files its rows under a reference, a set of parameters, and a tolerance."""
+        """A comparison whose rows name this reference, set of parameters and tolerance."""
 
         def check(function: str, value: Callable[[], Array], expected: Array, *, scale: float | None = None) -> None:
             note, difference = "", float("inf")

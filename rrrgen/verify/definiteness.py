@@ -11,7 +11,7 @@ from rrrgen.verify.comparison import Check, Tolerances
 from rrrgen.verify.references.chain import Array
 from rrrgen.verify.subject import States
 
-ASKED = 5  # states where M is not positive definite that the model is asked at, one by one
+ASKED = 5  # states with an indefinite M at which the model is evaluated, one by one
 INDEFINITE = 1e-3
 """M counts as indefinite if an eigenvalue is below minus this fraction of the largest. Closer to zero M is nearly
 singular, and round-off decides whether it is refused."""
@@ -27,7 +27,7 @@ Ask = Callable[[Array, Array, Array], Array]
 
 
 def check_refusal(function: str, check: Check, ask: Ask, s: States, M: Array) -> None:
-    """At no state with an indefinite M (N, n, n) may ``ask(q, dq, tau)`` return accelerations.
+    """Check that ``ask(q, dq, tau)`` returns no accelerations at states where M (N, n, n) is indefinite.
 
     Where M is singular to round-off it may refuse or answer, in finite numbers.
     """

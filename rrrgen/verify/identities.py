@@ -30,7 +30,7 @@ class _ModelTerms:
 def check_identities(
     model: Model, chain: Chain, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """tau = M ddq + C dq + g = Y beta (+ Ia ddq), M = M' > 0, C'dq, dM/dt - 2C skew, power balance."""
+    """Check tau = M ddq + C dq + g = Y beta (+ Ia ddq), M = M' > 0, C'dq, dM/dt - 2C skew, power balance."""
     beta = parameters.beta
     try:
         own = _ModelTerms(

@@ -29,7 +29,7 @@ _FIXED = 128  # return address and saved registers, the sine kernel where it is 
 
 @dataclass(frozen=True)
 class StackBound:
-    """At most so many bytes, by the compiler that builds the function."""
+    """Upper bound of the stack of a function in bytes, for each compiler that may build it."""
 
     gcc: int
     clang: int
@@ -39,7 +39,7 @@ class StackBound:
 
 
 def stack_bound(program: Program, real: Real) -> StackBound:
-    """By the :data:`STACK_RULE`; rounded up to whole 16 bytes, as stacks are aligned."""
+    """Bytes of stack of a function by the :data:`STACK_RULE`, rounded up to whole 16 bytes, as stacks are aligned."""
     size = 8 if real == "double" else 4
     alive = most_alive(program)
     results = len({element for elements in program.results for element in elements})

@@ -56,7 +56,7 @@ class Matrix:
         return Matrix(prefix + self.name, self.rows, self.cols, ())
 
     def renamed(self, prefix: str) -> Matrix:
-        """The same pattern under another name."""
+        """The matrix with the same pattern of nonzeros, its name preceded by ``prefix``."""
         return Matrix(prefix + self.name, self.rows, self.cols, self.entries)
 
 
@@ -85,7 +85,7 @@ def matrix_size(port: Port) -> tuple[int, int]:
 
 
 def row_major_place(rows: int, cols: int) -> list[int]:
-    """For each entry in column-major order, its row-major index."""
+    """Row-major index of each entry in column-major order."""
     return [r * cols + c for c in range(cols) for r in range(rows)]
 
 

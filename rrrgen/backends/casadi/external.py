@@ -114,7 +114,7 @@ class _ExternalC:
         return RESERVED
 
     def literal(self, value: Fraction | int) -> str:
-        """With a cast to CasADi's real type."""
+        """The number with a cast to CasADi's real type."""
         return f"(casadi_real){decimal(value)}"
 
     def declaration(self, name: str, value: str) -> str:

@@ -128,7 +128,7 @@ def _pieces(value: sp.Expr, counter: Walk, width: int) -> list[sp.Expr]:
 
 
 def plain(closed_forms: Mapping[str, Form], short_trig: bool = True, cse_limit: int = CSE_LIMIT) -> str:
-    """The same displays in plain text, entry by entry, ``c23 = cos(q2 + q3)``."""
+    """The closed forms in plain text, entry by entry, ``c23 = cos(q2 + q3)``."""
     walk = Walk(TextMarkup(), short_trig and trig_abbreviates(closed_forms))
     lines: list[str] = []
     for display in lay_out(closed_forms, cse_limit):

@@ -86,7 +86,7 @@ def not_stated(spec: RobotSpec) -> str:
 
 
 def data(spec: RobotSpec) -> dict[str, Any]:
-    """The same as data for JSON: every value by unit; None where the file states none."""
+    """What the file states, as data for JSON: every value by unit; None where the file states none."""
     return {
         "base": _transform_data(spec, spec.base),
         "tool": _transform_data(spec, spec.tool),

@@ -116,7 +116,7 @@ class LawChoice:
 
     @classmethod
     def parse(cls, texts: Sequence[str], spec: Any) -> LawChoice:
-        """From ``LAW``, ``auto`` or ``JOINT=LAW``; raises InputError for laws, joints and motors that do not exist."""
+        """Read ``LAW``, ``auto`` or ``JOINT=LAW``; raises InputError for laws, joints and motors that do not exist."""
         owners = _owner_names(spec)
         common, named = None, []
         for text in texts:

@@ -28,7 +28,7 @@ class TorqueBand:
 
     @classmethod
     def of(cls, theta: Array, to_columns: Array, covariance: Array, sigma: Array) -> TorqueBand:
-        """From the ``covariance`` (r, r) of the identifiable parameters, which ``to_columns`` (p, r) maps to theta."""
+        """The band by the ``covariance`` (r, r) of identifiable parameters; ``to_columns`` (p, r) maps to theta."""
         values, V = np.linalg.eigh(0.5 * (covariance + covariance.T))
         return cls(theta, to_columns @ (V * np.sqrt(np.maximum(values, 0.0))), sigma)
 

@@ -1,4 +1,4 @@
-"""What noise does not explain: friction, quantisation and other nonlinear behaviour that a noise band cannot show."""
+"""Checks for friction, quantisation and other nonlinear behaviour, which the error band of a response does not show."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class Finding:
 
 
 def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Finding | None, float]:
-    """Whether a periodic response scatters from harmonic to harmonic more than its noise does.
+    """Check whether a periodic response scatters from harmonic to harmonic more than noise explains.
 
-    Noise is told from the lines between the harmonics. What repeats with the excitation and yet jumps from line to
+    Noise is estimated between the harmonics. What repeats with the excitation and yet jumps from line to
     line is distortion: friction at reversals, or an encoder that rounds every period alike. Also returns the ratio of
     the total to the noise variance.
     """

@@ -44,7 +44,7 @@ def estimate_one(
     controller: Controller | None = None,
     method: str = "local_polynomial",
 ) -> FrequencyResponse:
-    """The response of one recording; ``period`` of the excitation in s, found by itself where it is not stated.
+    """The response of one recording; ``period`` of the excitation in s; None: it is found in the recording.
 
     Raises :class:`DerivationError` where the recording is too short, has no excitation or only one period of it.
     """
@@ -92,7 +92,7 @@ def estimate_one(
 def _findings(
     record: ResponseRecording, lines: LineEstimates, P: Complex, variance: Array, samples: int | None
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Reasons against a recording, and what was measured; detection lines, where there are any, know best."""
+    """Reasons not to trust a recording, and the measured figures; detection lines decide where there are any."""
     measures: dict[str, Any] = {}
     found: list[Finding | None] = []
     if samples is not None:

@@ -41,7 +41,7 @@ class _Force:
 
 
 def check_friction(record: ResponseRecording, samples: int | None, lines: LineEstimates, P: Complex) -> Finding | None:
-    """Whether part of the input goes into a force with the sign of the velocity, which changes in the recording.
+    """Check whether part of the input overcomes friction, a force with the sign of a velocity that changes.
 
     ``samples`` is the period of the excitation (None: noise), ``P`` (L,) the response at ``lines``. The verdict is no
     where the force biases the response, or where the joint turns round in the course of the recording.
@@ -88,7 +88,7 @@ def _of_noise(record: ResponseRecording, sign: Array) -> _Force | None:
 
 
 def _of_periods(record: ResponseRecording, sign: Array, samples: int) -> _Force | None:
-    """From the mean period."""
+    """The friction force as the mean period of the recording shows it."""
     rows, signs, M = _with_sign(record, sign, samples)
     both = np.hstack([rows, signs]).reshape(M, samples, 4).mean(axis=0)
     return _beside_excitation(np.fft.fft(both - both.mean(axis=0), axis=0))
@@ -101,7 +101,7 @@ def _with_sign(record: ResponseRecording, sign: Array, samples: int) -> tuple[Ar
 
 
 def _beside_excitation(F: Complex) -> _Force | None:
-    """From spectra (lines, 4) of n, u, q and the sign: over windows in which responses to n are smooth."""
+    """Friction force from spectra (lines, 4) of n, u, q, sign, over windows where responses to n are smooth."""
     power = np.abs(F[: len(F) // 2, 0])
     active = np.flatnonzero(power > 0.03 * power[1:].max())
     width = FRICTION_WINDOW
@@ -118,7 +118,7 @@ def _beside_excitation(F: Complex) -> _Force | None:
 def _between_harmonics(
     record: ResponseRecording, sign: Array, samples: int, lines: LineEstimates, P: Complex
 ) -> _Force | None:
-    """From the lines between the harmonics, where a joint that turns round after some periods leaves its friction."""
+    """Friction force from the lines between harmonics, excited by a joint that reverses after some periods."""
     rows, signs, M = _with_sign(record, sign, samples)
     both = np.hstack([rows[:, 1:], signs])
     residual, dof = remove_smooth(np.fft.fft(both - both.mean(axis=0), axis=0), lines.line, M)

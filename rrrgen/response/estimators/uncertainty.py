@@ -11,8 +11,9 @@ MANY = 1e6  # degrees of freedom: the variance is as good as known
 
 
 def radius(variance: Array, dof: Array | float) -> Array:
-    """Of the 95 % circles of complex numbers whose ``variance`` was estimated with ``dof`` complex degrees of freedom:
-    ``radius^2 = variance F.95(2, 2 dof)``.
+    """Radius of the circle that holds a complex number with 95 %: ``radius^2 = variance F.95(2, 2 dof)``.
+
+    ``dof`` are the complex degrees of freedom with which its ``variance`` was estimated.
     """
     from scipy.stats import f as f_distribution
 

@@ -95,7 +95,7 @@ def _errors(theta: Array, order: int, size: int, delay: int, u: Array, y: Array)
 
 
 def _derivatives(theta: Array, order: int, size: int, delay: int, u: Array, y: Array, e: Array) -> Array:
-    """Of the errors (N,) by theta = [a, b, c]."""
+    """Derivatives of the one-step errors (N,) by theta = [a, b, c], one column each."""
     from scipy.signal import lfilter
 
     columns = np.column_stack([_columns(order, size, delay, u, y), _columns(order, 0, 0, e, e)])

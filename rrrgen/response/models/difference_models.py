@@ -207,7 +207,7 @@ def _run(theta: Array, order: int, delay: int, size: int, u: Array) -> Array:
 
 
 def _derivatives(theta: Array, order: int, delay: int, size: int, u: Array, model: Array) -> Array:
-    """Of the outputs by theta: past outputs, inputs and unit pulses, filtered by 1/A."""
+    """Derivatives of the free run by theta: past outputs, inputs and unit pulses, filtered by 1/A."""
     from scipy.signal import lfilter
 
     pulse = np.zeros(len(u))
@@ -234,7 +234,7 @@ def _initial_state(equation: Equation, u: Array, y: Array) -> Array:
 
 
 def continued_run(equation: Equation, u: Array, y: Array, start: int, begin: int, end: int) -> Array:
-    """The free run in the rows [begin, end), its state told by the rows [start, begin) before."""
+    """The free run in the rows [begin, end), with the initial state estimated from the rows [start, begin) before."""
     state = _initial_state(equation, u[start:begin], y[start:begin])
     theta = np.concatenate([equation.a, equation.b, state])
     with np.errstate(over="ignore", invalid="ignore"):
@@ -274,7 +274,7 @@ def _relative(error: Array, y: Array) -> float:
 
 
 def _fitted_error(equation: Equation, u: Array, y: Array) -> float:
-    """Of the free run from the best state at the first row."""
+    """Error of the free run that begins with the state that fits best at the first row."""
     theta = np.concatenate([equation.a, equation.b, _initial_state(equation, u, y)])
     with np.errstate(over="ignore", invalid="ignore"):
         return _relative(y - _run(theta, len(equation.a), equation.delay, len(equation.b), u), y)

@@ -50,7 +50,7 @@ class _Candidate:
 
     @property
     def cost(self) -> float:
-        """Of all lines."""
+        """Sum of squared errors over all lines, each divided by its variance."""
         return float(np.sum(self.costs))
 
     @property

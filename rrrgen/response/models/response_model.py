@@ -61,7 +61,7 @@ class ResponseModel:
         return np.concatenate([np.zeros(self.delay), self.b])
 
     def response(self, frequency: Array) -> Complex:
-        """At ``frequency`` (L,) in Hz."""
+        """Response of the model, complex (L,), at ``frequency`` (L,) in Hz."""
         z = np.exp(-2j * np.pi * np.asarray(frequency) * self.period)
         powers = np.polynomial.polynomial.polyval
         return np.asarray(powers(z, self.numerator) / powers(z, self.denominator))
@@ -79,7 +79,7 @@ class ResponseModel:
         return tuple(each for each in found if each.frequency < HIGHEST_ZERO * 0.5 / self.period)
 
     def state_space(self) -> StateSpace:
-        """The same model in state space, a block per mode."""
+        """The model in state space, one block for each mode."""
         return realize(self.numerator, self.denominator)
 
     def to_control(self) -> Any:

@@ -62,7 +62,7 @@ class Assignments:
             self.faults.error(place, f"'{shorten(rest)}' is no assignment", hint)
 
     def flag(self, name: str) -> str:
-        """A plain value; empty where the file has none."""
+        """The text of a plain value ``NAME = VALUE``; empty if the file does not assign it."""
         return self.items.get(name, ("", 0))[0].strip()
 
     def entries(self, name: str, count: int, needed: bool = False) -> list[Entry]:
@@ -118,6 +118,6 @@ class Assignments:
         return ZERO if value.free_symbols else value
 
     def refuse_open(self, value: sp.Expr, place: Place, what: str) -> None:
-        """A fault for every name in ``value`` that has no value."""
+        """Report a fault for every name in ``value`` that has no value."""
         for word in sorted(str(symbol) for symbol in value.free_symbols if str(symbol) not in self.source.values):
             self.faults.error(place, f"{what}: '{word}' has no value", f"give it one with --set {word}=VALUE, in SI")

@@ -41,7 +41,7 @@ _NEEDED = ("links", "mdh", "base", "tool", "gravity", "name")
 
 
 def from_toolbox(robot: Any, name: str = "", angle_tolerance: float = DEFAULT_ANGLE_TOLERANCE) -> RobotSpec:
-    """The description of a ``roboticstoolbox.DHRobot``; ``rrrgen.robotfile.dumps`` writes it as a robot file.
+    """The description of ``robot``, a ``roboticstoolbox.DHRobot``; ``rrrgen.robotfile.dumps`` writes its file.
 
     Angles within ``angle_tolerance`` (rad) of a multiple of 15 degrees are taken as exact; other numbers keep the
     digits that they print. ``name`` renames the robot. Raises :class:`InputError` for other objects, and for robots

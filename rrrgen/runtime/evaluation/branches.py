@@ -35,7 +35,7 @@ VIRTUAL_END = 100
 
 @dataclass
 class Row:
-    """A candidate, and later a row of the answer; ``residual`` is squared, negative where it is not known yet."""
+    """A candidate solution, later a solution of the answer; ``residual`` is squared, negative while it is unknown."""
 
     q: list[float]
     flags: int
@@ -53,11 +53,11 @@ class Query:
 
 
 class _NoRootError(Exception):
-    """This path ends: a choice has no root."""
+    """Raised where a choice has no real root: the path has no solution."""
 
 
 def candidates(plan: SolverPlan, query: Query, settings: Settings) -> tuple[list[Row], int]:
-    """All rows in the order of the branches, and the innermost choice (from 1) that was found without a root."""
+    """All candidates in the order of the branches, and the innermost choice (from 1) that had no real root."""
     rows: list[Row] = []
     script: list[int] = []
     stage = 0
@@ -93,7 +93,7 @@ class _Path:
 
     @property
     def choices(self) -> int:
-        """How many choices have been made."""
+        """Number of choices between roots made so far."""
         return len(self.counts)
 
     def row(self) -> Row:

@@ -1,4 +1,4 @@
-"""Joints that the target leaves open, after ``templates/c/ik/open.c``: one row stands for a continuum."""
+"""Joints that the target does not determine, after ``templates/c/ik/open.c``: one row stands for a continuum."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from rrrgen.runtime.evaluation.limits import Limits
 from rrrgen.runtime.evaluation.task import Task
 
 GONE, FIXED = 32, 64
-"""Inner flags: another row stands for this one; refined already, with the free joint held."""
+"""Internal flags: another candidate replaces this one; already refined with the free joint held."""
 
 _STEP = pi / 64
 _NO_ROW = 10.0
 
 
 def held_joints(row: Row) -> int:
-    """The joints of a row that are free (bits)."""
+    """Bit mask of the joints of a candidate that are free."""
     return (row.flags >> 16) & 0x7F
 
 

@@ -1,4 +1,4 @@
-"""The root stages in floats, after ``templates/c/ik/roots.c``: the roots, and what is doubtful about them."""
+"""The root stages in floats, after ``templates/c/ik/roots.c``: roots, with flags for double and undetermined ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MULTIPLE, FREE, OUTSIDE, INEXACT, NEAR = 1, 2, 4, 8, 16
 
 @dataclass(frozen=True)
 class Settings:
-    """How roots are looked for.
+    """Tolerances of the root stages.
 
     ``slack``: how far below zero a discriminant may fall; ``least``: a direction shorter than this is none; ``band``:
     how far double roots are moved apart, None for equations of the arm itself.
@@ -38,7 +38,7 @@ class Roots:
 
 
 def root(w2: float, size: float, settings: Settings) -> Roots:
-    """w >= 0 with w^2 = ``w2``: two signs, one at a double root, or none."""
+    """Solve w^2 = ``w2``: w >= 0 with two signs, with one at a double root, or no root."""
     flags = 0
     if settings.band is not None and w2 <= TOLERANCE["band"] * size:
         flags = NEAR
@@ -50,7 +50,7 @@ def root(w2: float, size: float, settings: Settings) -> Roots:
 
 
 def cosine(k: float, w2: float, settings: Settings) -> Roots:
-    """cos(e) = k: k and w = sin(e) >= 0; a double root takes k to the nearer of -1 and 1."""
+    """Solve cos(e) = k: returns k and w = sin(e) >= 0; at a double root k becomes the nearer of -1 and 1."""
     found = root(w2, 1.0, settings)
     return Roots(found.count, (copysign(1.0, k) if found.count == 1 else k, *found.values), found.flags)
 
@@ -63,7 +63,7 @@ def linear(
     bits: tuple[int, int],
     settings: Settings,
 ) -> Roots:
-    """a cos(x) + b sin(x) = k: a, b, k, w with cos(x) = a k -+ b w and sin(x) = b k +- a w.
+    """Solve a cos(x) + b sin(x) = k: a, b, k, w with cos(x) = a k -+ b w and sin(x) = b k +- a w.
 
     Where every x solves it, x is the reference; ``bits`` are flagged where that may be so, and where it is.
     """
@@ -80,7 +80,7 @@ def linear(
 
 
 def direction(c: float, s: float, bits: tuple[int, int], settings: Settings) -> tuple[Turn | None, int]:
-    """(c, s) at length 1 with its flags; no direction where it is too short."""
+    """Normalize (c, s) to length 1, with its flags; no direction if it is too short."""
     h = hypot(c, s)
     if h <= TOLERANCE["doubt"] and h <= settings.least:
         return None, bits[1]

@@ -1,4 +1,4 @@
-"""Joint limits: the turn of every angle, and how far a row is outside."""
+"""Joint limits: the full turns of every angle, and how far a configuration is outside."""
 
 from __future__ import annotations
 

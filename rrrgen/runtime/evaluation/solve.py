@@ -1,4 +1,4 @@
-"""Solving for one target in floats, after ``templates/c/ik/solve.c``: every row, or why there is none."""
+"""Solving for one target in floats, after ``templates/c/ik/solve.c``: every solution, or why there is none."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _STARTS, _SPREAD = 6, 2.0
 
 @dataclass(frozen=True)
 class Wish:
-    """The options of a call: rows outside the limits left out, nearest row first, rows that meet the task partly."""
+    """Options of a call: only solutions inside the limits, nearest first, keep those that meet the task partly."""
 
     limits: bool = False
     nearest: bool = False
@@ -59,7 +59,7 @@ class Evaluation:
         self._far_stage = reasons - 1 - bool(plan.incomplete)
 
     def solve(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
-        """Every row for a target of 3 or 16 numbers."""
+        """Every solution for a target of 3 or 16 numbers."""
         call = self._called(target, q_ref, given, wish)
         return call if isinstance(call, Answer) else call.solve()
 
@@ -99,7 +99,7 @@ class _Call:
         self._stage = 0
 
     def solve(self) -> Answer:
-        """All rows, or the nearest configuration's distance."""
+        """All solutions, or the distance of the nearest configuration."""
         found = self._collect()
         self._rows, inside = self._finished(self._rows, self._q_ref)
         outside, distance = not inside, 0.0
@@ -117,7 +117,7 @@ class _Call:
         return Answer(INCOMPLETE if self._plan.incomplete else OK, tuple(self._rows), 0, distance)
 
     def closest(self) -> Answer:
-        """One row: the best that descent finds."""
+        """The configuration nearest to the target that descent finds."""
         kept, best, distance = self._descended()
         rows, _ = self._finished([*kept, best][:1], self._query.reference)
         return Answer(OK if rows else OUTSIDE_LIMITS, tuple(rows), 0, distance)
@@ -130,7 +130,7 @@ class _Call:
         return Answer(UNREACHABLE, (), self._stage, distance)
 
     def _collect(self) -> int:
-        """Collect the rows that meet the task; how many candidates the last equations had."""
+        """Collect the solutions that meet the task; returns how many candidates the last equations had."""
         count = near = 0
         for part in self._parts:
             rows, stage = candidates(part, self._query, self._usual)
@@ -174,7 +174,7 @@ class _Call:
         return True
 
     def _repeated(self, rows: list[Row], row: Row) -> bool:
-        """Whether a row says the same as an earlier one, which is then a multiple root."""
+        """Whether a solution equals an earlier one, which is then flagged as a multiple root."""
         for other in rows:
             if self._task.apart(row.q, other.q) < TOLERANCE["same"]:
                 other.flags |= MULTIPLE

@@ -121,7 +121,7 @@ class PointFunctions(Calls):
         return self._manipulability("manipulability", q, with_status)
 
     def position_manipulability(self, q: ArrayLike, with_status: bool = False) -> Any:
-        """As :meth:`manipulability`, for the three rows of J that belong to the position of the tip.
+        """Manipulability of the position of the tip alone, from the three linear rows of J.
 
         Args:
             q: joint positions, (..., n), rad or m.
@@ -153,7 +153,7 @@ class PointFunctions(Calls):
         return self._nullspace("nullspace", q, damping, with_status)
 
     def position_nullspace(self, q: ArrayLike, damping: ArrayLike = 0.0, with_status: bool = False) -> Any:
-        """As :meth:`nullspace`, for the position of the tip: its orientation may change.
+        """Joint velocities that leave the position of the tip at rest, while its orientation may change.
 
         Args:
             q: joint positions, (..., n), rad or m.

@@ -26,7 +26,7 @@ def sliding(friction: FrictionSpec | None, v: Array, width: float = 0.0) -> Arra
 
 
 def changed(friction: FrictionSpec) -> FrictionSpec:
-    """The same law with other parameters, none of them zero."""
+    """The law with other parameters, none of them zero."""
     if friction.law is None:
         known = (friction.viscous, friction.coulomb, friction.offset)
         viscous, coulomb, offset = (

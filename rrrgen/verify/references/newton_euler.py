@@ -13,7 +13,7 @@ import numpy as np
 from rrrgen.verify.references.chain import Array, Chain, inertia_tensor
 
 FUNCTIONS_OF_POSITION = ("forward_kinematics", "link_frames", "jacobian", "link_jacobians")
-"""Methods below that verification compares with the model's of the same name at the same positions."""
+"""Methods that verification compares with the model's methods of the same name, at the same positions."""
 
 _TENSOR_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 

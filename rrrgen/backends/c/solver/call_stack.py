@@ -42,7 +42,7 @@ class _Function:
 
 
 def stack_bounds(source: str, name: str, real: str, joints: int, rows: int) -> dict[str, int]:
-    """At most so many bytes for each function of ``source`` (the emitted C of robot ``name``) and its callees.
+    """Upper bounds (bytes) of the stack of each function of ``source``, the emitted C of robot ``name``, with callees.
 
     ``joints`` and ``rows`` are the sizes of a ``<name>_ik_solutions``.
     """

@@ -228,7 +228,7 @@ def _inverse(matrix: Matrix) -> list[float]:
 
 
 def _signed(values: Iterable[float], dialect: Dialect) -> str:
-    """Like :func:`literals`, signs in front of the cast."""
+    """Literals in which the sign stands in front of the cast."""
     numbers = (float(value) + 0.0 for value in values)
     real = dialect.real_type
     return "{" + ", ".join(f"({real}){x!r}" if x >= 0 else f"-({real}){-x!r}" for x in numbers) + "}"

@@ -37,7 +37,7 @@ def number(value: Any) -> Any:
 
 
 def vector(values: Sequence[Any] | Array) -> Array:
-    """Shape (3,)."""
+    """A vector (3,) of 60-digit numbers."""
     return np.array([number(value) for value in values], dtype=object)
 
 

@@ -27,7 +27,7 @@ DEGREE = HIGH.pi / 180
 
 
 class Settings:
-    """What the elements compiler, option and default say."""
+    """Settings from the elements compiler, option and default."""
 
     def __init__(self, root: Element, values: Values) -> None:
         compilers = root.all("compiler")

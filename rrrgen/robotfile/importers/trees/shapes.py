@@ -9,7 +9,7 @@ from rrrgen.robotfile.importers.trees.exact_numbers import HIGH, identity, numbe
 from rrrgen.robotfile.importers.trees.tree import Inertia
 
 SIZES = {"sphere": 1, "ellipsoid": 3, "box": 3, "cylinder": 2, "capsule": 2}
-"""Number of half sizes (m): radius; semi-axes; half edges; radius and half length along z, twice."""
+"""Number of sizes (m) of each shape: radius; semi-axes; half edges; radius and half length along z, twice."""
 
 
 def volume(shape: str, size: Sequence[Any]) -> Any:

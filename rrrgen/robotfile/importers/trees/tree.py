@@ -22,7 +22,7 @@ class Inertia:
     tensor: Array
 
     def moved(self, T: Array) -> Inertia:
-        """The same body in the frame in which ``T`` (4, 4) is the pose of the present one."""
+        """The inertia expressed in another frame; ``T`` (4, 4) is the pose of the present frame in that one."""
         R = T[:3, :3]
         return Inertia(self.mass, R @ self.com + T[:3, 3], R @ self.tensor @ R.T)
 

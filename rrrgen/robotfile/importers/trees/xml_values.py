@@ -23,7 +23,7 @@ class Values:
         self.rounded: list[Any] = []
 
     def numbers(self, element: Element, name: str, count: int | None, default: str | None = None) -> list[Any] | None:
-        """``count`` numbers of an attribute (any number of them for None); a fault and None if they are not."""
+        """Read ``count`` numbers of an attribute (None: any number); a fault and None if it holds others."""
         text = element.attributes.get(name, default)
         if text is None:
             self.faults.error(element.place, f"<{element.tag}> has no attribute '{name}'", f'{name}="..." is needed')
