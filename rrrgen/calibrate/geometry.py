@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.model.dh_rows import dh_rows
 from rrrgen.robotfile.robot_spec import FixedTransform, RobotSpec
 
 PARALLEL = 0.01  # rad; axes this near to parallel get a beta
@@ -162,20 +163,14 @@ def rotation_vectors(R: Array) -> Array:
 
 def geometry_of(spec: RobotSpec) -> Geometry:
     """The geometry of a robot file at its nominal parameters."""
-    table = spec.dh_table()
+    table = dh_rows(spec, nominal=True)
     rows = np.zeros((spec.n, 5))
-    for i, (_, alpha, a, d, theta) in enumerate(table):
-        rows[i, :2] = theta, d
-        if spec.convention == "standard":
-            rows[i, 2:4] = a, alpha
-        elif i > 0:
-            rows[i - 1, 2:4] = a, alpha
-    base, tool = _matrix(spec, spec.base), _matrix(spec, spec.tool)
-    if spec.convention == "standard":
-        tool = _twist(rows[-1, 2], rows[-1, 3]) @ tool
-        rows[-1, 2:4] = 0.0
-    else:
-        base = base @ _twist(table[0][2], table[0][1])
+    for i, (row, following) in enumerate(zip(table, (*table[1:], None), strict=True)):
+        rows[i, :2] = float(row.theta), float(row.d)
+        if following is not None:  # one of the two twists is zero
+            rows[i, 2:4] = [float(x + y) for x, y in zip(row.behind, following.before, strict=True)]
+    base = _matrix(spec, spec.base) @ _twist(*map(float, table[0].before))
+    tool = _twist(*map(float, table[-1].behind)) @ _matrix(spec, spec.tool)
     return Geometry(base, rows, tool, tuple(joint.is_revolute for joint in spec.joints))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.model.dh_rows import dh_rows
 from rrrgen.model.standard_parameters import standard_parameters
 from rrrgen.robotfile.robot_spec import FixedTransform, JointSpec, RobotSpec
 
@@ -42,10 +43,9 @@ def numeric_chain(spec: RobotSpec) -> NumericChain:
     """The chain of ``spec`` at its nominal parameters."""
     place = _matrix(spec, spec.base)
     bodies = []
-    for i, joint in enumerate(spec.joints):
-        alpha, a, d, theta = (float(spec.nominal(v)) for v in (joint.alpha, joint.a, joint.d, joint.theta))
-        twist, screw = _screw(alpha, a, 0), _screw(theta, d, 2)
-        before, after = (screw, twist) if spec.convention == "standard" else (twist @ screw, np.eye(4))
+    for i, (row, joint) in enumerate(zip(dh_rows(spec, nominal=True), spec.joints, strict=True)):
+        twist, after = (_screw(float(t.alpha), float(t.a), 0) for t in (row.before, row.behind))
+        before = twist @ _screw(float(row.theta), float(row.d), 2)
         # a standard row turns by theta + q and shifts by d first: the constant part commutes with the motion
         inertia = _inertia(spec, i, after)
         bodies.append(NumericBody(joint, _cleaned(place @ before), *inertia))

@@ -21,7 +21,8 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
-from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
+from rrrgen.model.dh_rows import NO_TWIST, Twist, dh_rows
+from rrrgen.robotfile.robot_spec import RobotSpec
 
 IDENTITY = sp.eye(3)
 
@@ -130,7 +131,8 @@ class RobotModel:
 
 def build_model(spec: RobotSpec) -> RobotModel:
     """The canonical form of the robot described by ``spec``."""
-    before, joints, frames = _split_rows(spec)
+    rows = dh_rows(spec)
+    frames = [_twisted(row.behind) for row in rows]
     base = RigidTransform(
         sp.ImmutableMatrix(3, 3, list(spec.base.rotation)), sp.ImmutableMatrix(list(spec.base.translation))
     )
@@ -138,13 +140,14 @@ def build_model(spec: RobotSpec) -> RobotModel:
         sp.ImmutableMatrix(3, 3, list(spec.tool.rotation)), sp.ImmutableMatrix(list(spec.tool.translation))
     )
     constants, angles = [], []
-    for X, joint in zip(before, joints, strict=True):
-        along = RigidTransform.of(p=(0, 0, joint.d))
-        if joint.is_revolute:
+    for behind, row in zip((NO_TWIST, *(row.behind for row in rows)), rows, strict=False):
+        X = _twisted(behind if row.before == NO_TWIST else row.before)  # at most one of the two is a motion
+        along = RigidTransform.of(p=(0, 0, row.d))
+        if row.revolute:
             constants.append(X @ along)
-            angles.append(joint.theta)
+            angles.append(row.theta)
         else:
-            constants.append(X @ along @ RigidTransform.of(rotation_z(joint.theta)))
+            constants.append(X @ along @ RigidTransform.of(rotation_z(row.theta)))
             angles.append(sp.S.Zero)
     constants[0] = base @ constants[0]
     parallel = [i > 0 and X.R == IDENTITY for i, X in enumerate(constants)]
@@ -158,25 +161,15 @@ def build_model(spec: RobotSpec) -> RobotModel:
         spec=spec,
         joints=tuple(
             JointModel(joint.name, joint.is_revolute, X, theta, flag)
-            for joint, X, theta, flag in zip(joints, constants, angles, parallel, strict=True)
+            for joint, X, theta, flag in zip(spec.joints, constants, angles, parallel, strict=True)
         ),
         tip=link_frames[-1] @ tool,
         link_frames=link_frames,
     )
 
 
-def _split_rows(
-    spec: RobotSpec,
-) -> tuple[list[RigidTransform], tuple[JointSpec, ...], list[RigidTransform]]:
-    """The constant transform before each joint, the joints, and the transforms P_i -> D_i, for both conventions."""
-    twists = [
-        RigidTransform(sp.ImmutableMatrix(rotation_x(joint.alpha)), sp.ImmutableMatrix([joint.a, 0, 0]))
-        for joint in spec.joints
-    ]
-    identity = RigidTransform.of()
-    if spec.convention == "modified":
-        return twists, spec.joints, [identity] * spec.n
-    return [identity, *twists[:-1]], spec.joints, twists
+def _twisted(twist: Twist) -> RigidTransform:
+    return RigidTransform(sp.ImmutableMatrix(rotation_x(twist.alpha)), sp.ImmutableMatrix([twist.a, 0, 0]))
 
 
 def _origin_shifts(constants: list[RigidTransform], parallel: list[bool]) -> list[sp.Expr]:

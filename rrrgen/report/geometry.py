@@ -7,6 +7,7 @@ from math import cos, sin
 
 import sympy as sp
 
+from rrrgen.model.dh_rows import dh_rows
 from rrrgen.robotfile.robot_spec import FixedTransform, RobotSpec
 
 Point = tuple[float, float, float]
@@ -31,19 +32,18 @@ def zero_pose(spec: RobotSpec) -> tuple[Transform, list[Stage], Transform]:
     """Base frame, one stage per joint, tip frame, all in the user's base frame at q = 0 and nominal parameters."""
     base = T = _numbers(spec, spec.base)
     stages = []
-    for kind, alpha, a, d, theta in spec.dh_table():
-        turn, slide = _rotation_z(theta), _shift(0.0, 0.0, d)
-        lean, reach = _rotation_x(alpha), _shift(a, 0.0, 0.0)
-        if spec.convention == "standard":
-            start, steps = T, (turn, slide, reach, lean)
-        else:
-            start, steps = _times(_times(T, lean), reach), (lean, reach, turn, slide)
+    for row in dh_rows(spec, nominal=True):
+        turn, slide = _rotation_z(float(row.theta)), _shift(0.0, 0.0, float(row.d))
+        (reach, lean), (far, twist) = (
+            (_shift(float(t.a), 0.0, 0.0), _rotation_x(float(t.alpha))) for t in (row.before, row.behind)
+        )
+        start, steps = _times(_times(T, lean), reach), (lean, reach, turn, slide, far, twist)
         corners = [origin(T)]
         for step in steps:
             T = _times(T, step)
             corners.append(origin(T))
         path = tuple(p for k, p in enumerate(corners) if k == 0 or p != corners[k - 1])
-        stages.append(Stage(T, kind == "revolute", (origin(start), column(start, 2)), path))
+        stages.append(Stage(T, row.revolute, (origin(start), column(start, 2)), path))
     return base, stages, _times(T, _numbers(spec, spec.tool))
 
 

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
+from rrrgen.model.dh_rows import NO_TWIST, Twist, dh_rows
+
 if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
 
@@ -166,34 +168,32 @@ def _rows(matrix: sp.Matrix) -> Matrix:
     return tuple(tuple(matrix[i, j] for j in range(4)) for i in range(3))
 
 
+def _twisted(link: Link, twist: Twist) -> Link:
+    ca, sa = _trig(twist.alpha)
+    return replace(link, a=twist.a, ca=ca, sa=sa)
+
+
 def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> Chain:
     """The chain of ``spec`` with exact SymPy entries, at the nominal values or with the parameters as symbols.
 
-    A standard row ``Rz Tz Tx Rx`` is one link; a modified row ``Rx Tx Rz Tz`` gives its first half to the link before.
+    A link ends with the twist behind its joint or, in the modified convention, with that before the next one.
     """
 
     def value(expression: sp.Expr) -> sp.Expr:
         return spec.nominal(expression) if nominal else expression
 
-    modified = spec.convention == "modified"
+    rows = dh_rows(spec, nominal=nominal)
     joints, links = [], []
     base, tip = _rows(spec.base.matrix().applyfunc(value)), _rows(spec.tool.matrix().applyfunc(value))
-    for i, row in enumerate(spec.joints):
-        alpha, a, d, theta = (value(v) for v in (row.alpha, row.a, row.d, row.theta))
-        revolute = row.is_revolute
-        joints.append(Joint(i, revolute, theta if revolute else d, 1, row.limits.lower, row.limits.upper, row.name))
-        ct, st = (sp.S.One, sp.S.Zero) if revolute else _trig(theta)
-        ca, sa = _trig(alpha)
-        own = Link(d if revolute else sp.S.Zero, ct=ct, st=st)
-        if not modified:
-            links.append(replace(own, a=a, ca=ca, sa=sa))
-        else:
-            before = Link(a=a, ca=ca, sa=sa).matrix()
-            if i == 0:
-                base = multiply(base, before)
-            else:
-                links[-1] = replace(links[-1], a=a, ca=ca, sa=sa)
-            links.append(own)
+    if rows[0].before != NO_TWIST:
+        base = multiply(base, _twisted(Link(), rows[0].before).matrix())
+    for i, (row, joint) in enumerate(zip(rows, spec.joints, strict=True)):
+        offset = row.theta if row.revolute else row.d
+        joints.append(Joint(i, row.revolute, offset, 1, joint.limits.lower, joint.limits.upper, joint.name))
+        ct, st = (sp.S.One, sp.S.Zero) if row.revolute else _trig(row.theta)
+        own = Link(row.d if row.revolute else sp.S.Zero, ct=ct, st=st)
+        following = rows[i + 1].before if i + 1 < len(rows) else NO_TWIST
+        links.append(_twisted(own, row.behind if row.behind != NO_TWIST else following))
     return Chain(spec.name, base, tuple(joints), tuple(links[:-1]), multiply(links[-1].matrix(), tip))
 
 

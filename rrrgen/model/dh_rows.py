@@ -1,0 +1,51 @@
+"""The rows of the Denavit-Hartenberg table in one form for both conventions.
+
+    T = base row_1(q_1) .. row_n(q_n) tool
+    row = Rx(alpha) Tx(a) Rz(theta) Tz(d) Tx(a') Rx(alpha')
+
+with q added to theta of a revolute joint and to d of a prismatic one. The *twist* (a, alpha) of the table stands
+``behind`` the motion in the standard convention and ``before`` it in the modified one; the other twist is zero.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import sympy as sp
+
+from rrrgen.robotfile.robot_spec import RobotSpec
+
+
+class Twist(NamedTuple):
+    """``Tx(a) Rx(alpha)``, m and rad; the order does not matter."""
+
+    a: sp.Expr = sp.S.Zero
+    alpha: sp.Expr = sp.S.Zero
+
+
+NO_TWIST = Twist()
+
+
+class DHRow(NamedTuple):
+    """The constants of one joint: ``before``, ``theta`` (rad) and ``d`` (m) along its axis, ``behind``."""
+
+    before: Twist
+    theta: sp.Expr
+    d: sp.Expr
+    behind: Twist
+    revolute: bool
+
+
+def dh_rows(spec: RobotSpec, *, nominal: bool = False) -> tuple[DHRow, ...]:
+    """The rows of ``spec``, exact; ``nominal``: with the named parameters at their nominal values."""
+
+    def row(theta: sp.Expr, d: sp.Expr, twist: Twist, revolute: bool) -> DHRow:
+        twists = (NO_TWIST, twist) if spec.convention == "standard" else (twist, NO_TWIST)
+        return DHRow(twists[0], theta, d, twists[1], revolute)
+
+    found = []
+    for joint in spec.joints:
+        values = (joint.theta, joint.d, joint.a, joint.alpha)
+        theta, d, a, alpha = (spec.nominal(value) for value in values) if nominal else values
+        found.append(row(theta, d, Twist(a, alpha), joint.is_revolute))
+    return tuple(found)
