@@ -47,7 +47,7 @@ def derive(
     Args:
         spec: the robot, as :func:`rrrgen.load_spec` reads it.
         jobs: the largest number of processes; the result does not depend on it.
-        groups: names of groups of functions: "model", and "control" for observers and passivity-based control.
+        groups: names of groups of functions: "model", "control", "observer", "points", "trajectory".
         tell: called as ``tell(done, total, message)`` as the work proceeds.
 
     Raises:

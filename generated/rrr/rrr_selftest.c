@@ -95,7 +95,7 @@ static const real frame[] = {
     R(0.0), R(-1.0), R(0.0), R(0.25), R(0.0), R(0.0), R(-1.0), R(-0.125), R(1.0), R(0.0), R(0.0), R(0.0625),
     R(0.0), R(0.0), R(0.0), R(1.0)
 };
-static const real width[] = {
+static const real width_3[] = {
     R(0.140625), R(0.453125), R(0.328125)
 };
 static const real golden_forward_kinematics[STATES][16] = {
@@ -836,7 +836,7 @@ static int golden_vectors(void)
         check c = {"golden vectors: smooth_friction", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
             real result[3];
-            rrr_smooth_friction(dq[k], friction, width, result);
+            rrr_smooth_friction(dq[k], friction, width_3, result);
             compare(&c, result, golden_smooth_friction[k], 3, R(1.17), EXACT);
         }
         failed |= report(&c);

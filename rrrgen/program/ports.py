@@ -16,6 +16,9 @@ class Role(Enum):
     TORQUE = "torque"
     REFERENCE_VELOCITY = "reference velocity"
     REFERENCE_ACCELERATION = "reference acceleration"
+    DESIRED_POSITION = "desired position"
+    DESIRED_VELOCITY = "desired velocity"
+    DESIRED_ACCELERATION = "desired acceleration"
     COVECTOR = "covector"  # e in e' Y, shape (n,): multiplies the regressor from the left
     BASE_PARAMETERS = "base parameters"
     DRIVE_INERTIA = "drive inertia"

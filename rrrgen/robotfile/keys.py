@@ -10,10 +10,12 @@ MAX_FITS = 50
 HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 
 EMIT = {
-    "control": "functions for observers and passivity-based control",
+    "control": "control laws (PD with gravity, feed-forward, computed torque, Slotine and Li) and their terms",
     "gravity": "<name>_any_gravity.h and .c, the model with gravity as an input",
+    "observer": "the momentum observer of external torques",
     "points": "velocities, Jacobians and wrenches at any link or point, tools, null space, manipulability",
     "rust": "a crate without dependencies and standard library",
+    "trajectory": "quintic and trapezoidal motions",
 }
 """What can be emitted besides the model, on request of the robot file or of the command line."""
 

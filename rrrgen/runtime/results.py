@@ -67,6 +67,52 @@ class MomentumTerms(NamedTuple):
     g: NDArray[Any]
 
 
+class ControlStep(NamedTuple):
+    """Torques ``tau`` (..., n) to apply, N m or N, and the state ``z_next`` (..., n) of the integral action."""
+
+    tau: NDArray[Any]
+    z_next: NDArray[Any]
+
+
+class AdaptiveStep(NamedTuple):
+    """Torques ``tau`` (..., n) to apply, N m or N, and the base parameters ``beta_next`` (..., b), SI units."""
+
+    tau: NDArray[Any]
+    beta_next: NDArray[Any]
+
+
+class ObserverState(NamedTuple):
+    """State of the momentum observer: momentum ``p`` and torques ``u``, (..., n) each, SI units."""
+
+    p: NDArray[Any]
+    u: NDArray[Any]
+
+
+class ObserverStep(NamedTuple):
+    """External torques ``r`` (..., n), N m or N, and the state ``p``, ``u`` of the observer for the next tick."""
+
+    r: NDArray[Any]
+    p: NDArray[Any]
+    u: NDArray[Any]
+
+
+class Motion(NamedTuple):
+    """Desired positions ``q_d``, velocities ``dq_d`` and accelerations ``ddq_d``, (..., n) each, SI units."""
+
+    q_d: NDArray[Any]
+    dq_d: NDArray[Any]
+    ddq_d: NDArray[Any]
+
+
+class TimedMotion(NamedTuple):
+    """Desired positions, velocities and accelerations, (..., n) each, and the duration ``T`` (...), s."""
+
+    q_d: NDArray[Any]
+    dq_d: NDArray[Any]
+    ddq_d: NDArray[Any]
+    T: NDArray[Any]
+
+
 class PointMotion(NamedTuple):
     """Velocity ``V_p`` and acceleration ``A_p`` of a point, (..., 6) each, linear part first."""
 

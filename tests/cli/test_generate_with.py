@@ -79,7 +79,10 @@ def test_what_is_emitted_is_no_property_of_the_robot():
 
 def test_unknown_words_are_refused(tmp_path, capsys):
     assert run(["generate", "rrr", "-o", str(tmp_path), "--with", "gravty"]) == 2
-    assert "did you mean 'gravity'? allowed are control, gravity, points, rust" in capsys.readouterr().err
+    assert (
+        "did you mean 'gravity'? allowed are control, gravity, observer, points, rust, trajectory"
+        in capsys.readouterr().err
+    )
     file = tmp_path / "swing.yaml"
     file.write_text(PENDULUM + "emit: [gravity, momentum]\n")
     assert run(["check", str(file)]) == 3

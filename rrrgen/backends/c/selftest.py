@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-BY_IDENTITY = "standard_regressor"
-"""The function with one result that has no golden vectors: times phi it is the torque. Functions with several results
-are checked through identities too: forward dynamics undoes inverse dynamics (its own values are as uncertain as M is
-ill-conditioned), and what one evaluation gives together equals what the functions give alone."""
+BY_IDENTITY = frozenset(
+    {"standard_regressor", "kinematics", "dynamics_terms", "inverse_dynamics_derivatives", "momentum_terms"}
+)
+"""Functions without golden vectors, checked through identities: the standard regressor times phi is the torque, and
+what one evaluation gives together equals what the functions give alone. So are the functions with a status: forward
+dynamics undoes inverse dynamics (its own values are as uncertain as M is ill-conditioned)."""
 
 TABLES = {
     Role.POSITION: "q",
@@ -39,8 +41,10 @@ TABLES = {
     Role.BASE_PARAMETERS: "beta",
     Role.DRIVE_INERTIA: "Ia",
     Role.STANDARD_PARAMETERS: "phi",
+    Role.FRICTION: "friction",
+    Role.GRAVITY: "gravity",
 }
-"""The table of the self-test from which an input of this role is read; other inputs have a table of their own name."""
+"""The table of the self-test from which an input of this role is read; other inputs have tables of their own."""
 
 STATES = ("q", "dq", "ddq", "e")
 """The tables with a row per state."""
@@ -59,14 +63,23 @@ GRAVITY = [3.0, -5.0, -7.5]
 
 
 @dataclass(frozen=True)
+class GoldenResult:
+    """The expected values of one result of a function at all states of the self-test."""
+
+    name: str  # of the table
+    variable: str
+    size: int
+    scale: str  # largest absolute value over all states
+    rows: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Golden:
     """The expected values of one function at all states of the self-test."""
 
     name: str
     call: str  # arguments in C, for state k
-    size: int
-    scale: str  # largest absolute value over all states
-    rows: tuple[str, ...]
+    results: tuple[GoldenResult, ...]
 
 
 def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: str = "") -> dict[str, str]:
@@ -180,20 +193,24 @@ def _reflected(spec: RobotSpec) -> tuple[str, ...]:
 def _golden(programs: Mapping[str, Program], states: dict[str, Array], parameters: dict[str, Array]) -> list[Golden]:
     found = []
     for name, program in _with_golden(programs).items():
-        (values,) = _evaluated(program, states, parameters)
-        rows = values.reshape(len(values), -1)
-        scale = max(float(np.abs(rows).max()), 1e-6)
-        call = ", ".join(_arguments(program))
-        found.append(Golden(name, call, rows.shape[1], f"{scale:.3g}", _rows(rows)))
+        results = []
+        for port, values in zip(program.outputs, _evaluated(program, states, parameters), strict=True):
+            rows = values.reshape(len(values), -1)
+            scale = max(float(np.abs(rows).max()), 1e-6)
+            table, variable = (
+                (f"{name}_{port.name}", f"x_{port.name}") if len(program.outputs) > 1 else (name, "result")
+            )
+            results.append(GoldenResult(table, variable, rows.shape[1], f"{scale:.3g}", _rows(rows)))
+        found.append(Golden(name, ", ".join(_arguments(program)), tuple(results)))
     return found
 
 
 def _with_golden(programs: Mapping[str, Program]) -> dict[str, Program]:
-    """The functions that are compared with golden vectors: those with one result, specializations left out."""
+    """The functions that are compared with golden vectors: all but specializations and :data:`BY_IDENTITY`."""
     return {
         name: program
         for name, program in programs.items()
-        if len(program.outputs) == 1 and name != BY_IDENTITY and not program.specializes
+        if program.status is None and name not in BY_IDENTITY and not program.specializes
     }
 
 
@@ -244,7 +261,10 @@ def _argument(port: Port) -> str:
 
 
 def _table(port: Port) -> str:
-    return TABLES.get(port.role, port.name)
+    """The table from which an input is read; inputs of one name may have several sizes."""
+    if port.role in TABLES:
+        return TABLES[port.role]
+    return port.name if port.name in GIVEN else f"{port.name}_{port.size}"
 
 
 def _rows(table: Array) -> tuple[str, ...]:

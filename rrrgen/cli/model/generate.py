@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rrrgen.backends.c.trigonometry import Trig
     from rrrgen.derive.derived_model import DerivedModel
 
-GROUPS = ("control", "points")
+GROUPS = ("control", "observer", "points", "trajectory")
 """Those of :data:`rrrgen.robotfile.keys.EMIT` that are groups of functions."""
 
 

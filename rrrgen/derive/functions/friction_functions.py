@@ -97,39 +97,73 @@ def friction_step(r: Recording) -> Program:
     )
 
 
+@dataclass(frozen=True)
+class RunTimeFriction:
+    """Friction under the laws of the robot file with parameters that are an input of the recorded function.
+
+    ``values`` are the parameters at each joint or motor, ``widths`` the speeds over which sgn turns round (None: it is
+    exact).
+    """
+
+    recording: Recording
+    values: dict[Surface, list[Any]]
+    widths: Sequence[Any] | None
+
+    @staticmethod
+    def declared(r: Recording, smooth: bool) -> RunTimeFriction:
+        """The friction of a function, with its inputs declared: ``friction``, and ``width`` if ``smooth``."""
+        surfaces = surfaces_of(r.model.spec)
+        names = [name for name, _ in friction_parameters(r.model.spec)]
+        given = iter(r.friction(Port("friction", (len(names),), "SI", "", _listed(names), Role.FRICTION)))
+        counts = [3 if surface.law is None else len(surface.law.parameters) + 1 for surface in surfaces]
+        values = {s: [next(given) for _ in range(count)] for s, count in zip(surfaces, counts, strict=True)}
+        meaning = "speeds of the same joints and motors over which the sign of each turns round, > 0"
+        widths = r.extra("width", (len(surfaces),), "rad/s | m/s", meaning) if smooth else None
+        return RunTimeFriction(r, values, widths)
+
+    def torques(self, dq: Sequence[Any]) -> list[Any]:
+        """The friction torques (n,) at the joint velocities ``dq`` (n,)."""
+        b, surfaces = self.recording.builder, tuple(self.values)
+
+        def torque(surface: Surface) -> Any:
+            ops = b if self.widths is None else _Smooth(b, self.widths[surfaces.index(surface)])
+            return _given(ops, surface, along(surface.direction, dq), self.values[surface])
+
+        return _at_joints(self.recording, surfaces, torque)
+
+    @property
+    def laws(self) -> list[str]:
+        """One note per friction law."""
+        return _laws(tuple(self.values))
+
+
+def _listed(names: Sequence[str]) -> str:
+    return "friction parameters " + ", ".join(names)
+
+
 def friction_with(r: Recording) -> Program:
     """Record the friction torques (n,) for parameters given at run time, under the laws of the robot file."""
     dq = r.joints("dq")
-    surfaces, values = _parameters(r)
-    torques = _at_joints(
-        r, surfaces, lambda surface: _given(r.builder, surface, along(surface.direction, dq), values[surface])
-    )
+    friction = RunTimeFriction.declared(r, smooth=False)
     return r.builder.program(
         "friction_with",
-        [(_port(r), torques)],
+        [(_port(r), friction.torques(dq))],
         "Joint friction with its parameters at run time.",
         "",
-        [*_laws(surfaces), "sgn(0) = 0."],
+        [*friction.laws, "sgn(0) = 0."],
     )
 
 
 def smooth_friction(r: Recording) -> Program:
     """Record ``friction_with`` with tanh(s / width) in place of sgn(s), for controllers and optimisation."""
     dq = r.joints("dq")
-    surfaces, values = _parameters(r)
-    meaning = "speeds of the same joints and motors over which the sign of each turns round, > 0"
-    widths = r.builder.input(Port("width", (len(surfaces),), "rad/s | m/s", "", meaning))
-
-    def torque(surface: Surface) -> Any:
-        smooth = _Smooth(r.builder, widths[surfaces.index(surface)])
-        return _given(smooth, surface, along(surface.direction, dq), values[surface])
-
+    friction = RunTimeFriction.declared(r, smooth=True)
     return r.builder.program(
         "smooth_friction",
-        [(_port(r), _at_joints(r, surfaces, torque))],
+        [(_port(r), friction.torques(dq))],
         "Joint friction with its parameters at run time, smooth.",
         "sgn(s) replaced by tanh(s / width)",
-        _laws(surfaces),
+        friction.laws,
     )
 
 
@@ -157,7 +191,7 @@ def friction_parameters(spec: RobotSpec) -> tuple[tuple[str, Fraction], ...]:
     friction has the linear law at all joints, with zeros.
     """
     found = []
-    for surface in _surfaces(spec):
+    for surface in surfaces_of(spec):
         given = surface.friction
         if given.law is None:
             values = {"viscous": given.viscous, "coulomb": given.coulomb}
@@ -169,23 +203,11 @@ def friction_parameters(spec: RobotSpec) -> tuple[tuple[str, Fraction], ...]:
     return tuple(found)
 
 
-def _surfaces(spec: RobotSpec) -> tuple[Surface, ...]:
+def surfaces_of(spec: RobotSpec) -> tuple[Surface, ...]:
     """Where friction acts: as the robot file states it, at all joints if it states none."""
     return friction_of(spec) or tuple(
         Surface(joint.name, unit(i, spec.n), FrictionSpec()) for i, joint in enumerate(spec.joints)
     )
-
-
-def _parameters(r: Recording) -> tuple[tuple[Surface, ...], dict[Surface, list[Any]]]:
-    """Where friction acts, with the parameters of each, which are declared as an input."""
-    surfaces = _surfaces(r.model.spec)
-    names = [name for name, _ in friction_parameters(r.model.spec)]
-    meaning = "friction parameters " + ", ".join(names)
-    values = iter(r.builder.input(Port("friction", (len(names),), "SI", "", meaning, Role.FRICTION)))
-    counts = [3 if surface.law is None else len(surface.law.parameters) + 1 for surface in surfaces]
-    return surfaces, {
-        surface: [next(values) for _ in range(count)] for surface, count in zip(surfaces, counts, strict=True)
-    }
 
 
 def _given(ops: Any, surface: Surface, speed: Any, values: Sequence[Any]) -> Any:

@@ -30,6 +30,9 @@ JOINT_PORTS = {
     "e": (Role.COVECTOR, "vector multiplied from the left", "any"),
     "v": (Role.REFERENCE_VELOCITY, "reference velocities", "/s"),
     "a": (Role.REFERENCE_ACCELERATION, "reference accelerations", "/s^2"),
+    "q_d": (Role.DESIRED_POSITION, "desired positions", ""),
+    "dq_d": (Role.DESIRED_VELOCITY, "desired velocities", "/s"),
+    "ddq_d": (Role.DESIRED_ACCELERATION, "desired accelerations", "/s^2"),
 }
 """Joint vectors by name: role, meaning, and the suffix of the unit of position ("torque", "any": another unit)."""
 
@@ -100,6 +103,7 @@ class Recording:
         self.parametrization = parametrization
         self.builder = Builder()
         self._declared: dict[Role, list[Value]] = {}
+        self._extra: dict[str, list[Value]] = {}
         self.constant: Constant = symbolic_constant(self.builder, symbols) if symbols else nominal_constant(model)
         revolute = all(joint.revolute for joint in model.joints)
         prismatic = not any(joint.revolute for joint in model.joints)
@@ -152,19 +156,45 @@ class Recording:
         q, *_ = [self.joints(name) for name in ("q", *rates)]
         return program_chain(self.model, self.builder, self.constant, q, self.gravity())
 
+    def chain_at(self, q: Sequence[Value], *rates: str) -> Chain:
+        """The chain at other positions ``q`` (n,) than the input q; ``rates`` as for :meth:`chain_in_gravity`."""
+        if not self.model.spec.gravity_input:
+            return program_chain(self.model, self.builder, self.constant, q)
+        for name in rates:
+            self.joints(name)
+        return program_chain(self.model, self.builder, self.constant, q, self.gravity())
+
+    def gain(self, name: str) -> list[Value]:
+        """Declare a vector (n,) of gains, one per joint, as an input."""
+        return self.extra(name, (self.n,), "", f"gains {name}, one per joint")
+
+    def extra(self, name: str, shape: tuple[int, ...], unit: str, meaning: str) -> list[Value]:
+        """The input ``name`` of no special role; declared when first asked for."""
+        if name not in self._extra:
+            self._extra[name] = list[Value](self.builder.input(Port(name, shape, unit, "", meaning)))
+        return self._extra[name]
+
     def gravity(self) -> list[Value]:
-        """Declare the acceleration of gravity (3,) as an input."""
+        """The acceleration of gravity (3,); declared as an input when first asked for."""
+        if Role.GRAVITY in self._declared:
+            return self._declared[Role.GRAVITY]
         meaning = "acceleration of gravity; minus the acceleration of an accelerated base"
         return self._input(Port("gravity", (3,), "m/s^2", "base frame", meaning, Role.GRAVITY))
 
     def beta(self) -> list[Value]:
-        """Declare the base parameters beta (b,) as an input."""
+        """The base parameters beta (b,); declared as an input when first asked for."""
+        if Role.BASE_PARAMETERS in self._declared:
+            return self._declared[Role.BASE_PARAMETERS]
         names = self.parametrization.names
         return self._input(self.beta_port("base parameters " + ", ".join(names)))
 
     def beta_port(self, meaning: str, role: Role = Role.BASE_PARAMETERS, name: str = "beta") -> Port:
         """A port of base parameters (b,)."""
         return Port(name, (len(self.parametrization.names),), "SI", "", meaning, role)
+
+    def friction(self, port: Port) -> list[Value]:
+        """The friction parameters, of the shape of ``port``; declared as an input when first asked for."""
+        return self._declared.get(Role.FRICTION) or self._input(port)
 
     def inertias(self) -> list[PseudoInertia]:
         """Declare the base parameters as an input and return the pseudo-inertias of the links."""
@@ -177,7 +207,8 @@ class Recording:
             return DriveInertia((), ())
         unit = "kg m^2" if self.position_unit == "rad" else "kg" if self.position_unit == "m" else "kg m^2 | kg"
         meaning = drive_inertia_meaning(self.model.spec)
-        values = self._input(Port("Ia", (len(terms),), unit, "", meaning, Role.DRIVE_INERTIA))
+        port = Port("Ia", (len(terms),), unit, "", meaning, Role.DRIVE_INERTIA)
+        values = self._declared.get(Role.DRIVE_INERTIA) or self._input(port)
         return DriveInertia(values, [[w if type(w) is int else rational(w) for w in t.direction] for t in terms])
 
 

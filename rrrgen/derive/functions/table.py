@@ -7,7 +7,6 @@ and emitted on request.
 from __future__ import annotations
 
 from rrrgen.derive.functions import (
-    control_functions,
     derivatives,
     dynamic_functions,
     energy_functions,
@@ -16,6 +15,7 @@ from rrrgen.derive.functions import (
     point_functions,
     regressor_functions,
 )
+from rrrgen.derive.functions.control import laws, motions, observers, terms
 from rrrgen.derive.functions.recording import Recorder
 
 FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
@@ -31,7 +31,9 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
 GROUPS: dict[str, dict[str, tuple[Recorder, ...]]] = {
     "model": FUNCTIONS,
     "points": point_functions.FUNCTIONS,
-    "control": control_functions.FUNCTIONS,
+    "control": {**terms.FUNCTIONS, **laws.FUNCTIONS},
+    "observer": observers.FUNCTIONS,
+    "trajectory": motions.FUNCTIONS,
 }
 """Name of a group -> its functions."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -104,6 +104,18 @@ class Calls:
         if self.spec.gravity_input and self.derived.programs[chosen].takes(Role.GRAVITY):
             values = (*values, self.nominal_gravity if gravity is None else gravity)
         return self.engine.call(chosen, (*values, *parameters.values()))
+
+    def _named(
+        self, name: str, values: Mapping[str, Any], beta: Any = None, Ia: Any = None, gravity: Any = None
+    ) -> Sequence[Array]:
+        """All results of the function ``name`` for arguments by the name of their port."""
+        if gravity is not None and not self.spec.gravity_input:
+            self._check_beta(name, beta)
+            return self.any_gravity._named(name, values, beta, Ia, gravity)
+        model = self._with(name)
+        chosen, parameters = model._chosen(name, beta, Ia)
+        given = {**values, **parameters, "gravity": self.nominal_gravity if gravity is None else gravity}
+        return model.engine.call(chosen, [given[port.name] for port in model.derived.programs[chosen].inputs])
 
     def _check_beta(self, name: str, beta: Any) -> None:
         """Raise ValueError for base parameters of this model in a call with gravity."""

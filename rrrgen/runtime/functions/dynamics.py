@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.derive.functions.friction_functions import friction_parameters
+from rrrgen.derive.functions.friction_functions import friction_parameters, surfaces_of
 from rrrgen.program import Port, Role
 from rrrgen.runtime.arguments import prepare, read_only
 from rrrgen.runtime.functions.calls import Array, Calls
@@ -332,9 +332,12 @@ class DynamicFunctions(Calls):
         Returns:
             tau_f, (..., n), N m or N.
         """
-        (port,) = (port for port in self.derived.programs["smooth_friction"].inputs if port.name == "width")
+        return self._call("smooth_friction", dq, friction, self._widths(width))
+
+    def _widths(self, width: ArrayLike) -> Array:
+        """``width`` for each joint and motor with friction."""
         wide = np.asarray(width)
-        return self._call("smooth_friction", dq, friction, wide if wide.ndim else np.broadcast_to(wide, port.shape))
+        return wide if wide.ndim else np.full(len(surfaces_of(self.spec)), float(wide))
 
     @property
     def friction_parameter_names(self) -> tuple[str, ...]:

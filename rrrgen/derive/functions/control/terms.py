@@ -52,7 +52,8 @@ def reference_torque(frames: Frames) -> Recorder:
     """A recorder of tau = M a + C(q, dq) v + g, (n,), C of the Christoffel symbols: Slotine and Li's feed-forward."""
 
     def record_torque(r: Recording) -> Program:
-        (tau,) = _along_reference(r, inverse_dynamics(frames), ())
+        _declared(r, "q", "dq")
+        (tau,) = along_reference(r, inverse_dynamics(frames), _declared(r, "v", "a"))
         return r.builder.program(
             "reference_torque",
             [(torque_port(r, "tau", "joint torques, friction not included"), tau)],
@@ -65,7 +66,8 @@ def reference_torque(frames: Frames) -> Recorder:
 
 def reference_regressor_transpose(r: Recording) -> Program:
     """Record r = Y(q, dq, v, a)' e (b,) for tau = Y beta = M a + C(q, dq) v + g (without drive inertia)."""
-    (found,) = _along_reference(r, regressor_transpose, ("e",))
+    _declared(r, "q", "dq")
+    (found,) = along_reference(r, regressor_transpose, _declared(r, "v", "a", "e"))
     port = r.beta_port("Y' e", Role.OTHER, "r")
     return r.builder.program(
         "reference_regressor_transpose",
@@ -75,27 +77,32 @@ def reference_regressor_transpose(r: Recording) -> Program:
     )
 
 
-def _along_reference(r: Recording, recorder: Recorder, further: Sequence[str]) -> list[list[Value]]:
+def along_reference(r: Recording, recorder: Recorder, reference: Mapping[Role, Sequence[Value]]) -> list[list[Value]]:
     """The outputs of the function of ``recorder`` with the two velocities dq and v, and the acceleration a.
 
-    ``further`` are its joint vectors beside q, dq and ddq.
+    ``reference`` holds v, a and, if the function takes it, e by their roles.
     """
     program = recorder(r.with_gravity_input())
-    q, dq, v, a, *others = (r.joints(name) for name in ("q", "dq", "v", "a", *further))
     gravity = r.gravity() if r.model.spec.gravity_input else [r.constant(g) for g in r.model.spec.gravity]
     given: dict[Role, Sequence[Value]] = {
-        Role.POSITION: q,
-        Role.VELOCITY: dq,
+        Role.POSITION: r.joints("q"),
+        Role.VELOCITY: r.joints("dq"),
         Role.ACCELERATION: [0] * r.n,
         Role.GRAVITY: [0, 0, 0],
-        **{JOINT_PORTS[name][0]: values for name, values in zip(further, others, strict=True)},
+        **reference,
     }
     if program.takes(Role.BASE_PARAMETERS):
         given[Role.BASE_PARAMETERS] = r.beta()
         given[Role.DRIVE_INERTIA] = r.drive_inertia().values
-    half = [Fraction(1, 2) * rate for rate in v]
+    half = [Fraction(1, 2) * rate for rate in reference[Role.REFERENCE_VELOCITY]]
+    a = reference[Role.REFERENCE_ACCELERATION]
     direction = {Role.VELOCITY: half, Role.ACCELERATION: a, Role.GRAVITY: gravity}
     return _derivative(r, program, given, direction)
+
+
+def _declared(r: Recording, *names: str) -> dict[Role, Sequence[Value]]:
+    """The joint vectors ``names`` by their roles, declared as inputs."""
+    return {JOINT_PORTS[name][0]: r.joints(name) for name in names}
 
 
 def _derivative(

@@ -1,0 +1,1 @@
+"""Functions for controllers: terms of observers and adaptive laws, control laws, the momentum observer, motions."""

@@ -1,0 +1,176 @@
+"""Recorders of control laws: one call per tick computes the torques, saturated, with friction compensated.
+
+With ``e = q_d - q`` and the state z of the integral action, which the caller owns,
+
+    pd_gravity       tau = kp e + kd e' + ki z + g(q) + f(dq_d)
+    feedforward      tau = M(q_d) ddq_d + c(q_d, dq_d) + g(q_d) + kp e + kd e' + ki z + f(dq_d)
+    computed_torque  tau = M(q) (ddq_d + kp e + kd e' + ki z) + c(q, dq) + g(q) + f(dq_d)    (14.34)
+    slotine_li       tau = M(q) a + C(q, dq) v + g(q) - k s + f(dq_d),  beta' = -gamma Y' s,
+                     v = dq_d + lam e,  a = ddq_d + lam e',  s = dq - v
+
+Friction f is taken at the desired speed: at rest the sign of a measured speed is noise. Torques are limited to
+``tau_max``; an integral does not grow into the limit of its joint, and parameters are not adapted while a joint is at
+its limit. (14.34) is from Kostic, de Jager and Steinbuch, chapter 14 of the Robotics and Automation Handbook (CRC
+Press, 2005).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rrrgen.derive.algebra.vectors import add, scale, subtract
+from rrrgen.derive.functions.control.terms import along_reference
+from rrrgen.derive.functions.dynamic_functions import block_frames_first, inverse_dynamics, torque_port
+from rrrgen.derive.functions.friction_functions import RunTimeFriction
+from rrrgen.derive.functions.recording import Recorder, Recording
+from rrrgen.derive.functions.regressor_functions import regressor_transpose
+from rrrgen.derive.recursions import composite, newton_euler
+from rrrgen.program import Port, Program, Role, Value
+
+Vector = list[Any]
+
+DESIRED = ("q_d", "dq_d", "ddq_d")
+
+
+def _times(x: Sequence[Any], y: Sequence[Any]) -> Vector:
+    """The products of the elements of two joint vectors."""
+    return [u * v for u, v in zip(x, y, strict=True)]
+
+
+class _Loop:
+    """The inputs that the laws share, and what they do with them."""
+
+    def __init__(self, r: Recording, gains: Sequence[str], further: Sequence[str] = ()) -> None:
+        self.r = r
+        self.q, self.dq, self.q_d, self.dq_d, self.ddq_d, *_ = (r.joints(n) for n in ("q", "dq", *DESIRED, *further))
+        self.gains = {name: r.gain(name) for name in gains}
+        self.e, self.de = subtract(self.q_d, self.q), subtract(self.dq_d, self.dq)
+
+    def feedback(self) -> Vector:
+        """``kp e + kd e' + ki z``, (n,)."""
+        self.z = self.r.extra("z", (self.r.n,), "", "state of the integral action; zero at the start")
+        total = add(_times(self.gains["kp"], self.e), _times(self.gains["kd"], self.de))
+        return add(total, _times(self.gains["ki"], self.z))
+
+    def limited(self, tau: Vector) -> tuple[Vector, Vector]:
+        """``tau`` with friction at the desired speed, limited; and for each joint 1 at the limit, else 0."""
+        b = self.r.builder
+        friction = RunTimeFriction.declared(self.r, smooth=True)
+        tau = add(tau, friction.torques(self.dq_d))
+        tau_max = self.r.extra("tau_max", (self.r.n,), self.r.torque_unit, "largest torques; INFINITY for none")
+        above = [b.sub(b.abs(t), limit) for t, limit in zip(tau, tau_max, strict=True)]
+        held = [b.select(over, b.mul(b.sign(t), limit), t) for over, t, limit in zip(above, tau, tau_max, strict=True)]
+        return held, [b.select(over, 1, 0) for over in above]
+
+    def program(self, name: str, tau: Vector, summary: str, formula: str) -> Program:
+        """The law ``name`` with integral action, from its torques before friction and limits."""
+        r, b = self.r, self.r.builder
+        unlimited = add(tau, RunTimeFriction.declared(r, smooth=True).torques(self.dq_d))
+        held, at_limit = self.limited(tau)
+        (Ts,) = r.extra("Ts", (), "s", "period")
+        grown = add(self.z, scale(Ts, self.e))
+        # the integral stays where the joint is at its limit and the error would drive it further into the limit
+        into = [b.mul(flag, b.mul(t, e)) for flag, t, e in zip(at_limit, unlimited, self.e, strict=True)]
+        following = [b.select(i, z, new) for i, z, new in zip(into, self.z, grown, strict=True)]
+        return b.program(
+            name,
+            [
+                (torque_port(r, "tau", "torques to apply, within tau_max"), held),
+                (Port("z_next", (r.n,), "", "", "state for the next tick"), following),
+            ],
+            summary,
+            formula,
+            [
+                "e = q_d - q; friction f at the desired speed, with tanh(s / width) for sgn(s).",
+                "The integral stays where a joint is at its limit and the error would drive it further.",
+            ],
+        )
+
+
+PID = ("kp", "kd", "ki")
+
+
+def pd_gravity(r: Recording) -> Program:
+    """Record ``tau = kp e + kd e' + ki z + g(q) + f(dq_d)``, limited, and the next z."""
+    loop = _Loop(r, PID)
+    chain = r.chain_in_gravity("dq", *DESIRED)
+    feedback = loop.feedback()
+    tau = add(feedback, composite.gravity(chain, r.inertias()))
+    return loop.program(
+        "pd_gravity", tau, "PD control with gravity and friction compensation.",
+        "tau = kp e + kd e' + ki z + g(q) + f(dq_d)",
+    )  # fmt: skip
+
+
+def feedforward(r: Recording) -> Program:
+    """Record the torques of the desired motion plus PD feedback, limited, and the next z."""
+    loop = _Loop(r, PID)
+    chain = r.chain_at(loop.q_d, "dq", *DESIRED)
+    feedback = loop.feedback()
+    model = newton_euler.inverse_dynamics(chain, loop.dq_d, loop.ddq_d, r.inertias(), block_frames_first(chain))
+    tau = add(r.drive_inertia().added_to_torques(model, loop.ddq_d), feedback)
+    return loop.program(
+        "feedforward", tau, "Feed-forward of the desired motion with PD control.",
+        "tau = M(q_d) ddq_d + c(q_d, dq_d) + g(q_d) + kp e + kd e' + ki z + f(dq_d)",
+    )  # fmt: skip
+
+
+def computed_torque(r: Recording) -> Program:
+    """Record ``tau = M (ddq_d + kp e + kd e' + ki z) + c + g + f(dq_d)``, limited, and the next z. (14.34)"""
+    loop = _Loop(r, PID)
+    chain = r.chain_in_gravity("dq", *DESIRED)
+    a = add(loop.ddq_d, loop.feedback())
+    model = newton_euler.inverse_dynamics(chain, loop.dq, a, r.inertias(), block_frames_first(chain))
+    tau = r.drive_inertia().added_to_torques(model, a)
+    return loop.program(
+        "computed_torque", tau, "Computed torque control (inverse dynamics in the loop).",
+        "tau = M(q) (ddq_d + kp e + kd e' + ki z) + c(q, dq) + g(q) + f(dq_d)   (14.34)",
+    )  # fmt: skip
+
+
+def slotine_li(r: Recording) -> Program:
+    """Record the passivity-based law of Slotine and Li, limited, with one step of the adaptation of beta."""
+    loop = _Loop(r, ("lam", "k"))
+    b, lam = r.builder, loop.gains["lam"]
+    v, a = add(loop.dq_d, _times(lam, loop.e)), add(loop.ddq_d, _times(lam, loop.de))
+    s = subtract(loop.dq, v)
+    reference: dict[Role, Sequence[Value]] = {Role.REFERENCE_VELOCITY: v, Role.REFERENCE_ACCELERATION: a}
+    (tau,) = along_reference(r, inverse_dynamics(block_frames_first), reference)
+    held, at_limit = loop.limited(subtract(tau, _times(loop.gains["k"], s)))
+    (slope,) = along_reference(r, regressor_transpose, {**reference, Role.COVECTOR: s})
+    count = len(slope)
+    gamma = r.extra("gamma", (count,), "", "adaptation gains, zero for parameters to keep")
+    lower, upper = (r.extra(f"beta_{end}", (count,), "SI", f"bounds of beta, {end}") for end in ("min", "max"))
+    (Ts,) = r.extra("Ts", (), "s", "period")
+    beta = r.beta()
+    any_limit: Any = 0
+    for flag in at_limit:
+        any_limit = any_limit + flag
+    adapted = []
+    for value, gain, rate, low, high in zip(beta, gamma, slope, lower, upper, strict=True):
+        moved = b.sub(value, b.mul(b.mul(Ts, gain), rate))
+        bounded = b.select(b.sub(moved, high), high, b.select(b.sub(low, moved), low, moved))
+        adapted.append(b.select(any_limit, value, bounded))
+    return b.program(
+        "slotine_li",
+        [
+            (torque_port(r, "tau", "torques to apply, within tau_max"), held),
+            (r.beta_port("base parameters for the next tick", name="beta_next"), adapted),
+        ],
+        "Passivity-based tracking with adaptation of the base parameters (Slotine and Li 1987).",
+        "tau = M a + C v + g - k s + f(dq_d),  beta_next = beta - Ts gamma Y' s\n"
+        "v = dq_d + lam e,  a = ddq_d + lam e',  s = dq - v",
+        [
+            "beta stays between its bounds, and as it is while a joint is at its limit.",
+            "With gamma = 0 the law is not adaptive.",
+        ],
+    )
+
+
+FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
+    "pd_gravity": (pd_gravity,),
+    "feedforward": (feedforward,),
+    "computed_torque": (computed_torque,),
+    "slotine_li": (slotine_li,),
+}
