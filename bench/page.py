@@ -14,7 +14,7 @@ COLUMNS = (OURS, OURS_FILE, OURS_LIBM, HAND, HAND_FILE, PINOCCHIO)
 
 
 def page(results: Results, plot: str = "benchmark.svg") -> str:
-    """The whole page."""
+    """The Markdown text of the benchmark page."""
     parts = [_opening(results), f"![Instructions per call]({plot})\n", _targets(results)]
     parts += [_functions(results, robot) for robot in results.robots()]
     parts += [_calls(results), _batches(results), _ik(results), _growth(results), _generation(results), _ticks(results)]

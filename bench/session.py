@@ -34,7 +34,7 @@ class Plan:
 
     @property
     def effort(self) -> Effort:
-        """How long to measure."""
+        """The number of repetitions and the shortest time of a measurement."""
         return QUICK if self.quick else Effort()
 
 

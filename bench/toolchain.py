@@ -48,12 +48,12 @@ class Toolchain:
         return target
 
     def link(self, objects: Sequence[Path], target: Path, cxx: bool) -> None:
-        """An executable from ``objects``."""
+        """Link ``objects`` to an executable."""
         command = [self.require_cxx()] if cxx else [*self.cc]
         run([*command, *map(str, objects), "-lm", "-o", str(target)])
 
     def require_cxx(self) -> str:
-        """The C++ compiler."""
+        """The command of the C++ compiler. Raises BuildError if there is none."""
         if self.cxx is None:
             raise BuildError("no C++ compiler beside the C compiler: Pinocchio cannot be built")
         return self.cxx

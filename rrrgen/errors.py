@@ -108,7 +108,7 @@ class StorageError(RrrgenError):
 
 
 class OutputError(RrrgenError):
-    """What the user asked for cannot be written where it should go; the message names the place and the reason."""
+    """Output cannot be written to the place that the user named; the message gives the reason."""
 
     exit_code = 5
 

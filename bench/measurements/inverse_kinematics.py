@@ -116,7 +116,7 @@ def _compiled(
 
 @cache
 def _reference_sources() -> dict[str, str]:
-    """The RRR's model."""
+    """The C of the RRR's model, with which times are compared."""
     from rrrgen import pipeline
     from rrrgen.backends.c.dialect import Dialect
     from rrrgen.backends.c.sources import header_and_sources

@@ -76,7 +76,7 @@ def measured(recorded: Sequence[RecordedModel], optimizer: Optimizer) -> tuple[d
 
 
 def main(robots: Sequence[str]) -> None:
-    """Print the table."""
+    """Measure every option of the passes and print the table."""
     recorded = [derive_model(load_spec(name)) for name in robots]
     programs = [program for model in recorded for variants in model.alternatives.values() for program in variants]
     click.echo(f"{', '.join(robots)}: {sum(count_operations(each).total for each in programs)} operations as recorded")

@@ -47,7 +47,7 @@ class RustBackend:
         return [partial(_source, model, identity, real)]
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[str]) -> dict[str, str]:
-        """The crate."""
+        """The files of the crate: manifest and library."""
         robot = model.spec.name
         cargo = render("rust/Cargo.toml.j2", robot=robot, crate=crate_name(robot), identity=identity)
         return {"rust/Cargo.toml": cargo, "rust/src/lib.rs": results[0]}
@@ -95,16 +95,16 @@ class _Rust:
         return Text(f"sign({x.code})")
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
-        """An expression with if."""
+        """The Rust of a choice by the sign of a condition: an if expression."""
         test = f"{condition.within(PRODUCT)} > 0.0"
         return Text(f"if {test} {{ {positive.code} }} else {{ {otherwise.code} }}", CHOICE)
 
     def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
-        """One call for both."""
+        """The assignment of sine and cosine from one call."""
         return [f"let ({sine or '_'}, {cosine or '_'}) = F::sin_cos({angle});"]
 
     def element(self, port: Port, element: int, output: bool = False) -> str:
-        """``M[1][2]``."""
+        """The text of an element of an input, such as ``M[1][2]``."""
         indices: list[int] = []
         for size in reversed(port.shape):
             element, index = divmod(element, size)

@@ -36,7 +36,7 @@ class StateSpace:
         return y
 
     def to_json(self) -> dict[str, Any]:
-        """What result files hold under ``state_space``."""
+        """The state space as plain data, for the key ``state_space`` of result files."""
         return {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
 
 

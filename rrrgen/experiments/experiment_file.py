@@ -255,7 +255,7 @@ class _Reader(Reader):
         return {key: value for key, value in found.items() if value is not None}
 
     def band(self, node: Node, what: str) -> tuple[float, float] | None:
-        """A pair of frequencies."""
+        """Read a pair of frequencies in rising order, Hz."""
         if not isinstance(node, Sequence) or len(node.items) != 2:
             self.faults.error(node, f"{what} is {describe(node)}, not a pair of frequencies")
             return None

@@ -76,7 +76,7 @@ def _inputs(model: Any, q: Array, dq: Array, tau: Array) -> Array:
 
 
 def _lag(model: Any, log: Log, design: ResponseDesign, run: ResponseRun) -> int:
-    """The sample of ``log`` at which the excitation of ``run`` begins."""
+    """Number of the sample of ``log`` at which the excitation of ``run`` begins."""
     assert log.tau is not None
     q = np.broadcast_to(np.asarray(run.start), log.q.shape).copy()
     q[:, design.joint] = log.q[:, design.joint]

@@ -147,7 +147,7 @@ def _asymmetric_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> lis
 
 
 def _decay(ops: Any, dq: Any, speed: Any) -> Any:
-    """``exp(-|dq| / speed)``."""
+    """The decay ``exp(-|dq| / speed)`` of an excess of friction with the speed."""
     return ops.exp(-(dq * ops.sign(dq)) / speed)
 
 

@@ -64,7 +64,7 @@ class FrictionEstimate:
     notes: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """What ``results/friction.json`` holds."""
+        """The estimate as plain data for ``results/friction.json``."""
         return {
             "schema": SCHEMA,
             "joint": self.data.name,

@@ -22,7 +22,7 @@ class MathmlMarkup:
         return _with_subscript(_dotted(GREEK.get(parts.base, parts.base), parts.dots), parts.subscript)
 
     def number(self, text: str) -> str:
-        """An unsigned number."""
+        """The MathML of an unsigned number."""
         mantissa, _, exponent = text.partition("e")
         if not exponent:
             return f"<mn>{mantissa}</mn>"
@@ -30,7 +30,7 @@ class MathmlMarkup:
         return f"<mn>{mantissa}</mn><mo>·</mo>{power}"
 
     def total(self, terms: Sequence[tuple[bool, str]]) -> str:
-        """A sum."""
+        """The MathML of a sum."""
         return f"<mrow>{sum_of(terms)}</mrow>"
 
     def product(self, factors: Sequence[str]) -> str:
@@ -41,15 +41,15 @@ class MathmlMarkup:
         return f"<mrow>{text}</mrow>"
 
     def fraction(self, numerator: str, denominator: str) -> str:
-        """A quotient."""
+        """The MathML of a quotient."""
         return f"<mfrac><mrow>{numerator}</mrow><mrow>{denominator}</mrow></mfrac>"
 
     def power(self, base: str, exponent: str) -> str:
-        """A power."""
+        """The MathML of a power."""
         return f"<msup><mrow>{base}</mrow><mrow>{exponent}</mrow></msup>"
 
     def root(self, argument: str) -> str:
-        """A square root."""
+        """The MathML of a square root."""
         return f"<msqrt>{argument}</msqrt>"
 
     def function(self, name: str, argument: str, exponent: str) -> str:
@@ -59,7 +59,7 @@ class MathmlMarkup:
         return f"<mrow>{head}<mo>⁡</mo>{self.group(argument)}</mrow>"
 
     def group(self, content: str) -> str:
-        """Parentheses."""
+        """The MathML of an expression in parentheses."""
         return f"<mrow><mo>(</mo>{content}<mo>)</mo></mrow>"
 
 
@@ -116,12 +116,12 @@ def display(lines: Sequence[tuple[str, str]]) -> str:
 
 
 def definition_lines(symbol: sp.Symbol, value: sp.Expr, walk: Walk) -> list[tuple[str, str]]:
-    """A named subexpression."""
+    """The MathML lines that define a named subexpression."""
     return _lines(walk.markup.symbol(notation(str(symbol))), value, walk)
 
 
 def equation_lines(about: Quantity, equation: Equation, walk: Walk) -> list[tuple[str, str]]:
-    """One equation of a closed form."""
+    """The MathML lines of one equation of a closed form."""
     left = _left(about, equation)
     if isinstance(equation.value, sp.MatrixBase):
         return [(left, matrix(equation.value, walk))]
@@ -129,7 +129,7 @@ def equation_lines(about: Quantity, equation: Equation, walk: Walk) -> list[tupl
 
 
 def matrix(value: sp.MatrixBase, walk: Walk) -> str:
-    """A matrix in brackets."""
+    """The MathML of a matrix in brackets."""
     rows = "".join(
         "<mtr>" + "".join(f"<mtd>{walk.write(entry)}</mtd>" for entry in value.row(r)) + "</mtr>"
         for r in range(value.rows)

@@ -64,7 +64,7 @@ class FrequencyResponse:
         return np.array([not reason for reason in self.reasons])
 
     def to_json(self) -> dict[str, Any]:
-        """What ``results/frf.json`` holds."""
+        """The response as plain data for ``results/frf.json``."""
         raw = self.unsmoothed
         return {
             "schema": SCHEMA,

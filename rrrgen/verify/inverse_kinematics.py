@@ -243,7 +243,7 @@ class _Checks:
         return np.array(kept).reshape(-1, self.arm.n)
 
     def out_of_reach(self) -> None:
-        """A tip beyond everything that the arm can reach."""
+        """A target pose that is farther away than the arm can reach."""
         if not np.all(self.arm.revolute):
             return
         q = np.zeros((1, self.arm.n))

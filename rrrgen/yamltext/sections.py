@@ -122,7 +122,7 @@ def read_choice(node: Node, key: Key, faults: FaultList) -> str | None:
 
 
 def read_choices(node: Node, key: Key, faults: FaultList) -> tuple[str, ...]:
-    """A list of different words out of ``key.choices``; words that are not are faults and left out."""
+    """Read a list of different words, each one of ``key.choices``; other words are faults and left out."""
     chosen: dict[str, None] = {}
     for item in read_list(node, key.name, None, faults) or ():
         word = read_choice(item, key, faults)

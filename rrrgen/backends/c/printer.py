@@ -48,7 +48,7 @@ class CTarget:
         return Text(self.dialect.sign(x.code), CHOICE)
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
-        """A conditional expression."""
+        """The C of a choice by the sign of a condition: a conditional expression."""
         texts = condition.within(PRODUCT), positive.within(SUM), otherwise.within(SUM)
         return Text(self.dialect.select(*texts), CHOICE)
 

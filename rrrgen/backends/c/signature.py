@@ -11,7 +11,7 @@ _LONGEST_LINE = 118
 
 
 def function_name(program: Program, dialect: Dialect) -> str:
-    """The emitted symbol."""
+    """The C symbol of a function: prefix of the robot and name of the program."""
     return f"{dialect.prefix}_{program.name}"
 
 

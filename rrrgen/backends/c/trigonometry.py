@@ -31,11 +31,11 @@ class LibmSinCos:
     """Calls ``sin`` and ``cos`` of the C library (``sinf``, ``cosf``); some compilers merge the pair into one call."""
 
     def preamble(self, dialect: Dialect) -> str:
-        """Nothing beyond math.h."""
+        """Text before the functions: none, as math.h has the functions."""
         return ""
 
     def description(self, dialect: Dialect) -> str:
-        """The C library."""
+        """Where sines and cosines come from, for the header: the C library."""
         return "sin and cos of the C library"
 
     def statements(self, dialect: Dialect, angle: str, sine: str | None, cosine: str | None) -> list[str]:
@@ -95,11 +95,11 @@ class InlineSinCos:
     """
 
     def preamble(self, dialect: Dialect) -> str:
-        """The kernel."""
+        """Text before the functions: the kernel of sine and cosine."""
         return render("c/sincos.c.j2", **kernel_values(dialect)).rstrip("\n")
 
     def description(self, dialect: Dialect) -> str:
-        """Range and error bound."""
+        """Where sines and cosines come from, for the header: the kernel with its range and error bound."""
         bound, limit = ERROR_BOUND[dialect.real], RANGE[dialect.real]
         kernel = f"inline kernel, absolute error below {bound} for |angle| <= {limit} rad"
         return f"{kernel}; the C library beyond, and with -ffast-math"

@@ -130,12 +130,12 @@ class _ExternalC:
         return Text(self.call(Op.SIGN, x.code))
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
-        """One comparison."""
+        """The C of a choice by the sign of a condition, with one comparison."""
         yes, no = positive.within(SUM), otherwise.within(SUM)
         return Text(f"({condition.within(PRODUCT)} > 0) ? {yes} : {no}", CHOICE)
 
     def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
-        """One call for each."""
+        """Assignments of sine and cosine, one call for each that is used."""
         wanted = ((Op.SIN, sine), (Op.COS, cosine))
         return [self.declaration(name, self.call(op, angle)) for op, name in wanted if name is not None]
 

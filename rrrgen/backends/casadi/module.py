@@ -25,7 +25,7 @@ _FUNCTIONS = {Op.SQRT: "ca.sqrt", Op.ABS: "ca.fabs", Op.EXP: "ca.exp", Op.TANH: 
 
 
 class _Python:
-    """Python over CasADi's symbols."""
+    """The language of the module: Python statements over CasADi's symbols."""
 
     @property
     def reserved(self) -> frozenset[str]:
@@ -38,23 +38,23 @@ class _Python:
         return str(value.numerator) if whole else decimal(value)
 
     def declaration(self, name: str, value: str) -> str:
-        """An assignment."""
+        """The assignment that defines a local."""
         return f"{name} = {value}"
 
     def call(self, op: Op, argument: str) -> str:
-        """A function of CasADi."""
+        """The call of CasADi's function for an operation."""
         return f"{_FUNCTIONS[op]}({argument})"
 
     def sign(self, x: Text) -> Text:
-        """A function of CasADi."""
+        """The call of CasADi's sign, which is 0 at 0."""
         return Text(f"ca.sign({x.code})")
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
-        """A function of CasADi."""
+        """The call of CasADi's if_else: ``positive`` where the condition is > 0."""
         return Text(f"ca.if_else({condition.within(PRODUCT)} > 0, {positive.code}, {otherwise.code})")
 
     def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
-        """One call for each."""
+        """Assignments of sine and cosine, one call for each that is used."""
         wanted = ((f"ca.sin({angle})", sine), (f"ca.cos({angle})", cosine))
         return [self.declaration(name, call) for call, name in wanted if name is not None]
 

@@ -29,7 +29,7 @@ class Listing:
 def listing(program: Program, elements: Sequence[Sequence[str]], names: Names, target: Target) -> Listing:
     """Write ``program`` for ``target``; ``elements[port][element]`` are the names of its inputs.
 
-    Results are no statements: the caller writes them behind all definitions, where CasADi wants them.
+    The results are not among the statements: the caller writes them after all definitions, as CasADi requires.
     """
     written = Statements(program, target, names, lambda port, element: elements[port][element])
     written.write()

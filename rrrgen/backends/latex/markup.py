@@ -34,12 +34,12 @@ class LatexMarkup:
         return text.replace("_", r"\_")
 
     def number(self, text: str) -> str:
-        """An unsigned number."""
+        """The markup of an unsigned number."""
         mantissa, _, exponent = text.partition("e")
         return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else text
 
     def total(self, terms: Sequence[tuple[bool, str]]) -> str:
-        """A sum."""
+        """The markup of a sum."""
         return join_terms(terms)
 
     def product(self, factors: Sequence[str]) -> str:
@@ -50,15 +50,15 @@ class LatexMarkup:
         return text
 
     def fraction(self, numerator: str, denominator: str) -> str:
-        """A quotient."""
+        """The markup of a quotient."""
         return rf"\frac{{{numerator}}}{{{denominator}}}"
 
     def power(self, base: str, exponent: str) -> str:
-        """A power."""
+        """The markup of a power."""
         return f"{base}^{{{exponent}}}"
 
     def root(self, argument: str) -> str:
-        """A square root."""
+        """The markup of a square root."""
         return rf"\sqrt{{{argument}}}"
 
     def function(self, name: str, argument: str, exponent: str) -> str:
@@ -68,7 +68,7 @@ class LatexMarkup:
         return rf"{command}{raised}\left({argument}\right)"
 
     def group(self, content: str) -> str:
-        """Parentheses."""
+        """The markup of an expression in parentheses."""
         return rf"\left({content}\right)"
 
 
@@ -82,27 +82,27 @@ class TextMarkup:
         return "d" * parts.dots + parts.base + "".join(parts.subscript[:-1]) + joint + last
 
     def number(self, text: str) -> str:
-        """An unsigned number."""
+        """The markup of an unsigned number."""
         return text
 
     def total(self, terms: Sequence[tuple[bool, str]]) -> str:
-        """A sum."""
+        """The markup of a sum."""
         return join_terms(terms)
 
     def product(self, factors: Sequence[str]) -> str:
-        """A product."""
+        """The markup of a product."""
         return "*".join(factors)
 
     def fraction(self, numerator: str, denominator: str) -> str:
-        """A quotient."""
+        """The markup of a quotient."""
         return f"{_enclosed(numerator, ' ')}/{_enclosed(denominator, ' */')}"
 
     def power(self, base: str, exponent: str) -> str:
-        """A power."""
+        """The markup of a power."""
         return f"{base}^{_enclosed(exponent, ' */-')}"
 
     def root(self, argument: str) -> str:
-        """A square root."""
+        """The markup of a square root."""
         return f"sqrt({argument})"
 
     def function(self, name: str, argument: str, exponent: str) -> str:
@@ -110,7 +110,7 @@ class TextMarkup:
         return f"{name}({argument})" + (f"^{_enclosed(exponent, ' */-')}" if exponent else "")
 
     def group(self, content: str) -> str:
-        """Parentheses."""
+        """The markup of an expression in parentheses."""
         return f"({content})"
 
 

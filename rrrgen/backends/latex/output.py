@@ -26,7 +26,7 @@ def latex_expression(expression: sp.Expr, short_trig: bool = True) -> str:
 
 
 def plain_expression(expression: sp.Expr, short_trig: bool = True) -> str:
-    """One expression in plain text."""
+    """The plain text of one expression."""
     return Walk(TextMarkup(), short_trig).write(expression)
 
 

@@ -22,7 +22,7 @@ class Markup(Protocol):
         ...
 
     def number(self, text: str) -> str:
-        """An unsigned number."""
+        """The markup of an unsigned number."""
         ...
 
     def total(self, terms: Sequence[tuple[bool, str]]) -> str:
@@ -30,19 +30,19 @@ class Markup(Protocol):
         ...
 
     def product(self, factors: Sequence[str]) -> str:
-        """A product."""
+        """The markup of a product."""
         ...
 
     def fraction(self, numerator: str, denominator: str) -> str:
-        """A quotient."""
+        """The markup of a quotient."""
         ...
 
     def power(self, base: str, exponent: str) -> str:
-        """A power."""
+        """The markup of a power."""
         ...
 
     def root(self, argument: str) -> str:
-        """A square root."""
+        """The markup of a square root."""
         ...
 
     def function(self, name: str, argument: str, exponent: str) -> str:
@@ -50,7 +50,7 @@ class Markup(Protocol):
         ...
 
     def group(self, content: str) -> str:
-        """Parentheses."""
+        """The markup of an expression in parentheses."""
         ...
 
 

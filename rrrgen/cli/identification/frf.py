@@ -59,7 +59,7 @@ def frf(log: Path, output: Path, method: str, fresh: bool, as_json: bool) -> int
 
 
 def _print(response: FrequencyResponse) -> None:
-    """The verdict in words."""
+    """Print the verdict on every response."""
     import numpy as np
 
     trusted, f = response.trusted, response.frequency

@@ -135,7 +135,7 @@ def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibra
 def _record(
     vibrations: list[Vibration], shaper: Shaper | None, notches: list[Notch], period: float, crossover: float | None
 ) -> dict[str, Any]:
-    """What vibration.json holds."""
+    """The contents of vibration.json."""
     from rrrgen.control.vibration.notches import phase_lag
 
     told: list[dict[str, Any]] = []

@@ -64,7 +64,7 @@ def export(robot: str, target: str, output: Path | None, beta: Path | None, forc
 
 
 def _read_beta(path: Path) -> dict[str, float]:
-    """Base parameters by name."""
+    """Read base parameters by name from the file of ``--beta``."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:

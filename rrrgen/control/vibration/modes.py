@@ -32,12 +32,12 @@ class Vibration:
 
     @property
     def frequency(self) -> float:
-        """Hz."""
+        """Frequency of the mode, Hz."""
         return 0.5 * (min(self.frequencies) + max(self.frequencies))
 
     @property
     def damping(self) -> float:
-        """Ratio."""
+        """Damping ratio of the mode."""
         return float(np.exp(np.mean(np.log(np.maximum(self.dampings, LEAST_DAMPING)))))
 
 

@@ -120,7 +120,7 @@ class Composition:
     shifted_wrenches: tuple[tuple[ShiftedWrench, ...], ...]
 
     def mass_matrix(self) -> Matrix:
-        """M, n x n."""
+        """The mass matrix M (n, n) without drive inertia."""
         n = self.chain.n
         M: Matrix = [[0] * n for _ in range(n)]
         for j, row in enumerate(self.shifted_wrenches):

@@ -115,7 +115,7 @@ def _enter(joint: ChainJoint, before: LinkMotion) -> _BlockEntry:
 
 
 def _spin(omega: Vector, alpha: Vector) -> Matrix:
-    """[alpha]x + [omega]x [omega]x."""
+    """The matrix ``[alpha]x + [omega]x [omega]x`` that takes a vector of the body to its acceleration."""
     x, y, z = omega
     a, b, c = alpha
     x2, y2, z2, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z

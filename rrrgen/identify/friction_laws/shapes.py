@@ -36,7 +36,7 @@ WEIGHTS = 2  # passes in which the weights of the joints are renewed
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Surfaces with tuned shapes, and what is left: residuals (r, n), parameters of all columns, standard deviations.
+    """Joints and motors with fitted friction shapes: residuals (r, n), parameters of all columns, standard deviations.
 
     ``std`` holds for every surface the standard deviations of the logarithms of its shapes, prior included.
     """

@@ -63,7 +63,7 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
 
 
 def _relative_quantile(ratio: Array, share: float, dof: int) -> float:
-    """A quantile of squared errors over their estimated variances; 1 where they are such errors: F(2, 2 dof)."""
+    """Quantile of ``ratio``, squared errors over variances, relative to that of F(2, 2 dof): 1 for noise alone."""
     from scipy.stats import f as f_distribution
 
     return float(np.quantile(ratio, share) / f_distribution.ppf(share, 2, 2 * dof))

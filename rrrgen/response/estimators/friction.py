@@ -79,7 +79,7 @@ def check_friction(record: ResponseRecording, samples: int | None, lines: LineEs
 
 
 def _share_back(velocity: Array) -> float:
-    """Share of the samples that go in the less frequent direction."""
+    """Share of the samples in which the joint moves in its less frequent direction."""
     return float(min(np.mean(velocity > 0.0), np.mean(velocity < 0.0)))
 
 

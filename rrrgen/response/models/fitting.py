@@ -27,7 +27,7 @@ class FittedModels:
     refused: dict[str, str]
 
     def to_json(self) -> dict[str, Any]:
-        """What ``results/response_model.json`` holds: the first posture, and all of them where there are several."""
+        """The contents of ``results/response_model.json``: the first posture, and all of them if there are several."""
         record = self.models[0].to_json()
         if len(self.models) + len(self.refused) > 1:
             record["postures"] = [model.to_json() for model in self.models]

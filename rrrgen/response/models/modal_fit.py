@@ -136,7 +136,7 @@ def _best_further_mode(lines: _Lines, last: _Candidate, grid: Array) -> tuple[fl
 
 
 def _stacked(values: Complex) -> Array:
-    """Real over imaginary parts."""
+    """Complex rows as real ones: real parts above imaginary parts."""
     return np.concatenate([values.real, values.imag])
 
 

@@ -23,7 +23,7 @@ class ModeOverPostures:
 
     @property
     def frequencies(self) -> Array:
-        """Hz, (postures,)."""
+        """Frequencies of the mode, Hz, (postures,)."""
         return np.array([each.frequency for each in self.found.values()])
 
     @property

@@ -94,7 +94,7 @@ class ResponseModel:
         return control.ss(found.A, found.B[:, None], found.C[None, :], [[found.D]], self.period, name=self.name or None)
 
     def to_json(self) -> dict[str, Any]:
-        """What ``results/response_model.json`` holds."""
+        """The model as plain data for ``results/response_model.json``."""
         return {
             "schema": SCHEMA,
             "name": self.name,

@@ -134,7 +134,7 @@ class FreeJoints:
         q[j] = x
 
     def row_with(self, j: int, x: float, branch: int, held: int, least: float) -> tuple[list[float], float]:
-        """The row of a branch with the free joint j at x, and how far it is outside; 10 if there is no such row."""
+        """The solution of a branch with the free joint j at x, and how far it is outside; 10 if there is none."""
         assert self._limits is not None
         at = list(self._query.reference)
         at[j] = x

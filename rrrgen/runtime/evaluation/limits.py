@@ -26,7 +26,7 @@ class Limits:
         self._revolute = [joint.revolute for joint in joints]
 
     def placed(self, q: Sequence[float], reference: Sequence[float] | None) -> tuple[list[float], bool]:
-        """Angles at the turn nearest to the reference, with limits at the nearest inside; whether all are inside."""
+        """Angles moved by full turns next to the reference, inside the limits if possible; and whether all are."""
         row, inside = list(q), True
         for i, turning in enumerate(self._revolute):
             if reference is not None and turning:

@@ -206,7 +206,7 @@ class CBuilder(Scaffold):
         return turn
 
     def _length(self, hint: str, v: Vector) -> Scalar:
-        """Length across z."""
+        """Name the length of ``v`` perpendicular to z, ``sqrt(x^2 + y^2)``."""
         return self.name(hint, self.pool.sqrt(self.pool.of(square((v[0], v[1], 0)))))
 
     def _directed(self, joint: Joint, tag: str, level: int, reference: str) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
 
 @dataclass(frozen=True)
 class Settings:
-    """What a kernel becomes for one robot.
+    """How the C text of a kernel is adapted to one robot: which parts are kept, and what names are replaced by.
 
     ``options`` are the names that ``#if`` asks for; ``words`` replace names as a whole, by text that is not read again;
     ``prefixes`` replace the beginnings of names. An empty text takes one space beside it along, and one that begins
@@ -44,7 +44,7 @@ class KernelDialect(Dialect):
 
     @property
     def real_type(self) -> str:
-        """The word for the floating-point type."""
+        """The C name of the robot's floating-point type."""
         return "REAL"
 
     def function(self, name: str) -> str:

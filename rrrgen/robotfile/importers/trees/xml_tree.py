@@ -44,7 +44,7 @@ class Element:
 
 
 class _TooLargeError(Exception):
-    """The document exceeds a bound, which has been reported."""
+    """Raised where the document exceeds a bound, after the fault has been reported."""
 
 
 def parse_xml(text: str, faults: FaultList) -> Element | None:
