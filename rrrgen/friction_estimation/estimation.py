@@ -51,6 +51,15 @@ class LawEstimate:
         """Name of the law."""
         return self.candidate.name
 
+    @property
+    def break_away(self) -> float:
+        """The torque that friction takes at rest, or at the lowest speeds that were recorded; the lesser direction."""
+        zero, columns = np.zeros(1), self.theta.tolist()
+        if self.candidate.jumps or self.name == "lugre":
+            return float(min(abs(self.candidate.torque(zero, columns, s)[0]) for s in (1.0, -1.0)))
+        speeds = np.linspace(0.0, 1.0, 500) / max(self.values["w1"], self.values["w2"], self.values["w3"])
+        return float(np.max(self.candidate.torque(3.0 * speeds, columns)))
+
 
 @dataclass(frozen=True, eq=False)
 class FrictionEstimate:

@@ -15,6 +15,7 @@ from rrrgen.errors import DerivationError, InputError
 from rrrgen.friction_estimation.simulation import Torque
 from rrrgen.friction_estimation.windows import Windows
 from rrrgen.recordings.logs import check_robot
+from rrrgen.response.response_file import ResponseRecording
 from rrrgen.signals.reconstruction import Butterworth
 from rrrgen.verify.references.chain import chain_of
 
@@ -234,21 +235,33 @@ def joint_data(log: Any, joint: str, resolution: float | None = None) -> JointDa
             f"of joint '{joint}' apart: record {SHORTEST:g} s at least, better 40 s (`rrrgen excite --friction`)"
         )
     q, u, usable = (np.concatenate(parts) for parts in zip(*columns, strict=True))
-    found = JointData(joint, period, q, u, usable, tuple(stretches), _resolution(q, resolution))
+    found = JointData(joint, period, q, u, usable, tuple(stretches), encoder_step(q, resolution))
     _check_motion(found)
     return found
 
 
-def _resolution(q: Array, stated: float | None) -> float:
+def resting_record(log: Any, joint: str) -> ResponseRecording:
+    """Torque and position of a joint that is excited below break-away, from the longest stretch of a recording."""
+    if joint not in log.joints or log.tau is None:
+        raise InputError(f"a recording of presliding needs position and torque of joint '{joint}'")
+    i = log.joints.index(joint)
+    part = max(log.parts(), key=len)
+    name = "presliding" if log.mapping is None else log.mapping.name or log.mapping.files[0].path.name
+    return ResponseRecording(name, log.period, part.tau[:, i], part.tau[:, i], part.q[:, i])
+
+
+def encoder_step(q: Array, stated: float | None) -> float:
     """The encoder's step: the grid on which the positions lie, or what is stated where they lie on none."""
     steps = np.abs(np.diff(q))
     real = steps[steps > 1e-12 * max(1.0, float(np.ptp(q)))]
     if len(real) == 0:
         return stated or 1e-12
-    least = float(real.min())
-    whole = real / least
-    is_grid = np.mean(np.abs(whole - np.round(whole)) < 0.05) > 0.5 and np.mean(steps < 0.5 * least) > 1e-4
-    return least if is_grid else stated or max(1e-6 * float(np.ptp(q)), 1e-9)
+    for divisor in (1.0, 2.0, 3.0):  # the smallest step that occurs may be a few steps of the grid
+        step = float(real.min()) / divisor
+        whole = real / step
+        if np.mean(np.abs(whole - np.round(whole)) < 0.05) > 0.9:
+            return step
+    return stated or max(1e-6 * float(np.ptp(q)), 1e-9)
 
 
 def _others_stand_still(log: Any, moving: int) -> None:

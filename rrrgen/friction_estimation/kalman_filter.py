@@ -26,6 +26,7 @@ PRIOR = 0.2  # relative standard deviation of the parameters before the filter
 SURPRISE = 4.0  # standard deviations beyond which an innovation counts no more
 LARGEST_LOGARITHM = 50.0
 DIFFERENCE = 1e-6
+FAR = 1.0  # rad (m) between prediction and measurement: the filter has lost the joint
 DIVERGED = 0.7  # of the logarithm of the inertia
 REPORT = 2000  # samples between two calls of ``tell``
 
@@ -84,6 +85,7 @@ class _Filters:
             size = np.maximum(np.abs(theta[:k]), 0.25 * self.level[row])
             spread = PRIOR * np.where(law.is_logarithmic[:k], 1.0, size)
             self.P[row, 2 : 2 + k, 2 : 2 + k] = np.diag(spread**2)
+        self.first, self.lost = self.x.copy(), np.zeros(len(laws), bool)
         self.noise = max(data.resolution**2 / 12.0, 1e-24)
         self.width, self.slow = WIDTH * data.speed, SLOW * data.speed
 
@@ -118,9 +120,14 @@ class _Filters:
         P[:, 1, 1] += (T * self.level * np.where(uncertain, REVERSAL_NOISE, SLIDING_NOISE) / inertia) ** 2
         variance = P[:, 0, 0] + self.noise
         gain = P[:, :, 0] / variance[:, None]
-        limit = SURPRISE * np.sqrt(variance)
+        limit = SURPRISE * np.sqrt(np.maximum(variance, self.noise))
         x += gain * np.minimum(np.maximum(measured - x[:, 0], -limit), limit)[:, None]
         P -= gain[:, :, None] * P[:, None, 0, :]
+        lost = ~np.isfinite(x).all(axis=1) | ~(np.abs(x[:, 0] - measured) < FAR)
+        if lost.any():
+            self.lost |= lost
+            x[lost], P[lost] = self.first[lost], 0.0
+            x[lost, 0] = measured
 
     def _accelerations(self, u: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Acceleration (L,), its derivatives by q, v (L,) and the parameters (L, n - 2), and the inertia (L,).
@@ -166,6 +173,6 @@ class _Filters:
         found = []
         for i, (law, start) in enumerate(zip(self.laws, self.starts, strict=True)):
             theta = np.append(law.from_free(self.x[i, 2 : 1 + len(start)]), start[-1])
-            sane = bool(np.all(np.isfinite(theta))) and abs(math.log(theta[0] / start[0])) < DIVERGED
-            found.append(law.clipped(theta) if sane else start)
+            kept = not self.lost[i] and abs(math.log(theta[0] / start[0])) < DIVERGED
+            found.append(law.clipped(theta) if kept else start)
         return found

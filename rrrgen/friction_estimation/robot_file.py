@@ -9,17 +9,26 @@ from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
 
 if TYPE_CHECKING:
     from rrrgen.friction_estimation.estimation import LawEstimate
+    from rrrgen.friction_estimation.presliding import Presliding
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 LEAST = 1e-9  # of a parameter that has to be positive and was estimated as 0
 
 
-def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate) -> RobotSpec:
-    """A copy of ``spec`` whose joint named ``joint`` has the law ``chosen``; all else stays as it is."""
+def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate, rest: Presliding | None = None) -> RobotSpec:
+    """A copy of ``spec`` whose joint named ``joint`` has the law ``chosen``; all else stays as it is.
+
+    The bristles of a LuGre law are those measured at ``rest`` where their deviation is the smaller one.
+    """
     law = chosen.candidate.law
     values = dict(
         zip((p.name for p in law.parameters), chosen.candidate.law_values(chosen.theta.tolist()), strict=True)
     )
+    if rest is not None:
+        measured = {"sigma0": rest.sigma0, "sigma1": rest.sigma1}
+        for name, pair in measured.items():
+            if pair is not None and name in values and pair[1] < chosen.std[name]:
+                values[name] = pair[0]
     if law.name == "coulomb_viscous":
         friction = FrictionSpec(viscous=values["viscous"], coulomb=values["coulomb"])
     else:

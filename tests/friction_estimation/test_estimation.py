@@ -8,8 +8,9 @@ import pytest
 from rrrgen.cli.main import run
 from rrrgen.friction.laws import LAWS
 from rrrgen.robotfile import load_spec
-from samples.stick_slip_joint import Joint, record
+from samples.stick_slip_joint import Joint, bristles, multisine, record
 
+BRISTLES = Joint("lugre", sigma0=1e4, sigma1=10.0, gravity=0.0)
 LIMITS = {
     "inertia": 0.01,
     "gravity": 0.01,
@@ -47,6 +48,8 @@ def write_log(path, found, joints=("q1", "q2", "q3"), moving="q3"):
 def test_a_hidden_joint_is_found(truth, rival, options, tmp_path, capsys):
     log = write_log(tmp_path / "log.csv", record(truth, duration=20.0, seed=3, **options))
     laws = ["--law", truth.law, "--law", rival]
+    for level in (0.15, 0.3) if truth.law == "stribeck" else ():
+        laws += ["--presliding", str(write_log(tmp_path / f"rest{level}.csv", below_break_away(level)))]
     assert run(["friction", "rrr", "--log", str(log), "--joint", "q3", "-o", str(tmp_path / "run"), *laws]) == 0
     found = json.loads((tmp_path / "run" / "results" / "friction.json").read_text())
     assert found["chosen"] == truth.law
@@ -69,9 +72,20 @@ def test_a_hidden_joint_is_found(truth, rival, options, tmp_path, capsys):
     assert f"* {truth.law}" in table
     assert "BIC" in table
     assert (tmp_path / "run" / "figures" / "friction.png").exists()
+    if truth.law == "stribeck":
+        rest = found["presliding"]["parameters"]
+        assert rest["sigma0"] == pytest.approx(BRISTLES.sigma0, rel=0.02)
+        assert rest["sigma1"] == pytest.approx(BRISTLES.sigma1, rel=0.05)
     written = load_spec(str(tmp_path / "run" / "results" / "robot.yaml")).joints[2].friction.law
     assert written.name == truth.law
     assert sorted(written.values) == sorted(model["parameters"][p.name] for p in LAWS[truth.law].parameters)
+
+
+def below_break_away(level):
+    """Torque and motion of a resting joint under a multisine of 2 s, at q = 0, where gravity adds no stiffness."""
+    torque = multisine(1, level)
+    q = np.round(bristles(BRISTLES, torque, 1e-3) / 1e-9) * 1e-9
+    return {"t": np.arange(len(torque)) * 1e-3, "q": q, "tau": torque}
 
 
 def refused(tmp_path, capsys, found, joint="q3"):

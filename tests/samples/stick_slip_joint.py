@@ -146,3 +146,22 @@ def _lugre_step(joint: Joint, load: float, q: float, v: float, z: float, h: floa
         g = joint.sigma0 * abs(mean) / joint.level(mean, 1.0)
     z = c0 + c1 * new
     return q + 0.5 * h * (v + new), new, z
+
+
+def bristles(joint: Joint, torque, period: float, substeps: int = 4):
+    """Positions of a LuGre joint from rest under an open-loop torque held over each period."""
+    q = v = z = 0.0
+    found = np.zeros(len(torque))
+    for k, held in enumerate(torque.tolist()):
+        found[k] = q
+        for _ in range(substeps):
+            q, v, z = _lugre_step(joint, held, q, v, z, period / substeps)
+    return found
+
+
+def multisine(seed: int, level: float, break_away: float = 0.95, period: float = 1e-3, repeats: int = 6):
+    """Two seconds of 1 to 250 Hz, repeated, with a peak of ``level`` of the break-away torque."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(2.0 / period)) * period
+    wave = np.cos(2 * math.pi * np.arange(1, 251) * t[:, None] + rng.uniform(0, 2 * math.pi, 250)).sum(axis=1)
+    return np.tile(level * break_away * wave / np.abs(wave).max(), repeats)

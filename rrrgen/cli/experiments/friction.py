@@ -14,6 +14,9 @@ from rrrgen.extras import require
 
 if TYPE_CHECKING:
     from rrrgen.friction_estimation.estimation import FrictionEstimate
+    from rrrgen.friction_estimation.joint_data import RecordedJoint
+    from rrrgen.friction_estimation.presliding import Presliding
+    from rrrgen.recordings.mapping import LogMapping
 
 LAWS = ("coulomb_viscous", "asymmetric", "stribeck", "lugre", "neural")
 
@@ -29,6 +32,12 @@ LAWS = ("coulomb_viscous", "asymmetric", "stribeck", "lugre", "neural")
 @truncated_option
 @click.option("--joint", required=True, metavar="NAME", help="The joint that moves; the others stand still.")
 @click.option(
+    "--presliding",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Recording of the joint below break-away under a periodic multisine; repeat with another amplitude.",
+)
+@click.option(
     "--law", "laws", type=click.Choice(LAWS), multiple=True, help="Law to try; repeat for several; default all."
 )
 @output_option
@@ -41,7 +50,7 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
     Coulomb-viscous, asymmetric, Stribeck, LuGre and neural laws are estimated by an extended Kalman filter and refined
     by output error; one is chosen by its error on windows that were left out. Writes results/friction.json, the
     robot file with this law and a figure of friction against speed to DIR. Design the motion with
-    `rrrgen excite --friction`.
+    `rrrgen excite --friction`. Stiffness and damping of the bristles at rest (14.16) follow from --presliding.
 
     \b
     Example:
@@ -60,7 +69,9 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
     spec = read_with_warnings(robot)
     mapping = open_log(log, skip_truncated=options["skip_truncated_line"])
     moving = recorded_joint(spec, mapping, joint)
-    inputs = input_files(robot, (log,), [mapping])
+    logs = (log, *options["presliding"])
+    mappings = [mapping, *(open_log(each) for each in options["presliding"])]
+    inputs = input_files(robot, logs, mappings)
     settings = {"joint": joint, "laws": options["laws"], "skip_truncated_line": options["skip_truncated_line"]}
     with (
         RunFolder(output, "friction", inputs, settings, options["seed"], options["fresh"]) as folder,
@@ -70,18 +81,39 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
         data = joint_data(load_stream(recording), moving.name, moving.resolution)
         print_repairs([recording.repairs], as_json)
         found = estimate_friction(data, moving.gravity, options["laws"], options["seed"], progress)
-        record = plain(found.to_json())
+        rest = _presliding(found, mappings[1:], moving) if options["presliding"] else None
+        record = plain(found.to_json() | ({} if rest is None else {"presliding": rest.to_json()}))
         folder.write_json("friction.json", record)
-        folder.write_text("robot.yaml", dumps(with_friction(spec, joint, found.chosen)))
+        folder.write_text("robot.yaml", dumps(with_friction(spec, joint, found.chosen, rest)))
         folder.figure("friction", plot_friction(found, moving.units))
     if as_json:
         print_json(record)
     else:
-        _print(found, output)
+        _print(found, output, rest)
     return 0
 
 
-def _print(found: FrictionEstimate, output: Path) -> None:
+def _presliding(found: FrictionEstimate, mappings: list[LogMapping], moving: RecordedJoint) -> Presliding:
+    """Stiffness and damping of the bristles from recordings below break-away."""
+    from rrrgen.friction_estimation.joint_data import resting_record
+    from rrrgen.friction_estimation.presliding import presliding
+    from rrrgen.recordings.log_stream import LogStream
+    from rrrgen.recordings.logs import load_stream
+
+    records = [resting_record(load_stream(LogStream(mapping)), moving.name) for mapping in mappings]
+    law = found.chosen
+    theta = dict(zip(law.candidate.names, law.theta.tolist(), strict=True))
+    return presliding(
+        records,
+        found.data.resolution,
+        law.break_away,
+        law.values.get("viscous", 0.0),
+        (theta.get("gravity_cos", 0.0), theta.get("gravity_sin", 0.0)) if moving.gravity == 2 else (0.0, 0.0),
+        law.values["delay"],
+    )
+
+
+def _print(found: FrictionEstimate, output: Path, rest: Presliding | None) -> None:
     """The table of laws, the parameters of the chosen one, notes."""
     click.echo(f"joint {found.data.name}: {found.windows} windows, encoder steps of {found.data.resolution:.3g}")
     click.echo(f"  {'law':<16} {'parameters':>10} {'held-out error':>15} {'BIC':>10} {'torque error':>13}")
@@ -94,6 +126,10 @@ def _print(found: FrictionEstimate, output: Path) -> None:
     click.echo("  held-out error in standard deviations of the noise; * chosen")
     for name, value in found.chosen.values.items():
         click.echo(f"  {name:<16} {value:>12.5g} +- {found.chosen.std[name]:.2g}")
-    for note in found.notes:
+    if rest is not None:
+        click.echo(f"presliding, resonance at {rest.resonance:.4g} Hz:")
+        for name, pair in (("sigma0", rest.sigma0), ("sigma1", rest.sigma1), ("inertia", rest.inertia)):
+            click.echo(f"  {name:<16} " + ("not told" if pair is None else f"{pair[0]:>12.5g} +- {pair[1]:.2g}"))
+    for note in (*found.notes, *(() if rest is None else rest.notes)):
         click.echo(f"note: {note}")
     click.echo(f"results and figures in {output}")

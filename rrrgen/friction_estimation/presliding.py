@@ -1,0 +1,196 @@
+"""Stiffness and damping of the bristles below break-away, from frequency responses at several amplitudes, (14.16).
+
+Linearised at rest the LuGre law is ``q/tau = 1/(J s^2 + (sigma1 + viscous) s + sigma0 + c)``, with c the stiffness of
+gravity at the posture. Micro-slip adds damping in proportion to the amplitude; it is extrapolated to none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError
+from rrrgen.friction_estimation.joint_data import encoder_step
+from rrrgen.response.estimators.estimate import instrumental_response
+from rrrgen.response.estimators.excitation_period import samples_of
+from rrrgen.response.estimators.local_polynomial import periodic_lines
+from rrrgen.response.response_file import ResponseRecording
+
+LEAST_COUNTS = 12.0  # encoder steps of amplitude below which inertia and damping are not to be trusted
+HIGHEST = 0.4  # of the sampling rate: resonances above it leave the stiffness alone
+BREAK_AWAY = 0.5  # of the break-away torque that the excitation may take
+WIDE = 0.5  # relative standard deviation of a line that is left out
+
+Complex = NDArray[np.complexfloating[Any, Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """The response at one amplitude: ``values`` and ``std`` of inertia, damping and stiffness.
+
+    ``torque`` rms of the excitation, N m (N); ``counts`` amplitude of the motion in encoder steps; ``position`` mean.
+    """
+
+    torque: float
+    counts: float
+    position: float
+    values: Array
+    std: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Presliding:
+    """Bristles at rest; ``sigma1`` and ``inertia`` are None where the recordings do not tell them."""
+
+    sigma0: tuple[float, float]
+    sigma1: tuple[float, float] | None
+    inertia: tuple[float, float] | None
+    resonance: float
+    levels: tuple[Level, ...]
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Value and standard deviation of each, the levels, and notes."""
+        told = {"sigma0": self.sigma0, "sigma1": self.sigma1, "inertia": self.inertia}
+        return {
+            "parameters": {name: None if pair is None else pair[0] for name, pair in told.items()},
+            "std": {name: None if pair is None else pair[1] for name, pair in told.items()},
+            "resonance": self.resonance,
+            "levels": [
+                {
+                    "torque_rms": level.torque,
+                    "counts": level.counts,
+                    **dict(zip(("inertia", "damping", "stiffness"), level.values.tolist(), strict=True)),
+                }
+                for level in self.levels
+            ],
+            "notes": list(self.notes),
+        }
+
+
+def presliding(
+    records: Sequence[ResponseRecording],
+    resolution: float,
+    break_away: float,
+    viscous: float,
+    gravity: tuple[float, float],
+    delay: float,
+) -> Presliding:
+    """Estimate the bristles from recordings of torque and position at different amplitudes.
+
+    ``resolution`` of the encoder, rad (m), counts where the recordings do not show it; ``break_away`` torque,
+    ``viscous`` friction and ``gravity`` coefficients of cos q and sin q come from sliding, as does the ``delay`` (s) of
+    the motion behind the torque. Raises :class:`DerivationError` for an excitation that reaches break-away or does not
+    repeat.
+    """
+    levels = sorted((_level(each, resolution, break_away, delay) for each in records), key=lambda x: x.torque)
+    values, stds = _extrapolated(levels)
+    J, damping, stiffness = values
+    position = float(np.mean([level.position for level in levels]))
+    around = gravity[1] * np.cos(position) - gravity[0] * np.sin(position)
+    resonance = float(np.sqrt(stiffness / J) / (2.0 * np.pi))
+    notes = []
+    told = min(level.counts for level in levels) >= LEAST_COUNTS
+    if not told:
+        notes.append(
+            f"the motion has {levels[0].counts:.1f} encoder steps of amplitude: too few for inertia and damping"
+        )
+    if resonance * records[0].period > HIGHEST:
+        told = False
+        notes.append(f"the resonance at {resonance:.0f} Hz is too near to the sampling rate for inertia and damping")
+    if len(levels) < 2:
+        notes.append("one amplitude: micro-slip adds 10 to 20 % to the damping; record a second amplitude")
+    return Presliding(
+        sigma0=(float(stiffness - around), float(stds[2])),
+        sigma1=(float(damping - viscous), float(stds[1])) if told else None,
+        inertia=(float(J), float(stds[0])) if told else None,
+        resonance=resonance,
+        levels=tuple(levels),
+        notes=tuple(notes),
+    )
+
+
+def _level(record: ResponseRecording, resolution: float, break_away: float, delay: float) -> Level:
+    """Inertia, damping and stiffness at one amplitude, weighted by the variance of every line."""
+    from scipy.optimize import least_squares
+
+    torque = record.u - np.mean(record.u)
+    if float(np.max(np.abs(torque))) > BREAK_AWAY * break_away:
+        raise DerivationError(
+            f"{record.name}: the torque varies by {np.max(np.abs(torque)):.3g}, more than half of the break-away level "
+            f"of {break_away:.3g}: presliding is measured below it"
+        )
+    samples = samples_of(record, None)
+    if samples is None:
+        raise DerivationError(
+            f"{record.name}: the torque does not repeat; presliding needs a periodic multisine, ten periods of 2 s"
+        )
+    lines = periodic_lines(record, samples)
+    P, variance = instrumental_response(lines)
+    use = np.sqrt(variance) < WIDE * np.abs(P)
+    if np.count_nonzero(use) < 6:
+        raise DerivationError(f"{record.name}: noise hides the response at all but {np.count_nonzero(use)} lines")
+    f, P, weight = lines.frequency[use], P[use], 1.0 / np.sqrt(np.maximum(variance[use], 1e-300))
+    size = np.abs(P)
+
+    def residual(x: Array) -> Array:
+        inertia, damping, stiffness = np.exp(x)
+        e = (zero_order_hold(f, record.period, inertia, damping, stiffness, delay) - P) * weight
+        return np.concatenate([e.real, e.imag])
+
+    peak = int(np.argmax(size))
+    stiffness = 1.0 / float(np.median(size[: max(3, len(size) // 20)]))
+    omega = 2.0 * np.pi * max(f[peak], 0.3 * f[-1] if peak < 3 else 0.0)
+    J = stiffness / omega**2
+    tried = [
+        least_squares(residual, np.log([J, 2.0 * ratio * np.sqrt(J * stiffness), stiffness]), x_scale="jac")
+        for ratio in (0.03, 0.3)
+    ]
+    found = min(tried, key=lambda each: float(each.cost))
+    scale = max(1.0, 2.0 * float(found.cost) / max(len(found.fun) - 3, 1))
+    values = np.exp(found.x)
+    std = values * np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac)) * scale)
+    amplitude = float(np.sqrt(2.0) * np.std(record.q)) / encoder_step(record.q, resolution)
+    return Level(float(np.std(torque)), amplitude, float(np.mean(record.q)), values, std)
+
+
+def zero_order_hold(f: Array, period: float, J: float, damping: float, stiffness: float, delay: float) -> Complex:
+    """Response (L,) at ``f`` (Hz) of ``1/(J s^2 + damping s + stiffness)`` under a torque held over ``period`` s.
+
+    Exact; a continuous model with half a period of delay would bias J by 20 % at a fifth of the sampling rate.
+    """
+    from scipy.linalg import expm
+
+    system = np.zeros((3, 3))
+    system[0, 1], system[1] = 1.0, [-stiffness / J, -damping / J, 1.0 / J]
+    step = expm(system * period)
+    A, B = step[:2, :2], step[:2, 2]
+    z = np.exp(2j * np.pi * f * period)
+    (a, b), (c, d) = A
+    determinant = (z - a) * (z - d) - b * c
+    response = ((z - d) * B[0] + b * B[1]) / determinant
+    return np.asarray(response * np.exp(-2j * np.pi * f * delay))
+
+
+def _extrapolated(levels: Sequence[Level]) -> tuple[Array, Array]:
+    """Inertia as the weighted mean, damping and stiffness along a line to zero amplitude, with deviations (3,)."""
+    values, std = np.array([level.values for level in levels]), np.array([level.std for level in levels])
+    weight = 1.0 / np.maximum(std, 1e-12 * np.abs(values)) ** 2
+    J = float(np.sum(weight[:, 0] * values[:, 0]) / np.sum(weight[:, 0]))
+    found, spread = [J], [float(1.0 / np.sqrt(np.sum(weight[:, 0])))]
+    amplitudes = np.array([level.torque for level in levels])
+    for column in (1, 2):
+        if len(levels) < 2:
+            found.append(float(values[0, column]))
+            spread.append(float(std[0, column]))
+            continue
+        A = np.stack([np.ones(len(levels)), amplitudes], axis=1)
+        H = np.linalg.inv(A.T @ (weight[:, column, None] * A))
+        found.append(float((H @ (A.T @ (weight[:, column] * values[:, column])))[0]))
+        spread.append(float(np.sqrt(H[0, 0])))
+    return np.array(found), np.array(spread)

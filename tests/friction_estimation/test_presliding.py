@@ -1,0 +1,61 @@
+"""Presliding against an independent simulation of bristles, with micro-slip, below break-away."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rrrgen.errors import DerivationError
+from rrrgen.friction_estimation.presliding import presliding
+from rrrgen.response.response_file import ResponseRecording
+from samples.stick_slip_joint import Joint, bristles, multisine
+
+JOINT = Joint("lugre", sigma0=1e4, sigma1=10.0, gravity=0.0)
+BREAK_AWAY = JOINT.coulomb + JOINT.excess
+PERIOD = 1e-3
+
+
+def recording(level, resolution=1e-9):
+    torque = multisine(1, level)
+    q = bristles(JOINT, torque, PERIOD, substeps=4)
+    return ResponseRecording(f"level {level}", PERIOD, torque, torque, np.round(q / resolution) * resolution)
+
+
+def estimate(records, resolution=1e-9):
+    return presliding(records, resolution, BREAK_AWAY, JOINT.viscous, (0.0, 0.0), 0.0)
+
+
+@pytest.fixture(scope="module")
+def levels():
+    return [recording(0.15), recording(0.3)]
+
+
+def test_two_levels_tell_stiffness_inertia_and_damping(levels):
+    found = estimate(levels)
+    assert found.sigma0[0] == pytest.approx(JOINT.sigma0, rel=0.02)
+    assert found.inertia[0] == pytest.approx(JOINT.inertia, rel=0.03)
+    assert found.sigma1[0] == pytest.approx(JOINT.sigma1, rel=0.05)
+    assert found.resonance == pytest.approx(math.sqrt(JOINT.sigma0 / JOINT.inertia) / (2 * math.pi), rel=0.02)
+
+
+def test_micro_slip_adds_damping_with_the_amplitude(levels):
+    low, high = (estimate([each]) for each in levels)
+    assert JOINT.sigma1 < low.sigma1[0] < high.sigma1[0]
+    assert "one amplitude" in low.notes[0]
+
+
+def test_too_few_encoder_steps_leave_the_stiffness_alone(levels):
+    step = float(np.std(levels[0].q)) / 3.0
+    found = estimate([recording(0.15, step), recording(0.3, step)], step)
+    assert found.sigma1 is None
+    assert found.inertia is None
+    assert found.sigma0[0] == pytest.approx(JOINT.sigma0, rel=0.1)
+
+
+def test_break_away_and_noise_are_refused(levels):
+    torque = 4.0 * levels[1].u
+    with pytest.raises(DerivationError, match="break-away"):
+        estimate([ResponseRecording("strong", PERIOD, torque, torque, levels[1].q)])
+    noise = 0.02 * np.random.default_rng(0).normal(size=len(torque))
+    with pytest.raises(DerivationError, match="does not repeat"):
+        estimate([ResponseRecording("noise", PERIOD, noise, noise, levels[1].q)])
