@@ -10,14 +10,14 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
-from rrrgen.friction_estimation.bootstrap import resampled
 from rrrgen.friction_estimation.candidates import DELAY, Candidate, candidates
 from rrrgen.friction_estimation.inverse_dynamics import best_delay, sliding_samples, start_values
 from rrrgen.friction_estimation.joint_data import JointData
 from rrrgen.friction_estimation.kalman_filter import kalman_estimates
-from rrrgen.friction_estimation.output_error import Fit, fit, likely_noise, start_cost
 from rrrgen.friction_estimation.selection import FOLDS, Score, choose, fold_of, score
-from rrrgen.friction_estimation.windows import Noise, Windows, make_noise
+from rrrgen.friction_estimation.shooting.bootstrap import resampled
+from rrrgen.friction_estimation.shooting.output_error import Fit, fit, likely_noise, start_cost
+from rrrgen.friction_estimation.shooting.windows import Noise, Windows, make_noise
 
 SCHEMA = "rrrgen-friction/1"
 FIRST_RATIO = 100.0  # of torque noise to encoder noise, before it is estimated

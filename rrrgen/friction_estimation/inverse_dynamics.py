@@ -11,7 +11,7 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.friction_estimation.candidates import DELAY, Candidate
 from rrrgen.friction_estimation.joint_data import CUTOFF, JointData
-from rrrgen.friction_estimation.simulation import Torque
+from rrrgen.friction_estimation.shooting.simulation import Torque
 
 DELAYS = np.arange(-1.5, 6.1, 0.5)  # sampling periods that are tried
 SPEEDS = np.geomspace(0.03, 1.0, 25)  # Stribeck speeds that are tried, relative to the rms speed

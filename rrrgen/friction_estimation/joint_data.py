@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError, InputError
-from rrrgen.friction_estimation.simulation import Torque
-from rrrgen.friction_estimation.windows import Windows
+from rrrgen.friction_estimation.shooting.simulation import Torque
+from rrrgen.friction_estimation.shooting.windows import Windows
 from rrrgen.recordings.logs import check_robot
 from rrrgen.response.response_file import ResponseRecording
 from rrrgen.signals.reconstruction import Butterworth

@@ -15,7 +15,7 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.friction_estimation.candidates import Candidate
 from rrrgen.friction_estimation.joint_data import JointData
-from rrrgen.friction_estimation.simulation import Torque
+from rrrgen.friction_estimation.shooting.simulation import Torque
 
 WIDTH = 3e-3  # of tanh for sgn, relative to the rms speed
 SLIDING_NOISE = 0.05  # unmodelled torque relative to the level of friction: in sliding,

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
-from rrrgen.friction_estimation.output_error import Fit, window_losses
-from rrrgen.friction_estimation.windows import Windows
+from rrrgen.friction_estimation.shooting.output_error import Fit, window_losses
+from rrrgen.friction_estimation.shooting.windows import Windows
 
 FOLDS = 4
 SIGNIFICANT = 2.0  # standard errors by which a law has to be better on held-out windows

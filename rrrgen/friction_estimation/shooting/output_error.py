@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.friction_estimation.candidates import Candidate
-from rrrgen.friction_estimation.simulation import simulate
-from rrrgen.friction_estimation.windows import Noise, Windows, make_noise
+from rrrgen.friction_estimation.shooting.simulation import simulate
+from rrrgen.friction_estimation.shooting.windows import Noise, Windows, make_noise
 
 STEP = 1e-4  # of a parameter's scale, for forward differences
 ROBUST = 3.0  # standard deviations at which the loss turns from quadratic to linear

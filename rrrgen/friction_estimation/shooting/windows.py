@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
-from rrrgen.friction_estimation.simulation import Torque
+from rrrgen.friction_estimation.shooting.simulation import Torque
 
 
 @dataclass(frozen=True, eq=False)

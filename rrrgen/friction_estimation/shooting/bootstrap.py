@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
-from rrrgen.friction_estimation.output_error import Fit
+from rrrgen.friction_estimation.shooting.output_error import Fit
 
 RESAMPLES = 400
 

@@ -1,0 +1,1 @@
+"""Output error over many short windows: simulation, fit, deviations."""
