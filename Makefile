@@ -60,8 +60,11 @@ bench: setup  ## measure emitted C side by side with other packages; the page an
 	$(BIN)/python -m bench -o bench/results
 	cp bench/results/benchmark.md bench/results/benchmark.svg bench/results/benchmark.png docs/
 
+docs: setup  ## the documentation as web pages, in docs/_build/html
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+
 clean:  ## remove what the targets above made
-	rm -rf $(VENV) runs/rrr runs/rrr_selftest
+	rm -rf $(VENV) runs/rrr runs/rrr_selftest docs/_build
 
 help:  ## this list
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 12

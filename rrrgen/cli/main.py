@@ -53,6 +53,7 @@ class LazyGroup(click.Group):
         command = getattr(import_module(module), attribute)
         if not isinstance(command, click.Command):
             raise InternalError(f"{COMMANDS[cmd_name][0]} is no command")
+        command.name = cmd_name  # click names it after its function, which cannot be called "import"
         return command
 
     def resolve_command(

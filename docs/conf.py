@@ -1,0 +1,34 @@
+"""Sphinx configuration of the documentation: ``make docs`` builds it into docs/_build/html."""
+
+from rrrgen.version import VERSION
+
+project = "rrrgen"
+author = "the rrrgen authors"
+project_copyright = author
+release = version = VERSION
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"]
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 3
+exclude_patterns = ["_build"]
+nitpicky = False
+suppress_warnings = ["myst.xref_missing", "ref.python"]  # links to folders of the repository; roles of private classes
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # shapes and units are in the text; the signatures of arrays say less
+autodoc_class_signature = "separated"
+napoleon_google_docstring = True
+
+html_theme = "furo"
+html_title = f"rrrgen {VERSION}"
+html_static_path: list[str] = []
+
+
+def escape_marks(app: object, context: object, lines: list[str]) -> None:
+    """Keep what help texts print literally from being read as markup: ``*.yaml``, `` `rrrgen frf` ``."""
+    lines[:] = [line.replace("*", r"\*").replace("`", "``") for line in lines]
+
+
+def setup(app):
+    """Register the above for the text of every command."""
+    app.connect("sphinx-click-process-description", escape_marks)
