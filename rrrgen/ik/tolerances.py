@@ -27,7 +27,7 @@ QUARTER = 2e-16
 """An offset whose cosine or sine is this near a whole number is a multiple of a quarter turn: one rounding at 1."""
 
 ALONG = 1e-12
-"""An axis whose direction cosine is this near 1 lies along the normal of a plane: some roundings of its transforms."""
+"""An axis whose direction cosine is this near 1 lies along the normal of a plane: some thousand roundings."""
 
 RANK = 1e-7
 """A singular value of the Jacobian (lengths in reaches) below this times the largest is zero."""
@@ -68,8 +68,8 @@ SPURIOUS = 1e-9
 """Coefficients above degree 8, or a value at a solution, larger than this share of the polynomial are no noise."""
 
 NOISE = 1e-12
-"""What the solver takes for noise in a polynomial, relative to the sum of its coefficients: a determinant of 12 x 12
-loses two to three digits on most arms."""
+"""What the solver takes for noise in a polynomial, relative to the sum of its coefficients: some thousand roundings
+for values of a determinant of 12 x 12."""
 
 LEAST_NOISE = {"double": NOISE, "float": 4e-6}
 """The same, at least, for the precision of the emitted code."""
@@ -92,7 +92,7 @@ SHARP = 0.03
 """Least singular value of the Jacobian (rad, reaches) at every row of a golden target: far from where rows meet."""
 
 SAME_GOLDEN = 1e-6
-"""Golden rows (rad, m) nearer than this are one; sharp ones are known to 1e-13."""
+"""Golden rows (rad, m) nearer than this are one: far more than the rounding of sharp ones."""
 
 MEETS = 1e-9
 """A row whose forward kinematics (rad, m or parts of the arm's size) is this near the target meets it."""
@@ -153,6 +153,9 @@ ELIMINATION = (
         "0.01",
         "rows nearer (sum over sines and cosines) are one: forward kinematics sees no difference",
     ),
+    Tolerance("shape", "1e-2", "1e-2", "how far a null vector may be from the product of two half angles"),
+    Tolerance("close", "1e-3", "1e-3", "error of the pose at the start from which a row counts as found where it was"),
+    Tolerance("narrowest", "1e-3", "1e-3", "a stretch of the circle this narrow (tangent of half) is not magnified"),
     Tolerance("trig_done", "1.5e-10", "3e-06", "a Newton step this short leaves its square, for roots are simple"),
     Tolerance(
         "trig_narrowest", "6.103515625e-05", "6.103515625e-05", "2^-14 of an arc: clusters are magnified, not split"
@@ -166,13 +169,30 @@ SEARCH = (
         "starts", "6", "6", "descents that begin at the reference and at fixed configurations, beside all branches"
     ),
     Tolerance("spread", "2.0", "2.0", "amplitude of the fixed configurations about the reference (rad or m)"),
+    Tolerance("descent_steps", "200", "200", "at most, in a descent or from an arm nearby: bounds the time"),
+    Tolerance("descent_damping", "0.1", "0.1", "its first damping: ten times that of a candidate, which is close"),
+    Tolerance("steps", "12", "12", "for a candidate: a double root halves the error in each, a simple one squares it"),
+    Tolerance("damping", "0.01", "0.01", "times the error: the first damping, and the least that steps come down to"),
+    Tolerance("most_damping", "1e6", "1e6", "steps damped more than this change no digit"),
+    Tolerance("stuck", "0.999999999", "0.999999999", "an error that falls less under damping is the least there is"),
+    Tolerance("diverged", "1e4", "1e4", "squared error (rad, reaches) from which no step is followed further"),
+    Tolerance("beyond", "1e6", "1e6", "squared error of rows that are not handed out as inexact ones either"),
+    Tolerance("small_turn", "0.9", "0.9", "cosine above which a missing rotation is taken by its sine, as steps do"),
+    Tolerance("newton", "0.01", "0.01", "longest Newton step on a root of a quartic: Aberth's iteration found it"),
+    Tolerance("band_2", "1e-3", "1e-3", "the second band in parts of the first; the geometry is off by 1e-6 to 1e-2"),
+    Tolerance("band_3", "1e-6", "1e-6", "the third one"),
 )
-"""How the nearest configuration to a target out of reach is looked for."""
+"""How rows are refined, and how the nearest configuration to a target out of reach is looked for."""
 
 
 def runtime(real: str) -> dict[str, str]:
     """:data:`RUNTIME` in the precision ``"double"`` or ``"float"``: name -> C literal."""
     return _literals(RUNTIME, real)
+
+
+def search() -> dict[str, float]:
+    """:data:`SEARCH` in double precision, for the evaluation in Python: name -> value."""
+    return {each.name: float(each.double) for each in SEARCH}
 
 
 def kernel_values(real: str) -> dict[str, str]:

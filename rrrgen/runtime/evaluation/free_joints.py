@@ -9,7 +9,7 @@ from rrrgen.ik.plan import SolverPlan
 from rrrgen.runtime.evaluation.branches import Query, Row, candidates
 from rrrgen.runtime.evaluation.kernels import FREE, MULTIPLE, TOLERANCE, Settings
 from rrrgen.runtime.evaluation.limits import Limits
-from rrrgen.runtime.evaluation.task import Task
+from rrrgen.runtime.evaluation.task import USUAL, Task
 
 GONE, FIXED = 32, 64
 """Internal flags: another candidate replaces this one; already refined with the free joint held."""
@@ -49,7 +49,7 @@ class FreeJoints:
                 if not same:
                     continue
                 held = held_joints(wide)
-                wide.q, wide.residual = self._task.refine(wide.q, 12, 0.01, held)
+                wide.q, wide.residual = self._task.refine(wide.q, *USUAL, held)
                 if wide.residual > self._tolerance:
                     continue
                 for row in same:
@@ -75,13 +75,13 @@ class FreeJoints:
         """The joints (bits) of which one, turned a little and held there, still lets the others meet the target."""
         held = held_joints(row)
         if held == 0 and not 0.0 <= row.residual <= TOLERANCE["tight"]:
-            row.q, row.residual = self._task.refine(row.q, 12, 0.01)
+            row.q, row.residual = self._task.refine(row.q, *USUAL)
         for j in range(len(row.q)):
             for side in (-1, 1):
                 if (row.flags >> (8 + j)) & ~(held >> j) & 1:
                     q = list(row.q)
                     q[j] += side * TOLERANCE["turn"]
-                    if self._task.refine(q, 12, 0.01, 1 << j)[1] <= self._accuracy**2:
+                    if self._task.refine(q, *USUAL, 1 << j)[1] <= self._accuracy**2:
                         held |= 1 << j
         if held:
             row.flags |= held << 16 | FREE
@@ -100,7 +100,7 @@ class FreeJoints:
         for j in free:
             if self._limits.outside(q, margin) > 0.0:
                 q = _Search(self, wide.branch, held, least, j).nearest() or q
-        q, error = self._task.refine(q, 12, 0.01, held)
+        q, error = self._task.refine(q, *USUAL, held)
         if error <= self._tolerance and not self._limits.outside(q, margin) > 0.0:
             wide.q, wide.residual = q, error
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from math import atan2, copysign, cos, hypot, sin, sqrt
 
 from rrrgen.ik.recording.builder import Feasible, Turn
-from rrrgen.ik.tolerances import runtime
+from rrrgen.ik.tolerances import runtime, search
 
 TOLERANCE = {name: float(text) for name, text in runtime("double").items()}
+SEARCH = search()
 
 MULTIPLE, FREE, OUTSIDE, INEXACT, NEAR = 1, 2, 4, 8, 16
 """Flags of a row; NEAR is an inner one: a root of this row may be double."""
@@ -117,7 +118,7 @@ def quartic(k: Sequence[float], settings: Settings) -> tuple[list[float], list[i
         for _ in range(2):
             f = k0 + k1 * cos(x) + k2 * sin(x) + k3 * cos(2 * x) + k4 * sin(2 * x)
             d = _slope(k1, k2, k3, k4, x)
-            x -= min(max(f * d / (d * d + TOLERANCE["eps"]), -0.01), 0.01)
+            x -= min(max(f * d / (d * d + TOLERANCE["eps"]), -SEARCH["newton"]), SEARCH["newton"])
         angles.append(atan2(sin(x), cos(x)))
     angles.sort()
     return angles, _numbered([_slope(k1, k2, k3, k4, x) for x in angles])
@@ -144,7 +145,7 @@ def power4(k: Sequence[float], unit: float, settings: Settings) -> tuple[list[fl
             continue
         for _ in range(2):
             f, d = float(p(y)), float(slope(y))
-            y -= min(max(f * d / (d * d + TOLERANCE["eps"]), -0.01), 0.01)
+            y -= min(max(f * d / (d * d + TOLERANCE["eps"]), -SEARCH["newton"]), SEARCH["newton"])
         real.append(y)
     real.sort()
     return [y * unit for y in real], _numbered([float(slope(y)) for y in real])

@@ -11,10 +11,10 @@ from rrrgen.errors import DerivationError
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.runtime.evaluation.branches import Query, Row, candidates
 from rrrgen.runtime.evaluation.free_joints import FIXED, GONE, FreeJoints
-from rrrgen.runtime.evaluation.kernels import INEXACT, MULTIPLE, NEAR, OUTSIDE, TOLERANCE, Settings
+from rrrgen.runtime.evaluation.kernels import INEXACT, MULTIPLE, NEAR, OUTSIDE, SEARCH, TOLERANCE, Settings
 from rrrgen.runtime.evaluation.limits import Limits
 from rrrgen.runtime.evaluation.targets import accuracy_of, repaired
-from rrrgen.runtime.evaluation.task import Task
+from rrrgen.runtime.evaluation.task import DESCENT, PATIENT, USUAL, Task
 
 if TYPE_CHECKING:
     from rrrgen.ik.plan import SolverPlan
@@ -23,7 +23,6 @@ OK, UNREACHABLE, OUTSIDE_LIMITS, NOT_FINITE, NOT_A_ROTATION, INCOMPLETE = range(
 """The statuses of the emitted code."""
 
 _PUBLIC = 15
-_STARTS, _SPREAD = 6, 2.0
 
 
 @dataclass(frozen=True)
@@ -140,7 +139,8 @@ class _Call:
                 near |= row.flags & NEAR
                 self._keep(row)
         if self._banded and (near or not self._rows):
-            for share in (1.0, 1e-3, 1e-6):  # near a double root: look for its two halves on the true arm
+            # near a double root: look for its two halves on the true arm
+            for share in (1.0, SEARCH["band_2"], SEARCH["band_3"]):
                 settings = replace(self._usual, band=TOLERANCE["band"] * share)
                 rows, stage = candidates(self._parts[-1], self._query, settings)
                 count, self._stage = len(rows), max(self._stage, stage)
@@ -166,9 +166,9 @@ class _Call:
             return True
         if self._plan.virtual and row.residual > TOLERANCE["loose"] and not self._wish.residual:
             return False
-        row.q, row.residual = self._task.refine(row.q, 200 if self._banded else 12, 0.01)
+        row.q, row.residual = self._task.refine(row.q, *(PATIENT if self._banded else USUAL))
         if not row.residual <= TOLERANCE["accept"]:
-            if not self._wish.residual or not row.residual <= 1e6:
+            if not self._wish.residual or not row.residual <= SEARCH["beyond"]:
                 return False
             row.flags |= INEXACT
         return True
@@ -203,17 +203,17 @@ class _Call:
         reference, locked = self._query.reference, self._plan.locked
         kept: list[Row] = []
         best = Row(list(reference), INEXACT, 0, 1e30)
-        for start in range(len(found) + _STARTS):
+        for start in range(len(found) + int(SEARCH["starts"])):
             if len(kept) >= self._most or (start == len(found) and kept):
                 break
             if start < len(found):
                 x, branch = list(found[start].q), found[start].branch
             else:
-                away = _SPREAD if start > len(found) else 0.0
+                away = SEARCH["spread"] if start > len(found) else 0.0
                 x, branch = [r + away * sin(start * (i + 1)) for i, r in enumerate(reference)], 0
             if locked not in (None, ARM_ANGLE):
                 x[locked] = self._query.given
-            q, cost = self._task.refine(x, 200, 0.1)
+            q, cost = self._task.refine(x, *DESCENT)
             if cost <= TOLERANCE["accept"]:
                 row = Row(q, MULTIPLE, branch, cost)
                 if (kept or cost < best.residual) and not self._repeated(kept, row):

@@ -9,10 +9,16 @@ import numpy as np
 
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.recording.float_builder import wrapped
-from rrrgen.runtime.evaluation.kernels import TOLERANCE
+from rrrgen.runtime.evaluation.kernels import SEARCH, TOLERANCE
 
 if TYPE_CHECKING:
     from rrrgen.ik.plan import SolverPlan
+
+
+USUAL = (int(SEARCH["steps"]), SEARCH["damping"])
+PATIENT = (int(SEARCH["descent_steps"]), SEARCH["damping"])
+DESCENT = (int(SEARCH["descent_steps"]), SEARCH["descent_damping"])
+"""Steps and first damping for a candidate, for a candidate of an arm nearby, and for a descent from anywhere."""
 
 
 class Task:
@@ -45,21 +51,21 @@ class Task:
         cost = best = float(e @ e)
         found, worse = x.copy(), 0
         for _ in range(steps):
-            if not (best > TOLERANCE["done"] and damping < 1e6):
+            if not (best > TOLERANCE["done"] and damping < SEARCH["most_damping"]):
                 break
             d = _step(J, e, damping * cost**0.5 + TOLERANCE["eps"])
             x = x + d / max(1.0, float(np.abs(d).max(initial=0.0))) * self._units
             e, J = self.error(x, held)
             cost = float(e @ e)
             if cost < best:
-                stuck = cost > 0.999999999 * best and damping > 1.0
+                stuck = cost > SEARCH["stuck"] * best and damping > 1.0
                 found, best, worse = x.copy(), cost, 0
-                damping = 0.2 * damping if damping > 0.01 else damping
+                damping = 0.2 * damping if damping > SEARCH["damping"] else damping
                 if stuck:
                     break
             else:
                 worse += 1
-                if worse > 3 or not cost < 1e4:
+                if worse > 3 or not cost < SEARCH["diverged"]:
                     x, worse, damping = found.copy(), 0, 100 * damping
                     e, J = self.error(x, held)
                     cost = float(e @ e)
@@ -87,7 +93,7 @@ def _axis(E: Any) -> Any:
     """The rotation ``E`` as an axis of the length of its angle; its sine for angles of less than 26 degrees."""
     e = 0.5 * np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
     s2, c = float(e @ e), 0.5 * (float(np.trace(E)) - 1.0)
-    if c >= 0.9:
+    if c >= SEARCH["small_turn"]:
         return e
     if s2 > TOLERANCE["eps"]:
         return e * (np.arctan2(s2**0.5, c) / s2**0.5)

@@ -20,7 +20,7 @@ LOCAL int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions
 #if LOCKED
         x[LOCKED_JOINT] = lock;
 #endif
-        cost = ik_refine(T, x, 200, (REAL)0.1 NONE_HELD);
+        cost = ik_refine(T, x, VALUE_DESCENT_STEPS, (REAL)VALUE_DESCENT_DAMPING NONE_HELD);
         if (cost < best || (cost <= IK_TOL_ACCEPT && kept > 0)) {
             best = cost < best ? cost : best;
             for (i = 0; i < JOINTS; ++i) {

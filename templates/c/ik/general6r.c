@@ -673,7 +673,7 @@ LOCAL int ik_6r_pairs(REAL h[3][6][10], const REAL root[2], int order, REAL pair
     REAL x[2][12], w[12], mix[2][2][2];
     int i, k, best, count;
     ik_6r_null(h, root, x, w);
-    count = ik_6r_factor(w, pair[0]) < (REAL)1e-2;
+    count = ik_6r_factor(w, pair[0]) < (REAL)VALUE_6R_SHAPE;
     if (order == 2) {
         best = ik_6r_divide(x[0], x[1], 3, mix[0]) < ik_6r_divide(x[0], x[1], 1, mix[1]);
         for (k = 0; k < 2; ++k) {
@@ -892,7 +892,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
 #endif
         }
     }
-    return best < IK_6R_ACCEPT ? 1 + (begin < (REAL)1e-3) : 0;
+    return best < IK_6R_ACCEPT ? 1 + (begin < (REAL)VALUE_6R_CLOSE) : 0;
 }
 
 /* Where row count stands among those before it; count when it is new. */
@@ -1008,7 +1008,7 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
         int order[24], begin = -1, empty = 1, roots = ik_6r_scan(h, zone[at], noise, root, order);
         for (k = 0; k < roots; ++k) { /* unresolved roots, joined where they are close, become zones of their own */
             int joined = 0;
-            if (order[k] == 1 || zone[at][2] < (REAL)1e-3 || zones == IK_6R_ZONES) {
+            if (order[k] == 1 || zone[at][2] < (REAL)VALUE_6R_NARROWEST || zones == IK_6R_ZONES) {
                 continue;
             }
             begin = (begin < 0) ? k : begin;

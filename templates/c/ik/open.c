@@ -110,7 +110,7 @@ LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i
     unsigned held = IK_HELD(found->flags[i]);
     int j, k, side;
     if (held == 0u && !(found->residual[i] <= IK_TOL_TIGHT && found->residual[i] >= (REAL)0)) {
-        found->residual[i] = ik_refine(T, found->q[i], STEPS, (REAL)0.01, 0u);
+        found->residual[i] = ik_refine(T, found->q[i], STEPS, (REAL)VALUE_DAMPING, 0u);
     }
     for (j = 0; j < JOINTS; ++j) {
         for (side = -1; side <= 1 && ((found->flags[i] >> (8 + j)) & ~(held >> j) & 1u) != 0u; side += 2) {
@@ -118,7 +118,7 @@ LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i
             for (k = 0; k < JOINTS; ++k) {
                 q[k] = found->q[i][k] + (k == j ? (REAL)side * (REAL)VALUE_TURN : (REAL)0);
             }
-            held |= ik_refine(T, q, 12, (REAL)0.01, 1u << j) <= accuracy * accuracy ? 1u << j : 0u;
+            held |= ik_refine(T, q, VALUE_STEPS, (REAL)VALUE_DAMPING, 1u << j) <= accuracy * accuracy ? 1u << j : 0u;
         }
     }
     found->flags[i] |= held != 0u ? (held << 16) | (unsigned)IK_FREE : 0u;

@@ -85,7 +85,7 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
         e[5] = (REAL)0.5 * (E[1][0] - E[0][1]);
         s2 = e[3] * e[3] + e[4] * e[4] + e[5] * e[5];
         c = (REAL)0.5 * (E[0][0] + E[1][1] + E[2][2] - (REAL)1);
-        if (c < (REAL)0.9) {
+        if (c < (REAL)VALUE_SMALL_TURN) {
             if (s2 > IK_TOL_EPS) {
                 f = ik_atan2(SQRT(s2), c) / SQRT(s2);
             } else { /* half a turn about the largest column of E + 1 */
@@ -208,7 +208,7 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
         x[i] = q[i];
     }
     best = cost = ik_error(T, x, e, J HELD);
-    for (step = 0; step < steps && best > IK_TOL_DONE && damping < (REAL)1e6; ++step) {
+    for (step = 0; step < steps && best > IK_TOL_DONE && damping < (REAL)VALUE_MOST_DAMPING; ++step) {
         REAL most = (REAL)1;
         ik_step(J, e, damping * SQRT(cost) + IK_TOL_EPS, d);
         for (i = 0; i < JOINTS; ++i) {
@@ -223,17 +223,17 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
         }
         cost = ik_error(T, x, e, J HELD);
         if (cost < best) {
-            const int stuck = cost > (REAL)0.999999999 * best && damping > (REAL)1; /* the least-squares answer */
+            const int stuck = cost > (REAL)VALUE_STUCK * best && damping > (REAL)1; /* the least-squares answer */
             for (i = 0; i < JOINTS; ++i) {
                 q[i] = x[i];
             }
             best = cost;
             worse = 0;
-            damping = damping > (REAL)0.01 ? (REAL)0.2 * damping : damping;
+            damping = damping > (REAL)VALUE_DAMPING ? (REAL)0.2 * damping : damping;
             if (stuck) {
                 break;
             }
-        } else if (++worse > 3 || !(cost < (REAL)1e4)) {
+        } else if (++worse > 3 || !(cost < (REAL)VALUE_DIVERGED)) {
             for (i = 0; i < JOINTS; ++i) {
                 x[i] = q[i];
             }

@@ -114,7 +114,7 @@ LOCAL void ik_fit(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, REA
             (void)ik_search(T, ref LOCK, least, held, wide->branch[w], j, q);
         }
     }
-    error = ik_refine(T, q, 12, (REAL)0.01, held);
+    error = ik_refine(T, q, VALUE_STEPS, (REAL)VALUE_DAMPING, held);
     if (error <= tolerance && !(ik_outside(q, IK_TOL_LIMIT) > (REAL)0)) {
         for (k = 0; k < JOINTS; ++k) {
             wide->q[w][k] = q[k];
@@ -145,7 +145,7 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
             for (i = 0; i < rows; ++i) {
                 if (held != 0u && IK_HELD(found->flags[i]) == held && ((found->branch[i] ^ wide.branch[w]) & other) == 0u) {
                     if (fits < 0) {
-                        wide.residual[w] = ik_refine(T, wide.q[w], 12, (REAL)0.01, held);
+                        wide.residual[w] = ik_refine(T, wide.q[w], VALUE_STEPS, (REAL)VALUE_DAMPING, held);
                         fits = wide.residual[w] <= tolerance;
                     }
                     if (fits > 0) {

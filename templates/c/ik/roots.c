@@ -179,7 +179,7 @@ LOCAL int ik_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL slack, RE
             f = k0 + cosine * (k1 + (REAL)2 * k3 * cosine) + sine * (k2 + (REAL)2 * k4 * cosine) - k3;
             d = -k1 * sine + k2 * cosine + (REAL)2 * k4 * (cosine * cosine - sine * sine) - (REAL)4 * k3 * cosine * sine;
             step = -f * d / (d * d + IK_TOL_EPS);
-            step = step > (REAL)0.01 ? (REAL)0.01 : step < (REAL)-0.01 ? (REAL)-0.01 : step;
+            step = step > (REAL)VALUE_NEWTON ? (REAL)VALUE_NEWTON : step < (REAL)-VALUE_NEWTON ? (REAL)-VALUE_NEWTON : step;
             f = cosine - step * sine;
             sine += step * cosine;
             cosine = f;
@@ -241,7 +241,7 @@ LOCAL int ik_power4(
             const REAL f = kr[0] + y * (kr[1] + y * (kr[2] + y * (kr[3] + y * kr[4])));
             const REAL d = kr[1] + y * ((REAL)2 * kr[2] + y * ((REAL)3 * kr[3] + y * (REAL)4 * kr[4]));
             const REAL step = -f * d / (d * d + IK_TOL_EPS);
-            y += step > (REAL)0.01 ? (REAL)0.01 : step < (REAL)-0.01 ? (REAL)-0.01 : step;
+            y += step > (REAL)VALUE_NEWTON ? (REAL)VALUE_NEWTON : step < (REAL)-VALUE_NEWTON ? (REAL)-VALUE_NEWTON : step;
         }
         for (j = n; j > 0 && x[j - 1] > y * unit; --j) {
             x[j] = x[j - 1];

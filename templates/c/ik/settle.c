@@ -34,9 +34,9 @@ LOCAL int ik_settle(const REAL *T, unsigned options, ik_solutions *out, int i)
             return 0;
         }
 #endif
-        out->residual[i] = ik_refine(T, out->q[i], STEPS, (REAL)0.01 NONE_HELD);
+        out->residual[i] = ik_refine(T, out->q[i], STEPS, (REAL)VALUE_DAMPING NONE_HELD);
         if (!(out->residual[i] <= IK_TOL_ACCEPT)) {
-            if (!(options & IK_RESIDUAL) || !(out->residual[i] <= (REAL)1e6)) {
+            if (!(options & IK_RESIDUAL) || !(out->residual[i] <= (REAL)VALUE_BEYOND)) {
                 return 0;
             }
             out->flags[i] |= (unsigned)IK_INEXACT;

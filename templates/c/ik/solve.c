@@ -63,7 +63,7 @@ ik_status robot_inverse_kinematics(
 #endif
 #if BANDED
     if (near != 0u || out->count == 0) { /* near a double root: look for its two halves on the true arm */
-        static const REAL bands[3] = {(REAL)1, (REAL)1e-3, (REAL)1e-6};
+        static const REAL bands[3] = {(REAL)1, (REAL)VALUE_BAND_2, (REAL)VALUE_BAND_3};
         int k;
         for (k = 0; k < 3; ++k) {
             rows = ik_last_candidates(T, ref REDUNDANCY, IK_TOL_SLACK, IK_TOL_FREE, IK_TOL_BAND * bands[k], found, &out->stage);

@@ -74,9 +74,10 @@ def settings(
         **{f"NEEDS_{name.upper()}": name in needs for name in NEEDS},
         "NEEDS_ATAN2": "R" in plan.chain.types or not position,
     }
+    values = kernel_values(dialect.real)
     words = {
         **_dialect(dialect),
-        **kernel_values(dialect.real),
+        **values,
         **_optional(options, dialect),
         **_chain(plan.chain, dialect),
         "ERRORS": "3" if position else "6",
@@ -88,7 +89,7 @@ def settings(
         "AT_Z": "2" if position else "11",
         "ROWS": str(rows),
         "LOCKED_JOINT": str(locked),
-        "STEPS": "200" if banded else "12",
+        "STEPS": values["VALUE_DESCENT_STEPS" if banded else "VALUE_STEPS"],
         "OPEN_BITS": f"{sum({256 << joint for each in opens for joint, _ in each})}u",
         "FAR_STAGE": str(len(reasons) - 1 - bool(plan.incomplete)),
         "CHECK_STAGE": str(len(reasons) - 2 - bool(plan.incomplete)),
