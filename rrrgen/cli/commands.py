@@ -24,6 +24,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "identify": ("rrrgen.cli.identification.identify:identify", "Estimate parameters from recordings."),
     "validate": ("rrrgen.cli.identification.validate:validate", "Score a robot file against recordings."),
+    "payload": ("rrrgen.cli.experiments.payload:payload", "Estimate a payload at the last link of a known arm."),
+    "drive-gains": (
+        "rrrgen.cli.experiments.drive_gains:drive_gains",
+        "Estimate drive gains with a known payload.",
+    ),
     "friction": ("rrrgen.cli.experiments.friction:friction", "Estimate the friction of one joint by experiment."),
     "frf": ("rrrgen.cli.identification.frf:frf", "Estimate a frequency response with its uncertainty."),
     "linearise": (

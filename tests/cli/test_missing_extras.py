@@ -67,6 +67,8 @@ USES = {
     "reconstruct": (["log.csv", "-o", "x"], ("scipy", "matplotlib")),
     "controller": (["pendulum", "--tuning", "tuning.json", "-o", "x"], ("scipy",)),
     "friction": (["pendulum", "--log", "log.csv", "--joint", "q1", "-o", "x"], ("scipy", "matplotlib")),
+    "payload": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy", "cvxpy", "clarabel")),
+    "drive-gains": (["pendulum", "--log", "log.csv", "--loaded", "l.csv", "--mass", "1", "-o", "x"], ("scipy",)),
     "frf": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "response-model": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "vibration": (["--mode", "28:0.1", "--rate", "1000", "-o", "x"], ("scipy", "matplotlib")),
