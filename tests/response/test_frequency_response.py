@@ -12,6 +12,7 @@ from rrrgen.excitation.response.signals import excitation_signal
 from rrrgen.response.estimators.estimate import combine, estimate_one
 from rrrgen.response.estimators.excitation_period import find_period
 from rrrgen.response.frequency_response import read_responses
+from rrrgen.response.models.modal_fit import fit_modes
 from rrrgen.response.response_file import loads_response, read_recordings
 from samples.flexible_joint import CONTROLLER, PERIOD, flexible_joint, multisine, record
 
@@ -70,6 +71,22 @@ def test_strong_disturbance_leaves_an_honest_band(kind, narrow_share):
     wide = alone.band95[: len(band)] > 0.045
     assert np.median(band[wide]) < 0.8 * np.median(alone.band95[: len(band)][wide])
     assert found.findings == ()
+
+
+def test_leakage_beside_the_band_of_noise_is_no_excitation():
+    rng = np.random.default_rng(14)
+    X = np.fft.rfft(rng.standard_normal(24000))
+    X[np.fft.rfftfreq(24000, PERIOD) > 150.0] = 0.0
+    n = np.fft.irfft(X)
+    whole = record(rng, 10.0 * n)
+    cut = type(whole)("cut", PERIOD, whole.n[3000:23000], whole.u[3000:23000], whole.q[3000:23000])
+    found = estimate_one(cut)
+    assert found.frequency[-1] < 152.0
+    assert found.frequency[found.trusted][-1] < 150.5
+    _, _, held, _, _ = errors(found, 150.0)
+    assert 0.9 < np.mean(held) < 0.985
+    model = fit_modes(found)
+    assert [mode.frequency for mode in model.resonances] == pytest.approx([28.0, 96.0], rel=5e-3)
 
 
 def test_resonances_are_not_smoothed_away():

@@ -23,6 +23,7 @@ MOST_WINDOW = 20  # lines at either side, with noise
 EXCITED = 1e-3  # of the largest line
 LEAST_SAMPLES = 500
 PARABOLA_AT_ITS_CENTRE = 9.0 / 4.0  # variance of its fitted value, over that of the mean of the same lines
+LEAST_ROUGHNESS = 0.2  # share of the excitation's power in a window that no polynomial explains
 STEP = 4  # lines between two estimates from noise: neighbours share most of their window
 
 
@@ -150,7 +151,8 @@ def noise_lines(record: ResponseRecording) -> LineEstimates:
     power = np.mean(np.abs(around[:, :, 0]) ** 2, axis=1)
     if not power.max() > 0.0:
         raise DerivationError(f"{record.name}: the column of the excitation is constant, so there is no response to it")
-    use = power > EXCITED**2 * power.max()
+    rough = _rough_power(around[:, :, 0])
+    use = (rough > EXCITED**2 * power.max()) & (rough > LEAST_ROUGHNESS * power)
     k, around, power = k[use], around[use], power[use]
     solution, residual, spread, dof = regress_window(around[:, :, :1], around[:, :, 1:])
     V = np.einsum("lra,lrb->lab", residual, residual.conj()) / dof
@@ -165,6 +167,13 @@ def noise_lines(record: ResponseRecording) -> LineEstimates:
         independent=min(1.0, STEP * PARABOLA_AT_ITS_CENTRE / (2 * width + 1)),
         kernel=_overlap(width),
     )
+
+
+def _rough_power(lines: Complex) -> Array:
+    """Mean power (L,) of windows (L, lines) less a polynomial: beside its band, a cut record leaves smooth leakage."""
+    r = np.linspace(-1.0, 1.0, lines.shape[1])
+    Q = np.linalg.qr(r[:, None] ** np.arange(ORDER + 1))[0]
+    return np.asarray(np.mean(np.abs(lines - (lines @ Q) @ Q.T) ** 2, axis=1))
 
 
 def _overlap(width: int) -> Array:

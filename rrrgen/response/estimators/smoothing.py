@@ -48,7 +48,7 @@ def smooth(response: FrequencyResponse) -> FrequencyResponse:
         fits[inner] = excess < LARGEST_BIAS * left
         left = left + np.maximum(excess, 0.0) + LARGEST_BIAS * left
         allowed &= fits
-        use = allowed[inner] & (variance[inner] > enough[inner])
+        use = allowed[inner] & (variance[inner] > enough[inner]) & (left < variance[inner])
         at = inner[use]
         chosen[at], variance[at], width[at] = value[use], left[use], m
         freedom[at] = dof * (2 * m + 1) * (1.0 if kernel is None else 1.0 / _length(kernel, m))

@@ -210,10 +210,11 @@ def _model(
         numerator = np.pad(left, (0, size - len(left))) + np.pad(right, (0, size - len(right)))
         denominator = np.convolve(denominator, factor)
     spread = _deviations(lines, best)
+    used = response.frequency[response.trusted]
     resonances = []
     for (log_f, log_damping), (std_f, std_damping) in zip(best.modes.reshape(-1, 2), spread, strict=True):
         f, damping = float(np.exp(log_f)), float(np.exp(log_damping))
-        if damping < HIGHEST_DAMPING:
+        if damping < HIGHEST_DAMPING and used[0] <= f <= used[-1]:  # beyond the lines a pole only bends the curve
             resonances.append(Resonance(f, damping, f * float(std_f), damping * float(std_damping)))
     model = ResponseModel(
         method="modes",
@@ -225,7 +226,6 @@ def _model(
         table=table,
         name=response.name,
     )
-    used = response.frequency[response.trusted]
     relative = np.abs(model.response(used) / lines.P - 1.0)
     model.fit.update(
         {
