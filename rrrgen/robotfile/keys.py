@@ -31,6 +31,7 @@ ROBOT = (
     Key("base", "mapping", "fixed transform before the first joint", section="transform"),
     Key("joints", "rows", "one Denavit-Hartenberg row per joint", True, section="joint", length=MAX_JOINTS),
     Key("tool", "mapping", "fixed transform after the last link frame", section="transform"),
+    Key("tools", "transforms", "other tools by name; `robot.yaml@name` has that tool", section="transform"),
     Key("links", "rows", "inertia of every link, in the axes of its link frame", section="link", length=MAX_JOINTS),
     Key("drives", "mapping", "drives that move several joints each, as in a coupled wrist", section="drives"),
     Key("basis", "basis", "base parameters of the user's own choice"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -20,7 +21,7 @@ from rrrgen.robotfile.robots import bundled_names, bundled_path
 from rrrgen.robotfile.sections.basis import read_basis
 from rrrgen.robotfile.sections.provenance import read_provenance
 from rrrgen.robotfile.sections.reversal import with_reversed_joint
-from rrrgen.robotfile.sections.transforms import read_transform
+from rrrgen.robotfile.sections.transforms import read_tools, read_transform
 from rrrgen.yamltext.document import MAX_BYTES, FaultList, Node, Scalar, decode, parse_document
 from rrrgen.yamltext.sections import describe, read_choice, read_choices, read_entries, read_section, read_text
 from rrrgen.yamltext.suggest import did_you_mean
@@ -34,9 +35,13 @@ _UNITS = {key.name: key for key in UNITS}
 def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSpec:
     """Read a robot file, or a bundled robot by its name; with ``strict``, non-physical inertia is an error.
 
-    Raises :class:`InputError` with every fault.
+    ``robot@tool`` is the robot with one of its ``tools``, and ``robot_tool`` its name. Raises :class:`InputError` with
+    every fault.
     """
     name = os.fspath(robot)
+    robot_name, at, tool = name.rpartition("@")
+    if at and tool.isidentifier() and not Path(name).exists():
+        return with_tool(load_spec(robot_name, strict=strict), tool)
     path = Path(name)
     if not path.suffix and path.name == name:  # a bare word is a bundled robot; ./word is a file
         if name not in bundled_names():
@@ -50,6 +55,17 @@ def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSp
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise InputError([Fault(name[:200], 0, 0, f"the file cannot be read: {reason}")]) from None
     return read_spec(decode(data, name), name, strict)
+
+
+def with_tool(spec: RobotSpec, tool: str) -> RobotSpec:
+    """``spec`` with the tool of this name, and the name of both; raises :class:`InputError` for an unknown one."""
+    if tool not in spec.tools:
+        hint = did_you_mean(tool, spec.tools) or f"tools are {', '.join(spec.tools) or 'none: add them under tools'}"
+        raise InputError([Fault(spec.file, 0, 0, f"the robot has no tool '{tool}'", hint=hint)])
+    name = f"{spec.name}_{tool}"
+    if fault := name_fault(name, "robot"):
+        raise InputError([Fault(spec.file, 0, 0, fault[0], hint=fault[1])])
+    return replace(spec, tool=spec.tools[tool], name=name)
 
 
 def read_spec(text: str, file: str, strict: bool = False) -> RobotSpec:
@@ -81,6 +97,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     whole_links: list[LinkSpec] | None = None if links is None else [link for link in links if link is not None]
     base = read_transform(values["base"], "base", scope) if "base" in values else FixedTransform()
     tool = read_transform(values["tool"], "tool", scope) if "tool" in values else FixedTransform()
+    tools = read_tools(values["tools"], scope) if "tools" in values else {}
     drives = read_drives(values["drives"], joints, scope) if "drives" in values else None
     basis = read_basis(values["basis"], len(joints), whole_links, scope) if "basis" in values and joints else None
     emit = read_choices(values["emit"], _ROBOT["emit"], faults) if "emit" in values else ()
@@ -100,6 +117,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         links=None if whole_links is None else tuple(whole_links),
         base=base,
         tool=tool,
+        tools=tools,
         basis=basis,
         drives=drives,
         angle_unit=scope.units.angle,

@@ -31,6 +31,7 @@ _TITLES = {
     "basis": "`basis`",
     "fit": "One row of `provenance`",
 }
+_LINKED = {"mapping": "mapping", "rows": "list", "transforms": "name: mapping"}
 _VALUES = {
     "text": "text",
     "name": "letters, digits, `_`",
@@ -63,10 +64,10 @@ def _value(key: Key) -> str:
     if key.kind in ("choice", "choices"):
         words = ", ".join(f"`{choice}`" for choice in key.choices)
         return words if key.kind == "choice" else f"list of {words}"
-    if key.kind in ("mapping", "rows"):
+    if key.kind in ("mapping", "rows", "transforms"):
         title = _TITLES[key.section].lower()
         anchor = "".join(letter for letter in title if letter.isalnum() or letter in " _-").replace(" ", "-")
-        return f"[{'list' if key.kind == 'rows' else 'mapping'}](#{anchor})"
+        return f"[{_LINKED[key.kind]}](#{anchor})"
     if key.kind == "value":
         return "value"
     return _VALUES[key.kind]

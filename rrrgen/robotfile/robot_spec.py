@@ -230,7 +230,8 @@ class RobotSpec:
     - ``parameters``: nominal values of named parameters, exact; ``parameter_units``: the unit that each was declared
       in, "one" for a plain number, no entry for a bare SI value;
     - ``joints`` and ``links``, one for each joint; ``links`` is None if the file states no inertias;
-    - ``base`` and ``tool``: fixed transforms before the first joint and after the last link frame;
+    - ``base`` and ``tool``: fixed transforms before the first joint and after the last link frame; ``tools``: others
+      that may take the place of ``tool``, by name;
     - ``basis``: base parameters chosen by the user, or None; ``drives``: coupled drives, None if every joint has its
       own;
     - ``angle_unit`` and ``length_unit``: those that the file was written in, to print it back;
@@ -248,6 +249,7 @@ class RobotSpec:
     links: tuple[LinkSpec, ...] | None = None
     base: FixedTransform = field(default_factory=FixedTransform)
     tool: FixedTransform = field(default_factory=FixedTransform)
+    tools: dict[str, FixedTransform] = field(default_factory=dict)
     basis: BasisSpec | None = None
     drives: DrivesSpec | None = None
     angle_unit: str = "rad"

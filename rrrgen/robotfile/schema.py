@@ -74,6 +74,9 @@ def _value(key: Key) -> dict[str, Any]:
         case "rows":
             items = {"$ref": f"#/definitions/{key.section}"}
             return {"type": "array", "minItems": 1, "maxItems": key.length, "items": items}
+        case "transforms":
+            section = {"$ref": f"#/definitions/{key.section}"}
+            return {"type": "object", "propertyNames": {"pattern": IDENTIFIER}, "additionalProperties": section}
         case "names":
             return {"type": "object", "propertyNames": {"pattern": IDENTIFIER}, "additionalProperties": expression}
         case "count":

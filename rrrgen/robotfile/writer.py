@@ -48,6 +48,7 @@ def dumps(spec: RobotSpec) -> str:
     for joint in spec.joints:
         lines += printer.joint(joint)
     lines += printer.transform("tool", spec.tool)
+    lines += printer.tools(spec.tools)
     if spec.links is not None:
         lines.append("links:")
         for link in spec.links:
@@ -201,6 +202,13 @@ class _Printer:
                 lines.append(f"      {name}: {self.number(value, keys[name].quantity_for(motor.type), False)}")
         if motor.friction is not None:
             lines.append(f"      friction: {self.friction(motor.friction, motor.type)}")
+        return lines
+
+    def tools(self, tools: dict[str, FixedTransform]) -> list[str]:
+        lines = ["tools:"] if tools else []
+        for name, transform in tools.items():
+            entries = self.transform(name, transform) or [f"{name}: {{}}"]
+            lines += [f"  {line}" for line in entries]
         return lines
 
     def transform(self, name: str, transform: FixedTransform) -> list[str]:

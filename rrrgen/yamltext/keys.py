@@ -11,6 +11,7 @@ Kind = Literal[
     "name",
     "choice",
     "choices",
+    "transforms",
     "value",
     "vector",
     "matrix",

@@ -5,10 +5,11 @@ from __future__ import annotations
 import sympy as sp
 
 from rrrgen.robotfile.keys import ROBOT_FILE
+from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, read_value, read_vector
 from rrrgen.robotfile.robot_spec import FixedTransform
 from rrrgen.yamltext.document import Node, Scalar
-from rrrgen.yamltext.sections import read_list, read_section
+from rrrgen.yamltext.sections import read_entries, read_list, read_section
 
 ROTATION_TOLERANCE = 1e-9  # decimals of a rotation matrix must be orthonormal to this
 
@@ -39,6 +40,17 @@ def read_transform(node: Node, what: str, scope: Scope) -> FixedTransform | None
         return None
     x, y, z = translation
     return FixedTransform(tuple(rotation), (x, y, z))
+
+
+def read_tools(node: Node, scope: Scope) -> dict[str, FixedTransform]:
+    """Read ``{name: transform, ...}``, the tools of a robot; one with a fault is left out."""
+    tools = {}
+    for name, (key, value) in (read_entries(node, "tools", scope.faults) or {}).items():
+        if fault := name_fault(name, "tool"):
+            scope.faults.error(key, *fault)
+        elif (transform := read_transform(value, f"tool {name}", scope)) is not None:
+            tools[name] = transform
+    return tools
 
 
 def _rpy(roll: sp.Expr, pitch: sp.Expr, yaw: sp.Expr) -> sp.Matrix:
