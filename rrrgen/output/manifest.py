@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
 
 _NOT_THE_ROBOT = frozenset(
-    {"file", "faults", "places", "description", "source", "angle_unit", "length_unit", "provenance", "emit"}
+    {"file", "faults", "places", "description", "source", "angle_unit", "length_unit", "provenance", "emit", "tools"}
 )
 """Fields of a description that do not change the robot and are left out of its hash."""
 
