@@ -47,9 +47,9 @@ def loaded(robot, payload):
     return replace(robot, gravity=G, links=(*robot.links[:-1], together(robot.links[-1], payload)))
 
 
-@pytest.fixture(scope="module", params=["numpy", "c"])
-def model(request, robot):
-    return compile(loads_spec(to_yaml(robot)), backend=request.param)
+@pytest.fixture(scope="module")
+def model(robot):
+    return compile(loads_spec(to_yaml(robot)))
 
 
 @pytest.fixture(scope="module")
