@@ -1,4 +1,4 @@
-"""The compiler's decision: which family solves this chain, after trying its own equations on a few poses."""
+"""Chooses the solver of a chain: the cheapest family whose equations give back the configurations of a few poses."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
 
 @lru_cache(maxsize=16)
 def _planned(chain: Chain, redundancy: int | None) -> SolverPlan:
-    """:func:`plan_chain`, once where sources, self-test and manifest ask for the same."""
+    """The plan of a chain, computed once for all that ask for it: sources, self-test, manifest."""
     return plan_chain(chain, redundancy)
 
 
 def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
-    """:func:`plan` of a chain in normal form.
+    """The plan of a chain in normal form.
 
     The chain is first solved as it is. Where that takes a quartic or more, or fails, simpler arms near by are looked
     for; see :mod:`rrrgen.ik.tolerances`.

@@ -1,4 +1,4 @@
-"""From a plan to its equations: the one place that knows which family is derived where."""
+"""Derives the equations of a plan: calls the derivation of its family with an interpreter or the recorder."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _exact(x: Any) -> Any:
 
 
 def derive(b: Builder, plan: SolverPlan, chain: Chain | None = None) -> None:
-    """Let ``b`` interpret the equations of ``plan``, for its own chain or for an exact twin of it."""
+    """Derive the equations of ``plan`` with the interpreter ``b``, for its own chain or for an exact twin of it."""
     solving = chain or plan.solving
     reach = plan.solving.reach
     if plan.family == "position":
@@ -72,7 +72,10 @@ def derive(b: Builder, plan: SolverPlan, chain: Chain | None = None) -> None:
 
 
 def solving_loop(b: Builder, chain: Chain, locked: int | None, commute: tuple[int, int] | None = None) -> Loop:
-    """The loop that is solved: closed by the target, without the prescribed joint, a prismatic joint moved aside."""
+    """The loop that is solved: the chain closed by the target, without the prescribed joint.
+
+    ``commute``: the place of a prismatic joint that is moved past its parallel neighbour, and the direction.
+    """
     loop = close(b, chain)
     if locked is not None:
         loop = lock(b, loop, locked)
@@ -100,7 +103,7 @@ def _derive_loop(b: Builder, plan: SolverPlan, loop: Loop, reach: float) -> None
 
 
 def derive_position(b: Builder, chain: Chain, reach: float) -> None:
-    """Three joints carry the tip to a point."""
+    """The position of the tip by three joints: base J1 L1 J2 L2 J3 tip = p."""
     base, tip = rigid(chain.base), rigid(chain.tip)
     target: Vector = b.names("p", rotate(transposed(base.R), minus(b.point(), base.t)))
     first, second = (Crossing.of(link) for link in chain.links)

@@ -18,7 +18,7 @@ from rrrgen.ik.solutions.elbow7 import is_elbow7
 from rrrgen.ik.solutions.general6r import MAX_SOLUTIONS, is_general, tables_of
 from rrrgen.ik.solutions.parallel import Frame, better
 from rrrgen.ik.solutions.planar import triple_of
-from rrrgen.ik.solutions.position import Arm, simplest
+from rrrgen.ik.solutions.position import UNUSABLE, Arm, simplest
 from rrrgen.ik.solutions.reduced import turning_axes
 from rrrgen.ik.solutions.spherical import arm_of, is_spherical
 from rrrgen.ik.tolerances import ALONG, DEPENDENT, FOUND, NEARLY_DEPENDENT
@@ -32,10 +32,10 @@ def position_plans(chain: Chain) -> Options:
         base, tip = rigid(chain.base), rigid(chain.tip)
         links = tuple(Crossing.of(link) for link in chain.links)
         joints = (chain.joints[0], chain.joints[1], chain.joints[2])
-        rank = simplest(Arm(joints, links[0], links[1], tip.t, base.t))[0]
-        if rank < 9:
+        cost = simplest(Arm(joints, links[0], links[1], tip.t, base.t))[0]
+        if cost < UNUSABLE:
             title = f"position of the tip by three joints {chain.types}"
-            yield 10 + rank, SolverPlan("position", title, "position", chain, chain)
+            yield 10 + cost, SolverPlan("position", title, "position", chain, chain)
     else:
         yield (
             0,
@@ -59,7 +59,7 @@ def pose_plans(chain: Chain, locked: int | None = None) -> Options:
 def _general_plans(chain: Chain, locked: int | None) -> Options:
     """The elimination for six joints that move the tip in six directions.
 
-    Rather without a sliding one, rather with the last one locked, and rather with six that are not nearly dependent.
+    Preferred are six revolute joints, the last of seven as the prescribed one, and joints that are far from dependent.
     """
     steepness = 1.0 if locked is None else _steepness(chain, locked)
     if steepness < DEPENDENT:
@@ -99,13 +99,13 @@ def _structured_plans(chain: Chain, loop: Loop, locked: int | None, commute: tup
 
     for k in range(m if m == 6 else 0):
         if is_spherical(loop, k):
-            rank = simplest(arm_of(straightened(loop.started((k + 3) % 6))))[0]
+            cost = simplest(arm_of(straightened(loop.started((k + 3) % 6))))[0]
             arm = "".join(loop.types[(k + 3 + i) % 6] for i in range(3))
-            if rank < 9:
-                yield 10 + rank, made("spherical", f"spherical triple {triple(k)} on the arm {arm}", k)
-        rank = better(straight, k)[0]
-        if rank < 9:
-            yield 11 + rank, made("parallel", f"planar triple {triple(k)} (parallel axes)", k)
+            if cost < UNUSABLE:
+                yield 10 + cost, made("spherical", f"spherical triple {triple(k)} on the arm {arm}", k)
+        cost = better(straight, k)[0]
+        if cost < UNUSABLE:
+            yield 11 + cost, made("parallel", f"planar triple {triple(k)} (parallel axes)", k)
     if turning_axes(loop) is not None and (loop.types == "RRR" or (m == 6 and loop.types.count("P") == 3)):
         yield 12, made("orientation", "rotation by three joints" + (", then three linear equations" if m == 6 else ""))
     if m == 3 and triple_of(straight, 0) is not None:

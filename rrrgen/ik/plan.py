@@ -1,4 +1,4 @@
-"""What the compiler found out about a chain: the family of its inverse kinematics, and what an answer can look like."""
+"""The plan of a solver: the family that solves a chain, what is prescribed, how many solutions, singularities."""
 
 from __future__ import annotations
 

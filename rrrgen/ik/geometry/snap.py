@@ -1,4 +1,4 @@
-"""Nearly special geometry made special, and the same decisions carried over to exact numbers."""
+"""Snaps nearly special geometry to the special case, in floats and, with the same zeros, in exact numbers."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class _Writer:
                 self._count(arg)
 
     def _write(self, step: Step, depth: int) -> bool:
-        """Write one step where it can be computed first; whether it opened a choice."""
+        """Write one step at the depth at which its operands are known; True if it is a choice of a root."""
         level = depth if isinstance(step, Residual) else max((x.level for x in step.operands), default=0)
         operands = [self._text(operand, 0) for operand in step.operands]
         results = ", ".join(result.text for result in step.results)

@@ -96,7 +96,7 @@ def eliminations(rows: Array, slide: int | None = None, turn: float = 0.0) -> li
 def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float, bool]:
     """Digits that a root costs (0.9 quantile over the poses) and log10 of the depth, both free of rounding errors.
 
-    And whether the degree is 8 as far as the solver can tell.
+    The third value: whether the degree is 8 but for rounding.
     """
     powers = np.array([[1, 0, 1], [1, 0, -1], [0, 2, 0.0]])  # 1, cos, sin times 1 + x^2 -> powers of x = tan(angle/2)
     h = np.einsum("nkabc,bi,cj->nakij", pencil, powers, np.eye(3) if slides else powers).reshape(len(pencil), 3, 6, 9)

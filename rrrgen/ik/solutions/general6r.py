@@ -38,7 +38,7 @@ stays the same along a path that meets no singular configuration."""
 
 @dataclass(frozen=True)
 class General6RTables:
-    """What the solver of one chain needs.
+    """The chain of six joints in the form that the elimination reads, and the eliminations to use.
 
     ``rows`` of (cos alpha, sin alpha, a, d) with lengths in units of ``length`` (m), and the eliminations to use, best
     first (one or two). Joint ``slide`` (0 .. 5) is prismatic; ``turn`` is the cosine and sine of its constant angle.

@@ -20,6 +20,7 @@ from rrrgen.ik.geometry.rigid import Crossing, Rigid, S, Vector, dot, is_zero, p
 from rrrgen.ik.recording.builder import Builder, Feasible, Label, Turn
 from rrrgen.ik.solutions.forms import Moving
 from rrrgen.ik.solutions.planar import Plane, Triple, anchor, oriented, solve_planar, triple_of
+from rrrgen.ik.solutions.position import UNUSABLE
 
 ORIGIN: Vector = (0, 0, 0)
 
@@ -53,30 +54,30 @@ def _factors(link: Crossing | Closing) -> tuple[Rigid, ...]:
     return link.factors if isinstance(link, Closing) else (link.rigid(),)
 
 
-def rank(loop: Loop, k: int) -> int:
-    """How many solutions the worst equation has if the loop is used in this direction; 9 if it cannot be."""
+def cost(loop: Loop, k: int) -> int:
+    """Degree of the hardest equation if the loop is walked in this direction; UNUSABLE if it cannot be."""
     frame = Frame.of(loop, k)
     if frame is None:
-        return 9
+        return UNUSABLE
     kinds = frame.loop.types[:3]
     link = frame.loop.links[0]
     if kinds.count("P") > 1:
-        return 9
+        return UNUSABLE
     if kinds in ("PRR", "RPR"):
         return 2
     if kinds == "RRP" or not isinstance(link, Crossing):
-        return 9
+        return UNUSABLE
     if is_zero(link.a) and is_zero(link.sa):
-        return 9
+        return UNUSABLE
     return 2 if is_zero(link.a) or is_zero(link.sa) else 4
 
 
 def better(loop: Loop, k: int) -> tuple[int, Loop, int]:
-    """The better direction: its rank, the loop, and where the triple is in it."""
+    """The cheaper direction: its cost, the loop, and the place of the triple in it."""
     m = len(loop.joints)
     back = loop.reversed()
     other = (m - k - 3) % m
-    forward, backward = rank(loop, k), rank(back, other)
+    forward, backward = cost(loop, k), cost(back, other)
     return (forward, loop, k) if forward <= backward else (backward, back, other)
 
 

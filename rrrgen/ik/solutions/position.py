@@ -67,20 +67,24 @@ def backwards(joint: Joint) -> Joint:
     return replace(joint, sign=-joint.sign, offset=-joint.offset)
 
 
-def _rank(arm: Arm) -> int:
-    """How many solutions the worst equation of this form has; 9 where the form cannot be used."""
+UNUSABLE = 9
+"""The cost of a form that cannot be used: more than that of any other."""
+
+
+def _cost(arm: Arm) -> int:
+    """Cost of the hardest equation of this form: 0 or 1 linear, 2 quadratic, 4 or 5 quartic; or UNUSABLE."""
     first = arm.first
     if not isinstance(first, Crossing):
-        return 9
+        return UNUSABLE
     parallel, meet = is_zero(first.sa), is_zero(first.a)
     planar = isinstance(arm.second, Crossing) and is_zero(arm.second.sa)
     match arm.types:
         case "RRR":
             if parallel and meet:
-                return 9
+                return UNUSABLE
             return 0 if meet and planar else 1 if parallel else 2 if meet else 4
         case "RRP":
-            return 9 if parallel and meet else 1 if parallel else 2 if meet else 5
+            return UNUSABLE if parallel and meet else 1 if parallel else 2 if meet else 5
         case "RPR":
             return 1 if is_zero(first.ca) else 4
         case "PRR":
@@ -90,14 +94,14 @@ def _rank(arm: Arm) -> int:
         case "RPP":
             return 2
         case "PPR":
-            return 9 if parallel else 1
+            return UNUSABLE if parallel else 1
         case _:
             return 0
 
 
 def simplest(arm: Arm) -> tuple[int, Arm]:
-    """The better of the two directions, with its rank."""
-    forward, backward = _rank(arm), _rank(arm.reversed())
+    """The cheaper of the two directions of ``arm``, with its cost."""
+    forward, backward = _cost(arm), _cost(arm.reversed())
     return (forward, arm) if forward <= backward else (backward, arm.reversed())
 
 
@@ -106,8 +110,8 @@ def solve_position(b: Builder, arm: Arm, length: float) -> dict[int, Turn | S]:
 
     ``length`` is the reach. An :class:`InternalError` means that the caller did not check :func:`simplest`.
     """
-    rank, form = simplest(arm)
-    if rank == 9:
+    cost, form = simplest(arm)
+    if cost == UNUSABLE:
         raise InternalError("the position kernel needs a constant link")
     motions = _solve(b, form, length)
     back = {joint.index: joint for joint in form.joints}
@@ -133,7 +137,7 @@ def _solve(b: Builder, arm: Arm, length: float) -> dict[int, Turn | S]:
     match arm.types:
         case "PPP":
             return _linear(b, joints, first.core(), M2, arm.c, p, length)
-        case "RRR" if _rank(arm) == 0:
+        case "RRR" if _cost(arm) == 0:
             return core.offset_elbow(arm)
         case "RRR" | "RRP":
             return core.turn_turn()

@@ -15,7 +15,7 @@ from rrrgen.ik.tolerances import SIZE_OF_NOTHING
 
 
 class CBuilder(Scaffold):
-    """The interpreter of derivations that writes C."""
+    """Plays a recorded solver and collects C statements, with a loop over the roots of each choice."""
 
     # -- choices ------------------------------------------------------------------------------------------------------
 

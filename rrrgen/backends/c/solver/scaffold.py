@@ -167,7 +167,7 @@ class Scaffold:
         text = "\n".join([*(f"    {line}" for line in before), loops, *(f"    {line}" for line in behind)])
         return CBody(text, frozenset(self._needs))
 
-    # -- small change -------------------------------------------------------------------------------------------------
+    # -- loops, flags and names ---------------------------------------------------------------------------------------
 
     def _open(self, tag: str, count: str, most: int, level: int, *, sure: bool = False) -> int:
         """Open a loop over the roots of a choice; unless there is ``sure`` to be one, none fails this stage."""
