@@ -74,7 +74,7 @@ def parallel_map(
 
 
 def _telling(function: Callable[[Task], Result], total: int, tell: Tell, message: str) -> Callable[[Task], Result]:
-    """``function``, which then tells how many calls have ended in all processes: each takes the next number."""
+    """``function`` that reports progress after each call: how many calls have ended in all processes."""
     numbers = _queue(total)
 
     def told(task: Task) -> Result:

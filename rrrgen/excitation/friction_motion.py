@@ -74,7 +74,7 @@ class FrictionMotion:
 
     @property
     def period(self) -> float:
-        """Duration, s."""
+        """Duration of the motion, s."""
         return self.parts[-1].start + self.parts[-1].duration
 
     def evaluate(self, t: ArrayLike) -> tuple[Array, Array, Array]:

@@ -151,7 +151,7 @@ class _OutputError:
         return make_noise(len(self.sliding.measured), self.sliding.period * self.sliding.stride, ratio)
 
     def fitted(self, starts: dict[str, tuple[Array, ...]]) -> dict[str, Fit]:
-        """All laws: a few iterations under an assumed noise, then under the one that the errors tell."""
+        """All laws, fitted for a few iterations with an assumed noise, then with that estimated from the errors."""
         first: dict[str, Fit] = {}
         for k, law in enumerate(self._static):
             self.tell(k, 2 * len(self.laws), f"output error, {law.name}")
@@ -255,7 +255,7 @@ def _estimate(
 
 
 def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
-    """Parameters as they are told: gravity as magnitude and angle, the delay in seconds."""
+    """Parameters as they are reported: gravity as magnitude and angle, the delay in seconds."""
     given = dict(zip(law.names, theta.tolist(), strict=True))
     found = {"inertia": given["inertia"]}
     if law.gravity == 2:
@@ -276,7 +276,7 @@ def _deviation(values: Array, name: str) -> float:
 
 
 def _check(chosen: LawEstimate, data: JointData) -> None:
-    """Refuse a recording whose motion does not tell the inertia."""
+    """Refuse a recording from whose motion the inertia cannot be estimated."""
     relative = chosen.std["inertia"] / chosen.values["inertia"]
     if not relative < LARGEST_INERTIA_STD:
         raise DerivationError(

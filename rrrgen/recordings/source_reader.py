@@ -17,7 +17,7 @@ TIME_KEYS = ("rate", "period", "file", "column", "unit")
 
 
 class SourceReader(Reader):
-    """Reads what a file says of recordings; ``files`` by their names, paths relative to ``folder``."""
+    """Reads the keys that describe recordings; ``files`` by their names, paths relative to ``folder``."""
 
     def __init__(self, faults: FaultList, folder: Path, elsewhere: Mapping[str, str] | None = None) -> None:
         super().__init__(faults, elsewhere)

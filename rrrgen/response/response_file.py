@@ -166,7 +166,7 @@ class _ResponseReader(SourceReader):
         )
 
     def control(self, node: Node | None) -> Controller | None:
-        """The controller in powers of z^-1, as implemented."""
+        """Read the controller, given in powers of z^-1, as implemented."""
         if node is None:
             return None
         part = self.values(node, "controller", CONTROLLER_KEYS, ("numerator",)) or {}

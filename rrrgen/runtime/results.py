@@ -105,7 +105,7 @@ class Motion(NamedTuple):
 
 
 class TimedMotion(NamedTuple):
-    """Desired positions, velocities and accelerations, (..., n) each, and the duration ``T`` (...), s."""
+    """Desired ``q_d``, ``dq_d`` and ``ddq_d``, (..., n) each, rad or m, and the duration ``T`` (...), s."""
 
     q_d: NDArray[Any]
     dq_d: NDArray[Any]

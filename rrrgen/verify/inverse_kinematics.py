@@ -211,7 +211,7 @@ class _Checks:
         self._share("share of singular targets without a row", OWN_CHAIN, samples, empty.mean(), 0.0, note)
 
     def against_search(self, targets: int, tell: Tell | None) -> None:
-        """Every solution that the search finds is a row; the note says how many of the rows the search found."""
+        """Check that the solver has every solution that the search finds; the note counts how many those are."""
         solutions = found_too = rows = missed = 0
         where = ""
         for k, seed in enumerate(self.arm.drawn(targets, self.rng)):

@@ -60,7 +60,7 @@ class Report:
         return tuple(row for row in self.rows if not row.ok)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data; a difference that is infinite or not a number becomes None."""
+        """The report as plain data; a difference that is infinite or not a number becomes None."""
         rows = [
             {
                 "function": row.function,

@@ -118,7 +118,7 @@ def _needed(steps: list[Step]) -> tuple[Step, ...]:
 
 
 class TextBuilder:
-    """Interprets a derivation over SymPy and writes down what it is told."""
+    """Interprets a recorded derivation over SymPy and writes its steps as equations."""
 
     def __init__(self, n: int, *, position: bool) -> None:
         self.steps: list[Step] = []
@@ -139,7 +139,7 @@ class TextBuilder:
         return (_target(f"{letter}_x"), _target(f"{letter}_y"), _target(f"{letter}_z"))
 
     def name(self, hint: str, x: S) -> S:
-        """A line of its own, unless the value is short."""
+        """Write the definition of a name on a line of its own, unless the value is short."""
         value = _tidied(x)
         if value.is_number or value.is_symbol or (-value).is_symbol:
             return value
@@ -149,7 +149,7 @@ class TextBuilder:
         return symbol
 
     def names(self, hint: str, v: Vector) -> Vector:
-        """Three lines."""
+        """Name the three coordinates of a vector."""
         return (self.name(f"{hint}_x", v[0]), self.name(f"{hint}_y", v[1]), self.name(f"{hint}_z", v[2]))
 
     def sqrt(self, x: S) -> S:

@@ -115,7 +115,7 @@ class TextMarkup:
 
 
 def join_terms(terms: Sequence[tuple[bool, str]]) -> str:
-    """``a - b + c``."""
+    """The sum of signed terms, such as ``a - b + c``."""
     text = ""
     for negative, term in terms:
         if text:

@@ -176,7 +176,7 @@ def _as_latex(robot: ParametrizedRobot, forms: Mapping[str, Form], inverse: Inve
 
 
 def _as_plain(description: str, forms: Mapping[str, Form], inverse: InverseForm | str | None) -> str:
-    """The parts that are there, an empty line between them."""
+    """The description, the closed forms and the inverse kinematics, as far as asked for, separated by empty lines."""
     from rrrgen.backends.latex import plain
 
     said = inverse if inverse is None or isinstance(inverse, str) else inverse.text()

@@ -83,10 +83,10 @@ def impulses(kind: str, damping: float, tolerance: float = TOLERANCE) -> tuple[A
 
 
 def _extra_insensitive(damping: float, tolerance: float) -> tuple[Array, Array]:
-    """EI: exact without damping, followed from there to the damping that is asked for.
+    """Extra-insensitive (EI) shaper: the exact solution without damping, continued to the given ``damping`` (ratio).
 
-    Unknown are A_1, A_3, t_2, t_3 and the two frequencies of no vibration, relative to the mode; the equations are two
-    zeros (two each), V = V_tol at the mode and its maximum there.
+    The unknowns are A_1, A_3, t_2, t_3 and the two frequencies without vibration, relative to that of the mode. The
+    equations: no vibration at the two (two equations each), V = V_tol at the mode, and a maximum of V there.
     """
     from scipy.optimize import fsolve
 

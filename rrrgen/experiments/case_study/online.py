@@ -78,7 +78,7 @@ def online_estimates(study: CaseStudy) -> tuple[OnlineEstimates, ...]:
 
 
 def _filtered(study: CaseStudy) -> tuple[Array, Array, Array]:
-    """The motion that the Kalman filter of the controller tells from the recorded positions, (14.30), (14.31)."""
+    """The motion that the Kalman filter of the controller estimates from the recorded positions, (14.30), (14.31)."""
     log = study.excitation_log
     reference = np.stack(study.design.trajectory.evaluate(log.t), axis=-1)
     E, gains = np.array([m.E for m in study.observer]), np.array([m.k for m in study.observer])

@@ -188,7 +188,7 @@ def fit_friction(
 
 @dataclass(frozen=True, eq=False)
 class _Problems:
-    """The rows of the recordings with the columns that are not friction of a law as fixed columns."""
+    """The rows of the recordings; columns other than those of friction laws are the same for every choice of laws."""
 
     model: RigidModel
     recordings: Sequence[Recording]

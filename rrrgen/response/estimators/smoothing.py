@@ -27,7 +27,7 @@ ORDER, FINE_ORDER = 2, 4
 def smooth(response: FrequencyResponse) -> FrequencyResponse:
     """The response with every line smoothed until its band is narrow, or over the widest window that it allows.
 
-    The given response stays at hand as ``unsmoothed``.
+    The given response is kept as ``unsmoothed``.
     """
     dof, kernel = response.dof, response.kernel
     f, lines = response.frequency, len(response.frequency)
@@ -90,6 +90,6 @@ def _toeplitz(kernel: Array, size: int) -> Array:
 
 
 def _length(kernel: Array, m: int) -> float:
-    """Lines that say together what one independent line says."""
+    """Number of correlated lines that carry as much information as one independent line."""
     inside = kernel[1 : 2 * m + 1]
     return float(1.0 + 2.0 * np.sum(inside**2))

@@ -47,7 +47,7 @@ class SubspaceIdentification:
 
     @property
     def highest_order(self) -> int:
-        """The highest order that the block rows can tell."""
+        """The highest order that the number of block rows allows."""
         return self.rows - 1
 
     def model(self, order: int) -> Equation:

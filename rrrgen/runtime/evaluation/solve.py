@@ -36,7 +36,7 @@ class Wish:
 
 @dataclass(frozen=True)
 class Answer:
-    """Status, rows (residuals not squared), the stage that tells why there are none, and the distance to reach (m)."""
+    """Status, solutions (residuals not squared), the step without a real root if there are none, distance (m)."""
 
     status: int
     rows: tuple[Row, ...] = ()
