@@ -81,7 +81,7 @@ def test_simulate_writes_letters_with_the_virtual_robot_of_an_experiment_file(tm
 
 
 def test_simulate_must_know_what_to_follow():
-    with pytest.raises(click.UsageError, match="--trajectory FILE or --writing"):
+    with pytest.raises(click.UsageError, match="--trajectory FILE, --reference LOG, --writing"):
         run("simulate", "rrr", "-o", "nowhere")
 
 

@@ -12,8 +12,10 @@ from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, ro
 from rrrgen.cli.experiments.response_experiment import simulate_response_runs
 from rrrgen.cli.identification.workflow import (
     chosen_experiment,
+    chosen_processing,
     described_files,
     experiment_option,
+    input_files,
     output_option,
     read_trajectory,
     seed_option,
@@ -22,6 +24,7 @@ from rrrgen.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from rrrgen.experiments.experiment_file import Experiment
+    from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.runtime.model import Model
 from rrrgen.extras import require
 
@@ -32,6 +35,12 @@ from rrrgen.extras import require
     "--trajectory",
     type=click.Path(path_type=Path, exists=True),
     help="Motion to follow: excitation.json or friction_motion.json of `rrrgen excite`.",
+)
+@click.option(
+    "--reference",
+    type=click.Path(path_type=Path),
+    metavar="LOG",
+    help="Recording, or its mapping file, whose positions are followed.",
 )
 @click.option("--writing", is_flag=True, help="Follow the writing task of the experiment file; default: RRR in 10 s.")
 @click.option(
@@ -69,6 +78,7 @@ def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     Examples:
       rrrgen simulate rrr --trajectory runs/excitation/results/excitation.json --torque-noise 0.05 -o runs/experiment
       rrrgen simulate rrr --writing --experiment experiment.yaml -o runs/writing
+      rrrgen simulate runs/identified/results/robot.yaml --reference log.yaml -o runs/replayed
       rrrgen simulate rrr --response runs/response-excitation/results/response_excitation.json --base-mode 28 -o runs/q1
     """
     require("rrrgen simulate", "scipy")
@@ -77,8 +87,10 @@ def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     from rrrgen.runs.run_folder import RunFolder
     from rrrgen.simulate.recording import write_recording
 
-    if [options["trajectory"] is not None, options["writing"], options["response"] is not None].count(True) != 1:
-        raise click.UsageError("say what to follow: --trajectory FILE, --writing or --response FILE, one of them")
+    files = [options[name] is not None for name in ("trajectory", "reference", "response")]
+    if [*files, options["writing"]].count(True) != 1:
+        follow = "--trajectory FILE, --reference LOG, --writing or --response FILE"
+        raise click.UsageError(f"say what to follow: {follow}, one of them")
     spec = read_with_warnings(robot)
     experiment = chosen_experiment(options["experiment"], spec.n, options)
     if options["response"] is not None:
@@ -86,9 +98,13 @@ def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     model = pipeline.compile(spec)
     if model.beta is None:
         raise click.UsageError(f"{robot} has no links: there is nothing to simulate")
-    motion, period = _motion(model, experiment, options["trajectory"])
-    names = ("writing", "duration", "rate", "bandwidth", "control", "torque_noise", "base_mode")
     inputs = described_files(robot=Path(robot), trajectory=options["trajectory"], experiment=options["experiment"])
+    if options["reference"] is None:
+        motion, period = _motion(model, experiment, options["trajectory"])
+    else:
+        motion, period, read = _recorded(options["reference"], spec)
+        inputs |= read
+    names = ("writing", "duration", "rate", "bandwidth", "control", "torque_noise", "base_mode")
     settings = {name: options[name] for name in names}
     with (
         RunFolder(output, "simulate", inputs, settings, experiment.seed, options["fresh"]) as folder,
@@ -120,3 +136,15 @@ def _motion(model: Model, experiment: Experiment, trajectory: Path | None) -> tu
         return series.evaluate, series.period
     path = writing_path(experiment, model)
     return path.evaluate, path.task.duration
+
+
+def _recorded(log: Path, spec: RobotSpec) -> tuple[Callable[[Any], Any], float, dict[str, Path]]:
+    """The motion of a recording as a function of time, its duration (s), and the files read, by role."""
+    from rrrgen.experiments.recorded_motion import RecordedMotion
+    from rrrgen.recordings.log_stream import LogStream
+    from rrrgen.recordings.logs import check_robot, open_log
+
+    mapping = open_log(log)
+    check_robot(mapping, spec)
+    motion = RecordedMotion.of(LogStream(mapping), chosen_processing([mapping], None, None))
+    return motion.evaluate, motion.duration, input_files("", (log,), [mapping], "reference")
