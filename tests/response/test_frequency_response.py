@@ -274,3 +274,14 @@ def test_a_cut_from_noise_in_a_band_is_no_single_period(seed):
     """What its ends leak beyond the band is smooth over the lines, as the lines of one multisine are."""
     noise = excitation_signal("noise", (0.5, 200.0), 3 * SAMPLES, 1.0 / PERIOD, np.random.default_rng(seed))
     assert find_period(noise[4000 : 4000 + SAMPLES]) is None
+
+
+def test_beyond_the_band_of_the_excitation_there_are_no_lines():
+    """What the ends of the record leak there is as smooth as the transient: the response could not be told."""
+    rng = np.random.default_rng(1)
+    n = 7.0 * excitation_signal("noise", (0.5, 120.0), 3 * SAMPLES, 1.0 / PERIOD, rng)[:SAMPLES]
+    found = estimate_one(record(rng, n))
+    assert found.frequency.max() < 122.0
+    wrong, band, held, _, _ = errors(found, 500.0)
+    assert np.mean(held) > 0.9
+    assert wrong[band < 0.05].max() < 0.2

@@ -151,8 +151,9 @@ def noise_lines(record: ResponseRecording) -> LineEstimates:
     power = np.mean(np.abs(around[:, :, 0]) ** 2, axis=1)
     if not power.max() > 0.0:
         raise DerivationError(f"{record.name}: the column of the excitation is constant, so there is no response to it")
-    rough = _rough_power(around[:, :, 0])
-    use = (rough > EXCITED**2 * power.max()) & (rough > LEAST_ROUGHNESS * power)
+    use = _rough_power(around[:, :, 0]) > EXCITED**2 * power.max()
+    for side in (around[:, :width, 0], around[:, width + 1 :, 0]):  # of a window across the edge of the band too
+        use &= _rough_power(side) > LEAST_ROUGHNESS * (1.0 - (ORDER + 1) / width) * np.mean(np.abs(side) ** 2, axis=1)
     k, around, power = k[use], around[use], power[use]
     solution, residual, spread, dof = regress_window(around[:, :, :1], around[:, :, 1:])
     V = np.einsum("lra,lrb->lab", residual, residual.conj()) / dof
