@@ -9,7 +9,7 @@ import pytest
 
 from oracles import lagrange
 from oracles import newton_euler as oracle
-from oracles.random_robots import random_robot, to_yaml
+from oracles.random_robots import random_robot, to_yaml, transform
 from rrrgen.derive import derive_model
 from rrrgen.program import evaluate
 from rrrgen.robotfile import load_spec, loads_spec
@@ -111,6 +111,22 @@ def test_slotine_li(case):
     close(held["beta_next"], case.beta)
     bounded = case("slotine_li", beta_min=case.beta, beta_max=case.beta)
     close(bounded["beta_next"], case.beta)
+
+
+def test_impedance(case):
+    J, T = oracle.jacobian(case.robot, case.q), oracle.forward_kinematics(case.robot, case.q)
+    rng = np.random.default_rng(3)
+    T_d = T @ transform((5, 1, -2, 1), (0.05, -0.02, 0.1))
+    given = {"T_d": T_d, "V_d": rng.normal(size=6)}
+    given |= {"stiffness": rng.uniform(50, 90, 6), "damping": rng.uniform(1, 9, 6)}
+    turn = T_d[:3, :3] @ T[:3, :3].T  # its skew part is sin(angle) times the axis
+    skew = (turn - turn.T) / 2
+    error = [*(T_d[:3, 3] - T[:3, 3]), skew[2, 1], skew[0, 2], skew[1, 0]]
+    F = given["stiffness"] * error + given["damping"] * (given["V_d"] - J @ case.dq)
+    tau = J.T @ F + case.g
+    close(case("impedance", **given)["tau"], tau)
+    limit = 0.5 * np.abs(tau) + 0.01
+    close(case("impedance", **given, tau_max=limit)["tau"], np.clip(tau, -limit, limit))
 
 
 def test_momentum_observer(case):

@@ -45,7 +45,8 @@ def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     <name>_friction.h/.c, the friction torques with their parameters as arguments, and the step of the state if the law
     has one. --estimator writes <name>_rls.h/.c or <name>_gradient.h/.c, which estimate the base parameters sample by
     sample (14.21)-(14.23), and with them the drive inertias and the friction that the robot file states. The robot
-    model itself is written by `rrrgen generate`.
+    model itself is written by `rrrgen generate`, control laws, momentum observer and point-to-point motions by
+    `rrrgen generate --with control,observer,trajectory`.
 
     \b
     Example:

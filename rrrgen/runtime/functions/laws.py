@@ -6,6 +6,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.dynamics import DynamicFunctions
 from rrrgen.runtime.results import (
     AdaptiveStep,
@@ -218,6 +219,39 @@ class ControlLaws(DynamicFunctions):
         values |= self._limits_and_friction(friction, width, tau_max)
         return AdaptiveStep(*self._named("slotine_li", values, beta, Ia, gravity))
 
+    def impedance(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        T_d: ArrayLike,
+        V_d: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        *,
+        beta: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        tau_max: ArrayLike | None = None,
+    ) -> Array:
+        """Impedance of the tip, ``tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)``.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            T_d: desired pose of the tip in the base frame, (..., 4, 4), -, m.
+            V_d: desired velocity of the tip, (..., 6), m/s and rad/s, base frame.
+            stiffness: spring along and about the axes of the base, (6,) or (..., 6), N/m and N m/rad.
+            damping: damper along and about these axes, (6,) or (..., 6), N s/m and N m s/rad.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            tau_max: largest torques, (n,) or (..., n), N m or N; by default the limits of the robot file.
+
+        Returns:
+            tau, (..., n), N m or N, within ``tau_max``.
+        """
+        values = {"q": q, "dq": dq, "T_d": T_d, "V_d": V_d, "stiffness": stiffness, "damping": damping}
+        values["tau_max"] = self._largest_torques(tau_max)
+        return self._named("impedance", values, beta, None, gravity)[0]
+
     def momentum_observer_start(
         self,
         q: ArrayLike,
@@ -340,6 +374,9 @@ class ControlLaws(DynamicFunctions):
     def _limits_and_friction(
         self, friction: ArrayLike | None, width: ArrayLike, tau_max: ArrayLike | None
     ) -> dict[str, Any]:
+        return self._friction(friction, width) | {"tau_max": self._largest_torques(tau_max)}
+
+    def _largest_torques(self, tau_max: ArrayLike | None) -> ArrayLike:
+        """``tau_max``, or the limits of the robot file."""
         limits = [joint.limits.torque for joint in self.spec.joints]
-        known = [float("inf") if limit is None else limit for limit in limits]
-        return self._friction(friction, width) | {"tau_max": known if tau_max is None else tau_max}
+        return [float("inf") if limit is None else limit for limit in limits] if tau_max is None else tau_max

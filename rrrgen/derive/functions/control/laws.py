@@ -5,6 +5,7 @@ With ``e = q_d - q`` and the state z of the integral action, which the caller ow
     pd_gravity       tau = kp e + kd e' + ki z + g(q) + f(dq_d)
     feedforward      tau = M(q_d) ddq_d + c(q_d, dq_d) + g(q_d) + kp e + kd e' + ki z + f(dq_d)
     computed_torque  tau = M(q) (ddq_d + kp e + kd e' + ki z) + c(q, dq) + g(q) + f(dq_d)    (14.34)
+    impedance        tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)
     slotine_li       tau = M(q) a + C(q, dq) v + g(q) - k s + f(dq_d),  beta' = -gamma Y' s,
                      v = dq_d + lam e,  a = ddq_d + lam e',  s = dq - v
 
@@ -17,15 +18,16 @@ Press, 2005).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
-from rrrgen.derive.algebra.vectors import add, scale, subtract
+from rrrgen.derive.algebra.vectors import add, cross, scale, subtract, times, transpose
 from rrrgen.derive.functions.control.terms import along_reference
 from rrrgen.derive.functions.dynamic_functions import block_frames_first, inverse_dynamics, torque_port
 from rrrgen.derive.functions.friction_functions import RunTimeFriction
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.functions.regressor_functions import regressor_transpose
-from rrrgen.derive.recursions import composite, newton_euler
+from rrrgen.derive.recursions import composite, kinematics, newton_euler
 from rrrgen.program import Port, Program, Role, Value
 
 Vector = list[Any]
@@ -168,9 +170,40 @@ def slotine_li(r: Recording) -> Program:
     )
 
 
+def impedance(r: Recording) -> Program:
+    """Record the torques (n,) of a spring and a damper between the tip and a desired pose, with gravity, limited."""
+    chain = r.chain_in_gravity("dq")
+    dq = r.joints("dq")
+    T_d = r.extra("T_d", (4, 4), "-, m", "desired pose of the tip in the base frame")
+    V_d = r.extra("V_d", (6,), "m/s, rad/s", "desired velocity of the tip, linear, then angular, base frame")
+    stiffness = r.extra("stiffness", (6,), "N/m, N m/rad", "of the spring, along and about the axes of the base")
+    damping = r.extra("damping", (6,), "N s/m, N m s/rad", "of the damper")
+    T, J = kinematics.forward_kinematics(chain), kinematics.jacobian(chain)
+    turn: Vector = [0, 0, 0]
+    for k in range(3):  # the vector sin(angle) axis of the rotation from T to T_d
+        turn = add(turn, cross([T[i][k] for i in range(3)], [T_d[4 * i + k] for i in range(3)]))
+    error = [*(T_d[4 * i + 3] - T[i][3] for i in range(3)), *scale(Fraction(1, 2), turn)]
+    F = add(_times(stiffness, error), _times(damping, subtract(V_d, times(J, dq))))
+    tau = add(times(transpose(J), F), composite.gravity(chain, r.inertias()))
+    b = r.builder
+    tau_max = r.extra("tau_max", (r.n,), r.torque_unit, "largest torques; INFINITY for none")
+    held = [b.select(b.sub(b.abs(t), limit), b.mul(b.sign(t), limit), t) for t, limit in zip(tau, tau_max, strict=True)]
+    return b.program(
+        "impedance",
+        [(torque_port(r, "tau", "torques to apply, within tau_max"), held)],
+        "Impedance of the tip: a spring and a damper towards a desired pose, and gravity.",
+        "tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)",
+        [
+            "e_x: position error, then sin(angle) axis of the rotation error, exact in direction below 90 degrees.",
+            "Friction is not compensated: at the measured speed that would take damping away.",
+        ],
+    )
+
+
 FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
     "pd_gravity": (pd_gravity,),
     "feedforward": (feedforward,),
     "computed_torque": (computed_torque,),
     "slotine_li": (slotine_li,),
+    "impedance": (impedance,),
 }
