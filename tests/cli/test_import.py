@@ -53,3 +53,23 @@ def test_help_names_every_format(capsys):
     assert run(["import", "--help"]) == 0
     out = capsys.readouterr().out
     assert all(name in out for name in importers())
+
+
+def test_a_chain_of_a_urdf_is_compared_with_its_source(folder, capsys):
+    pytest.importorskip("pinocchio")
+    ends = '<parent link="{}"/><child link="{}"/><origin xyz="0 0 0.3"/><axis xyz="0 1 0"/>'
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    body = "".join(f'<link name="l{k}">{inertial}</link>' for k in range(3))
+    joints = "".join(
+        f'<joint name="j{k}" type="continuous">{ends.format(f"l{k}", f"l{k + 1}")}</joint>' for k in (0, 1)
+    )
+    (folder / "arm.urdf").write_text(f'<robot name="arm">{body}{joints}</robot>', encoding="utf-8")
+    assert run(["import", "arm.urdf", "--tip", "l2", "--hold", "j0=30 deg", "--convention", "modified"]) == 0
+    said = capsys.readouterr()
+    assert "reads the source: poses agree to" in said.out
+    assert "held: j0 at 0.523599" in said.err
+    spec = load_spec("./arm.yaml")
+    assert (spec.n, spec.convention) == (1, "modified")
+    assert run(["import", "arm.urdf", "--tip", "l3", "--force"]) == 3
+    assert "there is no link 'l3'" in capsys.readouterr().err
+    assert run(["import", "slider.par", "--tip", "l3"]) == 3

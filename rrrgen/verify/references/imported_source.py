@@ -86,6 +86,10 @@ class _PinocchioSource:
         except (ValueError, RuntimeError) as error:
             raise ReferenceUnavailableError(f"{self.name} refuses the file: {str(error).splitlines()[0]}") from error
         self._data = self._model.createData()
+        unknown = [name for name in (chain.base, chain.tip) if not self._model.existFrame(name)]
+        unknown += [name for name in (*chain.joints, *chain.held) if not self._model.existJointName(name)]
+        if unknown:
+            raise ReferenceUnavailableError(f"{self.name} reads the file without {', '.join(unknown)}")
         self._frames = [self._model.getFrameId(name) for name in (chain.base, chain.tip)]
         self._joints = [self._model.joints[self._model.getJointId(name)] for name in chain.joints]
         self._still = pin.neutral(self._model)

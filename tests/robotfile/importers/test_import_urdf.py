@@ -75,7 +75,7 @@ def test_exact_rows_folded_links_and_what_is_left_out(tmp_path):
 def test_random_chains_equal_pinocchio(convention, tmp_path):
     pytest.importorskip("pinocchio")
     joints = 0
-    for seed in range(12):
+    for seed in range(8):
         text, tip = random_tree(seed)
         chain = ChainChoice(tip=tip, convention=convention, angle_tolerance=1e-12)
         found = import_robot(write(tmp_path, text), chain=chain)
@@ -83,7 +83,7 @@ def test_random_chains_equal_pinocchio(convention, tmp_path):
         assert compared.pose < AGREE, (seed, compared)
         assert compared.torque < AGREE, (seed, compared)
         joints += found.spec.n
-    assert joints > 40
+    assert joints > 25
 
 
 def test_a_chain_may_begin_anywhere_and_run_towards_the_root(tmp_path):

@@ -104,6 +104,9 @@ def _inertia(link: Element, values: Values) -> Inertia | None:
     m = values.one(mass, "value")
     if m < 0:
         values.faults.error(mass.place_of("value"), "the mass is negative")
+    if absent := [f"i{key}" for key in _ENTRIES[3:] if f"i{key}" not in tensor.attributes]:
+        message = f"<inertia> has no {', '.join(absent)}"
+        values.faults.warning(tensor.place, message, "taken as 0; many programs drop the inertia of such a link")
     entries = {key: values.one(tensor, f"i{key}", "0" if key[0] != key[1] else None) for key in _ENTRIES}
     rows = [[entries[min(a + b, b + a)] for b in "xyz"] for a in "xyz"]
     at_com = Inertia(m, vector((0, 0, 0)), 0 * identity(3) + rows)
