@@ -87,6 +87,8 @@ class JointData:
         dq = self.motion[1]
         turning = np.abs(dq) < self.slow
         turning[1:] |= dq[1:] * dq[:-1] < 0.0  # a fast reversal has no slow sample
+        for first, last in self.stretches:  # filtered speeds are poor at the ends
+            turning[[first, last - 1]] = True
         return np.asarray(~binary_dilation(turning, iterations=round(0.03 / self.period)) & self.usable)
 
     def windows(self) -> Windows:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,16 +16,46 @@ if TYPE_CHECKING:
     from rrrgen.friction_estimation.estimation import FrictionEstimate, LawEstimate
 
 CURVE = 600  # points of a curve in either direction
+SHOWN = 10.0  # s of the experiment
 MOST_POINTS = 6000  # of the cloud
 SLOW = 3.0  # Stribeck speeds, or a tenth of the range: what the second panel shows
 
 
 def plot_friction(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", "N m")) -> Figure:
     """Friction against speed: the measured cloud, every law, the chosen one in front; whole range and low speeds."""
+    figure, axes = new_figure(1, 2, height=3.6, width=9.0)
+    _draw_friction(axes, found, units)
+    return figure
+
+
+def plot_experiment(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", "N m")) -> Figure:
+    """Torque and speed about the change from fast to slow motion, with the model's torque, beside friction (Fig. 14.9).
+
+    The torque is that of the chosen law by inverse dynamics, at the samples at which the joint slides.
+    """
+    figure, axes = new_figure(2, 2, height=5.6, width=10.0)
+    _draw_friction(axes[[1, 3]], found, units)
+    data, law = found.data, found.chosen
+    first = max(0, len(data.q) // 2 - round(SHOWN / 2.0 / data.period))
+    part = slice(first, first + round(SHOWN / data.period))
+    t = np.arange(len(data.q))[part] * data.period
+    q, dq, ddq = (values[part] for values in data.motion)
+    model = law.theta[0] * ddq + law.candidate.gravity_torque(q, law.theta) + law.candidate.torque(dq, law.theta)
+    model[~data.sliding[part]] = np.nan
+    axes[0].plot(t, data.u[part], color="0.7", linewidth=1.6, label="measured")
+    axes[0].plot(t, model, color="C3", linewidth=0.8, label=f"model, {law.name}")
+    axes[0].legend(loc="upper right", fontsize=7)
+    style_axes(axes[0], "", f"torque [{units[1]}]")
+    axes[2].plot(t, dq, linewidth=0.8)
+    style_axes(axes[2], "t [s]", f"speed [{units[0]}]")
+    return figure
+
+
+def _draw_friction(axes: Any, found: FrictionEstimate, units: tuple[str, str]) -> None:
+    """Friction against speed in two axes: the whole range, and low speeds."""
     speed, friction = _cloud(found)
     top = float(np.max(np.abs(speed)))
     slow = min(top, SLOW * found.chosen.values.get("stribeck_speed", top / 30.0))
-    figure, axes = new_figure(1, 2, height=3.6, width=9.0)
     for axis, limit in zip(axes, (top, slow), strict=True):
         inside = np.flatnonzero(np.abs(speed) <= limit)
         shown = inside[:: max(1, len(inside) // MOST_POINTS)]
@@ -39,7 +69,6 @@ def plot_friction(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", "N
     axes[0].set_title(f"joint {found.data.name}; grey: torque - J ddq - gravity while sliding", fontsize=9, loc="left")
     axes[1].set_title("low speeds", fontsize=9, loc="left")
     axes[0].legend(loc="lower right", fontsize=7)
-    return figure
 
 
 def _cloud(found: FrictionEstimate) -> tuple[Array, Array]:

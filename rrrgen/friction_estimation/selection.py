@@ -14,7 +14,7 @@ from rrrgen.friction_estimation.shooting.windows import Windows
 
 FOLDS = 4
 SIGNIFICANT = 2.0  # standard errors by which a law has to be better on held-out windows
-MATERIAL = 0.02  # and relative to the held-out loss of the other
+MATERIAL = 0.05  # and relative to the held-out loss of the other
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +26,7 @@ class Score:
     """
 
     law: str
+    parameters: int
     held_out: float
     bic: float
     losses: Array
@@ -46,6 +47,7 @@ def score(full: Fit, inside: Sequence[Fit], windows: Windows, sigma: float) -> S
     N, k = windows.points, len(full.theta)
     return Score(
         law=full.candidate.name,
+        parameters=k,
         held_out=float(np.sqrt(np.sum(losses) / N)),
         bic=float(N * np.log(np.sum(own) / N) + k * np.log(N)),
         losses=losses,
@@ -53,13 +55,13 @@ def score(full: Fit, inside: Sequence[Fit], windows: Windows, sigma: float) -> S
 
 
 def choose(scores: Sequence[Score], blocks: NDArray[np.int64]) -> int:
-    """Among the laws that no other beats significantly on held-out windows, the one with the least BIC.
+    """The law with the fewest parameters that none beats significantly on held-out windows; of equals the least BIC.
 
     Laws are compared block by block: B beats A if the mean difference of their losses exceeds :data:`SIGNIFICANT`
     standard errors and :data:`MATERIAL` of the loss of A.
     """
     standing = [i for i, a in enumerate(scores) if not any(_beats(b, a, blocks) for b in scores)]
-    return min(standing or range(len(scores)), key=lambda i: scores[i].bic)
+    return min(standing or range(len(scores)), key=lambda i: (scores[i].parameters, scores[i].bic))
 
 
 def _beats(b: Score, a: Score, blocks: NDArray[np.int64]) -> bool:

@@ -13,9 +13,13 @@ pytest.importorskip("cvxpy", reason="the physically consistent estimate needs CV
 
 from rrrgen.experiments.case_study.case_study import CaseStudySettings, run_case_study
 from rrrgen.experiments.case_study.flexible_dynamics import FlexibleSettings
+from rrrgen.experiments.case_study.joint_friction import JointFrictionSettings
 
 SETTINGS = CaseStudySettings(
-    harmonics=12, starts=1, flexible=FlexibleSettings(postures=((0.0, 0.0, 1.5), (0.0, 0.0, 0.0)), periods=7)
+    harmonics=12,
+    starts=1,
+    flexible=FlexibleSettings(postures=((0.0, 0.0, 1.5), (0.0, 0.0, 0.0)), periods=7),
+    joint_friction=JointFrictionSettings(duration=20.0, laws=("coulomb_viscous", "stribeck")),
 )
 FIGURES = (
     "02_kalman",
@@ -23,6 +27,7 @@ FIGURES = (
     "06_joint",
     "07_inverse",
     "08_inverse",
+    "09_joint",
     "10_exciting",
     "11_torque",
     "12_settling",
@@ -54,6 +59,15 @@ def study(tmp_path_factory):
     result = run_case_study(folder, SETTINGS)
     assert all(file.stat().st_mtime_ns == stamp for file, stamp in stamps.items())  # nothing was done twice
     return folder, result
+
+
+def test_friction_of_joint_3_by_experiment(study) -> None:
+    folder, result = study
+    assert result.joint_friction.failures == ()
+    found = json.loads((folder / "results" / "case_study.json").read_text())["joint_friction"]
+    assert found["chosen"] == "stribeck"
+    assert abs(found["errors"]["inertia"]) < 0.01
+    assert abs(found["errors"]["stiction_excess"]) < 0.1
 
 
 def test_resonances_of_joint_1_are_those_of_mass_matrix_and_stiffness(study) -> None:

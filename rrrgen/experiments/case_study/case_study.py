@@ -21,6 +21,7 @@ from rrrgen.excitation.design import ExcitationDesign, design_excitation
 from rrrgen.excitation.robot import limits_of, robot_problem
 from rrrgen.excitation.starts import Progress
 from rrrgen.experiments.case_study.flexible_dynamics import FlexibleDynamics, FlexibleSettings, flexible_dynamics
+from rrrgen.experiments.case_study.joint_friction import JointFriction, JointFrictionSettings, joint_friction
 from rrrgen.experiments.writing import (
     InverseKinematics,
     JointPath,
@@ -73,6 +74,7 @@ class CaseStudySettings:
     duration: float = 10.0
     seed: int = 1
     flexible: FlexibleSettings = field(default_factory=FlexibleSettings)
+    joint_friction: JointFrictionSettings = field(default_factory=JointFrictionSettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +93,7 @@ class CaseStudy:
     identification: Identification
     validation: Validation
     flexible: FlexibleDynamics
+    joint_friction: JointFriction
 
     @property
     def truth(self) -> Array:
@@ -109,7 +112,7 @@ class CaseStudy:
     @property
     def failures(self) -> tuple[str, ...]:
         """The required accuracies that are missed, in words; empty if the case study passes."""
-        found = [*self.validation.failures, *self.flexible.failures]
+        found = [*self.validation.failures, *self.flexible.failures, *self.joint_friction.failures]
         check = self.design.best.check
         if not check.condition <= LARGEST_CONDITION:
             found.append(f"condition number {check.condition:.3g} exceeds {LARGEST_CONDITION}")
@@ -132,6 +135,7 @@ class CaseStudy:
             "indefinite_mass_matrix_share": self.identification.indefinite,
             "validation": self.validation.to_json(),
             "flexible_dynamics": self.flexible.to_json(),
+            "joint_friction": self.joint_friction.to_json(),
         }
 
 
@@ -193,6 +197,16 @@ class _Work:
             self.settings.seed + 2,
             self.tell,
         )
+        friction = joint_friction(
+            self.model,
+            self.friction,
+            self.settings.joint_friction,
+            self.settings.torque_noise,
+            self.run.path / "results",
+            self.settings.period,
+            self.settings.seed + 3,
+            self.tell,
+        )
         return CaseStudy(
             settings=self.settings,
             model=self.model,
@@ -206,6 +220,7 @@ class _Work:
             identification=identification,
             validation=validation,
             flexible=flexible,
+            joint_friction=friction,
         )
 
     def excitation(self) -> ExcitationDesign:

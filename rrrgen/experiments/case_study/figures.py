@@ -46,6 +46,7 @@ def write_figures(run: RunFolder, study: CaseStudy) -> None:
     run.figure("fig_14_12_settling_estimates", _settling(run, study))
     run.figure("fig_14_12_online_estimates", _online(run, study))
     run.figure("fig_14_13_validation", plot_torques(study.validation))
+    run.figure("fig_14_09_joint_friction", study.joint_friction.figure())
     run.figure("fig_14_14_flexible_dynamics", study.flexible.figure())
     for name, figure in excitation.items():
         run.figure(f"excitation_{name}", figure)
