@@ -38,8 +38,8 @@ joints:
     limits: {lower: 0, upper: 500, velocity: 1000, torque: 200}
     friction: {law: stribeck, stiction_excess: 1, coulomb: 2, viscous: 3, stribeck_speed: 0.1}
 links:
-  - {mass: 3, com: [0, -0.1, 0], inertia: {about: com, xx: 0.02, yy: 0.01, zz: 0.02, xy: 0.001}}
-  - {mass: 2, com: [-0.2, 0, 0], inertia: {about: origin, xx: 0.003, yy: 0.12, zz: 0.12}}
+  - {mass: 3, com: [0, -100, 0], inertia: {about: com, xx: 0.02, yy: 0.01, zz: 0.02, xy: 0.001}}
+  - {mass: 2, com: [-200, 0, 0], inertia: {about: origin, xx: 0.003, yy: 0.12, zz: 0.12}}
 tool: {translation: [0, 0, 50], rpy: [0, 90, 0]}
 """
 
