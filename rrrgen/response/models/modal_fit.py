@@ -20,6 +20,7 @@ from rrrgen.response.models.response_model import HIGHEST_DAMPING, Resonance, Re
 
 MOST_MODES = 6
 DELAYS = (0, 1, 2, 3)
+NEEDED = 10.0  # times the logarithm of the number of values: gain in cost of a part that cannot be left out
 SCAN = 80  # frequencies at which a further mode is tried
 FIRST_DAMPING = (0.005, 0.03, 0.15)
 LEAST_LINES = 12
@@ -75,12 +76,10 @@ def fit_modes(response: FrequencyResponse) -> ResponseModel:
     sigma = np.sqrt((raw.variance[use] + (LEAST_BAND * np.abs(P)) ** 2) / response.independent)
     z = np.exp(-2j * np.pi * response.frequency[use] * response.period)
     lines = _Lines(z, P, 1.0 / sigma, response.period)
-    found = [
-        candidate
-        for integrators in (2, 0)
-        for delay in DELAYS
-        for candidate in _growing(lines, response.frequency[use], delay, integrators)
-    ]
+    frequency = response.frequency[use]
+    found = [candidate for delay in DELAYS for candidate in _growing(lines, frequency, delay, 2)]
+    if not _integrates(lines, min(found, key=lambda each: each.cost)):
+        found += [candidate for delay in DELAYS for candidate in _growing(lines, frequency, delay, 0)]
     scale = min(found, key=lambda each: each.cost).scale
     sizes = [len(each.modes) + len(each.numerators) for each in found]
     lengths = [each.capped(scale) + 0.5 * m * np.log(2.0 * len(P)) for each, m in zip(found, sizes, strict=True)]
@@ -97,6 +96,12 @@ def fit_modes(response: FrequencyResponse) -> ResponseModel:
     best = found[int(np.argmin(lengths))]
     chosen = best if not len(best.modes) else _refine(lines, best, LAST_STEPS)
     return _model(response, lines, chosen, table)
+
+
+def _integrates(lines: _Lines, best: _Candidate) -> bool:
+    """Whether the free motion of ``best`` is needed beside its modes: then no model of a held joint is tried."""
+    held = _solve(lines, best.modes, best.delay, 0)
+    return bool(held.capped(best.scale) > best.capped(best.scale) + NEEDED * np.log(2.0 * len(lines.P)))
 
 
 def _growing(lines: _Lines, frequency: Array, delay: int, integrators: int) -> list[_Candidate]:
