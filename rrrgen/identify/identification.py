@@ -83,7 +83,7 @@ class Identification:
       uncertainty of the torques that it predicts.
     - ``friction``: the friction laws other than the linear one, None without any.
     - ``repairs``, ``diagnoses``: repairs of the recordings, and probable faults in them or in the robot file.
-    - ``blocks``, ``held_out_blocks``, ``transform``: the rows and the map to the identifiable parameters, for figures.
+    - ``blocks``, ``held_out_blocks``, ``parametrisation``: the rows, and the map to the identifiable parameters.
     """
 
     columns: tuple[Column, ...]
@@ -116,12 +116,17 @@ class Identification:
     diagnoses: tuple[Cause, ...] = ()
     blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
     held_out_blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
-    transform: Callable[[JointFactors], JointFactors] | None = field(repr=False, compare=False, default=None)
+    parametrisation: Parametrisation | None = field(repr=False, compare=False, default=None)
 
     @property
     def processing(self) -> Processing:
         """The preprocessing settings of the recordings, all of them determined."""
         return self.tuning.processing
+
+    @property
+    def transform(self) -> Callable[[JointFactors], JointFactors] | None:
+        """Map of the triangular factors of the rows to those of the identifiable parameters."""
+        return None if self.parametrisation is None else self.parametrisation.transform
 
     @property
     def parts(self) -> tuple[tuple[str, Iterable[Rows]], ...]:
@@ -285,7 +290,7 @@ class _Run:
             weak=weak_directions(reduced, chosen.structure.names, estimate.weights),
             blocks=self.blocks,
             held_out_blocks=self.held_out,
-            transform=chosen.transform,
+            parametrisation=chosen,
         )
 
     def estimated(self, reduced: JointFactors) -> Estimate:

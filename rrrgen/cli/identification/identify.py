@@ -62,6 +62,12 @@ if TYPE_CHECKING:
     help="Also fit K times, to all but one of K parts of the recordings, and score on that part.",
 )
 @click.option(
+    "--bias-check",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="S",
+    help="Period of a repeated motion: check by instrumental variables whether noise in it biases the estimate.",
+)
+@click.option(
     "--friction",
     multiple=True,
     metavar="LAW",
@@ -99,6 +105,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     from dataclasses import replace
 
     from rrrgen import pipeline
+    from rrrgen.identify.bias_check import check_bias
     from rrrgen.identify.cross_validation import cross_validate
     from rrrgen.identify.diagnosis.cause import merged
     from rrrgen.identify.diagnosis.report import diagnose_fit, diagnose_recordings
@@ -139,6 +146,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         "estimator",
         "split",
         "cross_validate",
+        "bias_check",
         "guard",
         "friction",
         "fix",
@@ -166,6 +174,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             digest=folder.digest,
             progress=progress,
         )
+        bias = None if options["bias_check"] is None else check_bias(found, options["bias_check"])
         validation = None
         if options["cross_validate"]:
             validation = cross_validate(model, recordings, processing, chosen, options["cross_validate"], progress)
@@ -179,6 +188,8 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         print_json(_json_ready(as_record(found) | more))
     else:
         _report(found, recordings[0].joints, validation, output)
+        for line in () if bias is None else bias.lines():
+            click.echo(line)
     print_causes([cause for cause in found.diagnoses if cause not in before], as_json)
     return 0
 

@@ -1,0 +1,65 @@
+"""Instrumental variables from another period of the motion: bias found where there is one, silence elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rrrgen
+from rrrgen.errors import InputError
+from rrrgen.identify.bias_check import check_bias
+from rrrgen.identify.estimation.full_regressor import FullRegressor
+from rrrgen.identify.identification import identify
+from rrrgen.identify.options import Options
+from rrrgen.model.estimated_terms import DriveTerms
+from rrrgen.recordings.logs import Log
+from rrrgen.signals.processing import Processing
+from samples.recordings import fourier_motion
+
+TERMS = DriveTerms.everywhere(2, "viscous", "coulomb")
+FRICTION = [0.8, 0.4, 1.5, 0.6]
+PERIOD = 5.0
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return rrrgen.compile("planar2r", backend="numpy")
+
+
+def checked(arm, position_noise, processing, seed=0, seconds=40.0, period=PERIOD):
+    t = 0.01 * np.arange(round(seconds / 0.01))
+    q, dq, ddq = fourier_motion(t, 2, 5, base=1 / PERIOD)
+    rng = np.random.default_rng(seed)
+    tau = FullRegressor(arm, TERMS)(q, dq, ddq) @ np.concatenate([arm.beta, FRICTION])
+    log = Log(("q1", "q2"), t, q + position_noise * rng.normal(size=q.shape), tau + 0.1 * rng.normal(size=q.shape))
+    found = identify(arm, [log], processing, Options(terms=TERMS, consistent=False, poses=2))
+    truth = found.structure.G @ np.concatenate([arm.beta, FRICTION])
+    return found, check_bias(found, period), truth
+
+
+def test_bias_from_noisy_accelerations_is_found_and_undone(arm):
+    """Unfiltered differences of noisy positions: least squares shrinks the inertia, the instruments do not."""
+    found, check, truth = checked(arm, 3e-4, Processing("differences", decimate=1))
+    wrong, right = found.estimate.x - truth, found.estimate.x + check.difference - truth
+    i = found.names.index(next(name for name in found.names if name.startswith("Izz")))
+    assert abs(wrong[i]) > 0.05 * truth[i]
+    assert abs(right[i]) < 0.2 * abs(wrong[i])
+    assert i in check.significant
+    assert "noise in the motion biases" in check.lines()[0]
+
+
+def test_sound_estimates_pass(arm):
+    flagged = 0
+    for seed in range(5):
+        _, check, _ = checked(arm, 1e-5, Processing(), seed)
+        flagged += len(check.significant)
+        assert check.torque < 0.01
+    assert flagged <= 1
+    assert "no sign of bias" in check.lines()[0] or check.significant
+
+
+def test_what_cannot_be_checked_is_refused(arm):
+    with pytest.raises(InputError, match="no two periods of 30 s"):
+        checked(arm, 1e-5, Processing(), seconds=20.0, period=30.0)
+    with pytest.raises(InputError, match=r"does not repeat after 1\.7 s"):
+        checked(arm, 1e-5, Processing(), period=1.7)
