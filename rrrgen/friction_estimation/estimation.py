@@ -11,7 +11,7 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 from rrrgen.friction_estimation.candidates import DELAY, Candidate, candidates
-from rrrgen.friction_estimation.inverse_dynamics import best_delay, sliding_samples, start_values
+from rrrgen.friction_estimation.inverse_dynamics import LEAST_INERTIA, best_delay, sliding_samples, start_values
 from rrrgen.friction_estimation.joint_data import JointData
 from rrrgen.friction_estimation.kalman_filter import kalman_estimates
 from rrrgen.friction_estimation.selection import FOLDS, Score, choose, fold_of, score
@@ -26,6 +26,9 @@ REFITTED = 3  # iterations of a fit without one fold
 BRISTLES = 15  # iterations for stiffness and damping of the bristles
 STIFFNESS_FACTORS = (0.1, 0.3, 3.0, 10.0)  # of the first guess of the bristles' stiffness
 LEAST_WINDOWS = 40
+UNRELATED = 0.5  # relative error of the torque in sliding that least squares leave at best
+EXTRAPOLATED = 1.0  # s of sliding below the Stribeck speed with which stiction is still an extrapolation
+HARDLY = 0.02  # relative standard deviation of the inertia that is mentioned
 LARGEST_INERTIA_STD = 0.1  # relative: beyond it the motion does not tell the inertia
 
 Progress = Callable[[int, int, str], None]
@@ -118,7 +121,9 @@ def estimate_friction(
     wanted = {*names, "stribeck"} if "lugre" in names else set(names)  # LuGre slides as the Stribeck law does
     laws = [law for law in candidates(gravity) if not wanted or law.name in wanted]
     delay = best_delay(data, gravity)
-    least = {law.name: start_values(law, data, delay)[0] for law in laws}
+    started = {law.name: start_values(law, data, delay) for law in laws}
+    _check_start(list(started.values()), data)
+    least = {name: theta for name, (theta, _) in started.items()}
     filtered = _filtered(laws, least, data, tell)
     work = _OutputError(laws, data, tell)
     full = work.fitted({law.name: (filtered[law.name], least[law.name]) for law in laws})
@@ -275,6 +280,17 @@ def _deviation(values: Array, name: str) -> float:
     return float(np.std(values, ddof=1))
 
 
+def _check_start(started: Sequence[tuple[Array, float]], data: JointData) -> None:
+    """Refuse a torque that has nothing to do with the motion, or the wrong sign."""
+    theta, error = min(started, key=lambda each: each[1])
+    if error > UNRELATED or theta[0] <= LEAST_INERTIA:
+        what = f"inertia, gravity and friction explain {100 * max(0.0, 1.0 - error):.0f} % of the torque"
+        what += " with a negative inertia" if theta[0] <= LEAST_INERTIA else ""
+        raise DerivationError(
+            f"the torque of joint '{data.name}' does not belong to its motion: {what}; check column, sign and unit"
+        )
+
+
 def _check(chosen: LawEstimate, data: JointData) -> None:
     """Refuse a recording from whose motion the inertia cannot be estimated."""
     relative = chosen.std["inertia"] / chosen.values["inertia"]
@@ -287,6 +303,16 @@ def _check(chosen: LawEstimate, data: JointData) -> None:
 
 def _notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
     notes = []
+    if chosen.std["inertia"] > HARDLY * chosen.values["inertia"]:
+        notes.append("inertia is hardly determined: the joint accelerates too little; add a fast multisine")
+    if "stribeck_speed" in chosen.values:
+        slow = data.sliding & (np.abs(data.motion[1]) < chosen.values["stribeck_speed"])
+        seconds = float(np.count_nonzero(slow)) * data.period
+        if seconds < EXTRAPOLATED:
+            notes.append(
+                f"the joint slides below the Stribeck speed for {seconds:.2g} s only: stiction_excess is extrapolated, "
+                "and its deviation a lower bound; add slow reversals"
+            )
     for name in ("stiction_excess", "stribeck_speed", "sigma0", "sigma1"):
         value, std = chosen.values.get(name), chosen.std.get(name, 0.0)
         if value is not None and std > 0.2 * abs(value):

@@ -17,6 +17,7 @@ DELAYS = np.arange(-1.5, 6.1, 0.5)  # sampling periods that are tried
 SPEEDS = np.geomspace(0.03, 1.0, 25)  # Stribeck speeds that are tried, relative to the rms speed
 STEEPNESS = np.array([0.7, 2.0, 6.0, 15.0, 40.0, 100.0, 300.0])  # of the neurons, times the rms speed
 MOST_SAMPLES = 20_000
+LEAST_INERTIA = 1e-9  # kg m^2 (kg), instead of a negative one
 RIDGE = 1e-3  # of a column's norm: keeps nearly dependent columns from large opposite coefficients
 
 
@@ -73,7 +74,7 @@ def start_values(candidate: Candidate, data: JointData, delay: float) -> tuple[A
     samples = sliding_samples(data, delay)
     rigid = samples.rigid_columns(candidate.gravity)
     values, error = _law_start(candidate.name, samples, rigid, data.speed)
-    inertia = values["inertia"] = max(values["inertia"], 1e-6)
+    inertia = values["inertia"] = max(values["inertia"], LEAST_INERTIA)
     if candidate.name == "lugre":
         level = abs(values["coulomb"]) + abs(values["stiction_excess"])
         values["sigma0"] = level / max(5.0 * data.resolution, 1e-4 * data.speed)

@@ -110,6 +110,22 @@ def test_a_joint_that_stands_is_refused(tmp_path, capsys):
     assert "no excitation" in message
 
 
+def test_a_torque_that_does_not_belong_to_the_motion_is_refused(tmp_path, capsys):
+    found = record(Joint(), duration=16.0, substeps=2)
+    found["tau"] = np.random.default_rng(0).normal(size=len(found["t"]))
+    code, message = refused(tmp_path, capsys, found)
+    assert code == 4
+    assert "does not belong" in message
+
+
+def test_a_torque_of_the_wrong_sign_is_named(tmp_path, capsys):
+    found = record(Joint(), duration=16.0, substeps=2)
+    found["tau"] = -found["tau"]
+    code, message = refused(tmp_path, capsys, found)
+    assert code == 4
+    assert "negative inertia" in message
+
+
 def test_motion_in_one_direction_is_refused(tmp_path, capsys):
     t = np.arange(20_000) * 1e-3
     q = np.round((0.5 * t + 0.1 * np.sin(t)) / 1e-5) * 1e-5

@@ -184,6 +184,7 @@ class _Problem:
         own = np.einsum("mas,mbs->sab", B, B)
         cross = np.einsum("mas,mks->sak", B, J)
         own_gradient = np.einsum("mas,ms->sa", B, e)
+        own[:, [0, 1], [0, 1]] *= 1.0 + 1e-12
         back = np.linalg.solve(own, cross)
         settled = np.linalg.solve(own, own_gradient[:, :, None])[:, :, 0]
         normal = np.einsum("mjs,mks->sjk", J, J) - np.einsum("saj,sak->sjk", cross, back)
