@@ -69,6 +69,8 @@ USES = {
     "friction": (["pendulum", "--log", "log.csv", "--joint", "q1", "-o", "x"], ("scipy", "matplotlib")),
     "payload": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy", "cvxpy", "clarabel")),
     "drive-gains": (["pendulum", "--log", "log.csv", "--loaded", "l.csv", "--mass", "1", "-o", "x"], ("scipy",)),
+    "linearise": (["pendulum", "--log", "log.csv", "--response", "motion.json", "-o", "x"], ("scipy",)),
+    "calibrate": (["planar2r", "--poses", "motion.json", "--figure", "x", "-o", "x"], ("matplotlib",)),
     "frf": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "response-model": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "vibration": (["--mode", "28:0.1", "--rate", "1000", "-o", "x"], ("scipy", "matplotlib")),
@@ -104,6 +106,9 @@ PLAIN = {
     "ik": ["planar2r", "--pose", "0.3 0.2 0"],
     "controller": ["pendulum", "--trajectory", "motion.json", "--friction", "lugre", "-o", "firmware"],
     "schema": [],
+    "export": ["pendulum", "--to", "urdf"],
+    "calibrate": ["planar2r", "--choose", "5", "-o", "poses.csv"],
+    "doctor": [],
 }
 
 
