@@ -114,7 +114,7 @@ def estimate_friction(
     ``gravity`` is the number of gravity coefficients: 2 for a revolute joint, 1 for a prismatic one, 0 where gravity
     does not act; ``names`` are the laws to try, all of them if empty. Least squares on sliding samples start an
     extended Kalman filter (14.15), whose result starts the output error over windows. Raises :class:`DerivationError`
-    where the motion does not tell inertia or friction.
+    where the motion does not determine inertia or friction.
     """
     tell = progress or (lambda done, total, message: None)
     tell(0, 0, "start values")

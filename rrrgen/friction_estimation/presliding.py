@@ -45,7 +45,7 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Presliding:
-    """Bristles at rest; ``sigma1`` and ``inertia`` are None where the recordings do not tell them."""
+    """Bristles at rest; ``sigma1`` and ``inertia`` are None where the recordings do not determine them."""
 
     sigma0: tuple[float, float]
     sigma1: tuple[float, float] | None

@@ -214,7 +214,7 @@ def _scale(r: Array) -> float:
 
 
 def _loss(x: Array) -> Array:
-    """soft_l1: quadratic below ROBUST, linear above."""
+    """The robust loss soft_l1 of squared residuals: quadratic below ROBUST, linear above."""
     s = (x / ROBUST) ** 2
     return np.asarray(2.0 * ROBUST**2 * (np.sqrt(1.0 + s) - 1.0))
 

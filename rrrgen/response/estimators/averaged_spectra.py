@@ -32,7 +32,7 @@ class AveragedSpectra:
     independent: float
 
     def instrumental(self) -> tuple[Complex, Array]:
-        """``Phi_nq/Phi_nu`` and its variance: unbiased in closed loop."""
+        """The instrumental response ``Phi_nq/Phi_nu`` and its variance: unbiased in closed loop."""
         Phi = self.Phi
         P = Phi[:, 0, 2] / Phi[:, 0, 1]
         rest = Phi[:, 2, 2] - 2.0 * (P.conj() * Phi[:, 1, 2]) + np.abs(P) ** 2 * Phi[:, 1, 1]
@@ -40,14 +40,14 @@ class AveragedSpectra:
         return P, np.maximum(variance, 0.0)
 
     def direct(self) -> tuple[Complex, Array]:
-        """``Phi_uq/Phi_uu`` and its variance: biased in closed loop, towards -1/C where disturbances dominate."""
+        """The direct response ``Phi_uq/Phi_uu`` and its variance: biased in closed loop, towards -1/C by disturbances."""
         Phi = self.Phi
         P = Phi[:, 1, 2] / Phi[:, 1, 1]
         rest = Phi[:, 2, 2].real - np.abs(Phi[:, 1, 2]) ** 2 / Phi[:, 1, 1].real
         return P, np.maximum(rest, 0.0) / Phi[:, 1, 1].real / (self.averages - 1.0)
 
     def coherence(self) -> Array:
-        """``|Phi_nq|^2/(Phi_nn Phi_qq)`` (14.37), with the modulus."""
+        """Coherence of excitation and output, ``|Phi_nq|^2/(Phi_nn Phi_qq)`` (14.37), with the modulus."""
         Phi = self.Phi
         return np.asarray(np.abs(Phi[:, 0, 2]) ** 2 / (Phi[:, 0, 0] * Phi[:, 2, 2]).real)
 

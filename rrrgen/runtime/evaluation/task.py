@@ -33,7 +33,7 @@ class Task:
         self._locked = None if plan.locked in (None, ARM_ANGLE) else plan.locked
 
     def error(self, q: Any, held: int = 0) -> tuple[Any, Any]:
-        """What is left to the target, and its Jacobian without the columns of the joints in ``held`` (bits)."""
+        """The remaining task error at ``q``, and its Jacobian without the columns of the joints in ``held`` (bits)."""
         F, J = self.chain.forward(q), self.chain.jacobian(q)
         J[:3] *= np.where(self._revolute, 1.0 / self.chain.reach, 1.0)
         for k in range(self.chain.n):

@@ -41,7 +41,7 @@ def _times(x: Sequence[Any], y: Sequence[Any]) -> Vector:
 
 
 class _Loop:
-    """The inputs that the laws share, and what they do with them."""
+    """The inputs that all tracking laws share, their errors, feedback and integral action, and the limits of torque."""
 
     def __init__(self, r: Recording, gains: Sequence[str], further: Sequence[str] = ()) -> None:
         self.r = r
