@@ -40,7 +40,7 @@ class AveragedSpectra:
         return P, np.maximum(variance, 0.0)
 
     def direct(self) -> tuple[Complex, Array]:
-        """The direct response ``Phi_uq/Phi_uu`` and its variance: biased in closed loop, towards -1/C by disturbances."""
+        """Direct response ``Phi_uq/Phi_uu`` and its variance: biased in closed loop, towards -1/C by disturbances."""
         Phi = self.Phi
         P = Phi[:, 1, 2] / Phi[:, 1, 1]
         rest = Phi[:, 2, 2].real - np.abs(Phi[:, 1, 2]) ** 2 / Phi[:, 1, 1].real
