@@ -26,6 +26,7 @@ REFITTED = 3  # iterations of a fit without one fold
 BRISTLES = 15  # iterations for stiffness and damping of the bristles
 STIFFNESS_FACTORS = (0.1, 0.3, 3.0, 10.0)  # of the first guess of the bristles' stiffness
 LEAST_WINDOWS = 40
+DISCRETE = 2e-4  # relative error of the simulation with steps of a sampling period, which no resampling shows
 UNRELATED = 0.5  # relative error of the torque in sliding that least squares leave at best
 EXTRAPOLATED = 1.0  # s of sliding below the Stribeck speed with which stiction is still an extrapolation
 HARDLY = 0.02  # relative standard deviation of the inertia that is mentioned
@@ -252,6 +253,7 @@ def _estimate(
     drawn = [reported(law, each, data.period) for each in spread.T]
     values = reported(law, found.theta, data.period)
     std = {name: _deviation(np.array([each[name] for each in drawn]), name) for name in values}
+    std = {name: float(np.hypot(value, DISCRETE * abs(values[name]))) for name, value in std.items()}
     samples = sliding_samples(data, float(found.theta[-1]))
     model = found.theta[0] * samples.ddq + law.gravity_torque(samples.q, found.theta)
     error = samples.tau - model - law.torque(samples.dq, found.theta)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rrrgen.arrays import Array
 from rrrgen.friction_estimation.candidates import Candidate
 
-LUGRE_STEPS = 2
+LUGRE_STEPS = 4
 """Steps within a sampling period of about 1 ms: bristles are stiff."""
 NEURAL_STEPS = 4
 
