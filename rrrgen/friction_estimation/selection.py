@@ -14,6 +14,7 @@ from rrrgen.friction_estimation.shooting.windows import Windows
 
 FOLDS = 4
 SIGNIFICANT = 2.0  # standard errors by which a law has to be better on held-out windows
+CLEAR = 1.5
 MATERIAL = 0.05  # and relative to the held-out loss of the other
 
 
@@ -58,7 +59,8 @@ def choose(scores: Sequence[Score], blocks: NDArray[np.int64]) -> int:
     """The law with the fewest parameters that none beats significantly on held-out windows; of equals the least BIC.
 
     Laws are compared block by block: B beats A if the mean difference of their losses exceeds :data:`SIGNIFICANT`
-    standard errors and :data:`MATERIAL` of the loss of A.
+    standard errors and :data:`MATERIAL` of the loss of A, or if the loss of A is :data:`CLEAR` times that of B: a few
+    blocks with most of the loss leave no significance in a short recording.
     """
     standing = [i for i, a in enumerate(scores) if not any(_beats(b, a, blocks) for b in scores)]
     return min(standing or range(len(scores)), key=lambda i: (scores[i].parameters, scores[i].bic))
@@ -71,4 +73,6 @@ def _beats(b: Score, a: Score, blocks: NDArray[np.int64]) -> bool:
         return False
     error = float(np.std(gains, ddof=1)) / np.sqrt(len(gains))
     mean = float(np.mean(gains))
+    if float(np.sum(a.losses)) > CLEAR * float(np.sum(b.losses)):
+        return True
     return mean > SIGNIFICANT * error and mean > MATERIAL * float(np.sum(a.losses)) / len(gains)
