@@ -140,3 +140,19 @@ def test_an_angle_that_the_target_decides_is_not_flagged():
             decided += 1
             assert not answer.flags[away.argmin()] & FREE
     assert decided > 50
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("joint", [1, 5])
+def test_a_prescribed_arm_angle_decides_joints_beside_a_singular_configuration(backend, joint):
+    """Beside it, and not only far from it, all eight rows come; in it one row stands for a continuum."""
+    solver = load_solver(make("iiwa14", ROWS["iiwa14"]), backend=backend)
+    for away in (0.0, 1e-8, 1e-6, 5e-6, 1e-5, 3e-5):
+        for q in np.random.default_rng(4).uniform(-2, 2, (3, 7)):
+            q[joint] = away
+            T = reference(ROWS["iiwa14"], q)[0]
+            answer = solver.solve(T, q, limits=False)
+            assert np.abs(reference(ROWS["iiwa14"], answer.q) - T).max() <= FK_ERROR
+            assert np.abs(wrapped(answer.q - q)).max(axis=1).min() < 1e-6
+            assert bool(np.any(answer.flags & FREE)) == (away == 0.0), (away, q)
+            assert len(answer) == (4 if away == 0.0 else 8)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import pi
 
+from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.runtime.evaluation.branches import Query, Row, candidates
 from rrrgen.runtime.evaluation.kernels import FREE, MULTIPLE, TOLERANCE, Settings
@@ -81,11 +83,22 @@ class FreeJoints:
                 if (row.flags >> (8 + j)) & ~(held >> j) & 1:
                     q = list(row.q)
                     q[j] += side * TOLERANCE["turn"]
-                    if self._task.refine(q, *USUAL, 1 << j)[1] <= self._accuracy**2:
+                    q, error = self._task.refine(q, *USUAL, 1 << j)
+                    if error <= self._accuracy**2 and self._stands(row.q, q, j):
                         held |= 1 << j
         if held:
             row.flags |= held << 16 | FREE
         return held
+
+    def _stands(self, before: Sequence[float], after: Sequence[float], j: int) -> bool:
+        """Whether all joints but j and one other, which may have the same axis, stand still.
+
+        Asked of an arm with a prescribed arm angle only: it could also meet the target by another arm angle.
+        """
+        if self._plan.locked != ARM_ANGLE:
+            return True
+        moved = [abs(x - y) for k, (x, y) in enumerate(zip(before, after, strict=True)) if k != j]
+        return sum(moved) - max(moved) <= 64.0 * self._accuracy
 
     # -- limits -------------------------------------------------------------------------------------------------------
 

@@ -103,6 +103,22 @@ LOCAL void ik_take(const ik_solutions *from, int i, ik_solutions *out, int to)
     out->residual[to] = from->residual[i];
 }
 
+#if REDUNDANT && !LOCKED
+/* Whether all joints but j and one other, which may have the same axis, stand still between two configurations. The arm
+ * could also meet the target by another value of the redundancy parameter, which is prescribed: then several move. */
+LOCAL int ik_stands(const REAL *from, const REAL *to, int j, REAL most)
+{
+    REAL sum = (REAL)0, largest = (REAL)0;
+    int k;
+    for (k = 0; k < JOINTS; ++k) {
+        const REAL moved = k == j ? (REAL)0 : FABS(to[k] - from[k]);
+        sum += moved;
+        largest = moved > largest ? moved : largest;
+    }
+    return sum - largest <= most;
+}
+#endif
+
 /* Which joints of row i the target leaves open: turned a little and held there, one of them still lets the others meet
  * the target to its own accuracy. */
 LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i)
@@ -118,7 +134,13 @@ LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i
             for (k = 0; k < JOINTS; ++k) {
                 q[k] = found->q[i][k] + (k == j ? (REAL)side * (REAL)VALUE_TURN : (REAL)0);
             }
+#if REDUNDANT && !LOCKED
+            if (ik_refine(T, q, VALUE_STEPS, (REAL)VALUE_DAMPING, 1u << j) <= accuracy * accuracy) {
+                held |= ik_stands(found->q[i], q, j, (REAL)64 * accuracy) ? 1u << j : 0u;
+            }
+#else
             held |= ik_refine(T, q, VALUE_STEPS, (REAL)VALUE_DAMPING, 1u << j) <= accuracy * accuracy ? 1u << j : 0u;
+#endif
         }
     }
     found->flags[i] |= held != 0u ? (held << 16) | (unsigned)IK_FREE : 0u;
