@@ -117,8 +117,8 @@ LOCAL int ik_stands(const REAL *from, const REAL *to, int j, REAL most)
     }
     return sum - largest <= most;
 }
-#endif
 
+#endif
 /* Which joints of row i the target leaves open: turned a little and held there, one of them still lets the others meet
  * the target to its own accuracy. */
 LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i)
