@@ -16,6 +16,9 @@ from rrrgen.program import Program, evaluate
 
 DOUBLE = 1e-11  # relative to the largest value over the states: some hundred to thousand roundings of 1e-16
 
+FRICTION = {"friction_with", "smooth_friction"}
+"""Functions that are no rigid-body mechanics; tests/pipeline/test_friction_laws.py compares them with retyped laws."""
+
 
 class Reference:
     """What the functions of ``robot`` must give at ``states`` random states; ``K`` is the map from phi to beta.
