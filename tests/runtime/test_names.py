@@ -118,7 +118,7 @@ def test_inverse_kinematics():
         assert {"limits", "residual"} < set(python), "the options, which C adds up"
         made = rrrgen.compile(robot, backend="numpy").casadi_function("inverse_kinematics")
         assert isinstance(made, casadi.Function)
-        assert [each for each in made.name_in() if each != "branch"] == [
+        assert [each for each in made.name_in() if each != "branch_signs"] == [
             each for each in declared if each in ("target", "redundancy")
         ]
         assert made.name_out() == ["q"]

@@ -19,7 +19,7 @@ MOST_CHOICES = 8
 
 
 class CasadiBuilder:
-    """Interprets a derivation over CasADi SX; the sign of every root is an entry of ``branch``."""
+    """Interprets a derivation over CasADi SX; the sign of every root is an entry of ``branch_signs``."""
 
     def __init__(self, target: Any, branch: Any, redundancy: Any, *, position: bool) -> None:
         import casadi
@@ -141,9 +141,9 @@ class CasadiBuilder:
 
 
 def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
-    """The inverse kinematics of ``spec`` as ``casadi.Function(target, branch[, redundancy]) -> q``.
+    """The inverse kinematics of ``spec`` as ``casadi.Function(target, branch_signs[, redundancy]) -> q``.
 
-    ``target`` is the position (3) or the pose (4x4), m; ``branch`` one entry +1 or -1 per choice, in the order of
+    ``target`` is the position (3) or the pose (4x4), m; ``branch_signs`` one entry +1 or -1 per choice, in the order of
     :func:`branch_labels`; ``q`` (n) in (-pi, pi], rad or m. A target that the branch does not reach gives NaN; joint
     limits are not looked at. Raises DerivationError for chains without a solver, and for those that solve a quartic.
     """
@@ -152,10 +152,10 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
     plan = _plan(spec, redundancy)
     target, parameter = _target(plan), casadi.SX.sym("redundancy")
     labels = _interpreted(plan, target, casadi.SX.ones(MOST_CHOICES), parameter).labels
-    branch = casadi.SX.sym("branch", len(labels))
+    branch = casadi.SX.sym("branch_signs", len(labels))
     builder = _interpreted(plan, target, branch, parameter)
     q = casadi.vertcat(*(builder.values[j] for j in range(plan.chain.n)))
-    inputs, names = [target, branch], ["target", "branch"]
+    inputs, names = [target, branch], ["target", "branch_signs"]
     if plan.locked is not None:
         inputs, names = [*inputs, parameter], [*names, "redundancy"]
     return casadi.Function(f"{spec.name}_inverse_kinematics", inputs, [q], names, ["q"])
@@ -171,7 +171,7 @@ def branch_labels(spec: RobotSpec, redundancy: int | None = None) -> tuple[str, 
 
 
 def branch_signs(labels: tuple[tuple[str, int, int], ...], branch: int) -> list[int]:
-    """The ``branch`` input of :func:`branch_function` for a branch number of the emitted C and its label layout."""
+    """The input ``branch_signs`` of :func:`branch_function` for a branch number of the emitted C and its label layout."""
     return [1 if (int(branch) >> bit) & 1 == 0 else -1 for _, bit, _ in labels]
 
 
