@@ -188,7 +188,8 @@ class Model(KinematicFunctions, RegressorFunctions, ParameterFunctions, PointFun
         Args:
             name: a function of the model such as "inverse_dynamics", its specialization "inverse_dynamics_nominal", or
                 "inverse_kinematics", which takes ``target``, ``branch_signs``, the sign of every choice between two
-                branches (+1 or -1), and, for a redundant arm, ``redundancy``, and gives the one configuration ``q`` of that branch.
+                branches (+1 or -1), and, for a redundant arm, ``redundancy``, and gives the one configuration ``q`` of
+                that branch.
             smooth_sign: eps > 0, in rad/s or m/s, replaces sgn(x) by tanh(x / eps); by default sgn is exact, with
                 derivative 0.
 

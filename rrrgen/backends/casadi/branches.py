@@ -171,7 +171,7 @@ def branch_labels(spec: RobotSpec, redundancy: int | None = None) -> tuple[str, 
 
 
 def branch_signs(labels: tuple[tuple[str, int, int], ...], branch: int) -> list[int]:
-    """The input ``branch_signs`` of :func:`branch_function` for a branch number of the emitted C and its label layout."""
+    """The input ``branch_signs`` of :func:`branch_function` for a branch number and its label layout."""
     return [1 if (int(branch) >> bit) & 1 == 0 else -1 for _, bit, _ in labels]
 
 
