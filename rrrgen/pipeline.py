@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import chain, islice
@@ -69,6 +69,7 @@ def emit(
     languages: Sequence[Language] = (),
     any_gravity: DerivedModel | None = None,
     tell: Tell | None = None,
+    further: Mapping[str, str] | None = None,
 ) -> dict[str, Contents]:
     """The files that ``rrrgen generate`` writes, as relative path -> contents; nothing is written.
 
@@ -81,6 +82,7 @@ def emit(
         languages: printed in addition to C and CasADi, such as "rust".
         any_gravity: the model of the same robot with gravity as an input, to be written beside it, or None.
         tell: called as ``tell(done, total, message)`` as the work proceeds.
+        further: C files to be built and listed with those of the model.
 
     Raises:
         BackendError: a language cannot express a function.
@@ -101,6 +103,7 @@ def emit(
     models = [model] if any_gravity is None else [model, any_gravity]
     for other in models[1:]:
         files |= _further_model(other, real, trig, jobs, tell)
+    files |= further or {}
     files |= build_files(files, identity, Dialect(model.spec.name, real))
     files[MANIFEST] = manifest(model, identity, real, files, data, any_gravity)
     if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them

@@ -44,10 +44,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Design input shapers and notch filters against vibrations.",
     ),
     "case-study": ("rrrgen.cli.identification.case_study:case_study", "Run the whole case study on the virtual RRR."),
-    "controller": (
-        "rrrgen.cli.identification.controller:controller",
-        "Write C for the controller: motion, Kalman step, friction.",
-    ),
     "doctor": ("rrrgen.cli.doctor:doctor", "Say what this installation can do, and what is missing."),
     "schema": ("rrrgen.cli.model.schema:schema", "Print the JSON Schema of robot files, for editors."),
 }

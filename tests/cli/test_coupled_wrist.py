@@ -140,7 +140,7 @@ def test_flexible_joints_are_refused_for_coupled_drives(folder):
 
 @pytest.mark.parametrize("law", ["coulomb_viscous", "lugre"])
 def test_friction_on_the_controller_is_that_of_joints_and_motors(folder, law):
-    done = run("controller", folder / "wrist.yaml", "--friction", law, "-o", folder / "firmware")
+    done = run("generate", folder / "wrist.yaml", "--no-casadi-files", "--friction", law, "-o", folder / "firmware")
     assert done.return_value == 0, done.output
     header = (folder / "firmware" / "wrist_friction.h").read_text()
     assert "rows joint roll, left, right" in " ".join(header.replace("*", " ").split())

@@ -65,7 +65,6 @@ USES = {
     "validate": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy", "matplotlib")),
     "simulate": (["pendulum", "--trajectory", "motion.json", "-o", "x"], ("scipy",)),
     "reconstruct": (["log.csv", "-o", "x"], ("scipy", "matplotlib")),
-    "controller": (["pendulum", "--tuning", "tuning.json", "-o", "x"], ("scipy",)),
     "friction": (["pendulum", "--log", "log.csv", "--joint", "q1", "-o", "x"], ("scipy", "matplotlib")),
     "payload": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy", "cvxpy", "clarabel")),
     "drive-gains": (["pendulum", "--log", "log.csv", "--loaded", "l.csv", "--mass", "1", "-o", "x"], ("scipy",)),
@@ -76,6 +75,7 @@ USES = {
     "vibration": (["--mode", "28:0.1", "--rate", "1000", "-o", "x"], ("scipy", "matplotlib")),
     "case-study": (["-o", "x"], ("casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")),
     "generate": (["pendulum", "--casadi-files", "-o", "x"], ("casadi",)),
+    "generate with a filter": (["pendulum", "--no-casadi-files", "--tuning", "tuning.json", "-o", "x"], ("scipy",)),
 }
 
 
@@ -90,7 +90,7 @@ def test_a_command_names_the_extra_that_it_lacks(use, package, folder, monkeypat
     code, message = run([command, *USES[use][0]]), capsys.readouterr().err
     assert code == 5, message
     assert package in message
-    extra = "casadi" if command == "generate" else EXTRAS[package]
+    extra = "casadi" if use == "generate" else EXTRAS[package]
     assert f"pip install 'rrrgen[{extra}]'" in message
     assert not (folder / "x").exists(), "something was written"
 
@@ -101,10 +101,9 @@ PLAIN = {
     "robots": [],
     "check": ["pendulum.yaml"],
     "show": ["pendulum"],
-    "generate": ["pendulum", "-o", "out"],
+    "generate": ["pendulum", "-o", "out", "--trajectory", "motion.json", "--friction", "lugre"],
     "verify": ["pendulum"],
     "ik": ["planar2r", "--pose", "0.3 0.2 0"],
-    "controller": ["pendulum", "--trajectory", "motion.json", "--friction", "lugre", "-o", "firmware"],
     "schema": [],
     "export": ["pendulum", "--to", "urdf"],
     "calibrate": ["planar2r", "--choose", "5", "-o", "poses.csv"],

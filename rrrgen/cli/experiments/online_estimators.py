@@ -1,4 +1,4 @@
-"""Options and files of the online estimators that ``rrrgen controller`` writes."""
+"""Options and files of the online estimators that ``rrrgen generate`` writes beside the model."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import click
 
 if TYPE_CHECKING:
     from rrrgen.control.estimation.programs import Regression
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.derive.derived_model import DerivedModel
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -26,7 +26,7 @@ def estimator_options(function: F) -> F:
             "estimators",
             type=click.Choice(KINDS),
             multiple=True,
-            help="Online estimator to emit: recursive least squares or gradient; repeat for both.",
+            help="Also write <name>_rls.h/.c or <name>_gradient.h/.c, which estimate the parameters sample by sample.",
         ),
         click.option(
             "--fix",
@@ -68,7 +68,7 @@ def estimator_options(function: F) -> F:
     return function
 
 
-def estimator_files_of(spec: RobotSpec, options: dict[str, Any]) -> dict[str, str]:
+def estimator_files_of(model: DerivedModel, options: dict[str, Any]) -> dict[str, str]:
     """The C files of the chosen estimators; raises UsageError for options without an estimator that uses them."""
     kinds = tuple(dict.fromkeys(options["estimators"]))
     _refuse_unused(kinds, options)
@@ -76,15 +76,14 @@ def estimator_files_of(spec: RobotSpec, options: dict[str, Any]) -> dict[str, st
         return {}
     from dataclasses import replace
 
-    from rrrgen import pipeline
     from rrrgen.control.estimation.programs import regression
     from rrrgen.control.estimation.sources import EstimatorSettings, estimator_files
 
-    setting = regression(pipeline.derive(spec), _fixed(options["fix"]))
+    setting = regression(model, _fixed(options["fix"]))
     given = {"forgetting": options["forgetting"], "rest": options["rest_speed"]}
     settings = EstimatorSettings(**{name: value for name, value in given.items() if value is not None})
     if options["torque_noise"] is not None:
-        settings = replace(settings, noise=_covariance(options["torque_noise"], spec.n))
+        settings = replace(settings, noise=_covariance(options["torque_noise"], model.spec.n))
     if options["spread"] is not None:
         settings = replace(settings, spread=(options["spread"],) * len(setting.names))
     if "gradient" in kinds:

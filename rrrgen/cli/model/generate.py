@@ -11,6 +11,7 @@ import click
 
 from rrrgen import pipeline
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument, words
+from rrrgen.cli.experiments.controller_code import controller_files, controller_options
 from rrrgen.cli.progress import progress_bar
 from rrrgen.parallel_map import usual_jobs
 from rrrgen.robotfile.keys import EMIT
@@ -60,6 +61,7 @@ GROUPS = ("control", "observer", "points", "trajectory")
     default=usual_jobs,
     help="Number of processes; does not change the files.  [default: number of cores, up to 6]",
 )
+@controller_options
 @json_option
 @click.option("-v", "--verbose", is_flag=True, help="Report what each step did, on stderr.")
 @pipeline.without_collection()
@@ -74,12 +76,18 @@ def generate(
     jobs: int,
     as_json: bool,
     verbose: bool,
+    **experiment: Any,
 ) -> int:
     """Derive a robot's kinematics and dynamics and write them as C and CasADi.
 
     DIR receives <name>.h with its sources (<name>.c; <name>_nominal.c with the numbers of the robot file folded in;
     <name>_derivatives.c), inverse kinematics, a self-test that runs on the target, CMakeLists.txt, a pkg-config file,
     CasADi functions and manifest.json. The same robot gives the same bytes everywhere.
+
+    Code for a controller comes in groups, --with control,observer,trajectory, and from the results of an experiment:
+    its motion with --trajectory, a Kalman filter with --tuning, friction laws whose parameters are arguments with
+    --friction, and with --estimator online estimators of the base parameters (14.21)-(14.23) and of the drive inertias
+    and the friction that the robot file states.
 
     \b
     Examples:
@@ -88,6 +96,8 @@ def generate(
       rrrgen generate rrr -o generated/rrr --check      (in continuous integration)
       rrrgen generate rrr -o generated/rrr --with rust
       rrrgen generate rrr -o generated/rrr --with gravity,control
+      rrrgen generate rrr -o firmware --with control,observer --tuning runs/motion/results/tuning.json
+      rrrgen generate rrr -o firmware --estimator rls --fix p4=0 --fix p15=0 --torque-noise 0.2,0.1,0.05
     """
     from rrrgen.output import writer as emit
 
@@ -100,8 +110,10 @@ def generate(
     with progress_bar(in_processes=True) as tell:
         tell(0, 0, "deriving")
         model = pipeline.derive(spec, jobs, groups, tell)
+        code = controller_files(model, real, experiment)
         any_gravity = pipeline.derive(spec.in_any_gravity(), jobs, groups, tell) if "gravity" in wanted else None
-        files = pipeline.emit(model, real, with_casadi and not only_check, trig, jobs, languages, any_gravity, tell)
+        casadi = with_casadi and not only_check
+        files = pipeline.emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code)
     if verbose:
         _report_passes(model)
     if only_check:

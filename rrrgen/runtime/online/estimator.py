@@ -71,7 +71,7 @@ def online_estimator(
 ) -> OnlineEstimator:
     """An online estimator of the dynamic parameters of a robot. Source: (14.21)-(14.23).
 
-    It runs the C of `rrrgen controller --estimator`, in the precision of the model; with a model of the NumPy backend
+    It runs the C of `rrrgen generate --estimator`, in the precision of the model; with a model of the NumPy backend
     the same recursion in NumPy.
 
     Args:

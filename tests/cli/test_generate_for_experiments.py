@@ -44,20 +44,23 @@ def inputs(tmp_path_factory):
 def written(inputs, folder, real):
     friction = [word for law in LAWS for word in ("--friction", law)]
     result = run(
-        *("controller", "planar2r", "--trajectory", inputs / "trajectory.json", "--tuning", inputs / "tuning.json"),
+        *("generate", "planar2r", "--trajectory", inputs / "trajectory.json", "--tuning", inputs / "tuning.json"),
         *(*friction, "--rate", 1000, "--real", real, "-o", folder, "--json"),
     )
     assert result.return_value == 0, result.output
-    return json.loads(result.output)["files"]
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_the_step_and_the_motion_equal_python_to_round_off(inputs, tmp_path, compiler, real):
     folder, motion = inputs
-    files = written(folder, tmp_path, real)
-    assert len(files) == 6
-    sources = [name for name in files if name.endswith(".c")]
+    written(folder, tmp_path, real)
+    parts = [f"planar2r_{part}" for part in ("trajectory", "kalman", "friction")]
+    files = [f"{part}{suffix}" for part in parts for suffix in (".h", ".c")]
+    listed = json.loads((tmp_path / "manifest.json").read_text())["files"]
+    assert set(files) <= set(listed)
+    assert all(f"{part}.c" in (tmp_path / "CMakeLists.txt").read_text() for part in parts)
+    sources = [f"{part}.c" for part in parts]
     for name in files:
         text = (tmp_path / name).read_text()
         assert "malloc" not in text
@@ -130,18 +133,18 @@ def test_tunings_and_motions_that_do_not_fit_are_refused(inputs, tmp_path):
     folder, _ = inputs
     for option, name in (("--tuning", "tuning.json"), ("--trajectory", "trajectory.json")):
         with pytest.raises(Exception, match="2 joints, the robot has 3"):
-            run("controller", "rrr", option, folder / name, "-o", tmp_path)
+            run("generate", "rrr", option, folder / name, "-o", tmp_path)
     with pytest.raises(Exception, match="no tuning"):
-        run("controller", "planar2r", "--tuning", folder / "trajectory.json", "-o", tmp_path)
-    with pytest.raises(Exception, match="nothing to write"):
-        run("controller", "planar2r", "-o", tmp_path)
+        run("generate", "planar2r", "--tuning", folder / "trajectory.json", "-o", tmp_path)
+    with pytest.raises(Exception, match="--rate belongs to"):
+        run("generate", "planar2r", "--rate", 500, "-o", tmp_path)
 
 
 @pytest.mark.parametrize("variance", ["NaN", "1e999", "0", "-1e-8"])
 def test_a_tuning_with_impossible_variances_is_refused(tmp_path, variance):
     (tmp_path / "tuning.json").write_text(f'{{"var_eta": [{variance}], "var_xi": [1.0]}}')
     result = run_command(
-        ["controller", "pendulum", "--tuning", str(tmp_path / "tuning.json"), "-o", str(tmp_path / "out")]
+        ["generate", "pendulum", "--tuning", str(tmp_path / "tuning.json"), "-o", str(tmp_path / "out")]
     )
     assert result == InputError.exit_code
     assert not (tmp_path / "out").exists()
@@ -149,7 +152,7 @@ def test_a_tuning_with_impossible_variances_is_refused(tmp_path, variance):
 
 def test_a_motion_with_an_infinite_coefficient_is_refused(tmp_path):
     (tmp_path / "motion.json").write_text('{"q0": [0], "a": [[1e999]], "b": [[1]], "base_frequency_hz": 0.1}')
-    arguments = ["controller", "pendulum", "--trajectory", str(tmp_path / "motion.json"), "-o", str(tmp_path / "out")]
+    arguments = ["generate", "pendulum", "--trajectory", str(tmp_path / "motion.json"), "-o", str(tmp_path / "out")]
     assert run_command(arguments) == InputError.exit_code
 
 
@@ -158,7 +161,7 @@ def test_online_estimators_are_strict_c_and_cpp_without_heap(inputs, tmp_path, r
     folder, _ = inputs
     kinds = ("--estimator", "rls", "--estimator", "gradient", "--trajectory", folder / "trajectory.json")
     result = run(
-        "controller",
+        "generate",
         "planar2r",
         *kinds,
         "--torque-noise",
@@ -205,12 +208,12 @@ def test_online_estimators_are_strict_c_and_cpp_without_heap(inputs, tmp_path, r
 )
 def test_options_of_estimators_that_cannot_work_are_refused(tmp_path, options, reason):
     with pytest.raises(Exception, match=reason):
-        run("controller", "rrr", *options, "-o", tmp_path / "out")
+        run("generate", "rrr", *options, "-o", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
 def test_a_gain_above_the_bound_of_the_motion_is_refused(inputs, tmp_path):
     folder, _ = inputs
     options = ["--estimator", "gradient", "--gain", "1e6", "--trajectory", str(folder / "trajectory.json")]
-    assert run_command(["controller", "planar2r", *options, "-o", str(tmp_path / "out")]) == InputError.exit_code
+    assert run_command(["generate", "planar2r", *options, "-o", str(tmp_path / "out")]) == InputError.exit_code
     assert not (tmp_path / "out").exists()

@@ -1,63 +1,70 @@
-"""``rrrgen controller``."""
+"""Options and files of the controller of one experiment, which ``rrrgen generate`` writes beside the model."""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument
 from rrrgen.cli.experiments.online_estimators import estimator_files_of, estimator_options
 from rrrgen.friction.laws import LAWS
 
 if TYPE_CHECKING:
+    from rrrgen.backends import Real
+    from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.program import Program
     from rrrgen.robotfile.robot_spec import RobotSpec
 
+F = TypeVar("F", bound=Callable[..., Any])
 
-@click.command()
-@robot_argument
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Directory.", metavar="DIR")
-@click.option("--trajectory", type=click.Path(path_type=Path, exists=True), help="excitation.json of `rrrgen excite`.")
-@click.option("--tuning", type=click.Path(path_type=Path, exists=True), help="tuning.json of `rrrgen reconstruct`.")
-@click.option(
-    "--rate",
-    type=click.FloatRange(min=0.0, min_open=True),
-    default=1000.0,
-    show_default=True,
-    metavar="HZ",
-    help="Sampling rate of the controller.",
-)
-@click.option(
-    "--friction", type=click.Choice(list(LAWS)), multiple=True, help="Friction law to emit; repeat for several."
-)
-@estimator_options
-@real_option
-@json_option
-def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
-    """Write C99 code for the controller of an experiment: motion, Kalman filter, friction, online estimation.
+RATE = 1000.0
+"""Usual sampling rate of a controller, Hz."""
 
-    --trajectory writes <name>_trajectory.h/.c, which evaluates the exciting motion at any instant; --tuning writes
-    <name>_kalman.h/.c, one step of the Kalman filter at the controller's --rate; --friction writes
-    <name>_friction.h/.c, the friction torques with their parameters as arguments, and the step of the state if the law
-    has one. --estimator writes <name>_rls.h/.c or <name>_gradient.h/.c, which estimate the base parameters sample by
-    sample (14.21)-(14.23), and with them the drive inertias and the friction that the robot file states. The robot
-    model itself is written by `rrrgen generate`, control laws, momentum observer and point-to-point motions by
-    `rrrgen generate --with control,observer,trajectory`.
 
-    \b
-    Example:
-      rrrgen controller rrr --trajectory runs/excitation/results/excitation.json -o firmware
-      rrrgen controller rrr --tuning runs/motion/results/tuning.json --friction lugre --real float -o firmware
-      rrrgen controller rrr --estimator rls --fix p4=0 --fix p15=0 --torque-noise 0.2,0.1,0.05 -o firmware
-    """
+def controller_options(function: F) -> F:
+    """Add the options of code for one experiment: its motion, Kalman filter, friction laws, online estimators."""
+    options = [
+        click.option(
+            "--trajectory",
+            type=click.Path(path_type=Path, exists=True),
+            help="Also write <name>_trajectory.h/.c, the motion of this excitation.json of `rrrgen excite`.",
+        ),
+        click.option(
+            "--tuning",
+            type=click.Path(path_type=Path, exists=True),
+            help="Also write <name>_kalman.h/.c, a Kalman filter with this tuning.json of `rrrgen reconstruct`.",
+        ),
+        click.option(
+            "--rate",
+            type=click.FloatRange(min=0.0, min_open=True),
+            metavar="HZ",
+            help=f"Sampling rate of the controller, for --tuning and the gradient estimator; default {RATE:g}.",
+        ),
+        click.option(
+            "--friction",
+            type=click.Choice(list(LAWS)),
+            multiple=True,
+            help="Also write <name>_friction.h/.c with this law, parameters as arguments; repeat for several.",
+        ),
+        estimator_options,
+    ]
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def controller_files(model: DerivedModel, real: Real, options: dict[str, Any]) -> dict[str, str]:
+    """The C files that the options of :func:`controller_options` ask for, for the robot of ``model``."""
     from rrrgen.backends.c.functions import function_files
-    from rrrgen.output import writer as emit
 
-    spec = read_with_warnings(robot)
+    spec = model.spec
+    if options["rate"] is not None and not (options["tuning"] or "gradient" in options["estimators"]):
+        raise click.UsageError("--rate belongs to --tuning or --estimator gradient")
+    options = options | {"rate": options["rate"] or RATE, "real": real}
     parts: list[tuple[str, str, list[Program]]] = []
     if options["trajectory"]:
         parts.append(("trajectory", f"an exciting motion of {spec.name}", [_motion(options["trajectory"], spec.n)]))
@@ -65,20 +72,12 @@ def controller(robot: str, output: Path, as_json: bool, **options: Any) -> int:
         step = _kalman(options["tuning"], options["rate"], spec.n)
         parts.append(("kalman", f"reconstruction of the joint motion of {spec.name}", [step]))
     if options["friction"]:
-        programs = [program for law in options["friction"] for program in _friction(law, spec)]
+        programs = [program for law in dict.fromkeys(options["friction"]) for program in _friction(law, spec)]
         parts.append(("friction", f"friction in the joints of {spec.name}", programs))
-    files = estimator_files_of(spec, options)
-    if not parts and not files:
-        raise click.UsageError("nothing to write: give --trajectory, --tuning, --friction or --estimator")
+    files = estimator_files_of(model, options)
     for kind, title, programs in parts:
-        files |= function_files(f"{spec.name}_{kind}", title, programs, options["real"])
-    for name, text in files.items():
-        emit.write_file(output / name, text)
-    if as_json:
-        print_json({"directory": str(output), "files": sorted(files)})
-    else:
-        click.echo(f"written to {output}: {', '.join(files)}")
-    return 0
+        files |= function_files(f"{spec.name}_{kind}", title, programs, real)
+    return files
 
 
 def _motion(path: Path, joints: int) -> Program:
