@@ -7,16 +7,13 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
 
 if TYPE_CHECKING:
-    from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.robotfile.robot_spec import RobotSpec
-    from rrrgen.verify.report import Report
 
 SHORT = 3
 """Largest number of joints for which closed forms are shown by default."""
@@ -67,27 +64,6 @@ def real_option(function: F) -> F:
     return click.option(
         "--real", type=choice, default="double", show_default=True, help="Floating-point type of the C code."
     )(function)
-
-
-def html_option(function: F) -> F:
-    """Add the option ``--html FILE``, for an HTML report."""
-    kind = click.Path(dir_okay=False, path_type=Path)
-    return click.option("--html", type=kind, help="Also write a self-contained HTML report of the robot.")(function)
-
-
-def write_html(file: Path, model: DerivedModel, report: Report | None = None) -> None:
-    """Write the HTML report of ``model`` to ``file``, with the closed forms of the usual functions."""
-    from rrrgen.derive import prepare
-    from rrrgen.derive.closed_forms.closed_form import closed_form
-    from rrrgen.output.manifest import identify
-    from rrrgen.output.writer import write_file
-    from rrrgen.report import html_report
-
-    identity = identify(model.spec)
-    derivation = prepare(model.spec)
-    forms = {name: closed_form(derivation, name).readable() for name in USUAL}
-    notice = f"Written by rrrgen {identity.tool_version} from model {identity.model_hash}."
-    write_file(file, html_report(model, forms, report, notice))
 
 
 def read_robot(robot: str, strict: bool = False) -> RobotSpec:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.report.motions import Illustration, Motion
     from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.verify.report import Report
 
@@ -31,20 +32,23 @@ def html_report(
     closed_forms: Mapping[str, Form],
     verify_report: Report | None = None,
     notice: str = "",
+    motions: Sequence[Motion] = (),
+    figures: Sequence[Illustration] = (),
 ) -> str:
     """The text of a self-contained HTML file about the robot of ``model``.
 
     It shows the arm in an interactive view with configurations of the same tip pose, states the convention, prints the
     Denavit-Hartenberg table in both unit systems, draws the frames of the zero pose, lists the base parameters with
     what became of every link parameter, shows ``closed_forms`` (name of a model function -> exact expression, matrix or
-    shared form) as MathML and the inverse kinematics, counts operations, and tabulates ``verify_report``. ``notice`` is
-    one line about the origin (model hash, version). Raises :class:`rrrgen.errors.BackendError` when a closed form
-    contains what has no notation.
+    shared form) as MathML and the inverse kinematics, counts operations, and tabulates ``verify_report``. The view
+    plays ``motions``; ``figures`` stand at the end. ``notice`` is one line about the origin (model hash, version).
+    Raises :class:`rrrgen.errors.BackendError` when a closed form contains what has no notation, and
+    :class:`rrrgen.errors.InputError` for a motion that is not one of this robot.
     """
     spec, parameters = model.spec, listing(model)
     walk = Walk(MathmlMarkup(), trig_abbreviates(closed_forms))
     _, _, tip = zero_pose(spec)
-    view = scene(model)
+    view = scene(model) | {"motions": [motion.as_data(spec.n) for motion in motions]}
     return (
         _environment()
         .get_template("report/report.html.j2")
@@ -71,6 +75,7 @@ def html_report(
             report=verify_report,
             inverse=_inverse_kinematics(spec),
             poses=len(view["poses"]),
+            figures=figures,
             scene=Markup(as_json(view)),
         )
     )

@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+PRINT = 300
+"""Resolution of the PNG files, dots per inch: what journals ask for."""
+
+
 def new_figure(
     rows: int, columns: int, height: float, width: float = 7.0, layout: Any = "constrained", **options: Any
 ) -> tuple[Figure, Any]:
@@ -49,7 +53,7 @@ def save_figure(figure: Figure, stem: Path) -> list[Path]:
             figure.set_layout_engine("none")
         vectors, pixels = BytesIO(), BytesIO()
         figure.savefig(vectors, format="svg", metadata={"Date": None, "Creator": None})
-        figure.savefig(pixels, format="png", dpi=120, metadata={"Software": None})
+        figure.savefig(pixels, format="png", dpi=PRINT, metadata={"Software": None})
     for path, content in zip(paths, (vectors, pixels), strict=True):
         write_file(path, content.getvalue())
     return paths

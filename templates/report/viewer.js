@@ -7,7 +7,7 @@
   const root = document.getElementById("viewer");
   const n = scene.joints.length;
   const start = scene.joints.map((joint) => Math.min(Math.max(0, joint.lower), joint.upper));
-  const state = { q: start.slice(), azimuth: -0.9, elevation: 0.38, zoom: 1, frames: true, others: [] };
+  const state = { q: start.slice(), azimuth: -0.9, elevation: 0.38, zoom: 1, frames: true, others: [], trace: [] };
   const sliders = [];
   let motion = 0;
 
@@ -137,7 +137,7 @@
     const channels = (name) => read(name).split(",").map(Number);
     return {
       link: channels("--arm-link"), joint: channels("--arm-joint"), slide: channels("--arm-slide"),
-      grid: read("--line"), ghost: read("--muted"), text: read("--text"),
+      grid: read("--line"), trace: read("--accent"), ghost: read("--muted"), text: read("--text"),
       axes: [read("--axis-x"), read("--axis-y"), read("--axis-z")],
     };
   }
@@ -198,6 +198,7 @@
       paint.fill();
       paint.stroke();
     });
+    for (let k = 1; k < state.trace.length; k++) line(state.trace[k - 1], state.trace[k], colors.trace, 1.5);
     const length = 0.13 * scene.reach;
     if (state.frames) arm.frames.slice(0, -1).forEach((T, k) => triad(T, length, colors, String(k)));
     triad(arm.tip, 1.3 * length, colors, "tip");
@@ -254,7 +255,9 @@
     motion = requestAnimationFrame(advance);
   }
   function release() {
+    pause();
     state.others = [];
+    state.trace = [];
     Array.from(document.querySelectorAll("#configurations button")).forEach((b) => b.setAttribute("aria-pressed", "false"));
   }
 
@@ -298,6 +301,61 @@
         move(solution.q);
       });
     });
+  });
+
+  /* -- motions: played in real time, interpolated between their samples --------------------------------------------------- */
+
+  let playing = 0;
+  function pause() {
+    cancelAnimationFrame(playing);
+    playing = 0;
+    document.querySelectorAll("#player .play button").forEach((b) => { b.textContent = "Play"; });
+  }
+  function sample(movement, t) {
+    let low = 0, high = movement.t.length - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (movement.t[middle] <= t) low = middle; else high = middle;
+    }
+    const f = (t - movement.t[low]) / (movement.t[high] - movement.t[low]);
+    return movement.q[low].map((from, i) => from + f * (movement.q[high][i] - from));
+  }
+  const player = document.getElementById("player");
+  scene.motions.forEach((movement) => {
+    const end = movement.t[movement.t.length - 1];
+    element("span", player, movement.name, { className: "note" });
+    const row = element("div", player, "", { className: "play" });
+    const button = element("button", row, "Play", { type: "button" });
+    const input = element("input", row, "", { type: "range", min: 0, max: end, step: "any", value: 0 });
+    input.setAttribute("aria-label", "time of " + movement.name);
+    const output = element("output", row);
+    const to = (t) => {
+      input.value = t;
+      output.textContent = fixed(t, 2) + " of " + fixed(end, 2) + " s";
+      state.q = sample(movement, t);
+    };
+    const follow = () => {
+      if (!movement.trace) movement.trace = movement.q.map((q) => origin(pose(q).tip));
+      cancelAnimationFrame(motion);
+      release();
+      state.trace = movement.trace;
+    };
+    input.addEventListener("input", () => { const t = Number(input.value); follow(); to(t); show(); });
+    button.addEventListener("click", () => {
+      if (button.textContent === "Pause") { pause(); return; }
+      follow();
+      button.textContent = "Pause";
+      const from = Number(input.value) >= end ? 0 : Number(input.value), begin = performance.now();
+      const advance = (now) => {
+        const t = Math.min(end, from + Math.max(0, now - begin) / 1000);
+        to(t);
+        show();
+        if (t < end) playing = requestAnimationFrame(advance);
+        else pause();
+      };
+      playing = requestAnimationFrame(advance);
+    });
+    output.textContent = fixed(0, 2) + " of " + fixed(end, 2) + " s";
   });
 
   canvas.addEventListener("pointerdown", (event) => {

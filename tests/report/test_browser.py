@@ -17,6 +17,7 @@ from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import closed_form
 from rrrgen.program import evaluate
 from rrrgen.report import html_report
+from rrrgen.report.motions import Motion
 from rrrgen.robotfile import load_spec
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -28,6 +29,7 @@ QUIET = (
 )  # fmt: skip
 
 ANGLES = (0.4, -1.1, 0.9, -0.3, 0.7, 0.2)
+PLAYED = np.array([0.2, -0.9, 0.5, 0.3, -0.6, 0.1])
 PROBE = """
 <script>
 const found = { width: innerWidth, scroll: document.documentElement.scrollWidth, outside: [], tip: "" };
@@ -42,6 +44,10 @@ document.querySelectorAll("#joints input").forEach((input, i) => {
   input.dispatchEvent(new Event("input"));
 });
 found.tip = document.getElementById("tip").textContent;
+const time = document.querySelector("#player input");
+time.value = 2;
+time.dispatchEvent(new Event("input"));
+found.played = Array.from(document.querySelectorAll("#joints output")).map((e) => e.textContent);
 const view = document.getElementById("view"), seen = new Set();
 const pixels = view.getContext("2d").getImageData(0, 0, view.width, view.height).data;
 for (let k = 0; k < pixels.length; k += 4) seen.add(pixels[k] + "," + pixels[k + 1] + "," + pixels[k + 2]);
@@ -61,7 +67,8 @@ FRAME = """<pre id="found"></pre>
 def page() -> str:
     model = pipeline.derive(load_spec("ur10e"))
     forms = {name: closed_form(prepare(model.spec), name).readable() for name in ("forward_kinematics", "gravity")}
-    return html_report(model, forms, notice=f"Written from model {64 * 'a'}.")
+    motion = Motion("recording " + 60 * "x", np.array([0.0, 1.0, 3.0]), np.array([np.zeros(6), np.ones(6), PLAYED]))
+    return html_report(model, forms, notice=f"Written from model {64 * 'a'}.", motions=[motion])
 
 
 def opened(text: str, width: int, folder: Path) -> tuple[dict, str]:
@@ -89,6 +96,13 @@ def test_report_is_whole_at_every_width(page: str, width: int, tmp_path: Path) -
     assert found["scroll"] <= found["width"], "the page scrolls sideways"
     assert found["outside"] == [], "elements stand out of the page"
     assert found["colors"] > 20, "the canvas is empty"
+
+
+def test_a_motion_is_interpolated_between_its_samples(page: str, tmp_path: Path) -> None:
+    found, console = opened(page, 1280, tmp_path)
+    shown = [float(text.replace("−", "-").rstrip("°")) for text in found["played"]]
+    assert console == ""
+    np.testing.assert_allclose(shown, np.degrees((np.ones(6) + PLAYED) / 2), atol=0.051)
 
 
 def test_view_computes_the_pose_of_the_tip(page: str, tmp_path: Path) -> None:

@@ -12,14 +12,13 @@ from rrrgen.cli.arguments import (
     SHORT,
     USUAL,
     complete_function,
-    html_option,
     json_option,
     print_json,
     read_with_warnings,
     robot_argument,
     terminal_width,
-    write_html,
 )
+from rrrgen.cli.model.html import html_option, read_motions, write_html
 
 if TYPE_CHECKING:
     from rrrgen.backends.latex import Form
@@ -47,6 +46,20 @@ INVERSE = "inverse_kinematics"
 @click.option("--recorded", is_flag=True, help="With --program: every recorded variant, before any pass.")
 @click.option("--latex", "as_latex", is_flag=True, help="Print the closed forms as LaTeX.")
 @html_option
+@click.option(
+    "--motion",
+    "motions",
+    multiple=True,
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="With --html: trajectory of `rrrgen excite`, or recording, to be played; repeat for several.",
+)
+@click.option(
+    "--run",
+    "runs",
+    multiple=True,
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    help="With --html: run folder whose figures are included; repeat for several.",
+)
 @json_option
 def show(
     robot: str,
@@ -57,6 +70,8 @@ def show(
     recorded: bool,
     as_latex: bool,
     html: Path | None,
+    motions: tuple[Path, ...],
+    runs: tuple[Path, ...],
     as_json: bool,
 ) -> None:
     """Print a robot as rrrgen understands it.
@@ -74,6 +89,7 @@ def show(
       rrrgen show rrr -f gravity --program --recorded
       rrrgen show ur10e -f inverse_kinematics --program
       rrrgen show ur10e --html ur10e.html
+      rrrgen show rrr --html rrr.html --motion runs/experiment/results/log.yaml --run runs/identified
     """
     from rrrgen import pipeline
     from rrrgen.derive import parametrized, prepare
@@ -82,6 +98,8 @@ def show(
         raise click.UsageError("give one of --latex and --json")
     if entry is not None and len(functions) != 1:
         raise click.UsageError("--entry needs exactly one --function")
+    if html is None and (motions or runs):
+        raise click.UsageError("--motion and --run go with --html")
     if recorded and not as_program:
         raise click.UsageError("--recorded goes with --program")
     if as_program:
@@ -97,7 +115,10 @@ def show(
     derivation = prepare(spec)
     forms = {_label(name, entry): _closed_form(derivation, name, entry) for name in wanted}
     if html is not None:
-        write_html(html, pipeline.derive(spec))
+        from rrrgen.report.motions import illustrations
+
+        figures = [figure for folder in runs for figure in illustrations(folder)]
+        write_html(html, pipeline.derive(spec), None, read_motions(motions, spec), figures)
     if as_json:
         from rrrgen.cli.model.description import as_data
 

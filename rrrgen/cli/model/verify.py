@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.cli.arguments import (
-    html_option,
     json_option,
     read_with_warnings,
     real_option,
     robot_argument,
     terminal_width,
-    write_html,
 )
+from rrrgen.cli.model.html import html_option, write_html
 from rrrgen.cli.progress import progress_bar
 
 if TYPE_CHECKING:

@@ -1,0 +1,79 @@
+"""The option ``--html``, and what goes into the HTML report: motions to play and figures of run folders."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rrrgen.cli.arguments import USUAL, F
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.report.motions import Illustration, Motion
+    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.verify.report import Report
+
+FRAMES_PER_SECOND = 50
+"""Rate at which a designed trajectory is sampled for the view."""
+
+
+def html_option(function: F) -> F:
+    """Add the option ``--html FILE``, for an HTML report."""
+    kind = click.Path(dir_okay=False, path_type=Path)
+    return click.option("--html", type=kind, help="Also write a self-contained HTML report of the robot.")(function)
+
+
+def write_html(
+    file: Path,
+    model: DerivedModel,
+    report: Report | None = None,
+    motions: Sequence[Motion] = (),
+    figures: Sequence[Illustration] = (),
+) -> None:
+    """Write the HTML report of ``model`` to ``file``, with the closed forms of the usual functions."""
+    from rrrgen.derive import prepare
+    from rrrgen.derive.closed_forms.closed_form import closed_form
+    from rrrgen.output.manifest import identify
+    from rrrgen.output.writer import write_file
+    from rrrgen.report import html_report
+
+    identity = identify(model.spec)
+    derivation = prepare(model.spec)
+    forms = {name: closed_form(derivation, name).readable() for name in USUAL}
+    notice = f"Written by rrrgen {identity.tool_version} from model {identity.model_hash}."
+    write_file(file, html_report(model, forms, report, notice, motions, figures))
+
+
+def read_motions(files: Iterable[Path], spec: RobotSpec) -> list[Motion]:
+    """The motions of trajectories (.json of `rrrgen excite`) and of recordings or their mapping files.
+
+    Raises InputError for a file that is neither, or that belongs to another robot.
+    """
+    return [_trajectory(file) if file.suffix == ".json" else _recording(file, spec) for file in files]
+
+
+def _trajectory(file: Path) -> Motion:
+    import numpy as np
+
+    from rrrgen.cli.identification.workflow import read_trajectory
+    from rrrgen.excitation.friction_motion import read_friction_motion
+    from rrrgen.report.motions import Motion
+
+    series = read_friction_motion(file) or read_trajectory(file)
+    t = np.linspace(0.0, series.period, max(2, round(FRAMES_PER_SECOND * series.period) + 1))
+    return Motion(str(file), t, series.evaluate(t)[0])
+
+
+def _recording(file: Path, spec: RobotSpec) -> Motion:
+    from rrrgen.recordings.log_stream import LogStream
+    from rrrgen.recordings.logs import check_robot, load_stream, open_log
+    from rrrgen.report.motions import Motion
+
+    mapping = open_log(file)
+    check_robot(mapping, spec)
+    log = load_stream(LogStream(mapping), [joint.name for joint in spec.joints])
+    return Motion(str(file), log.t, log.q)
