@@ -18,7 +18,7 @@ from rrrgen.cli.arguments import (
     robot_argument,
     terminal_width,
 )
-from rrrgen.cli.model.html import html_option, read_motions, write_html
+from rrrgen.cli.html import html_option, read_motions, write_html
 
 if TYPE_CHECKING:
     from rrrgen.backends.latex import Form

@@ -14,7 +14,7 @@ from rrrgen.cli.arguments import (
     robot_argument,
     terminal_width,
 )
-from rrrgen.cli.model.html import html_option, write_html
+from rrrgen.cli.html import html_option, write_html
 from rrrgen.cli.progress import progress_bar
 
 if TYPE_CHECKING:
