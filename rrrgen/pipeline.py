@@ -79,7 +79,7 @@ def emit(
         casadi_files: add serialized CasADi functions (`.casadi` files), which need CasADi.
         trig: where sines and cosines come from: "inline", a kernel in the emitted code, or "libm", the C library.
         jobs: the largest number of processes; the result does not depend on it.
-        languages: printed in addition to C and CasADi, such as "rust".
+        languages: printed in addition to C and CasADi, such as "rust" and "cpp".
         any_gravity: the model of the same robot with gravity as an input, to be written beside it, or None.
         tell: called as ``tell(done, total, message)`` as the work proceeds.
         further: C files to be built and listed with those of the model.
@@ -89,7 +89,6 @@ def emit(
         MissingExtraError: ``casadi_files`` without CasADi.
     """
     from rrrgen.backends import casadi
-    from rrrgen.backends.c.dialect import Dialect
     from rrrgen.backends.c.packaging import build_files
     from rrrgen.output.manifest import identify, manifest
     from rrrgen.output.writer import MANIFEST
@@ -102,23 +101,26 @@ def emit(
     files = _assembled(model, identity, backends, tasks, printed)
     models = [model] if any_gravity is None else [model, any_gravity]
     for other in models[1:]:
-        files |= _further_model(other, real, trig, jobs, tell)
+        files |= _further_model(other, real, trig, jobs, languages, tell)
     files |= further or {}
-    files |= build_files(files, identity, Dialect(model.spec.name, real))
+    files |= build_files(files, model, identity, real)
     files[MANIFEST] = manifest(model, identity, real, files, data, any_gravity)
     if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
         files |= {f"casadi/{name}": data for each in models for name, data in casadi.serialized(each).items()}
     return files
 
 
-def _further_model(model: DerivedModel, real: Real, trig: Trig, jobs: int, tell: Tell | None) -> dict[str, Contents]:
-    """The functions of a model that is written beside another one: C with its self-test, and CasADi."""
+def _further_model(
+    model: DerivedModel, real: Real, trig: Trig, jobs: int, languages: Sequence[Language], tell: Tell | None
+) -> dict[str, Contents]:
+    """The functions of a model that is written beside another one: C with its self-test, CasADi, C++ on request."""
     from rrrgen.backends.c.backend import CBackend
     from rrrgen.backends.casadi.sources import CasadiBackend
+    from rrrgen.backends.cpp import CppBackend
     from rrrgen.output.manifest import identify
 
     identity = identify(model.spec)
-    backends: list[Backend] = [CBackend(trig), CasadiBackend()]
+    backends: list[Backend] = [CBackend(trig), CasadiBackend(), *([CppBackend()] if "cpp" in languages else [])]
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     printed = parallel_map(lambda task: task(), list(chain.from_iterable(tasks)), jobs, tell, "printing sources")
     return _assembled(model, identity, backends, tasks, printed)
@@ -143,9 +145,10 @@ def _backends(spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[Langu
     """The backends for C and CasADi, then those for ``languages``."""
     from rrrgen.backends.c.backend import CBackend
     from rrrgen.backends.casadi.sources import CasadiBackend
+    from rrrgen.backends.cpp import CppBackend
     from rrrgen.backends.rust import RustBackend
 
-    further: dict[Language, Callable[[], Backend]] = {"rust": RustBackend}
+    further: dict[Language, Callable[[], Backend]] = {"cpp": CppBackend, "rust": RustBackend}
     return [
         CBackend(trig, partial(_inverse_kinematics, spec, real)),
         CasadiBackend(),

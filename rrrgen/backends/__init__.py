@@ -9,7 +9,7 @@ Real = Literal["double", "float"]
 """The floating-point type of emitted code."""
 
 
-Language = Literal["rust"]
+Language = Literal["cpp", "rust"]
 """Optional languages, printed on request in addition to C and CasADi."""
 
 

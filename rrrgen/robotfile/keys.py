@@ -11,6 +11,7 @@ HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 
 EMIT = {
     "control": "control laws (PD with gravity, feed-forward, computed torque, Slotine and Li) and their terms",
+    "cpp": "<name>.hpp, the functions for C++17 with std::array and matrices, Eigen maps on request",
     "gravity": "<name>_any_gravity.h and .c, the model with gravity as an input",
     "observer": "the momentum observer of external torques",
     "points": "velocities, Jacobians and wrenches at any link or point, tools, null space, manipulability",

@@ -18,7 +18,6 @@ from backends.c_tools import C99, CXX, IDENTITY, SANITIZERS, compile_all, compil
 from backends.planar import planar_model
 from pipeline.optimized import bundled
 from rrrgen.backends.c.backend import CBackend
-from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.packaging import build_files
 from rrrgen.output.manifest import manifest
 
@@ -214,7 +213,7 @@ def cmake(*arguments: object) -> None:
 
 def packaged(folder: Path) -> Path:
     files = CBackend().files(planar_model(), IDENTITY, "double")
-    return write({**files, **build_files(files, IDENTITY, Dialect("planar"))}, folder)
+    return write({**files, **build_files(files, planar_model(), IDENTITY, "double")}, folder)
 
 
 def built(folder: Path, build: Path, *options: str) -> Path:

@@ -265,7 +265,7 @@ def test_generate_with_another_language(rrrgen, tmp_path):
     assert "--- a/rust/src/lib.rs" in out
     code, _, err = rrrgen("generate", "pendulum", "-o", place, "--with", "basic")
     assert code == 2
-    assert "'basic' is not known; allowed are control, gravity, observer, points, rust, trajectory" in err
+    assert "'basic' is not known; allowed are control, cpp, gravity, observer, points, rust, trajectory" in err
 
 
 def test_generate_as_json_with_messages_on_stderr(rrrgen):

@@ -43,7 +43,13 @@ def installed(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("cmake")
     prefix = folder / "prefix"
     libraries = folder / "elsewhere" / "lib" if request.param == "absolute" else Path(request.param)
-    options = [f"-DCMAKE_INSTALL_PREFIX={prefix}", f"-DCMAKE_INSTALL_LIBDIR={libraries}", "-DRRR_SELFTEST=OFF"]
+    shared = "ON" if request.param == "absolute" else "OFF"
+    options = [
+        f"-DBUILD_SHARED_LIBS={shared}",
+        f"-DCMAKE_INSTALL_PREFIX={prefix}",
+        f"-DCMAKE_INSTALL_LIBDIR={libraries}",
+        "-DRRR_SELFTEST=OFF",
+    ]
     done = cmake("-S", ROOT / "generated" / "rrr", "-B", folder / "build", "-DCMAKE_C_FLAGS=-O0", *options)
     assert done.returncode == 0, done.stdout + done.stderr
     for step in (["--build", folder / "build"], ["--install", folder / "build"]):
@@ -81,7 +87,8 @@ def test_pkg_config_finds_headers_and_library(installed, tmp_path):
         ["gcc", "use.c", *asked.stdout.split(), "-o", "use"], cwd=tmp_path, capture_output=True, text=True
     )
     assert built.returncode == 0, built.stderr
-    assert subprocess.run([tmp_path / "use"], check=False).returncode == 0
+    environment = {"LD_LIBRARY_PATH": str(libraries)}  # one of the installations is shared
+    assert subprocess.run([tmp_path / "use"], env=environment, check=False).returncode == 0
 
 
 def test_comments_have_no_operators_of_python():

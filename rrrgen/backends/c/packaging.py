@@ -1,30 +1,57 @@
-"""Files that let build systems use the emitted C: CMake and pkg-config."""
+"""Files by which the emitted C is built, found and explained: CMake, pkg-config and a README."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
-from rrrgen.backends import Identity
+from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.description import title
+from rrrgen.program import nominal_name
 from rrrgen.resources import render
 
+if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
 
-def build_files(files: Iterable[str], identity: Identity, dialect: Dialect) -> dict[str, str]:
-    """``CMakeLists.txt`` and ``<name>.pc`` for the C files named in ``files`` (paths relative to the output)."""
+
+def build_files(files: Iterable[str], model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
+    """``CMakeLists.txt``, ``<name>.pc`` and ``README.md`` for the files named in ``files`` (relative to the output)."""
     names = sorted(files)
-    prefix = dialect.prefix
-    selftests = [name for name in names if name.endswith("_selftest.c")]
-    values = {
+    prefix = model.spec.name
+    values: dict[str, Any] = {
         "prefix": prefix,
-        "macro": dialect.macro,
+        "macro": Dialect(prefix, real).macro,
         "identity": identity,
         "version": identity.tool_version,
-        "headers": [name for name in names if name.endswith(".h") and "/" not in name],
-        "sources": [name for name in names if name.endswith(".c") and "/" not in name and name not in selftests],
+        "headers": [name for name in names if name.endswith((".h", ".hpp")) and "/" not in name],
         "casadi": [name for name in names if name.startswith("casadi/") and name.endswith(".c")],
-        "selftests": selftests,
+        "selftests": [name for name in names if name.endswith("_selftest.c")],
+        "sources": sources(names),
     }
     return {
         "CMakeLists.txt": render("c/CMakeLists.txt.j2", **values),
         f"{prefix}.pc": render("c/pkgconfig.pc.j2", **values),
+        "README.md": render("c/README.md.j2", **values, **_contents(model, names, real)),
+    }
+
+
+def sources(names: Iterable[str]) -> list[str]:
+    """The C files of the library among the emitted files: all but self-tests and those of CasADi."""
+    own = [name for name in names if name.endswith(".c") and "/" not in name]
+    return sorted(name for name in own if not name.endswith("_selftest.c"))
+
+
+def _contents(model: DerivedModel, names: list[str], real: Real) -> dict[str, Any]:
+    """What the README says and shows depends on: parts that were emitted, functions that exist."""
+    name = model.spec.name
+    return {
+        "title": title(model.spec),
+        "real": real,
+        "nominal": nominal_name("inverse_dynamics") in model.programs,
+        "drives": bool(model.drive_inertia_nominal),
+        "solver": f"{name}_ik.h" in names,
+        "cpp": f"{name}.hpp" in names,
+        "rust": any(each.startswith("rust/") for each in names),
+        "any_gravity": f"{name}_any_gravity.h" in names,
     }

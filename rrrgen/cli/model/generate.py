@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
 from rrrgen import pipeline
+from rrrgen.backends import Language
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument, words
 from rrrgen.cli.experiments.controller_code import controller_files, controller_options
 from rrrgen.cli.progress import progress_bar
@@ -17,7 +18,7 @@ from rrrgen.parallel_map import usual_jobs
 from rrrgen.robotfile.keys import EMIT
 
 if TYPE_CHECKING:
-    from rrrgen.backends import Language, Real
+    from rrrgen.backends import Real
     from rrrgen.backends.c.trigonometry import Trig
     from rrrgen.derive.derived_model import DerivedModel
 
@@ -82,7 +83,8 @@ def generate(
 
     DIR receives <name>.h with its sources (<name>.c; <name>_nominal.c with the numbers of the robot file folded in;
     <name>_derivatives.c), inverse kinematics, a self-test that runs on the target, CMakeLists.txt, a pkg-config file,
-    CasADi functions and manifest.json. The same robot gives the same bytes everywhere.
+    README.md on how to build and use them, CasADi functions and manifest.json. The same robot gives the same bytes
+    everywhere.
 
     Code for a controller comes in groups, --with control,observer,trajectory, and from the results of an experiment:
     its motion with --trajectory, a Kalman filter with --tuning, friction laws whose parameters are arguments with
@@ -94,7 +96,7 @@ def generate(
       rrrgen generate rrr -o generated/rrr
       rrrgen generate my_robot.yaml -o firmware/model --real float
       rrrgen generate rrr -o generated/rrr --check      (in continuous integration)
-      rrrgen generate rrr -o generated/rrr --with rust
+      rrrgen generate rrr -o generated/rrr --with rust,cpp
       rrrgen generate rrr -o generated/rrr --with gravity,control
       rrrgen generate rrr -o firmware --with control,observer --tuning runs/motion/results/tuning.json
       rrrgen generate rrr -o firmware --estimator rls --fix p4=0 --fix p15=0 --torque-noise 0.2,0.1,0.05
@@ -106,7 +108,7 @@ def generate(
     spec = read_with_warnings(robot)
     wanted = {*spec.emit, *further}
     groups = ("model", *sorted(wanted & set(GROUPS)))
-    languages: tuple[Language, ...] = ("rust",) if "rust" in wanted else ()
+    languages: tuple[Language, ...] = tuple(each for each in get_args(Language) if each in wanted)
     with progress_bar(in_processes=True) as tell:
         tell(0, 0, "deriving")
         model = pipeline.derive(spec, jobs, groups, tell)
