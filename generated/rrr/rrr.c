@@ -883,7 +883,11 @@ void rrr_standard_regressor(const rrr_real q[3],
     Y[79] = (rrr_real)0.0;
 }
 
-void rrr_energy(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[15], rrr_real E[RRR_RESTRICT 2])
+void rrr_energy(const rrr_real q[3],
+                const rrr_real dq[3],
+                const rrr_real beta[15],
+                rrr_real *RRR_RESTRICT kinetic,
+                rrr_real *RRR_RESTRICT potential)
 {
     rrr_real s2, c2;
     rrr_sincos(q[1], &s2, &c2);
@@ -897,8 +901,8 @@ void rrr_energy(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[1
     const rrr_real t5 = beta[3]*c23 + beta[2]*s23;
     const rrr_real t6 = c2*(beta[2]*c23 - beta[3]*s23)*(t2 + dq[1]*t1);
     const rrr_real t7 = (rrr_real)0.2*(t6 + t1*(dq[1]*s2*t5 + (rrr_real)2.5*beta[12]*t1));
-    E[0] = t4 + (rrr_real)0.5*(dq[1]*dq[1]*(beta[11] - beta[12]) + t3) + t7;
-    E[1] = (rrr_real)9.81*(beta[14]*c2 + beta[13]*s2 + t5);
+    *kinetic = t4 + (rrr_real)0.5*(dq[1]*dq[1]*(beta[11] - beta[12]) + t3) + t7;
+    *potential = (rrr_real)9.81*(beta[14]*c2 + beta[13]*s2 + t5);
 }
 
 void rrr_base_parameters(const rrr_real phi[30], rrr_real beta[RRR_RESTRICT 15])

@@ -650,31 +650,40 @@ void rrr_standard_regressor(const rrr_real q[3],
 /*
  * Kinetic and potential energy.
  *
- *     E = [dq' M dq / 2, U(q)], g = dU/dq
+ *     kinetic = dq' M(q) dq / 2, potential = U(q) with g = dU/dq
  *
- *   in   q     3   rad    -  joint positions
- *   in   dq    3   rad/s  -  joint velocities
- *   in   beta  15  SI     -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
- *   out  E     2   J      -  kinetic energy, potential energy (up to a constant)
+ *   in   q          3   rad    -  joint positions
+ *   in   dq         3   rad/s  -  joint velocities
+ *   in   beta       15  SI     -  base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
+ *   out  kinetic    1   J      -  kinetic energy, drive inertia included
+ *   out  potential  1   J      -  potential energy, defined up to a constant
  *
  * Operations: 34 mul, 20 add, 2 sincos.
  * Stack: at most 336 bytes built by gcc, 448 by clang.
  */
-void rrr_energy(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[15], rrr_real E[RRR_RESTRICT 2]);
+void rrr_energy(const rrr_real q[3],
+                const rrr_real dq[3],
+                const rrr_real beta[15],
+                rrr_real *RRR_RESTRICT kinetic,
+                rrr_real *RRR_RESTRICT potential);
 
 /*
  * Kinetic and potential energy, with the parameters of the robot file.
  *
- *     E = [dq' M dq / 2, U(q)], g = dU/dq
+ *     kinetic = dq' M(q) dq / 2, potential = U(q) with g = dU/dq
  *
- *   in   q   3  rad    -  joint positions
- *   in   dq  3  rad/s  -  joint velocities
- *   out  E   2  J      -  kinetic energy, potential energy (up to a constant)
+ *   in   q          3  rad    -  joint positions
+ *   in   dq         3  rad/s  -  joint velocities
+ *   out  kinetic    1  J      -  kinetic energy, drive inertia included
+ *   out  potential  1  J      -  potential energy, defined up to a constant
  *
  * Operations: 28 mul, 16 add, 2 sincos.
  * Stack: at most 336 bytes built by gcc, 448 by clang.
  */
-void rrr_energy_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real E[RRR_RESTRICT 2]);
+void rrr_energy_nominal(const rrr_real q[3],
+                        const rrr_real dq[3],
+                        rrr_real *RRR_RESTRICT kinetic,
+                        rrr_real *RRR_RESTRICT potential);
 
 /*
  * Base parameters from the standard parameters of all links.

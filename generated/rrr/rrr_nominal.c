@@ -316,7 +316,10 @@ rrr_status rrr_forward_dynamics_nominal(const rrr_real q[3],
     return (t29 < (rrr_real)0.5) ? RRR_OK : RRR_NOT_POSITIVE_DEFINITE;
 }
 
-void rrr_energy_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real E[RRR_RESTRICT 2])
+void rrr_energy_nominal(const rrr_real q[3],
+                        const rrr_real dq[3],
+                        rrr_real *RRR_RESTRICT kinetic,
+                        rrr_real *RRR_RESTRICT potential)
 {
     const rrr_real t1 = dq[1] + dq[2];
     const rrr_real t2 = dq[0]*dq[0];
@@ -330,8 +333,8 @@ void rrr_energy_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real E[RR
     const rrr_real t5 = c2*c23*(t2 + dq[1]*t1) + dq[1]*(s2*s23*t1 + (rrr_real)5.2470238095238093*dq[1]);
     const rrr_real t6 = dq[1]*((rrr_real)0.004*c2 + (rrr_real)0.299444*s2);
     const rrr_real t7 = (rrr_real)0.018185*t1*t1 + (rrr_real)0.5*t2*t4 + (rrr_real)0.0336*t5;
-    E[0] = t7 - dq[0]*(t6 + t1*((rrr_real)0.0013*c23 + (rrr_real)0.043584*s23));
-    E[1] = (rrr_real)15.06816*s2 + (rrr_real)1.64808*s23;
+    *kinetic = t7 - dq[0]*(t6 + t1*((rrr_real)0.0013*c23 + (rrr_real)0.043584*s23));
+    *potential = (rrr_real)15.06816*s2 + (rrr_real)1.64808*s23;
 }
 
 #if defined(__AVX512F__) && !defined(__clang__) && defined(__GNUC__) && __GNUC__ >= 8

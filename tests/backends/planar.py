@@ -140,8 +140,9 @@ def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
     record("gravity", [Q], lambda b, v, M, C, g, U: [(vector("g"), g)])
     record("bias", [Q, DQ], lambda b, v, M, C, g, U: [(vector("bias"), [
         x + y for x, y in zip(_times(C, v["dq"]), g, strict=True)])])  # fmt: skip
-    record("energy", [Q, DQ], lambda b, v, M, C, g, U: [(Port("E", (2,), "J", "", "kinetic and potential energy"), [
-        F(1, 2) * sum(x * y for x, y in zip(v["dq"], _times(M, v["dq"]), strict=True)), U])], True)  # fmt: skip
+    record("energy", [Q, DQ], lambda b, v, M, C, g, U: [(Port("kinetic", (), "J", "", "kinetic energy"), [
+        F(1, 2) * sum(x * y for x, y in zip(v["dq"], _times(M, v["dq"]), strict=True))]),
+        (Port("potential", (), "J", "", "potential energy"), [U])], True)  # fmt: skip
     record("inverse_dynamics", [Q, DQ, DDQ], lambda b, v, M, C, g, U: [(TAU, [
         x + y + z for x, y, z in zip(_times(M, v["ddq"]), _times(C, v["dq"]), g, strict=True)])], True)  # fmt: skip
     record("forward_dynamics", [Q, DQ, TAU], _solve, True, status_at(1))

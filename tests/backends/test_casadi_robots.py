@@ -141,8 +141,8 @@ def test_jacobians_are_the_model(libraries: dict[str, Path]) -> None:
     tau = blocks("inverse_dynamics", q, dq, ddq, beta)
     close([tau["jac_tau_ddq"]], [program("mass_matrix", q, beta)])
     close([tau["jac_tau_beta"]], [program("regressor", q, dq, ddq)])
-    still = blocks("energy", q, 0 * dq, beta)["jac_E_q"]
-    close([still[1]], [program("gravity", q, beta)])
+    still = blocks("energy", q, 0 * dq, beta)["jac_potential_q"]
+    close([still[0]], [program("gravity", q, beta)])
     T = blocks("forward_kinematics", q)["jac_T_q"]
     close([T[12:15]], [program("jacobian", q)[:3]])
 

@@ -225,11 +225,11 @@ class Reference:
             np.max(np.abs(r @ self.beta - power)) / self.torque,
         )
 
-    def _energy(self, E):
+    def _energy(self, kinetic, potential):
         """Kinetic energy, and potential energy up to a constant: differences to the first state."""
-        kinetic, potential = self.each(oracle.energy, self.q, self.dq).T
-        own, reference = E[:, 1] - E[0, 1], potential - potential[0]
-        return max(relative(E[:, 0], kinetic), np.max(np.abs(own - reference)) / max(np.max(np.abs(reference)), 1.0))
+        expected, at_rest = self.each(oracle.energy, self.q, self.dq).T
+        own, reference = potential - potential[0], at_rest - at_rest[0]
+        return max(relative(kinetic, expected), np.max(np.abs(own - reference)) / max(np.max(np.abs(reference)), 1.0))
 
 
 def relative(value: np.ndarray, expected: np.ndarray, least: float = 1e-9) -> float:

@@ -97,7 +97,6 @@ def test_several_results_are_named_tuples():
             "forward_dynamics_derivatives": rrrgen.runtime.results.ForwardDynamicsDerivatives._fields,
             "manipulability": rrrgen.runtime.results.Manipulability._fields,
             "position_manipulability": rrrgen.runtime.results.Manipulability._fields,
-            "energy": ("E",),  # the vector (kinetic, potential), which Python names
         }
         expected = tuples.get(title, results(getattr(Model, RENAMED.get(title, title))))
         assert names == expected if len(names) > 1 or title in tuples else expected is None, title

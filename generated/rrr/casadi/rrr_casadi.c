@@ -36,11 +36,10 @@ static const casadi_int rrr_casadi_pattern_20[] = {1, 1, 0, 0};
 static const casadi_int rrr_casadi_pattern_21[] = {3, 15, 1};
 static const casadi_int rrr_casadi_pattern_22[] = {1, 3, 0, 0, 0, 0};
 static const casadi_int rrr_casadi_pattern_23[] = {1, 15, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
-static const casadi_int rrr_casadi_pattern_24[] = {2, 1, 1};
-static const casadi_int rrr_casadi_pattern_25[] = {2, 1, 0, 0};
-static const casadi_int rrr_casadi_pattern_26[] = {2, 3, 0, 0, 2, 4, 0, 1, 0, 1};
-static const casadi_int rrr_casadi_pattern_27[] = {2, 3, 0, 1, 2, 3, 0, 0, 0};
-static const casadi_int rrr_casadi_pattern_28[] = {2, 15, 0, 1, 2, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1};
+static const casadi_int rrr_casadi_pattern_24[] = {1, 3, 0, 0, 1, 2, 0, 0};
+static const casadi_int rrr_casadi_pattern_25[] = {1, 3, 1};
+static const casadi_int rrr_casadi_pattern_26[] = {1, 15, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 13, 13, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+static const casadi_int rrr_casadi_pattern_27[] = {1, 15, 0, 0, 0, 1, 2, 2, 2, 2, 2, 2, 2, 2, 2, 2, 3, 4, 0, 0, 0, 0};
 
 /* What CasADi asks about a function f, answered from its tables. */
 #define RRR_CASADI_DESCRIBE(f, inputs, outputs) \
@@ -4486,7 +4485,9 @@ int rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int* iw
   const casadi_real t7 = c2*(beta3*c23 - beta4*s23)*(t3 + dq2*t1) + t1*(dq2*s2*t6 + (casadi_real)2.5*beta13*t1);
   if (res[0]) {
     res[0][0] = t5 + (casadi_real)0.5*(dq2*dq2*(beta12 - beta13) + t4) + (casadi_real)0.2*t7;
-    res[0][1] = (casadi_real)9.81*(beta15*c2 + beta14*s2 + t6);
+  }
+  if (res[1]) {
+    res[1][0] = (casadi_real)9.81*(beta15*c2 + beta14*s2 + t6);
   }
   (void)res;
   (void)iw;
@@ -4496,10 +4497,10 @@ int rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 static const char* const rrr_casadi_energy_names_in[] = {"q", "dq", "beta"};
-static const char* const rrr_casadi_energy_names_out[] = {"E"};
+static const char* const rrr_casadi_energy_names_out[] = {"kinetic", "potential"};
 static const casadi_int* const rrr_casadi_energy_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8};
-static const casadi_int* const rrr_casadi_energy_patterns_out[] = {rrr_casadi_pattern_24};
-RRR_CASADI_DESCRIBE(rrr_casadi_energy, 3, 1)
+static const casadi_int* const rrr_casadi_energy_patterns_out[] = {rrr_casadi_pattern_19, rrr_casadi_pattern_19};
+RRR_CASADI_DESCRIBE(rrr_casadi_energy, 3, 2)
 
 int jac_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
 {
@@ -4559,9 +4560,7 @@ int jac_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int
   const casadi_real t30 = (casadi_real)9.81*beta3*c23 - (casadi_real)9.81*beta4*s23;
   if (res[0]) {
     res[0][0] = t27 + c2*(dq2*t13 + beta2*t20 + beta11*t28) - t29;
-    res[0][1] = t30 + (casadi_real)9.81*beta14*c2 - (casadi_real)9.81*beta15*s2;
-    res[0][2] = t27;
-    res[0][3] = t30;
+    res[0][1] = t27;
   }
   if (res[1]) {
     res[1][0] = dq2*t1 + t2*t4 + t23;
@@ -4572,20 +4571,26 @@ int jac_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int
     res[2][0] = c2*t20;
     res[2][1] = s2*t20;
     res[2][2] = s23*t14 + c23*t17;
-    res[2][3] = (casadi_real)9.81*s23;
-    res[2][4] = c23*t14 - s23*t17;
-    res[2][5] = (casadi_real)9.81*c23;
-    res[2][6] = c23*t19;
-    res[2][7] = -s23*t19;
-    res[2][8] = t18;
-    res[2][9] = c23*t25;
-    res[2][10] = s23*t25;
-    res[2][11] = c2*t28;
-    res[2][12] = s2*t28;
-    res[2][13] = t21;
-    res[2][14] = (casadi_real)2.5*(t2*t12) - t21;
-    res[2][15] = (casadi_real)9.81*s2;
-    res[2][16] = (casadi_real)9.81*c2;
+    res[2][3] = c23*t14 - s23*t17;
+    res[2][4] = c23*t19;
+    res[2][5] = -s23*t19;
+    res[2][6] = t18;
+    res[2][7] = c23*t25;
+    res[2][8] = s23*t25;
+    res[2][9] = c2*t28;
+    res[2][10] = s2*t28;
+    res[2][11] = t21;
+    res[2][12] = (casadi_real)2.5*(t2*t12) - t21;
+  }
+  if (res[3]) {
+    res[3][0] = t30 + (casadi_real)9.81*beta14*c2 - (casadi_real)9.81*beta15*s2;
+    res[3][1] = t30;
+  }
+  if (res[5]) {
+    res[5][0] = (casadi_real)9.81*s23;
+    res[5][1] = (casadi_real)9.81*c23;
+    res[5][2] = (casadi_real)9.81*s2;
+    res[5][3] = (casadi_real)9.81*c2;
   }
   (void)res;
   (void)iw;
@@ -4594,11 +4599,11 @@ int jac_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int
   return 0;
 }
 
-static const char* const jac_rrr_casadi_energy_names_in[] = {"q", "dq", "beta", "out_E"};
-static const char* const jac_rrr_casadi_energy_names_out[] = {"jac_E_q", "jac_E_dq", "jac_E_beta"};
-static const casadi_int* const jac_rrr_casadi_energy_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_25};
-static const casadi_int* const jac_rrr_casadi_energy_patterns_out[] = {rrr_casadi_pattern_26, rrr_casadi_pattern_27, rrr_casadi_pattern_28};
-RRR_CASADI_DESCRIBE(jac_rrr_casadi_energy, 4, 3)
+static const char* const jac_rrr_casadi_energy_names_in[] = {"q", "dq", "beta", "out_kinetic", "out_potential"};
+static const char* const jac_rrr_casadi_energy_names_out[] = {"jac_kinetic_q", "jac_kinetic_dq", "jac_kinetic_beta", "jac_potential_q", "jac_potential_dq", "jac_potential_beta"};
+static const casadi_int* const jac_rrr_casadi_energy_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_20, rrr_casadi_pattern_20};
+static const casadi_int* const jac_rrr_casadi_energy_patterns_out[] = {rrr_casadi_pattern_24, rrr_casadi_pattern_25, rrr_casadi_pattern_26, rrr_casadi_pattern_24, rrr_casadi_pattern_22, rrr_casadi_pattern_27};
+RRR_CASADI_DESCRIBE(jac_rrr_casadi_energy, 5, 6)
 
 int fwd1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
 {
@@ -4622,26 +4627,26 @@ int fwd1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
   const casadi_real beta13 = arg[2] ? arg[2][12] : (casadi_real)0;
   const casadi_real beta14 = arg[2] ? arg[2][13] : (casadi_real)0;
   const casadi_real beta15 = arg[2] ? arg[2][14] : (casadi_real)0;
-  const casadi_real fwd_q2 = arg[4] ? arg[4][1] : (casadi_real)0;
-  const casadi_real fwd_q3 = arg[4] ? arg[4][2] : (casadi_real)0;
-  const casadi_real fwd_dq1 = arg[5] ? arg[5][0] : (casadi_real)0;
-  const casadi_real fwd_dq2 = arg[5] ? arg[5][1] : (casadi_real)0;
-  const casadi_real fwd_dq3 = arg[5] ? arg[5][2] : (casadi_real)0;
-  const casadi_real fwd_beta1 = arg[6] ? arg[6][0] : (casadi_real)0;
-  const casadi_real fwd_beta2 = arg[6] ? arg[6][1] : (casadi_real)0;
-  const casadi_real fwd_beta3 = arg[6] ? arg[6][2] : (casadi_real)0;
-  const casadi_real fwd_beta4 = arg[6] ? arg[6][3] : (casadi_real)0;
-  const casadi_real fwd_beta5 = arg[6] ? arg[6][4] : (casadi_real)0;
-  const casadi_real fwd_beta6 = arg[6] ? arg[6][5] : (casadi_real)0;
-  const casadi_real fwd_beta7 = arg[6] ? arg[6][6] : (casadi_real)0;
-  const casadi_real fwd_beta8 = arg[6] ? arg[6][7] : (casadi_real)0;
-  const casadi_real fwd_beta9 = arg[6] ? arg[6][8] : (casadi_real)0;
-  const casadi_real fwd_beta10 = arg[6] ? arg[6][9] : (casadi_real)0;
-  const casadi_real fwd_beta11 = arg[6] ? arg[6][10] : (casadi_real)0;
-  const casadi_real fwd_beta12 = arg[6] ? arg[6][11] : (casadi_real)0;
-  const casadi_real fwd_beta13 = arg[6] ? arg[6][12] : (casadi_real)0;
-  const casadi_real fwd_beta14 = arg[6] ? arg[6][13] : (casadi_real)0;
-  const casadi_real fwd_beta15 = arg[6] ? arg[6][14] : (casadi_real)0;
+  const casadi_real fwd_q2 = arg[5] ? arg[5][1] : (casadi_real)0;
+  const casadi_real fwd_q3 = arg[5] ? arg[5][2] : (casadi_real)0;
+  const casadi_real fwd_dq1 = arg[6] ? arg[6][0] : (casadi_real)0;
+  const casadi_real fwd_dq2 = arg[6] ? arg[6][1] : (casadi_real)0;
+  const casadi_real fwd_dq3 = arg[6] ? arg[6][2] : (casadi_real)0;
+  const casadi_real fwd_beta1 = arg[7] ? arg[7][0] : (casadi_real)0;
+  const casadi_real fwd_beta2 = arg[7] ? arg[7][1] : (casadi_real)0;
+  const casadi_real fwd_beta3 = arg[7] ? arg[7][2] : (casadi_real)0;
+  const casadi_real fwd_beta4 = arg[7] ? arg[7][3] : (casadi_real)0;
+  const casadi_real fwd_beta5 = arg[7] ? arg[7][4] : (casadi_real)0;
+  const casadi_real fwd_beta6 = arg[7] ? arg[7][5] : (casadi_real)0;
+  const casadi_real fwd_beta7 = arg[7] ? arg[7][6] : (casadi_real)0;
+  const casadi_real fwd_beta8 = arg[7] ? arg[7][7] : (casadi_real)0;
+  const casadi_real fwd_beta9 = arg[7] ? arg[7][8] : (casadi_real)0;
+  const casadi_real fwd_beta10 = arg[7] ? arg[7][9] : (casadi_real)0;
+  const casadi_real fwd_beta11 = arg[7] ? arg[7][10] : (casadi_real)0;
+  const casadi_real fwd_beta12 = arg[7] ? arg[7][11] : (casadi_real)0;
+  const casadi_real fwd_beta13 = arg[7] ? arg[7][12] : (casadi_real)0;
+  const casadi_real fwd_beta14 = arg[7] ? arg[7][13] : (casadi_real)0;
+  const casadi_real fwd_beta15 = arg[7] ? arg[7][14] : (casadi_real)0;
   const casadi_real s2 = rrr_casadi_sin(q2);
   const casadi_real c2 = rrr_casadi_cos(q2);
   const casadi_real t1 = beta10*c2 + beta11*s2;
@@ -4676,7 +4681,9 @@ int fwd1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
   const casadi_real t28 = t25 + c2*t8*(fwd_dq2*t2 + dq2*t14 + t21) + ((t9*t10 + t2*t11)*t14 + t27);
   if (res[0]) {
     res[0][0] = fwd_dq1*(dq2*t1 + t2*t4) + t19 + t24 + (casadi_real)0.2*t28;
-    res[0][1] = (casadi_real)9.81*(fwd_beta15*c2 - beta15*t12 + (fwd_beta14*s2 + beta14*t13) + t26);
+  }
+  if (res[1]) {
+    res[1][0] = (casadi_real)9.81*(fwd_beta15*c2 - beta15*t12 + (fwd_beta14*s2 + beta14*t13) + t26);
   }
   (void)res;
   (void)iw;
@@ -4685,11 +4692,11 @@ int fwd1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
   return 0;
 }
 
-static const char* const fwd1_rrr_casadi_energy_names_in[] = {"q", "dq", "beta", "out_E", "fwd_q", "fwd_dq", "fwd_beta"};
-static const char* const fwd1_rrr_casadi_energy_names_out[] = {"fwd_E"};
-static const casadi_int* const fwd1_rrr_casadi_energy_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_25, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8};
-static const casadi_int* const fwd1_rrr_casadi_energy_patterns_out[] = {rrr_casadi_pattern_24};
-RRR_CASADI_DESCRIBE(fwd1_rrr_casadi_energy, 7, 1)
+static const char* const fwd1_rrr_casadi_energy_names_in[] = {"q", "dq", "beta", "out_kinetic", "out_potential", "fwd_q", "fwd_dq", "fwd_beta"};
+static const char* const fwd1_rrr_casadi_energy_names_out[] = {"fwd_kinetic", "fwd_potential"};
+static const casadi_int* const fwd1_rrr_casadi_energy_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_20, rrr_casadi_pattern_20, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8};
+static const casadi_int* const fwd1_rrr_casadi_energy_patterns_out[] = {rrr_casadi_pattern_19, rrr_casadi_pattern_19};
+RRR_CASADI_DESCRIBE(fwd1_rrr_casadi_energy, 8, 2)
 
 int adj1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
 {
@@ -4713,8 +4720,8 @@ int adj1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
   const casadi_real beta13 = arg[2] ? arg[2][12] : (casadi_real)0;
   const casadi_real beta14 = arg[2] ? arg[2][13] : (casadi_real)0;
   const casadi_real beta15 = arg[2] ? arg[2][14] : (casadi_real)0;
-  const casadi_real adj_E1 = arg[4] ? arg[4][0] : (casadi_real)0;
-  const casadi_real adj_E2 = arg[4] ? arg[4][1] : (casadi_real)0;
+  const casadi_real adj_kinetic = arg[5] ? arg[5][0] : (casadi_real)0;
+  const casadi_real adj_potential = arg[6] ? arg[6][0] : (casadi_real)0;
   const casadi_real s2 = rrr_casadi_sin(q2);
   const casadi_real c2 = rrr_casadi_cos(q2);
   const casadi_real t1 = beta10*c2 + beta11*s2;
@@ -4730,36 +4737,37 @@ int adj1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
   const casadi_real t9 = dq2*s2;
   const casadi_real t10 = beta4*c23 + beta3*s23;
   const casadi_real t11 = (casadi_real)2.5*beta13;
-  const casadi_real t12 = (casadi_real)9.81*adj_E2;
-  const casadi_real t13 = (casadi_real)0.2*adj_E1;
+  const casadi_real t12 = (casadi_real)9.81*adj_potential;
+  const casadi_real t13 = (casadi_real)0.2*adj_kinetic;
   const casadi_real t14 = t2*t13;
   const casadi_real t15 = t10*t14;
   const casadi_real t16 = t12 + t9*t14;
   const casadi_real t17 = (t7 + dq2*t2)*t13;
   const casadi_real t18 = c2*t8*t13;
   const casadi_real t19 = c2*t17;
-  const casadi_real t20 = (casadi_real)0.5*adj_E1;
+  const casadi_real t20 = (casadi_real)0.5*adj_kinetic;
   const casadi_real t21 = t7*t20;
   const casadi_real t22 = c23*t21;
   const casadi_real t23 = c2*t21;
   const casadi_real t24 = dq2*dq2*t20;
   const casadi_real t25 = (beta12 - beta13)*t20*dq2;
-  const casadi_real t26 = dq1*adj_E1;
-  const casadi_real t27 = (t9*t10 + t2*t11)*t13 + t11*t14 + dq2*t18 + t4*t26;
-  const casadi_real t28 = t2*t26;
-  const casadi_real t29 = s23*(beta4*t16 + beta3*t19 + t6*t21 + beta5*t22 + beta8*t28);
-  const casadi_real t30 = c23*(beta3*t16 - beta4*t19 - beta6*t22 + beta9*t28) - t29;
-  const casadi_real t31 = dq2*t26;
-  const casadi_real t32 = s2*(beta15*t12 + t8*t17 + t5*t21 + beta1*t23 + beta10*t31);
+  const casadi_real t26 = (casadi_real)2.0*(dq1*(t18 + (c2*t5 + c23*t6 + beta7)*t20));
+  const casadi_real t27 = dq1*adj_kinetic;
+  const casadi_real t28 = (t9*t10 + t2*t11)*t13 + t11*t14 + dq2*t18 + t4*t27;
+  const casadi_real t29 = t2*t27;
+  const casadi_real t30 = s23*(beta4*t16 + beta3*t19 + t6*t21 + beta5*t22 + beta8*t29);
+  const casadi_real t31 = c23*(beta3*t16 - beta4*t19 - beta6*t22 + beta9*t29) - t30;
+  const casadi_real t32 = dq2*t27;
+  const casadi_real t33 = s2*(beta15*t12 + t8*t17 + t5*t21 + beta1*t23 + beta10*t32);
   if (res[0]) {
     res[0][0] = (casadi_real)0.0;
-    res[0][1] = t30 + c2*(beta14*t12 + dq2*t15 + beta2*t23 + beta11*t31) - t32;
-    res[0][2] = t30;
+    res[0][1] = t31 + c2*(beta14*t12 + dq2*t15 + beta2*t23 + beta11*t32) - t33;
+    res[0][2] = t31;
   }
   if (res[1]) {
-    res[1][0] = (casadi_real)2.0*(dq1*(t18 + (c2*t5 + c23*t6 + beta7)*t20)) + adj_E1*(dq2*t1 + t2*t4);
-    res[1][1] = s2*t15 + t2*t18 + t25 + t25 + t27 + t1*t26;
-    res[1][2] = t27;
+    res[1][0] = t26 + adj_kinetic*(dq2*t1 + t2*t4);
+    res[1][1] = s2*t15 + t2*t18 + t25 + t25 + t28 + t1*t27;
+    res[1][2] = t28;
   }
   if (res[2]) {
     res[2][0] = c2*t23;
@@ -4769,10 +4777,10 @@ int adj1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
     res[2][4] = c23*t22;
     res[2][5] = -s23*t22;
     res[2][6] = t21;
-    res[2][7] = c23*t28;
-    res[2][8] = s23*t28;
-    res[2][9] = c2*t31;
-    res[2][10] = s2*t31;
+    res[2][7] = c23*t29;
+    res[2][8] = s23*t29;
+    res[2][9] = c2*t32;
+    res[2][10] = s2*t32;
     res[2][11] = t24;
     res[2][12] = (casadi_real)2.5*(t2*t14) - t24;
     res[2][13] = s2*t12;
@@ -4785,11 +4793,11 @@ int adj1_rrr_casadi_energy(const casadi_real** arg, casadi_real** res, casadi_in
   return 0;
 }
 
-static const char* const adj1_rrr_casadi_energy_names_in[] = {"q", "dq", "beta", "out_E", "adj_E"};
+static const char* const adj1_rrr_casadi_energy_names_in[] = {"q", "dq", "beta", "out_kinetic", "out_potential", "adj_kinetic", "adj_potential"};
 static const char* const adj1_rrr_casadi_energy_names_out[] = {"adj_q", "adj_dq", "adj_beta"};
-static const casadi_int* const adj1_rrr_casadi_energy_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_25, rrr_casadi_pattern_24};
+static const casadi_int* const adj1_rrr_casadi_energy_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8, rrr_casadi_pattern_20, rrr_casadi_pattern_20, rrr_casadi_pattern_19, rrr_casadi_pattern_19};
 static const casadi_int* const adj1_rrr_casadi_energy_patterns_out[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_8};
-RRR_CASADI_DESCRIBE(adj1_rrr_casadi_energy, 5, 3)
+RRR_CASADI_DESCRIBE(adj1_rrr_casadi_energy, 7, 3)
 
 int rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
 {
@@ -4813,7 +4821,9 @@ int rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, casadi
   const casadi_real t9 = dq1*(dq2*((casadi_real)0.004*c2 + (casadi_real)0.299444*s2) + t8);
   if (res[0]) {
     res[0][0] = t7 + (casadi_real)0.0336*t6 - t9;
-    res[0][1] = (casadi_real)15.06816*s2 + (casadi_real)1.64808*s23;
+  }
+  if (res[1]) {
+    res[1][0] = (casadi_real)15.06816*s2 + (casadi_real)1.64808*s23;
   }
   (void)res;
   (void)iw;
@@ -4823,10 +4833,10 @@ int rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, casadi
 }
 
 static const char* const rrr_casadi_energy_nominal_names_in[] = {"q", "dq"};
-static const char* const rrr_casadi_energy_nominal_names_out[] = {"E"};
+static const char* const rrr_casadi_energy_nominal_names_out[] = {"kinetic", "potential"};
 static const casadi_int* const rrr_casadi_energy_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0};
-static const casadi_int* const rrr_casadi_energy_nominal_patterns_out[] = {rrr_casadi_pattern_24};
-RRR_CASADI_DESCRIBE(rrr_casadi_energy_nominal, 2, 1)
+static const casadi_int* const rrr_casadi_energy_nominal_patterns_out[] = {rrr_casadi_pattern_19, rrr_casadi_pattern_19};
+RRR_CASADI_DESCRIBE(rrr_casadi_energy_nominal, 2, 2)
 
 int jac_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
 {
@@ -4866,14 +4876,16 @@ int jac_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, ca
   const casadi_real t25 = (casadi_real)1.64808*c23;
   if (res[0]) {
     res[0][0] = t20 + (casadi_real)0.0336*(t1*t18*dq2 - t10*t18) - t24;
-    res[0][1] = (casadi_real)15.06816*c2 + t25;
-    res[0][2] = (casadi_real)0.0336*(t1*t16*dq2 - t10*t17) - t3*t15 - dq1*t23;
-    res[0][3] = t25;
+    res[0][1] = (casadi_real)0.0336*(t1*t16*dq2 - t10*t17) - t3*t15 - dq1*t23;
   }
   if (res[1]) {
     res[1][0] = dq1*(t4*t5 + t7*t8 + (casadi_real)0.8531086) + t21 - (dq2*t12 + t1*t13);
     res[1][1] = t14 + t22 - dq1*(t12 + t13);
     res[1][2] = t14 + (casadi_real)0.0336*(dq2*t9 + dq2*t11) - dq1*t13;
+  }
+  if (res[2]) {
+    res[2][0] = (casadi_real)15.06816*c2 + t25;
+    res[2][1] = t25;
   }
   (void)res;
   (void)iw;
@@ -4882,11 +4894,11 @@ int jac_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, ca
   return 0;
 }
 
-static const char* const jac_rrr_casadi_energy_nominal_names_in[] = {"q", "dq", "out_E"};
-static const char* const jac_rrr_casadi_energy_nominal_names_out[] = {"jac_E_q", "jac_E_dq"};
-static const casadi_int* const jac_rrr_casadi_energy_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_25};
-static const casadi_int* const jac_rrr_casadi_energy_nominal_patterns_out[] = {rrr_casadi_pattern_26, rrr_casadi_pattern_27};
-RRR_CASADI_DESCRIBE(jac_rrr_casadi_energy_nominal, 3, 2)
+static const char* const jac_rrr_casadi_energy_nominal_names_in[] = {"q", "dq", "out_kinetic", "out_potential"};
+static const char* const jac_rrr_casadi_energy_nominal_names_out[] = {"jac_kinetic_q", "jac_kinetic_dq", "jac_potential_q", "jac_potential_dq"};
+static const casadi_int* const jac_rrr_casadi_energy_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_20, rrr_casadi_pattern_20};
+static const casadi_int* const jac_rrr_casadi_energy_nominal_patterns_out[] = {rrr_casadi_pattern_24, rrr_casadi_pattern_25, rrr_casadi_pattern_24, rrr_casadi_pattern_22};
+RRR_CASADI_DESCRIBE(jac_rrr_casadi_energy_nominal, 4, 4)
 
 int fwd1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
 {
@@ -4895,11 +4907,11 @@ int fwd1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, c
   const casadi_real dq1 = arg[1] ? arg[1][0] : (casadi_real)0;
   const casadi_real dq2 = arg[1] ? arg[1][1] : (casadi_real)0;
   const casadi_real dq3 = arg[1] ? arg[1][2] : (casadi_real)0;
-  const casadi_real fwd_q2 = arg[3] ? arg[3][1] : (casadi_real)0;
-  const casadi_real fwd_q3 = arg[3] ? arg[3][2] : (casadi_real)0;
-  const casadi_real fwd_dq1 = arg[4] ? arg[4][0] : (casadi_real)0;
-  const casadi_real fwd_dq2 = arg[4] ? arg[4][1] : (casadi_real)0;
-  const casadi_real fwd_dq3 = arg[4] ? arg[4][2] : (casadi_real)0;
+  const casadi_real fwd_q2 = arg[4] ? arg[4][1] : (casadi_real)0;
+  const casadi_real fwd_q3 = arg[4] ? arg[4][2] : (casadi_real)0;
+  const casadi_real fwd_dq1 = arg[5] ? arg[5][0] : (casadi_real)0;
+  const casadi_real fwd_dq2 = arg[5] ? arg[5][1] : (casadi_real)0;
+  const casadi_real fwd_dq3 = arg[5] ? arg[5][2] : (casadi_real)0;
   const casadi_real t1 = dq2 + dq3;
   const casadi_real t2 = dq1*dq1;
   const casadi_real s2 = rrr_casadi_sin(q2);
@@ -4932,7 +4944,9 @@ int fwd1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, c
   const casadi_real t26 = (casadi_real)0.018185*t1*t11 + (casadi_real)0.018185*t11*t1 + t20 + t23;
   if (res[0]) {
     res[0][0] = t26 - (fwd_dq1*(dq2*t9 + t1*t10) + t25);
-    res[0][1] = (casadi_real)15.06816*t14 + (casadi_real)1.64808*t17;
+  }
+  if (res[1]) {
+    res[1][0] = (casadi_real)15.06816*t14 + (casadi_real)1.64808*t17;
   }
   (void)res;
   (void)iw;
@@ -4941,11 +4955,11 @@ int fwd1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, c
   return 0;
 }
 
-static const char* const fwd1_rrr_casadi_energy_nominal_names_in[] = {"q", "dq", "out_E", "fwd_q", "fwd_dq"};
-static const char* const fwd1_rrr_casadi_energy_nominal_names_out[] = {"fwd_E"};
-static const casadi_int* const fwd1_rrr_casadi_energy_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_25, rrr_casadi_pattern_0, rrr_casadi_pattern_0};
-static const casadi_int* const fwd1_rrr_casadi_energy_nominal_patterns_out[] = {rrr_casadi_pattern_24};
-RRR_CASADI_DESCRIBE(fwd1_rrr_casadi_energy_nominal, 5, 1)
+static const char* const fwd1_rrr_casadi_energy_nominal_names_in[] = {"q", "dq", "out_kinetic", "out_potential", "fwd_q", "fwd_dq"};
+static const char* const fwd1_rrr_casadi_energy_nominal_names_out[] = {"fwd_kinetic", "fwd_potential"};
+static const casadi_int* const fwd1_rrr_casadi_energy_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_20, rrr_casadi_pattern_20, rrr_casadi_pattern_0, rrr_casadi_pattern_0};
+static const casadi_int* const fwd1_rrr_casadi_energy_nominal_patterns_out[] = {rrr_casadi_pattern_19, rrr_casadi_pattern_19};
+RRR_CASADI_DESCRIBE(fwd1_rrr_casadi_energy_nominal, 6, 2)
 
 int adj1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
 {
@@ -4954,8 +4968,8 @@ int adj1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, c
   const casadi_real dq1 = arg[1] ? arg[1][0] : (casadi_real)0;
   const casadi_real dq2 = arg[1] ? arg[1][1] : (casadi_real)0;
   const casadi_real dq3 = arg[1] ? arg[1][2] : (casadi_real)0;
-  const casadi_real adj_E1 = arg[3] ? arg[3][0] : (casadi_real)0;
-  const casadi_real adj_E2 = arg[3] ? arg[3][1] : (casadi_real)0;
+  const casadi_real adj_kinetic = arg[4] ? arg[4][0] : (casadi_real)0;
+  const casadi_real adj_potential = arg[5] ? arg[5][0] : (casadi_real)0;
   const casadi_real t1 = dq2 + dq3;
   const casadi_real t2 = dq1*dq1;
   const casadi_real s2 = rrr_casadi_sin(q2);
@@ -4970,33 +4984,33 @@ int adj1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, c
   const casadi_real t8 = s2*s23;
   const casadi_real t9 = (casadi_real)0.004*c2 + (casadi_real)0.299444*s2;
   const casadi_real t10 = (casadi_real)0.0013*c23 + (casadi_real)0.043584*s23;
-  const casadi_real t11 = dq1*adj_E1;
+  const casadi_real t11 = dq1*adj_kinetic;
   const casadi_real t12 = t1*t11;
   const casadi_real t13 = dq2*t11;
-  const casadi_real t14 = (casadi_real)0.0336*adj_E1;
+  const casadi_real t14 = (casadi_real)0.0336*adj_kinetic;
   const casadi_real t15 = dq2*t14;
   const casadi_real t16 = (t1*t8 + (casadi_real)5.2470238095238093*dq2)*t14 - t9*t11;
   const casadi_real t17 = t1*t15;
   const casadi_real t18 = (t2 + dq2*t1)*t14;
   const casadi_real t19 = c2*c23*t14;
-  const casadi_real t20 = (casadi_real)0.5*t2*adj_E1;
+  const casadi_real t20 = (casadi_real)0.5*t2*adj_kinetic;
   const casadi_real t21 = t6*t20;
-  const casadi_real t22 = (casadi_real)1.64808*adj_E2 - (casadi_real)0.043584*t12 + s2*t17;
+  const casadi_real t22 = (casadi_real)1.64808*adj_potential - (casadi_real)0.043584*t12 + s2*t17;
   const casadi_real t23 = s23*(c2*t18 - (casadi_real)0.0013*t12 + t21 + (casadi_real)0.03185*(t7*t20));
   const casadi_real t24 = c23*(t22 - (casadi_real)0.031397174254317109*t21) - t23;
   const casadi_real t25 = t3*t20;
-  const casadi_real t26 = (casadi_real)15.06816*adj_E2 - (casadi_real)0.299444*t13 + s23*t17;
+  const casadi_real t26 = (casadi_real)15.06816*adj_potential - (casadi_real)0.299444*t13 + s23*t17;
   const casadi_real t27 = s2*(c23*t18 - (casadi_real)0.004*t13 + t25 + (casadi_real)0.2696*(t4*t20));
-  const casadi_real t28 = dq1*(t19 + (casadi_real)0.5*(adj_E1*(t3*t4 + t6*t7 + (casadi_real)0.8531086)));
-  const casadi_real t29 = t8*t15 - t10*t11 + dq2*t19 + (casadi_real)0.018185*t1*adj_E1;
-  const casadi_real t30 = t29 + (casadi_real)0.018185*(adj_E1*t1);
+  const casadi_real t28 = dq1*(t19 + (casadi_real)0.5*(adj_kinetic*(t3*t4 + t6*t7 + (casadi_real)0.8531086)));
+  const casadi_real t29 = t8*t15 - t10*t11 + dq2*t19 + (casadi_real)0.018185*t1*adj_kinetic;
+  const casadi_real t30 = t29 + (casadi_real)0.018185*(adj_kinetic*t1);
   if (res[0]) {
     res[0][0] = (casadi_real)0.0;
     res[0][1] = t24 + c2*(t26 + (casadi_real)0.02967359050445104*t25) - t27;
     res[0][2] = t24;
   }
   if (res[1]) {
-    res[1][0] = t28 - adj_E1*(dq2*t9 + t1*t10) + t28;
+    res[1][0] = t28 - adj_kinetic*(dq2*t9 + t1*t10) + t28;
     res[1][1] = t16 + (casadi_real)5.2470238095238093*t15 + t1*t19 + t30;
     res[1][2] = t30;
   }
@@ -5007,11 +5021,11 @@ int adj1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, c
   return 0;
 }
 
-static const char* const adj1_rrr_casadi_energy_nominal_names_in[] = {"q", "dq", "out_E", "adj_E"};
+static const char* const adj1_rrr_casadi_energy_nominal_names_in[] = {"q", "dq", "out_kinetic", "out_potential", "adj_kinetic", "adj_potential"};
 static const char* const adj1_rrr_casadi_energy_nominal_names_out[] = {"adj_q", "adj_dq"};
-static const casadi_int* const adj1_rrr_casadi_energy_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_25, rrr_casadi_pattern_24};
+static const casadi_int* const adj1_rrr_casadi_energy_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_20, rrr_casadi_pattern_20, rrr_casadi_pattern_19, rrr_casadi_pattern_19};
 static const casadi_int* const adj1_rrr_casadi_energy_nominal_patterns_out[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0};
-RRR_CASADI_DESCRIBE(adj1_rrr_casadi_energy_nominal, 4, 2)
+RRR_CASADI_DESCRIBE(adj1_rrr_casadi_energy_nominal, 6, 2)
 
 int fwd1_adj1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem)
 {
@@ -5020,15 +5034,15 @@ int fwd1_adj1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** r
   const casadi_real dq1 = arg[1] ? arg[1][0] : (casadi_real)0;
   const casadi_real dq2 = arg[1] ? arg[1][1] : (casadi_real)0;
   const casadi_real dq3 = arg[1] ? arg[1][2] : (casadi_real)0;
-  const casadi_real adj_E1 = arg[3] ? arg[3][0] : (casadi_real)0;
-  const casadi_real adj_E2 = arg[3] ? arg[3][1] : (casadi_real)0;
-  const casadi_real fwd_q2 = arg[6] ? arg[6][1] : (casadi_real)0;
-  const casadi_real fwd_q3 = arg[6] ? arg[6][2] : (casadi_real)0;
-  const casadi_real fwd_dq1 = arg[7] ? arg[7][0] : (casadi_real)0;
-  const casadi_real fwd_dq2 = arg[7] ? arg[7][1] : (casadi_real)0;
-  const casadi_real fwd_dq3 = arg[7] ? arg[7][2] : (casadi_real)0;
-  const casadi_real fwd_adj_E1 = arg[9] ? arg[9][0] : (casadi_real)0;
-  const casadi_real fwd_adj_E2 = arg[9] ? arg[9][1] : (casadi_real)0;
+  const casadi_real adj_kinetic = arg[4] ? arg[4][0] : (casadi_real)0;
+  const casadi_real adj_potential = arg[5] ? arg[5][0] : (casadi_real)0;
+  const casadi_real fwd_q2 = arg[8] ? arg[8][1] : (casadi_real)0;
+  const casadi_real fwd_q3 = arg[8] ? arg[8][2] : (casadi_real)0;
+  const casadi_real fwd_dq1 = arg[9] ? arg[9][0] : (casadi_real)0;
+  const casadi_real fwd_dq2 = arg[9] ? arg[9][1] : (casadi_real)0;
+  const casadi_real fwd_dq3 = arg[9] ? arg[9][2] : (casadi_real)0;
+  const casadi_real fwd_adj_kinetic = arg[12] ? arg[12][0] : (casadi_real)0;
+  const casadi_real fwd_adj_potential = arg[13] ? arg[13][0] : (casadi_real)0;
   const casadi_real t1 = dq2 + dq3;
   const casadi_real t2 = dq1*dq1;
   const casadi_real t3 = (casadi_real)0.5*t2;
@@ -5047,19 +5061,19 @@ int fwd1_adj1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** r
   const casadi_real t12 = s2*s23;
   const casadi_real t13 = (casadi_real)0.004*c2 + (casadi_real)0.299444*s2;
   const casadi_real t14 = (casadi_real)0.0013*c23 + (casadi_real)0.043584*s23;
-  const casadi_real t15 = dq1*adj_E1;
+  const casadi_real t15 = dq1*adj_kinetic;
   const casadi_real t16 = t1*t15;
   const casadi_real t17 = dq2*t15;
-  const casadi_real t18 = (casadi_real)0.0336*adj_E1;
+  const casadi_real t18 = (casadi_real)0.0336*adj_kinetic;
   const casadi_real t19 = dq2*t18;
   const casadi_real t20 = t1*t19;
   const casadi_real t21 = t11*t18;
   const casadi_real t22 = t10*t18;
-  const casadi_real t23 = adj_E1*t3;
+  const casadi_real t23 = adj_kinetic*t3;
   const casadi_real t24 = t7*t23;
-  const casadi_real t25 = (casadi_real)1.64808*adj_E2 - (casadi_real)0.043584*t16 + s2*t20;
+  const casadi_real t25 = (casadi_real)1.64808*adj_potential - (casadi_real)0.043584*t16 + s2*t20;
   const casadi_real t26 = t4*t23;
-  const casadi_real t27 = (casadi_real)15.06816*adj_E2 - (casadi_real)0.299444*t17 + s23*t20;
+  const casadi_real t27 = (casadi_real)15.06816*adj_potential - (casadi_real)0.299444*t17 + s23*t20;
   const casadi_real t28 = fwd_dq2 + fwd_dq3;
   const casadi_real t29 = dq1*fwd_dq1;
   const casadi_real t30 = fwd_q2*s2;
@@ -5074,44 +5088,44 @@ int fwd1_adj1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** r
   const casadi_real t39 = s23*t32 + s2*t37;
   const casadi_real t40 = (casadi_real)0.299444*t32 - (casadi_real)0.004*t30;
   const casadi_real t41 = (casadi_real)0.043584*t37 - (casadi_real)0.0013*t35;
-  const casadi_real t42 = adj_E1*fwd_dq1 + dq1*fwd_adj_E1;
-  const casadi_real t43 = t15*t28 + t1*t42;
-  const casadi_real t44 = fwd_dq2*t15 + dq2*t42;
-  const casadi_real t45 = (casadi_real)0.0336*fwd_adj_E1;
-  const casadi_real t46 = t18*(t12*t28 + t1*t39 + (casadi_real)5.2470238095238093*fwd_dq2);
-  const casadi_real t47 = fwd_dq2*t18 + dq2*t45;
-  const casadi_real t48 = t46 + (t1*t12 + (casadi_real)5.2470238095238093*dq2)*t45 - (t15*t40 + t13*t42);
-  const casadi_real t49 = t19*t28 + t1*t47;
-  const casadi_real t50 = t18*(fwd_dq2*t1 + dq2*t28 + (casadi_real)2.0*t29) + t11*t45;
-  const casadi_real t51 = t10*t45 - t18*(c23*t30 + c2*t35);
-  const casadi_real t52 = fwd_adj_E1*t3 + adj_E1*t29;
-  const casadi_real t53 = t7*t52 - t23*t36;
-  const casadi_real t54 = (casadi_real)1.64808*fwd_adj_E2 - (casadi_real)0.043584*t43 + (t20*t32 + s2*t49);
-  const casadi_real t55 = c23*(t54 - (casadi_real)0.031397174254317109*t53);
-  const casadi_real t56 = c2*t50 - t21*t30 - (casadi_real)0.0013*t43 + t53;
-  const casadi_real t57 = (c2*t21 - (casadi_real)0.0013*t16 + t24 + (casadi_real)0.03185*(t8*t23))*t37;
-  const casadi_real t58 = t57 + s23*(t56 + (casadi_real)0.03185*(t8*t52 - t23*t38));
-  const casadi_real t59 = t55 - (t25 - (casadi_real)0.031397174254317109*t24)*t35 - t58;
-  const casadi_real t60 = t4*t52 - t23*t31;
-  const casadi_real t61 = (casadi_real)15.06816*fwd_adj_E2 - (casadi_real)0.299444*t44 + (t20*t37 + s23*t49);
-  const casadi_real t62 = (t27 + (casadi_real)0.02967359050445104*t26)*t30;
-  const casadi_real t63 = c23*t50 - t21*t35 - (casadi_real)0.004*t44 + t60;
-  const casadi_real t64 = (c23*t21 - (casadi_real)0.004*t17 + t26 + (casadi_real)0.2696*(t5*t23))*t32;
-  const casadi_real t65 = c2*(t61 + (casadi_real)0.02967359050445104*t60) - t62 + t59;
-  const casadi_real t66 = t51 + (casadi_real)0.5*(fwd_adj_E1*t9 + adj_E1*(t4*t33 - t5*t31 - (t8*t36 + t7*t38)));
-  const casadi_real t67 = fwd_dq1*(t22 + (casadi_real)0.5*(adj_E1*t9)) + dq1*t66;
-  const casadi_real t68 = fwd_adj_E1*(dq2*t13 + t1*t14) + adj_E1*(fwd_dq2*t13 + dq2*t40 + (t14*t28 + t1*t41));
-  const casadi_real t69 = (casadi_real)0.018185*t1*fwd_adj_E1 + (casadi_real)0.018185*t28*adj_E1;
-  const casadi_real t70 = t19*t39 + t12*t47 - (t15*t41 + t14*t42) + (fwd_dq2*t22 + dq2*t51) + t69;
-  const casadi_real t71 = t70 + (casadi_real)0.018185*(fwd_adj_E1*t1 + adj_E1*t28);
+  const casadi_real t42 = adj_kinetic*(fwd_dq2*t13 + dq2*t40 + (t14*t28 + t1*t41));
+  const casadi_real t43 = adj_kinetic*fwd_dq1 + dq1*fwd_adj_kinetic;
+  const casadi_real t44 = t15*t28 + t1*t43;
+  const casadi_real t45 = fwd_dq2*t15 + dq2*t43;
+  const casadi_real t46 = (casadi_real)0.0336*fwd_adj_kinetic;
+  const casadi_real t47 = t18*(t12*t28 + t1*t39 + (casadi_real)5.2470238095238093*fwd_dq2);
+  const casadi_real t48 = fwd_dq2*t18 + dq2*t46;
+  const casadi_real t49 = t47 + (t1*t12 + (casadi_real)5.2470238095238093*dq2)*t46 - (t15*t40 + t13*t43);
+  const casadi_real t50 = t19*t28 + t1*t48;
+  const casadi_real t51 = (casadi_real)15.06816*fwd_adj_potential - (casadi_real)0.299444*t45;
+  const casadi_real t52 = t18*(fwd_dq2*t1 + dq2*t28 + (casadi_real)2.0*t29) + t11*t46;
+  const casadi_real t53 = t10*t46 - t18*(c23*t30 + c2*t35);
+  const casadi_real t54 = fwd_adj_kinetic*t3 + adj_kinetic*t29;
+  const casadi_real t55 = t7*t54 - t23*t36;
+  const casadi_real t56 = (casadi_real)1.64808*fwd_adj_potential - (casadi_real)0.043584*t44 + (t20*t32 + s2*t50);
+  const casadi_real t57 = c23*(t56 - (casadi_real)0.031397174254317109*t55);
+  const casadi_real t58 = c2*t52 - t21*t30 - (casadi_real)0.0013*t44 + t55;
+  const casadi_real t59 = (c2*t21 - (casadi_real)0.0013*t16 + t24 + (casadi_real)0.03185*(t8*t23))*t37;
+  const casadi_real t60 = t59 + s23*(t58 + (casadi_real)0.03185*(t8*t54 - t23*t38));
+  const casadi_real t61 = t57 - (t25 - (casadi_real)0.031397174254317109*t24)*t35 - t60;
+  const casadi_real t62 = t4*t54 - t23*t31;
+  const casadi_real t63 = c2*(t20*t37 + s23*t50 + t51 + (casadi_real)0.02967359050445104*t62);
+  const casadi_real t64 = c23*t52 - t21*t35 - (casadi_real)0.004*t45 + t62;
+  const casadi_real t65 = (c23*t21 - (casadi_real)0.004*t17 + t26 + (casadi_real)0.2696*(t5*t23))*t32;
+  const casadi_real t66 = t63 - (t27 + (casadi_real)0.02967359050445104*t26)*t30 + t61;
+  const casadi_real t67 = fwd_adj_kinetic*t9 + adj_kinetic*(t4*t33 - t5*t31 - (t8*t36 + t7*t38));
+  const casadi_real t68 = fwd_dq1*(t22 + (casadi_real)0.5*(adj_kinetic*t9)) + dq1*(t53 + (casadi_real)0.5*t67);
+  const casadi_real t69 = (casadi_real)0.018185*t1*fwd_adj_kinetic + (casadi_real)0.018185*t28*adj_kinetic;
+  const casadi_real t70 = t19*t39 + t12*t48 - (t15*t41 + t14*t43) + (fwd_dq2*t22 + dq2*t53) + t69;
+  const casadi_real t71 = t70 + (casadi_real)0.018185*(fwd_adj_kinetic*t1 + adj_kinetic*t28);
   if (res[0]) {
     res[0][0] = (casadi_real)0.0;
-    res[0][1] = t65 - (t64 + s2*(t63 + (casadi_real)0.2696*(t23*t33 + t5*t52)));
-    res[0][2] = t59;
+    res[0][1] = t66 - (t65 + s2*(t64 + (casadi_real)0.2696*(t23*t33 + t5*t54)));
+    res[0][2] = t61;
   }
   if (res[1]) {
-    res[1][0] = t67 - t68 + t67;
-    res[1][1] = t48 + (casadi_real)5.2470238095238093*t47 + (t22*t28 + t1*t51) + t71;
+    res[1][0] = t68 - (fwd_adj_kinetic*(dq2*t13 + t1*t14) + t42) + t68;
+    res[1][1] = t49 + (casadi_real)5.2470238095238093*t48 + (t22*t28 + t1*t53) + t71;
     res[1][2] = t71;
   }
   (void)res;
@@ -5121,8 +5135,8 @@ int fwd1_adj1_rrr_casadi_energy_nominal(const casadi_real** arg, casadi_real** r
   return 0;
 }
 
-static const char* const fwd1_adj1_rrr_casadi_energy_nominal_names_in[] = {"q", "dq", "out_E", "adj_E", "out_adj_q", "out_adj_dq", "fwd_q", "fwd_dq", "fwd_out_E", "fwd_adj_E"};
+static const char* const fwd1_adj1_rrr_casadi_energy_nominal_names_in[] = {"q", "dq", "out_kinetic", "out_potential", "adj_kinetic", "adj_potential", "out_adj_q", "out_adj_dq", "fwd_q", "fwd_dq", "fwd_out_kinetic", "fwd_out_potential", "fwd_adj_kinetic", "fwd_adj_potential"};
 static const char* const fwd1_adj1_rrr_casadi_energy_nominal_names_out[] = {"fwd_adj_q", "fwd_adj_dq"};
-static const casadi_int* const fwd1_adj1_rrr_casadi_energy_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_25, rrr_casadi_pattern_24, rrr_casadi_pattern_4, rrr_casadi_pattern_4, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_25, rrr_casadi_pattern_24};
+static const casadi_int* const fwd1_adj1_rrr_casadi_energy_nominal_patterns_in[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_20, rrr_casadi_pattern_20, rrr_casadi_pattern_19, rrr_casadi_pattern_19, rrr_casadi_pattern_4, rrr_casadi_pattern_4, rrr_casadi_pattern_0, rrr_casadi_pattern_0, rrr_casadi_pattern_20, rrr_casadi_pattern_20, rrr_casadi_pattern_19, rrr_casadi_pattern_19};
 static const casadi_int* const fwd1_adj1_rrr_casadi_energy_nominal_patterns_out[] = {rrr_casadi_pattern_0, rrr_casadi_pattern_0};
-RRR_CASADI_DESCRIBE(fwd1_adj1_rrr_casadi_energy_nominal, 10, 2)
+RRR_CASADI_DESCRIBE(fwd1_adj1_rrr_casadi_energy_nominal, 14, 2)

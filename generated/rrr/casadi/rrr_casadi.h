@@ -364,11 +364,12 @@ RRR_CASADI_DECLARE(fwd1_adj1_rrr_casadi_forward_dynamics_nominal);
 
 /*
  * Kinetic and potential energy.
- * E = [dq' M dq / 2, U(q)], g = dU/dq
+ * kinetic = dq' M(q) dq / 2, potential = U(q) with g = dU/dq
  * arg[0] q: 3, rad, joint positions
  * arg[1] dq: 3, rad/s, joint velocities
  * arg[2] beta: 15, SI, base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
- * res[0] E: 2, J, kinetic energy, potential energy (up to a constant)
+ * res[0] kinetic: scalar, J, kinetic energy, drive inertia included
+ * res[1] potential: scalar, J, potential energy, defined up to a constant
  */
 RRR_CASADI_DECLARE(rrr_casadi_energy);
 
@@ -389,10 +390,11 @@ RRR_CASADI_DECLARE(adj1_rrr_casadi_energy);
 
 /*
  * Kinetic and potential energy, with the parameters of the robot file.
- * E = [dq' M dq / 2, U(q)], g = dU/dq
+ * kinetic = dq' M(q) dq / 2, potential = U(q) with g = dU/dq
  * arg[0] q: 3, rad, joint positions
  * arg[1] dq: 3, rad/s, joint velocities
- * res[0] E: 2, J, kinetic energy, potential energy (up to a constant)
+ * res[0] kinetic: scalar, J, kinetic energy, drive inertia included
+ * res[1] potential: scalar, J, potential energy, defined up to a constant
  */
 RRR_CASADI_DECLARE(rrr_casadi_energy_nominal);
 

@@ -1832,12 +1832,13 @@ def standard_regressor():
 def energy():
     """Kinetic and potential energy.
 
-    E = [dq' M dq / 2, U(q)],  g = dU/dq
+    kinetic = dq' M(q) dq / 2,  potential = U(q) with g = dU/dq
 
     input  q (3, 1): joint positions; rad
     input  dq (3, 1): joint velocities; rad/s
     input  beta (15, 1): base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15; SI
-    output E (2, 1): kinetic energy, potential energy (up to a constant); J
+    output kinetic (1, 1): kinetic energy, drive inertia included; J
+    output potential (1, 1): potential energy, defined up to a constant; J
     """
     q = ca.SX.sym("q", 3, 1)
     dq = ca.SX.sym("dq", 3, 1)
@@ -1857,22 +1858,26 @@ def energy():
     t4 = dq1*(dq2*(beta10*c2 + beta11*s2) + t1*(beta8*c23 + beta9*s23))
     t5 = beta4*c23 + beta3*s23
     t6 = 0.2*(c2*(beta3*c23 - beta4*s23)*(t2 + dq2*t1) + t1*(dq2*s2*t5 + 2.5*beta13*t1))
-    E = _matrix(2, 1, [
+    kinetic = _matrix(1, 1, [
         t4 + 0.5*(dq2*dq2*(beta12 - beta13) + t3) + t6,
+    ])
+    potential = _matrix(1, 1, [
         9.81*(beta15*c2 + beta14*s2 + t5),
     ])
-    return ca.Function("rrr_casadi_energy", [q, dq, beta], [E], ["q", "dq", "beta"], ["E"])
+    return ca.Function("rrr_casadi_energy", [q, dq, beta], [kinetic, potential], ["q", "dq", "beta"], ["kinetic",
+        "potential"])
 
 
 @lru_cache(maxsize=None)
 def energy_nominal():
     """Kinetic and potential energy, with the parameters of the robot file.
 
-    E = [dq' M dq / 2, U(q)],  g = dU/dq
+    kinetic = dq' M(q) dq / 2,  potential = U(q) with g = dU/dq
 
     input  q (3, 1): joint positions; rad
     input  dq (3, 1): joint velocities; rad/s
-    output E (2, 1): kinetic energy, potential energy (up to a constant); J
+    output kinetic (1, 1): kinetic energy, drive inertia included; J
+    output potential (1, 1): potential energy, defined up to a constant; J
     """
     q = ca.SX.sym("q", 3, 1)
     dq = ca.SX.sym("dq", 3, 1)
@@ -1888,11 +1893,14 @@ def energy_nominal():
     t3 = 0.2696*c2*(c2 + 0.02967359050445104*s2) + 0.03185*c23*(c23 - 0.031397174254317109*s23)
     t4 = 0.0336*(c2*c23*(t2 + dq2*t1) + dq2*(s2*s23*t1 + 5.2470238095238093*dq2))
     t5 = dq1*(dq2*(0.004*c2 + 0.299444*s2) + t1*(0.0013*c23 + 0.043584*s23))
-    E = _matrix(2, 1, [
+    kinetic = _matrix(1, 1, [
         0.018185*t1*t1 + 0.5*t2*(t3 + 0.8531086) + t4 - t5,
+    ])
+    potential = _matrix(1, 1, [
         15.06816*s2 + 1.64808*s23,
     ])
-    return ca.Function("rrr_casadi_energy_nominal", [q, dq], [E], ["q", "dq"], ["E"])
+    return ca.Function("rrr_casadi_energy_nominal", [q, dq], [kinetic, potential], ["q", "dq"], ["kinetic",
+        "potential"])
 
 
 @lru_cache(maxsize=None)

@@ -230,19 +230,24 @@ def _is_positive(programs: Mapping[str, Program], states: dict[str, Array], para
 
 
 def _specializations(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
-    """Functions with a nominal specialization: both calls in C, and the size of the output."""
+    """Functions with a nominal specialization: both calls in C, and name and size of every result.
+
+    Functions with a status are left out for the reason that :data:`BY_IDENTITY` states.
+    """
     specializations = []
     for name, program in model.programs.items():
         nominal = specialization(model.programs, name)
-        if nominal is None or len(nominal.outputs) > 1:
+        if nominal is None or nominal.status is not None:
             continue
-        arguments = [_arguments(each) for each in (program, nominal)]
+        results = [port.name for port in program.outputs]
+        general = [*_arguments(program), *(f"{result}_1" for result in results)]
+        special = [*_arguments(nominal), *(f"{result}_2" for result in results)]
         specializations.append(
             {
                 "name": name,
-                "general": f"{function_name(program, dialect)}({', '.join(arguments[0])}, expected)",
-                "nominal": f"{function_name(nominal, dialect)}({', '.join(arguments[1])}, result)",
-                "size": program.outputs[0].size,
+                "general": f"{function_name(program, dialect)}({', '.join(general)})",
+                "nominal": f"{function_name(nominal, dialect)}({', '.join(special)})",
+                "results": [(port.name, port.size) for port in program.outputs],
             }
         )
     return specializations

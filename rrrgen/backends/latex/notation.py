@@ -92,7 +92,8 @@ QUANTITIES = {
     "standard_regressor": Quantity(
         "Y", ("q", "dq", "ddq"), "regressor of the standard parameters, Ixy = -integral of x*y dm"
     ),
-    "energy": Quantity("E", ("q", "dq"), "kinetic and potential energy"),
+    "energy.kinetic": Quantity("T", ("q", "dq"), "kinetic energy"),
+    "energy.potential": Quantity("U", ("q",), "potential energy"),
     "friction": Quantity("tau_f", ("dq",), "friction torques"),
     "base_parameters": Quantity("beta", (), "base parameters"),
 }

@@ -113,7 +113,7 @@ def show(
     asked = INVERSE in functions
     inverse = _inverse_kinematics(spec, asked, bool(short)) if asked or not functions else None
     derivation = prepare(spec)
-    forms = {_label(name, entry): _closed_form(derivation, name, entry) for name in wanted}
+    forms = {label: form for name in wanted for label, form in _closed_forms(derivation, name, entry).items()}
     if html is not None:
         from rrrgen.report.motions import illustrations
 
@@ -205,21 +205,18 @@ def _as_plain(description: str, forms: Mapping[str, Form], inverse: InverseForm 
     return "\n\n".join(part.rstrip("\n") for part in (text, said) if part)
 
 
-def _label(name: str, entry: str | None) -> str:
-    return name if entry is None else f"{name}[{entry}]"
+def _closed_forms(derivation: Derivation, name: str, entry: str | None) -> dict[str, Form]:
+    """The closed forms of all results of the function ``name`` by their labels, or of one entry of its one result."""
+    from rrrgen.derive.closed_forms.closed_form import closed_form, closed_forms
 
-
-def _closed_form(derivation: Derivation, name: str, entry: str | None) -> Form:
-    from rrrgen.derive.closed_forms.closed_form import closed_form
-
-    form = closed_form(derivation, name)
     if entry is None:
-        return form.readable()
+        return {label: form.readable() for label, form in closed_forms(derivation, name).items()}
+    form = closed_form(derivation, name)
     try:
         place = tuple(int(part) - 1 for part in entry.split(","))
         if min(place) < 0:
             raise IndexError(f"entries count from 1, got {entry}")
-        return form.readable(place)
+        return {f"{name}[{entry}]": form.readable(place)}
     except (ValueError, IndexError) as error:
         raise click.BadParameter(str(error), param_hint="--entry") from None
 

@@ -105,7 +105,7 @@ class ClosedForm:
 
     def _matrix_shape(self) -> tuple[int, int]:
         size = len(self._nodes)
-        rows = size if len(self.shape) == 1 else size // self.shape[-1]
+        rows = size if len(self.shape) < 2 else size // self.shape[-1]
         return rows, size // rows
 
     def readable(self, index: tuple[int, ...] | None = None) -> sp.Expr | sp.Matrix | SharedForm:
@@ -114,6 +114,8 @@ class ClosedForm:
         Expanded if that takes few terms, otherwise a :class:`SharedForm` with names for what occurs more than once.
         Raises IndexError outside the shape.
         """
+        if index is None and self.shape == ():
+            index = ()
         results = self._nodes if index is None else [self._nodes[self._flat(index)]]
         limit = int(TERMS_PER_NODE * len(reachable(self.program.nodes, results)))
         if self._expander.terms(results, limit) <= limit:
@@ -132,6 +134,18 @@ def closed_form(derivation: Derivation, function: str) -> ClosedForm:
     For a function with several results, name one: ``"inverse_dynamics_derivatives.dtau_dq"``. Raises DerivationError if
     the function has no closed form or no such result.
     """
+    forms = closed_forms(derivation, function)
+    if len(forms) > 1:
+        raise DerivationError(f"name one result: {', '.join(forms)}")
+    return next(iter(forms.values()))
+
+
+def closed_forms(derivation: Derivation, function: str) -> dict[str, ClosedForm]:
+    """The closed forms of all results of ``function``, by name: "energy" has "energy.kinetic" and "energy.potential".
+
+    A function with one result has one entry, under its own name; "energy.kinetic" names one result of several. Raises
+    DerivationError if the function has no closed form or no such result.
+    """
     name, _, wanted = function.partition(".")
     if name not in CLOSED:
         raise DerivationError(f"no closed form of {function!r}; there is one of: {', '.join(CLOSED)}")
@@ -141,20 +155,19 @@ def closed_form(derivation: Derivation, function: str) -> ClosedForm:
     generators = [*free, *(g for pair in pairs for g in pair), *roots]
     recording = Recording(model, parametrization, generators or [sp.Symbol("one")])
     program = FUNCTIONS[name][0](recording)
-    output = _output(program, wanted)
     drives = [term.name for term in inertia_terms(model.spec)]
     parameters = {Role.BASE_PARAMETERS: parametrization.names, Role.DRIVE_INERTIA: drives}
-    return ClosedForm(program, output, generators or [sp.Symbol("one")], roots, parameters, pairs)
-
-
-def _output(program: Program, wanted: str) -> int:
-    """The index of the output named ``wanted``; the name may be empty if there is only one output."""
-    names = [port.name for port in program.outputs]
-    if wanted in names:
-        return names.index(wanted)
-    if wanted or len(names) > 1:
-        raise DerivationError(f"name one result: {', '.join(f'{program.name}.{name}' for name in names)}")
-    return 0
+    results = [port.name for port in program.outputs]
+    if wanted and wanted not in results:
+        known = ", ".join(f"{name}.{result}" for result in results)
+        raise DerivationError(f"no result {function!r}; there is {known}")
+    return {
+        f"{name}.{result}" if len(results) > 1 else name: ClosedForm(
+            program, output, generators or [sp.Symbol("one")], roots, parameters, pairs
+        )
+        for output, result in enumerate(results)
+        if wanted in ("", result)
+    }
 
 
 def _input_symbols(

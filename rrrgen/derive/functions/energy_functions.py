@@ -8,19 +8,22 @@ from rrrgen.program import Port, Program
 
 
 def energy(r: Recording) -> Program:
-    """Record E = [kinetic, potential] in J: dq' M dq / 2, and U with dU/dq = g, defined up to a constant."""
+    """Record the kinetic energy dq' M dq / 2 and the potential energy U with dU/dq = g, both scalars, J."""
     chain = r.chain_in_gravity("dq")
     dq = r.joints("dq")
     inertias = r.inertias()
     kinetic = momentum.kinetic_energy(chain, dq, inertias)
     kinetic = r.drive_inertia().added_to_energy(kinetic, dq)
     potential = momentum.potential_energy(chain, inertias)
-    port = Port("E", (2,), "J", "", "kinetic energy, potential energy (up to a constant)")
+    ports = [
+        (Port("kinetic", (), "J", "", "kinetic energy, drive inertia included"), [kinetic]),
+        (Port("potential", (), "J", "", "potential energy, defined up to a constant"), [potential]),
+    ]
     return r.builder.program(
         "energy",
-        [(port, [kinetic, potential])],
+        ports,
         "Kinetic and potential energy.",
-        "E = [dq' M dq / 2, U(q)],  g = dU/dq",
+        "kinetic = dq' M(q) dq / 2,  potential = U(q) with g = dU/dq",
     )
 
 

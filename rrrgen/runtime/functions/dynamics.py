@@ -286,10 +286,9 @@ class DynamicFunctions(Calls):
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
 
         Returns:
-            The named tuple (kinetic, potential), each (...), in J; in C and CasADi the vector E of the two.
+            The named tuple (kinetic, potential), each (...), J.
         """
-        E = self._call_with("energy", (q, dq), beta, Ia, gravity)
-        return Energy(E[..., 0], E[..., 1])
+        return Energy(*self._evaluate("energy", (q, dq), beta, Ia, gravity))
 
     def friction(self, dq: ArrayLike) -> Array:
         """Friction torques of the laws of the robot file, such as ``tau_f = fv dq + fc sgn(dq) + offset``.
