@@ -201,7 +201,7 @@ def test_show_as_latex_and_single_entries(rrrgen):
     assert "\\begin{align*}" in out
     code, out, _ = rrrgen("show", "planar2r", "-f", "energy")
     assert code == 0
-    assert re.findall(r"^energy\.(\w+)", out, re.M) == ["kinetic", "potential"]  # every result of a function with several
+    assert re.findall(r"^energy\.(\w+)", out, re.M) == ["kinetic", "potential"]  # every result
     code, out, _ = rrrgen("show", "planar2r", "-f", "mass_matrix", "--entry", "1,2")
     assert code == 0
     assert "mass_matrix[1,2]" in out
