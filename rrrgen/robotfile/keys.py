@@ -10,10 +10,10 @@ MAX_FITS = 50
 HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 
 EMIT = {
-    "control": "control laws (PD with gravity, feed-forward, computed torque, Slotine and Li) and their terms",
+    "control": "control laws (PD with gravity, feed-forward, computed torque, adaptive, operational space) and terms",
     "cpp": "<name>.hpp, the functions for C++17 with std::array and matrices, Eigen maps on request",
     "gravity": "<name>_any_gravity.h and .c, the model with gravity as an input",
-    "observer": "the momentum observer of external torques",
+    "observer": "the momentum observer of external torques, contact and its wrench",
     "points": "velocities, Jacobians and wrenches at any link or point, tools, null space, manipulability",
     "rust": "a crate without dependencies and standard library",
     "trajectory": "quintic and trapezoidal motions",

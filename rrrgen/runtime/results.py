@@ -74,6 +74,28 @@ class ControlStep(NamedTuple):
     z_next: NDArray[Any]
 
 
+class OperationalStep(NamedTuple):
+    """Torques ``tau`` (..., n), N m or N, and the state ``z_next`` (..., 6), or (..., 3), of the integral action."""
+
+    tau: NDArray[Any]
+    z_next: NDArray[Any]
+
+
+class Contact(NamedTuple):
+    """External torques over their thresholds, ``ratio`` (..., n), and ``touches`` (...): 1 where one exceeds 1."""
+
+    ratio: NDArray[Any]
+    touches: NDArray[Any]
+
+
+class ExternalLoad(NamedTuple):
+    """Wrench or force ``F`` (..., k), N, N m, its covariance ``P`` (..., k, k), and ``condition`` (...); k = 6 or 3."""
+
+    F: NDArray[Any]
+    P: NDArray[Any]
+    condition: NDArray[Any]
+
+
 class AdaptiveStep(NamedTuple):
     """Torques ``tau`` (..., n) to apply, N m or N, and the base parameters ``beta_next`` (..., b), SI units."""
 

@@ -97,6 +97,10 @@ def test_several_results_are_named_tuples():
             "forward_dynamics_derivatives": rrrgen.runtime.results.ForwardDynamicsDerivatives._fields,
             "manipulability": rrrgen.runtime.results.Manipulability._fields,
             "position_manipulability": rrrgen.runtime.results.Manipulability._fields,
+            "operational_space": rrrgen.runtime.results.OperationalStep._fields,
+            "position_operational_space": rrrgen.runtime.results.OperationalStep._fields,
+            "external_wrench": rrrgen.runtime.results.ExternalLoad._fields,
+            "external_force": rrrgen.runtime.results.ExternalLoad._fields,
         }
         expected = tuples.get(title, results(getattr(Model, RENAMED.get(title, title))))
         assert names == expected if len(names) > 1 or title in tuples else expected is None, title

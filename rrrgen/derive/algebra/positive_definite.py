@@ -26,13 +26,14 @@ Rows = list[list[Value]]
 
 @dataclass(frozen=True)
 class Factors:
-    """``M = L D L'``: L (unit lower triangular), the reciprocals of D, and the status, 1 if a pivot is not positive.
+    """``M = L D L'``: L (unit lower triangular), D and its reciprocals, and the status, 1 if a pivot is not positive.
 
-    With status 1 the factors are finite but meaningless.
+    With status 1 the factors are finite but meaningless from the first pivot on that is not positive.
     """
 
     builder: Builder
     L: Rows
+    pivots: list[Value]
     reciprocals: list[Value]
     status: Value
 
@@ -81,6 +82,7 @@ def factorize(builder: Builder, M: Rows) -> Factors:
     b, n = builder, len(M)
     L: Rows = [[0] * n for _ in range(n)]
     margins: list[Value] = []
+    pivots: list[Value] = []
     reciprocals: list[Value] = []
     for j in range(n):
         scaled = [L[j][k] for k in range(j)]  # still L_jk d_k
@@ -90,6 +92,7 @@ def factorize(builder: Builder, M: Rows) -> Factors:
             pivot = b.sub(pivot, b.mul(L[j][k], scaled[k]))
         margin = pivot if j == 0 else b.sub(pivot, b.mul(PIVOT_TOLERANCE, M[j][j]))
         margins.append(margin)
+        pivots.append(pivot)
         reciprocals.append(b.div(1, b.select(margin, pivot, 1)))
         for i in range(j + 1, n):
             entry = M[i][j]
@@ -100,4 +103,4 @@ def factorize(builder: Builder, M: Rows) -> Factors:
     status: Value = 0
     for margin in reversed(margins):
         status = b.select(margin, status, 1)
-    return Factors(b, L, reciprocals, status)
+    return Factors(b, L, pivots, reciprocals, status)

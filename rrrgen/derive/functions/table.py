@@ -15,7 +15,7 @@ from rrrgen.derive.functions import (
     point_functions,
     regressor_functions,
 )
-from rrrgen.derive.functions.control import laws, motions, observers, terms
+from rrrgen.derive.functions.control import contact, laws, motions, observers, operational, terms
 from rrrgen.derive.functions.recording import Recorder
 
 FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
@@ -31,14 +31,20 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
 GROUPS: dict[str, dict[str, tuple[Recorder, ...]]] = {
     "model": FUNCTIONS,
     "points": point_functions.FUNCTIONS,
-    "control": {**terms.FUNCTIONS, **laws.FUNCTIONS},
-    "observer": observers.FUNCTIONS,
+    "control": {**terms.FUNCTIONS, **laws.FUNCTIONS, **operational.FUNCTIONS},
+    "observer": {**observers.FUNCTIONS, **contact.FUNCTIONS},
     "trajectory": motions.FUNCTIONS,
 }
 """Name of a group -> its functions."""
 
+MORE_JOINTS_THAN = {
+    **point_functions.MORE_JOINTS_THAN,
+    **operational.MORE_JOINTS_THAN,
+    **contact.MORE_JOINTS_THAN,
+}
+"""Functions that exist only for arms with more joints than this."""
+
 
 def functions_of(group: str, joints: int) -> dict[str, tuple[Recorder, ...]]:
     """The functions of ``group`` that exist for a robot with so many joints."""
-    least = point_functions.MORE_JOINTS_THAN
-    return {name: recorders for name, recorders in GROUPS[group].items() if joints > least.get(name, 0)}
+    return {name: recorders for name, recorders in GROUPS[group].items() if joints > MORE_JOINTS_THAN.get(name, 0)}

@@ -1,1 +1,1 @@
-"""Functions for controllers: terms of observers and adaptive laws, control laws, the momentum observer, motions."""
+"""Functions for controllers: terms, control laws of joints and tip, momentum observer, contact, motions."""

@@ -18,11 +18,11 @@ Press, 2005).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from fractions import Fraction
 from typing import Any
 
-from rrrgen.derive.algebra.vectors import add, cross, scale, subtract, times, transpose
+from rrrgen.derive.algebra.vectors import add, scale, subtract, times, transpose
 from rrrgen.derive.functions.control.terms import along_reference
+from rrrgen.derive.functions.control.tip import limited, rotation_error
 from rrrgen.derive.functions.dynamic_functions import block_frames_first, inverse_dynamics, torque_port
 from rrrgen.derive.functions.friction_functions import RunTimeFriction
 from rrrgen.derive.functions.recording import Recorder, Recording
@@ -57,13 +57,10 @@ class _Loop:
 
     def limited(self, tau: Vector) -> tuple[Vector, Vector]:
         """``tau`` with friction at the desired speed, limited; and for each joint 1 at the limit, else 0."""
-        b = self.r.builder
         friction = RunTimeFriction.declared(self.r, smooth=True)
         tau = add(tau, friction.torques(self.dq_d))
         tau_max = self.r.extra("tau_max", (self.r.n,), self.r.torque_unit, "largest torques; INFINITY for none")
-        above = [b.sub(b.abs(t), limit) for t, limit in zip(tau, tau_max, strict=True)]
-        held = [b.select(over, b.mul(b.sign(t), limit), t) for over, t, limit in zip(above, tau, tau_max, strict=True)]
-        return held, [b.select(over, 1, 0) for over in above]
+        return limited(self.r.builder, tau, tau_max)
 
     def program(self, name: str, tau: Vector, summary: str, formula: str) -> Program:
         """The law ``name`` with integral action, from its torques before friction and limits."""
@@ -179,15 +176,13 @@ def impedance(r: Recording) -> Program:
     stiffness = r.extra("stiffness", (6,), "N/m, N m/rad", "of the spring, along and about the axes of the base")
     damping = r.extra("damping", (6,), "N s/m, N m s/rad", "of the damper")
     T, J = kinematics.forward_kinematics(chain), kinematics.jacobian(chain)
-    turn: Vector = [0, 0, 0]
-    for k in range(3):  # the vector sin(angle) axis of the rotation from T to T_d
-        turn = add(turn, cross([T[i][k] for i in range(3)], [T_d[4 * i + k] for i in range(3)]))
-    error = [*(T_d[4 * i + 3] - T[i][3] for i in range(3)), *scale(Fraction(1, 2), turn)]
+    turn = rotation_error([row[:3] for row in T[:3]], [T_d[4 * i : 4 * i + 3] for i in range(3)])
+    error = [*(T_d[4 * i + 3] - T[i][3] for i in range(3)), *turn]
     F = add(_times(stiffness, error), _times(damping, subtract(V_d, times(J, dq))))
     tau = add(times(transpose(J), F), composite.gravity(chain, r.inertias()))
     b = r.builder
     tau_max = r.extra("tau_max", (r.n,), r.torque_unit, "largest torques; INFINITY for none")
-    held = [b.select(b.sub(b.abs(t), limit), b.mul(b.sign(t), limit), t) for t, limit in zip(tau, tau_max, strict=True)]
+    held, _ = limited(b, tau, tau_max)
     return b.program(
         "impedance",
         [(torque_port(r, "tau", "torques to apply, within tau_max"), held)],

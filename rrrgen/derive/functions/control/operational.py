@@ -1,0 +1,136 @@
+"""Recorders of operational-space control: the tip behaves like a mass of one, and the rest moves without disturbing it.
+
+After Khatib (1987), with the errors e_x of the tip and the state z of the integral action,
+
+    tau = J' L (a - (dJ/dt) dq - J inv(M) tau_0) + c + g + tau_0,   L = inv(J inv(M) J'),
+    a = A_d + kp e_x + kd (V_d - J dq) + ki z.
+
+``tau_0 - J' L J inv(M) tau_0`` is the dynamically consistent projection of the torques tau_0 of a second task: they
+accelerate the joints of a redundant arm and not the tip.
+
+Where J loses rank, L has no limit. ``A = J inv(M) J'`` is therefore damped: with A = F D F' (F unit lower triangular),
+and s the mean diagonal entry of A over its linear or angular rows,
+
+    A + delta diag(s),   delta = max(0, damping - min over i of D_i/s_i),
+
+which is exact away from singular configurations and continuous on the way to them. While delta > 0 the status says so,
+and the integral action rests. O. Khatib, A unified approach for motion and force control of robot manipulators, IEEE
+Journal of Robotics and Automation 3(1), 1987.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from rrrgen.derive.algebra.positive_definite import factorize
+from rrrgen.derive.algebra.vectors import Matrix, Vector, add, dot, product, scale, subtract, times, transpose
+from rrrgen.derive.functions.control.tip import limited, rotation_error
+from rrrgen.derive.functions.dynamic_functions import block_frames_first, torque_port
+from rrrgen.derive.functions.recording import Recorder, Recording
+from rrrgen.derive.recursions import composite, kinematics, newton_euler
+from rrrgen.program import Builder, Port, Program, Status, Value
+
+GAINS = {"kp": "1/s^2", "kd": "1/s", "ki": "1/s^3"}
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What of the tip is controlled: its pose, six rows of the Jacobian, or its position, the first three."""
+
+    prefix: str
+    rows: int
+    words: str
+    per: str
+    """Unit of a velocity."""
+
+    def error(self, r: Recording, T: Matrix) -> Vector:
+        """The error e_x of the tip (rows,) at the pose ``T``; declares the desired pose or position."""
+        if self.rows == 3:
+            p_d = r.extra("p_d", (3,), "m", "desired position of the tip in the base frame")
+            return [p_d[i] - T[i][3] for i in range(3)]
+        T_d = r.extra("T_d", (4, 4), "-, m", "desired pose of the tip in the base frame")
+        turn = rotation_error([row[:3] for row in T[:3]], [T_d[4 * i : 4 * i + 3] for i in range(3)])
+        return [*(T_d[4 * i + 3] - T[i][3] for i in range(3)), *turn]
+
+
+POSE = _Task("", 6, "pose", "m/s, rad/s")
+POSITION = _Task("position_", 3, "position", "m/s")
+
+
+def operational_space(task: _Task) -> Recorder:
+    """A recorder of the torques (n,) of operational-space control, limited, and the next z of the integral action."""
+
+    def record(r: Recording) -> Program:
+        b, count = r.builder, task.rows
+        chain, dq = r.chain_in_gravity("dq"), r.joints("dq")
+        T, J = kinematics.forward_kinematics(chain), kinematics.jacobian(chain)[:count]
+        e = task.error(r, T)
+        V_d = r.extra("V_d", (count,), task.per, "desired velocity of the tip, base frame")
+        A_d = r.extra("A_d", (count,), task.per.replace("/s", "/s^2"), "desired acceleration of the tip, base frame")
+        kp, kd, ki = (r.extra(name, (count,), unit, f"gains {name}") for name, unit in GAINS.items())
+        z = r.extra("z", (count,), "", "state of the integral action; zero at the start")
+        tau_0 = r.extra("tau_0", (r.n,), r.torque_unit, "torques of the second task, projected; zero for none")
+        (damping,) = r.extra("damping", (), "", "share of the mean of A below which a pivot is damped, such as 0.01")
+        inertias = r.inertias()
+        M = factorize(b, r.drive_inertia().added_to_mass(composite.mass_matrix(chain, inertias)))
+        h = newton_euler.inverse_dynamics(chain, dq, [0] * r.n, inertias, block_frames_first(chain))
+        X = transpose([M.solve(list(row)) for row in J])  # inv(M) J', (n, rows)
+        wanted = [
+            a + p * x + d * (v_d - v) + i * s
+            for a, p, x, d, v_d, v, i, s in zip(A_d, kp, e, kd, V_d, times(J, dq), ki, z, strict=True)
+        ]
+        drift = add(kinematics.jacobian_dot_dq(chain, dq)[:count], times(transpose(X), tau_0))
+        force, delta = _damped_solution(b, product(J, X), subtract(wanted, drift), damping)
+        tau_add = r.extra("tau_add", (r.n,), r.torque_unit, "torques to add, such as friction at the desired speeds")
+        tau = add(add(times(transpose(J), force), add(h, tau_0)), tau_add)
+        tau_max = r.extra("tau_max", (r.n,), r.torque_unit, "largest torques; INFINITY for none")
+        (Ts,) = r.extra("Ts", (), "s", "period")
+        held, at_limit = limited(b, tau, tau_max)
+        rests = b.select(M.status, 1, b.select(delta, 1, 0))
+        stuck: Any = rests
+        for flag in at_limit:
+            stuck = stuck + flag
+        following = [b.select(stuck, old, new) for old, new in zip(z, add(z, scale(Ts, e)), strict=True)]
+        return b.program(
+            f"{task.prefix}operational_space",
+            [
+                (torque_port(r, "tau", "torques to apply, within tau_max"), held),
+                (Port("z_next", (count,), "", "", "state for the next tick"), following),
+                (Port("status", ()), [rests]),
+            ],
+            f"Operational-space control of the {task.words} of the tip (Khatib 1987).",
+            "tau = J' L (a - (dJ/dt) dq - J inv(M) tau_0) + c + g + tau_0 + tau_add,  L = inv(J inv(M) J')\n"
+            "a = A_d + kp e_x + kd (V_d - J dq) + ki z",
+            [
+                "L is damped near singular configurations; with damping, the tip follows only where it can move.",
+                "z stays while a joint is at its limit or L is damped.",
+                *(["e_x: position error, then sin(angle) axis of the rotation error."] if count == 6 else []),
+            ],
+            Status(2, "damped", "the tip is damped near a singular configuration", "J inv(M) J' is nearly singular"),
+        )
+
+    return record
+
+
+def _damped_solution(b: Builder, A: Matrix, x: Vector, damping: Value) -> tuple[Vector, Value]:
+    """The solution of ``(A + delta diag(s)) F = x``, and delta, which is zero where A is regular."""
+    count = len(A)
+    means = [dot([1] * 3, [A[k][k] for k in range(part, part + 3)]) / 3 for part in range(0, count, 3)]
+    s = [means[i // 3] for i in range(count)]
+    smallest: Any = damping
+    for pivot, size in zip(factorize(b, A).pivots, s, strict=True):
+        share = b.div(pivot, size)
+        smallest = b.select(b.sub(smallest, share), share, smallest)
+    delta = b.sub(damping, b.select(smallest, smallest, 0))
+    damped = [[A[i][j] + (delta * s[i] if i == j else 0) for j in range(count)] for i in range(count)]
+    return factorize(b, damped).solve(x), delta
+
+
+FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
+    "operational_space": (operational_space(POSE),),
+    "position_operational_space": (operational_space(POSITION),),
+}
+
+MORE_JOINTS_THAN = {"operational_space": POSE.rows - 1, "position_operational_space": POSITION.rows - 1}
+"""These functions exist for arms that have at least as many joints as the tip is asked to move in."""

@@ -1,0 +1,28 @@
+"""What laws for the tip share: the error of a pose, and torques within their limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, scale
+from rrrgen.program import Builder
+
+
+def rotation_error(R: Matrix, R_d: Matrix) -> Vector:
+    """The vector sin(angle) axis (3,) of the rotation from ``R`` to ``R_d``, (3, 3) each: half the sum of c_k x c_dk.
+
+    c_k and c_dk are the columns. The direction is exact below 90 degrees; the length falls again beyond.
+    """
+    total: Vector = [0, 0, 0]
+    for k in range(3):
+        total = add(total, cross([row[k] for row in R], [row[k] for row in R_d]))
+    return scale(Fraction(1, 2), total)
+
+
+def limited(b: Builder, tau: Sequence[Any], tau_max: Sequence[Any]) -> tuple[Vector, Vector]:
+    """``tau`` (n,) within +- ``tau_max`` (n,), and for every joint 1 where it was beyond, else 0."""
+    above = [b.sub(b.abs(t), limit) for t, limit in zip(tau, tau_max, strict=True)]
+    held = [b.select(over, b.mul(b.sign(t), limit), t) for over, t, limit in zip(above, tau, tau_max, strict=True)]
+    return held, [b.select(over, 1, 0) for over in above]
