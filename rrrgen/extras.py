@@ -21,6 +21,7 @@ EXTRAS = {
     "control": "response",
     "nfoursid": "response",
     "pandas": "response",
+    "ziglang": "cross",
 }
 """Top-level module -> the extra of pyproject.toml that installs it."""
 
@@ -29,6 +30,7 @@ USES = {
     "identify": "excite, identify, validate, reconstruct, friction and case-study, with figures; CasADi functions",
     "logs": "recordings in HDF5, Parquet and ROS bags",
     "cluster": "excite on the machines of a Dask cluster",
+    "cross": "export: wheels and FMUs for other platforms",
     "response": "response-model: export to python-control, subspace identification",
 }
 """Extra -> what it lets a user do, in a few words."""

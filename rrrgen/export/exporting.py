@@ -5,11 +5,11 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 
 from rrrgen.errors import InputError
 from rrrgen.export import targets
-from rrrgen.export.interface import Exported, Exporter
+from rrrgen.export.interface import Exported, Exporter, ExportOptions
 from rrrgen.robotfile.robot_spec import RobotSpec
 from rrrgen.yamltext.suggest import did_you_mean
 
@@ -21,22 +21,38 @@ def exporters() -> dict[str, Exporter]:
     return {exporter.name: exporter for exporter in found}
 
 
-def export_robot(spec: RobotSpec, target: str, beta: Mapping[str, float] | None = None) -> Exported:
+def export_robot(
+    spec: RobotSpec,
+    target: str,
+    beta: Mapping[str, float] | None = None,
+    options: ExportOptions | None = None,
+) -> Exported:
     """The files of ``spec`` for ``target``.
 
     ``beta`` gives values of base parameters by name; links that have them are used in place of those of ``spec``.
-    Raises :class:`InputError` for an unknown target or base parameter, :class:`rrrgen.errors.DerivationError` where the
-    robot has no counterpart in the format.
+    Raises :class:`InputError` for an unknown target, platform or base parameter or an option that the target has no
+    use for, :class:`rrrgen.errors.DerivationError` where the robot has no counterpart in the format.
     """
     known = exporters()
     if target not in known:
         hint = did_you_mean(target, known) or f"targets are {', '.join(known)}"
         raise InputError(f"there is no target '{target}'; {hint}")
-    exporter = known[target]
+    exporter, options = known[target], options or ExportOptions()
+    _refuse_unused(exporter, options)
     notes: tuple[str, ...] = ()
     if beta is not None or exporter.needs_bodies:
         from rrrgen.export.physical_links import with_physical_links
 
         spec, notes = with_physical_links(spec, beta)
-    found = exporter.write(spec)
+    found = exporter.write(spec, options)
     return replace(found, notes=(*notes, *found.notes))
+
+
+def _refuse_unused(exporter: Exporter, options: ExportOptions) -> None:
+    """Raise InputError for an option that is given and does not matter to ``exporter``."""
+    usual = ExportOptions()
+    for field in fields(options):
+        if field.name not in exporter.options and getattr(options, field.name) != getattr(usual, field.name):
+            takers = [each.name for each in exporters().values() if field.name in each.options]
+            option = "--platform" if field.name == "platforms" else f"--{field.name}"
+            raise InputError(f"{exporter.name} has no use for {option}; targets that have: {', '.join(takers)}")

@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from rrrgen.cli.arguments import read_with_warnings, robot_argument
+from rrrgen.cli.arguments import read_with_warnings, real_option, robot_argument
 from rrrgen.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from rrrgen.backends import Real
 
 
 class _WithTargets(click.Command):
     """Its help ends with the targets there are."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Name and meaning of every target."""
+        """Name and meaning of every target, and the platforms to build for."""
         from rrrgen.export.exporting import exporters
+        from rrrgen.export.platforms import PLATFORMS
 
         with formatter.section("Targets"):
             formatter.write_dl([(each.name, each.meaning) for each in exporters().values()])
+        with formatter.section("Platforms"):
+            formatter.write_text(", ".join(PLATFORMS))
 
 
 @click.command(cls=_WithTargets)
@@ -32,9 +39,19 @@ class _WithTargets(click.Command):
     metavar="FILE",
     help="Base parameters (JSON, name: value) in place of the robot file's links.",
 )
+@real_option
+@click.option(
+    "--platform",
+    "platforms",
+    multiple=True,
+    metavar="NAME",
+    help="Build for this platform instead of this machine, by the compiler of the package ziglang; may be repeated.",
+)
 @click.option("--force", is_flag=True, help="Overwrite a file.")
-def export(robot: str, target: str, output: Path | None, beta: Path | None, force: bool) -> None:
-    """Write files of a robot for another program.
+def export(
+    robot: str, target: str, output: Path | None, beta: Path | None, real: Real, platforms: tuple[str, ...], force: bool
+) -> None:
+    """Write files of a robot for another program, or a package that other programs load.
 
     What the target cannot represent is printed. Where a simulator needs rigid bodies and the robot file has others,
     bodies with the same base parameters are found, which have the same dynamics.
@@ -43,12 +60,16 @@ def export(robot: str, target: str, output: Path | None, beta: Path | None, forc
     Examples:
       rrrgen export panda.yaml --to urdf
       rrrgen export rrr --to mjcf -o rrr.xml
+      rrrgen export rrr --to wheel
+      rrrgen export rrr --to fmu --platform linux-x86_64 --platform windows-x86_64
     """
     from rrrgen.export.exporting import export_robot, exporters
+    from rrrgen.export.interface import ExportOptions
     from rrrgen.output.writer import write, write_file
 
     spec = read_with_warnings(robot)
-    found = export_robot(spec, target, _read_beta(beta) if beta is not None else None)
+    options = ExportOptions(real, platforms)
+    found = export_robot(spec, target, _read_beta(beta) if beta is not None else None, options)
     if exporters()[target].one_file:
         ((name, contents),) = found.files.items()
         path = output or Path(name)

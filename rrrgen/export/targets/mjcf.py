@@ -13,13 +13,13 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.export.interface import Exported, Exporter
+from rrrgen.export.interface import Exported, Exporter, ExportOptions
 from rrrgen.export.notes import unused_entries
 from rrrgen.export.numeric_chain import NumericBody, number, numbers, numeric_chain
 from rrrgen.robotfile.robot_spec import FrictionSpec, MotorSpec, RobotSpec
 
 
-def _write(spec: RobotSpec) -> Exported:
+def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
     chain = numeric_chain(spec)
     lines = [f"<mujoco model={quoteattr(spec.name)}>", '  <compiler angle="radian" autolimits="true"/>']
     lines += [f'  <option gravity="{numbers(chain.gravity)}"/>', "  <worldbody>"]

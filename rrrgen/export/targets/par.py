@@ -11,7 +11,7 @@ from typing import Any
 
 import sympy as sp
 
-from rrrgen.export.interface import Exported, Exporter
+from rrrgen.export.interface import Exported, Exporter, ExportOptions
 from rrrgen.export.notes import unused_entries
 from rrrgen.model.robot_model import normal_form, rotation_x
 from rrrgen.robotfile.robot_spec import FrictionSpec, JointSpec, LinkSpec, RobotSpec
@@ -22,7 +22,7 @@ INERTIA = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
 TINY = 1e-12  # of the sine of an angle: axes of a tool that are parallel
 
 
-def _write(spec: RobotSpec) -> Exported:
+def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
     rows = _rows(spec)
     after = _after(spec)
     has_tool = after != sp.eye(4)

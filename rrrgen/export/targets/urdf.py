@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.export.interface import Exported, Exporter
+from rrrgen.export.interface import Exported, Exporter, ExportOptions
 from rrrgen.export.notes import unused_entries
 from rrrgen.export.numeric_chain import NumericBody, number, numbers, numeric_chain
 from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
@@ -17,7 +17,7 @@ from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
 NO_LIMIT = "1e9"  # for limits that URDF demands and the robot file does not state; read back as none
 
 
-def _write(spec: RobotSpec) -> Exported:
+def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
     chain = numeric_chain(spec)
     g = numbers(chain.gravity)
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(spec.name)}>"]

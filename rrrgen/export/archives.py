@@ -1,0 +1,23 @@
+"""Archives whose bytes depend on their contents alone."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Mapping
+
+from rrrgen.output.writer import Contents, as_bytes
+
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date that a ZIP file can state
+
+
+def zip_archive(files: Mapping[str, Contents]) -> bytes:
+    """A ZIP file of ``files`` (path -> contents), in the order given, without the time of writing."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, contents in files.items():
+            entry = zipfile.ZipInfo(name, _EPOCH)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, as_bytes(contents))
+    return stream.getvalue()

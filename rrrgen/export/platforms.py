@@ -1,0 +1,103 @@
+"""Shared libraries of emitted C for this machine and, with the compiler of the package ziglang, for others."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rrrgen.errors import BuildError, InputError
+from rrrgen.extras import require
+from rrrgen.runtime.build import FLAGS, SHARED, ZIG, find_compiler
+from rrrgen.yamltext.suggest import did_you_mean
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A system to build for: its name for zig, the tag of wheels, the folder in an FMU ("" if FMI 2.0 has none)."""
+
+    name: str
+    zig: str
+    tag: str
+    fmi: str
+    suffix: str
+
+
+PLATFORMS = {
+    each.name: each
+    for each in (
+        Platform("linux-x86_64", "x86_64-linux-gnu.2.17", "manylinux2014_x86_64", "linux64", ".so"),
+        Platform("linux-aarch64", "aarch64-linux-gnu.2.17", "manylinux2014_aarch64", "", ".so"),
+        Platform("macos-arm64", "aarch64-macos.11.0", "macosx_11_0_arm64", "", ".dylib"),
+        Platform("macos-x86_64", "x86_64-macos.11.0", "macosx_11_0_x86_64", "darwin64", ".dylib"),
+        Platform("windows-x86_64", "x86_64-windows-gnu", "win_amd64", "win64", ".dll"),
+    )
+}
+"""Systems that zig can build for, by name."""
+
+
+def this_machine() -> Platform:
+    """The system that rrrgen runs on, built for by its own C compiler."""
+    tag = re.sub(r"[-.]", "_", sysconfig.get_platform())
+    system, suffix = {"win32": ("windows", ".dll"), "darwin": ("macos", ".dylib")}.get(sys.platform, ("linux", ".so"))
+    machine = "x86_64" if tag.endswith(("x86_64", "amd64")) else ""
+    known = PLATFORMS.get(f"{system}-{machine}")
+    return Platform("", "", tag, known.fmi if known else "", suffix)
+
+
+def platforms(names: Sequence[str]) -> tuple[Platform, ...]:
+    """The systems of that name; this machine if none is named. Raises InputError for one that is not known."""
+    for name in names:
+        if name not in PLATFORMS:
+            hint = did_you_mean(name, PLATFORMS) or f"platforms are {', '.join(PLATFORMS)}"
+            raise InputError(f"there is no platform '{name}'; {hint}")
+    if names:
+        require("building for other platforms", "ziglang")
+    return tuple(PLATFORMS[name] for name in dict.fromkeys(names)) or (this_machine(),)
+
+
+def shared_library(files: Mapping[str, str], platform: Platform) -> bytes:
+    """The C ``files`` (name -> text) as one shared library of ``platform``; its C library is the only dependency.
+
+    Raises BuildError if there is no compiler or it fails.
+    """
+    sources = sorted(name for name in files if name.endswith(".c"))
+    with tempfile.TemporaryDirectory(prefix="rrrgen-library-") as name:
+        folder = Path(name)
+        for file, text in files.items():
+            (folder / file).write_text(text, encoding="utf-8", newline="\n")
+        done = subprocess.run(
+            [*_command(platform), *sources, "-o", "library", *_libraries(platform)],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            env={**os.environ, "LC_ALL": "C"},
+            check=False,
+        )
+        if done.returncode:
+            words = "\n".join(done.stderr.splitlines()[:20])
+            raise BuildError(f"the C compiler refused emitted code (exit {done.returncode}):\n{words}")
+        return (folder / "library").read_bytes()
+
+
+def _command(platform: Platform) -> list[str]:
+    """Compiler and flags: strict floating point, as in every build of rrrgen, and no path of this machine inside."""
+    flags = [*FLAGS, "-shared", "-DRRRGEN_SHARED", "-g0", "-s"]
+    if platform.zig:
+        position = [] if platform.suffix == ".dll" else ["-fPIC"]
+        return [sys.executable, *ZIG, "-target", platform.zig, *flags, *position]
+    return [*find_compiler(), *flags, *SHARED.get(sys.platform, SHARED["linux"])[0]]
+
+
+def _libraries(platform: Platform) -> list[str]:
+    """Libraries to link with, and the options that the user gave for it."""
+    own = [] if platform.suffix == ".dll" else ["-lm"]
+    return own + shlex.split(os.environ.get("LDFLAGS", "")) * (not platform.zig)

@@ -1,0 +1,115 @@
+"""A Python wheel of one robot: its C as a shared library, called through ctypes with NumPy arrays."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from typing import Any
+
+from rrrgen.backends.comments import plain, wrapped
+from rrrgen.backends.description import title
+from rrrgen.export.archives import zip_archive
+from rrrgen.export.code import Code, emitted_code
+from rrrgen.export.interface import Contents, Exported, Exporter, ExportOptions
+from rrrgen.export.platforms import platforms, shared_library
+from rrrgen.ik.answers import most_rows, reasons_of
+from rrrgen.output.writer import as_bytes
+from rrrgen.program import Port, Program, Role
+from rrrgen.resources import render
+from rrrgen.robotfile.robot_spec import RobotSpec
+
+_HASH_DIGITS = 12  # of the model's hash, in the version of the package
+
+
+def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
+    chosen = platforms(options.platforms)
+    code = emitted_code(spec, options.real)
+    values = _values(code)
+    calls = {f"{spec.name}_calls.c": render("wheel/calls.c.j2", **values)}
+    files: dict[str, Contents] = {}
+    for platform in chosen:
+        library = f"{values['package']}{platform.suffix}"
+        package: dict[str, Contents] = {
+            "__init__.py": render("wheel/module.py.j2", **values, library=library),
+            "py.typed": "",
+            library: shared_library(code.files | calls, platform),
+        }
+        files[_file_name(values, platform.tag)] = _wheel(values, platform.tag, package)
+    readme = render("wheel/README.md.j2", **values, wheels=list(files))
+    return Exported({**files, "README.md": readme})
+
+
+def _values(code: Code) -> dict[str, Any]:
+    spec, hashed = code.model.spec, code.identity.model_hash
+    solved = code.plan.solvable
+    return {
+        **code.naming,
+        "package": f"{spec.name.lower()}_model",
+        "distribution": f"{spec.name.lower()}-model",
+        "release": f"{code.identity.tool_version}+{hashed[:_HASH_DIGITS]}",
+        "title": title(spec),
+        "description": spec.description,
+        "functions": [_function(code, program) for program in code.programs.values()],
+        "rows": most_rows(code.plan) if solved else 0,
+        "reasons": reasons_of(code.plan) if solved else (),
+    }
+
+
+def _function(code: Code, program: Program) -> dict[str, Any]:
+    """A function for the templates; an input has a default where the robot file has its numbers."""
+    stated = code.programs.get("nominal_parameters"), code.programs.get("nominal_friction")
+    nominal = {port.role: nominal.name for nominal in stated if nominal for port in nominal.data_outputs}
+    defaults = {port.name: nominal[port.role] for port in program.inputs if port.role in nominal}
+    order = sorted(program.inputs, key=lambda port: port.name in defaults)
+    return {
+        "program": program,
+        "inputs": order,
+        "defaults": {name: (source, _place(code, source, program, name)) for name, source in defaults.items()},
+        "summary": wrapped(program.summary or program.name.replace("_", " ")),
+        "formula": [plain(line) for line in program.formula.splitlines()],
+        "told": [(port.name, _told(port)) for port in order],
+        "results": [
+            (p.name, plain(", ".join(filter(None, (p.meaning, p.unit, p.frame))))) for p in program.data_outputs
+        ],
+    }
+
+
+def _told(port: Port) -> str:
+    return plain(", ".join(filter(None, (port.meaning, port.unit, port.frame))))
+
+
+def _place(code: Code, source: str, program: Program, name: str) -> str:
+    """Which part of the result of ``source`` is the default of an input; "" for the whole of a single one."""
+    role: Role = next(port.role for port in program.inputs if port.name == name)
+    outputs = code.programs[source].data_outputs
+    return "" if len(outputs) == 1 else f".{next(port.name for port in outputs if port.role is role)}"
+
+
+def _file_name(values: dict[str, Any], tag: str) -> str:
+    return f"{values['package']}-{values['release']}-py3-none-{tag}.whl"
+
+
+def _wheel(values: dict[str, Any], tag: str, package: dict[str, Contents]) -> bytes:
+    """The archive: the files of the package, metadata, and the list of hashes."""
+    information = f"{values['package']}-{values['release']}.dist-info"
+    contents = {f"{values['package']}/{name}": data for name, data in package.items()}
+    contents[f"{information}/METADATA"] = render("wheel/METADATA.j2", **values)
+    contents[f"{information}/WHEEL"] = (
+        f"Wheel-Version: 1.0\nGenerator: rrrgen {values['version']}\nRoot-Is-Purelib: false\nTag: py3-none-{tag}\n"
+    )
+    record = [f"{name},sha256={_digest(data)},{len(as_bytes(data))}" for name, data in contents.items()]
+    contents[f"{information}/RECORD"] = "\n".join([*record, f"{information}/RECORD,,", ""])
+    return zip_archive(contents)
+
+
+def _digest(contents: Contents) -> str:
+    return base64.urlsafe_b64encode(hashlib.sha256(as_bytes(contents)).digest()).rstrip(b"=").decode()
+
+
+EXPORTER = Exporter(
+    "wheel",
+    "Python wheel of the robot: needs NumPy alone, neither rrrgen nor a compiler",
+    _write,
+    one_file=False,
+    options=("real", "platforms"),
+)

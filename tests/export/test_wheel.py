@@ -1,0 +1,113 @@
+"""The wheel of a robot: installed by pip, it runs in an environment that has NumPy and nothing else."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from export.arm import arm
+from export.test_export import ours
+from rrrgen.errors import InputError
+from rrrgen.export.exporting import export_robot
+from rrrgen.export.interface import ExportOptions
+
+USE = """
+import json, sys
+import numpy as np
+import arm_model as robot
+
+state = json.loads(sys.argv[1])
+q, dq, ddq = (np.array(state[name]) for name in ("q", "dq", "ddq"))
+T = robot.forward_kinematics(q)
+tau = robot.inverse_dynamics(q, dq, ddq)
+beta, Ia = robot.nominal_parameters()
+assert np.array_equal(robot.inverse_dynamics(q[0], dq[0], ddq[0], beta, Ia), tau[0])
+assert np.allclose(robot.forward_dynamics(q, dq, tau, beta), ddq)
+terms = robot.dynamics_terms(q, dq)
+assert np.allclose(np.einsum("kij,kj->ki", terms.M, ddq) + terms.c + terms.g, tau)
+assert np.array_equal(robot.gravity(q[:, None, :], np.stack([beta, 0 * beta]))[:, 1], 0 * q)
+assert robot.JOINT_NAMES == ("shoulder", "elbow") and robot.TAU_MAX[0] == 60 and robot.Q_MIN[1] == -2.5
+found = robot.inverse_kinematics(T[0, :3, 3], q[0], nearest=True)
+assert found.status == 0 and np.allclose(found.q[0], q[0])
+assert "out of reach" in robot.inverse_kinematics([9, 9, 0]).text
+for wrong, error in (
+    (lambda: robot.gravity(np.zeros(3)), ValueError),
+    (lambda: robot.gravity(q + 0j), ValueError),
+    (lambda: robot.forward_dynamics(q, dq, tau, 0 * beta, 0 * Ia), np.linalg.LinAlgError),
+):
+    try:
+        wrong()
+    except error:
+        continue
+    raise SystemExit("no error")
+missing = [name for name in ("rrrgen", "cffi", "sympy") if name in sys.modules]
+assert not missing, missing
+try:
+    import rrrgen
+except ImportError:
+    print(json.dumps({"T": T.tolist(), "tau": tau.tolist()}))
+"""
+
+
+@pytest.fixture(scope="module")
+def files():
+    return export_robot(arm(), "wheel").files
+
+
+def environment(folder: Path) -> Path:
+    """The Python of a new environment that sees NumPy and nothing else of this one."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], check=True)
+    shown = folder / "shown"
+    shown.mkdir()
+    for each in Path(np.__file__).parents[1].glob("numpy*"):
+        (shown / each.name).symlink_to(each)
+    (site,) = (folder / "venv").glob("lib/python*/site-packages")
+    (site / "numpy.pth").write_text(str(shown), encoding="utf-8")
+    return folder / "venv" / "bin" / "python"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the environment is made with symbolic links")
+def test_a_fresh_environment_runs_it(files, tmp_path):
+    (name,) = (name for name in files if name.endswith(".whl"))
+    (tmp_path / name).write_bytes(files[name])
+    python = environment(tmp_path)
+    pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-deps", "--no-index", "-q"]
+    done = subprocess.run([*pip, str(tmp_path / name)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    random = np.random.default_rng(1)
+    q, dq, ddq = (random.uniform(-2, 2, (4, 2)) for _ in range(3))
+    state = json.dumps({"q": q.tolist(), "dq": dq.tolist(), "ddq": ddq.tolist()})
+    done = subprocess.run([python, "-I", "-c", USE, state], capture_output=True, text=True, cwd="/", check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    found, (T, tau) = json.loads(done.stdout), ours(arm(), q, dq, ddq)
+    np.testing.assert_allclose(found["T"], T, atol=1e-13)
+    np.testing.assert_allclose(found["tau"], tau, rtol=1e-12, atol=1e-12)
+
+
+def test_the_record_lists_every_file(files, tmp_path):
+    (name,) = (name for name in files if name.endswith(".whl"))
+    (tmp_path / name).write_bytes(files[name])
+    with zipfile.ZipFile(tmp_path / name) as wheel:
+        assert wheel.testzip() is None
+        (record,) = (entry for entry in wheel.namelist() if entry.endswith("RECORD"))
+        rows = [line.split(",") for line in wheel.read(record).decode().splitlines()]
+        assert {row[0] for row in rows} == set(wheel.namelist())
+        sizes = {row[0]: int(row[2]) for row in rows if row[2]}
+        assert all(len(wheel.read(entry)) == size for entry, size in sizes.items())
+        code = wheel.read("arm_model/__init__.py").decode()
+    compile(code, "__init__.py", "exec")
+    assert re.search(r"^def forward_dynamics\(q: Array, dq: Array, tau: Array, beta: Array = None, Ia", code, re.M)
+
+
+def test_options_that_make_no_sense_are_refused():
+    with pytest.raises(InputError, match="did you mean 'linux-x86_64'"):
+        export_robot(arm(), "wheel", options=ExportOptions(platforms=("linux-x86-64",)))
+    with pytest.raises(InputError, match=r"urdf has no use for --platform; targets that have: .*wheel"):
+        export_robot(arm(), "urdf", options=ExportOptions(platforms=("linux-x86_64",)))
