@@ -39,6 +39,10 @@ class Engine(Protocol):
         """
         ...
 
+    def prepare(self) -> None:
+        """Build what first calls would build one by one; for callers of most functions."""
+        ...
+
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
         """A function without arguments that reads ``inputs`` and writes ``outputs``; it returns the status or None.
 
@@ -63,6 +67,9 @@ class NumpyEngine:
         _, arrays = prepare(program.function, program.inputs, values, self.dtype)
         return evaluate(program, *arrays)
 
+    def prepare(self) -> None:
+        """Nothing: programs are evaluated as they are."""
+
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
         """A function that evaluates the program for the state in ``inputs`` and copies the results to ``outputs``."""
         program = self._programs[name]
@@ -81,9 +88,10 @@ class NumpyEngine:
 class CompiledEngine:
     """Emitted C called through cffi.
 
-    ``functions`` are the C functions for one state by program name; ``loops`` returns the vectorized loops over states,
-    which are built at its first call. cffi releases the global interpreter lock during a call, so threads run in
-    parallel.
+    ``functions`` are the C functions for one state by program name; ``build_loops(names)`` builds the vectorized loops
+    over states of these programs. A loop is built alone at the first batch of its function, since the loops of a whole
+    robot take longer to compile than all the rest, or with all others by :meth:`prepare`. cffi releases the global
+    interpreter lock during a call, so threads run in parallel.
     """
 
     name: ClassVar[EngineName] = "c"
@@ -93,17 +101,31 @@ class CompiledEngine:
         programs: Mapping[str, Program],
         ffi: Any,
         functions: Mapping[str, Any],
-        loops: Callable[[], Mapping[str, Any]],
+        build_loops: Callable[[Sequence[str]], Mapping[str, Any]],
         dtype: np.dtype[Any],
     ) -> None:
         self.dtype = dtype
         self.threads = 1
         self._pointer = "double[]" if dtype == np.float64 else "float[]"
         self._ffi, self._functions = ffi, functions
+        self._build_loops = build_loops
+        self._loops: dict[str, Any] = {}
         self._calls = {
-            name: CompiledCall(program, ffi.from_buffer, functions[name], loops, dtype, self._pointer)
+            name: CompiledCall(program, ffi.from_buffer, functions[name], self._loop, dtype, self._pointer)
             for name, program in programs.items()
         }
+
+    def prepare(self) -> None:
+        """Build the loops of all functions at once, which is faster than one by one for more than about ten."""
+        missing = [name for name in self._calls if name not in self._loops]
+        if missing:
+            self._loops |= self._build_loops(missing)
+
+    def _loop(self, name: str) -> Any:
+        """The loop over states of one function."""
+        if name not in self._loops:
+            self._loops |= self._build_loops([name])
+        return self._loops[name]
 
     def call(self, name: str, values: Sequence[Any]) -> Sequence[Array]:
         """Check ``values`` and call the C function ``name``, or its loop for a batch; one array per output."""
@@ -123,11 +145,11 @@ class CompiledCall:
         program: Program,
         address: Any,
         function: Any,
-        loops: Callable[[], Mapping[str, Any]],
+        loop: Callable[[str], Any],
         dtype: np.dtype[Any],
         pointer: str,
     ) -> None:
-        self._ports, self._dtype, self._single, self._loops = program.inputs, dtype, function, loops
+        self._ports, self._dtype, self._single, self._find_loop = program.inputs, dtype, function, loop
         self._shapes = [port.shape for port in program.inputs]
         self._name, self._function = program.name, program.function
         self._inputs = [(len(port.shape), port.size) for port in program.inputs]
@@ -179,7 +201,7 @@ class CompiledCall:
 
     @functools.cached_property
     def _loop(self) -> Any:
-        return self._loops()[self._name]
+        return self._find_loop(self._name)
 
     def _one_state(self, arrays: Sequence[Array], outputs: Sequence[Array]) -> None:
         """Call the function for one state; scalars are passed by value, and the status is the return value."""

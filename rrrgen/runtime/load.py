@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import cache
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,12 +55,16 @@ def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> Compiled
     code = header_and_sources(derived, identity, dialect, InlineSinCos())
     ffi, lib = build_extension(code, declarations(programs.values(), dialect), derived.spec.name, NATIVE)
     functions = {name: getattr(lib, function_name(program, dialect)) for name, program in programs.items()}
-    loops = cache(lambda: _loops(programs, code, dialect))
-    return CompiledEngine(programs, ffi, functions, loops, np.dtype(np.float64 if real == "double" else np.float32))
+
+    def build_loops(names: Sequence[str]) -> dict[str, Any]:
+        return _loops({name: programs[name] for name in names}, code, dialect)
+
+    scalar = np.dtype(np.float64 if real == "double" else np.float32)
+    return CompiledEngine(programs, ffi, functions, build_loops, scalar)
 
 
 def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:
-    """The loops over states, built as a separate extension because they take longer to compile than all the rest."""
+    """The loops over states of ``programs``, built as an extension of their own."""
     from rrrgen.backends.c.batches.loops import loop_declarations, loop_files, loop_name
     from rrrgen.runtime.build import CONTRACT, NATIVE, build_extension
 

@@ -54,6 +54,7 @@ def verify(
     if samples < 1:
         raise ValueError(f"samples must be at least 1, got {samples}")
     rng = np.random.default_rng(seed)
+    model.engine.prepare()
     single_model = model
     model = cast("Model", SplitCalls(model))
     chain = chain_of(model.spec)

@@ -56,6 +56,7 @@ def test_compiled_c_equals_newton_euler_in_double_and_float(seed):
     torque = np.max(np.abs(expected["inverse_dynamics"]))
     for real, tolerance in (("double", DOUBLE), ("float", SINGLE)):
         model = load_model(derived, identify(spec), real=real)
+        model.engine.prepare()
         arguments = {"inverse_dynamics": (q, dq, ddq), "coriolis": (q, dq)}
         for name, values in expected.items():
             result = getattr(model, name)(*arguments.get(name, (q,)))

@@ -7,8 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import rrrgen
 from rrrgen.cache import cache_directory, digest, keep_library, prune, store, touch
 from rrrgen.errors import BuildError
 from rrrgen.runtime import build as build_module
@@ -45,6 +47,24 @@ def test_sources_become_callable_and_are_built_once(cache, monkeypatch):
     monkeypatch.setattr(build_module, "_build", lambda *_: pytest.fail("built again"))
     _, again = build_extension(SOURCES, CDEF, "twice")
     assert again.twice(1.0) == 2.0
+
+
+def test_a_batch_builds_the_loop_of_its_function_alone(cache):
+    model = rrrgen.compile("pendulum")
+    q = np.linspace(-1.0, 1.0, 11)[:, None]
+    assert len(libraries(cache)) == 1
+    alone = model.gravity(q)
+    assert len(libraries(cache)) == 2
+    np.testing.assert_array_equal(model.gravity(q[:5]), alone[:5])
+    assert len(libraries(cache)) == 2
+    model.engine.prepare()
+    assert len(libraries(cache)) == 3, "all others together"
+    model.mass_matrix(q)
+    model.engine.prepare()
+    assert len(libraries(cache)) == 3
+    again = rrrgen.compile("pendulum")
+    again.engine.prepare()
+    np.testing.assert_array_equal(again.gravity(q), alone)
 
 
 def test_any_change_builds_anew(cache):

@@ -11,6 +11,7 @@ from oracles.newton_euler import Link, Robot
 from oracles.numeric_rank import stacked_regressor
 from rrrgen.errors import DerivationError
 from rrrgen.robotfile.robot_spec import DriveSpec, FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
+from rrrgen.runtime.engines import NumpyEngine
 
 
 def exact(value: float) -> sp.Rational:
@@ -88,7 +89,7 @@ class OracleModel:
     """
 
     def __init__(self, robot: Robot, drive: tuple[float, ...] = (), friction: FrictionSpec | None = None) -> None:
-        self.robot, self.n = robot, robot.n
+        self.robot, self.n, self.engine = robot, robot.n, NumpyEngine({})
         self.spec = spec_of(robot, drive, friction)
         self.drive = np.array(drive or [0.0] * robot.n)
         _, s, V = np.linalg.svd(stacked_regressor(robot), full_matrices=False)
