@@ -9,7 +9,7 @@ from rrrgen.errors import MissingExtraError
 EXTRAS = {
     "casadi": "identify",
     "scipy": "identify",
-    "matplotlib": "identify",
+    "matplotlib": "plot",
     "joblib": "identify",
     "cvxpy": "identify",
     "clarabel": "identify",
@@ -27,6 +27,7 @@ EXTRAS = {
 
 
 USES = {
+    "plot": "Model.plot and Model.animate",
     "identify": "excite, identify, validate, reconstruct, friction and case-study, with figures; CasADi functions",
     "logs": "recordings in HDF5, Parquet and ROS bags",
     "cluster": "excite on the machines of a Dask cluster",

@@ -16,7 +16,7 @@ from rrrgen.runtime.bound import BoundFunction
 from rrrgen.runtime.engines import Engine
 from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.control import ControlFunctions
-from rrrgen.runtime.functions.kinematics import KinematicFunctions
+from rrrgen.runtime.functions.drawings import Drawings
 from rrrgen.runtime.functions.parameters import ParameterFunctions
 from rrrgen.runtime.functions.points import PointFunctions
 from rrrgen.runtime.functions.regressors import RegressorFunctions
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rrrgen.runtime.results import IKBatch, IKResult
 
 
-class Model(KinematicFunctions, RegressorFunctions, ParameterFunctions, PointFunctions, ControlFunctions, TipFunctions):
+class Model(Drawings, RegressorFunctions, ParameterFunctions, PointFunctions, ControlFunctions, TipFunctions):
     """Kinematics and dynamics of one robot, made by :func:`rrrgen.compile`.
 
     Every function takes a state (n,) or a batch (..., n) of any strides and returns dense float64 arrays (float32 if
