@@ -67,14 +67,14 @@ def _solve_all(
         return
     import joblib
 
-    with _backend(jobs, cluster):
+    with _backend(problem, jobs, cluster):
         parallel = joblib.Parallel(return_as="generator_unordered", pre_dispatch="all", batch_size=1)
         yield from parallel(joblib.delayed(solve_start)(problem, seed) for seed in seeds)
 
 
 @contextmanager
-def _backend(jobs: int, cluster: str | None) -> Iterator[None]:
-    """Select the joblib backend: processes of this machine, or a Dask cluster."""
+def _backend(problem: ExcitationProblem, jobs: int, cluster: str | None) -> Iterator[None]:
+    """Select the joblib backend: processes of this machine, or a Dask cluster, to which ``problem`` is sent once."""
     import joblib
 
     if cluster is None:
@@ -89,7 +89,7 @@ def _backend(jobs: int, cluster: str | None) -> Iterator[None]:
         client = Client(cluster, timeout=CLUSTER_TIMEOUT, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise InputError(f"no Dask scheduler answers at {cluster}: {error}") from error
-    with client, joblib.parallel_config(backend="dask", client=client, n_jobs=-1):
+    with client, joblib.parallel_config(backend="dask", client=client, n_jobs=-1, scatter=[problem]):
         yield
 
 

@@ -97,8 +97,8 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     \b
     Examples:
       rrrgen identify rrr --log runs/log.yaml -o runs/identified
-      rrrgen identify examples/tx40/robot.yaml --log examples/tx40/log.yaml --split first:0.6 -o runs/tx40
-      rrrgen identify examples/tx40/robot.yaml --log examples/tx40/log.yaml --friction auto -o runs/tx40_friction
+      rrrgen identify my_arm.yaml --log log.yaml --split first:0.6 -o runs/identified
+      rrrgen identify my_arm.yaml --log log.yaml --friction auto -o runs/identified_friction
     """
     consistency = ("cvxpy", "clarabel") if options["consistent"] else ()
     require("rrrgen identify", "scipy", "matplotlib", *consistency, *parallel_packages(options))
