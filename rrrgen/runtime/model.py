@@ -13,6 +13,7 @@ import numpy as np
 
 from rrrgen.runtime.arguments import read_only
 from rrrgen.runtime.bound import BoundFunction
+from rrrgen.runtime.display.summary import html_summary
 from rrrgen.runtime.engines import Engine
 from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.control import ControlFunctions
@@ -22,7 +23,6 @@ from rrrgen.runtime.functions.points import PointFunctions
 from rrrgen.runtime.functions.regressors import RegressorFunctions
 from rrrgen.runtime.functions.tip import TipFunctions
 from rrrgen.runtime.results import JointLimits
-from rrrgen.runtime.summary import html_summary
 
 if TYPE_CHECKING:
     import sympy as sp

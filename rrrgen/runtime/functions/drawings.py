@@ -28,7 +28,7 @@ class Drawings(KinematicFunctions):
             MissingExtraError: matplotlib is not installed.
             ValueError: ``q`` has another shape.
         """
-        from rrrgen.runtime.drawing import corners, plot_arm
+        from rrrgen.runtime.display.drawing import corners, plot_arm
 
         every = self._configurations(q)
         links, tip = self.link_frames(every), self.forward_kinematics(every)
@@ -50,7 +50,7 @@ class Drawings(KinematicFunctions):
             MissingExtraError: matplotlib is not installed.
             ValueError: ``t`` does not increase, or ``q`` does not have one row for each instant.
         """
-        from rrrgen.runtime.drawing import animate_arm, corners
+        from rrrgen.runtime.display.drawing import animate_arm, corners
 
         instants, every = np.asarray(t, dtype=float), self._configurations(q)
         if instants.shape != (len(every),) or len(every) < 2 or not np.all(np.diff(instants) > 0.0):

@@ -1,0 +1,1 @@
+"""What a model shows of itself: HTML for notebooks, pictures and animations."""
