@@ -45,6 +45,7 @@ ROOMS = (
     "friction_estimation",
     "simulate",
     "identify",
+    "closed_loop",
     "experiments",
     "export",
     "report",

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
+from rrrgen.identify.estimation.consistency import ConsistentEstimate
+from rrrgen.identify.estimation.parametrisation import Parametrisation
+from rrrgen.identify.estimation.regression import Estimate
+from rrrgen.identify.estimation.tsqr import JointFactors
+
+if TYPE_CHECKING:
+    from rrrgen.identify.options import Options
 
 
 @dataclass(frozen=True)
@@ -27,3 +36,33 @@ class Delivered:
     def std(self) -> Array:
         """Standard deviations (r,)."""
         return np.asarray(np.sqrt(np.maximum(0.0, np.diag(self.covariance))))
+
+    @classmethod
+    def of(
+        cls,
+        estimate: Estimate,
+        consistent: ConsistentEstimate | None,
+        reduced: JointFactors,
+        chosen: Parametrisation,
+        names: Sequence[str],
+        options: Options,
+        base: int,
+    ) -> Delivered:
+        """Parameters and standard deviations of the written model.
+
+        ``reduced`` are the fitted factors in x, ``names`` those of all columns, the first ``base`` of them rigid.
+        """
+        if consistent is None or consistent.near is None:
+            return cls(options.method, estimate.x, estimate.covariance, np.zeros(len(estimate.x), bool))
+        weights = None if options.method == "robust" else estimate.weights
+        R = reduced.stacked(weights)[:-1, :-1]
+        information = R.T @ R
+        scores = information @ estimate.covariance @ information
+        moving = [k for k, name in enumerate(names) if name not in options.fixed or k < base]
+        directions = np.zeros((len(names), consistent.near.directions.shape[1]))
+        directions[moving] = consistent.near.directions
+        along = chosen.contract(directions)
+        covariance = consistent.near.covariance(along, scores, estimate.variance if weights is not None else 1.0)
+        x = chosen.contract(consistent.theta)
+        fixed = np.all(along == 0.0, axis=1) | ((x == 0.0) & (np.diag(covariance) <= 0.0))
+        return cls("physically consistent", x, covariance, fixed)

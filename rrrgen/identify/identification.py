@@ -46,7 +46,7 @@ from rrrgen.identify.estimation.regression import (
 )
 from rrrgen.identify.estimation.statistics import Whiteness, correlation_lags, residual_whiteness
 from rrrgen.identify.estimation.structure import Structure
-from rrrgen.identify.estimation.tsqr import JointFactors, Rows
+from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_blocks
 from rrrgen.identify.friction_laws.choice import FrictionFit, fit_friction
 from rrrgen.identify.friction_laws.surfaces import with_linear_friction, without_laws
 from rrrgen.identify.options import METHODS, Options
@@ -83,7 +83,8 @@ class Identification:
       uncertainty of the torques that it predicts.
     - ``friction``: the friction laws other than the linear one, None without any.
     - ``repairs``, ``diagnoses``: repairs of the recordings, and probable faults in them or in the robot file.
-    - ``blocks``, ``held_out_blocks``, ``parametrisation``: the rows, and the map to the identifiable parameters.
+    - ``blocks``, ``held_out_blocks``, ``parametrisation``: the rows, and the map to the identifiable parameters;
+      ``regressor``: that of all columns.
     """
 
     columns: tuple[Column, ...]
@@ -117,6 +118,7 @@ class Identification:
     blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
     held_out_blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
     parametrisation: Parametrisation | None = field(repr=False, compare=False, default=None)
+    regressor: FullRegressor | None = field(repr=False, compare=False, default=None)
 
     @property
     def processing(self) -> Processing:
@@ -193,6 +195,30 @@ def identify(
     return replace(found, repairs=tuple(recording.repairs for recording in recordings), friction=friction)
 
 
+def refitted(
+    found: Identification,
+    recordings: Sequence[Recording],
+    options: Options,
+    blocks: Sequence[Rows],
+    held_out: Sequence[Rows],
+    friction: FrictionFit | None,
+    progress: Progress | None = None,
+) -> Identification:
+    """The identification ``found`` anew, from other rows in the same parameters, such as those of a simulated loop.
+
+    ``blocks`` are fitted, ``held_out`` scored; ``friction`` are the laws with other shapes.
+    """
+    regressor, chosen = found.regressor, found.parametrisation
+    assert regressor is not None and chosen is not None  # noqa: PT018
+    if friction is not None:
+        regressor = replace(regressor, surfaces=friction.surfaces)
+    factors = Factors(factor_blocks(blocks), factor_blocks(held_out))
+    own = replace(options, split=found.split)
+    tell: Progress = progress or (lambda done, total, message: None)
+    run = _Run(regressor.model, regressor, chosen, recordings, found.tuning, own, factors, blocks, held_out, tell)
+    return replace(run.result(), repairs=found.repairs, friction=friction, diagnoses=found.diagnoses)
+
+
 def _with_friction(
     model: RigidModel, recordings: Sequence[Recording], tuning: Tuning, options: Options, tell: Progress
 ) -> tuple[FullRegressor, Tuning, FrictionFit | None]:
@@ -259,7 +285,9 @@ class _Run:
             self.tell(0, 0, "essential parameters")
             inflation = max((w.inflation for w in white), default=1.0)
             essential = essential_parameters(reduced, chosen.structure.names, samples_per_independent=inflation)
-        delivered = self.delivered(estimate, consistent, reduced if rows is None else chosen.transform(rows))
+        names = [column.name for column in self.regressor.columns]
+        factors = reduced if rows is None else chosen.transform(rows)
+        delivered = Delivered.of(estimate, consistent, factors, chosen, names, options, len(self.model.base_projection))
         final = theta if consistent is None else consistent.theta
         scatter = np.array(score(self.factors.fit, final)["joint_rms"])
         return Identification(
@@ -291,6 +319,7 @@ class _Run:
             blocks=self.blocks,
             held_out_blocks=self.held_out,
             parametrisation=chosen,
+            regressor=self.regressor,
         )
 
     def estimated(self, reduced: JointFactors) -> Estimate:
@@ -307,26 +336,6 @@ class _Run:
         return robust_least_squares(
             lambda: self.blocks, names, weighted, transform=chosen.transform, expand=chosen.expand
         )
-
-    def delivered(self, estimate: Estimate, consistent: ConsistentEstimate | None, reduced: JointFactors) -> Delivered:
-        """Parameters and standard deviations of the written model; ``reduced`` are the fitted factors in x."""
-        if consistent is None or consistent.near is None:
-            return Delivered(self.options.method, estimate.x, estimate.covariance, np.zeros(len(estimate.x), bool))
-        chosen, names = self.chosen, [column.name for column in self.regressor.columns]
-        weights = None if self.options.method == "robust" else estimate.weights
-        R = reduced.stacked(weights)[:-1, :-1]
-        information = R.T @ R
-        scores = information @ estimate.covariance @ information
-        moving = [
-            k for k, name in enumerate(names) if name not in self.options.fixed or k < len(self.model.base_projection)
-        ]
-        directions = np.zeros((len(names), consistent.near.directions.shape[1]))
-        directions[moving] = consistent.near.directions
-        along = chosen.contract(directions)
-        covariance = consistent.near.covariance(along, scores, estimate.variance if weights is not None else 1.0)
-        x = chosen.contract(consistent.theta)
-        fixed = np.all(along == 0.0, axis=1) | ((x == 0.0) & (np.diag(covariance) <= 0.0))
-        return Delivered("physically consistent", x, covariance, fixed)
 
     def consistent_estimate(self, estimate: Estimate, robust: JointFactors | None = None) -> ConsistentEstimate:
         """The physically consistent estimate from the same rows and weights; ``robust`` are reweighted rows, if any."""

@@ -30,7 +30,7 @@ class Part:
 
     ``valid`` (N, n) is False where the torque of a joint is missing, clipped or interpolated over a hole. ``segment``
     is the number of the uninterrupted stretch that the part belongs to, ``first`` the index of its first sample
-    therein.
+    therein. ``reference`` and ``feedforward`` (N, n) are what the controller was given, None if not recorded.
     """
 
     t: Array
@@ -41,6 +41,8 @@ class Part:
     valid: NDArray[np.bool_]
     segment: int
     first: int
+    reference: Array | None = None
+    feedforward: Array | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -48,8 +50,9 @@ class Part:
     def sliced(self, start: int, stop: int) -> Part:
         """The samples ``start`` to ``stop`` (exclusive)."""
         s = slice(start, stop)
-        dq, ddq, tau = (None if x is None else x[s] for x in (self.dq, self.ddq, self.tau))
-        return Part(self.t[s], self.q[s], dq, ddq, tau, self.valid[s], self.segment, self.first + start)
+        optional = (self.dq, self.ddq, self.tau, self.reference, self.feedforward)
+        dq, ddq, tau, *given = (None if x is None else x[s] for x in optional)
+        return Part(self.t[s], self.q[s], dq, ddq, tau, self.valid[s], self.segment, self.first + start, *given)
 
 
 def joined(parts: list[Part]) -> Part:
@@ -70,6 +73,8 @@ def joined(parts: list[Part]) -> Part:
         valid=np.concatenate([p.valid for p in parts]),
         segment=parts[0].segment,
         first=parts[0].first,
+        reference=both("reference"),
+        feedforward=both("feedforward"),
     )
 
 
@@ -243,7 +248,8 @@ class _Uniform:
             N = self.mapping.transmission
             valid = ~bad if N is None else ~((bad @ (N != 0.0)).astype(bool))
         dq, ddq = moved.get("velocity"), moved.get("acceleration")
-        return Part(raw.t, moved["position"], dq, ddq, tau, valid, 0, 0)
+        given = moved.get("reference"), moved.get("feedforward")
+        return Part(raw.t, moved["position"], dq, ddq, tau, valid, 0, 0, *given)
 
 
 def _resampled(rows: Part, t: Array, hole: float) -> Part:
@@ -265,9 +271,14 @@ def _resampled(rows: Part, t: Array, hole: float) -> Part:
 
     step = rows.t[here + 1] - rows.t[here]
     share = ((t - rows.t[here]) / step)[:, None]
-    tau = None if rows.tau is None else rows.tau[here] * (1 - share) + rows.tau[here + 1] * share
+
+    def linear(x: Array | None) -> Array | None:
+        return None if x is None else x[here] * (1 - share) + x[here + 1] * share
+
+    tau = linear(rows.tau)
     sound = np.where(share < 1e-9, rows.valid[here], rows.valid[here] & rows.valid[here + 1])
     valid = sound & ((step < hole)[:, None] | (share < 1e-9))
     q = cubic(rows.q)
     assert q is not None
-    return Part(t, q, cubic(rows.dq), cubic(rows.ddq), tau, valid, rows.segment, rows.first)
+    given = linear(rows.reference), linear(rows.feedforward)
+    return Part(t, q, cubic(rows.dq), cubic(rows.ddq), tau, valid, rows.segment, rows.first, *given)

@@ -19,8 +19,8 @@ from rrrgen.arrays import Array
 from rrrgen.errors import Fault, InputError
 
 Side = Literal["joint", "motor"]
-Signal = Literal["position", "velocity", "acceleration", "torque"]
-SIGNALS: tuple[Signal, ...] = ("position", "velocity", "acceleration", "torque")
+Signal = Literal["position", "velocity", "acceleration", "torque", "reference", "feedforward"]
+SIGNALS: tuple[Signal, ...] = ("position", "velocity", "acceleration", "torque", "reference", "feedforward")
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,18 @@ class Channel:
 
 @dataclass(frozen=True)
 class JointChannels:
-    """The channels of one joint; ``zero`` is the joint position (rad, m) at which its encoder reads zero."""
+    """The channels of one joint; ``zero`` is the joint position (rad, m) at which its encoder reads zero.
+
+    ``reference`` is the position that the controller follows, ``feedforward`` a torque that it is given.
+    """
 
     name: str
     position: Channel
     velocity: Channel | None = None
     acceleration: Channel | None = None
     torque: Channel | None = None
+    reference: Channel | None = None
+    feedforward: Channel | None = None
     zero: float = 0.0
 
     def channel(self, signal: Signal) -> Channel | None:
@@ -140,18 +145,19 @@ class LogMapping:
     def joint_side(self, signal: Signal, values: Array) -> Array:
         """Transform channel values in SI (N, n) to the joints, through the transmission if they are of the motor side.
 
-        The zero position of the joints is added to positions only. Raises :class:`InputError` if the transmission is
-        missing, or couples joints of which only some are recorded at the motor.
+        The zero position of the joints is added to positions and references only. Raises :class:`InputError` if the
+        transmission is missing, or couples joints of which only some are recorded at the motor.
         """
         channels = self.channels(signal)
         on_motor = np.array([channel.side == "motor" for channel in channels])
+        is_position, is_torque = signal in ("position", "reference"), signal in ("torque", "feedforward")
         if not on_motor.any():
-            return values + self._zero if signal == "position" else values
+            return values + self._zero if is_position else values
         if self.transmission is None:
             raise self._fault("signals of the motor side need gear ratios or a transmission matrix")
         N = self.transmission if on_motor.all() else self._diagonal(on_motor)
-        moved = values @ N if signal == "torque" else np.linalg.solve(N, values.T).T
-        return np.asarray(moved + self._zero if signal == "position" else moved)
+        moved = values @ N if is_torque else np.linalg.solve(N, values.T).T
+        return np.asarray(moved + self._zero if is_position else moved)
 
     @property
     def _zero(self) -> Array:

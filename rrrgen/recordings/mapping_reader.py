@@ -24,7 +24,7 @@ KEYS = {
         *("schema", "name", "description", "files", "time", "units", "side", "joints", "transmission"),
         *("max_gap", "processing"),
     ),
-    "joint": ("name", "position", "velocity", "acceleration", "torque", "zero", "gear_ratio", "side"),
+    "joint": ("name", *SIGNALS, "zero", "gear_ratio", "side"),
     "channel": (
         *("file", "column", "unit", "sign", "zero", "side", "wraps_at", "resolution", "counts_per_turn", "constant"),
         *("rated", "limit"),
@@ -45,6 +45,8 @@ UNITS: dict[Signal, dict[str, float]] = {
     "velocity": log_units.VELOCITY | {log_units.COUNTS + "/s": 1.0},
     "acceleration": log_units.ACCELERATION,
     "torque": log_units.TORQUE | log_units.FORCE | log_units.DRIVE_SIGNALS,
+    "reference": log_units.POSITION | {log_units.COUNTS: 1.0},
+    "feedforward": log_units.TORQUE | log_units.FORCE | log_units.DRIVE_SIGNALS,
 }
 
 
@@ -151,6 +153,8 @@ class _Reader(SourceReader):
                     velocity=channels.get("velocity"),
                     acceleration=channels.get("acceleration"),
                     torque=channels.get("torque"),
+                    reference=channels.get("reference"),
+                    feedforward=channels.get("feedforward"),
                     zero=self.quantity(part.get("zero"), f"{what}.zero", log_units.POSITION, "rad") or 0.0,
                 )
             )
@@ -198,7 +202,7 @@ class _Reader(SourceReader):
             if "resolution" not in part:
                 self.faults.error(node, f"{what} in counts needs counts_per_turn or resolution", "e.g. 0.001 deg")
             return self.quantity(part.get("resolution"), f"{what}.resolution", log_units.POSITION, "rad") or 1.0
-        if signal != "torque" or unit not in log_units.DRIVE_SIGNALS:
+        if signal not in ("torque", "feedforward") or unit not in log_units.DRIVE_SIGNALS:
             return UNITS[signal].get(unit, 1.0)
         key, table = ("rated", log_units.TORQUE | log_units.FORCE) if unit == "%" else ("constant", log_units.CONSTANT)
         if key not in part:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.experiments.closed_loop import fit_loop, read_loop
 from rrrgen.cli.identification.workflow import (
     chosen_processing,
     input_files,
@@ -75,6 +76,20 @@ if TYPE_CHECKING:
     "Default: as the robot file states. Repeat for several.",
 )
 @click.option(
+    "--controller",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Controller of the recorded loop: also fit the simulated loop to the torques (closed-loop output error).",
+)
+@click.option(
+    "--test",
+    "tests",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="LOG",
+    help="Recording that is not fitted, on which the loop with --controller is scored; repeat for several.",
+)
+@click.option(
     "--fix",
     multiple=True,
     metavar="NAME=VALUE",
@@ -124,6 +139,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     mappings = [open_log(path, skip_truncated=skip) for path in logs]
     for mapping in mappings:
         check_robot(mapping, spec)
+    controller, tests, more_inputs = read_loop(options["controller"], options["tests"], spec, skip)
     processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
     columns, standard = _parse_fixed(options["fix"])
     chosen = Options(
@@ -155,7 +171,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         "skip_truncated_line",
     )
     settings = {**processing.settings(), **{name: options[name] for name in named}}
-    inputs = input_files(robot, logs, mappings)
+    inputs = input_files(robot, logs, mappings) | more_inputs
     with (
         RunFolder(output, "identify", inputs, settings, options["seed"], options["fresh"]) as folder,
         progress_bar() as progress,
@@ -174,6 +190,10 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             digest=folder.digest,
             progress=progress,
         )
+        loop = None
+        if controller is not None:
+            loop = fit_loop(folder, found, controller, recordings, tests, chosen, spec, progress)
+            found = loop.identification
         bias = None if options["bias_check"] is None else check_bias(found, options["bias_check"])
         validation = None
         if options["cross_validate"]:
@@ -185,9 +205,12 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         write_identification(folder, found, spec, recordings=read, model=model, recording=recordings[0])
     if as_json:
         more = {} if validation is None else {"cross_validation": validation.to_json()}
+        more |= {} if loop is None else {"closed_loop": loop.to_json()}
         print_json(_json_ready(as_record(found) | more))
     else:
         _report(found, recordings[0].joints, validation, output)
+        for line in () if loop is None else loop.lines(recordings[0].joints):
+            click.echo(line)
         for line in () if bias is None else bias.lines():
             click.echo(line)
     print_causes([cause for cause in found.diagnoses if cause not in before], as_json)

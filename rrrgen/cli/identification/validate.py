@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.experiments.closed_loop import read_loop, score_loop
 from rrrgen.cli.identification.workflow import (
     chosen_processing,
     input_files,
@@ -54,6 +55,12 @@ NO_RECORDING = Path("none")
     type=click.FloatRange(min=0),
     metavar="S",
     help="Guard band in seconds on both sides of every border of --split; default: reach of the filters.",
+)
+@click.option(
+    "--controller",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Controller of the recorded loop: also score the torques of the loop simulated along the reference.",
 )
 @click.option("--require-held-out", is_flag=True, help="Fail unless the recordings are known not to have been fitted.")
 @click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
@@ -106,8 +113,9 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         **{k: options[k] for k in ("relative_error", "require_held_out", "split", "guard")},
     }
     settings["skip_truncated_line"] = skip
+    controller, _, more_inputs = read_loop(options["controller"], (), spec, skip)
     settings["fitted_on"] = [str(path) for path in options["fitted_on"]]
-    inputs = input_files(robot, logs, mappings) | input_files("", tuple(named), fitted, "fitted")
+    inputs = input_files(robot, logs, mappings) | input_files("", tuple(named), fitted, "fitted") | more_inputs
     with RunFolder(output, "validate", inputs, settings, 0, options["fresh"]) as folder:
         recordings = [LogStream(mapping) for mapping in mappings]
         print_repairs((recording.repairs for recording in recordings), as_json)
@@ -132,6 +140,9 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
             "repairs": [recording.repairs.to_json() for recording in recordings],
             "diagnoses": [cause.to_json() for cause in causes],
         }
+        loop = None if controller is None else score_loop(model, controller, recordings, processing, split)
+        if loop is not None:
+            record["closed_loop"] = loop.to_json()
         folder.write_json("validation.json", record)
         folder.figure("torques", plot_torques(result, force_units(spec)))
     if as_json:
@@ -144,6 +155,8 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         for sentence in () if result.tuning is None else result.tuning.sentences():
             click.echo(sentence)
         for line in score_table(result.scores):
+            click.echo(line)
+        for line in () if loop is None else loop.lines(recordings[0].joints):
             click.echo(line)
         own = f" ({100 * common.share:.0f} % of its windows of samples were fitted)" if common.looked and known else ""
         verdict = "passed" if result.passed else "FAILED: " + "; ".join(result.failures)

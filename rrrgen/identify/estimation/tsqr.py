@@ -119,3 +119,11 @@ def factor_rows(rows: Rows, weights: Array | None = None) -> JointFactors:
     if not np.all(np.isfinite(R)):
         raise InputError("the rows of the regressor are not finite: check the recording for missing samples")
     return JointFactors(R, np.sum(rows.use, axis=0).astype(np.int64))
+
+
+def factor_blocks(blocks: Sequence[Rows]) -> JointFactors:
+    """Triangular factors of all rows of ``blocks``, one block at least."""
+    found = factor_rows(blocks[0])
+    for rows in blocks[1:]:
+        found = found.merged(factor_rows(rows))
+    return found

@@ -1,0 +1,145 @@
+"""The equations of motion of the simulated loop as programs, with the estimated parameters as an input.
+
+The parameters are those of all columns of the regressor, base parameters first, then the shapes of the friction laws,
+surface by surface. Friction acts along *surfaces*: the joints and motors that have a friction term; surface j slides at
+``u_j = w_j dq``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.errors import InputError
+from rrrgen.identify.estimation.full_regressor import FullRegressor
+from rrrgen.model.estimated_terms import Column
+from rrrgen.program import Builder, Port, Program, Role
+from rrrgen.program.builder import replay
+
+SLIDING = ("viscous", "coulomb", "offset")
+
+
+class _Directed:
+    """The operations of a builder in which sgn is a given direction, so that |u| = u sgn(u) for u of that direction."""
+
+    def __init__(self, builder: Builder, direction: Any) -> None:
+        self.exp, self.tanh = builder.exp, builder.tanh
+        self._direction = direction
+
+    def sign(self, x: Any) -> Any:
+        return self._direction
+
+
+@dataclass(frozen=True, eq=False)
+class LoopEquations:
+    """Mass matrix, load and friction of the model of ``regressor``; raises InputError for laws with a state."""
+
+    regressor: FullRegressor
+
+    def __post_init__(self) -> None:
+        stateful = [surface.law for surface in self.regressor.surfaces if surface.has_state]
+        if stateful:
+            raise InputError(
+                f"the friction law {stateful[0]} has a state and cannot be fitted in closed loop; "
+                "asymmetric_exponential, exponential, stribeck, asymmetric and neural can"
+            )
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.regressor.model.n
+
+    @cached_property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of the regressor."""
+        return self.regressor.columns
+
+    @property
+    def shapes(self) -> Array:
+        """The shapes of all surfaces in order."""
+        return np.array([value for surface in self.regressor.surfaces for value in surface.shapes])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters, shapes included."""
+        shapes = (f"{shape}{each.owner}" for each in self.regressor.surfaces for shape in each.definition.shapes)
+        return (*self.regressor.names, *shapes)
+
+    @property
+    def size(self) -> int:
+        """Number of parameters, shapes included."""
+        return len(self.columns) + sum(len(s.definition.shapes) for s in self.regressor.surfaces)
+
+    @cached_property
+    def directions(self) -> Array:
+        """The directions (m, n) of the surfaces."""
+        found = [column.direction for column in self.columns if column.kind in SLIDING]
+        found += [surface.direction for surface in self.regressor.surfaces]
+        kept = dict.fromkeys(tuple(float(w) for w in direction) for direction in found)
+        return np.array([[*direction] for direction in kept]).reshape(len(kept), self.n)
+
+    def programs(self) -> tuple[Program, ...]:
+        """``terms``: M and load from q, dq; ``friction``: torques of the surfaces at the speeds u, directions s."""
+        return (self._terms(), self._friction()) if len(self.directions) else (self._terms(),)
+
+    def _terms(self) -> Program:
+        builder, n = Builder(), self.n
+        q = builder.input(Port("q", (n,), "rad | m", "joint", "positions", Role.POSITION))
+        dq = builder.input(Port("dq", (n,), "rad/s | m/s", "joint", "velocities", Role.VELOCITY))
+        theta = builder.input(self._port())
+        known: dict[Role, list[Any]] = {Role.POSITION: list(q), Role.VELOCITY: list(dq)}
+        known[Role.BASE_PARAMETERS] = list(theta[: len(self.regressor.model.base_parameter_names)])
+        model: Any = self.regressor.model
+        programs = model.derived.programs
+        M = _replayed(programs["mass_matrix"], builder, known)
+        load = _replayed(programs["bias"], builder, known)
+        for k, column in enumerate(self.columns):
+            if column.kind == "inertia":
+                w = [Fraction(each) for each in column.direction]
+                for i in range(n):
+                    for j in range(n):
+                        M[n * i + j] = M[n * i + j] + w[i] * w[j] * theta[k]
+        outputs = [
+            (Port("M", (n, n), "kg m^2", "joint", "mass matrix"), M),
+            (Port("load", (n,), "N m | N", "joint", "velocity and gravity torques"), load),
+        ]
+        return builder.program("terms", outputs, summary="Mass matrix and load of the simulated robot.")
+
+    def _friction(self) -> Program:
+        builder, m = Builder(), len(self.directions)
+        u = builder.input(Port("u", (m,), "rad/s | m/s", "", "speeds of the surfaces", Role.VELOCITY))
+        s = builder.input(Port("s", (m,), "", "", "directions in which they slide"))
+        theta = builder.input(self._port())
+        torques: list[Any] = [0] * m
+        for k, column in enumerate(self.columns):
+            if column.kind in SLIDING:
+                j = self._surface(column.direction)
+                factor: Any = {"viscous": u[j], "coulomb": s[j], "offset": 1}[column.kind]
+                torques[j] = torques[j] + theta[k] * factor
+        k = len(self.columns) - sum(len(surface.definition.linear) for surface in self.regressor.surfaces)
+        shape = len(self.columns)
+        for surface in self.regressor.surfaces:
+            law, j = surface.definition, self._surface(surface.direction)
+            linear, bent = len(law.linear), len(law.shapes)
+            values = law.joined(theta[k : k + linear], theta[shape : shape + bent])
+            torques[j] = torques[j] + law.torque(_Directed(builder, s[j]), u[j], values)
+            k, shape = k + linear, shape + bent
+        port = Port("f", (m,), "N m | N", "", "friction of the surfaces")
+        return builder.program("friction", [(port, torques)], summary="Friction in given directions.")
+
+    def _port(self) -> Port:
+        return Port("theta", (self.size,), "mixed", "", "parameters of all columns, then shapes")
+
+    def _surface(self, direction: Sequence[float]) -> int:
+        return int(np.flatnonzero((self.directions == np.asarray(direction, float)).all(axis=1))[0])
+
+
+def _replayed(program: Program, builder: Builder, known: dict[Role, list[Any]]) -> list[Any]:
+    inputs: list[Any] = [known.get(port.role, [Fraction(0)] * port.size) for port in program.inputs]
+    return list(replay(program, builder, inputs)[0])

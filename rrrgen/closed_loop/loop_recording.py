@@ -1,0 +1,176 @@
+"""A recording of a closed loop on the grid on which it is simulated: the finer of its own and the controller's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.closed_loop.controller import LoopController
+from rrrgen.errors import InputError
+from rrrgen.identify.estimation.observations import Recording, reconstruct
+from rrrgen.recordings.log_stream import Part, joined
+from rrrgen.signals.processing import Processing
+
+RATE_TOLERANCE = 0.01  # relative difference from a whole ratio of the two sampling periods
+SHORTEST = 20  # samples after the warm-up
+BOUND = 3.0  # of the range of the motion: farther from the reference the loop has diverged
+
+
+@dataclass(frozen=True, eq=False)
+class LoopRecording:
+    """One uninterrupted stretch of N samples of n joints at ``period`` (s), all (N, n) in SI at the joints.
+
+    The controller computes every ``every`` samples; every ``stride``-th sample was recorded, the others are
+    interpolated. ``delay`` is in samples. The simulation starts after ``warm`` samples at ``start`` (2n,), position and
+    speed. ``bounds`` (n,) are the distances from the reference at which it stops.
+    """
+
+    t: Array
+    q: Array
+    tau: Array
+    valid: NDArray[np.bool_]
+    reference: Array
+    feedforward: Array
+    period: float
+    every: int
+    stride: int
+    delay: float
+    records: str
+    warm: int
+    start: Array
+    span: tuple[float, float]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @cached_property
+    def bounds(self) -> Array:
+        """Distances (n,) from the reference at which a simulated loop has diverged."""
+        span = np.ptp(self.q, axis=0) + np.ptp(self.reference, axis=0)
+        error = np.max(np.abs(self.q - self.reference), axis=0)
+        return np.asarray(BOUND * (np.maximum(span, 0.05 * float(np.max(span))) + error))
+
+    @cached_property
+    def scored(self) -> NDArray[np.bool_]:
+        """The samples (N, n) that were recorded, with a valid torque, after the warm-up."""
+        found = self.valid.copy()
+        found[: self.warm] = False
+        own = np.zeros(len(self), bool)
+        own[:: self.stride] = True
+        return np.asarray(found & own[:, None])
+
+    def held(self, values: Array) -> Array:
+        """``values`` (N, n) of the controller as they act: late by the delay, at the beginning of every sample."""
+        late = int(np.ceil(self.delay - 1e-9))
+        return values if late == 0 else np.concatenate([np.repeat(values[:1], late, axis=0), values[:-late]])
+
+    def as_recorded(self, command: Array) -> Array:
+        """The command (N, n) of every sample as the torque that a recording holds."""
+        if self.records == "command":
+            return command
+        applied = self.held(command)
+        if self.records == "applied":
+            return applied
+        return np.asarray(0.5 * (applied + np.concatenate([applied[:1], applied[:-1]])))
+
+
+def loop_recordings(
+    recordings: Sequence[Recording], controller: LoopController, processing: Processing
+) -> tuple[LoopRecording, ...]:
+    """All uninterrupted stretches of ``recordings`` that are long enough, under ``controller``.
+
+    ``processing`` says how the start state is reconstructed. Raises InputError for a recording without reference or
+    torque, for joints other than those of the controller, and for sampling rates without a whole ratio.
+    """
+    found = []
+    for recording in recordings:
+        if tuple(recording.joints) != controller.names:
+            raise InputError(
+                f"the controller has the joints {', '.join(controller.names)}, the recording "
+                f"{', '.join(recording.joints)}: name them alike, in the same order"
+            )
+        stretches: dict[int, list[Part]] = {}
+        for part in recording.parts():
+            stretches.setdefault(part.segment, []).append(part)
+        for parts in stretches.values():
+            own = _stretch(joined(parts), recording, controller, processing)
+            if own is not None:
+                found.append(own)
+    if not found:
+        raise InputError("no uninterrupted stretch of the recording is long enough to simulate the loop")
+    return tuple(found)
+
+
+def _stretch(
+    part: Part, recording: Recording, controller: LoopController, processing: Processing
+) -> LoopRecording | None:
+    if part.tau is None:
+        raise InputError("the recording has no torques: the simulated loop could not be compared with it")
+    missing = [
+        name for name, values in (("reference", part.reference), ("feedforward", part.feedforward))
+        if values is None and controller.uses(name)
+    ]  # fmt: skip
+    if missing:
+        raise InputError(
+            f"the controller uses '{missing[0]}', which the recording does not have: give the mapping file a column "
+            f"'{missing[0]}' for every joint"
+        )
+    every, stride = _ratio(controller.period, recording.period)
+    reference = part.q if part.reference is None else part.reference
+    feedforward = np.zeros_like(part.q) if part.feedforward is None else part.feedforward
+    motion = reconstruct(part, processing)
+    warm = min(controller.settling * every // stride + 1, len(part) // 4)
+    if len(part) - warm < SHORTEST:
+        return None
+    grid = _Grid(len(part), stride)
+    return LoopRecording(
+        t=grid.linear(part.t[:, None])[:, 0],
+        q=grid.linear(part.q),
+        tau=grid.linear(part.tau),
+        valid=grid.nearest(part.valid),
+        reference=grid.linear(reference),
+        feedforward=grid.linear(feedforward),
+        period=recording.period / stride,
+        every=every,
+        stride=stride,
+        delay=controller.delay * every,
+        records=controller.records,
+        warm=warm * stride,
+        start=np.concatenate([motion.q[warm], motion.dq[warm]]),
+        span=recording.span,
+    )
+
+
+def _ratio(controller: float, recording: float) -> tuple[int, int]:
+    """Samples between two of the controller, and between two recorded ones; one of them is 1."""
+    ratio = controller / recording
+    whole = max(1, round(ratio)), max(1, round(1.0 / ratio))
+    if abs(ratio * whole[1] / whole[0] - 1.0) > RATE_TOLERANCE:
+        raise InputError(
+            f"the controller computes every {controller:.6g} s, the recording has a sample every {recording:.6g} s: "
+            "one must be a whole multiple of the other"
+        )
+    return whole
+
+
+class _Grid:
+    """Samples of a recording on a grid ``stride`` times as fine."""
+
+    def __init__(self, count: int, stride: int) -> None:
+        self.stride, self.count = stride, count
+        self.at = np.arange((count - 1) * stride + 1) / stride
+
+    def linear(self, values: Array) -> Array:
+        if self.stride == 1:
+            return np.ascontiguousarray(values, float)
+        own: Any = np.arange(self.count)
+        return np.column_stack([np.interp(self.at, own, column) for column in values.T])
+
+    def nearest(self, values: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        return np.asarray(values[np.floor(self.at).astype(int)])

@@ -1,0 +1,124 @@
+"""Errors of the simulated loop against a recording, and of the controller replayed on the measured motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.closed_loop.loop import CompiledLoop, Run
+from rrrgen.closed_loop.loop_recording import LoopRecording
+from rrrgen.closed_loop.output_error import divergence
+from rrrgen.errors import DerivationError
+
+GOOD_REPLAY = 0.02
+"""Relative torque error of a replayed controller up to which it counts as the recorded one."""
+SHIFTS = 3  # samples by which the replayed torque is shifted to look for another delay
+CLEARLY = 0.5  # of the error: what another delay has to reach to be named
+
+
+@dataclass(frozen=True)
+class LoopScore:
+    """Errors of the simulated torques on ``count`` samples: ``|tau - tau_sim| / |tau|``, all joints and joint by joint.
+
+    ``rms`` (n,) are the torque errors in N m (N), ``position`` (n,) the RMS position errors in rad (m).
+    """
+
+    data: str
+    count: int
+    relative_error: float
+    joint_relative: tuple[float, ...]
+    rms: tuple[float, ...]
+    position: tuple[float, ...]
+
+    def line(self, joints: Sequence[str]) -> str:
+        """The score as a line of text."""
+        own = ", ".join(f"{name} {100 * value:.3g} %" for name, value in zip(joints, self.joint_relative, strict=True))
+        apart = ", ".join(f"{value:.3g}" for value in self.position)
+        joint = f" ({own})" if len(joints) > 1 else ""
+        return (
+            f"closed loop, simulated along the reference, {self.data}: relative torque error "
+            f"{100 * self.relative_error:.3g} %{joint}; RMS position error {apart}"
+        )
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Relative torque errors (n,) of the controller computed from the measured motion; ``delay`` is a better one."""
+
+    errors: tuple[float, ...]
+    delay: float | None = None
+
+    def line(self, joints: Sequence[str]) -> str:
+        """The check as a line of text."""
+        own = ", ".join(f"{name} {100 * error:.3g} %" for name, error in zip(joints, self.errors, strict=True))
+        text = f"controller computed from the measured motion: relative torque error {own}"
+        if max(self.errors) <= GOOD_REPLAY:
+            return text
+        text = f"warning: {text}; it is not quite the one that was recorded"
+        return text if self.delay is None else f"{text}: a delay of {self.delay:g} periods fits better"
+
+
+def replayed(loop: CompiledLoop, recordings: Sequence[LoopRecording]) -> Replay:
+    """How well the controller explains the recorded torques from the measured motion alone."""
+    controller = loop.controller
+    squares: dict[int, Array] = {}
+    size = np.zeros(loop.equations.n)
+    for recording in recordings:
+        tau, use = loop.replay(recording).tau, recording.scored
+        size += np.sum(np.where(use, recording.tau, 0.0) ** 2, axis=0)
+        for shift in range(-SHIFTS, SHIFTS + 1):
+            moved = np.roll(tau, shift * recording.every, axis=0)
+            moved = np.where(use, recording.tau - moved, 0.0)[SHIFTS * recording.every : -SHIFTS * recording.every]
+            squares[shift] = squares.get(shift, 0.0) + np.sum(moved**2, axis=0)
+    errors = {shift: np.sqrt(each / np.maximum(size, 1e-300)) for shift, each in squares.items()}
+    best = min(errors, key=lambda shift: float(np.sum(errors[shift] ** 2)))
+    own = tuple(float(value) for value in errors[0])
+    better = best and float(np.max(errors[best])) < CLEARLY * max(own)
+    return Replay(own, controller.delay + best if better and controller.delay + best >= 0.0 else None)
+
+
+def loop_score(
+    data: str,
+    loop: CompiledLoop,
+    theta: Array,
+    recordings: Sequence[LoopRecording],
+    chosen: Callable[[LoopRecording], NDArray[np.bool_]],
+) -> tuple[LoopScore | None, list[Run]]:
+    """Score the parameters ``theta`` on the samples (N,) that ``chosen`` marks; None where there are none.
+
+    Raises DerivationError where the simulated loop diverges.
+    """
+    n = loop.equations.n
+    count, squares, size, apart = 0, np.zeros(n), np.zeros(n), np.zeros(n)
+    runs = []
+    for recording in recordings:
+        run = loop.run(theta, recording)
+        if run.diverged is not None:
+            raise DerivationError(divergence(run, recording))
+        use = recording.scored & chosen(recording)[:, None]
+        count += int(np.sum(use))
+        squares += np.sum(np.where(use, recording.tau - run.tau, 0.0) ** 2, axis=0)
+        size += np.sum(np.where(use, recording.tau, 0.0) ** 2, axis=0)
+        apart += np.sum(np.where(use, recording.q - run.q, 0.0) ** 2, axis=0)
+        runs.append(run)
+    if not count:
+        return None, runs
+    rows = count / n
+    return LoopScore(
+        data,
+        count,
+        float(np.sqrt(np.sum(squares) / max(float(np.sum(size)), 1e-300))),
+        tuple(float(v) for v in np.sqrt(squares / np.maximum(size, 1e-300))),
+        tuple(float(v) for v in np.sqrt(squares / rows)),
+        tuple(float(v) for v in np.sqrt(apart / rows)),
+    ), runs
+
+
+def as_json(score: LoopScore | None) -> dict[str, Any] | None:
+    """A score as plain data."""
+    return None if score is None else dict(vars(score))

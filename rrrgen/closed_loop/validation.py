@@ -1,0 +1,86 @@
+"""The loop of a known controller and a robot file, scored on recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.closed_loop.controller import LoopController
+from rrrgen.closed_loop.equations import LoopEquations
+from rrrgen.closed_loop.loop import CompiledLoop
+from rrrgen.closed_loop.loop_recording import LoopRecording, loop_recordings
+from rrrgen.closed_loop.scores import LoopScore, Replay, as_json, loop_score, replayed
+from rrrgen.errors import InputError
+from rrrgen.identify.estimation.full_regressor import FullRegressor
+from rrrgen.identify.estimation.observations import Recording
+from rrrgen.identify.friction_laws.surfaces import stated_laws, stated_surfaces
+from rrrgen.identify.scoring.split import Split
+from rrrgen.model.drive_terms import drive_terms
+from rrrgen.model.estimated_terms import DriveTerms
+from rrrgen.signals.processing import Processing
+
+
+@dataclass(frozen=True)
+class ClosedLoopValidation:
+    """The check of the controller, and the score of the simulated loop."""
+
+    replay: Replay
+    score: LoopScore
+
+    def lines(self, joints: Sequence[str]) -> list[str]:
+        """Check and score as text."""
+        return [self.replay.line(joints), self.score.line(joints)]
+
+    def to_json(self) -> dict[str, Any]:
+        """Check and score as plain data."""
+        return {"controller_error": list(self.replay.errors), "score": as_json(self.score)}
+
+
+def stated_equations(model: Any) -> tuple[LoopEquations, Array]:
+    """The equations of a robot file with links, and the values of their parameters.
+
+    ``model`` is a compiled robot. Raises InputError for friction laws that are not separable or have a state.
+    """
+    spec = model.spec
+    equations = LoopEquations(FullRegressor(model, DriveTerms.of_spec(spec), stated_surfaces(spec)))
+    known = dict(zip(model.base_parameter_names, np.asarray(model.beta, float).tolist(), strict=True))
+    known |= {term.name: term.value for term in drive_terms(spec)}
+    surfaces = {each.owner: each.definition for each in equations.regressor.surfaces}
+    for owner, _, stated in stated_laws(spec):
+        names = (parameter.name for parameter in surfaces[owner].parameters)
+        known |= {f"{name}{owner}": value for name, value in zip(names, stated.values, strict=True)}
+    return equations, np.array([known[name] for name in equations.names])
+
+
+def validate_loop(
+    model: Any,
+    controller: LoopController,
+    recordings: Sequence[Recording],
+    processing: Processing,
+    split: Split | None = None,
+) -> ClosedLoopValidation:
+    """Simulate the loop of ``controller`` and the compiled ``model`` along the references of ``recordings``.
+
+    ``processing`` says how start states are reconstructed; with a ``split`` only its held-out part is scored. Raises
+    DerivationError where the loop diverges, InputError where controller, model and recordings do not fit.
+    """
+    equations, theta = stated_equations(model)
+    loop = CompiledLoop(equations, controller)
+    own = loop_recordings(recordings, controller, processing)
+
+    def chosen(recording: LoopRecording) -> NDArray[np.bool_]:
+        if split is None or split.kind == "none":
+            return np.ones(len(recording), bool)
+        return split.scored(recording.t, *recording.span)
+
+    score, _ = loop_score(
+        "all samples" if split is None or split.kind == "none" else "held out", loop, theta, own, chosen
+    )
+    if score is None:
+        raise InputError("no sample is left to score the simulated loop")
+    return ClosedLoopValidation(replayed(loop, own), score)

@@ -1,0 +1,81 @@
+"""The controller file: what it says is what is computed, and every fault is reported at once, in its place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rrrgen.closed_loop.controller import filtered
+from rrrgen.closed_loop.controller_file import loads_controller
+from rrrgen.errors import InputError
+from samples.linear_drive import CONTROLLER
+
+FAULTY = """\
+schema: rrrgen-controller/2
+rate: 1 kHz
+period: 1 ms
+delay: -1
+records: measured
+joints:
+  - name: j1
+    signals:
+      position: {sum: {reference: 1}}
+      a: {difference: spede}
+      b: {filter: position, numerator: 3}
+      c: {filter: position, numerator: [1], denominator: [0, 1]}
+      d: {limit: position}
+      e: {sum: {position: 1, f: 2}}
+      f: {sum: {position: 1}, limit: position}
+      g: {delayed: position, by: 0}
+      h: {limit: position, to: [3, 1]}
+    torque: volts
+  - {name: j1}
+"""
+
+
+def test_every_fault_is_reported_at_once_in_its_place():
+    with pytest.raises(InputError) as caught:
+        loads_controller(FAULTY)
+    found = {(fault.line, fault.message) for fault in caught.value.faults}
+    expected = [
+        (1, "schema is 'rrrgen-controller/2'"),
+        (1, "the controller file needs either 'rate' or 'period'"),
+        (4, "delay is negative"),
+        (5, "records is 'measured'"),
+        (9, "a signal must not be called 'position'"),
+        (10, "difference of signal 'a' is 'spede'"),
+        (11, "numerator of 'b' is not a list"),
+        (12, "denominator of 'c' starts with 0"),
+        (13, "the limit 'd' needs the key 'to'"),
+        (14, "signal 'e' uses 'f'"),
+        (15, "signal 'f' needs one operation"),
+        (16, "'g' spans no sample"),
+        (17, "limit 'h': the lowest value is not below the highest"),
+        (18, "torque of 'j1' is 'volts'"),
+        (19, "a second joint 'j1'"),
+        (19, "joint 'j1' has no 'signals'"),
+    ]
+    assert [entry for entry in expected if entry not in found] == []
+
+
+def test_differences_and_averages_are_filters():
+    signals = loads_controller(CONTROLLER).joints[0].signals
+    assert signals["averaged"] == filtered("position", (0.5, 0.5))
+    assert signals["speed"] == filtered("averaged", (1000.0, -1000.0))
+    assert signals["late"] == filtered("volts", (0.0, 1.0))
+
+
+def test_signals_beside_the_joints_hold_for_all_of_them():
+    text = "schema: rrrgen-controller/1\nperiod: 2 ms\nsignals: {u: {sum: {reference: 3, position: -3}}}\ntorque: u\n"
+    found = loads_controller(text + "joints: [one, two]\n")
+    assert found.names == ("one", "two")
+    assert found.joints[0].signals == found.joints[1].signals
+    assert found.period == pytest.approx(2e-3)
+
+
+def test_settling_counts_the_slowest_pole():
+    slow = filtered("position", (0.1,), (1.0, -0.9))
+    text = "schema: rrrgen-controller/1\nrate: 1 kHz\nsignals: {u: {filter: position, numerator: [0.1], "
+    found = loads_controller(text + "denominator: [1, -0.9]}}\ntorque: u\njoints: [one]\n")
+    assert found.joints[0].signals["u"] == slow
+    assert found.settling >= np.log(1e-4) / np.log(0.9)

@@ -1,0 +1,97 @@
+"""Closed-loop output error on recordings of a drive with known truth, simulated independently of the package."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+import rrrgen
+from rrrgen.cli.main import cli
+from rrrgen.closed_loop.controller_file import load_controller, loads_controller
+from rrrgen.closed_loop.validation import validate_loop
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.recordings.log_stream import LogStream
+from rrrgen.recordings.logs import open_log
+from rrrgen.robotfile import load_spec
+from rrrgen.signals.processing import Processing
+from samples.linear_drive import CONTROLLER, TRUTH, record, write_drive
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    """Robot, controller, a recording to fit and one with pulses of force that is not fitted."""
+    folder = tmp_path_factory.mktemp("drive")
+    robot, controller = write_drive(folder)
+    return folder, robot, controller, record(folder, "fit", 1), record(folder, "test", 2, 4.0, pulses=True)
+
+
+def run(*words):
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def fitted(drive):
+    folder, robot, controller, log, test = drive
+    law = ("--friction", "asymmetric_exponential")
+    done = run("identify", robot, "--log", log, "--controller", controller, "--test", test, *law, "-o", folder / "out")
+    assert done.exit_code == 0, done.output
+    return folder / "out", done.output
+
+
+def test_the_truth_is_found_and_written(fitted):
+    folder, _ = fitted
+    found = json.loads((folder / "results/closed_loop.json").read_text())["parameters"]
+    for name, value in TRUTH.items():
+        tolerance = 0.005 if name == "m1R" else 0.03
+        assert found[name] == pytest.approx(value, rel=tolerance), name
+    law = load_spec(folder / "results/robot.yaml").joints[0].friction.law
+    assert law.name == "asymmetric_exponential"
+    assert law.values[-1] == pytest.approx(found["decay_speed1"], rel=1e-9)
+
+
+def test_scores_on_screen_and_in_the_record(fitted):
+    folder, output = fitted
+    record = json.loads((folder / "results/closed_loop.json").read_text())
+    assert record["controller_error"][0] < 1e-6  # the controller is exactly that of the recording
+    assert record["fit"]["relative_error"] < 0.01
+    assert record["test"]["relative_error"] < 0.01  # with forces that the fitted recording did not have
+    assert record["fit"]["relative_error"] < 0.5 * record["inverse_dynamics"]["relative_error"]
+    assert "recordings not fitted: relative torque error" in output
+
+
+def test_the_written_robot_file_scores_the_same(drive, fitted):
+    _, _, controller, _, test = drive
+    model = rrrgen.compile(fitted[0] / "results/robot.yaml")
+    found = validate_loop(model, load_controller(controller), [LogStream(open_log(test))], Processing("differences"))
+    wanted = json.loads((fitted[0] / "results/closed_loop.json").read_text())["test"]
+    assert found.score.relative_error == pytest.approx(wanted["relative_error"], rel=1e-3)
+
+
+def test_another_controller_is_told(drive, fitted):
+    model = rrrgen.compile(fitted[0] / "results/robot.yaml")
+    recordings = [LogStream(open_log(drive[3]))]
+    late = loads_controller(CONTROLLER.replace("{delayed: volts, by: 1}", "{delayed: volts, by: 3}"))
+    found = validate_loop(model, late, recordings, Processing("differences"))
+    assert "warning: controller computed from the measured motion" in found.lines(["slide"])[0]
+    early = loads_controller(CONTROLLER.replace("{delayed: volts, by: 1}", "{sum: {volts: 1}}"))
+    found = validate_loop(model, early, recordings, Processing("differences"))
+    assert "a delay of 1 periods fits better" in found.lines(["slide"])[0]
+    unstable = loads_controller(CONTROLLER.replace("position: -160.0", "position: 160.0"))
+    with pytest.raises(DerivationError, match=r"the simulated loop diverges .* s after the start of the recording"):
+        validate_loop(model, unstable, recordings, Processing("differences"))
+
+
+def test_what_does_not_fit_is_refused(drive, fitted):
+    folder, _, _, log, _ = drive
+    bare = folder / "bare.yaml"
+    bare.write_text("".join(line for line in log.read_text().splitlines(keepends=True) if "reference" not in line))
+    model = rrrgen.compile(fitted[0] / "results/robot.yaml")
+    for text, path, message in (
+        (CONTROLLER, bare, "give the mapping file a column 'reference'"),
+        (CONTROLLER.replace("name: slide", "name: slider"), log, "the controller has the joints slider"),
+        (CONTROLLER.replace("rate: 1 kHz", "rate: 700 Hz"), log, "one must be a whole multiple of the other"),
+    ):
+        with pytest.raises(InputError, match=message):
+            validate_loop(model, loads_controller(text), [LogStream(open_log(path))], Processing("differences"))
