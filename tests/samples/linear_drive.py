@@ -1,4 +1,4 @@
-"""A linear drive under a cascade, simulated sample by sample and independently of the package: recordings with truth."""
+"""A linear drive under a cascade, simulated independently of the package: recordings with known truth."""
 
 from __future__ import annotations
 
