@@ -16,6 +16,7 @@ EMIT = {
     "observer": "the momentum observer of external torques, contact and its wrench",
     "points": "velocities, Jacobians and wrenches at any link or point, tools, null space, manipulability",
     "rust": "a crate without dependencies and standard library",
+    "timing": "time-optimal timing of a path within limits of torque, speed and acceleration",
     "trajectory": "quintic and trapezoidal motions",
 }
 """What can be emitted besides the model, on request of the robot file or of the command line."""

@@ -1,0 +1,1 @@
+"""The kernel that times a path, printed for one robot."""

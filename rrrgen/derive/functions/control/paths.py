@@ -1,0 +1,47 @@
+"""Recorder of the dynamics along a geometric path q(s), linear in s'' and s'^2.
+
+With dots for time and primes for derivatives by s, ``dq = q' s.`` and ``ddq = q' s.. + q'' s.^2``; the velocity torques
+are quadratic in the velocities, so that along the path
+
+    tau = (M q') s.. + (M q'' + c(q, q')) s.^2 + g.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rrrgen.derive.functions.dynamic_functions import inverse_dynamics, link_frames_only, torque_port
+from rrrgen.derive.functions.recording import Recorder, Recording
+from rrrgen.program import Program, Role, Value
+from rrrgen.program.builder import replay
+
+
+def path_dynamics(r: Recording) -> Program:
+    """Record a = M q', b = M q'' + c(q, q') and g, (n,) each, of tau = a u + b x + g with u = s.. and x = s.^2."""
+    r.joints("q")
+    slope = r.extra("q_s", (r.n,), f"{r.position_unit} per s", "dq/ds")
+    curve = r.extra("q_ss", (r.n,), f"{r.position_unit} per s^2", "d2q/ds2")
+    program = inverse_dynamics(link_frames_only)(r.with_gravity_input())
+    gravity = r.gravity() if r.model.spec.gravity_input else [r.constant(g) for g in r.model.spec.gravity]
+    rest, weightless = [0] * r.n, [0, 0, 0]
+
+    def torques(dq: Sequence[Value], ddq: Sequence[Value], g: Sequence[Value]) -> list[Value]:
+        known = {Role.VELOCITY: dq, Role.ACCELERATION: ddq, Role.GRAVITY: g, Role.BASE_PARAMETERS: r.beta()}
+        known[Role.DRIVE_INERTIA] = r.drive_inertia().values
+        return replay(program, r.builder, r.inputs_of(program, known))[0]
+
+    ports = [
+        (torque_port(r, "a", "M q', the factor of u"), torques(rest, slope, weightless)),
+        (torque_port(r, "b", "M q'' + c(q, q'), the factor of x"), torques(slope, curve, weightless)),
+        (torque_port(r, "g", "torques that hold the arm against gravity"), torques(rest, rest, gravity)),
+    ]
+    return r.builder.program(
+        "path_dynamics",
+        ports,
+        "Joint torques along a path q(s), linear in u = d2s/dt2 and x = (ds/dt)^2.",
+        "M ddq + c(q, dq) + g(q) = a u + b x + g,  dq = q_s ds/dt,  ddq = q_s u + q_ss x",
+        ["The unit of s is free."],
+    )
+
+
+FUNCTIONS: dict[str, tuple[Recorder, ...]] = {"path_dynamics": (path_dynamics,)}
