@@ -16,6 +16,7 @@ from rrrgen.version import VERSION
 __version__ = VERSION
 
 if TYPE_CHECKING:
+    from rrrgen.control.path import Path, spline_path
     from rrrgen.errors import (
         BackendError,
         BuildError,
@@ -37,6 +38,8 @@ _HOMES = {
     "bundled_names": "rrrgen.robotfile",
     "from_toolbox": "rrrgen.robotfile.importers.toolbox",
     "Model": "rrrgen.runtime.model",
+    "Path": "rrrgen.control.path",
+    "spline_path": "rrrgen.control.path",
     "online_estimator": "rrrgen.runtime.online.estimator",
     "RrrgenError": "rrrgen.errors",
     "InputError": "rrrgen.errors",
@@ -53,6 +56,7 @@ __all__ = [
     "InputError",
     "InternalError",
     "Model",
+    "Path",
     "RrrgenError",
     "__version__",
     "bundled_names",
@@ -61,6 +65,7 @@ __all__ = [
     "load_spec",
     "loads_spec",
     "online_estimator",
+    "spline_path",
 ]
 
 

@@ -19,6 +19,7 @@ from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.control import ControlFunctions
 from rrrgen.runtime.functions.drawings import Drawings
 from rrrgen.runtime.functions.parameters import ParameterFunctions
+from rrrgen.runtime.functions.paths import PathFunctions
 from rrrgen.runtime.functions.points import PointFunctions
 from rrrgen.runtime.functions.regressors import RegressorFunctions
 from rrrgen.runtime.functions.tip import TipFunctions
@@ -34,7 +35,15 @@ if TYPE_CHECKING:
     from rrrgen.runtime.results import IKBatch, IKResult
 
 
-class Model(Drawings, RegressorFunctions, ParameterFunctions, PointFunctions, ControlFunctions, TipFunctions):
+class Model(
+    Drawings,
+    RegressorFunctions,
+    ParameterFunctions,
+    PointFunctions,
+    ControlFunctions,
+    TipFunctions,
+    PathFunctions,
+):
     """Kinematics and dynamics of one robot, made by :func:`rrrgen.compile`.
 
     Every function takes a state (n,) or a batch (..., n) of any strides and returns dense float64 arrays (float32 if

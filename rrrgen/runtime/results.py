@@ -126,6 +126,14 @@ class Motion(NamedTuple):
     ddq_d: NDArray[Any]
 
 
+class PathDynamics(NamedTuple):
+    """Factors ``a`` of d2s/dt2 and ``b`` of (ds/dt)^2 in the torques along a path, and ``g``, (..., n) each."""
+
+    a: NDArray[Any]
+    b: NDArray[Any]
+    g: NDArray[Any]
+
+
 class TimedMotion(NamedTuple):
     """Desired ``q_d``, ``dq_d`` and ``ddq_d``, (..., n) each, rad or m, and the duration ``T`` (...), s."""
 

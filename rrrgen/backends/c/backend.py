@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.sources import header_and_sources
+from rrrgen.backends.c.timing.files import timing_files
 from rrrgen.backends.c.trigonometry import Trig, sincos_strategy
 
 if TYPE_CHECKING:
@@ -46,7 +47,11 @@ class CBackend:
         return {name: text for files in results for name, text in files.items()}
 
     def _sources(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
-        return header_and_sources(model, identity, Dialect(model.spec.name, real), sincos_strategy(self.trig))
+        dialect = Dialect(model.spec.name, real)
+        files = header_and_sources(model, identity, dialect, sincos_strategy(self.trig))
+        if "path_dynamics" in model.programs:
+            files |= timing_files(model.programs["path_dynamics"], dialect)
+        return files
 
     def _selftest(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
         from rrrgen.backends.c.selftest import selftest  # its golden vectors need NumPy

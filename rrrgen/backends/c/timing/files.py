@@ -17,23 +17,41 @@ NUMBERS: dict[Real, dict[str, str]] = {
 }
 """By precision: relative step of the derivative of friction; share of the neighbour's slope that decides the direction
 of a joint at rest; share of a limit that an almost zero inertia may take; rounding; x that counts as no limit."""
+BOUNDLESS = "1e30"
+"""A limit from here on is none; compared with it, INFINITY is right even where a compiler excludes infinities."""
 ROUNDS = 5
 """Times that friction is linearised for one segment, unless it settles earlier."""
+
+PASSES = 2
+"""Further backward and forward sweeps with friction linearised along the motion found before."""
+
+
+def work_size(joints: int, points: int) -> int:
+    """The numbers that the caller's work array must hold."""
+    return (3 * joints + 2) * points
+
+
+def further_inputs(path_dynamics: Program) -> list[Port]:
+    """The inputs of the path dynamics besides the path: parameters and, where it is an input, gravity."""
+    return [port for port in path_dynamics.inputs if port.name not in PATH]
 
 
 def timing_files(path_dynamics: Program, dialect: Dialect) -> dict[str, str]:
     """``<name>_timing.h`` and ``.c``; ``path_dynamics`` is the function of that name of the robot."""
     n = path_dynamics.inputs[0].size
-    further = [port for port in path_dynamics.inputs if port.name not in PATH]
+    further = further_inputs(path_dynamics)
     values = {
         "p": dialect.prefix,
         "M": dialect.macro,
         "T": dialect.real_type,
         "n": n,
+        "work": work_size(n, 1),
         "restrict": f"{dialect.macro}_RESTRICT",
         "fabs": dialect.function("fabs"),
         "sqrt": dialect.function("sqrt"),
         "rounds": ROUNDS,
+        "passes": PASSES,
+        "boundless": BOUNDLESS,
         "stack": (6 * (4 * n + 1) + 8 * n) * {"double": 8, "float": 4}[dialect.real] + 768,
         "version": VERSION,
         "prototype": _prototype(further, dialect),

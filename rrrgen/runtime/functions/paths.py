@@ -1,0 +1,159 @@
+"""Paths in Python: the dynamics along them and their time-optimal timing; compiled when first called."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rrrgen.errors import BuildError, InputError
+from rrrgen.runtime.functions.dynamics import DynamicFunctions
+from rrrgen.runtime.results import PathDynamics
+
+if TYPE_CHECKING:
+    from rrrgen.backends import Real
+    from rrrgen.control.path import Path
+    from rrrgen.runtime.paths.kernel import TimingKernel
+    from rrrgen.runtime.paths.timed_path import TimedPath
+
+
+class PathFunctions(DynamicFunctions):
+    """Motion along a given path q(s)."""
+
+    _timing: TimingKernel | None = None
+
+    def path_dynamics(
+        self,
+        q: ArrayLike,
+        q_s: ArrayLike,
+        q_ss: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+    ) -> PathDynamics:
+        """Joint torques along a path, linear in u = d2s/dt2 and x = (ds/dt)^2: ``tau = a u + b x + g``.
+
+        ``a = M q'``, ``b = M q'' + c(q, q')``, without friction.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            q_s: their derivatives dq/ds, (..., n).
+            q_ss: their second derivatives d2q/ds2, (..., n).
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+
+        Returns:
+            The named tuple (a, b, g), (..., n) each, N m or N per unit of u, of x, and N m or N.
+        """
+        return PathDynamics(*self._evaluate("path_dynamics", (q, q_s, q_ss), beta, Ia, gravity))
+
+    def time_path(
+        self,
+        path: Path,
+        *,
+        tau_max: ArrayLike | None = None,
+        dq_max: ArrayLike | None = None,
+        ddq_max: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
+        start: float = 0.0,
+        end: float = 0.0,
+        beta: ArrayLike | None = None,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+    ) -> TimedPath:
+        """The fastest motion along a path within limits of torque, speed and acceleration.
+
+        Args:
+            path: the path, from :func:`rrrgen.spline_path` or a :class:`rrrgen.Path` of own samples.
+            tau_max: largest torques, friction included, (n,), N m or N; by default the limits of the robot file.
+            dq_max: largest speeds, (n,), rad/s or m/s; by default the limits of the robot file.
+            ddq_max: largest accelerations, (n,), rad/s^2 or m/s^2; by default the limits of the robot file.
+            friction: friction parameters, (k,), SI units; by default those of the robot file.
+            start: ds/dt at the first point; 0 starts at rest.
+            end: ds/dt at the last point; 0 ends at rest.
+            beta: base parameters, (b,), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,), m/s^2; by default the file's.
+
+        Returns:
+            The timed path: ``duration``, ``ds_dt`` and ``t`` at the points, and ``sample(times)``.
+
+        Raises:
+            InputError: the path or the limits are unusable, or no motion keeps them; the message says where.
+            BuildError: the model has no compiler (backend="numpy").
+        """
+        from rrrgen.runtime.paths.timed_path import TimedPath
+
+        if gravity is not None and not self.spec.gravity_input:
+            self._check_beta("time_path", beta)
+            return self.any_gravity.time_path(
+                path, tau_max=tau_max, dq_max=dq_max, ddq_max=ddq_max, friction=friction, start=start, end=end,
+                beta=beta, Ia=Ia, gravity=gravity,
+            )  # fmt: skip
+        if path.q.shape[1] != self.n:
+            raise InputError(f"time_path: the path has {path.q.shape[1]} joints, {self.spec.name} has {self.n}")
+        kernel = self._timing_kernel()
+        given = {"tau_max": tau_max, "dq_max": dq_max, "ddq_max": ddq_max}
+        limits = {name: self._bound(name, value) for name, value in given.items()}
+        nominal = {"beta": self.beta, "Ia": self.drive_inertia, "gravity": self.nominal_gravity}
+        wanted = {"beta": beta, "Ia": Ia, "gravity": gravity}
+        values = self._parameters_for(kernel, {k: nominal[k] if v is None else v for k, v in wanted.items()})
+        losses = self._friction_for(friction)
+        status, where, ds_dt, t = kernel.time(path, limits, losses, (start, end), values)
+        if status:
+            heavy = self._heavy(path.q[where], limits["tau_max"], values)
+            raise InputError(f"time_path: {kernel.text(status)}: point {where}, s = {path.s[where]:.6g}{heavy}")
+        return TimedPath(path, ds_dt, t, kernel.sample)
+
+    def _heavy(self, q: Any, tau_max: Any, values: dict[str, Any]) -> str:
+        """The joints that cannot hold the arm at ``q`` (n,) against gravity, for the message of an error."""
+        g = self._evaluate("gravity", (q,), values["beta"], gravity=values.get("gravity"))[0]
+        each = zip(self.spec.joints, np.abs(g), tau_max, strict=True)
+        found = [f"{joint.name} needs {need:.3g} and has {limit:.3g}" for joint, need, limit in each if need > limit]
+        return f"; to hold the arm against gravity {', '.join(found)} N m (N)" if found else ""
+
+    def _timing_kernel(self) -> TimingKernel:
+        """The compiled kernel, built when it is first asked for."""
+        if self._timing is None:
+            from rrrgen.runtime.paths.kernel import TimingKernel
+
+            if self.engine.name != "c":
+                raise BuildError("time_path runs compiled C, and this model was made with backend='numpy'")
+            program = self._with("path_dynamics").derived.programs["path_dynamics"]
+            friction = self._with("friction_with").derived.programs["friction_with"]
+            real: Real = "double" if self.engine.dtype == np.float64 else "float"
+            self._timing = TimingKernel(self.spec.name, program, friction, real)
+        return self._timing
+
+    def _bound(self, name: str, value: Any) -> Any:
+        """A vector (n,) of limits, those of the robot file where ``value`` is None."""
+        key = {"tau_max": "torque", "dq_max": "velocity", "ddq_max": "acceleration"}[name]
+        if value is None:
+            stated = [getattr(joint.limits, key) for joint in self.spec.joints]
+            value = [np.inf if limit is None else limit for limit in stated]
+        return self._vector(name, value, self.n)
+
+    def _friction_for(self, friction: ArrayLike | None) -> Any:
+        """The friction parameters, or None where there is no friction."""
+        values = self.friction_parameters if friction is None else friction
+        checked = self._vector("friction", values, self.friction_parameters.size)
+        return checked if np.any(checked) else None
+
+    def _parameters_for(self, kernel: TimingKernel, given: dict[str, Any]) -> dict[str, Any]:
+        """The parameters that the path dynamics take, checked."""
+        program = self._with("path_dynamics").derived.programs["path_dynamics"]
+        sizes = {port.name: port.size for port in program.inputs}
+        for name in kernel.further:
+            if given[name] is None:
+                raise ValueError(f"time_path: the robot file has no links, so {name}= must be given")
+        return {name: self._vector(name, given[name], sizes[name]) for name in kernel.further}
+
+    @staticmethod
+    def _vector(name: str, value: Any, size: int) -> Any:
+        array = np.asarray(value, dtype=float)
+        if array.shape != (size,) or np.any(np.isnan(array)):
+            raise ValueError(f"time_path: {name} must be {size} numbers, ({size},), not {array.shape}")
+        return array

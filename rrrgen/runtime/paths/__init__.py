@@ -1,0 +1,1 @@
+"""Timing of paths in Python, by the emitted C."""

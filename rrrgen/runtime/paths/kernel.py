@@ -1,0 +1,102 @@
+"""The emitted C that times a path, compiled for one robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.backends import Real
+from rrrgen.backends.c.timing.files import further_inputs, timing_files, work_size
+from rrrgen.control.path import Path
+from rrrgen.program import Program
+
+LIMITS = ("tau_max", "dq_max", "ddq_max")
+
+
+class TimingKernel:
+    """``<name>_time_path`` and ``<name>_timed_path`` of a robot, with its path dynamics and friction."""
+
+    def __init__(self, robot: str, path_dynamics: Program, friction_with: Program, real: Real) -> None:
+        from rrrgen.backends.c.dialect import Dialect
+        from rrrgen.backends.c.functions import function_files
+        from rrrgen.runtime.build import NATIVE, build_extension
+
+        title = f"dynamics along a path and friction of {robot}"
+        files = function_files(robot, title, [path_dynamics, friction_with], real)
+        files |= timing_files(path_dynamics, Dialect(robot, real))
+        self.robot, self.further = robot, [port.name for port in further_inputs(path_dynamics)]
+        self.n = path_dynamics.inputs[0].size
+        self._pointer, self.dtype = f"{real} *", np.dtype(np.float64 if real == "double" else np.float32)
+        declared = _declarations(robot, self.n, len(self.further), real)
+        self.ffi, self.lib = build_extension(files, declared, f"{robot}-timing", NATIVE)
+
+    def _address(self, array: Array) -> Any:
+        return self.ffi.cast(self._pointer, array.ctypes.data)
+
+    def _path(self, arrays: Sequence[Array]) -> Any:
+        """The path as C takes it; it lives as long as ``arrays``."""
+        path = self.ffi.new(f"{self.robot}_path *")
+        path.points = len(arrays[0])
+        for name, array in zip(("s", "q", "q_s", "q_ss"), arrays, strict=True):
+            setattr(path, name, self._address(array))
+        return path
+
+    def _dense(self, path: Path) -> list[Array]:
+        return [np.ascontiguousarray(each, self.dtype) for each in (path.s, path.q, path.q_s, path.q_ss)]
+
+    def time(
+        self,
+        path: Path,
+        limits: Mapping[str, Array],
+        friction: Array | None,
+        ends: tuple[float, float],
+        parameters: Mapping[str, Array],
+    ) -> tuple[int, int, Array, Array]:
+        """The status, the point where it was found, and ds/dt and t (N,) of the fastest motion."""
+        arrays = self._dense(path)
+        given = self.ffi.new(f"{self.robot}_path_limits *")
+        for name in LIMITS:
+            setattr(given, name, [float(value) for value in limits[name]])
+        given.start, given.end = ends
+        inputs = [np.ascontiguousarray(parameters[name], self.dtype) for name in self.further]
+        if friction is not None:
+            friction = np.ascontiguousarray(friction, self.dtype)
+            given.friction = self._address(friction)
+        count, where = len(path.s), self.ffi.new("int *")
+        work = np.empty(work_size(self.n, count), self.dtype)
+        ds_dt, t = np.zeros(count, self.dtype), np.zeros(count, self.dtype)
+        call = getattr(self.lib, f"{self.robot}_time_path")
+        status = call(self._path(arrays), given, *map(self._address, (*inputs, work, ds_dt, t)), where)
+        return int(status), int(where[0]), ds_dt, t
+
+    def text(self, status: int) -> str:
+        """What a status means."""
+        text: bytes = self.ffi.string(getattr(self.lib, f"{self.robot}_timing_status_string")(status))
+        return text.decode()
+
+    def sample(self, path: Path, ds_dt: Array, t: Array, times: Array) -> tuple[Array, Array, Array]:
+        """The motion (m, n) at the instants ``times`` (m,): positions, velocities, accelerations."""
+        arrays = self._dense(path)
+        held, call = self._path(arrays), getattr(self.lib, f"{self.robot}_timed_path")
+        found = tuple(np.empty((len(times), self.n), self.dtype) for _ in range(3))
+        speeds, instants = self._address(ds_dt), self._address(t)
+        for k, now in enumerate(times):
+            call(held, speeds, instants, float(now), *(self._address(each[k]) for each in found))
+        return found[0], found[1], found[2]
+
+
+def _declarations(p: str, n: int, further: int, real: Real) -> str:
+    """What cffi must know of the header."""
+    vectors = f"const {real} *, " * further
+    return f"""
+        typedef struct {{ int points; const {real} *s; const {real} *q; const {real} *q_s;
+            const {real} *q_ss; }} {p}_path;
+        typedef struct {{ {real} tau_max[{n}]; {real} dq_max[{n}]; {real} ddq_max[{n}];
+            const {real} *friction; {real} start; {real} end; }} {p}_path_limits;
+        const char *{p}_timing_status_string(int);
+        int {p}_time_path(const {p}_path *, const {p}_path_limits *, {vectors}{real} *, {real} *, {real} *, int *);
+        void {p}_timed_path(const {p}_path *, const {real} *, const {real} *, {real}, {real} *, {real} *, {real} *);
+    """
