@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.derive.functions.friction_functions import surfaces_of
 from rrrgen.errors import InputError
 from rrrgen.excitation.response.plan import ResponseDesign, ResponseRun
 from rrrgen.recordings.logs import Log
@@ -22,6 +23,8 @@ FEWEST = 100
 """Samples of the excitation that the recording must hold to be aligned."""
 PERIOD_SHARE = 1e-3
 """Of the sampling period, by which recording and design may differ."""
+LOAD_ROUNDS = 30
+"""In which the load is found under which friction and load together make the torque; each divides the error by ten."""
 NEARBY = 0.2
 """Largest distance in rad (m) of the joint positions from those of the design."""
 
@@ -71,8 +74,18 @@ def _check(model: Any, log: Log, design: ResponseDesign) -> None:
 
 def _inputs(model: Any, q: Array, dq: Array, tau: Array) -> Array:
     """u (m, n) of (14.34) for the torques ``tau`` along the motion ``q``, ``dq``, (m, n) each."""
-    net = tau - model.bias(q, dq) - model.friction(dq)
+    net = tau - model.bias(q, dq) - _friction(model, dq, tau)
     return np.asarray(np.linalg.solve(model.mass_matrix(q), net[:, :, None])[:, :, 0])
+
+
+def _friction(model: Any, dq: Array, tau: Array) -> Array:
+    """Friction (m, n) at the speeds ``dq``; under a load that carries what friction leaves of ``tau``, if it counts."""
+    if not any(surface.has_load for surface in surfaces_of(model.spec)):
+        return np.asarray(model.friction(dq))
+    friction = np.zeros_like(tau)
+    for _ in range(LOAD_ROUNDS):
+        friction = np.asarray(model.friction(dq, tau - friction))
+    return friction
 
 
 def _lag(model: Any, log: Log, design: ResponseDesign, run: ResponseRun) -> int:

@@ -1,129 +1,14 @@
 """The friction laws of one joint, (14.11)-(14.14) and others of the literature, each written once for every arithmetic.
 
-``ops`` supplies sgn, exp and tanh as ``ops.sign``, ``ops.exp``, ``ops.tanh``: a program builder, NumPy, or CasADi.
-Speeds ``dq`` are in rad/s (m/s), torques in N m (N), with sgn(0) = 0. No law uses |dq| other than as ``dq sgn(dq)``, so
-that replacing sgn by tanh(./eps) alone makes all of them smooth.
+What a law consists of, and what ``ops`` supplies, is said in :mod:`rrrgen.friction.law`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
-Factors = Callable[[Any, Any, Any, Sequence[Any]], list[Any]]
-"""``factors(ops, dq, s, shapes)``: the factors of the linear parameters of a law."""
-
-
-class LawParameter(NamedTuple):
-    """One coefficient of a law: its name, its unit for a revolute joint, what it is."""
-
-    name: str
-    unit: str
-    meaning: str
-    positive: bool = False
-
-
-@dataclass(frozen=True)
-class FrictionLaw:
-    """A friction law of one joint.
-
-    ``torque(ops, dq, p)`` is the law (in sliding, where it has a state); ``columns(ops, dq)`` are the factors of the
-    parameters where the law is linear in them. A law with a ``rate`` has one state z per joint:
-    ``dz/dt = rate(ops, z, dq, p)``, ``tau = state_torque(ops, z, dq, p)``, and ``step(ops, z, dq, p, period)`` gives z
-    and the torque after a period. ``passivity(p)`` is a margin that is not negative where the law is surely passive.
-
-    A *separable* law is linear in all parameters but its ``shapes``: ``factors(ops, dq, s, shapes)`` are the factors of
-    the others, in their order, with s = sgn(dq), or z / ``shapes[-1]`` if the law has a state.
-    """
-
-    name: str
-    equation: str
-    formula: str
-    parameters: tuple[LawParameter, ...]
-    torque: Callable[[Any, Any, Sequence[Any]], Any]
-    columns: Callable[[Any, Any], list[Any]] | None = None
-    rate: Callable[[Any, Any, Any, Sequence[Any]], Any] | None = None
-    state_torque: Callable[[Any, Any, Any, Sequence[Any]], Any] | None = None
-    step: Callable[[Any, Any, Any, Sequence[Any], Any], tuple[Any, Any]] | None = None
-    passivity: Callable[[Sequence[Any]], Any] | None = None
-    shapes: tuple[str, ...] = ()
-    factors: Factors | None = None
-
-    @property
-    def linear(self) -> tuple[LawParameter, ...]:
-        """The parameters that are not shapes."""
-        return tuple(p for p in self.parameters if p.name not in self.shapes)
-
-    def split(self, p: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-        """The values of the linear parameters and those of the shapes, from all parameters ``p`` in order."""
-        known = dict(zip((each.name for each in self.parameters), p, strict=True))
-        return [known[each.name] for each in self.linear], [known[name] for name in self.shapes]
-
-    def joined(self, linear: Sequence[Any], shapes: Sequence[Any]) -> tuple[Any, ...]:
-        """All parameters in order, from the values of the linear ones and those of the shapes."""
-        known = dict(zip((each.name for each in self.linear), linear, strict=True))
-        known |= dict(zip(self.shapes, shapes, strict=True))
-        return tuple(known[each.name] for each in self.parameters)
-
-
-def _linear(columns: Callable[[Any, Any], list[Any]]) -> Callable[[Any, Any, Sequence[Any]], Any]:
-    def torque(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
-        total: Any = 0
-        for factor, value in zip(columns(ops, dq), p, strict=True):
-            total = total + factor * value
-        return total
-
-    return torque
-
-
-def _separable(
-    name: str,
-    equation: str,
-    formula: str,
-    parameters: Sequence[LawParameter],
-    factors: Factors,
-    shapes: tuple[str, ...] = (),
-    presliding: bool = False,
-) -> FrictionLaw:
-    """A law from the ``factors`` of its linear parameters.
-
-    With ``presliding``, the last shape is the distance s0 over which friction builds up when the motion reverses, and z
-    obeys ``dz/dt = dq - |dq| z / s0`` (Dahl 1968), so that z = s0 sgn(dq) in sliding.
-    """
-
-    def total(ops: Any, dq: Any, s: Any, p: Sequence[Any]) -> Any:
-        linear, bent = law.split(p)
-        value: Any = 0
-        for factor, weight in zip(factors(ops, dq, s, bent), linear, strict=True):
-            value = value + factor * weight
-        return value
-
-    def torque(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
-        return total(ops, dq, ops.sign(dq), p)
-
-    def distance(p: Sequence[Any]) -> Any:
-        return law.split(p)[1][-1]
-
-    def rate(ops: Any, z: Any, dq: Any, p: Sequence[Any]) -> Any:
-        return dq - dq * ops.sign(dq) / distance(p) * z
-
-    def state_torque(ops: Any, z: Any, dq: Any, p: Sequence[Any]) -> Any:
-        return total(ops, dq, z / distance(p), p)
-
-    def step(ops: Any, z: Any, dq: Any, p: Sequence[Any], period: Any) -> tuple[Any, Any]:
-        s0 = distance(p)
-        following = z + (s0 * ops.sign(dq) - z) * _forgotten(ops, dq * ops.sign(dq) / s0, period)
-        return following, state_torque(ops, following, dq, p)
-
-    law = FrictionLaw(name, equation, formula, tuple(parameters), torque, shapes=shapes, factors=factors)
-    return replace(law, rate=rate, state_torque=state_torque, step=step) if presliding else law
-
-
-def _forgotten(ops: Any, relaxation: Any, period: Any) -> Any:
-    """``1 - exp(-x)`` with ``x = relaxation period``, as 2t/(1+t), t = tanh(x/2), which loses no digits at small x."""
-    t = ops.tanh(relaxation * period / 2)
-    return 2 * t / (1 + t)
+from rrrgen.friction.law import LOAD, FrictionLaw, LawParameter, forgotten, linear_torque, separable
 
 
 def coulomb_viscous_columns(ops: Any, dq: Any) -> list[Any]:
@@ -159,7 +44,7 @@ def _asymmetric_exponential_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[
     return [*asymmetric_columns(ops, dq), s * _decay(ops, dq, shapes[0])]
 
 
-def _dahl_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+def _coulomb_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
     return [s, dq]
 
 
@@ -204,7 +89,7 @@ def _lugre_step(ops: Any, z: Any, dq: Any, p: Sequence[Any], period: Any) -> tup
     """Deflection and torque after a period at constant speed, exact, so that no period makes the law unstable."""
     sigma0, sigma1, excess, coulomb, viscous, speed = p
     level = stribeck_level(ops, dq, excess, coulomb, speed) * ops.sign(dq) / sigma0
-    following = z + (level - z) * _forgotten(ops, _lugre_relaxation(ops, dq, p), period)
+    following = z + (level - z) * forgotten(ops, _lugre_relaxation(ops, dq, p), period)
     return following, sigma0 * following + sigma1 * ((following - z) / period) + viscous * dq
 
 
@@ -239,7 +124,9 @@ _EXCESS = LawParameter("stiction_excess", "N m", "stiction minus Coulomb frictio
 _SPEED = LawParameter("stribeck_speed", "rad/s", "Stribeck velocity v_s", positive=True)
 _COULOMB_ANY = LawParameter("coulomb", "N m", "Coulomb friction, alpha1")
 _FREE_EXCESS = LawParameter("excess", "N m", "friction at rest minus Coulomb friction, of either sign")
+_QUADRATIC = LawParameter("quadratic", "N m s^2/rad^2", "change of viscous friction with the speed")
 _DECAY = LawParameter("decay_speed", "rad/s", "speed over which the excess decays by e", positive=True)
+_LOAD = LawParameter(LOAD, "-", "Coulomb friction per torque of the load")
 _PRESLIDING = LawParameter("presliding", "rad", "motion over which friction builds up by 1 - 1/e", positive=True)
 
 COULOMB_VISCOUS = FrictionLaw(
@@ -247,7 +134,7 @@ COULOMB_VISCOUS = FrictionLaw(
     "(14.11)",
     "tau_f = viscous dq + coulomb sgn(dq) + offset",
     (_VISCOUS, _COULOMB_ANY, LawParameter("offset", "N m", "offset")),
-    _linear(coulomb_viscous_columns),
+    linear_torque(coulomb_viscous_columns),
     columns=coulomb_viscous_columns,
     factors=_coulomb_viscous_factors,
 )
@@ -261,7 +148,7 @@ ASYMMETRIC = FrictionLaw(
         LawParameter("coulomb_p", "N m", "Coulomb friction, dq > 0"),
         LawParameter("coulomb_n", "N m", "magnitude of Coulomb friction, dq < 0"),
     ),
-    _linear(asymmetric_columns),
+    linear_torque(asymmetric_columns),
     columns=asymmetric_columns,
     factors=_asymmetric_factors,
 )
@@ -274,7 +161,7 @@ STRIBECK = FrictionLaw(
     shapes=("stribeck_speed",),
     factors=_stribeck_factors,
 )
-EXPONENTIAL = _separable(
+EXPONENTIAL = separable(
     "exponential",
     "as (14.12) with a decay of first order",
     "tau_f = (excess exp(-|dq|/decay_speed) + coulomb) sgn(dq) + viscous dq",
@@ -282,7 +169,7 @@ EXPONENTIAL = _separable(
     _exponential_factors,
     ("decay_speed",),
 )
-ASYMMETRIC_EXPONENTIAL = _separable(
+ASYMMETRIC_EXPONENTIAL = separable(
     "asymmetric_exponential",
     "(14.11), one set of coefficients per direction, with a term that decays with the speed",
     "tau_f = viscous_p dq + coulomb_p for dq > 0, viscous_n dq - coulomb_n for dq < 0, "
@@ -291,16 +178,16 @@ ASYMMETRIC_EXPONENTIAL = _separable(
     _asymmetric_exponential_factors,
     ("decay_speed",),
 )
-DAHL = _separable(
+DAHL = separable(
     "dahl",
     "Dahl 1968",
     "dz/dt = dq - |dq| z / presliding, tau_f = coulomb z / presliding + viscous dq",
     (_COULOMB_ANY, _VISCOUS, _PRESLIDING),
-    _dahl_factors,
+    _coulomb_factors,
     ("presliding",),
     presliding=True,
 )
-DAHL_EXPONENTIAL = _separable(
+DAHL_EXPONENTIAL = separable(
     "dahl_exponential",
     "Dahl 1968, with a level that depends on the speed",
     "dz/dt = dq - |dq| z / presliding, tau_f = (excess exp(-|dq|/decay_speed) + coulomb) z / presliding + viscous dq "
@@ -309,10 +196,27 @@ DAHL_EXPONENTIAL = _separable(
         _FREE_EXCESS,
         _COULOMB_ANY,
         _VISCOUS,
-        LawParameter("quadratic", "N m s^2/rad^2", "change of viscous friction with the speed"),
+        _QUADRATIC,
         _DECAY,
         _PRESLIDING,
     ),
+    _dahl_exponential_factors,
+    ("decay_speed", "presliding"),
+    presliding=True,
+)
+LOAD_DEPENDENT = separable(
+    "load_dependent",
+    "(14.11), with Coulomb friction that grows with the load (Hamon et al. 2010)",
+    "tau_f = (coulomb + load_ratio |tau_load|) sgn(dq) + viscous dq",
+    (_COULOMB_ANY, _VISCOUS, _LOAD),
+    _coulomb_factors,
+)
+DAHL_LOAD_DEPENDENT = separable(
+    "dahl_load_dependent",
+    "Dahl 1968, with a level that depends on speed and load",
+    "dz/dt = dq - |dq| z / presliding, tau_f = (excess exp(-|dq|/decay_speed) + coulomb + load_ratio |tau_load|) "
+    "z / presliding + viscous dq + quadratic dq |dq|",
+    (_FREE_EXCESS, _COULOMB_ANY, _VISCOUS, _QUADRATIC, _LOAD, _DECAY, _PRESLIDING),
     _dahl_exponential_factors,
     ("decay_speed", "presliding"),
     presliding=True,
@@ -371,6 +275,8 @@ _ALL = (
     STRIBECK,
     DAHL,
     DAHL_EXPONENTIAL,
+    LOAD_DEPENDENT,
+    DAHL_LOAD_DEPENDENT,
     LUGRE,
     LOGISTIC,
     neural_law(),

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.errors import InputError
-from rrrgen.friction.laws import LAWS, FrictionLaw, neural_law
+from rrrgen.friction.law import FrictionLaw
+from rrrgen.friction.laws import LAWS, neural_law
 
 Array = NDArray[Any]
 
@@ -45,7 +46,8 @@ NUMPY = _NumPy()
 class FrictionModel:
     """Friction of n joints under one law; ``parameters`` (n, k) in the order of ``law.parameters``.
 
-    Every method takes speeds (..., n) in rad/s (m/s) and returns torques (..., n) in N m (N), sgn(0) = 0.
+    Every method takes speeds (..., n) in rad/s (m/s) and returns torques (..., n) in N m (N), sgn(0) = 0. The Coulomb
+    friction of a load-dependent law grows with ``load`` (..., n), the torques without friction, N m (N).
     Source: (14.11)-(14.14).
     """
 
@@ -82,14 +84,23 @@ class FrictionModel:
         """Whether the law has a state (LuGre, Dahl): a bristle deflection z per joint, rad or m."""
         return self.law.rate is not None
 
-    def torque(self, dq: ArrayLike, width: ArrayLike = 0.0) -> Array:
+    @property
+    def has_load(self) -> bool:
+        """Whether friction depends on the torques of the load."""
+        return self.law.has_load
+
+    def _under(self, load: ArrayLike) -> Any:
+        """The parameters under the torques ``load`` (..., n)."""
+        return self.law.under_load(self._columns, np.abs(np.asarray(load, dtype=float)))
+
+    def torque(self, dq: ArrayLike, width: ArrayLike = 0.0, load: ArrayLike = 0.0) -> Array:
         """Friction torque at the speeds ``dq``; in steady sliding if the law has a state.
 
         ``width`` > 0, a number or one per joint, replaces sgn(x) by the smooth tanh(x/width).
         """
         speeds = np.asarray(dq, dtype=float)
         ops = _Smooth(np.asarray(width)) if np.all(np.asarray(width) > 0.0) else NUMPY
-        return np.asarray(self.law.torque(ops, speeds, self._columns) + 0.0 * speeds)
+        return np.asarray(self.law.torque(ops, speeds, self._under(load)) + 0.0 * speeds)
 
     def columns(self, dq: ArrayLike) -> Array:
         """Regressor columns of a linear law, (..., n, n k), parameters joint by joint as in :attr:`names`.
@@ -112,26 +123,27 @@ class FrictionModel:
             return np.zeros(np.broadcast_shapes(np.shape(z), np.shape(dq)))
         return np.asarray(self.law.rate(NUMPY, np.asarray(z), np.asarray(dq), self._columns))
 
-    def state_torque(self, z: ArrayLike, dq: ArrayLike) -> Array:
+    def state_torque(self, z: ArrayLike, dq: ArrayLike, load: ArrayLike = 0.0) -> Array:
         """Torque (..., n) in the states ``z`` at speeds ``dq``; laws without a state ignore ``z``. Source: (14.13)."""
         if self.law.state_torque is None:
-            return self.torque(dq)
-        return np.asarray(self.law.state_torque(NUMPY, np.asarray(z), np.asarray(dq), self._columns))
+            return self.torque(dq, load=load)
+        return np.asarray(self.law.state_torque(NUMPY, np.asarray(z), np.asarray(dq), self._under(load)))
 
-    def step(self, z: ArrayLike, dq: ArrayLike, period: float) -> tuple[Array, Array]:
+    def step(self, z: ArrayLike, dq: ArrayLike, period: float, load: ArrayLike = 0.0) -> tuple[Array, Array]:
         """State after ``period`` s at constant speed, and the torque; stable for every period. Source: (14.13)."""
         if self.law.step is None:
-            return np.zeros_like(np.asarray(z, dtype=float)), self.torque(dq)
-        following, torque = self.law.step(NUMPY, np.asarray(z), np.asarray(dq), self._columns, period)
+            return np.zeros_like(np.asarray(z, dtype=float)), self.torque(dq, load=load)
+        following, torque = self.law.step(NUMPY, np.asarray(z), np.asarray(dq), self._under(load), period)
         return np.asarray(following), np.asarray(torque)
 
-    def directed(self, dq: ArrayLike, direction: ArrayLike) -> Array:
+    def directed(self, dq: ArrayLike, direction: ArrayLike, load: ArrayLike = 0.0) -> Array:
         """The torque with sgn(dq) replaced by ``direction``, (..., n).
 
         At rest friction may take any value between those for -1 and for +1: its break-away torques.
         """
         speeds = np.asarray(dq, dtype=float)
-        return np.asarray(self.law.torque(FixedDirection(np.asarray(direction, dtype=float)), speeds, self._columns))
+        ops = FixedDirection(np.asarray(direction, dtype=float))
+        return np.asarray(self.law.torque(ops, speeds, self._under(load)))
 
     def passivity_margin(self) -> Array:
         """Passivity margin of each joint, (n,), N m s/rad (N s/m): where it is not negative, the law is passive.

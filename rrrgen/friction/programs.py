@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rrrgen.errors import InputError
-from rrrgen.friction.laws import FrictionLaw
+from rrrgen.friction.law import FrictionLaw
 from rrrgen.program import Builder, Port, Program, Role, Value
 from rrrgen.program.builder import Number
 
@@ -18,7 +18,11 @@ speed ``w dq`` and the joint torques ``w' f``."""
 def _ports(
     builder: Builder, law: FrictionLaw, joints: int, names: Sequence[str], surfaces: Surfaces | None = None
 ) -> tuple[list[list[Any]], list[Any]]:
-    """The vector inputs ``names`` in order, speeds as those of the surfaces; then the parameters row by row."""
+    """The vector inputs ``names`` in order, speeds as those of the surfaces; then the parameters row by row.
+
+    A load-dependent law has one more input, the torques ``tau_load`` that each joint or motor carries; the parameters
+    are those under this load.
+    """
     count, frame = (joints, "joint") if surfaces is None else (len(surfaces), "joint or motor")
     described = {
         "dq": (joints, "rad/s | m/s", "joint velocities", Role.VELOCITY),
@@ -34,7 +38,12 @@ def _ports(
     rows = "row per joint" if surfaces is None else f"rows {', '.join(surfaces)}"
     meaning = f"{rows}: " + ", ".join(p.name for p in law.parameters)
     values = builder.input(Port("friction", (count, size), "mixed", "joint", meaning, Role.FRICTION))
-    return vectors, [values[i * size : (i + 1) * size] for i in range(count)]
+    parameters: list[Any] = [values[i * size : (i + 1) * size] for i in range(count)]
+    if law.has_load:
+        meaning = f"torques without friction, one per {frame}"
+        load = builder.input(Port("tau_load", (count,), "N m | N", "joint", meaning))
+        parameters = [law.under_load(row, builder.abs(at)) for row, at in zip(parameters, load, strict=True)]
+    return vectors, parameters
 
 
 def _along(w: Sequence[Number], values: Sequence[Any]) -> Any:

@@ -15,37 +15,41 @@ from rrrgen.friction.models import Array, FrictionModel, coulomb_viscous
 class MixedFriction:
     """Friction of n joints or motors, each under a law of its own, ``models[i]`` of one joint, plus ``offset`` (n,).
 
-    The methods are those of :class:`FrictionModel`; speeds (..., n) in rad/s (m/s), torques (..., n) in N m (N). Joints
-    whose law has no state have the state 0.
+    The methods are those of :class:`FrictionModel`; speeds (..., n) in rad/s (m/s), torques (..., n) in N m (N),
+    ``load`` (..., n) the torques without friction. Joints whose law has no state have the state 0.
     """
 
     def __init__(self, models: Sequence[FrictionModel], offset: ArrayLike) -> None:
         self.models = tuple(models)
         self.offset = np.asarray(offset, dtype=float)
         self.has_state = any(model.has_state for model in models)
+        self.has_load = any(model.has_load for model in models)
 
-    def torque(self, dq: ArrayLike, width: ArrayLike = 0.0) -> Array:
+    def torque(self, dq: ArrayLike, width: ArrayLike = 0.0, load: ArrayLike = 0.0) -> Array:
         """Friction torque; in steady sliding if a law has a state. ``width`` > 0 replaces sgn(x) by tanh(x/width)."""
-        widths = np.broadcast_to(np.asarray(width, dtype=float), self.offset.shape)
-        return np.asarray(self._each("torque", (dq,), [(w,) for w in widths]) + self.offset)
+        widths = np.broadcast_to(np.asarray(width, dtype=float), np.shape(dq))
+        return np.asarray(self._each("torque", (dq, widths, self._spread(load, dq))) + self.offset)
 
-    def directed(self, dq: ArrayLike, direction: ArrayLike) -> Array:
+    def directed(self, dq: ArrayLike, direction: ArrayLike, load: ArrayLike = 0.0) -> Array:
         """The torque with sgn(dq) replaced by ``direction``, (..., n)."""
-        return np.asarray(self._each("directed", (dq, direction)) + self.offset)
+        return np.asarray(self._each("directed", (dq, direction, self._spread(load, dq))) + self.offset)
 
     def rate(self, z: ArrayLike, dq: ArrayLike) -> Array:
         """Rates dz/dt (..., n) of the states ``z`` at speeds ``dq``; zero for laws without a state."""
         return self._each("rate", (z, dq))
 
-    def state_torque(self, z: ArrayLike, dq: ArrayLike) -> Array:
+    def state_torque(self, z: ArrayLike, dq: ArrayLike, load: ArrayLike = 0.0) -> Array:
         """Friction torques (..., n) in the states ``z`` at speeds ``dq``, N m or N."""
-        return np.asarray(self._each("state_torque", (z, dq)) + self.offset)
+        return np.asarray(self._each("state_torque", (z, dq, self._spread(load, dq))) + self.offset)
 
-    def _each(self, name: str, values: tuple[Any, ...], own: Sequence[tuple[Any, ...]] | None = None) -> Array:
+    @staticmethod
+    def _spread(load: ArrayLike, dq: ArrayLike) -> Array:
+        return np.broadcast_to(np.asarray(load, dtype=float), np.shape(dq))
+
+    def _each(self, name: str, values: tuple[Any, ...]) -> Array:
         arrays = [np.asarray(value, dtype=float) for value in values]
         columns = [
-            getattr(model, name)(*(array[..., i : i + 1] for array in arrays), *(() if own is None else own[i]))
-            for i, model in enumerate(self.models)
+            getattr(model, name)(*(array[..., i : i + 1] for array in arrays)) for i, model in enumerate(self.models)
         ]
         return np.concatenate(columns, axis=-1)
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
-from rrrgen.friction.laws import LAWS, FrictionLaw, neural_law
+from rrrgen.friction.law import FrictionLaw
+from rrrgen.friction.laws import LAWS, neural_law
 from rrrgen.friction.models import FixedDirection
 
 NEURAL_UNITS = 3

@@ -240,7 +240,7 @@ def _with_friction(
     )
     if fit is None:
         return FullRegressor(model, terms), tuning, None
-    return FullRegressor(model, without_laws(terms, fit.surfaces), fit.surfaces), every, fit
+    return FullRegressor(model, without_laws(terms, fit.surfaces), fit.surfaces, fit.load), every, fit
 
 
 class _Run:

@@ -259,20 +259,19 @@ def _write_friction(
 ) -> None:
     """Write the figure ``friction`` if the model has friction."""
     from rrrgen.identify.diagnosis.sample import sample_of
-    from rrrgen.identify.estimation.full_regressor import FullRegressor
+    from rrrgen.identify.friction_laws.surfaces import law_columns
     from rrrgen.identify.torque_plots import plot_friction
     from rrrgen.model.drive_columns import drive_columns
-    from rrrgen.model.estimated_terms import DriveTerms
 
     sample = sample_of(recording, found.processing)
     kinds = {column.kind for column in found.columns}
     if sample is None or not kinds & {"viscous", "coulomb", "law"}:
         return
-    regressor = FullRegressor(model, DriveTerms(), () if found.friction is None else found.friction.surfaces)
+    surfaces, load = ((), ()) if found.friction is None else (found.friction.surfaces, found.friction.load)
     drives = [column for column in found.columns if column.kind not in ("rigid", "law")]
-    W = regressor(sample.q, sample.dq, sample.ddq)
-    b = len(model.base_parameter_names)
-    W = np.concatenate([W[..., :b], drive_columns(drives, sample.dq, sample.ddq), W[..., b:]], axis=-1)
+    rigid = np.asarray(model.regressor(sample.q, sample.dq, sample.ddq))
+    fixed = np.concatenate([rigid, drive_columns(drives, sample.dq, sample.ddq)], axis=-1)
+    W = np.concatenate([fixed, law_columns(surfaces, sample.dq, None, fixed @ load if load else None)], axis=-1)
     revolute = [joint.is_revolute for joint in model.spec.joints]
-    figure = plot_friction(sample, W, found.columns, theta, recording.joints, revolute, regressor.surfaces)
+    figure = plot_friction(sample, W, found.columns, theta, recording.joints, revolute, surfaces)
     folder.figure("friction", figure)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
+from rrrgen.friction.law import LOAD
 from rrrgen.identify.diagnosis.sample import Sample
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.identify.friction_laws.surfaces import FrictionSurface, law_columns
@@ -142,6 +143,7 @@ def plot_friction(
             axis.set_visible(False)
             continue
         own = [k for k, column in enumerate(columns) if column.kind in ("viscous", "coulomb", "offset", "law")]
+        own = [k for k in own if not columns[k].name.startswith(LOAD)]  # the line is that without load
         own = [k for k in own if sum(w != 0.0 for w in columns[k].direction) == 1 and columns[k].direction[i] != 0.0]
         speed, use = sample.dq[:, i], sample.use[:, i]
         cloud = rest[:, i] + W[:, i, own] @ theta[own]

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel
 from rrrgen.identify.estimation.factoring import ScoredRows
 from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
@@ -314,8 +313,9 @@ class RobotTorque:
         """Joint torques (N, n) at N instants; ``s`` (N, m) are the directions of friction with a state."""
         speeds = np.asarray(dq, dtype=float)
         drives = drive_columns(self.terms, speeds, np.asarray(ddq, dtype=float))
-        columns = np.concatenate([drives, law_columns(self.surfaces, speeds, s)], axis=-1)
-        torque = self.model.inverse_dynamics(q, dq, ddq) + columns @ self.values
+        torque = self.model.inverse_dynamics(q, dq, ddq)
+        columns = np.concatenate([drives, law_columns(self.surfaces, speeds, s, torque)], axis=-1)
+        torque = torque + columns @ self.values
         for w, friction in self.others:
             torque = torque + friction.torque(speeds @ w[:, None]) * w
         return np.asarray(torque)
@@ -326,14 +326,13 @@ def robot_model(model: Any) -> RobotTorque:
     terms = friction_terms(model.spec)
     values = [term.value for term in terms]
     surfaces, others = [], []
-    for owner, direction, law in stated_laws(model.spec):
-        definition = LAWS[law.name]
+    for surface, law in stated_laws(model.spec):
+        definition = surface.definition
         if definition.factors is None:
-            others.append((np.array(direction), FrictionModel(definition, np.array([law.values]))))
+            others.append((np.array(surface.direction), FrictionModel(definition, np.array([law.values]))))
         else:
-            linear, shapes = definition.split(law.values)
-            surfaces.append(FrictionSurface(owner, direction, law.name, tuple(shapes)))
-            values += linear
+            surfaces.append(surface)
+            values += definition.split(law.values)[0]
     return RobotTorque(model, terms, tuple(surfaces), np.array(values, dtype=float), tuple(others))
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from rrrgen.friction.laws import LAWS, FrictionLaw
+from rrrgen.friction.law import LOAD, FrictionLaw
+from rrrgen.friction.laws import LAWS
 from rrrgen.robotfile.keys import FRICTION, LINEAR_FRICTION, ROBOT_FILE
 from rrrgen.robotfile.quantities import Scope, read_number
 from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
@@ -10,7 +11,7 @@ from rrrgen.yamltext.document import Node
 from rrrgen.yamltext.sections import read_choice, read_section
 
 _KEYS = {key.name: key for key in FRICTION}
-_NOT_NEGATIVE = ("viscous", "coulomb")
+_NOT_NEGATIVE = ("viscous", "coulomb", LOAD)
 
 
 def read_friction(node: Node | None, joint_type: str, what: str, scope: Scope) -> FrictionSpec | None:
@@ -40,6 +41,8 @@ def read_friction(node: Node | None, joint_type: str, what: str, scope: Scope) -
             continue
         if key in _NOT_NEGATIVE and number < 0:
             scope.faults.error(value, f"{key} of {what} is {number:g}", "it must not be negative")
+        if key == LOAD and number >= 1.0:
+            scope.faults.error(value, f"{key} of {what} is {number:g}", "it must be below 1, or the joint locks itself")
         numbers[key] = number
     if linear:
         return FrictionSpec(numbers.get("viscous"), numbers.get("coulomb"), numbers.get("offset"))

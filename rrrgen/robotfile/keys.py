@@ -93,7 +93,8 @@ def _law_keys() -> tuple[Key, ...]:
     for law in LAWS.values():
         for parameter in law.parameters:
             quantity, prismatic = _QUANTITIES.get(parameter.unit, ("number", ""))
-            meaning = parameter.meaning if quantity != "number" else f"{parameter.meaning}, {parameter.unit}"
+            bare = quantity == "number" and parameter.unit != "-"
+            meaning = f"{parameter.meaning}, {parameter.unit}" if bare else parameter.meaning
             keys[parameter.name] = Key(parameter.name, "value", meaning, quantity=quantity, prismatic=prismatic)
     return tuple(keys.values())
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.friction.law import FrictionLaw
 from rrrgen.friction.models import FrictionModel
 from rrrgen.friction.stated import MixedFriction
 from rrrgen.program import Builder, Port, Program, Role, Value
@@ -126,7 +127,7 @@ def plant_program(plant: Plant) -> Program | None:
         sliding[0] = sliding[0] - parts["base_speed"][0]
     net: list[Any] = list(tau)
     if isinstance(model, FrictionModel | MixedFriction):
-        torques, bristles = _friction(builder, model, parts.get("z"), sliding)
+        torques, bristles = _friction(builder, model, parts.get("z"), sliding, tau)
         net = [a - b for a, b in zip(net, torques, strict=True)]
         if bristles is not None:
             rates["z"] = bristles
@@ -162,9 +163,12 @@ def plant_program(plant: Plant) -> Program | None:
 
 
 def _friction(
-    smooth: Builder, model: FrictionModel | MixedFriction, z: list[Any] | None, speeds: list[Any]
+    smooth: Builder, model: FrictionModel | MixedFriction, z: list[Any] | None, speeds: list[Any], tau: Sequence[Any]
 ) -> tuple[list[Any], list[Any] | None]:
-    """Friction torques, and the rates of the bristles where a law has a state; with a state nothing is smoothed."""
+    """Friction torques, and the rates of the bristles where a law has a state; with a state nothing is smoothed.
+
+    The load carries what friction leaves of the torques ``tau`` (n,) of the drives.
+    """
     if isinstance(model, FrictionModel):
         laws = [(model.law, row) for row in model.parameters]
         offsets = [0.0] * model.n
@@ -176,13 +180,22 @@ def _friction(
     rates: list[Any] = []
     for i, ((law, values), v) in enumerate(zip(laws, speeds, strict=True)):
         row = [Fraction(float(value)) for value in values]
-        if z is not None and law.rate is not None and law.state_torque is not None:
-            torque, rate = law.state_torque(ops, z[i], v, row), law.rate(ops, z[i], v, row)
-        else:
-            torque, rate = law.torque(ops, v, row), 0
-        torques.append(torque + Fraction(offsets[i]))
-        rates.append(rate)
+        moved = z is not None and law.rate is not None
+        torque = _torque_of(law, ops, v, row, z[i] if z is not None and moved else None) + Fraction(offsets[i])
+        if law.has_load:
+            raised = _torque_of(law, ops, v, law.under_load(row, 1), z[i] if z is not None and moved else None)
+            share, net = raised + Fraction(offsets[i]) - torque, tau[i] - torque
+            torque = tau[i] - net / (1 + share * Builder.sign(smooth, net))
+        torques.append(torque)
+        rates.append(law.rate(ops, z[i], v, row) if z is not None and law.rate is not None else 0)
     return torques, None if z is None else rates
+
+
+def _torque_of(law: FrictionLaw, ops: Any, speed: Any, row: Sequence[Any], z: Any) -> Any:
+    """Friction of one joint in the state ``z``, in sliding without it."""
+    if z is None or law.state_torque is None:
+        return law.torque(ops, speed, row)
+    return law.state_torque(ops, z, speed, row)
 
 
 class _Exact:

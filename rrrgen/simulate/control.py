@@ -139,7 +139,7 @@ class ComputedTorque:
         u = self.input(q, dq, reference, disturbance)
         at, speed = (reference.q, reference.dq) if self.along_reference else (q, dq)
         tau = self.body.mass(at) @ u + self.body.bias(at, speed)
-        return np.asarray(tau if self.friction is None else tau + self.friction.torque(speed))
+        return np.asarray(tau if self.friction is None else tau + self.friction.torque(speed, load=tau))
 
 
 class RecordedInput:

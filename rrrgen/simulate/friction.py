@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,21 +15,31 @@ Array = NDArray[Any]
 
 SMOOTH_WIDTH = 1e-3
 """Width (rad/s or m/s) over which sgn(x) is smoothed to tanh(x/width) for a stiff solver."""
+MOST_ROUNDS, SETTLED = 100, 1e-13
+"""Rounds in which the load of coupled motors is found, and its relative change at which it is."""
 
 
 class FrictionLike(Protocol):
-    """Interface of a friction model of n joints, (14.11)-(14.14); torques in N m (N), speeds in rad/s (m/s)."""
+    """Interface of a friction model of n joints, (14.11)-(14.14); torques in N m (N), speeds in rad/s (m/s).
+
+    ``load`` (..., n) are the torques without friction, on which load-dependent laws depend.
+    """
 
     @property
     def has_state(self) -> bool:
         """Whether the model has a state: the bristle deflection z of each joint."""
         ...
 
-    def torque(self, dq: Array, width: Any = 0.0) -> Array:
+    @property
+    def has_load(self) -> bool:
+        """Whether friction depends on the torques of the load."""
+        ...
+
+    def torque(self, dq: Array, width: Any = 0.0, load: Any = 0.0) -> Array:
         """Friction torque at the speeds ``dq`` (..., n), with tanh(x/width) for sgn(x) if ``width`` (or (n,)) > 0."""
         ...
 
-    def directed(self, dq: Array, direction: Array) -> Array:
+    def directed(self, dq: Array, direction: Array, load: Any = 0.0) -> Array:
         """Friction torque at ``dq`` (n,) with sgn(dq) replaced by ``direction`` (n,) of -1, 0 or 1."""
         ...
 
@@ -36,26 +47,55 @@ class FrictionLike(Protocol):
         """Time derivative ``dz/dt`` (n,) of the state ``z`` (n,) at the speeds ``dq`` (n,)."""
         ...
 
-    def state_torque(self, z: Array, dq: Array) -> Array:
+    def state_torque(self, z: Array, dq: Array, load: Any = 0.0) -> Array:
         """Friction torque (n,) in the state ``z`` (n,) at the speeds ``dq`` (n,)."""
         ...
 
 
 class Friction:
-    """Adapter of a friction model for the integrators, with the ``width`` (rad/s or m/s) over which sgn is smoothed."""
+    """Adapter of a friction model for the integrators, with the ``width`` (rad/s or m/s) over which sgn is smoothed.
+
+    Friction is asked for at the torques ``tau`` (n,) of the drives: the load carries what friction leaves of them.
+    """
 
     def __init__(self, model: FrictionLike, width: float = SMOOTH_WIDTH) -> None:
         self.model = model
         self.width = width
         self.has_state = model.has_state
         self.couples_joints = isinstance(model, MotorFriction)
-        self.directed = model.directed
         self.rate = model.rate
-        self.state_torque = model.state_torque
 
-    def smooth_torque(self, dq: Array) -> Array:
+    def smooth_torque(self, dq: Array, tau: Array) -> Array:
         """Friction torque (n,) at the speeds ``dq`` (n,) with sgn(x) smoothed to tanh(x/width)."""
-        return self.model.torque(dq, self.width)
+        return self._under(tau, lambda load: self.model.torque(dq, self.width, load))
+
+    def directed(self, dq: Array, direction: Array, tau: Array) -> Array:
+        """Friction torque (n,) at ``dq`` (n,) with sgn(dq) replaced by ``direction`` (n,) of -1, 0 or 1."""
+        return self._under(tau, lambda load: self.model.directed(dq, direction, load))
+
+    def state_torque(self, z: Array, dq: Array, tau: Array) -> Array:
+        """Friction torque (n,) in the state ``z`` (n,) at the speeds ``dq`` (n,)."""
+        return self._under(tau, lambda load: self.model.state_torque(z, dq, load))
+
+    def _under(self, tau: Array, friction: Callable[[Any], Array]) -> Array:
+        """The ``friction(load)`` for which ``load + friction(load) = tau``."""
+        free = friction(np.zeros_like(tau))
+        if not self.model.has_load:
+            return free
+        if self.couples_joints:
+            return _settled(tau, free, friction)
+        share = friction(np.ones_like(tau)) - free
+        net = tau - free
+        return np.asarray(tau - net / (1.0 + share * np.sign(net)))
+
+
+def _settled(tau: Array, found: Array, friction: Callable[[Any], Array]) -> Array:
+    """The same by iteration, for loads that depend on each other."""
+    for _ in range(MOST_ROUNDS):
+        before, found = found, friction(tau - found)
+        if np.abs(found - before).max() <= SETTLED * (1.0 + np.abs(tau).max()):
+            break
+    return found
 
 
 class MotorFriction:
@@ -72,28 +112,29 @@ class MotorFriction:
     ) -> None:
         self.joints: FrictionLike = joints if joints is not None else _Frictionless(W.shape[1])
         self.motors, self.W, self.width = motors, W, width
+        self.carried = np.linalg.pinv(W)  # tau_m = carried' tau
         self.has_state = self.joints.has_state
+        self.has_load = self.joints.has_load or motors.has_load
         self.rate = self.joints.rate
 
-    def torque(self, dq: Array, width: float = 0.0) -> Array:
+    def torque(self, dq: Array, width: float = 0.0, load: Any = 0.0) -> Array:
         """Friction torque (..., n) of joints and motors at the joint speeds ``dq`` (..., n), sgn smoothed over
         ``width``.
         """
-        speeds = np.asarray(dq) @ self.W.T
-        at_motors = self.motors.torque(speeds, width * np.linalg.norm(self.W, axis=1) if width else 0.0)
-        return np.asarray(self.joints.torque(dq, width) + at_motors @ self.W)
+        return np.asarray(self.joints.torque(dq, width, load) + self._motors(dq, width, load))
 
-    def directed(self, dq: Array, direction: Array) -> Array:
+    def directed(self, dq: Array, direction: Array, load: Any = 0.0) -> Array:
         """Friction torque (n,) with the joints' sgn(dq) replaced by ``direction`` (n,); motor signs are smoothed."""
-        return np.asarray(self.joints.directed(dq, direction) + self._motors(dq))
+        return np.asarray(self.joints.directed(dq, direction, load) + self._motors(dq, self.width, load))
 
-    def state_torque(self, z: Array, dq: Array) -> Array:
+    def state_torque(self, z: Array, dq: Array, load: Any = 0.0) -> Array:
         """Friction torque (n,) with the joint model in the state ``z`` (n,); the motors' signs are smoothed."""
-        return np.asarray(self.joints.state_torque(z, dq) + self._motors(dq))
+        return np.asarray(self.joints.state_torque(z, dq, load) + self._motors(dq, self.width, load))
 
-    def _motors(self, dq: Array) -> Array:
-        widths = self.width * np.linalg.norm(self.W, axis=1)
-        return np.asarray(self.motors.torque(np.asarray(dq) @ self.W.T, widths) @ self.W)
+    def _motors(self, dq: Array, width: float, load: Any) -> Array:
+        widths = width * np.linalg.norm(self.W, axis=1)
+        loads = np.broadcast_to(load, np.shape(dq)) @ self.carried
+        return np.asarray(self.motors.torque(np.asarray(dq) @ self.W.T, widths, loads) @ self.W)
 
 
 class NoFriction(Friction):
@@ -105,18 +146,19 @@ class NoFriction(Friction):
 
 class _Frictionless:
     has_state = False
+    has_load = False
 
     def __init__(self, n: int) -> None:
         self.zero = np.zeros(n)
 
-    def torque(self, dq: Array, width: float = 0.0) -> Array:
+    def torque(self, dq: Array, width: float = 0.0, load: Any = 0.0) -> Array:
         return self.zero
 
-    def directed(self, dq: Array, direction: Array) -> Array:
+    def directed(self, dq: Array, direction: Array, load: Any = 0.0) -> Array:
         return self.zero
 
     def rate(self, z: Array, dq: Array) -> Array:
         return self.zero
 
-    def state_torque(self, z: Array, dq: Array) -> Array:
+    def state_torque(self, z: Array, dq: Array, load: Any = 0.0) -> Array:
         return self.zero

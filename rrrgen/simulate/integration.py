@@ -74,9 +74,8 @@ class RigidIntegrator:
         self.direction = np.zeros(plant.n)
         """Per joint +1 or -1 while sliding, 0 while stuck."""
         rest, one = np.zeros(plant.n), np.ones(plant.n)
-        self.break_away = plant.friction.directed(rest, -one), plant.friction.directed(rest, one)
-        """The friction torques between which a joint sticks, backward and forward."""
-        self.jumps = np.asarray(self.break_away[1] > self.break_away[0])
+        model = plant.friction.model
+        self.jumps = np.asarray(model.directed(rest, one, one) > model.directed(rest, -one, one))
 
     def advance(self, state: Array, tau: Array, duration: float) -> Array:
         """The state ``duration`` (s) later under the torque ``tau`` (n,), in ``steps`` equal steps."""
@@ -145,9 +144,10 @@ class RigidIntegrator:
         if dq.all():
             return
         resting = np.flatnonzero(dq == 0.0)
-        backward, forward = self.break_away
+        rest, one = np.zeros(self.n), np.ones(self.n)
+        backward, forward = (self.plant.friction.directed(rest, sign * one, tau) for sign in (-1.0, 1.0))
         inverse = np.linalg.inv(self.plant.body.mass(q))
-        torque = np.array(self.plant.friction.directed(dq, self.direction))
+        torque = np.array(self.plant.friction.directed(dq, self.direction, tau))
         load = tau - self.plant.body.bias(q, dq)
         for _ in range(200):
             largest = 0.0
@@ -164,7 +164,7 @@ class RigidIntegrator:
             self.direction[i] = 0.0 if held else (np.sign(acceleration[i]) or 1.0)
 
     def _acceleration(self, q: Array, dq: Array, tau: Array) -> Array:
-        net = tau - self.plant.friction.directed(dq, self.direction)
+        net = tau - self.plant.friction.directed(dq, self.direction, tau)
         free = self.direction != 0.0
         if free.all():
             return self.plant.body.acceleration(q, dq, net)

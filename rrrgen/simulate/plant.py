@@ -234,9 +234,9 @@ class Plant:
             if base is not None:
                 sliding[0] -= state[layout["base_speed"]][0]
             if z is None:
-                net = tau - friction.smooth_torque(sliding)
+                net = tau - friction.smooth_torque(sliding, tau)
             else:
-                net = tau - friction.state_torque(state[z], sliding)
+                net = tau - friction.state_torque(state[z], sliding, tau)
                 rates[z] = friction.rate(state[z], sliding)
             load = net
             if flexible is not None:

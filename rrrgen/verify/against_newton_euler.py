@@ -11,8 +11,8 @@ import numpy as np
 from rrrgen.robotfile.robot_spec import FrictionSpec, MotorSpec, RobotSpec
 from rrrgen.verify.comparison import Collector, Tolerances, rate, size
 from rrrgen.verify.definiteness import check_refusal, is_definite
-from rrrgen.verify.references.chain import Array, motor_speeds
-from rrrgen.verify.references.friction_laws import changed, has_state, parameters_of, sliding, stepped
+from rrrgen.verify.references.chain import Array, motor_loads, motor_speeds
+from rrrgen.verify.references.friction_laws import changed, has_load, has_state, parameters_of, sliding, stepped
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, NewtonEuler
 from rrrgen.verify.subject import Parameters, States, draw_states
 
@@ -74,6 +74,7 @@ def base_rank(ne: NewtonEuler) -> int:
 
 STEP = 2.0**-10  # s, the period at which laws with a state are compared
 DEFLECTION = 1e-5  # rad or m, size of the states at which they are
+LOAD = 20.0  # N m or N, size of the torques of the load
 
 
 def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collector) -> None:
@@ -81,14 +82,19 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
     spec = model.spec
     stated = [joint.friction for joint in spec.joints]
     speeds, lever = s.dq, np.eye(spec.n)
+    load = LOAD * np.sin(np.arange(s.dq.size, dtype=float)).reshape(s.dq.shape)
+    loads = load
     if spec.drives is not None:  # the power of a motor's friction is that of what it adds to the joint torques
         stated += [motor.friction for motor in spec.drives.motors]
         speeds = np.concatenate([speeds, motor_speeds(spec, s.dq)], axis=1)
         lever = np.concatenate([lever, motor_speeds(spec, np.eye(spec.n)).T])
+        loads = np.concatenate([loads, motor_loads(spec, load)], axis=1)
+    given = (load,) if any(has_load(friction) for friction in stated) else ()
     check = rows.against("(14.11)-(14.14)", NO_PARAMETERS, tolerances.exact, s.count)
-    torques = np.stack([sliding(friction, v) for friction, v in zip(stated, speeds.T, strict=True)], axis=1)
-    check("friction", lambda: model.friction(s.dq), torques @ lever)
-    _check_run_time_friction(model, s, rows, tolerances)
+    each = zip(stated, speeds.T, loads.T, strict=True)
+    torques = np.stack([sliding(friction, v, load=at) for friction, v, at in each], axis=1)
+    check("friction", lambda: model.friction(s.dq, *given), torques @ lever)
+    _check_run_time_friction(model, s, load, rows, tolerances)
     moved = [k for k, friction in enumerate(stated) if has_state(friction)]
     if not moved:
         return
@@ -97,35 +103,37 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
     for i, k in enumerate(moved):
         friction = stated[k]
         assert friction is not None
-        after[:, i], torques[:, k] = stepped(friction, speeds[:, k], z[:, i], STEP)
+        after[:, i], torques[:, k] = stepped(friction, speeds[:, k], z[:, i], STEP, loads[:, k])
     period = np.full(s.count, STEP)
-    check("friction_step: z", lambda: model.friction_step(s.dq, z, period)[0], after)
-    check("friction_step: tau_f", lambda: model.friction_step(s.dq, z, period)[1], torques @ lever)
+    check("friction_step: z", lambda: model.friction_step(s.dq, z, period, *given)[0], after)
+    check("friction_step: tau_f", lambda: model.friction_step(s.dq, z, period, *given)[1], torques @ lever)
 
 
 WIDTH = 0.3  # rad/s or m/s, over which smooth friction turns round when it is compared
 
 
-def _check_run_time_friction(model: Model, s: States, rows: Collector, tolerances: Tolerances) -> None:
+def _check_run_time_friction(model: Model, s: States, load: Array, rows: Collector, tolerances: Tolerances) -> None:
     """Compare friction with parameters at run time, other than those of the file, exact and smooth."""
     spec = model.spec
-    owners = [(joint.friction, s.dq[:, i], np.eye(spec.n)[i]) for i, joint in enumerate(spec.joints)]
+    owners = [(joint.friction, s.dq[:, i], np.eye(spec.n)[i], load[:, i]) for i, joint in enumerate(spec.joints)]
     if spec.drives is not None:
         speeds, lever = motor_speeds(spec, s.dq), motor_speeds(spec, np.eye(spec.n)).T
-        owners += [(motor.friction, speeds[:, k], lever[k]) for k, motor in enumerate(spec.drives.motors)]
+        loads, motors = motor_loads(spec, load), spec.drives.motors
+        owners += [(motor.friction, speeds[:, k], lever[k], loads[:, k]) for k, motor in enumerate(motors)]
     stated = [owner for owner in owners if owner[0] is not None]
     values: list[float] = []
     torques = {0.0: np.zeros_like(s.dq), WIDTH: np.zeros_like(s.dq)}
-    for friction, v, lever_arm in stated or [(FrictionSpec(), v, w) for _, v, w in owners[: spec.n]]:
+    for friction, v, lever_arm, at in stated or [(FrictionSpec(), *own) for _, *own in owners[: spec.n]]:
         other = changed(friction or FrictionSpec())
         values += parameters_of(other)
         for width, total in torques.items():
-            total += sliding(other, v, width)[:, None] * lever_arm
+            total += sliding(other, v, width, at)[:, None] * lever_arm
     check = rows.against("(14.11)-(14.14)", NO_PARAMETERS, tolerances.exact, s.count)
     given = np.tile(values, (s.count, 1))
     widths = np.full((s.count, len(stated) or spec.n), WIDTH)
-    check("friction_with", lambda: model.friction_with(s.dq, given), torques[0.0])
-    check("smooth_friction", lambda: model.smooth_friction(s.dq, given, widths), torques[WIDTH])
+    last = (load,) if any(has_load(friction) for friction, *_ in owners) else ()
+    check("friction_with", lambda: model.friction_with(s.dq, given, *last), torques[0.0])
+    check("smooth_friction", lambda: model.smooth_friction(s.dq, given, widths, *last), torques[WIDTH])
 
 
 def _extra_columns(model: Model, s: States) -> Array:

@@ -93,8 +93,9 @@ def compiled() -> Emitted:
 def test_friction_in_c(compiled, name: str) -> None:
     friction = FrictionModel(LAWS[name], np.array(EXAMPLES[name]))
     speeds = np.column_stack([SPEEDS, -0.3 * SPEEDS])
-    (tau,) = compiled.call(f"friction_{name}", speeds, friction.parameters)
-    expected = friction.torque(speeds)
+    loads = (20.0 * np.sin(np.arange(speeds.size)).reshape(speeds.shape),) if friction.has_load else ()
+    (tau,) = compiled.call(f"friction_{name}", speeds, friction.parameters, *loads)
+    expected = friction.torque(speeds, load=loads[0] if loads else 0.0)
     assert np.abs(tau - expected).max() <= ROUND_OFF * np.abs(expected).max()
     assert tau[0, 0] == expected[0, 0]  # at rest, sgn(0) = 0
     if friction.law.columns is not None:

@@ -31,6 +31,8 @@ EXAMPLES = {
     "asymmetric_exponential": [[0.4, 0.5, 1.5, 1.2, -0.4, 0.1], [0.1, 0.2, 0.5, 0.6, 0.3, 0.05]],
     "dahl": [[1.5, 0.4, 1e-4], [0.5, 0.2, 3e-5]],
     "dahl_exponential": [[-0.3, 1.5, 0.4, -0.02, 0.1, 1e-4], [0.3, 0.5, 0.2, 0.01, 0.05, 3e-5]],
+    "load_dependent": [[1.5, 0.4, 0.06], [0.5, 0.2, 0.02]],
+    "dahl_load_dependent": [[-0.3, 1.5, 0.4, -0.02, 0.06, 0.1, 1e-4], [0.3, 0.5, 0.2, 0.01, 0.02, 0.05, 3e-5]],
     "stribeck": [[0.7, 1.5, 0.4, 0.1], [0.3, 0.5, 0.2, 0.05]],
     "lugre": [[1e4, 3.0, 0.7, 1.5, 1.6, 0.1], [3e3, 1.0, 0.3, 0.5, 0.8, 0.05]],
     "logistic": [[1.1, 9.0, 0.02], [0.6, 40.0, -0.03]],
@@ -42,7 +44,7 @@ def model(name: str) -> FrictionModel:
     return FrictionModel(LAWS[name], np.array(EXAMPLES[name]))
 
 
-def retyped(name: str, v: float, p: list[float]) -> float:
+def retyped(name: str, v: float, p: list[float], load: float = 0.0) -> float:
     """The printed formulas, one joint, one speed."""
     sign = 0.0 if v == 0 else (1.0 if v > 0 else -1.0)
     if name == "coulomb_viscous":
@@ -57,6 +59,11 @@ def retyped(name: str, v: float, p: list[float]) -> float:
         return p[0] * sign + p[1] * v
     if name == "dahl_exponential":
         return (p[0] * np.exp(-abs(v) / p[4]) + p[1]) * sign + p[2] * v + p[3] * v * abs(v)
+    if name == "load_dependent":
+        return (p[0] + p[2] * abs(load)) * sign + p[1] * v
+    if name == "dahl_load_dependent":
+        level = p[0] * np.exp(-abs(v) / p[5]) + p[1] + p[4] * abs(load)
+        return level * sign + p[2] * v + p[3] * v * abs(v)
     if name in ("stribeck", "lugre"):
         a0, a1, a2, vs = p[-4:]
         return (a0 * np.exp(-((v / vs) ** 2)) + a1) * sign + a2 * v
@@ -69,11 +76,13 @@ def retyped(name: str, v: float, p: list[float]) -> float:
 @pytest.mark.parametrize("name", list(LAWS))
 def test_laws_equal_the_printed_formulas(name: str) -> None:
     friction = model(name)
-    got = friction.torque(np.column_stack([SPEEDS, SPEEDS[::-1]]))
+    loads = 30.0 * np.cos(np.arange(2 * len(SPEEDS))).reshape(-1, 2)
+    speeds = np.column_stack([SPEEDS, SPEEDS[::-1]])
+    got = friction.torque(speeds, load=loads)
     expected = np.array(
         [
-            [retyped(name, a, EXAMPLES[name][0]), retyped(name, b, EXAMPLES[name][1])]
-            for a, b in zip(SPEEDS, SPEEDS[::-1], strict=True)
+            [retyped(name, v, p, load) for v, p, load in zip(*row, strict=True)]
+            for row in zip(speeds, [EXAMPLES[name]] * len(SPEEDS), loads, strict=True)
         ]
     )
     assert np.abs(got - expected).max() <= 1e-12 * np.abs(expected).max()
@@ -85,20 +94,21 @@ def test_program_numpy_and_casadi_agree(name: str) -> None:
     friction = model(name)
     speeds = np.column_stack([SPEEDS, -0.7 * SPEEDS])
     program = friction_program(friction.law, 2)
-    (tau,) = evaluate(program, speeds, np.broadcast_to(friction.parameters, (len(SPEEDS), *friction.parameters.shape)))
-    scale = np.abs(friction.torque(speeds)).max()
-    assert np.abs(tau - friction.torque(speeds)).max() <= ROUND_OFF * scale
+    loads = 30.0 * np.cos(np.arange(2 * len(SPEEDS))).reshape(-1, 2) if friction.has_load else np.zeros_like(speeds)
+    parameters = np.broadcast_to(friction.parameters, (len(SPEEDS), *friction.parameters.shape))
+    (tau,) = evaluate(program, speeds, parameters, *([loads] if friction.has_load else []))
+    scale = np.abs(friction.torque(speeds, load=loads)).max()
+    assert np.abs(tau - friction.torque(speeds, load=loads)).max() <= ROUND_OFF * scale
     pytest.importorskip("casadi", reason="CasADi is an optional extra")
     from rrrgen.backends.casadi import function
 
     exact = function(program)
     smooth = function(program, name="smooth", smooth_sign=0.05)
-    for dq in speeds:
-        assert np.abs(exact(dq, friction.parameters).full().ravel() - friction.torque(dq)).max() <= ROUND_OFF * scale
-        assert (
-            np.abs(smooth(dq, friction.parameters).full().ravel() - friction.torque(dq, width=0.05)).max()
-            <= 1e-13 * scale
-        )
+    for dq, load in zip(speeds, loads, strict=True):
+        given = (dq, friction.parameters, *([load] if friction.has_load else []))
+        assert np.abs(exact(*given).full().ravel() - friction.torque(dq, load=load)).max() <= ROUND_OFF * scale
+        expected = friction.torque(dq, width=0.05, load=load)
+        assert np.abs(smooth(*given).full().ravel() - expected).max() <= 1e-13 * scale
 
 
 @pytest.mark.parametrize("name", [n for n, law in LAWS.items() if n != "neural"])
@@ -132,11 +142,14 @@ def test_separable_laws_are_factors_times_linear_parameters(name: str) -> None:
     linear, shapes = law.split(p)
     assert law.joined(linear, shapes) == tuple(p)
     factors = law.factors(NUMPY, SPEEDS, np.sign(SPEEDS), shapes)
+    if law.has_load:  # the factor of a load is left to the caller
+        assert law.linear[-1].name == "load_ratio"
+        linear = linear[:-1]
     got = sum(factor * value for factor, value in zip(factors, linear, strict=True)) + 0.0 * SPEEDS
     assert got == pytest.approx([retyped(name, v, p) for v in SPEEDS], rel=1e-12, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["dahl", "dahl_exponential"])
+@pytest.mark.parametrize("name", ["dahl", "dahl_exponential", "dahl_load_dependent"])
 def test_presliding_builds_up_over_its_distance(name: str) -> None:
     """After a reversal at constant speed the torque relaxes with exp(-travel / presliding), whatever the period."""
     friction = model(name)
@@ -332,12 +345,14 @@ def test_friction_at_joints_and_coupled_motors(name: str) -> None:
     W = np.array([[0.0, 1.0], [-32 / 3, 32.0]])
     dq = np.column_stack([SPEEDS, -0.7 * SPEEDS]) / 40
     given = np.broadcast_to(friction.parameters, (len(dq), *friction.parameters.shape))
-    (tau,) = evaluate(friction_program(friction.law, 2, surfaces), dq, given)
-    expected = friction.torque(dq @ W.T) @ W
+    load = 30.0 * np.cos(np.arange(2 * len(dq))).reshape(-1, 2)
+    loads = [load] if friction.has_load else []
+    (tau,) = evaluate(friction_program(friction.law, 2, surfaces), dq, given, *loads)
+    expected = friction.torque(dq @ W.T, load=load) @ W
     np.testing.assert_allclose(tau, expected, atol=1e-12 * np.abs(expected).max())
     if friction.law.step is not None:
         z, period = np.full((len(dq), 2), 1e-5), np.full(len(dq), 1e-3)
-        following, tau = evaluate(friction_step_program(friction.law, 2, surfaces), dq, z, given, period)
-        after, torque = friction.step(z, dq @ W.T, 1e-3)
+        following, tau = evaluate(friction_step_program(friction.law, 2, surfaces), dq, z, given, *loads, period)
+        after, torque = friction.step(z, dq @ W.T, 1e-3, load)
         np.testing.assert_allclose(following, after, rtol=1e-12)
         np.testing.assert_allclose(tau, torque @ W, atol=1e-12 * np.abs(tau).max())

@@ -49,6 +49,7 @@ def robot(friction: list[str], drives: str = "") -> str:
 
 
 EVERY = [friction_text(name) for name in NAMES]
+DAHL = [friction_text("dahl"), friction_text("dahl_exponential")]
 
 
 def test_every_law_is_read_and_written_exactly():
@@ -96,9 +97,17 @@ COUPLED = """drives:
     - {name: left, gear_ratio: 30, friction: {law: dahl, coulomb: 0.02, viscous: 1e-3, presliding: 2e-3, offset: 0.01}}
     - {name: right, friction: {law: exponential, coulomb: 0.5, excess: -0.2, decay_speed: 0.3}}
 """
+LOADED = COUPLED.replace(
+    "law: dahl, coulomb: 0.02", "law: dahl_load_dependent, decay_speed: 0.2, load_ratio: 0.05"
+).replace(
+    "law: exponential, coulomb: 0.5, excess: -0.2, decay_speed: 0.3",
+    "law: load_dependent, coulomb: 0.5, load_ratio: 0.1",
+)
 
 
-@pytest.mark.parametrize("text", [robot(EVERY[k : k + 2]) for k in range(0, 10, 2)] + [robot(EVERY[5:7], COUPLED)])
+@pytest.mark.parametrize(
+    "text", [robot(EVERY[k : k + 2]) for k in range(0, len(EVERY), 2)] + [robot(DAHL, COUPLED), robot(DAHL, LOADED)]
+)
 def test_friction_is_verified(text):
     """Against the formulas retyped in the verifier, without a compiler; C is compared below."""
     rows = friction_rows(rrrgen.compile(loads_spec(text), backend="numpy"))
@@ -115,7 +124,7 @@ def friction_rows(model):
 
 
 def test_a_wrong_state_is_found():
-    model = rrrgen.compile(loads_spec(robot(EVERY[5:7], COUPLED)), backend="numpy")
+    model = rrrgen.compile(loads_spec(robot(DAHL, COUPLED)), backend="numpy")
     step = model.friction_step
     model.friction_step = lambda *states: (-step(*states)[0], step(*states)[1])
     assert {name for name, row in friction_rows(model).items() if row.difference > 1e-12} == {"friction_step: z"}
@@ -145,7 +154,7 @@ def test_a_law_at_a_joint_and_at_its_only_motor_is_refused():
 
 
 def test_the_emitted_c_is_the_law():
-    model = rrrgen.compile(loads_spec(robot(EVERY[5:7], COUPLED)), backend="numpy")
+    model = rrrgen.compile(loads_spec(robot(DAHL, COUPLED)), backend="numpy")
     emitted = Emitted([model.derived.programs[name] for name in ("friction", "friction_step")])
     rng = np.random.default_rng(2)
     dq, z = rng.uniform(-2, 2, (20, 2)), 1e-4 * rng.uniform(-1, 1, (20, 3))
@@ -156,7 +165,7 @@ def test_the_emitted_c_is_the_law():
 
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_the_emitted_c_compiles_without_warnings(tmp_path, real):
-    model = rrrgen.compile(loads_spec(robot(EVERY[5:7], COUPLED)), backend="numpy")
+    model = rrrgen.compile(loads_spec(robot(DAHL, COUPLED)), backend="numpy")
     programs = [model.derived.programs[name] for name in ("friction", "friction_step")]
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]
     for name, text in function_files("lawful_friction", "Friction.", programs, real).items():

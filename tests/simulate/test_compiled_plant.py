@@ -24,6 +24,14 @@ LUGRE = FrictionModel(LAWS["lugre"], np.array([[1e4, 30.0, 0.3, 1.0, 0.4, 0.1], 
 
 
 MIXED = MixedFriction([coulomb_viscous([1.0], [2.0]), FrictionModel(LAWS["lugre"], LUGRE.parameters[1:])], [0.3, -0.2])
+LOADED = FrictionModel(LAWS["load_dependent"], np.array([[1.0, 0.5, 0.2], [0.4, 0.3, 0.1]]))
+LOADED_DAHL = MixedFriction(
+    [
+        FrictionModel(LAWS["dahl_load_dependent"], np.array([[0.3, 1.0, 0.4, 0.1, 0.2, 0.1, 1e-3]])),
+        FrictionModel(LAWS["load_dependent"], LOADED.parameters[1:]),
+    ],
+    [0.3, -0.2],
+)
 
 
 @cache
@@ -31,7 +39,11 @@ def model():
     return rrrgen.compile("planar2r")
 
 
-@pytest.mark.parametrize("friction", [None, COULOMB, LUGRE, MIXED], ids=["none", "coulomb", "lugre", "mixed"])
+@pytest.mark.parametrize(
+    "friction",
+    [None, COULOMB, LUGRE, MIXED, LOADED, LOADED_DAHL],
+    ids=["none", "coulomb", "lugre", "mixed", "loaded", "loaded dahl"],
+)
 @pytest.mark.parametrize(
     ("joints", "base"), [(JOINTS, None), (None, BASE), (JOINTS, BASE)], ids=["joints", "base", "both"]
 )

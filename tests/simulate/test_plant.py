@@ -11,7 +11,7 @@ from oracles.random_robots import random_link
 from rrrgen.errors import InputError
 from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel, coulomb_viscous
-from rrrgen.simulate.friction import Friction
+from rrrgen.simulate.friction import Friction, MotorFriction
 from rrrgen.simulate.integration import RigidIntegrator, StiffIntegrator, make_integrator
 from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints, make_plant
 
@@ -120,6 +120,40 @@ def test_a_stop_in_the_middle_of_a_step_reverses_under_gravity() -> None:
     state = advance(RigidIntegrator(plant, 1), np.array([0.0, speed]), [0.0], 1.0)
     assert state[0] == pytest.approx(expected, rel=1e-9)
     assert state[1] == pytest.approx(-(weight - level) / J * after, rel=1e-9)
+
+
+def loaded(coulomb: float, ratio: float) -> Friction:
+    return Friction(FrictionModel(LAWS["load_dependent"], np.array([[coulomb, 0.0, ratio]])))
+
+
+@pytest.mark.parametrize(("sign", "torque"), [(1.0, 6.0), (-1.0, 6.0), (1.0, -2.0), (-1.0, -2.0)])
+def test_friction_under_a_load_takes_its_share_of_it(sign, torque) -> None:
+    """The drive's torque is that of the load and of friction, which grows with the load, lifting and lowering."""
+    J, weight, level, ratio = 0.5, 3.0, 0.8, 0.25
+    plant = make_plant(Masses([J], [weight]), friction=loaded(level, ratio))
+    state = advance(RigidIntegrator(plant, 2), np.array([0.0, sign * 5.0]), [torque], 0.05)
+    load = J * (state[1] - sign * 5.0) / 0.05 + weight
+    assert load + sign * (level + ratio * abs(load)) == pytest.approx(torque, rel=1e-12)
+
+
+def test_a_load_holds_itself_between_the_torques_that_lift_and_lower_it() -> None:
+    weight, level, ratio = 3.0, 0.8, 0.25
+    plant = make_plant(Masses([0.5], [weight]), friction=loaded(level, ratio))
+    lift, lower = weight * (1 + ratio) + level, weight * (1 - ratio) - level
+    for torque, moves in ((0.999 * lift, 0), (1.001 * lift, 1), (1.001 * lower, 0), (0.999 * lower, -1)):
+        state = advance(RigidIntegrator(plant, 2), np.zeros(2), [torque], 0.01)
+        assert np.sign(state[1]) == moves
+
+
+def test_loads_of_coupled_motors_settle() -> None:
+    """Motors slide at W dq and carry W^-T tau; load and friction together are the torque of the drives."""
+    W = np.array([[1.0, 0.0], [1.0, 1.0]])
+    law = FrictionModel(LAWS["load_dependent"], np.array([[0.4, 0.1, 0.1], [0.3, 0.2, 0.15]]))
+    friction = Friction(MotorFriction(None, law, W))
+    dq, tau = np.array([0.7, -1.9]), np.array([8.0, -5.0])
+    found = friction.smooth_torque(dq, tau)
+    carried = np.linalg.solve(W.T, tau - found)
+    assert W.T @ law.torque(W @ dq, load=carried) == pytest.approx(found, rel=1e-12)
 
 
 def test_sticking_couples_through_the_mass_matrix() -> None:

@@ -14,7 +14,8 @@ from typing import Any
 from rrrgen.derive.drive_inertia import along
 from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.recursions.chain import rational, rational_float
-from rrrgen.friction.laws import LAWS, FrictionLaw
+from rrrgen.friction.law import FrictionLaw
+from rrrgen.friction.laws import LAWS
 from rrrgen.model.drive_terms import unit
 from rrrgen.program import Builder, Port, Program, Role
 from rrrgen.robotfile.robot_spec import FrictionSpec, RobotSpec
@@ -24,11 +25,15 @@ LINEAR = "tau_f = fv dq + fc sgn(dq) + offset   (14.11)"
 
 @dataclass(frozen=True)
 class Surface:
-    """Where friction acts: the joint or motor ``name`` with speed ``w dq``, whose friction ``f`` adds ``w f``."""
+    """Where friction acts: the joint or motor ``name`` with speed ``w dq``, whose friction ``f`` adds ``w f``.
+
+    Its load is ``load . tau``, with the joint torques tau of the rigid body.
+    """
 
     name: str
     direction: tuple[Any, ...]
     friction: FrictionSpec
+    load: tuple[Any, ...]
 
     @property
     def law(self) -> FrictionLaw | None:
@@ -40,16 +45,25 @@ class Surface:
         """Whether the law remembers: it has a bristle deflection."""
         return self.law is not None and self.law.step is not None
 
+    @property
+    def has_load(self) -> bool:
+        """Whether the law depends on the load."""
+        return self.law is not None and self.law.has_load
+
 
 def friction_of(spec: RobotSpec) -> tuple[Surface, ...]:
     """The joints and coupled motors for which ``spec`` states friction."""
-    found = [Surface(j.name, unit(i, spec.n), j.friction) for i, j in enumerate(spec.joints) if j.friction is not None]
+    found = [
+        Surface(joint.name, unit(i, spec.n), joint.friction, unit(i, spec.n))
+        for i, joint in enumerate(spec.joints)
+        if joint.friction is not None
+    ]
     if spec.drives is not None:
-        rows = spec.drives.motor_from_joint
+        rows, inverse = spec.drives.motor_from_joint, spec.drives.joint_from_motor
         for k, motor in enumerate(spec.drives.motors):
             if motor.friction is not None:
-                weights = tuple(rational(weight) for weight in rows.row(k))
-                found.append(Surface(motor.name, weights, motor.friction))
+                weights, load = (tuple(rational(w) for w in values) for values in (rows.row(k), inverse.col(k)))
+                found.append(Surface(motor.name, weights, motor.friction, load))
     return tuple(found)
 
 
@@ -57,7 +71,10 @@ def friction(r: Recording) -> Program:
     """Record the friction torques (n,) of the robot file; laws with a state are taken in sliding. (14.11)-(14.14)"""
     dq, spec = r.joints("dq"), r.model.spec
     surfaces = friction_of(spec)
-    torques = _at_joints(r, surfaces, lambda surface: _sliding(r, surface, along(surface.direction, dq)))
+    loads = _loads(r, surfaces)
+    torques = _at_joints(
+        r, surfaces, lambda surface: _sliding(r, surface, along(surface.direction, dq), loads.get(surface, 0))
+    )
     named = any(surface.law is not None for surface in surfaces)
     formula, notes = ("", _laws(surfaces)) if named else (LINEAR, [])
     if any(surface.has_state for surface in surfaces):
@@ -74,15 +91,17 @@ def friction_step(r: Recording) -> Program:
     meaning = "bristle deflections of " + ", ".join(surface.name for surface in moved)
     z = dict(zip(moved, r.builder.input(Port("z", (len(moved),), r.position_unit, "", meaning)), strict=True))
     period = r.builder.input(Port("Ts", (), "s", "", "period"))[0]
+    loads = _loads(r, surfaces)
     following: list[Any] = []
 
     def torque(surface: Surface) -> Any:
         speed = along(surface.direction, dq)
         if surface not in z:
-            return _sliding(r, surface, speed)
+            return _sliding(r, surface, speed, loads.get(surface, 0))
         law, values, offset = _numbers(surface)
         assert law.step is not None
-        after, value = law.step(r.builder, z[surface], speed, values, period)
+        raised = law.under_load(values, loads.get(surface, 0))
+        after, value = law.step(r.builder, z[surface], speed, raised, period)
         following.append(after)
         return value + offset
 
@@ -121,13 +140,18 @@ class RunTimeFriction:
         widths = r.extra("width", (len(surfaces),), "rad/s | m/s", meaning) if smooth else None
         return RunTimeFriction(r, values, widths)
 
-    def torques(self, dq: Sequence[Any]) -> list[Any]:
-        """The friction torques (n,) at the joint velocities ``dq`` (n,)."""
+    def torques(self, dq: Sequence[Any], load: Sequence[Any] | None = None) -> list[Any]:
+        """The friction torques (n,) at the joint velocities ``dq`` (n,) under the joint torques ``load`` (n,).
+
+        Without ``load``, it is declared as an input if a law depends on it.
+        """
         b, surfaces = self.recording.builder, tuple(self.values)
+        loads = _loads(self.recording, surfaces, load)
 
         def torque(surface: Surface) -> Any:
             ops = b if self.widths is None else _Smooth(b, self.widths[surfaces.index(surface)])
-            return _given(ops, surface, along(surface.direction, dq), self.values[surface])
+            at = loads.get(surface, 0)
+            return _given(ops, surface, along(surface.direction, dq), self.values[surface], at)
 
         return _at_joints(self.recording, surfaces, torque)
 
@@ -206,26 +230,42 @@ def friction_parameters(spec: RobotSpec) -> tuple[tuple[str, Fraction], ...]:
 def surfaces_of(spec: RobotSpec) -> tuple[Surface, ...]:
     """Where friction acts: as the robot file states it, at all joints if it states none."""
     return friction_of(spec) or tuple(
-        Surface(joint.name, unit(i, spec.n), FrictionSpec()) for i, joint in enumerate(spec.joints)
+        Surface(joint.name, unit(i, spec.n), FrictionSpec(), unit(i, spec.n)) for i, joint in enumerate(spec.joints)
     )
 
 
-def _given(ops: Any, surface: Surface, speed: Any, values: Sequence[Any]) -> Any:
-    """Friction of one joint or motor at its ``speed`` with these parameters, by the functions of ``ops``."""
+def _loads(r: Recording, surfaces: Sequence[Surface], load: Sequence[Any] | None = None) -> dict[Surface, Any]:
+    """Magnitude of the load of every surface whose law depends on it, from the joint torques ``load`` (n,).
+
+    They are declared as an input if they are not given.
+    """
+    loaded = [surface for surface in surfaces if surface.has_load]
+    if not loaded:
+        return {}
+    meaning = "torques of the load: those of inverse_dynamics, without friction"
+    tau = load if load is not None else r.extra("tau_load", (r.n,), r.torque_unit, meaning)
+    return {surface: r.builder.abs(along(surface.load, tau)) for surface in loaded}
+
+
+def _given(ops: Any, surface: Surface, speed: Any, values: Sequence[Any], load: Any) -> Any:
+    """Friction of one joint or motor at its ``speed`` with these parameters, by the functions of ``ops``.
+
+    ``load`` is the magnitude of the torque of the load.
+    """
     *own, offset = values
     if surface.law is None:
         return own[0] * speed + own[1] * ops.sign(speed) + offset
-    return surface.law.torque(ops, speed, own) + offset
+    return surface.law.torque(ops, speed, surface.law.under_load(own, load)) + offset
 
 
-def _sliding(r: Recording, surface: Surface, speed: Any) -> Any:
-    """Friction of one joint or motor at its ``speed``."""
+def _sliding(r: Recording, surface: Surface, speed: Any, load: Any) -> Any:
+    """Friction of one joint or motor at its ``speed``, under a load whose torque has the magnitude ``load``."""
     if surface.law is None:
         given = surface.friction
         viscous, coulomb, offset = (rational_float(v) for v in (given.viscous, given.coulomb, given.offset))
         return viscous * speed + coulomb * r.builder.sign(speed) + offset
     law, values, offset = _numbers(surface)
-    return law.torque(r.builder, speed, values) + offset
+    return law.torque(r.builder, speed, law.under_load(values, load)) + offset
 
 
 def _numbers(surface: Surface) -> tuple[FrictionLaw, list[Any], Any]:

@@ -35,12 +35,14 @@ class FullRegressor:
     """Regressor ``W(q, dq, ddq)`` (N, n, p): base columns of ``model``, columns of the drive ``terms``, friction laws.
 
     ``tau = W theta`` with the base parameters, the drive parameters and the linear parameters of the friction laws of
-    ``surfaces`` in theta. Source: (14.10), (14.11).
+    ``surfaces`` in theta. Laws that depend on the load take it from ``load``, the parameters of the base and drive
+    columns with zeros for friction; without them it is zero. Source: (14.10), (14.11).
     """
 
     model: RigidModel
     terms: DriveTerms
     surfaces: tuple[FrictionSurface, ...] = ()
+    load: tuple[float, ...] = ()
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -59,8 +61,8 @@ class FullRegressor:
         from rrrgen.runtime.model import Model
 
         if isinstance(self.model, Model):
-            return _compiled_regressor, (self.model.spec, self.terms, self.surfaces)
-        return FullRegressor, (self.model, self.terms, self.surfaces)
+            return _compiled_regressor, (self.model.spec, self.terms, self.surfaces, self.load)
+        return FullRegressor, (self.model, self.terms, self.surfaces, self.load)
 
     @property
     def sliding(self) -> Sliding | None:
@@ -76,13 +78,17 @@ class FullRegressor:
         rigid = np.asarray(self.model.regressor(q, dq, ddq))
         if not self.surfaces:
             return np.concatenate([rigid, drives], axis=-1)
-        return np.concatenate([rigid, drives, law_columns(self.surfaces, np.asarray(dq, float), s)], axis=-1)
+        columns = np.concatenate([rigid, drives], axis=-1)
+        load = columns @ np.array(self.load) if self.load else None
+        return np.concatenate([columns, law_columns(self.surfaces, np.asarray(dq, float), s, load)], axis=-1)
 
 
 _COMPILED: dict[bytes, RigidModel] = {}
 
 
-def _compiled_regressor(spec: Any, terms: DriveTerms, surfaces: tuple[FrictionSurface, ...]) -> FullRegressor:
+def _compiled_regressor(
+    spec: Any, terms: DriveTerms, surfaces: tuple[FrictionSurface, ...], load: tuple[float, ...]
+) -> FullRegressor:
     """The regressor of ``spec``; each robot is compiled once per process."""
     import pickle
 
@@ -91,4 +97,4 @@ def _compiled_regressor(spec: Any, terms: DriveTerms, surfaces: tuple[FrictionSu
     key = pickle.dumps(spec)
     if key not in _COMPILED:
         _COMPILED[key] = compile(spec)
-    return FullRegressor(_COMPILED[key], terms, surfaces)
+    return FullRegressor(_COMPILED[key], terms, surfaces, load)

@@ -19,8 +19,8 @@ from rrrgen.errors import InputError
 from rrrgen.friction.laws import LAWS
 from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
 from rrrgen.identify.estimation.observations import KnownTorque, Recording, RowMaker
+from rrrgen.identify.friction_laws.load import tune_under_load
 from rrrgen.identify.friction_laws.problem import Problem
-from rrrgen.identify.friction_laws.shapes import Fitted, tune_shapes
 from rrrgen.identify.friction_laws.surfaces import (
     FrictionSurface,
     stated_surfaces,
@@ -33,7 +33,17 @@ from rrrgen.signals.processing import Processing
 
 LINEAR = "coulomb_viscous"
 AUTO = "auto"
-CANDIDATES = (LINEAR, "asymmetric", "exponential", "stribeck", "dahl", "asymmetric_exponential", "dahl_exponential")
+CANDIDATES = (
+    LINEAR,
+    "asymmetric",
+    "load_dependent",
+    "exponential",
+    "stribeck",
+    "dahl",
+    "asymmetric_exponential",
+    "dahl_exponential",
+    "dahl_load_dependent",
+)
 """The laws compared by ``auto``, the simpler ones first."""
 FITTED_LAWS = tuple(name for name, law in LAWS.items() if law.factors is not None)
 """The laws that can be named."""
@@ -62,7 +72,7 @@ class FrictionFit:
     """Friction laws in the estimation: the law and tuned shapes of every surface, and how they were found.
 
     ``std`` are the standard deviations of the logarithms of the shapes; ``table`` the candidates compared, empty where
-    the laws were named; ``seconds`` the length of the data on which shapes were tuned.
+    the laws were named; ``load`` are the parameters from which loads are computed, if a law depends on them.
     """
 
     surfaces: tuple[FrictionSurface, ...]
@@ -70,6 +80,7 @@ class FrictionFit:
     names: tuple[str, ...]
     joints: tuple[str, ...]
     table: tuple[Candidate, ...] = ()
+    load: tuple[float, ...] = ()
 
     def lines(self) -> list[str]:
         """The candidates with their errors, then the law and the shapes of every surface, as text."""
@@ -180,10 +191,10 @@ def fit_friction(
         wanted |= _chosen(table, surfaces_with(model.spec, LINEAR), wanted)
     surfaces = _surfaces(model.spec, wanted, stated)
     tell("shapes of the friction laws")
-    problem = problems.of(surfaces)
-    fitted = tune_shapes(problem, surfaces, problem.fitted(split))
+    problem, regressor = problems.of(surfaces)
+    fitted, load = tune_under_load(problem, regressor, surfaces, problem.fitted(split))
     named = tuple(owners[each.owner] for each in fitted.surfaces)
-    return FrictionFit(fitted.surfaces, fitted.std, named, tuple(recordings[0].joints), table)
+    return FrictionFit(fitted.surfaces, fitted.std, named, tuple(recordings[0].joints), table, load)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,10 +207,10 @@ class _Problems:
     terms: DriveTerms
     known: KnownTorque | None
 
-    def of(self, surfaces: Sequence[FrictionSurface]) -> Problem:
+    def of(self, surfaces: Sequence[FrictionSurface]) -> tuple[Problem, FullRegressor]:
         regressor = FullRegressor(self.model, without_laws(self.terms, surfaces))
         maker = RowMaker(regressor, self.processing, len(regressor.columns), self.known)
-        return Problem.of(self.recordings, maker)
+        return Problem.of(self.recordings, maker), regressor
 
 
 def _surfaces(
@@ -221,12 +232,12 @@ def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: 
     for law in CANDIDATES:
         tell(f"friction law {law}, cross-validated")
         surfaces = _surfaces(spec, {owner: law if each == AUTO else each for owner, each in wanted.items()}, {})
-        problem = problems.of(surfaces)
+        problem, regressor = problems.of(surfaces)
         use = problem.fitted(split)
         halves = _halves(problem, use)
         squares, size, inside, inside_size = (np.zeros(use.shape[1]) for _ in range(4))
         for half in halves:
-            fitted: Fitted = tune_shapes(problem, surfaces, use & half[:, None])
+            fitted, _ = tune_under_load(problem, regressor, surfaces, use & half[:, None])
             other = use & ~half[:, None]
             squares += _sums(fitted.residual, other)
             size += _sums(problem.tau, other)

@@ -7,14 +7,14 @@ the very changes of sign that determine the shapes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.identify.estimation.observations import Recording, RowMaker, Window, reconstruct
+from rrrgen.identify.estimation.observations import Recording, Regressor, RowMaker, Window, reconstruct
 from rrrgen.identify.friction_laws.surfaces import FrictionSurface, Sliding, along
 from rrrgen.identify.scoring.split import Split
 from rrrgen.recordings.log_stream import Part, joined
@@ -22,11 +22,13 @@ from rrrgen.signals.decimation import Decimator
 
 MOST_SAMPLES = 200_000
 """Samples from the beginning of the recordings on which shapes are tuned and laws compared."""
+LOAD_BLOCK = 4000
+"""Samples at which the load is computed at a time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """One uninterrupted stretch: motion (N, n) and validity at the samples, rows after decimation.
+    """One uninterrupted stretch: motion, load (N, n) and validity at the samples, rows after decimation.
 
     ``W`` (r, n, p) are the fixed columns, ``tau`` (r, n) the torques, ``use`` (r, n) the sound rows, ``t`` (r,) their
     instants; ``start`` and ``duration`` (s) are those of the recording.
@@ -34,6 +36,7 @@ class Stretch:
 
     q: Array
     dq: Array
+    ddq: Array
     valid: NDArray[np.bool_]
     first: int
     t: Array
@@ -42,12 +45,13 @@ class Stretch:
     use: NDArray[np.bool_]
     start: float
     duration: float
+    load: Array | None = None
 
     def columns(self, surface: FrictionSurface, decimate: Decimator) -> Array:
         """The filtered columns (r, n, k) of the linear parameters of a surface."""
         sliding = Sliding.of((surface,))
         s = None if sliding is None else sliding.states(self.q, sliding.start())[:, 0]
-        factors = surface.factors(self.dq, s)
+        factors = surface.factors(self.dq, s, self.load)
         found = np.zeros((len(self.t), self.dq.shape[1], factors.shape[1]))
         every = decimate(factors, self.first) if self.valid.all() else None
         for i in surface.joints:
@@ -78,6 +82,7 @@ class Problem:
                     Stretch(
                         motion.q,
                         motion.dq,
+                        motion.ddq,
                         part.valid,
                         part.first,
                         np.concatenate([r.t for r in rows]),
@@ -92,6 +97,20 @@ class Problem:
         if not found:
             raise InputError("the recordings hold no samples to which friction laws could be fitted")
         return cls(tuple(found), decimate)
+
+    def under_load(self, regressor: Regressor, theta: Array) -> Problem:
+        """The same rows with friction under the load ``regressor(q, dq, ddq) theta``."""
+        found = []
+        for each in self.stretches:
+            parts = range(0, len(each.q), LOAD_BLOCK)
+            motions = [[x[k : k + LOAD_BLOCK] for x in (each.q, each.dq, each.ddq)] for k in parts]
+            found.append(replace(each, load=np.concatenate([regressor(*motion) @ theta for motion in motions])))
+        return replace(self, stretches=tuple(found))
+
+    @property
+    def load(self) -> Array:
+        """The load (N, n) at all samples, zero if it is not known."""
+        return np.concatenate([np.zeros_like(s.q) if s.load is None else s.load for s in self.stretches])
 
     @property
     def W(self) -> Array:

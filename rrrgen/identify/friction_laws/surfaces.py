@@ -15,7 +15,8 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.friction.laws import LAWS, FrictionLaw
+from rrrgen.friction.law import FrictionLaw
+from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import NUMPY
 from rrrgen.model.drive_columns import STANDSTILL
 from rrrgen.model.drive_terms import KINDS, unit
@@ -30,13 +31,15 @@ BOUNDED = ("viscous", "coulomb", "viscous_p", "viscous_n", "coulomb_p", "coulomb
 class FrictionSurface:
     """Friction under ``law`` at the joint or motor whose parameter names end in ``owner``; ``shapes`` of the law.
 
-    ``direction`` w (n,): it slides at ``w dq``, and its friction f adds ``w f`` to the joint torques.
+    ``direction`` w (n,): it slides at ``w dq``, and its friction f adds ``w f`` to the joint torques. The torque of its
+    load is ``carried`` (n,) times the joint torques without friction.
     """
 
     owner: str
     direction: tuple[float, ...]
     law: str
     shapes: tuple[float, ...] = ()
+    carried: tuple[float, ...] = ()
 
     @property
     def definition(self) -> FrictionLaw:
@@ -65,17 +68,21 @@ class FrictionSurface:
             for p in self.definition.linear
         )
 
-    def factors(self, dq: Array, s: Array | None) -> Array:
+    def factors(self, dq: Array, s: Array | None, load: Array | None = None) -> Array:
         """The factors (N, k) of the linear parameters at the joint speeds ``dq`` (N, n), with directions ``s`` (N,).
 
         Without ``s``, or for a law without a state, s is the sign of the speed, which is 0 up to :data:`STANDSTILL`.
+        ``load`` (N, n) are the joint torques without friction, zero if not given.
         """
         speed = along(self.direction, dq)
         speed = np.where(np.abs(speed) > STANDSTILL, speed, 0.0)
         at = np.sign(speed) if s is None or not self.has_state else s
         law = self.definition
         assert law.factors is not None
-        return np.stack([factor + 0.0 * speed for factor in law.factors(NUMPY, speed, at, self.shapes)], axis=-1)
+        found = [factor + 0.0 * speed for factor in law.factors(NUMPY, speed, at, self.shapes)]
+        if law.has_load:
+            found.append(at * np.abs(along(self.carried, load)) if load is not None else 0.0 * speed)
+        return np.stack(found, axis=-1)
 
 
 def along(direction: Sequence[float], values: Array) -> Array:
@@ -83,14 +90,19 @@ def along(direction: Sequence[float], values: Array) -> Array:
     return np.asarray(sum(w * values[..., i] for i, w in enumerate(direction) if w))
 
 
-def law_columns(surfaces: Sequence[FrictionSurface], dq: Array, s: Array | None = None) -> Array:
-    """The columns (N, n, k) of all surfaces; ``s`` (N, m) are the directions of the m surfaces with a state."""
+def law_columns(
+    surfaces: Sequence[FrictionSurface], dq: Array, s: Array | None = None, load: Array | None = None
+) -> Array:
+    """The columns (N, n, k) of all surfaces; ``s`` (N, m) are the directions of the m surfaces with a state.
+
+    ``load`` (N, n) are the joint torques without friction, for laws that depend on the load.
+    """
     n, parts, state = dq.shape[-1], [], 0
     for surface in surfaces:
         own = None if s is None or not surface.has_state else s[..., state]
         state += int(surface.has_state)
         weights = np.array([surface.direction[i] for i in range(n)])
-        parts.append(weights[:, None] * surface.factors(dq, own)[..., None, :])
+        parts.append(weights[:, None] * surface.factors(dq, own, load)[..., None, :])
     return np.concatenate(parts, axis=-1) if parts else np.zeros((*dq.shape, 0))
 
 
@@ -134,10 +146,15 @@ def recursion(a: Array, b: Array) -> Array:
     return y
 
 
-def stated_laws(spec: Any) -> list[tuple[str, tuple[float, ...], LawSpec]]:
-    """Ending of the parameter names, direction (n,) and law of every joint and motor that states a friction law."""
-    owners = _owners(spec)
-    return [(owner, w, each.law) for owner, w, each in owners if each is not None and each.law is not None]
+def stated_laws(spec: Any) -> list[tuple[FrictionSurface, LawSpec]]:
+    """Every joint and motor that states a friction law, with the shapes of the law if it is separable, and the law."""
+    found = []
+    for owner, direction, carried, friction in _owners(spec):
+        if friction is not None and friction.law is not None:
+            law = LAWS[friction.law.name]
+            shapes = () if law.factors is None else tuple(law.split(friction.law.values)[1])
+            found.append((FrictionSurface(owner, direction, law.name, shapes, carried), friction.law))
+    return found
 
 
 def stated_surfaces(spec: Any) -> tuple[FrictionSurface, ...]:
@@ -145,20 +162,20 @@ def stated_surfaces(spec: Any) -> tuple[FrictionSurface, ...]:
 
     Raises InputError for a law that is not separable.
     """
-    found = []
-    for owner, direction, stated in stated_laws(spec):
-        law = LAWS[stated.name]
-        if law.factors is None:
+    found = tuple(surface for surface, _ in stated_laws(spec))
+    for surface in found:
+        if surface.definition.factors is None:
             fitted = ", ".join(name for name, each in LAWS.items() if each.factors is not None)
-            raise InputError(f"the friction law {law.name} cannot be fitted to a recording; {fitted} can")
-        found.append(FrictionSurface(owner, direction, law.name, tuple(law.split(stated.values)[1])))
-    return tuple(found)
+            raise InputError(f"the friction law {surface.law} cannot be fitted to a recording; {fitted} can")
+    return found
 
 
 def surfaces_with(spec: Any, law: str) -> tuple[FrictionSurface, ...]:
     """The joints and motors for which the robot file states friction, under ``law`` with its shapes yet unknown."""
     return tuple(
-        FrictionSurface(owner, direction, law) for owner, direction, friction in _owners(spec) if slides(friction)
+        FrictionSurface(owner, direction, law, carried=carried)
+        for owner, direction, carried, friction in _owners(spec)
+        if slides(friction)
     )
 
 
@@ -167,17 +184,19 @@ def slides(friction: FrictionSpec | None) -> bool:
     return friction is not None and (friction.viscous, friction.coulomb, friction.law) != (None, None, None)
 
 
-def _owners(spec: Any) -> list[tuple[str, tuple[float, ...], FrictionSpec | None]]:
-    """Ending of the parameter names, direction and friction of every joint and every coupled motor."""
+def _owners(spec: Any) -> list[tuple[str, tuple[float, ...], tuple[float, ...], FrictionSpec | None]]:
+    """Ending of the parameter names, direction, load and friction of every joint and every coupled motor."""
     if spec is None:  # a model of equations alone
         return []
-    found = [
-        (f"{i + 1}", tuple(float(w) for w in unit(i, spec.n)), joint.friction) for i, joint in enumerate(spec.joints)
-    ]
+    found = []
+    for i, joint in enumerate(spec.joints):
+        own = tuple(float(w) for w in unit(i, spec.n))
+        found.append((f"{i + 1}", own, own, joint.friction))
     if spec.drives is not None:
-        rows = spec.drives.motor_from_joint
+        rows, inverse = spec.drives.motor_from_joint, spec.drives.joint_from_motor
         for k, motor in enumerate(spec.drives.motors):
-            found.append((f"_{motor.name}", tuple(float(w) for w in rows.row(k)), motor.friction))
+            own, carried = (tuple(float(w) for w in values) for values in (rows.row(k), inverse.col(k)))
+            found.append((f"_{motor.name}", own, carried, motor.friction))
     return found
 
 

@@ -290,7 +290,7 @@ class DynamicFunctions(Calls):
         """
         return Energy(*self._evaluate("energy", (q, dq), beta, Ia, gravity))
 
-    def friction(self, dq: ArrayLike) -> Array:
+    def friction(self, dq: ArrayLike, tau_load: ArrayLike | None = None) -> Array:
         """Friction torques of the laws of the robot file, such as ``tau_f = fv dq + fc sgn(dq) + offset``.
 
         They add to the torques of the rigid body. Laws with a state are taken in steady sliding. Coupled motors add
@@ -298,28 +298,47 @@ class DynamicFunctions(Calls):
 
         Args:
             dq: joint velocities, (..., n), rad/s or m/s.
+            tau_load: torques without friction, (..., n), N m or N, as of :meth:`inverse_dynamics`; needed where a law
+                depends on the load.
 
         Returns:
             tau_f, (..., n), N m or N; zero where the file states no friction.
+
+        Raises:
+            ValueError: a law depends on the load and ``tau_load`` is missing.
         """
         if "friction" in self.derived.programs:
-            return self._call("friction", dq)
+            return self._call("friction", dq, *self._loads("friction", tau_load))
         port = Port("dq", (self.n,), meaning="joint velocities", role=Role.VELOCITY)
         return np.zeros_like(prepare("friction", [port], [dq], self.engine.dtype)[1][0])
 
-    def friction_with(self, dq: ArrayLike, friction: ArrayLike) -> Array:
+    def _loads(self, function: str, tau_load: ArrayLike | None) -> tuple[ArrayLike, ...]:
+        """The last argument of a friction ``function`` if a law depends on the load."""
+        if all(port.name != "tau_load" for port in self.derived.programs[function].inputs):
+            return ()
+        if tau_load is None:
+            raise ValueError(f"{function} needs tau_load: a friction law of this robot depends on the load")
+        return (tau_load,)
+
+    def friction_with(self, dq: ArrayLike, friction: ArrayLike, tau_load: ArrayLike | None = None) -> Array:
         """Friction torques under the laws of the robot file, with their parameters at run time.
 
         Args:
             dq: joint velocities, (..., n), rad/s or m/s.
             friction: friction parameters, (k,) or (..., k), SI units, in the order of ``friction_parameter_names``.
+            tau_load: torques without friction, (..., n), N m or N; needed where a law depends on the load.
 
         Returns:
             tau_f, (..., n), N m or N.
-        """
-        return self._call("friction_with", dq, friction)
 
-    def smooth_friction(self, dq: ArrayLike, friction: ArrayLike, width: ArrayLike) -> Array:
+        Raises:
+            ValueError: a law depends on the load and ``tau_load`` is missing.
+        """
+        return self._call("friction_with", dq, friction, *self._loads("friction_with", tau_load))
+
+    def smooth_friction(
+        self, dq: ArrayLike, friction: ArrayLike, width: ArrayLike, tau_load: ArrayLike | None = None
+    ) -> Array:
         """Friction torques as :meth:`friction_with`, with tanh(s / width) in place of sgn(s).
 
         Args:
@@ -327,11 +346,16 @@ class DynamicFunctions(Calls):
             friction: friction parameters, (k,) or (..., k), SI units, in the order of ``friction_parameter_names``.
             width: speeds over which the sign turns round, one for each joint and motor with friction, (s,) or (..., s),
                 rad/s or m/s, or one number for all.
+            tau_load: torques without friction, (..., n), N m or N; needed where a law depends on the load.
 
         Returns:
             tau_f, (..., n), N m or N.
+
+        Raises:
+            ValueError: a law depends on the load and ``tau_load`` is missing.
         """
-        return self._call("smooth_friction", dq, friction, self._widths(width))
+        loads = self._loads("smooth_friction", tau_load)
+        return self._call("smooth_friction", dq, friction, self._widths(width), *loads)
 
     def _widths(self, width: ArrayLike) -> Array:
         """``width`` for each joint and motor with friction."""
@@ -348,7 +372,9 @@ class DynamicFunctions(Calls):
         """The friction parameters of the robot file, (k,), SI units, in the order of their names; 0 if it is silent."""
         return read_only(np.array([float(value) for _, value in friction_parameters(self.spec)]))
 
-    def friction_step(self, dq: ArrayLike, z: ArrayLike, Ts: ArrayLike) -> FrictionStep:
+    def friction_step(
+        self, dq: ArrayLike, z: ArrayLike, Ts: ArrayLike, tau_load: ArrayLike | None = None
+    ) -> FrictionStep:
         """One period of the friction laws with a state, exact for constant dq: the next state and the torques.
 
         Args:
@@ -356,14 +382,17 @@ class DynamicFunctions(Calls):
             z: states of the laws that have one, (..., s), rad or m, zero at first: bristle deflections at those joints
                 and coupled motors, in the order of the robot file.
             Ts: the period, (...), s.
+            tau_load: torques without friction, (..., n), N m or N; needed where a law depends on the load.
 
         Returns:
             The named tuple (z_next, tau_f): the states after the period, (..., s), rad or m, and the friction torques
             of all joints, (..., n), N m or N.
 
         Raises:
-            ValueError: no friction law of this robot has a state.
+            ValueError: no friction law of this robot has a state, or one depends on the load and ``tau_load`` is
+                missing.
         """
         if "friction_step" not in self.derived.programs:
             raise ValueError("no friction law of this robot has a state: friction(dq) states it all")
-        return FrictionStep(*self.engine.call("friction_step", (dq, z, Ts)))
+        loads = self._loads("friction_step", tau_load)
+        return FrictionStep(*self.engine.call("friction_step", (dq, z, Ts, *loads)))

@@ -98,6 +98,11 @@ def motor_speeds(spec: RobotSpec, dq: Array) -> Array:
     return np.asarray(np.linalg.solve(coupling, dq.T).T * gears)
 
 
+def motor_loads(spec: RobotSpec, tau: Array) -> Array:
+    """Torques (N, n) that coupled motors carry when the joints carry ``tau`` (N, n): both have the same power."""
+    return np.asarray(np.linalg.solve(motor_speeds(spec, np.eye(spec.n)), tau.T).T)
+
+
 def nominal_parameters(spec: RobotSpec) -> Array | None:
     """Standard parameters (n, 10) of the description's links, or None where it has none.
 

@@ -11,8 +11,8 @@ from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
 from rrrgen.verify.references.chain import Array
 
 
-def sliding(friction: FrictionSpec | None, v: Array, width: float = 0.0) -> Array:
-    """Friction torque at the speeds ``v`` (N,); laws with a state after long motion at a constant speed.
+def sliding(friction: FrictionSpec | None, v: Array, width: float = 0.0, load: Array | float = 0.0) -> Array:
+    """Friction torque at the speeds ``v`` (N,) under ``load`` (N,); laws with a state after long motion at one speed.
 
     ``width`` > 0 replaces sgn(v) by tanh(v / width), in |v| = v sgn(v) too.
     """
@@ -22,7 +22,7 @@ def sliding(friction: FrictionSpec | None, v: Array, width: float = 0.0) -> Arra
     s = np.tanh(v / width) if width else np.sign(v)
     if friction.law is None:
         return (friction.viscous or 0.0) * v + (friction.coulomb or 0.0) * s + offset
-    return np.asarray(_law(friction.law, v, s, v * s) + offset)
+    return np.asarray(_law(friction.law, v, s, v * s, load) + offset)
 
 
 def changed(friction: FrictionSpec) -> FrictionSpec:
@@ -47,11 +47,20 @@ def parameters_of(friction: FrictionSpec) -> list[float]:
 def has_state(friction: FrictionSpec | None) -> bool:
     """Whether the law has a state."""
     return (
-        friction is not None and friction.law is not None and friction.law.name in ("dahl", "dahl_exponential", "lugre")
+        friction is not None
+        and friction.law is not None
+        and friction.law.name in ("dahl", "dahl_exponential", "dahl_load_dependent", "lugre")
     )
 
 
-def stepped(friction: FrictionSpec, v: Array, z: Array, period: float) -> tuple[Array, Array]:
+def has_load(friction: FrictionSpec | None) -> bool:
+    """Whether the law depends on the load."""
+    return friction is not None and friction.law is not None and friction.law.name.endswith("load_dependent")
+
+
+def stepped(
+    friction: FrictionSpec, v: Array, z: Array, period: float, load: Array | float = 0.0
+) -> tuple[Array, Array]:
     """State after ``period`` s at the constant speeds ``v`` (N,) from the states ``z`` (N,), and the torque then."""
     law = friction.law
     assert law is not None
@@ -62,17 +71,17 @@ def stepped(friction: FrictionSpec, v: Array, z: Array, period: float) -> tuple[
         after = _relaxed(z, level * np.sign(v), np.abs(v) / level * period)
         return after, sigma0 * after + sigma1 * (after - z) / period + viscous * v + offset
     after = _relaxed(z, p[-1] * np.sign(v), np.abs(v) / p[-1] * period)
-    return after, np.asarray(_law(law, v, after / p[-1], np.abs(v)) + offset)
+    return after, np.asarray(_law(law, v, after / p[-1], np.abs(v), load) + offset)
 
 
 def _relaxed(z: Array, final: Array, decay: Array) -> Array:
     return final + (z - final) * np.exp(-decay)
 
 
-def _law(law: LawSpec, v: Array, s: Array, size: Array) -> Any:
+def _law(law: LawSpec, v: Array, s: Array, size: Array, load: Array | float) -> Any:
     """The formula of a law with the direction ``s`` (N,): the sign of the speed, or the state over its last value.
 
-    ``size`` (N,) is |v|.
+    ``size`` (N,) is |v|, ``load`` (N,) the torque of the load.
     """
     p = np.array(law.values)
     match law.name:
@@ -90,6 +99,10 @@ def _law(law: LawSpec, v: Array, s: Array, size: Array) -> Any:
             return p[0] * s + p[1] * v
         case "dahl_exponential":
             return (p[0] * np.exp(-size / p[4]) + p[1]) * s + (p[2] + p[3] * size) * v
+        case "load_dependent":
+            return (p[0] + p[2] * np.abs(load)) * s + p[1] * v
+        case "dahl_load_dependent":
+            return (p[0] * np.exp(-size / p[5]) + p[1] + p[4] * np.abs(load)) * s + (p[2] + p[3] * size) * v
         case "logistic":
             return p[0] / (1 + np.exp(-p[1] * (v + p[2]))) - p[0] / (1 + np.exp(-p[1] * p[2]))
         case "neural":

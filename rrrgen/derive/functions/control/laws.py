@@ -9,7 +9,8 @@ With ``e = q_d - q`` and the state z of the integral action, which the caller ow
     slotine_li       tau = M(q) a + C(q, dq) v + g(q) - k s + f(dq_d),  beta' = -gamma Y' s,
                      v = dq_d + lam e,  a = ddq_d + lam e',  s = dq - v
 
-Friction f is taken at the desired speed: at rest the sign of a measured speed is noise. Torques are limited to
+Friction f is taken at the desired speed: at rest the sign of a measured speed is noise. The load of a law that depends
+on it is the torque before friction. Torques are limited to
 ``tau_max``; an integral does not grow into the limit of its joint, and parameters are not adapted while a joint is at
 its limit. (14.34) is from Kostic, de Jager and Steinbuch, chapter 14 of the Robotics and Automation Handbook (CRC
 Press, 2005).
@@ -56,16 +57,19 @@ class _Loop:
         return add(total, _times(self.gains["ki"], self.z))
 
     def limited(self, tau: Vector) -> tuple[Vector, Vector]:
-        """``tau`` with friction at the desired speed, limited; and for each joint 1 at the limit, else 0."""
+        """``tau`` with friction at the desired speed, limited; and for each joint 1 at the limit, else 0.
+
+        The load of the friction is ``tau``.
+        """
         friction = RunTimeFriction.declared(self.r, smooth=True)
-        tau = add(tau, friction.torques(self.dq_d))
+        tau = add(tau, friction.torques(self.dq_d, tau))
         tau_max = self.r.extra("tau_max", (self.r.n,), self.r.torque_unit, "largest torques; INFINITY for none")
         return limited(self.r.builder, tau, tau_max)
 
     def program(self, name: str, tau: Vector, summary: str, formula: str) -> Program:
         """The law ``name`` with integral action, from its torques before friction and limits."""
         r, b = self.r, self.r.builder
-        unlimited = add(tau, RunTimeFriction.declared(r, smooth=True).torques(self.dq_d))
+        unlimited = add(tau, RunTimeFriction.declared(r, smooth=True).torques(self.dq_d, tau))
         held, at_limit = self.limited(tau)
         (Ts,) = r.extra("Ts", (), "s", "period")
         grown = add(self.z, scale(Ts, self.e))
