@@ -35,7 +35,8 @@ convention: standard
 units: {angle: deg, length: m}
 gravity: [0, 0, -9.81]
 joints:
-  - {name: a, type: revolute, alpha: 0, a: 1, d: 0, theta: 0, friction: {viscous: 1}, drive: {inertia: 0.1}}
+  - {name: a, type: revolute, alpha: 0, a: 1, d: 0, theta: 0, drive: {inertia: 0.1},
+     friction: {law: load_dependent, coulomb: 1, viscous: 1, load_ratio: 0.1}}
   - {name: b, type: prismatic, alpha: 0, a: 0, d: 0, theta: 0,
      friction: {law: lugre, sigma0: 1e5, sigma1: 300, stiction_excess: 1, coulomb: 2, viscous: 1, stribeck_speed: 0.1}}
 """
@@ -69,7 +70,7 @@ def test_arguments_and_results(name):
         outputs = [port.name for port in program.outputs]
         taken = arguments(method)
         assert [argument for argument in taken if argument in inputs] == inputs, function
-        assert set(taken) - set(inputs) <= {"beta", "Ia", "gravity"}, (
+        assert set(taken) - set(inputs) <= {"beta", "Ia", "gravity", "tau_load"}, (
             f"{function}: parameters that this robot does not have"
         )
         prototyped = re.findall(r"(\w+)(?:\[[^]]*\])?[,)]", prototype(program, Dialect(name, "double")))
