@@ -180,3 +180,45 @@ def test_trapezoidal_motion_keeps_its_limits_and_is_the_fastest(motions, way):
         assert pytest.approx(W + B / W if W * W >= B else 2 * np.sqrt(B)) == T
     else:
         assert T == 0
+
+
+LOADED = """schema: rrrgen/1
+name: loaded
+convention: standard
+units: {angle: rad, length: m}
+gravity: [0, -9.81, 0]
+joints:
+  - {name: a, type: revolute, alpha: 0, a: 1, d: 0, friction: {law: load_dependent, load_ratio: 0.1}}
+  - {name: b, type: revolute, alpha: 0, a: 1, d: 0, friction: {law: load_dependent, load_ratio: 0.2}}
+"""
+
+
+def test_the_load_of_friction_is_the_torque_before_it():
+    """Laws compensate friction under the torque they command, the observer under the weight; retyped from the law."""
+    recorded = derive_model(loads_spec(LOADED), ("control", "observer"))
+    rng = np.random.default_rng(0)
+    p = rng.uniform(0.1, 1, (2, 4))  # coulomb, viscous, load_ratio, offset
+
+    def run(name, friction):
+        program = recorded.alternatives[name][0]
+        rng = np.random.default_rng(1)
+        values = {port.name: rng.uniform(0.5, 2, port.shape) for port in program.inputs}
+        values |= {"friction": friction.ravel(), "tau_max": np.full(2, np.inf)}
+        found = evaluate(program, *(values[port.name] for port in program.inputs))
+        return found, values
+
+    def law(speed, width, load):
+        s = np.tanh(speed / width)
+        return (p[:, 0] + p[:, 2] * np.abs(load)) * s + p[:, 1] * speed + p[:, 3]
+
+    for name in ("pd_gravity", "feedforward", "computed_torque", "slotine_li"):
+        (before, *_), (after, *_) = run(name, np.zeros((2, 4)))[0], run(name, p)[0]
+        values = run(name, p)[1]
+        close(after - before, law(values["dq_d"], values["width"], before))
+    (_, before), values = run("momentum_observer_start", np.zeros((2, 4)))
+    (_, after), _ = run("momentum_observer_start", p)
+    difference = before - after - law(values["dq"], values["width"], 0.0)
+    share = difference / (p[:, 2] * np.tanh(values["dq"] / values["width"]))
+    model = derive_model(loads_spec(LOADED)).alternatives["gravity"][0]
+    (weight,) = evaluate(model, *(values[port.name] for port in model.inputs))
+    close(share, np.abs(weight))

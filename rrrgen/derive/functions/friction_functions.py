@@ -140,6 +140,11 @@ class RunTimeFriction:
         widths = r.extra("width", (len(surfaces),), "rad/s | m/s", meaning) if smooth else None
         return RunTimeFriction(r, values, widths)
 
+    @property
+    def has_load(self) -> bool:
+        """Whether a law depends on the load."""
+        return any(surface.has_load for surface in self.values)
+
     def torques(self, dq: Sequence[Any], load: Sequence[Any] | None = None) -> list[Any]:
         """The friction torques (n,) at the joint velocities ``dq`` (n,) under the joint torques ``load`` (n,).
 

@@ -33,9 +33,9 @@ def _momentum_and_torques(r: Recording, further: tuple[str, ...] = ()) -> tuple[
         r.joints(name)
     inertias, drives = r.inertias(), r.drive_inertia()
     p, transposed = momentum.momentum_and_coriolis_transpose(chain, dq, inertias)
-    weight = composite.gravity(chain, inertias)
-    friction = RunTimeFriction.declared(r, smooth=True).torques(dq, weight)
-    u = subtract(subtract(transposed, weight), friction)
+    laws = RunTimeFriction.declared(r, smooth=True)
+    friction = laws.torques(dq, composite.gravity(chain, inertias) if laws.has_load else ())
+    u = subtract(subtract(transposed, composite.gravity(chain, inertias)), friction)
     return drives.added_to_momentum(p, dq), u
 
 
