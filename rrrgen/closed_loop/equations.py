@@ -38,17 +38,20 @@ class _Directed:
 
 @dataclass(frozen=True, eq=False)
 class LoopEquations:
-    """Mass matrix, load and friction of the model of ``regressor``; raises InputError for laws with a state."""
+    """Mass matrix, load and friction of the model of ``regressor``; raises InputError for laws with a state
+    and laws that depend on the load.
+    """
 
     regressor: FullRegressor
 
     def __post_init__(self) -> None:
-        stateful = [surface.law for surface in self.regressor.surfaces if surface.has_state]
-        if stateful:
-            raise InputError(
-                f"the friction law {stateful[0]} has a state and cannot be fitted in closed loop; "
-                "asymmetric_exponential, exponential, stribeck, asymmetric and neural can"
-            )
+        for surface in self.regressor.surfaces:
+            if surface.has_state or surface.definition.has_load:
+                reason = "has a state" if surface.has_state else "depends on the load"
+                raise InputError(
+                    f"the friction law {surface.law} {reason} and cannot be fitted in closed loop; "
+                    "asymmetric_exponential, exponential, stribeck, asymmetric and neural can"
+                )
 
     @property
     def n(self) -> int:

@@ -44,16 +44,16 @@ class ClosedLoopValidation:
 def stated_equations(model: Any) -> tuple[LoopEquations, Array]:
     """The equations of a robot file with links, and the values of their parameters.
 
-    ``model`` is a compiled robot. Raises InputError for friction laws that are not separable or have a state.
+    ``model`` is a compiled robot. Raises InputError for friction laws that are not separable, have a state or depend on the
+    load.
     """
     spec = model.spec
     equations = LoopEquations(FullRegressor(model, DriveTerms.of_spec(spec), stated_surfaces(spec)))
     known = dict(zip(model.base_parameter_names, np.asarray(model.beta, float).tolist(), strict=True))
     known |= {term.name: term.value for term in drive_terms(spec)}
-    surfaces = {each.owner: each.definition for each in equations.regressor.surfaces}
-    for owner, _, stated in stated_laws(spec):
-        names = (parameter.name for parameter in surfaces[owner].parameters)
-        known |= {f"{name}{owner}": value for name, value in zip(names, stated.values, strict=True)}
+    for surface, stated in stated_laws(spec):
+        names = (parameter.name for parameter in surface.definition.parameters)
+        known |= {f"{name}{surface.owner}": value for name, value in zip(names, stated.values, strict=True)}
     return equations, np.array([known[name] for name in equations.names])
 
 
