@@ -44,8 +44,8 @@ class ClosedLoopValidation:
 def stated_equations(model: Any) -> tuple[LoopEquations, Array]:
     """The equations of a robot file with links, and the values of their parameters.
 
-    ``model`` is a compiled robot. Raises InputError for friction laws that are not separable, have a state or depend on the
-    load.
+    ``model`` is a compiled robot. Raises InputError for friction laws that are not separable, have a state or depend on
+    the load.
     """
     spec = model.spec
     equations = LoopEquations(FullRegressor(model, DriveTerms.of_spec(spec), stated_surfaces(spec)))
