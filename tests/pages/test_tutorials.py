@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PARTS = re.compile(r"(?:^`(?P<file>[\w./-]+)`:\n\n)?^```(?P<language>\w+)\n(?P<text>.*?)^```", re.S | re.M)
 
 
-@pytest.mark.parametrize("page", ["first-model", "first-identification"])
+@pytest.mark.parametrize("page", ["first-model", "first-identification", "first-calibration"])
 def test_every_line_of_the_tutorial_runs(page: str, tmp_path: Path) -> None:
     programs = tmp_path / "bin"
     programs.mkdir()
