@@ -12,6 +12,6 @@ def source(name: str) -> str:
     return (Path(__file__).parent / name).read_text(encoding="utf-8")
 
 
-def render(name: str, **values: str) -> str:
+def render(name: str, **values: object) -> str:
     """The template ``name`` beside this file, filled with ``values``."""
     return environment().from_string(source(name)).render(**values)

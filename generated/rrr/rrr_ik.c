@@ -437,9 +437,17 @@ static int rrr_ik_repeated(rrr_ik_solutions *out, int i)
     return 0;
 }
 
-/* What is wrong with the numbers of a target, and a copy of it with an exact rotation in T. Its numbers are taken to be as
- * accurate as its rotation is orthonormal, and never better than some units of rounding. */
-static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref, rrr_real T[3], rrr_real *accuracy)
+/* How accurate the numbers of a target are taken to be: as its rotation is orthonormal, and never better than some units
+ * of rounding. Asked only where a joint may be free, so that other targets do not pay for it. */
+static rrr_real rrr_ik_accuracy(const rrr_real *target)
+{
+    const rrr_real rounding = (rrr_real)64.0 * RRR_IK_TOL_EPS;
+    (void)target;
+    return rounding;
+}
+
+/* What is wrong with the numbers of a target, and a copy of it with an exact rotation in T. */
+static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref, rrr_real T[3])
 {
     rrr_real sum = (rrr_real)0;
     int i;
@@ -453,7 +461,6 @@ static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref,
     if (!(sum <= (rrr_real)0)) {
         return RRR_IK_NOT_FINITE;
     }
-    *accuracy = (rrr_real)64.0 * RRR_IK_TOL_EPS;
     return RRR_IK_OK;
 }
 
@@ -645,9 +652,9 @@ rrr_ik_status rrr_inverse_kinematics(
 {
     static const rrr_real zero[3] = {(rrr_real)0};
     const rrr_real *const ref = q_ref ? q_ref : zero;
-    rrr_real T[3], accuracy;
+    rrr_real T[3];
     rrr_ik_solutions *const found = out;
-    const rrr_ik_status status = rrr_ik_check(target, q_ref, T, &accuracy);
+    const rrr_ik_status status = rrr_ik_check(target, q_ref, T);
     int rows, i, outside;
     out->count = 0;
     out->stage = 0;
@@ -664,7 +671,7 @@ rrr_ik_status rrr_inverse_kinematics(
     if (rrr_ik_sound(found, rows)) {
         out->count = rows;
     } else {
-        rrr_ik_reopen_branches(T, ref, options, accuracy, found, rows);
+        rrr_ik_reopen_branches(T, ref, options, rrr_ik_accuracy(target), found, rows);
         for (i = 0; i < rows; ++i) {
             rrr_ik_keep(T, options, found, i, out);
         }
@@ -727,8 +734,8 @@ rrr_ik_status rrr_closest(
 {
     static const rrr_real zero[3] = {(rrr_real)0};
     const rrr_real *const ref = q_ref ? q_ref : zero;
-    rrr_real T[3], accuracy;
-    rrr_ik_status status = rrr_ik_check(target, q_ref, T, &accuracy);
+    rrr_real T[3];
+    rrr_ik_status status = rrr_ik_check(target, q_ref, T);
     out->count = 0;
     out->stage = 0;
     out->distance = (rrr_real)0;

@@ -31,7 +31,7 @@
  *   TRANSFORMS, FIXED, OFFSET_VALUES, LOWER, UPPER   tables of the chain
  *   DH, DH_TURN, DH_SLIDE, DH_BEFORE, DH_AFTER, DH_SHIFTS, FREE_K, LENGTH, PER_LENGTH, PASSES, PASS, PASS_NOISE
  *                        tables of the elimination for six joints
- *   BAND, HELD, LOCK, REDUNDANCY, ACCURACY, TARGET ..._PARAMETER, ..._FIRST, ..._K, ..._RESULT, NO_..., NONE_...
+ *   BAND, HELD, LOCK, REDUNDANCY, TARGET ..._PARAMETER, ..._FIRST, ..._K, NO_..., NONE_...
  *                        optional parameters and arguments with the comma that joins them to the others, or nothing
  *   VALUE_...            tolerances, from rrrgen/ik/tolerances.py; VALUE_REACH, ROUNDING_UNITS, FAR_AWAY: sizes of the arm
  *   STEPS                Gauss-Newton steps for a candidate
@@ -114,7 +114,8 @@ void ik_move(const ik_solutions *from, int i, ik_solutions *out, int to);
 void ik_sort(const REAL *ref, ik_solutions *out);
 int ik_repeated(ik_solutions *out, int i);
 /* target.c, descend.c */
-ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, REAL T[TARGET] ACCURACY_PARAMETER);
+ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, REAL T[TARGET]);
+REAL ik_accuracy(const REAL *target);
 int ik_far(const REAL *T);
 int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions *out);
 /* open.c, and reopen.c for each list of candidates */

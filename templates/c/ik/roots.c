@@ -75,15 +75,19 @@ LOCAL int ik_linear(REAL *a, REAL *b, REAL *k, REAL w2, REAL unit, REAL ref, REA
 LOCAL unsigned ik_unit(REAL *c, REAL *s, REAL least, unsigned open, unsigned none)
 {
     const REAL h2 = *c * *c + *s * *s;
-    if (h2 <= IK_TOL_DOUBT * IK_TOL_DOUBT && h2 <= least * least) {
-        return none;
+    unsigned flags = 0u;
+    if (h2 <= IK_TOL_DOUBT * IK_TOL_DOUBT) {
+        if (h2 <= least * least) {
+            return none;
+        }
+        flags = open;
     }
     {
         const REAL i = (REAL)1 / SQRT(h2);
         *c *= i;
         *s *= i;
     }
-    return h2 > IK_TOL_DOUBT * IK_TOL_DOUBT ? 0u : open;
+    return flags;
 }
 #endif
 #if NEEDS_QUARTIC || NEEDS_POWER4

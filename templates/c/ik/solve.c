@@ -6,13 +6,13 @@ ik_status robot_inverse_kinematics(
 {
     static const REAL zero[JOINTS] = {(REAL)0};
     const REAL *const ref = q_ref ? q_ref : zero;
-    REAL T[TARGET] ACCURACY;
+    REAL T[TARGET];
 #if SINGLE
     ik_solutions *const found = out;
 #else
     ik_solutions candidates, *const found = &candidates;
 #endif
-    const ik_status status = ik_check(target, q_ref REDUNDANCY, T ACCURACY_RESULT);
+    const ik_status status = ik_check(target, q_ref REDUNDANCY, T);
     int rows, i, outside;
 #if BANDED
     unsigned near = 0u;
@@ -34,7 +34,7 @@ ik_status robot_inverse_kinematics(
         out->count = rows;
     } else {
 #if BRANCHES_OPEN
-        ik_reopen_branches(T, ref REDUNDANCY, options, accuracy, found, rows);
+        ik_reopen_branches(T, ref REDUNDANCY, options, ik_accuracy(target), found, rows);
 #endif
         for (i = 0; i < rows; ++i) {
             ik_keep(T, options, found, i, out);
@@ -42,7 +42,7 @@ ik_status robot_inverse_kinematics(
     }
 #else
 #if BRANCHES_OPEN
-    ik_reopen_branches(T, ref REDUNDANCY, options, accuracy, found, rows);
+    ik_reopen_branches(T, ref REDUNDANCY, options, ik_accuracy(target), found, rows);
 #endif
     for (i = 0; i < rows; ++i) {
 #if BANDED
@@ -54,7 +54,7 @@ ik_status robot_inverse_kinematics(
 #if COMPANION
     rows = ik_nearby(T, ref REDUNDANCY, IK_TOL_SLACK, IK_TOL_FREE NO_BAND, found, &out->stage);
 #if NEARBY_OPEN
-    ik_reopen_nearby(T, ref REDUNDANCY, options, accuracy, found, rows);
+    ik_reopen_nearby(T, ref REDUNDANCY, options, ik_accuracy(target), found, rows);
 #endif
     for (i = 0; i < rows; ++i) {
         near |= found->flags[i] & IK_NEAR;
@@ -138,8 +138,8 @@ ik_status robot_closest(
 {
     static const REAL zero[JOINTS] = {(REAL)0};
     const REAL *const ref = q_ref ? q_ref : zero;
-    REAL T[TARGET] ACCURACY;
-    ik_status status = ik_check(target, q_ref REDUNDANCY, T ACCURACY_RESULT);
+    REAL T[TARGET];
+    ik_status status = ik_check(target, q_ref REDUNDANCY, T);
     out->count = 0;
     out->stage = 0;
     out->distance = (REAL)0;

@@ -1,12 +1,39 @@
 /* The numbers of a target: what is wrong with them, and whether it is absurdly far away. Needs tolerances.c. */
 #include "kernel.h"
-#if OPENED
-/* What is wrong with the numbers of a target, and a copy of it with an exact rotation in T. Its numbers are taken to be as
- * accurate as its rotation is orthonormal, and never better than some units of rounding. */
-#else
-/* What is wrong with the numbers of a target, and a copy of it with an exact rotation in T. */
+#if !POSITION
+/* By how much the rotation of a target is not orthonormal: products of its first two columns, then its third column
+ * against their cross product. Returns the sum of the magnitudes. */
+LOCAL_INLINE REAL ik_defect(const REAL *T, REAL *xx, REAL *yy, REAL *xy)
+{
+    const REAL zx = T[4] * T[9] - T[8] * T[5] - T[2];
+    const REAL zy = T[8] * T[1] - T[0] * T[9] - T[6];
+    const REAL zz = T[0] * T[5] - T[4] * T[1] - T[10];
+    *xx = T[0] * T[0] + T[4] * T[4] + T[8] * T[8] - (REAL)1;
+    *yy = T[1] * T[1] + T[5] * T[5] + T[9] * T[9] - (REAL)1;
+    *xy = T[0] * T[1] + T[4] * T[5] + T[8] * T[9];
+    return FABS(*xx) + FABS(*yy) + FABS(*xy) + FABS(zx) + FABS(zy) + FABS(zz);
+}
+
 #endif
-LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, REAL T[TARGET] ACCURACY_PARAMETER)
+#if OPENED
+/* How accurate the numbers of a target are taken to be: as its rotation is orthonormal, and never better than some units
+ * of rounding. Asked only where a joint may be free, so that other targets do not pay for it. */
+LOCAL REAL ik_accuracy(const REAL *target)
+{
+    const REAL rounding = (REAL)ROUNDING_UNITS * IK_TOL_EPS;
+#if POSITION
+    (void)target;
+    return rounding;
+#else
+    REAL xx, yy, xy;
+    const REAL defect = ik_defect(target, &xx, &yy, &xy);
+    return defect > rounding ? defect : rounding;
+#endif
+}
+
+#endif
+/* What is wrong with the numbers of a target, and a copy of it with an exact rotation in T. */
+LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, REAL T[TARGET])
 {
 #if REDUNDANT
     REAL sum = lock * (REAL)0;
@@ -24,24 +51,13 @@ LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, R
     if (!(sum <= (REAL)0)) {
         return IK_NOT_FINITE;
     }
-#if OPENED
-    *accuracy = (REAL)ROUNDING_UNITS * IK_TOL_EPS;
-#endif
 #if !POSITION
     {
-        const REAL xx = T[0] * T[0] + T[4] * T[4] + T[8] * T[8] - (REAL)1;
-        const REAL yy = T[1] * T[1] + T[5] * T[5] + T[9] * T[9] - (REAL)1;
-        const REAL xy = T[0] * T[1] + T[4] * T[5] + T[8] * T[9];
-        const REAL zx = T[4] * T[9] - T[8] * T[5] - T[2];
-        const REAL zy = T[8] * T[1] - T[0] * T[9] - T[6];
-        const REAL zz = T[0] * T[5] - T[4] * T[1] - T[10];
-        const REAL defect = FABS(xx) + FABS(yy) + FABS(xy) + FABS(zx) + FABS(zy) + FABS(zz);
+        REAL xx, yy, xy;
+        const REAL defect = ik_defect(T, &xx, &yy, &xy);
         if (!(defect <= IK_TOL_ORTHONORMAL)) {
             return IK_NOT_A_ROTATION;
         }
-#if OPENED
-        *accuracy = defect > *accuracy ? defect : *accuracy;
-#endif
         if (defect > (REAL)64 * IK_TOL_EPS) { /* the nearest rotation, to first order */
             for (i = 0; i < 3; ++i) {
                 const REAL x = T[4 * i], y = T[4 * i + 1];
