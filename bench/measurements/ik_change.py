@@ -109,7 +109,15 @@ def _instructions(program: Path, targets: Path) -> float:
     """Instructions of one call by callgrind: those of a run, without those of reading the targets."""
     totals = []
     for what in ("read", "solve"):
-        command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", program, targets, what, str(CALLS)]
+        command = [
+            "valgrind",
+            "--tool=callgrind",
+            "--callgrind-out-file=/dev/null",
+            str(program),
+            str(targets),
+            what,
+            str(CALLS),
+        ]
         said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
         totals.append(int(said.rsplit("Collected :", 1)[1].split()[0]))
     return (totals[1] - totals[0]) / CALLS
