@@ -80,7 +80,8 @@ def test_robot_files_on_the_pages_are_right(tmp_path):
             if block.startswith("schema: rrrgen/1\n"):
                 file = tmp_path / f"{page.stem}{found}.yaml"
                 file.write_text(block, encoding="utf-8")
-                assert load_spec(file).faults == ()
+                # an arm as it was built has small numbers, which are warned of: they may be slips in another unit
+                assert all("lengths below 1 mm" in fault.message for fault in load_spec(file).faults)
                 found += 1
     assert found
 
