@@ -6,15 +6,14 @@ import base64
 import hashlib
 from typing import Any
 
-from rrrgen.backends.comments import plain, wrapped
 from rrrgen.backends.description import title
 from rrrgen.export.archives import zip_archive
+from rrrgen.export.calls import described_functions, loops
 from rrrgen.export.code import Code, emitted_code
 from rrrgen.export.interface import Contents, Exported, Exporter, ExportOptions
 from rrrgen.export.platforms import platforms, shared_library
 from rrrgen.ik.answers import most_rows, reasons_of
 from rrrgen.output.writer import as_bytes
-from rrrgen.program import Port, Program, Role
 from rrrgen.resources import render
 from rrrgen.robotfile.robot_spec import RobotSpec
 
@@ -25,14 +24,13 @@ def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
     chosen = platforms(options.platforms)
     code = emitted_code(spec, options.real)
     values = _values(code)
-    calls = {f"{spec.name}_calls.c": render("wheel/calls.c.j2", **values)}
     files: dict[str, Contents] = {}
     for platform in chosen:
         library = f"{values['package']}{platform.suffix}"
         package: dict[str, Contents] = {
             "__init__.py": render("wheel/module.py.j2", **values, library=library),
             "py.typed": "",
-            library: shared_library(code.files | calls, platform),
+            library: shared_library(code.files | loops(code), platform),
         }
         files[_file_name(values, platform.tag)] = _wheel(values, platform.tag, package)
     readme = render("wheel/README.md.j2", **values, wheels=list(files))
@@ -49,40 +47,10 @@ def _values(code: Code) -> dict[str, Any]:
         "release": f"{code.identity.tool_version}+{hashed[:_HASH_DIGITS]}",
         "title": title(spec),
         "description": spec.description,
-        "functions": [_function(code, program) for program in code.programs.values()],
+        "functions": described_functions(code),
         "rows": most_rows(code.plan) if solved else 0,
         "reasons": reasons_of(code.plan) if solved else (),
     }
-
-
-def _function(code: Code, program: Program) -> dict[str, Any]:
-    """A function for the templates; an input has a default where the robot file has its numbers."""
-    stated = code.programs.get("nominal_parameters"), code.programs.get("nominal_friction")
-    nominal = {port.role: nominal.name for nominal in stated if nominal for port in nominal.data_outputs}
-    defaults = {port.name: nominal[port.role] for port in program.inputs if port.role in nominal}
-    order = sorted(program.inputs, key=lambda port: port.name in defaults)
-    return {
-        "program": program,
-        "inputs": order,
-        "defaults": {name: (source, _place(code, source, program, name)) for name, source in defaults.items()},
-        "summary": wrapped(program.summary or program.name.replace("_", " ")),
-        "formula": [plain(line) for line in program.formula.splitlines()],
-        "told": [(port.name, _told(port)) for port in order],
-        "results": [
-            (p.name, plain(", ".join(filter(None, (p.meaning, p.unit, p.frame))))) for p in program.data_outputs
-        ],
-    }
-
-
-def _told(port: Port) -> str:
-    return plain(", ".join(filter(None, (port.meaning, port.unit, port.frame))))
-
-
-def _place(code: Code, source: str, program: Program, name: str) -> str:
-    """Which part of the result of ``source`` is the default of an input; "" for the whole of a single one."""
-    role: Role = next(port.role for port in program.inputs if port.name == name)
-    outputs = code.programs[source].data_outputs
-    return "" if len(outputs) == 1 else f".{next(port.name for port in outputs if port.role is role)}"
 
 
 def _file_name(values: dict[str, Any], tag: str) -> str:

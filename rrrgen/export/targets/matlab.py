@@ -1,0 +1,71 @@
+"""MATLAB and Octave: a MEX function with a package of functions around it, and C for blocks of Simulink."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rrrgen.backends.description import title
+from rrrgen.export.calls import described_functions, loops
+from rrrgen.export.code import Code, emitted_code
+from rrrgen.export.interface import Contents, Exported, Exporter, ExportOptions
+from rrrgen.ik.answers import most_rows
+from rrrgen.program import Port
+from rrrgen.resources import render
+from rrrgen.robotfile.robot_spec import RobotSpec
+
+
+def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
+    code = emitted_code(spec)
+    name, values = spec.name, _values(code)
+    files: dict[str, Contents] = {f"src/{file}": text for file, text in (code.files | loops(code)).items()}
+    files[f"src/{name}_mex.c"] = render("matlab/mex.c.j2", **values)
+    for suffix in ("h", "c"):
+        files[f"src/{name}_simulink.{suffix}"] = render(f"matlab/simulink.{suffix}.j2", **values)
+    for function in values["functions"]:
+        text = render("matlab/function.m.j2", **values, f=function)
+        files[f"+{name}/{function['program'].name}.m"] = text
+    if code.plan.solvable:
+        for function in ("inverse_kinematics", "closest"):
+            text = render("matlab/solver.m.j2", **values, function=function)
+            files[f"+{name}/{function}.m"] = text
+    files[f"build_{name}.m"] = render("matlab/build.m.j2", **values)
+    files[f"{name}_blocks.m"] = render("matlab/blocks.m.j2", **values)
+    files["README.md"] = render("matlab/README.md.j2", **values)
+    return Exported(files)
+
+
+def _values(code: Code) -> dict[str, Any]:
+    functions = described_functions(code)
+    return {
+        **code.naming,
+        "title": title(code.model.spec),
+        "functions": functions,
+        "most_inputs": max(len(f["inputs"]) for f in functions),
+        "most_outputs": max(len(f["program"].data_outputs) for f in functions),
+        "shape": _shape,
+        "block_size": _block_size,
+        "rows": most_rows(code.plan) if code.plan.solvable else 0,
+    }
+
+
+def _shape(port: Port) -> str:
+    """Stack, rows and columns as a C initializer; a vector is one column, a scalar 1 x 1."""
+    *stack, rows, columns = (1, 1, 1, *port.shape) if len(port.shape) > 1 else (1, 1, port.size, 1)
+    count = 1
+    for each in stack:
+        count *= each
+    return f"{{{count}, {rows}, {columns}}}"
+
+
+def _block_size(port: Port) -> str:
+    """The size of a signal in a specification of legacy_code."""
+    shape = port.shape if len(port.shape) == 2 else (port.size,)
+    return "".join(f"[{size}]" for size in shape) if port.shape else ""
+
+
+EXPORTER = Exporter(
+    "matlab",
+    "MEX for MATLAB and Octave with a package of functions; C and a legacy_code script for Simulink",
+    _write,
+    one_file=False,
+)
