@@ -11,11 +11,13 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.closed_loop.controller import LoopController
 from rrrgen.closed_loop.equations import LoopEquations
+from rrrgen.closed_loop.instruments import simulated_bias_check
 from rrrgen.closed_loop.loop import CompiledLoop, Run
 from rrrgen.closed_loop.loop_recording import LoopRecording, loop_recordings
 from rrrgen.closed_loop.output_error import LoopFit, OutputError, Parameters
 from rrrgen.closed_loop.scores import LoopScore, Replay, as_json, loop_score, replayed
 from rrrgen.errors import DerivationError
+from rrrgen.identify.bias_check import BiasCheck
 from rrrgen.identify.estimation.observations import Recording
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.identify.friction_laws.choice import FrictionFit
@@ -36,7 +38,8 @@ class ClosedLoopEstimate:
 
     ``identification`` holds parameters, deviations and the physically consistent estimate; ``start`` is the score of
     the inverse-dynamics estimate it started from, None where its loop diverges. ``theta`` are the parameters of the
-    written model with the shapes of its friction laws, ``runs`` its loops along ``recordings``.
+    written model with the shapes of its friction laws, ``runs`` its loops along ``recordings``. ``bias`` compares the
+    inverse-dynamics estimate with instruments from the simulated loop, None where that is too far from the recording.
     """
 
     identification: Identification
@@ -50,10 +53,12 @@ class ClosedLoopEstimate:
     recordings: tuple[LoopRecording, ...]
     runs: tuple[Run, ...]
     iterations: int
+    bias: BiasCheck | None
 
     def lines(self, joints: Sequence[str]) -> list[str]:
         """Check of the controller and scores as text."""
         found = [self.replay.line(joints)]
+        found += [] if self.bias is None else self.bias.lines()
         found += [score.line(joints) for score in (self.start, self.fit, self.held_out, self.test) if score is not None]
         return found
 
@@ -68,6 +73,7 @@ class ClosedLoopEstimate:
             "held_out": as_json(self.held_out),
             "test": as_json(self.test),
             "iterations": self.iterations,
+            "bias": None if self.bias is None else self.bias.to_json(),
             "parameters": dict(zip(self.loop.equations.names, self.theta.tolist(), strict=True)),
         }
 
@@ -132,6 +138,7 @@ def closed_loop_estimate(
         recordings=own,
         runs=tuple(runs),
         iterations=fit.iterations,
+        bias=simulated_bias_check(found, own, runs, controller.names, options),
     )
 
 

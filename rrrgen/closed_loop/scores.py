@@ -16,7 +16,9 @@ from rrrgen.closed_loop.output_error import divergence
 from rrrgen.errors import DerivationError
 
 GOOD_REPLAY = 0.02
-"""Relative torque error of a replayed controller up to which it counts as the recorded one."""
+"""Relative torque error of a replayed controller, averaged over :data:`SMOOTH` samples, up to which it counts as the
+recorded one."""
+SMOOTH = 20  # samples: noise of the recorded torque averages out, a wrong controller does not
 SHIFTS = 3  # samples by which the replayed torque is shifted to look for another delay
 CLEARLY = 0.5  # of the error: what another delay has to reach to be named
 
@@ -48,16 +50,20 @@ class LoopScore:
 
 @dataclass(frozen=True)
 class Replay:
-    """Relative torque errors (n,) of the controller computed from the measured motion; ``delay`` is a better one."""
+    """Relative torque errors (n,) of the controller computed from the measured motion; ``smooth`` without noise.
+
+    ``delay`` is one that fits better, None where the stated one is right.
+    """
 
     errors: tuple[float, ...]
+    smooth: tuple[float, ...]
     delay: float | None = None
 
     def line(self, joints: Sequence[str]) -> str:
         """The check as a line of text."""
         own = ", ".join(f"{name} {100 * error:.3g} %" for name, error in zip(joints, self.errors, strict=True))
         text = f"controller computed from the measured motion: relative torque error {own}"
-        if max(self.errors) <= GOOD_REPLAY:
+        if max(self.smooth) <= GOOD_REPLAY:
             return text
         text = f"warning: {text}; it is not quite the one that was recorded"
         return text if self.delay is None else f"{text}: a delay of {self.delay:g} periods fits better"
@@ -67,10 +73,11 @@ def replayed(loop: CompiledLoop, recordings: Sequence[LoopRecording]) -> Replay:
     """How well the controller explains the recorded torques from the measured motion alone."""
     controller = loop.controller
     squares: dict[int, Array] = {}
-    size = np.zeros(loop.equations.n)
+    size, slow = np.zeros(loop.equations.n), np.zeros(loop.equations.n)
     for recording in recordings:
         tau, use = loop.replay(recording).tau, recording.scored
         size += np.sum(np.where(use, recording.tau, 0.0) ** 2, axis=0)
+        slow += SMOOTH * np.sum(_averaged(np.where(use, recording.tau - tau, 0.0)) ** 2, axis=0)
         for shift in range(-SHIFTS, SHIFTS + 1):
             moved = np.roll(tau, shift * recording.every, axis=0)
             moved = np.where(use, recording.tau - moved, 0.0)[SHIFTS * recording.every : -SHIFTS * recording.every]
@@ -79,7 +86,14 @@ def replayed(loop: CompiledLoop, recordings: Sequence[LoopRecording]) -> Replay:
     best = min(errors, key=lambda shift: float(np.sum(errors[shift] ** 2)))
     own = tuple(float(value) for value in errors[0])
     better = best and float(np.max(errors[best])) < CLEARLY * max(own)
-    return Replay(own, controller.delay + best if better and controller.delay + best >= 0.0 else None)
+    smooth = tuple(float(value) for value in np.sqrt(slow / np.maximum(size, 1e-300)))
+    return Replay(own, smooth, controller.delay + best if better and controller.delay + best >= 0.0 else None)
+
+
+def _averaged(values: Array) -> Array:
+    """Means (N // SMOOTH, n) over consecutive samples."""
+    count = len(values) // SMOOTH
+    return np.asarray(values[: count * SMOOTH].reshape(count, SMOOTH, -1).mean(axis=1))
 
 
 def loop_score(

@@ -2,7 +2,8 @@
 
 Noise in the positions makes the regressor noisy, which biases least squares however long the recording is. If the
 motion repeats, the rows Z one period later have the same signal and independent noise: ``x_iv = (Z' W)^-1 Z' tau`` has
-no such bias (Janot, Vandanjon and Gautier 2014 take Z from a simulation). Its difference from least squares,
+no such bias. With a known controller, Z is the regressor along the simulated loop, which has no noise at all (Janot,
+Vandanjon and Gautier 2014). Its difference from least squares,
 ``(Z' W)^-1 (Z - W)' r`` with the residuals r, is compared with its standard deviation.
 """
 
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +46,15 @@ class BiasCheck:
         ratio = np.abs(self.difference) / np.maximum(self.std, np.finfo(float).tiny)
         return tuple(int(i) for i in np.argsort(-ratio) if ratio[i] > CLEAR)
 
+    def to_json(self) -> dict[str, Any]:
+        """Differences, deviations and effect as plain data."""
+        return {
+            "difference": dict(zip(self.names, self.difference.tolist(), strict=True)),
+            "std": dict(zip(self.names, self.std.tolist(), strict=True)),
+            "significant": [self.names[i] for i in self.significant],
+            "torque": self.torque,
+        }
+
     def lines(self) -> list[str]:
         """The verdict as text."""
         share = f"the torques of the two estimates differ by {100 * self.torque:.2g} %"
@@ -63,6 +74,32 @@ def check_bias(found: Identification, period: float) -> BiasCheck:
 
     Raises InputError if the recording is shorter than two periods, or if the motion does not repeat.
     """
+    pairs = []
+    for rows in _stretches(found.blocks):
+        at, other = _pairs(rows, period)
+        if len(at):
+            use = rows.use[at] & rows.use[other]
+            pairs.append(Paired(rows.W[at], rows.W[other], rows.tau[at], use))
+    if not pairs:
+        raise InputError(f"the recording has no two periods of {period:g} s: the check of bias needs the motion twice")
+    compared, apart_by = compare(found, found.estimate.x, pairs)
+    if apart_by > LIKE:
+        raise InputError(f"the motion does not repeat after {period:g} s: the regressors differ by {apart_by:.0%}")
+    return compared
+
+
+@dataclass(frozen=True, eq=False)
+class Paired:
+    """Rows ``W`` (N, n, p), ``tau`` (N, n) of a stretch with their instruments ``Z`` (N, n, p), and those in use."""
+
+    W: Array
+    Z: Array
+    tau: Array
+    use: NDArray[np.bool_]
+
+
+def compare(found: Identification, x: Array, pairs: Sequence[Paired]) -> tuple[BiasCheck, float]:
+    """Instrumental minus least-squares estimate ``x`` of the rows, and the relative difference of Z from W."""
     estimate = found.estimate
     assert found.parametrisation is not None
     transform, known = found.parametrisation.T, found.parametrisation.known
@@ -70,30 +107,23 @@ def check_bias(found: Identification, period: float) -> BiasCheck:
     r = transform.shape[1]
     A, scores, size, change = np.zeros((r, r)), [], 0.0, 0.0
     torque, apart = 0.0, np.zeros((r, r))
-    for rows in _stretches(found.blocks):
-        at, other = _pairs(rows, period)
-        if not len(at):
-            continue
-        W, Z = rows.W[at] @ transform, rows.W[other] @ transform
-        use = (rows.use[at] & rows.use[other])[..., None] * w2[:, None]
-        residual = rows.tau[at] - rows.W[at] @ (transform @ estimate.x + known)
+    for pair in pairs:
+        W, Z = pair.W @ transform, pair.Z @ transform
+        use = pair.use[..., None] * w2[:, None]
+        residual = pair.tau - pair.W @ (transform @ x + known)
         A += np.einsum("kji,kjl->il", Z * use, W)
         apart += np.einsum("kji,kjl->il", W * use, W)
         scores.append(np.einsum("kji,kj->ki", (Z - W) * use, residual))
-        scale = np.abs(estimate.x) + estimate.std
+        scale = np.abs(x) + estimate.std
         size += float(np.sum(use * (W * scale) ** 2))
         change += float(np.sum(use * ((Z - W) * scale) ** 2))
-        torque += float(np.sum(use[..., 0] * rows.tau[at] ** 2))
-    if not scores:
-        raise InputError(f"the recording has no two periods of {period:g} s: the check of bias needs the motion twice")
-    if change > LIKE**2 * size:
-        apart_by = np.sqrt(change / size)
-        raise InputError(f"the motion does not repeat after {period:g} s: the regressors differ by {apart_by:.0%}")
+        torque += float(np.sum(use[..., 0] * pair.tau**2))
     inverse = np.linalg.pinv(A)
     difference = inverse @ np.sum([np.sum(each, axis=0) for each in scores], axis=0)
     covariance = inverse @ np.sum([_long_run(each) for each in scores], axis=0) @ inverse.T
     effect = float(np.sqrt(max(0.0, difference @ apart @ difference) / max(torque, np.finfo(float).tiny)))
-    return BiasCheck(found.names, difference, np.sqrt(np.maximum(np.diag(covariance), 0.0)), effect)
+    check = BiasCheck(found.names, difference, np.sqrt(np.maximum(np.diag(covariance), 0.0)), effect)
+    return check, float(np.sqrt(change / max(size, np.finfo(float).tiny)))
 
 
 def _stretches(blocks: Iterable[Rows]) -> list[Rows]:

@@ -98,6 +98,7 @@ class Recording:
     ``t`` (m,) s; ``q`` (m, n) encoder readings, ``tau`` (m, n) recorded torques; ``reference``, ``reference_dq`` (m, n)
     commanded motion. ``true_q``, ``true_dq`` (m, n) are the exact motion at the encoders, ``true_tau`` (m, n) the
     recorded torque without its noise; ``saturated`` (m, n) marks torques that a limit has clipped. In rad (m), N m (N).
+    ``loop`` are the controller and the observer that were simulated.
     """
 
     period: float
@@ -110,6 +111,7 @@ class Recording:
     true_dq: Array
     true_tau: Array
     saturated: NDArray[np.bool_]
+    loop: tuple[Controller, Observer] | None = None
 
 
 @dataclass(frozen=True)
@@ -215,6 +217,7 @@ class _Loop:
             true_dq=self.dq,
             true_tau=torque,
             saturated=self.saturated,
+            loop=(self.controller, self.observer),
         )
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rrrgen.errors import InputError
+from rrrgen.simulate.controller_text import controller_text
 from rrrgen.simulate.experiment import Instruments, Recording
 
 
@@ -23,11 +24,11 @@ def write_recording(
     prismatic: Sequence[bool] | None = None,
     instruments: Instruments | None = None,
 ) -> tuple[Path, Path]:
-    """Write ``stem.csv`` (t, q_<joint>.., tau_<joint>..) and its mapping file ``stem.yaml``; returns both paths.
+    """Write ``stem.csv`` (t; q_, tau_, ref_ of every joint) and its mapping file ``stem.yaml``; returns both paths.
 
     ``joints`` are the joint names, ``prismatic`` states which joints are prismatic (m, N instead of rad, N m), and the
-    torque limits of ``instruments`` go into the mapping file. Every number reads back exactly. Raises InputError if the
-    number of names is wrong.
+    torque limits of ``instruments`` go into the mapping file. A PD controller with a Kalman observer is written to
+    ``stem_controller.yaml``. Every number reads back exactly. Raises InputError if the number of names is wrong.
     """
     n = recording.q.shape[1]
     if len(joints) != n:
@@ -36,12 +37,15 @@ def write_recording(
     log, mapping = folder / f"{stem}.csv", folder / f"{stem}.yaml"
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["t", *(f"q_{name}" for name in joints), *(f"tau_{name}" for name in joints)])
-    writer.writerows(np.column_stack([recording.t, recording.q, recording.tau]).tolist())
+    writer.writerow(["t", *(f"{signal}_{name}" for signal in ("q", "tau", "ref") for name in joints)])
+    writer.writerows(np.column_stack([recording.t, recording.q, recording.tau, recording.reference]).tolist())
     _write(log, text.getvalue())
     kinds = list(prismatic) if prismatic is not None else [False] * n
     limits = None if instruments is None else instruments.torque_limit
     _write(mapping, _mapping_text(stem, joints, kinds, limits))
+    control = controller_text(recording, joints, instruments or Instruments())
+    if control is not None:
+        _write(folder / f"{stem}_controller.yaml", control)
     return log, mapping
 
 
@@ -68,5 +72,6 @@ def _mapping_text(stem: str, joints: Sequence[str], prismatic: Sequence[bool], l
             f"  - name: {name}",
             f"    position: {{column: q_{name}, unit: {length}}}",
             f"    torque: {{column: tau_{name}, unit: {force}{limit}}}",
+            f"    reference: {{column: ref_{name}, unit: {length}}}",
         ]
     return "\n".join(lines) + "\n"

@@ -10,13 +10,21 @@ from click.testing import CliRunner
 import rrrgen
 from rrrgen.cli.main import cli
 from rrrgen.closed_loop.controller_file import load_controller, loads_controller
+from rrrgen.closed_loop.estimation import closed_loop_estimate
 from rrrgen.closed_loop.validation import validate_loop
 from rrrgen.errors import DerivationError, InputError
+from rrrgen.identify.identification import identify
+from rrrgen.identify.options import Options
 from rrrgen.recordings.log_stream import LogStream
 from rrrgen.recordings.logs import open_log
 from rrrgen.robotfile import load_spec
 from rrrgen.signals.processing import Processing
-from samples.linear_drive import CONTROLLER, TRUTH, record, write_drive
+from samples.linear_drive import CONTROLLER, MASS, TRUTH, record, write_drive
+
+EXPERIMENT = """
+schema: rrrgen-experiment/1
+virtual_robot: {torque_noise: 0.02, delay: 1}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +67,7 @@ def test_scores_on_screen_and_in_the_record(fitted):
     assert record["test"]["relative_error"] < 0.01  # with forces that the fitted recording did not have
     assert record["fit"]["relative_error"] < 0.5 * record["inverse_dynamics"]["relative_error"]
     assert "recordings not fitted: relative torque error" in output
+    assert "diagnosis" not in output
 
 
 def test_the_written_robot_file_scores_the_same(drive, fitted):
@@ -95,3 +104,31 @@ def test_what_does_not_fit_is_refused(drive, fitted):
     ):
         with pytest.raises(InputError, match=message):
             validate_loop(model, loads_controller(text), [LogStream(open_log(path))], Processing("differences"))
+
+
+@pytest.mark.parametrize(("resolution", "biased"), [(5e-8, False), (1e-5, True)])
+def test_instruments_from_the_simulated_loop_tell_bias(drive, tmp_path, resolution, biased):
+    """A coarse encoder and plain differences make least squares lose mass; instruments find what is missing."""
+    model, options = rrrgen.compile(drive[1]), Options(consistent=False)
+    log = LogStream(open_log(record(tmp_path, "log", 1, 8.0, resolution=resolution)))
+    found = identify(model, [log], Processing("differences", decimate=5), options)
+    bias = closed_loop_estimate(found, [log], loads_controller(CONTROLLER), options).bias
+    assert bias is not None
+    assert bool(bias.significant) == biased
+    mass = found.estimate.x[0]
+    assert mass + bias.difference[0] == pytest.approx(MASS, rel=0.01)
+    assert (mass < 0.98 * MASS) == biased
+
+
+def test_the_virtual_arm_writes_its_controller(tmp_path):
+    """Three coupled joints with a Kalman observer, a delay and noise: the written controller is the simulated one."""
+    (tmp_path / "experiment.yaml").write_text(EXPERIMENT)
+    to = ("--writing", "--experiment", tmp_path / "experiment.yaml", "--duration", 1.5, "-o", tmp_path / "sim")
+    assert run("simulate", "rrr", *to).exit_code == 0
+    results = tmp_path / "sim/results"
+    model = rrrgen.compile("rrr")
+    log = LogStream(open_log(results / "log.yaml"))
+    controller = load_controller(results / "log_controller.yaml")
+    found = validate_loop(model, controller, [log], Processing("differences"))
+    assert found.score.relative_error < 0.01
+    assert "warning" not in found.lines(log.joints)[0]

@@ -71,9 +71,11 @@ def reference(samples: int, seed: int) -> np.ndarray:
     return np.cumsum(np.cumsum(ddq)) * PERIOD**2
 
 
-def record(folder: Path, name: str, seed: int, seconds: float = 5.0, pulses: bool = False, noise: float = 0.0) -> Path:
+def record(
+    folder: Path, name: str, seed: int, seconds: float = 5.0, pulses: bool = False, resolution: float = 5e-8
+) -> Path:
     """Write the recording ``name`` of a simulated drive to ``folder``; returns its mapping file."""
-    samples, steps, resolution = round(seconds / PERIOD), 10, 5e-8
+    samples, steps = round(seconds / PERIOD), 10
     r = reference(samples, seed)
     force = np.zeros(samples)
     if pulses:
@@ -95,7 +97,6 @@ def record(folder: Path, name: str, seed: int, seconds: float = 5.0, pulses: boo
             after = v + h * (acting - friction(direction if v else np.copysign(1e-12, direction))) / MASS
             after = 0.0 if v * after < 0.0 else after
             q, v = q + 0.5 * h * (v + after), after
-    rows[:, 3] += noise * np.random.default_rng(seed).normal(size=samples) / GAIN
     np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header="t,q,r,volts,pulses", comments="", fmt="%.10g")
     path = folder / f"{name}.yaml"
     path.write_text(LOG.replace("NAME", name))

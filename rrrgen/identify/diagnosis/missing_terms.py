@@ -35,8 +35,8 @@ def missing_terms(
     for i, joint in enumerate(words.joints):
         for section, keys, what in TERMS:
             lacking = {f"{symbol}{i + 1}": key for symbol, key in keys.items() if f"{symbol}{i + 1}" not in estimated}
-            if not lacking or before.error[i] <= WORTH or (section == "friction" and f"coulomb_p{i + 1}" in estimated):
-                continue  # a law with coefficients for either direction has its offset in them
+            if not lacking or before.error[i] <= WORTH:
+                continue
             columns = [names.index(name) for name in lacking]
             after = trial.fit(mix, sorted([*inside, *columns]))
             if after.error[i] < FALL * before.error[i] and _clear(after, columns):

@@ -59,15 +59,18 @@ class AllTerms:
 def linear_stand_ins(columns: Sequence[Column]) -> tuple[Column, ...]:
     """``columns`` with viscous and Coulomb friction in the place of other friction laws.
 
+    A law with coefficients for either direction has an offset in them.
+
     A wrong sign or unit is many times larger than the difference between two laws.
     """
     found = {column.name: column for column in columns if column.kind != "law"}
     for column in columns:
         if column.kind == "law":
             end = re.search(r"(\d+|_\w+)$", column.name)
-            for kind, symbol in (("viscous", "fv"), ("coulomb", "fc")):
+            offset = (("offset", "off"),) if column.name.startswith("coulomb_p") else ()
+            for kind, symbol in (("viscous", "fv"), ("coulomb", "fc"), *offset):
                 name = f"{symbol}{end.group() if end else ''}"
-                found.setdefault(name, Column(name, kind, column.direction))  # type: ignore[arg-type]
+                found.setdefault(name, Column(name, kind, column.direction))
     return tuple(found.values())
 
 

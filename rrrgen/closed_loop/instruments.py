@@ -1,0 +1,60 @@
+"""Instrumental variables from the simulated loop: a check whether noise in the motion biases inverse dynamics.
+
+The regressor along the simulated motion has the signal of the measured one and none of its noise (Janot, Vandanjon and
+Gautier 2014). Both pass the same reconstruction and filters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.closed_loop.loop import Run
+from rrrgen.closed_loop.loop_recording import LoopRecording
+from rrrgen.identify.bias_check import LIKE, BiasCheck, Paired, compare
+from rrrgen.identify.estimation.observations import Observations, RowMaker
+from rrrgen.identify.estimation.regression import least_squares
+from rrrgen.identify.estimation.tsqr import Rows, factor_blocks
+from rrrgen.identify.identification import Identification
+from rrrgen.identify.options import Options
+from rrrgen.recordings.logs import Log
+
+
+def simulated_bias_check(
+    found: Identification,
+    recordings: Sequence[LoopRecording],
+    runs: Sequence[Run],
+    joints: Sequence[str],
+    options: Options,
+) -> BiasCheck | None:
+    """Compare least squares of ``found``, by inverse dynamics, with instruments along the simulated ``runs``.
+
+    ``runs`` are those of ``recordings``. None where the simulated motion is too far from the measured one to stand for
+    it.
+    """
+    assert found.regressor is not None
+    assert found.parametrisation is not None
+    regressor, chosen = found.regressor, found.parametrisation
+    maker = RowMaker(regressor, found.processing, len(regressor.columns), options.known, regressor.sliding)
+    pairs: list[Paired] = []
+    measured: list[Rows] = []
+    for recording, run in zip(recordings, runs, strict=True):
+        own = slice(recording.warm, None, recording.stride)
+        logs = [_log(recording, q, own, joints) for q in (recording.q, run.q)]
+        for a, b in zip(*(Observations((log,), maker) for log in logs), strict=True):
+            fitted = found.split.fitted(a.t, *recording.span)
+            use = a.use & b.use & fitted[:, None]
+            pairs.append(Paired(a.W, b.W, a.tau, use))
+            measured.append(Rows(a.t, a.W, a.tau, use, a.segment))
+    factors = chosen.transform(factor_blocks(measured))
+    x = least_squares(factors, chosen.structure.names, found.estimate.weights).x
+    check, apart = compare(found, x, pairs)
+    return check if apart <= LIKE else None
+
+
+def _log(recording: LoopRecording, q: Array, own: slice, joints: Sequence[str]) -> Log:
+    period = recording.period * recording.stride
+    t = recording.t[own]
+    return Log(tuple(joints), t, q[own], recording.tau[own], period=period, valid=np.asarray(recording.valid[own]))

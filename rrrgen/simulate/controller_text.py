@@ -1,0 +1,59 @@
+"""The controller of a simulated experiment as the controller file that `rrrgen identify --controller` reads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.simulate.control import PD, DeviationFilter
+from rrrgen.simulate.experiment import Instruments, Recording
+
+RECORDS = {"centred": "centred", "command": "applied"}
+"""What a recording of the virtual robot holds, in the words of the controller file."""
+
+
+def controller_text(recording: Recording, joints: Sequence[str], instruments: Instruments) -> str | None:
+    """The controller file of ``recording``; None where the file cannot say what was simulated.
+
+    It can for PD control with a Kalman observer, and drives whose torques are neither rounded nor limited at coupled
+    motors.
+    """
+    controller, observer = recording.loop or (None, None)
+    plain = instruments.motors is None and instruments.torque_resolution is None
+    if not isinstance(controller, PD) or not isinstance(observer, DeviationFilter) or not plain:
+        return None
+    lines = [
+        *("schema: rrrgen-controller/1", "description: PD control (14.33) with a Kalman observer of the deviation"),
+        *(f"period: {recording.period!r} s", f"delay: {instruments.delay}"),
+        *(f"records: {RECORDS[instruments.torque_record]}", "joints:"),
+    ]
+    n = len(joints)
+    E, k = np.broadcast_to(observer.E, (n, 3, 3)), np.broadcast_to(observer.k, (n, 3))
+    for i, name in enumerate(joints):
+        position, speed, denominator = _filters(E[i], k[i])
+        lines += [
+            f"  - name: {name}",
+            "    signals:",
+            "      deviation: {sum: {position: 1, reference: -1}}",
+            f"      e: {{filter: deviation, numerator: {position}, denominator: {denominator}}}",
+            f"      de: {{filter: deviation, numerator: {speed}, denominator: {denominator}}}",
+            f"      command: {{sum: {{e: {-controller.kp[i]!r}, de: {-controller.kd[i]!r}}}}}",
+        ]
+        if instruments.torque_limit is not None:
+            lines.append(f"      limited: {{limit: command, to: {float(instruments.torque_limit[i])!r}}}")
+        lines.append(f"    torque: {'command' if instruments.torque_limit is None else 'limited'}")
+    return "\n".join(lines) + "\n"
+
+
+def _filters(E: Array, k: Array) -> tuple[list[float], list[float], list[float]]:
+    """Numerators to filtered deviation and its rate, and their denominator, in powers of 1/z.
+
+    ``x_bar = (I - k c) x_hat + k e``, ``x_hat(k+1) = E x_bar``.
+    """
+    from scipy.signal import ss2tf
+
+    kept = np.eye(3) - np.outer(k, [1.0, 0.0, 0.0])
+    numerators, denominator = ss2tf(E @ kept, (E @ k)[:, None], kept[:2], k[:2, None])
+    return numerators[0].tolist(), numerators[1].tolist(), denominator.tolist()
