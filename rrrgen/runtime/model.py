@@ -17,12 +17,12 @@ from rrrgen.runtime.display.summary import html_summary
 from rrrgen.runtime.engines import Engine
 from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.control import ControlFunctions
+from rrrgen.runtime.functions.differential import DifferentialFunctions
 from rrrgen.runtime.functions.drawings import Drawings
 from rrrgen.runtime.functions.parameters import ParameterFunctions
 from rrrgen.runtime.functions.paths import PathFunctions
 from rrrgen.runtime.functions.points import PointFunctions
 from rrrgen.runtime.functions.regressors import RegressorFunctions
-from rrrgen.runtime.functions.tip import TipFunctions
 from rrrgen.runtime.results import JointLimits
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Model(
     ParameterFunctions,
     PointFunctions,
     ControlFunctions,
-    TipFunctions,
+    DifferentialFunctions,
     PathFunctions,
 ):
     """Kinematics and dynamics of one robot, made by :func:`rrrgen.compile`.

@@ -10,6 +10,7 @@ import pytest
 from rrrgen.cli.main import run
 from rrrgen.output.manifest import identify
 from rrrgen.robotfile import dumps, load_spec, loads_spec
+from rrrgen.robotfile.keys import EMIT
 
 PENDULUM = """\
 schema: rrrgen/1
@@ -58,6 +59,8 @@ def test_gravity_and_control(tmp_path, real):
     assert [port["name"] for port in inputs] == ["q", "dq", "ddq", "gravity", "beta"]
     assert {"swing_any_gravity.h", "swing_any_gravity_selftest.c"} <= set(manifest["files"])
     cmake = (output / "CMakeLists.txt").read_text()
+    assert "swing_differential_ik.c" in cmake
+    assert "swing_differential_ik.c" in manifest["files"]
     assert "add_executable(swing_any_gravity_selftest swing_any_gravity_selftest.c)" in cmake
     assert "add_library(swing swing.c swing_any_gravity.c" in cmake
 
@@ -79,10 +82,7 @@ def test_what_is_emitted_is_no_property_of_the_robot():
 
 def test_unknown_words_are_refused(tmp_path, capsys):
     assert run(["generate", "rrr", "-o", str(tmp_path), "--with", "gravty"]) == 2
-    assert (
-        "did you mean 'gravity'? allowed are control, gravity, observer, points, rust, trajectory"
-        in capsys.readouterr().err
-    )
+    assert f"did you mean 'gravity'? allowed are {', '.join(sorted(EMIT))}" in capsys.readouterr().err
     file = tmp_path / "swing.yaml"
     file.write_text(PENDULUM + "emit: [gravity, momentum]\n")
     assert run(["check", str(file)]) == 3

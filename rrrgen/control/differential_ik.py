@@ -1,0 +1,84 @@
+"""Differential inverse kinematics in C: joint speeds for a velocity of the tip, inside all limits.
+
+A quadratic program with bounds only. Damping alone does not bound the speeds near singular configurations, let alone
+the accelerations; the bounds do, and the damping then only makes the solution unique.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from rrrgen.backends import Real
+from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.functions import Extension, function_files
+from rrrgen.backends.comments import columns
+
+DAMPING = 0.02
+"""Usual damping in m and rad: small beside the singular values of a regular Jacobian."""
+
+LARGEST = {"double": 1e150, "float": 1e15}
+ROUNDING = {"double": Fraction(1, 2**52), "float": Fraction(1, 2**23)}
+TOLERANCE = 64
+"""Rounding errors that a sign may be wrong by, in units of the last place of what is added up."""
+
+REAL_BYTES = {"double": 8, "float": 4}
+PROMISE = (
+    "The function has no state, allocates nothing and takes a bounded time; it may be called from several threads at "
+    "once. Matrices are row-major."
+)
+
+
+SWEEPS = 2
+"""Sweeps of coordinate descent before the first active set is taken."""
+
+BLOCKS = 5
+"""Active sets tried by block pivoting; the few problems that need more are solved one joint at a time."""
+
+
+def steps(n: int) -> int:
+    """The largest number of active sets that are tried one joint at a time, for ``n`` joints."""
+    return 8 + 4 * n
+
+
+def differential_ik_files(robot: str, n: int, real: Real) -> dict[str, str]:
+    """``<robot>_differential_ik.h`` and ``.c`` for a robot of ``n`` joints: one function of that name."""
+    prefix = f"{robot}_differential_ik"
+    dialect = Dialect(prefix, real)
+
+    def literal(value: float | Fraction) -> str:
+        return dialect.literal(Fraction(value))
+
+    arguments = columns(
+        [
+            ("in", "q", "rad | m", "joint positions"),
+            ("in", "dq_last", "per s", "joint speeds of the last tick, as this function returned them"),
+            ("in", "J", "m, -", "Jacobian (6 x n) of the tip or of a point, row-major"),
+            ("in", "V", "m/s, rad/s", "wanted velocity, linear, then angular, in the axes of J"),
+            ("in", "weight", "", "of the rows, >= 0; zero leaves a row out"),
+            ("in", "dq_ref", "per s", "joint speeds to prefer where V leaves a choice; zero for none"),
+            ("in", "damping", "m, rad", f"> 0, such as {DAMPING:g}"),
+            ("in", "q_min, q_max", "rad | m", "limits of the positions; -INFINITY and INFINITY for none"),
+            ("in", "dq_max", "per s", "largest speeds, >= 0; INFINITY for none"),
+            ("in", "ddq_max", "per s^2", "largest accelerations, >= 0; INFINITY for none"),
+            ("in", "Ts", "s", "period"),
+            ("out", "dq", "per s", "joint speeds for this tick"),
+        ]
+    )
+    values: dict[str, object] = {
+        "n": n,
+        "steps": steps(n),
+        "sweeps": SWEEPS,
+        "blocks": BLOCKS,
+        "arguments": arguments,
+        "stack": 512 + (2 * n * n + 9 * n) * REAL_BYTES[real] + 12 * n,
+        "zero": literal(0.0),
+        "one": literal(1.0),
+        "two": literal(2.0),
+        "largest": literal(LARGEST[real]),
+        "epsilon": literal(ROUNDING[real]),
+        "tolerance": literal(TOLERANCE * ROUNDING[real]),
+        "sqrt": dialect.function("sqrt"),
+        "fabs": dialect.function("fabs"),
+    }
+    title = f"differential inverse kinematics of {robot} within speeds, accelerations and positions"
+    return function_files(prefix, title, [], real, extension=Extension("differential_ik", values, PROMISE))

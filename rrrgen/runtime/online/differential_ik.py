@@ -1,0 +1,102 @@
+"""Differential inverse kinematics in Python: the emitted C, or the same active-set method in NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.backends import Real
+from rrrgen.control.differential_ik import TOLERANCE, differential_ik_files, steps
+
+Array: TypeAlias = NDArray[Any]
+Solve: TypeAlias = Callable[[Sequence[Array], Array], int]
+"""Takes the arguments of the C function in its order, and the array for dq; returns the status."""
+
+OK, LIMITS, STOPPED, INVALID = range(4)
+MESSAGES = (
+    "ok",
+    "a joint is too fast for its limits",
+    "no solution within the steps",
+    "an input is not a number, a weight is negative, or damping is not positive",
+)
+"""What the numbers of the status mean."""
+
+
+def compiled_solver(robot: str, n: int, real: Real) -> Solve:
+    """The emitted C function through cffi."""
+    from rrrgen.runtime.build import build_extension
+
+    name = f"{robot}_differential_ik"
+    vectors, scalar = [f"const {real} *"] * 6, f"{real}"
+    arguments = ", ".join([*vectors, scalar, *vectors[:4], scalar, f"{real} *"])
+    ffi, lib = build_extension(differential_ik_files(robot, n, real), f"int {name}({arguments});", name)
+    function, kind = getattr(lib, name), f"{real}[]"
+
+    def solve(values: Sequence[Array], dq: Array) -> int:
+        given = [float(value) if value.ndim == 0 else ffi.from_buffer(kind, value) for value in values]
+        return int(function(*given, ffi.from_buffer(kind, dq)))
+
+    return solve
+
+
+def numpy_solver(values: Sequence[Array], dq: Array) -> int:
+    """The same method in NumPy, without a compiler."""
+    q, dq_last, J, V, weight, dq_ref, damping, q_min, q_max, dq_max, ddq_max, Ts = values
+    n = len(q)
+    low, high, met = _box(q, dq_last, (q_min, q_max), dq_max, ddq_max, float(Ts))
+    H = J.reshape(6, n).T @ (weight[:, None] * J.reshape(6, n)) + damping**2 * np.eye(n)
+    g = -(J.reshape(6, n).T @ (weight * V)) - damping**2 * dq_ref
+    if not (damping > 0 and np.all(weight >= 0) and np.all(np.isfinite(H)) and np.all(np.isfinite(g))):
+        dq[:] = np.minimum(np.maximum(0.0, low), high)
+        return INVALID
+    x, found = _active_set(H, g, low, high)
+    dq[:] = np.minimum(np.maximum(x, low), high)
+    return (OK if met else LIMITS) if found else STOPPED
+
+
+def _approach(d: Array, ddq_max: Array, Ts: float) -> Array:
+    """The largest speeds from which the joints stop within the distances ``d``."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = 2 * d / (Ts + np.sqrt(Ts * Ts + 2 * np.maximum(d, 0) / ddq_max))
+    return np.where(d > 0, np.where(np.isinf(d), d, speed), 0.0)
+
+
+def _box(
+    q: Array, dq_last: Array, limits: tuple[Array, Array], dq_max: Array, ddq_max: Array, Ts: float
+) -> tuple[Array, Array, bool]:
+    """The bounds of dq, and whether speeds and positions can be kept."""
+    slowest, fastest = dq_last - ddq_max * Ts, dq_last + ddq_max * Ts
+    high = np.minimum(_approach(limits[1] - q, ddq_max, Ts), dq_max)
+    low = -np.minimum(_approach(q - limits[0], ddq_max, Ts), dq_max)
+    above, below = high < slowest, low > fastest
+    low, high = np.maximum(low, slowest), np.minimum(high, fastest)
+    low, high = np.where(below, fastest, low), np.where(above, slowest, high)
+    return low, high, not np.any(above | below)
+
+
+def _active_set(H: Array, g: Array, low: Array, high: Array) -> tuple[Array, bool]:
+    """The minimum of ``x' H x/2 + g' x`` in the box by block pivoting; False if the steps did not suffice."""
+    n, tolerance = len(g), TOLERANCE * float(np.finfo(float).eps)
+    fixed = low >= high
+    at = np.where(fixed, -1, 0)
+    x = low.astype(float)
+    fewest, patience = n + 1, 0
+    for _ in range(steps(n)):
+        x = np.where(at < 0, low, np.where(at > 0, high, 0.0))
+        free = at == 0
+        if np.any(free):
+            x[free] = np.linalg.solve(H[np.ix_(free, free)], -g[free] - H[np.ix_(free, ~free)] @ x[~free])
+        slack = tolerance * np.abs(x)
+        outside = np.where(x < low - slack, -1, np.where(x > high + slack, 1, 0))
+        slope, size = g + H @ x, np.abs(g) + np.abs(H) @ np.abs(x)
+        leaves = (np.where(at < 0, slope, -slope) < -tolerance * size) & ~fixed
+        to = np.where(free, outside, np.where(leaves, 0, at))
+        wrong = np.flatnonzero(to != at)
+        if not len(wrong):
+            return x, True
+        fewest, patience = (len(wrong), 3) if len(wrong) < fewest else (fewest, patience - 1)
+        at = to if patience >= 0 else np.where(np.arange(n) == wrong[-1], to, at)
+    return np.where(at < 0, low, np.where(at > 0, high, x)), False
