@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ class Decimator:
         count = max(0, -(-(len(x) - skip) // self.factor))
         padded = np.zeros((len(x) + 2 * h + BLOCK * self.factor, width))
         padded[h : h + len(x)] = x.reshape(len(x), width)
-        band, out = self._band(), np.empty((count, width))
+        band, out = _band(self.factor), np.empty((count, width))
         for start in range(0, count, BLOCK):
             at = skip + start * self.factor
             rows = min(BLOCK, count - start)
@@ -60,18 +61,29 @@ class Decimator:
 
     def taps(self) -> Array:
         """Impulse response of the filter, ``2*memory + 1`` samples, symmetric about the middle one."""
-        from scipy.signal import firwin
-
-        return np.asarray(firwin(2 * self.memory + 1, CUTOFF_RATIO / self.factor, window=("kaiser", KAISER_BETA)))
-
-    def _band(self) -> Array:
-        """Banded filter matrix of BLOCK consecutive outputs: one matrix product replaces many vector products."""
-        taps = self.taps()
-        band = np.zeros((BLOCK, len(taps) + (BLOCK - 1) * self.factor))
-        for k in range(BLOCK):
-            band[k, k * self.factor : k * self.factor + len(taps)] = taps
-        return band
+        return _taps(self.factor).copy()
 
     def instants(self, t: Array, first: int = 0) -> Array:
         """The instants (s) of ``t`` (N,) that decimation keeps; ``first`` is the index of ``t[0]`` in the recording."""
         return t[-first % self.factor :: self.factor]
+
+
+@lru_cache(maxsize=4)
+def _taps(factor: int) -> Array:
+    from scipy.signal import firwin
+
+    length = 2 * HALF_LENGTH * factor + 1
+    return np.asarray(firwin(length, CUTOFF_RATIO / factor, window=("kaiser", KAISER_BETA)))
+
+
+@lru_cache(maxsize=4)
+def _band(factor: int) -> Array:
+    """Banded filter matrix of BLOCK consecutive outputs: one matrix product replaces many vector products.
+
+    Streams are filtered in thousands of chunks, and the matrix takes longer to compute than a chunk to filter.
+    """
+    taps = _taps(factor)
+    band = np.zeros((BLOCK, len(taps) + (BLOCK - 1) * factor))
+    for k in range(BLOCK):
+        band[k, k * factor : k * factor + len(taps)] = taps
+    return band

@@ -10,6 +10,7 @@ import time
 import numpy as np
 import pytest
 
+import rrrgen
 from rrrgen.errors import InputError
 from rrrgen.identify.estimation.factoring import (
     FittedRows,
@@ -247,11 +248,11 @@ def test_the_decimation_follows_the_motion_when_nothing_is_said(tmp_path):
 LIMITED = """
 import resource, sys
 import numpy as np
+import rrrgen
 from pathlib import Path
 import scipy.signal, scipy.linalg
 sys.path[:0] = [{tests!r}, {identify!r}]
 from test_factoring import TERMS
-from samples.recordings import planar_arm
 from rrrgen.identify.estimation.factoring import factor_recordings
 from rrrgen.recordings.mapping_reader import load_mapping
 from rrrgen.recordings.log_stream import LogStream
@@ -259,7 +260,7 @@ from rrrgen.signals.processing import Processing
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.observations import Observations, RowMaker, Window
 
-regressor = FullRegressor(planar_arm(), TERMS)
+regressor = FullRegressor(rrrgen.compile("planar2r"), TERMS)
 maker = RowMaker(regressor, Processing("butterworth", cutoff=20.0, decimate=50), len(regressor.names))
 first = next(LogStream(load_mapping({mapping!r}), chunk=2000).parts())
 list(maker.rows(Window(first, 0, len(first))))  # everything that is imported on first use
@@ -277,8 +278,7 @@ def test_a_recording_ten_times_larger_than_the_memory(tmp_path):
     if not os.path.exists("/proc/self/statm"):
         pytest.skip("needs /proc to know the memory in use")
     allowance, rows = 12_000_000, 3_000_000
-    arm = planar_arm()
-    regressor = FullRegressor(arm, TERMS)
+    regressor = FullRegressor(rrrgen.compile("planar2r"), TERMS)
     x = np.linspace(0.5, 2.0, len(regressor.names))
     # one motion over and over: the file is large, the answer is known from one of its periods
     t = PERIOD * np.arange(10_000)
