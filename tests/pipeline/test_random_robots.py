@@ -45,6 +45,7 @@ def test_every_compiled_function_equals_the_independent_dynamics(joints):
     reference = Reference(robot, np.array(derived.base_projection), states=5)
     for real, tolerance in (("double", DOUBLE), ("float", SINGLE)):
         engine = load_model(derived, identify(spec), real=real).engine
+        engine.prepare()
         for name in set(derived.programs) - FRICTION:
             program = derived.programs[name]
             outputs = tuple(np.asarray(v, float) for v in engine.call(name, reference.arguments(program)))
