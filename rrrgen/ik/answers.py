@@ -1,9 +1,8 @@
-"""What an answer of a solver looks like, in every language: rows, stages, branch labels, texts, operations."""
+"""What an answer of a solver looks like, in every language: rows, stages, branch labels, texts."""
 
 from __future__ import annotations
 
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.ik.recording.operations import SolverOperations, count_solver, sum_of
 from rrrgen.ik.recording.steps import Stage
 from rrrgen.ik.solutions.general6r import ASPECT, root_stage
 
@@ -16,16 +15,6 @@ STATUS_TEXTS = (
     "the arm has no complete solver: there may be more configurations",
 )
 """What the statuses of an answer mean, by their numbers."""
-
-
-def operations(plan: SolverPlan) -> SolverOperations | None:
-    """What one call computes with all its rows; nothing where an elimination solves the chain in numbers.
-
-    Of a simpler arm that is solved beside the chain, the operations are counted too.
-    """
-    if any(part.general for part in parts_of(plan)):
-        return None
-    return sum_of(count_solver(part.equations, part.solving.reach) for part in parts_of(plan))
 
 
 def parts_of(plan: SolverPlan) -> list[SolverPlan]:

@@ -10,10 +10,9 @@ import subprocess
 import numpy as np
 import pytest
 
-from rrrgen.backends.c.solver.files import sources
+from rrrgen.backends.c.solver.files import emit
 from rrrgen.ik.classify import plan
 from rrrgen.ik.families import parameter
-from rrrgen.ik.recording.operations import count_solver
 from rrrgen.robotfile import load_spec
 
 COMPILER = shutil.which("g++") or shutil.which("clang++")
@@ -62,8 +61,9 @@ static Counted copysign(const Counted &a, const Counted &b)
 def test_operations_are_those_of_the_emitted_code(name, tmp_path):
     spec = load_spec(name)
     found = plan(spec)
-    stated = count_solver(found.equations, found.chain.reach)
-    files = sources(spec)
+    emitted = emit(spec, found)
+    stated, files = emitted.operations, emitted.files
+    assert stated is not None
     rng = np.random.default_rng(1)
     q = rng.uniform(0.2, 0.6, found.chain.n)
     T, given = found.chain.forward(q), parameter(found, q)

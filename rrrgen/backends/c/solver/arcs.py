@@ -57,6 +57,12 @@ class Arcs:
         slot.choice = choice
         self._copies.append((slot, formula))
 
+    @property
+    def calls(self) -> list[str]:
+        """The arc tangents and the half turns, one name for each (:mod:`rrrgen.backends.c.solver.counting`)."""
+        copied = [slot.count for slot, formula in self._copies if formula.startswith("ik_opposite")]
+        return ["arc"] * self._taken + ["opposite"] * sum(copied)
+
     def finished(self, loops: Sequence[Loop]) -> tuple[list[str], list[str]]:
         """Lines before and behind the loops; none without angles.
 

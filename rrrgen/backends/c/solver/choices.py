@@ -38,6 +38,8 @@ class CBuilder(Scaffold):
                 f"least, {self._open_bit(joint)}, {self._free_bits(joint)}, {self._slack}, &w{tag}, &f{tag});",
             ),
             (a, b, k, self.reference(joint), *extra),
+            calls=("linear" if radicand is None else "linear_given",),
+            rare=(3,),
         )
         self._needs.add("linear")
         a, b, k = (self.pool.var(f"{letter}{tag}", level) for letter in "abk")
@@ -66,6 +68,7 @@ class CBuilder(Scaffold):
                 f"const int n{tag} = ik_cosine(&k{tag}, {{0}}, {self._slack}, &w{tag}, &f{tag});",
             ),
             (w2,),
+            calls=("cosine",),
         )
         self._needs.add("cosine")
         self._flags.append(f"f{tag}")
@@ -93,6 +96,7 @@ class CBuilder(Scaffold):
                 f"const int n{tag} = ik_root({{0}}, {{1}}, {self._slack}, &w{tag}, &f{tag});",
             ),
             (node, big),
+            calls=("root_constant" if big.is_const else "root",),
         )
         self._needs.add("root")
         self._flags.append(f"f{tag}")
@@ -112,6 +116,7 @@ class CBuilder(Scaffold):
                 f"c{tag}_, s{tag}_, x{tag}_, g{tag});",
             ),
             nodes,
+            calls=("quartic",),
         )
         self._needs.update(("quartic", "near"))
         inner = self._open(tag, f"n{tag}", 4, level)
@@ -143,6 +148,7 @@ class CBuilder(Scaffold):
                 f"const int n{tag} = ik_{kind}({slots}, {self._real(unit)}, {slack}, x{tag}_, g{tag}, &f{tag});",
             ),
             nodes,
+            calls=(kind,),
         )
         self._needs.update((kind, "near"))
         self._flags.append(f"f{tag}")
@@ -161,7 +167,13 @@ class CBuilder(Scaffold):
         sn, cn = self.pool.of(s), self.pool.of(c)
         level = max(sn.level, cn.level)
         lines = self._directed(joint, tag, level, "{2}")
-        self._add(level, (f"REAL c{tag} = {{1}}, s{tag} = {{0}};", *lines), (sn, cn, self.reference(joint)))
+        self._add(
+            level,
+            (f"REAL c{tag} = {{1}}, s{tag} = {{0}};", *lines),
+            (sn, cn, self.reference(joint)),
+            calls=("unit",),
+            rare=(2,),
+        )
         turn = Turn(self.pool.var(f"c{tag}", level), self.pool.var(f"s{tag}", level))
         return turn if joint.index in self._arcs.joints else self._angle(joint, turn)
 
@@ -196,10 +208,11 @@ class CBuilder(Scaffold):
                 "}",
             ),
             (*direction, size, self.reference(joint), *bounds),
+            rare=tuple(range(3, 4 + len(bounds))),
         )
         a, b, g = (self.pool.var(f"{letter}{tag}", level) for letter in "abg")
         whole = (f"const REAL g{tag} = (f{tag} & (unsigned)IK_FREE) != 0u ? (REAL)1 : (REAL)1 / {{0}};",)
-        self._items.append(Statement(level, whole, (size,), g))
+        self._items.append(Statement(level, whole, (size,), g, ("inverse",)))
         turn = self._turned(tag, a * g, b * g)
         self._angle(joint, Turn(a, b) if joint.index in self._joints else turn)
         self._residual.append(self.pool.of(square((before - after, total(v[2], -u[2]), 0)) / (unit * unit)))
@@ -245,7 +258,7 @@ class CBuilder(Scaffold):
         if not joint.revolute:
             return raw
         tag = self._tag(joint)
-        self._add(0, (f"const REAL c{tag} = COS({{0}}), s{tag} = SIN({{0}});",), (raw,))
+        self._add(0, (f"const REAL c{tag} = COS({{0}}), s{tag} = SIN({{0}});",), (raw,), calls=("angle",))
         return Turn(self.pool.var(f"c{tag}"), self.pool.var(f"s{tag}"))
 
     def wrist(
@@ -266,6 +279,8 @@ class CBuilder(Scaffold):
                 *self._directed(joints[0], first, level, "{3}"),
             ),
             (*nodes, reference),
+            calls=("length", "unit"),
+            rare=(3,),
         )
         self._needs.add("wrist")
         c4, s4, c5, s5 = (self.pool.var(text, level) for text in (f"c{first}", f"s{first}", f"c{middle}", f"s{middle}"))

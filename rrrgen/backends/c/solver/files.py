@@ -11,13 +11,14 @@ from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.printer import CTarget
 from rrrgen.backends.c.solver.call_stack import stack_bounds
 from rrrgen.backends.c.solver.choices import CBuilder
+from rrrgen.backends.c.solver.counting import SolverOperations, sum_of
 from rrrgen.backends.c.solver.kernels import KernelDialect, Settings, kernel, specialize
 from rrrgen.backends.c.solver.settings import reopening, settings
 from rrrgen.backends.c.solver.statements import CBody
 from rrrgen.backends.c.solver.wording import branch_text, explanation, opening
 from rrrgen.backends.c.trigonometry import LibmSinCos
 from rrrgen.errors import DerivationError
-from rrrgen.ik.answers import STATUS_TEXTS, labels, most_rows, opens, operations, parts_of, reasons_of
+from rrrgen.ik.answers import STATUS_TEXTS, labels, most_rows, opens, parts_of, reasons_of
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.tolerances import runtime
@@ -37,6 +38,8 @@ class Emitted:
     rows: int
     stack: dict[str, int]
     """Bytes of stack that the functions with solutions take at most, callees included."""
+    operations: SolverOperations | None
+    """Of one call with all its rows; None where an elimination solves the chain in numbers."""
 
 
 FUNCTIONS = ("inverse_kinematics", "inverse_kinematics_batch", "closest", "ik_status_string", "ik_reason")
@@ -52,7 +55,7 @@ def sources(spec: RobotSpec, real: Real = "double", redundancy: int | None = Non
 def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, Any]:
     """What ``manifest.json`` says about the inverse kinematics; ``solver`` is false where there is none.
 
-    ``operations`` are those of one call with all its rows (:mod:`rrrgen.ik.recording.operations`); null where an
+    ``operations`` are those of one call with all its rows (:mod:`rrrgen.backends.c.solver.counting`); null where an
     elimination solves the chain in numbers. ``tolerances``: see :func:`rrrgen.ik.tolerances.runtime`. ``stack``: bytes
     that a function takes at most, callees included (:mod:`rrrgen.backends.c.solver.call_stack`).
     """
@@ -69,7 +72,8 @@ def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = No
         "singular": [singularity.words for singularity in plan.singularities],
     }
     if plan.solvable:
-        counted = operations(plan)
+        emitted = emit(spec, plan, real)
+        counted = emitted.operations
         data |= {
             "files": [f"{spec.name}_ik.c", f"{spec.name}_ik.h"],
             "functions": _public(spec),
@@ -77,7 +81,7 @@ def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = No
             "reasons": list(reasons_of(plan)),
             "tolerances": {name: float(value) for name, value in runtime(real).items()},
             "operations": None if counted is None else counted.as_dict(),
-            "stack": emit(spec, plan, real).stack,
+            "stack": emitted.stack,
         }
     return data
 
@@ -91,12 +95,15 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double") -> Emitted:
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
     dialect = Dialect(spec.name, real)
-    source, rows = _source(plan, dialect)
+    bodies = [_body(plan, part, dialect) for part in parts_of(plan)]
+    counts = [body.operations for body in bodies if body is not None]
+    operations = sum_of(counts) if len(counts) == len(bodies) else None  # those of a companion too
+    source, rows = _source(plan, bodies, dialect)
     stack = stack_bounds(source, spec.name, real, plan.chain.n, rows)
-    header = render("c/ik/header.h.j2", **_header_values(spec, plan, dialect), stack=stack)
+    header = render("c/ik/header.h.j2", **_header_values(spec, plan, dialect, operations), stack=stack)
     files = {f"{spec.name}_ik.h": header, f"{spec.name}_ik.c": source}
     public = {name: stack[name] for name in _public(spec)[:3]}  # the others only return a text
-    return Emitted(plan, files, rows, public)
+    return Emitted(plan, files, rows, public, operations)
 
 
 def _body(plan: SolverPlan, part: SolverPlan, dialect: Dialect) -> CBody | None:
@@ -122,10 +129,9 @@ CANDIDATES = (
 """Functions that list candidate rows, and the comments that open them: of the plan, and of its companion."""
 
 
-def _source(plan: SolverPlan, dialect: Dialect) -> tuple[str, int]:
+def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> tuple[str, int]:
     """The text of ``<name>_ik.c`` and the rows that an answer has room for."""
     stem, parts = f"{dialect.prefix}_ik", parts_of(plan)
-    bodies = [_body(plan, part, dialect) for part in parts]
     needs = frozenset().union(*({"near"} if body is None else body.needs for body in bodies))
     open_joints = [opens(part) for part in parts]
     chosen = settings(
@@ -171,7 +177,9 @@ def _list(name: str, comment: str, body: CBody, chosen: Settings) -> str:
     return specialize(render("c/ik/candidates.c.j2", name=name, comment=comment, body=body.text), chosen)
 
 
-def _header_values(spec: RobotSpec, plan: SolverPlan, dialect: Dialect) -> dict[str, Any]:
+def _header_values(
+    spec: RobotSpec, plan: SolverPlan, dialect: Dialect, operations: SolverOperations | None
+) -> dict[str, Any]:
     name, position = spec.name, plan.task == "position"
     return {
         "prefix": name,
@@ -189,5 +197,5 @@ def _header_values(spec: RobotSpec, plan: SolverPlan, dialect: Dialect) -> dict[
         "incomplete": bool(plan.incomplete),
         "branch_text": branch_text(labels(plan)),
         "explanation": explanation(plan),
-        "opening": opening(spec, plan, dialect.real),
+        "opening": opening(spec, plan, dialect.real, operations),
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rrrgen.backends.c.solver.arcs import RESERVED, Arcs, Slot, kept_count
+from rrrgen.backends.c.solver.counting import CALLS, sum_of
 from rrrgen.backends.c.solver.statements import CBody, Loop, Statement, position, printed
 from rrrgen.backends.interface import Target
 from rrrgen.errors import InternalError
@@ -163,9 +164,10 @@ class Scaffold:
         operands.append(error)
         leaf.append("++rows;")
         self._add(deepest, tuple(leaf), tuple(operands))
-        loops = printed(self._items, self._loops, self._target, self._taken)
+        loops, counted = printed(self._items, self._loops, self._target, self._taken)
         text = "\n".join([*(f"    {line}" for line in before), loops, *(f"    {line}" for line in behind)])
-        return CBody(text, frozenset(self._needs))
+        arcs = [CALLS[name] for name in self._arcs.calls]
+        return CBody(text, frozenset(self._needs), sum_of([counted, *arcs]))
 
     # -- loops, flags and names ---------------------------------------------------------------------------------------
 
@@ -193,8 +195,16 @@ class Scaffold:
             return "(unsigned)IK_FREE"
         return f"(unsigned)IK_FREE | {257 * 256 << joint.index}u"
 
-    def _add(self, level: int, lines: tuple[str, ...], operands: tuple[Scalar, ...]) -> None:
-        self._items.append(Statement(level, lines, operands))
+    def _add(
+        self,
+        level: int,
+        lines: tuple[str, ...],
+        operands: tuple[Scalar, ...],
+        *,
+        calls: tuple[str, ...] = (),
+        rare: tuple[int, ...] = (),
+    ) -> None:
+        self._items.append(Statement(level, lines, operands, calls=calls, rare=rare))
 
     def _user(self, joint: Joint, raw: Scalar) -> Scalar:
         """The user's joint value of a raw one, wrapped where an offset can push it out of (-pi, pi]."""
@@ -204,7 +214,7 @@ class Scaffold:
             return q
         text = self._fresh(f"q{joint.index + 1}")
         wrapped = self.pool.var(text, q.level)
-        self._items.append(Statement(q.level, (f"const REAL {text} = ik_wrap({{0}});",), (q,), wrapped))
+        self._items.append(Statement(q.level, (f"const REAL {text} = ik_wrap({{0}});",), (q,), wrapped, ("wrap",)))
         return wrapped
 
     def _real(self, x: float) -> str:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import prod
 
+from rrrgen.backends.c.solver.counting import SolverOperations, block_operations, sum_of
 from rrrgen.backends.interface import Target
 from rrrgen.backends.names import Names
 from rrrgen.backends.printing import Statements
@@ -42,14 +43,19 @@ class Statement:
     operands: tuple[Scalar, ...]
     defines: Scalar | None = None
     """The one variable of a plain definition, which can be left out where nothing uses it."""
+    calls: tuple[str, ...] = ()
+    """The kernels that are called, by their names in :mod:`rrrgen.backends.c.solver.counting`."""
+    rare: tuple[int, ...] = ()
+    """The operands that are read only where a joint is free."""
 
 
 @dataclass(frozen=True)
 class CBody:
-    """The finished body of the branch function, and the functions of the templates that it needs."""
+    """The finished body of the branch function, the functions of the templates that it needs, and what it takes."""
 
     text: str
     needs: frozenset[str]
+    operations: SolverOperations
 
 
 def opening(loop: Loop, count: str = "") -> str:
@@ -134,6 +140,11 @@ class _Recorded:
         inputs = (Port("variables", (len(self.texts),)),)
         return Program(f"block{self._level}", inputs, outputs, tuple(self._nodes), tuple(self._results))
 
+    def restricted(self, values: Iterable[Scalar]) -> Program:
+        """The block with the definitions of these values alone."""
+        kept = [self._nodes[self.add(node)] for node in values]
+        return replace(self.program(), outputs=(), nodes=tuple(kept), results=())
+
 
 class _Lines(Statements):
     """The lines of one block: its statements, each behind the definitions that it needs."""
@@ -158,26 +169,36 @@ class _Lines(Statements):
         self._visited = max(self._visited, count)
 
 
-def printed(items: Sequence[Statement], loops: Sequence[Loop], target: Target, taken: Iterable[str]) -> str:
-    """The statements between their loops, without definitions that nothing uses.
+def printed(
+    items: Sequence[Statement], loops: Sequence[Loop], target: Target, taken: Iterable[str]
+) -> tuple[str, SolverOperations]:
+    """The statements between their loops, without definitions that nothing uses, and their operations.
 
     ``taken`` are the names in use already.
     """
-    blocks = _Blocks(_live(items), len(loops))
+    live = _live(items)
+    blocks, regular = _Blocks(live, len(loops)), _regular(live)
     names = Names(target.reserved, taken)
     outside: dict[int, str] = {}
     lines: list[str] = []
+    counts: list[SolverOperations] = []
     for depth in range(len(loops) + 1):
         indent = "    " * (depth + 1)
-        lines += [indent + line for line in _block(blocks, depth, outside, target, names)]
+        block, printer = _block(blocks, depth, outside, target, names)
+        lines += [indent + line for line in printer.lines]
+        calls = [call for _, item in blocks.items[depth] for call in item.calls]
+        evaluated = block.restricted(node for node in blocks.values[depth] if id(node) in regular)
+        counts.append(block_operations(evaluated, calls, prod(loop.most for loop in loops[:depth])))
         if depth < len(loops):
             lines.append(indent + opening(loops[depth]))
     lines += ["    " * (depth + 1) + "}" for depth in reversed(range(len(loops)))]
-    return "\n".join(lines)
+    return "\n".join(lines), sum_of(counts)
 
 
-def _block(blocks: _Blocks, depth: int, outside: dict[int, str], target: Target, names: Names) -> list[str]:
-    """The lines of one block; ``outside`` gains the names of the values that deeper blocks read."""
+def _block(
+    blocks: _Blocks, depth: int, outside: dict[int, str], target: Target, names: Names
+) -> tuple[_Recorded, _Lines]:
+    """One block and its lines; ``outside`` gains the names of the values that deeper blocks read."""
     block = _Recorded(depth, outside)
     values, done = blocks.values[depth], 0
     uses: list[tuple[int, Statement, tuple[int, ...]]] = []
@@ -197,25 +218,35 @@ def _block(blocks: _Blocks, depth: int, outside: dict[int, str], target: Target,
         printer.lines += [_fill(line, texts) for line in item.lines]
     printer.advance(len(block))
     outside.update({key: printer.texts[index].code for key, index in exported.items()})
-    return printer.lines
+    return block, printer
+
+
+def _regular(items: Sequence[Statement]) -> set[int]:
+    """The values that are read where no joint is free."""
+    found: set[int] = set()
+    for item in items:
+        for k, operand in enumerate(item.operands):
+            if k not in item.rare:
+                _collect(operand, found)
+    return found
+
+
+def _collect(node: Scalar, found: set[int]) -> None:
+    if id(node) not in found:
+        found.add(id(node))
+        for arg in node.args:
+            _collect(arg, found)
 
 
 def _live(items: Sequence[Statement]) -> list[Statement]:
     """Without the definitions that nothing uses."""
     used: set[int] = set()
-
-    def use(node: Scalar) -> None:
-        if id(node) not in used:
-            used.add(id(node))
-            for arg in node.args:
-                use(arg)
-
     kept = []
     for item in reversed(items):
         if item.defines is None or id(item.defines) in used:
             kept.append(item)
             for operand in item.operands:
-                use(operand)
+                _collect(operand, used)
     return kept[::-1]
 
 

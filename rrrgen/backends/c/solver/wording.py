@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rrrgen.backends import Real
 from rrrgen.backends.c.solver.call_stack import STACK_RULE
-from rrrgen.ik.answers import operations
+from rrrgen.backends.c.solver.counting import SolverOperations
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.version import VERSION
 
@@ -44,15 +44,14 @@ def explanation(plan: SolverPlan) -> list[str]:
     return textwrap.wrap(text, 116)
 
 
-def opening(spec: RobotSpec, plan: SolverPlan, real: Real) -> list[str]:
-    """The comment at the head of the header, in lines."""
+def opening(spec: RobotSpec, plan: SolverPlan, real: Real, counted: SolverOperations | None) -> list[str]:
+    """The comment at the head of the header, in lines; ``counted`` are the operations of one call, if known."""
     lines = [f"{spec.name}_ik.h: inverse kinematics of {spec.name}, joints {' '.join(plan.chain.types)}", ""]
     lines += textwrap.wrap(f"Family: {plan.title}.", 116)
     if plan.incomplete:
         lines += textwrap.wrap(f"Incomplete: {plan.incomplete}.", 116)
     for singularity in plan.singularities:
         lines += textwrap.wrap(f"Singular: {singularity.words}", 116)
-    counted = operations(plan)
     if counted is not None:
         lines += textwrap.wrap(
             f"Operations of one call with all its rows, without the check of the target and the limits: {counted}.", 116

@@ -1,0 +1,79 @@
+"""Operations of an emitted list of candidates: a pass over the programs between its loops.
+
+Every block between two loops is a :class:`rrrgen.program.Program`, evaluated once for every turn of the loops around it;
+the kernels that its statements call (``templates/c/ik/roots.c``) have known operations. Counted is a target at which
+every choice has all its roots and no joint is free. The check of the target, joint limits and refinement are not
+counted; roots of quartics are found by iteration and counted apart.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+
+from rrrgen.program import Program, count_operations
+
+
+@dataclass(frozen=True)
+class SolverOperations:
+    """Arithmetic of one call with all its rows.
+
+    ``sincos`` counts angles, ``atan2`` arc tangents, ``quartics`` equations of degree four, each solved by at most 40
+    iterations.
+    """
+
+    mul: int = 0
+    add: int = 0
+    div: int = 0
+    sqrt: int = 0
+    sincos: int = 0
+    atan2: int = 0
+    quartics: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        """For the manifest."""
+        return asdict(self)
+
+    def times(self, turns: int) -> SolverOperations:
+        """The operations of ``turns`` evaluations."""
+        return SolverOperations(**{name: turns * value for name, value in self.as_dict().items()})
+
+    def __str__(self) -> str:
+        parts = [f"{value} {name}" for name, value in self.as_dict().items() if value or name in ("mul", "add")]
+        return ", ".join(parts)
+
+
+CALLS = {
+    "linear": SolverOperations(mul=6, add=2, div=1, sqrt=1),
+    "linear_given": SolverOperations(mul=5, add=1, div=1, sqrt=1),  # with a^2 + b^2 - k^2 given
+    "cosine": SolverOperations(sqrt=1),
+    "root": SolverOperations(mul=1, sqrt=1),
+    "root_constant": SolverOperations(sqrt=1),  # of a size known in advance
+    "quadratic": SolverOperations(mul=9, add=3, div=2, sqrt=1),
+    "quartic": SolverOperations(quartics=1),
+    "power4": SolverOperations(quartics=1),
+    "unit": SolverOperations(mul=4, add=1, div=1, sqrt=1),
+    "length": SolverOperations(mul=2, add=1, sqrt=1),  # of a vector in the plane
+    "inverse": SolverOperations(div=1),
+    "wrap": SolverOperations(mul=1, add=2),
+    "opposite": SolverOperations(add=1),
+    "angle": SolverOperations(sincos=1),
+    "arc": SolverOperations(atan2=1),
+}
+"""What the kernels take that statements call, where nothing is singular."""
+
+
+def block_operations(program: Program, calls: Iterable[str], turns: int) -> SolverOperations:
+    """Operations of one block with its calls of kernels (names in :data:`CALLS`), evaluated ``turns`` times."""
+    count = count_operations(program)
+    own = SolverOperations(count.mul, count.add, count.div, count.sqrt, count.sincos)
+    return sum_of([own, *(CALLS[name] for name in calls)]).times(turns)
+
+
+def sum_of(counts: Iterable[SolverOperations]) -> SolverOperations:
+    """The sums, name by name."""
+    tally: Counter[str] = Counter()
+    for each in counts:
+        tally.update(each.as_dict())
+    return SolverOperations(**tally)
