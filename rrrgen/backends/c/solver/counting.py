@@ -1,8 +1,8 @@
 """Operations of an emitted list of candidates: a pass over the programs between its loops.
 
-Every block between two loops is a :class:`rrrgen.program.Program`, evaluated once for every turn of the loops around it;
-the kernels that its statements call (``templates/c/ik/roots.c``) have known operations. Counted is a target at which
-every choice has all its roots and no joint is free. The check of the target, joint limits and refinement are not
+Every block between two loops is a :class:`rrrgen.program.Program`, evaluated once for every turn of the loops around
+it; the kernels that its statements call (``templates/c/ik/roots.c``) have known operations. Counted is a target at
+which every choice has all its roots and no joint is free. The check of the target, joint limits and refinement are not
 counted; roots of quartics are found by iteration and counted apart.
 """
 
