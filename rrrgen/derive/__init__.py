@@ -45,7 +45,7 @@ def parametrized(derivation: Derivation) -> ParametrizedRobot:
 
     spec, change, parametrization = derivation.spec, derivation.basis_change, derivation.parametrization
     projection = parametrization.projection
-    symbols = standard_symbols(spec.n)
+    symbols = standard_symbols(len(spec.rows))
     expressions = change.expressions if change else [linear_expression(row, symbols) for row in projection]
     numeric = [[rational(spec.nominal(v)) for v in row] for row in projection]
     phi = _nominal_standard(spec)

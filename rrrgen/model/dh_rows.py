@@ -44,7 +44,7 @@ def dh_rows(spec: RobotSpec, *, nominal: bool = False) -> tuple[DHRow, ...]:
         return DHRow(twists[0], theta, d, twists[1], revolute)
 
     found = []
-    for joint in spec.joints:
+    for joint in spec.rows:
         values = (joint.theta, joint.d, joint.a, joint.alpha)
         theta, d, a, alpha = (spec.nominal(value) for value in values) if nominal else values
         found.append(row(theta, d, Twist(a, alpha), joint.is_revolute))

@@ -90,7 +90,9 @@ class JointModel:
     before: RigidTransform
     theta: sp.Expr
     parallel: bool
-    """Whether the axis has the same direction as that of the previous joint, so that R_i = 1."""
+    """Whether the axis has the same direction as that of the joint before, so that R_i = 1."""
+    parent: int
+    """The number of the joint before (from 0), whose link carries this one; -1 for the base."""
 
 
 @dataclass(frozen=True)
@@ -98,12 +100,16 @@ class RobotModel:
     """A robot in canonical frames, with exact entries; named parameters are symbols.
 
     ``tip`` is X_tip, ``link_frames[i]`` the constant transform from ``P_i`` to the user's link frame ``D_i``.
+    ``tip_link`` is the link that carries the tool. ``coupling`` (links, n) gives the displacements of the joints,
+    ``y = coupling q``; None where they are q.
     """
 
     spec: RobotSpec
     joints: tuple[JointModel, ...]
     tip: RigidTransform
     link_frames: tuple[RigidTransform, ...]
+    tip_link: int
+    coupling: tuple[tuple[sp.Expr, ...], ...] | None = None
     _nominal: dict[sp.Expr, sp.Expr] = field(default_factory=dict, compare=False, repr=False)
 
     def nominal(self, expression: sp.Expr) -> sp.Expr:
@@ -114,7 +120,12 @@ class RobotModel:
 
     @property
     def n(self) -> int:
-        """Number of joints."""
+        """Length of q: the number of joints, without those that follow others."""
+        return self.spec.n
+
+    @property
+    def links(self) -> int:
+        """Number of links, one beyond every joint."""
         return len(self.joints)
 
     @property
@@ -128,6 +139,14 @@ class RobotModel:
                 blocks.append([i])
         return tuple(tuple(block) for block in blocks)
 
+    def path(self, link: int) -> tuple[int, ...]:
+        """The joints that move ``link``, from the base to it."""
+        found: list[int] = []
+        while link >= 0:
+            found.append(link)
+            link = self.joints[link].parent
+        return tuple(reversed(found))
+
 
 def build_model(spec: RobotSpec) -> RobotModel:
     """The canonical form of the robot described by ``spec``."""
@@ -140,7 +159,8 @@ def build_model(spec: RobotSpec) -> RobotModel:
         sp.ImmutableMatrix(3, 3, list(spec.tool.rotation)), sp.ImmutableMatrix(list(spec.tool.translation))
     )
     constants, angles = [], []
-    for behind, row in zip((NO_TWIST, *(row.behind for row in rows)), rows, strict=False):
+    for parent, row in zip(spec.parents, rows, strict=True):
+        behind = rows[parent].behind if parent >= 0 else NO_TWIST
         X = _twisted(behind if row.before == NO_TWIST else row.before)  # at most one of the two is a motion
         along = RigidTransform.of(p=(0, 0, row.d))
         if row.revolute:
@@ -149,23 +169,37 @@ def build_model(spec: RobotSpec) -> RobotModel:
         else:
             constants.append(X @ along @ RigidTransform.of(rotation_z(row.theta)))
             angles.append(sp.S.Zero)
-    constants[0] = base @ constants[0]
-    parallel = [i > 0 and X.R == IDENTITY for i, X in enumerate(constants)]
-    slides = _origin_shifts(constants, parallel)
+    for i, parent in enumerate(spec.parents):
+        if parent < 0:
+            constants[i] = base @ constants[i]
+    parallel = [parent >= 0 and X.R == IDENTITY for parent, X in zip(spec.parents, constants, strict=True)]
+    chain = spec.parents == tuple(range(-1, len(rows) - 1))
+    slides = _origin_shifts(constants, parallel) if chain else _shifts_in_blocks(constants, parallel, spec.parents)
     moved = [RigidTransform.of(p=(0, 0, t)) for t in slides]
     back = [RigidTransform.of(p=(0, 0, -t)) for t in slides]
     for i in range(len(constants)):
-        constants[i] = (moved[i - 1] @ constants[i] if i else constants[i]) @ back[i]
+        parent = spec.parents[i]
+        constants[i] = (moved[parent] @ constants[i] if parent >= 0 else constants[i]) @ back[i]
+    tip_link = len(rows) - 1 if spec.mechanism is None else spec.mechanism.tip
     link_frames = tuple(forth @ frame for forth, frame in zip(moved, frames, strict=True))
     return RobotModel(
         spec=spec,
         joints=tuple(
-            JointModel(joint.name, joint.is_revolute, X, theta, flag)
-            for joint, X, theta, flag in zip(spec.joints, constants, angles, parallel, strict=True)
+            JointModel(joint.name, joint.is_revolute, X, theta, flag, parent)
+            for joint, X, theta, flag, parent in zip(spec.rows, constants, angles, parallel, spec.parents, strict=True)
         ),
-        tip=link_frames[-1] @ tool,
+        tip=link_frames[tip_link] @ tool,
         link_frames=link_frames,
+        tip_link=tip_link,
+        coupling=_coupling(spec),
     )
+
+
+def _coupling(spec: RobotSpec) -> tuple[tuple[sp.Expr, ...], ...] | None:
+    """The matrix of the mechanism; None where it is the unit matrix."""
+    if spec.mechanism is None or sp.Matrix(spec.mechanism.matrix) == sp.eye(spec.n):
+        return None
+    return spec.mechanism.matrix
 
 
 def _twisted(twist: Twist) -> RigidTransform:
@@ -186,4 +220,14 @@ def _origin_shifts(constants: list[RigidTransform], parallel: list[bool]) -> lis
             slides.append(along)
         else:
             slides.append(sp.S.Zero)
+    return slides
+
+
+def _shifts_in_blocks(
+    constants: list[RigidTransform], parallel: list[bool], parents: tuple[int, ...]
+) -> list[sp.Expr]:
+    """The same for a tree: the origins of a block are moved into the plane of its first one, no other is moved."""
+    slides: list[sp.Expr] = []
+    for X, follows, parent in zip(constants, parallel, parents, strict=True):
+        slides.append(normal_form(slides[parent] + (X.R.T * X.p)[2]) if follows else sp.S.Zero)
     return slides

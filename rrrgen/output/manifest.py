@@ -34,6 +34,8 @@ def identify(spec: RobotSpec) -> Identity:
     robot = _canonical(spec)
     if spec.drives is None:  # robots without coupled drives keep the hash that they had before these were known
         del robot["drives"]
+    if spec.mechanism is None:
+        del robot["mechanism"]
     if not spec.gravity_input:
         del robot["gravity_input"]
     text = json.dumps(robot, sort_keys=True, separators=(",", ":"))

@@ -142,6 +142,28 @@ class JointSpec:
         return self.type == "revolute"
 
 
+@dataclass(frozen=True)
+class MechanismSpec:
+    """Rows that are not a chain of joints with a drive each: joints that follow others, and branches.
+
+    Row i moves by ``y_i = matrix[i] . q``, q being the positions of the joints of the robot, and stands on the link of
+    row ``parents[i]`` (-1: on the base). The tool is fixed to the link of row ``tip``. ``matrix`` (rows, joints) is
+    exact; constants of a coupling are part of theta or d of a row.
+    """
+
+    rows: tuple[JointSpec, ...]
+    parents: tuple[int, ...]
+    tip: int
+    matrix: tuple[tuple[sp.Expr, ...], ...]
+
+    def path(self, row: int) -> tuple[int, ...]:
+        """The rows from the base to ``row``."""
+        found = [row]
+        while self.parents[found[-1]] >= 0:
+            found.append(self.parents[found[-1]])
+        return tuple(reversed(found))
+
+
 def joint_units(joint: JointSpec) -> dict[str, str]:
     """The SI units of the position and of the torque or force of a joint."""
     return {"unit": "rad", "torque_unit": "N m"} if joint.is_revolute else {"unit": "m", "torque_unit": "N"}
@@ -232,6 +254,8 @@ class RobotSpec:
     - ``joints`` and ``links``, one for each joint; ``links`` is None if the file states no inertias;
     - ``base`` and ``tool``: fixed transforms before the first joint and after the last link frame; ``tools``: others
       that may take the place of ``tool``, by name;
+    - ``mechanism``: its rows, if some of them follow joints or branch off; ``joints`` then are those that q counts, and
+      there is a link for every row. None if the rows are the joints, one after the other;
     - ``basis``: base parameters chosen by the user, or None; ``drives``: coupled drives, None if every joint has its
       own;
     - ``angle_unit`` and ``length_unit``: those that the file was written in, to print it back;
@@ -262,11 +286,22 @@ class RobotSpec:
     provenance: tuple[FitSpec, ...] = ()
     emit: tuple[str, ...] = ()
     gravity_input: bool = False
+    mechanism: MechanismSpec | None = None
 
     @property
     def n(self) -> int:
-        """Number of joints."""
+        """Number of joints, the length of q."""
         return len(self.joints)
+
+    @property
+    def rows(self) -> tuple[JointSpec, ...]:
+        """The rows of the table: the joints, or those of the mechanism, which include followers and branches."""
+        return self.joints if self.mechanism is None else self.mechanism.rows
+
+    @property
+    def parents(self) -> tuple[int, ...]:
+        """For every row, the row whose link carries it; -1 for the base."""
+        return tuple(range(-1, len(self.joints) - 1)) if self.mechanism is None else self.mechanism.parents
 
     def in_any_gravity(self) -> RobotSpec:
         """The same robot with gravity as an input of its functions, under the name ``<name>_any_gravity``.
@@ -284,7 +319,7 @@ class RobotSpec:
     def dh_table(self) -> list[tuple[str, float, float, float, float]]:
         """Rows ``(type, alpha, a, d, theta)`` at the nominal values, SI and rad, as floats."""
         rows: list[tuple[str, float, float, float, float]] = []
-        for joint in self.joints:
+        for joint in self.rows:
             values = [float(self.nominal(v)) for v in (joint.alpha, joint.a, joint.d, joint.theta)]
             rows.append((joint.type, values[0], values[1], values[2], values[3]))
         return rows

@@ -162,15 +162,17 @@ def torques_and_derivatives(
     for j, (joint, body) in enumerate(zip(chain.joints, composition.bodies, strict=True)):
         total = _in_block(joint, motions[j], wrenches[j])
         wrench = _derivative_wrench(joint.revolute, body, rates[j], motions[j].axis, lifts[j], total)
-        for i, value in enumerate(generalized_forces(chain, j, *wrench)):
+        for i, value in generalized_forces(chain, j, *wrench).items():
             dtau_dq[i][j] = value
-        for i, shifted in enumerate(composition.shifted_wrenches[j][:-1]):
+        for i, shifted in composition.shifted_wrenches[j].items():
+            if i == j:
+                continue
             axis = motions[i].axis
             if chain.joints[i].revolute:
                 dtau_dq[j][i] = (dot(axis, shifted.N) + dot(rates[i], shifted.W)) - dot(lifts[i], shifted.F)
             else:
                 dtau_dq[j][i] = dot(axis, shifted.F)
-    return [joint_force(chain, i, *wrench) for i, wrench in enumerate(wrenches)], dtau_dq
+    return chain.forces([joint_force(chain, i, *wrench) for i, wrench in enumerate(wrenches)]), chain.form(dtau_dq)
 
 
 def _in_block(joint: ChainJoint, motion: LinkMotion, wrench: Wrench) -> Wrench:

@@ -41,7 +41,7 @@ def jacobian_port(r: Recording) -> Port:
 def link_frames(r: Recording) -> Program:
     """Record the poses (n, 4, 4) of the link frames 1..n in the base frame."""
     frames = poses.link_frames(r.chain())
-    port = Port("T", (r.n, 4, 4), "-, m", BASE, "homogeneous transforms of the link frames 1..n")
+    port = Port("T", (r.model.links, 4, 4), "-, m", BASE, "homogeneous transforms of the link frames 1..n")
     values = [value for frame in frames for value in flat(frame)]
     return r.builder.program(
         "link_frames", [(port, values)], "Poses of all link frames.", "T_i = T_base A_1(q_1) ... A_i(q_i)"
@@ -62,7 +62,7 @@ def link_jacobians(r: Recording) -> Program:
     meaning = "of the origins of the link frames 1..n, each rows 1-3 linear, rows 4-6 angular velocity"
     return r.builder.program(
         "link_jacobians",
-        [(Port("J", (r.n, 6, r.n), "m, -", BASE, meaning), [value for J in matrices for value in flat(J)])],
+        [(Port("J", (r.model.links, 6, r.n), "m, -", BASE, meaning), [value for J in matrices for value in flat(J)])],
         "Geometric Jacobians of all link frames.",
         "[v_i; omega_i] = J_i(q) dq,  torques of a wrench at frame i: J_i' [f; m]",
         ["Columns of joints beyond the link are zero."],

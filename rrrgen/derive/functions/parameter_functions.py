@@ -62,9 +62,9 @@ def base_parameters(project: Projection) -> Recorder:
 
     def record(r: Recording) -> Program:
         meaning = "per link: " + ", ".join(STANDARD)
-        port = Port("phi", (10 * r.n,), "SI", "link frames", meaning, Role.STANDARD_PARAMETERS)
+        port = Port("phi", (10 * r.model.links,), "SI", "link frames", meaning, Role.STANDARD_PARAMETERS)
         phi = r.builder.input(port)
-        beta = project(r, [phi[10 * i : 10 * i + 10] for i in range(r.n)])
+        beta = project(r, [phi[10 * i : 10 * i + 10] for i in range(r.model.links)])
         return r.builder.program(
             "base_parameters",
             [(r.beta_port("base parameters"), beta)],
@@ -82,7 +82,7 @@ def add_payload(project: Projection) -> Recorder:
     def record(r: Recording) -> Program:
         mass, com, inertia = _payload_inputs(r, "the last link frame")
         beta = r.builder.input(r.beta_port("base parameters without the payload"))
-        delta = project(r, [*[[0] * 10] * (r.n - 1), _standard(mass, com, inertia)])
+        delta = project(r, _at_tip(r, _standard(mass, com, inertia)))
         return r.builder.program(
             "add_payload",
             [(r.beta_port("base parameters with the payload", name="beta_loaded"), add(beta, delta))],
@@ -105,7 +105,7 @@ def add_payload_at(project: Projection) -> Recorder:
         R: Matrix = [list(T[4 * i : 4 * i + 3]) for i in range(3)]
         own = [[inertia[min(i, j)][max(i, j)] for j in range(3)] for i in range(3)]
         com = add(times(R, com), [T[3], T[7], T[11]])
-        delta = project(r, [*[[0] * 10] * (r.n - 1), _standard(mass, com, product(product(R, own), transpose(R)))])
+        delta = project(r, _at_tip(r, _standard(mass, com, product(product(R, own), transpose(R)))))
         return r.builder.program(
             "add_payload_at",
             [(r.beta_port("base parameters with the payload", name="beta_loaded"), add(beta, delta))],
@@ -127,6 +127,11 @@ def _payload_inputs(r: Recording, frame: str) -> tuple[Any, list[Any], Matrix]:
     meaning = "inertia tensor about the centre of mass"
     flat = r.builder.input(Port("inertia", (3, 3), "kg m^2", f"axes of {frame}", meaning))
     return mass, list(com), [list(flat[3 * i : 3 * i + 3]) for i in range(3)]
+
+
+def _at_tip(r: Recording, phi: list[Any]) -> list[list[Any]]:
+    """The standard parameters of all links where only the one that carries the tip has some."""
+    return [phi if i == r.model.tip_link else [0] * 10 for i in range(r.model.links)]
 
 
 def _standard(mass: Any, com: list[Any], inertia: Matrix) -> list[Any]:

@@ -198,7 +198,7 @@ class Recording:
 
     def inertias(self) -> list[PseudoInertia]:
         """Declare the base parameters as an input and return the pseudo-inertias of the links."""
-        return self.parametrization.inertias(self.n, self.beta(), self.constant)
+        return self.parametrization.inertias(self.model.links, self.beta(), self.constant)
 
     def drive_inertia(self) -> DriveInertia:
         """Declare the drive inertias Ia as an input if the robot file states any."""

@@ -50,7 +50,7 @@ def _through(r: Recording, inverse: tuple[tuple[sp.Expr, ...], ...], values: lis
 def _motions(r: Recording, *further: str) -> tuple[Chain, list[LinkMotion]]:
     chain = r.chain_in_gravity("dq", "ddq", *further)
     dq, ddq = r.joints("dq"), r.joints("ddq")
-    return chain, forward(chain, dq, ddq, [True] * r.n)
+    return chain, forward(chain, dq, ddq, [True] * chain.n)
 
 
 def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
@@ -76,7 +76,7 @@ def regressor_transpose(r: Recording) -> Program:
     chain, motions = _motions(r, "e")
     e = r.joints("e")
     virtual = composite.velocities(chain, e)
-    in_link_frame = [True] * r.n
+    in_link_frame = [True] * chain.n
     values = [virtual_power(chain, motions, in_link_frame, virtual, p) for p in r.parametrization.basis.parameters]
     inverse = r.parametrization.inverse
     if inverse is not None:
@@ -94,7 +94,7 @@ def standard_regressor(r: Recording) -> Program:
     """Record Y (n, 10 n) with tau = Y(q, dq, ddq) phi, for the standard parameters phi about the link frames."""
     chain = r.chain_in_gravity("dq", "ddq")
     dq, ddq = r.joints("dq"), r.joints("ddq")
-    canonical = columns_by_axes(chain, dq, ddq, [True] * r.n, all_parameters(r.n))
+    canonical = columns_by_axes(chain, dq, ddq, [True] * chain.n, all_parameters(chain.n))
     columns = []
     for i, X in enumerate(chain.link_frames):
         entries = canonical[len(STANDARD) * i : len(STANDARD) * (i + 1)]
@@ -102,7 +102,7 @@ def standard_regressor(r: Recording) -> Program:
             factors = from_standard([int(k == m) for m in range(len(STANDARD))]).moved(X).entries()
             columns.append([dot(factors, values) for values in zip(*entries, strict=True)])
     rows = [[column[j] for column in columns] for j in range(r.n)]
-    port = Port("Y", (r.n, 10 * r.n), "SI", "", "per link: " + ", ".join(STANDARD))
+    port = Port("Y", (r.n, 10 * chain.n), "SI", "", "per link: " + ", ".join(STANDARD))
     return r.builder.program(
         "standard_regressor",
         [(port, flat(rows))],

@@ -177,8 +177,8 @@ class _Linear:
 
 def _regroup(model: RobotModel, ring: PolynomialRing) -> dict[Parameter, list[Any]]:
     """Candidate -> its coefficients over the standard parameters (10 n,), after both regrouping rules."""
-    width = 10 * model.n
-    phi = [[_Linear(_unit_row(width, 10 * i + k)) for k in range(10)] for i in range(model.n)]
+    width = 10 * model.links
+    phi = [[_Linear(_unit_row(width, 10 * i + k)) for k in range(10)] for i in range(model.links)]
     values = regroup(model, partial(exact_placement, ring), phi)
     return {c: value.row if isinstance(value, _Linear) else [0] * width for c, value in values.items()}
 
@@ -191,17 +191,18 @@ def regroup(
     The scalars are of any kind; ``placement`` converts constant transforms to it.
     """
     values: dict[Parameter, Any] = {}
-    carried = PseudoInertia()
-    for i in reversed(range(model.n)):
+    carried: dict[int, PseudoInertia] = {}
+    for i in reversed(range(model.links)):
         joint = model.joints[i]
-        J = from_standard(list(phi[i])).moved(placement(model.link_frames[i])).plus(carried)
+        J = from_standard(list(phi[i])).moved(placement(model.link_frames[i])).plus(carried.get(i, PseudoInertia()))
         values |= {(i, entry): getattr(J, entry) for entry in CANDIDATES[joint.revolute]}
         X = placement(joint.before)
         if joint.revolute:
-            carried = PseudoInertia(Jzz=J.Jzz, hz=J.hz, m=J.m).moved(X)
+            moved = PseudoInertia(Jzz=J.Jzz, hz=J.hz, m=J.m).moved(X)
         else:
             second = PseudoInertia(Jxx=J.Jxx, Jxy=J.Jxy, Jxz=J.Jxz, Jyy=J.Jyy, Jyz=J.Jyz, Jzz=J.Jzz)
-            carried = second.moved(Placement(X.R, [0, 0, 0]))
+            moved = second.moved(Placement(X.R, [0, 0, 0]))
+        carried[joint.parent] = moved if joint.parent not in carried else carried[joint.parent].plus(moved)
     return values
 
 
@@ -216,5 +217,5 @@ def _lift(model: RobotModel, ring: PolynomialRing, kept: list[Parameter]) -> tup
         phi = [
             J.m, J.hx, J.hy, J.hz, J.Jyy + J.Jzz, -J.Jxy, J.Jxx + J.Jzz, -J.Jxz, -J.Jyz, J.Jxx + J.Jyy,
         ]  # fmt: skip
-        columns.append([0] * (10 * i) + phi + [0] * (10 * (model.n - i - 1)))
-    return tuple(zip(*columns, strict=True)) if columns else tuple(() for _ in range(10 * model.n))
+        columns.append([0] * (10 * i) + phi + [0] * (10 * (model.links - i - 1)))
+    return tuple(zip(*columns, strict=True)) if columns else tuple(() for _ in range(10 * model.links))

@@ -17,10 +17,18 @@ from sympy.polys.matrices import DomainMatrix
 
 from rrrgen.derive.algebra.finite_field import PRIME, Residue, row_echelon
 from rrrgen.derive.algebra.polynomials import Polynomial, PolynomialRing, to_expression
-from rrrgen.derive.recursions.chain import Chain, ResidueConstants, build_chain, residue_chain
+from rrrgen.derive.recursions.chain import (
+    Chain,
+    ResidueConstants,
+    build_chain,
+    quarter_turns,
+    residue_chain,
+    rotate_quarters,
+)
+from rrrgen.derive.recursions.coupling import Turning, UnitAngles
 from rrrgen.derive.recursions.regressor import Parameter, regressor
 from rrrgen.errors import InternalError
-from rrrgen.model import RobotModel
+from rrrgen.model import RobotModel, cosine_sine
 
 STATES = 10
 """Number of sampled states: each gives the first k links k rows for at most 7 k columns, so 7 would be enough."""
@@ -156,21 +164,25 @@ def _rational_state(
 
     Half of all angles, slides, rates and accelerations are zero, which gives simple rows.
     """
-    points = []
-    for _ in range(joints):
+    part = replace(model, joints=model.joints[:joints], link_frames=model.link_frames[:joints])
+    units, points = UnitAngles(part), []
+    for _ in range(joints if model.coupling is None else units.count):
         t = Fraction(random.choice((0, 1)) * random.randint(1, 9), random.randint(1, 9))
         points.append(((1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)))
 
-    def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:
-        c, s = Fraction(1), Fraction(0)
-        for i in turning:
-            c, s = c * points[i][0] - s * points[i][1], s * points[i][0] + c * points[i][1]
-        return c, s
+    def trig(turning: Turning, angle: sp.Expr) -> tuple[Any, Any]:
+        c, s = units.angle(turning, points.__getitem__)
+        if model.coupling is None:
+            return c, s
+        quarters, rest = quarter_turns(angle)
+        cosine, sine = (ring.convert(value) for value in cosine_sine(rest))
+        return rotate_quarters(quarters, c * cosine - s * sine, s * cosine + c * sine)
 
-    def numbers(count: int = joints) -> list[Fraction]:
+    length = joints if model.coupling is None else model.n
+
+    def numbers(count: int = length) -> list[Fraction]:
         return [Fraction(random.choice((0, 1)) * random.randint(-9, 9)) for _ in range(count)]
 
-    part = replace(model, joints=model.joints[:joints], link_frames=model.link_frames[:joints])
     q, gravity = numbers(), numbers(3) if model.spec.gravity_input else None
     return build_chain(part, ring.convert, trig, q, gravity), numbers(), numbers()
 

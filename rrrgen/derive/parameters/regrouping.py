@@ -19,7 +19,7 @@ def regroupings(
     ``names`` are the base parameters, ``projection`` (b, 10 n) their coefficients over the standard parameters.
     """
     entries = []
-    for j, symbol in enumerate(standard_symbols(model.n)):
+    for j, symbol in enumerate(standard_symbols(model.links)):
         factors = [(name, row[j]) for name, row in zip(names, projection, strict=True) if row[j] != 0]
         link, kind = j // len(STANDARD), STANDARD[j % len(STANDARD)]
         if not factors:

@@ -63,10 +63,10 @@ def change_basis(spec: RobotSpec, compiler_set: BaseSet) -> BasisChange:
     rows: list[list[Any]] = []
     for k, expression in enumerate(basis.expressions):
         try:
-            rows.append(_linear_row(expression, basis, spec.n, compiler_set.ring))
+            rows.append(_linear_row(expression, basis, len(spec.rows), compiler_set.ring))
         except ValueError as problem:
             faults.append(_fault(spec, basis, k, str(problem)))
-            rows.append([0] * (10 * spec.n))
+            rows.append([0] * (10 * len(spec.rows)))
     if faults:
         raise InputError(faults)
     S = [[_combine(row, column) for column in zip(*compiler_set.lift, strict=True)] for row in rows]
@@ -148,7 +148,7 @@ def _foreign(
 ) -> list[Fault]:
     """Faults of user parameters that contain a part without effect on the dynamics."""
     faults = []
-    symbols = standard_symbols(spec.n)
+    symbols = standard_symbols(len(spec.rows))
     for k, (row, s) in enumerate(zip(rows, S, strict=True)):
         factors = [to_expression(v) for v in s]
         rebuilt = [_combine(factors, column) for column in zip(*compiler_set.projection, strict=True)]

@@ -2,12 +2,17 @@
 
 The same recursions run over recorded program scalars (for code), over polynomials (for closed forms), and over a finite
 field (for exact ranks). A :class:`Chain` holds the constants and the joint angles in the chosen kind.
+
+A chain may branch: every joint names the joint before it, whose link carries it. Where joints follow others, their
+displacements are ``y = S q`` with a constant matrix S. Rates and forces are those of q everywhere outside a recursion:
+``dy = S dq``, ``tau = S' tau_y``, ``M = S' M_y S``, ``J = J_y S``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from fractions import Fraction
 from random import Random
 from typing import Any
@@ -17,6 +22,7 @@ import sympy as sp
 from rrrgen.derive.algebra.finite_field import PRIME, Residue, square_root
 from rrrgen.derive.algebra.polynomials import root_factors
 from rrrgen.derive.algebra.vectors import Matrix, Vector
+from rrrgen.derive.recursions.coupling import Turning, UnitAngles, block_turnings, over_coordinates, over_joints
 from rrrgen.errors import DerivationError
 from rrrgen.model import RobotModel, cosine_sine
 from rrrgen.program import Builder, Port, Role, Value
@@ -48,25 +54,61 @@ class ChainJoint:
     c: Any
     s: Any
     slide: Any
+    parent: int
+    """The number of the joint before, -1 for the base."""
 
 
 @dataclass(frozen=True)
 class Chain:
-    """All joints, the tip, the user's link frames, and gravity in the base frame."""
+    """All joints, the tip, the user's link frames, and gravity in the base frame.
+
+    ``tip_link`` carries the tip; ``coupling`` is S of ``y = S q``, None where the displacements y of the joints are q.
+    """
 
     joints: tuple[ChainJoint, ...]
     tip: Placement
     link_frames: tuple[Placement, ...]
     gravity: Vector
+    tip_link: int
+    coupling: Matrix | None = None
 
     @property
     def n(self) -> int:
-        """Number of joints."""
+        """Number of joints and links; q is shorter where joints follow others."""
         return len(self.joints)
 
+    @cached_property
+    def children(self) -> tuple[tuple[int, ...], ...]:
+        """For each joint, those that its link carries."""
+        return tuple(tuple(k for k, other in enumerate(self.joints) if other.parent == i) for i in range(self.n))
 
-Trig = Callable[[tuple[int, ...], sp.Expr], tuple[Any, Any]]
-"""(indices of the joints whose angles add up, constant angle) -> (cosine, sine) of the total angle."""
+    @cached_property
+    def paths(self) -> tuple[tuple[int, ...], ...]:
+        """For each link, the joints that move it, from the base to its own."""
+        found: list[tuple[int, ...]] = []
+        for i, joint in enumerate(self.joints):
+            found.append((*(found[joint.parent] if joint.parent >= 0 else ()), i))
+        return tuple(found)
+
+    def joint_rates(self, rates: Sequence[Any]) -> Sequence[Any]:
+        """The rates of all joints from those of q: ``S rates``."""
+        return over_joints(self.coupling, rates)
+
+    def forces(self, forces: Sequence[Any]) -> list[Any]:
+        """The forces on q from those on all joints: ``S' forces``."""
+        return over_coordinates(self.coupling, forces)
+
+    def form(self, matrix: Matrix) -> Matrix:
+        """A matrix of q from one of all joints: ``S' matrix S``."""
+        if self.coupling is None:
+            return matrix
+        rows = [self.forces(row) for row in matrix]
+        columns = [self.forces(column) for column in zip(*rows, strict=True)]
+        return [list(row) for row in zip(*columns, strict=True)]
+
+
+Trig = Callable[[Turning, sp.Expr], tuple[Any, Any]]
+"""(joint positions that add up, with their factors; constant angle) -> (cosine, sine) of the total angle."""
 
 
 def build_chain(
@@ -86,22 +128,25 @@ def build_chain(
     def placement(R: sp.MatrixBase, p: sp.MatrixBase) -> Placement:
         return Placement([[constant(R[r, c]) for c in range(3)] for r in range(3)], [constant(v) for v in p])
 
+    coupling = None
+    if model.coupling is not None:
+        coupling = [[constant(factor) for factor in row] for row in model.coupling[: len(model.joints)]]
+    slides = over_joints(coupling, q)
     joints = []
-    turning: tuple[int, ...] = ()
-    angle: sp.Expr = sp.S.Zero
-    for i, joint in enumerate(model.joints):
-        if not joint.parallel:
-            turning, angle = (), sp.S.Zero
-        if joint.revolute:
-            turning, angle = (*turning, i), angle + joint.theta
-        c, s = trig(turning, angle) if turning else (1, 0)
+    for i, (joint, turning, angle) in enumerate(
+        zip(model.joints, block_turnings(model), block_angles(model), strict=True)
+    ):
+        c, s = trig(turning, angle) if turning or angle != 0 else (1, 0)
         X = placement(joint.before.R, joint.before.p)
-        joints.append(ChainJoint(joint.revolute, joint.parallel, X.R, X.p, c, s, 0 if joint.revolute else q[i]))
+        slide = 0 if joint.revolute else slides[i]
+        joints.append(ChainJoint(joint.revolute, joint.parallel, X.R, X.p, c, s, slide, joint.parent))
     return Chain(
         joints=tuple(joints),
         tip=placement(model.tip.R, model.tip.p),
         link_frames=tuple(placement(frame.R, frame.p) for frame in model.link_frames),
         gravity=[constant(g) for g in model.spec.gravity] if gravity is None else list(gravity),
+        tip_link=model.tip_link,
+        coupling=coupling,
     )
 
 
@@ -118,6 +163,9 @@ def rotate_quarters(quarters: int, c: Any, s: Any) -> tuple[Any, Any]:
     for _ in range(quarters):
         c, s = -s, c
     return c, s
+
+
+_IN_NAMES = str.maketrans({"-": "m", "/": "d", ".": "p"})  # a factor as a part of the name of a sine
 
 
 # -- program scalars -------------------------------------------------------------------------------------------------
@@ -184,13 +232,15 @@ def program_chain(
 ) -> Chain:
     """The chain over program scalars recorded into ``builder``, for the joint positions ``q`` (n,)."""
 
-    def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:
+    def trig(turning: Turning, angle: sp.Expr) -> tuple[Any, Any]:
         total: Any = 0
-        for i in turning:
-            total = total + q[i]
+        for k, factor in turning:
+            total = total + (q[k] if factor == 1 else constant(factor) * q[k])
         quarters, rest = quarter_turns(angle)
+        if not turning:  # a block that the coupling keeps from turning
+            return rotate_quarters(quarters, *(constant(value) for value in cosine_sine(rest)))
         total = total + constant(rest)
-        label = "".join(str(i + 1) for i in turning)
+        label = "".join(f"{'' if factor == 1 else f'_{factor}_'.translate(_IN_NAMES)}{k + 1}" for k, factor in turning)
         c = builder.label(builder.cos(total), f"c{label}")
         s = builder.label(builder.sin(total), f"s{label}")
         return rotate_quarters(quarters, c, s)
@@ -259,16 +309,20 @@ def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain
     """
     q = [constants.draw() for _ in range(model.n)]
     angles: dict[int, tuple[Residue, Residue]] = {}
+    units = UnitAngles(model)
 
-    def trig(turning: tuple[int, ...], angle: sp.Expr) -> tuple[Any, Any]:
-        c: Any = Residue(1)
-        s: Any = Residue(0)
-        for i in turning:
-            if i not in angles:
-                angles[i] = constants.draw_angle()
-            ci, si = angles[i]
-            c, s = c * ci - s * si, s * ci + c * si
-        return c, s  # a constant offset is irrelevant: the angle is random
+    def unit(i: int) -> tuple[Residue, Residue]:
+        if i not in angles:
+            angles[i] = constants.draw_angle()
+        return angles[i]
+
+    def trig(turning: Turning, angle: sp.Expr) -> tuple[Any, Any]:
+        c, s = units.angle(turning, unit)
+        if model.coupling is None:
+            return c, s  # a constant offset is irrelevant: the angle is random
+        quarters, rest = quarter_turns(angle)
+        cosine, sine = (constants(value) for value in cosine_sine(rest))
+        return rotate_quarters(quarters, c * cosine - s * sine, s * cosine + c * sine)
 
     gravity = [constants.draw() for _ in range(3)] if model.spec.gravity_input else None
     return build_chain(model, constants, trig, q, gravity), q
@@ -293,6 +347,8 @@ def exact_constants(
         rest = quarter_turns(angle)[1]
         if joint.revolute and rest != 0:
             expressions += [rest, *cosine_sine(rest)]
+    for row in model.coupling or ():
+        expressions += row
     symbols: set[sp.Expr] = set()
     angles: set[sp.Expr] = set()
     roots: set[sp.Expr] = set()
@@ -308,7 +364,7 @@ def block_angles(model: RobotModel) -> list[sp.Expr]:
     """For each joint, the constant part of its absolute angle within the block (rad)."""
     angles: list[sp.Expr] = []
     for joint in model.joints:
-        angles.append(joint.theta + angles[-1] if joint.parallel else joint.theta)
+        angles.append(joint.theta + angles[joint.parent] if joint.parallel else joint.theta)
     return angles
 
 

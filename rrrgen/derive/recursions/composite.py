@@ -12,33 +12,38 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, rotate_z, rotate_z_back, times, transposed_times
-from rrrgen.derive.recursions.chain import Chain, Placement
+from rrrgen.derive.recursions.chain import Chain, ChainJoint, Placement
 from rrrgen.derive.recursions.inertia import PseudoInertia
 
 
 def offset(chain: Chain, i: int) -> Vector:
-    """The vector from the origin of joint i-1 to that of joint i of the same block, in the frame of the block (m)."""
-    before, joint = chain.joints[i - 1], chain.joints[i]
+    """The vector from the origin of the joint before to that of joint i, both of one block, in its frame (m)."""
+    joint = chain.joints[i]
+    before = chain.joints[joint.parent]
     return add(rotate_z(before.c, before.s, joint.p), [0, 0, joint.slide])
 
 
 def composites(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[PseudoInertia]:
     """The composite pseudo-inertia of each joint, in the frame of its block and about its origin."""
     result: list[PseudoInertia] = [PseudoInertia()] * chain.n
-    carried = PseudoInertia()
     for i in reversed(range(chain.n)):
-        joint = chain.joints[i]
-        continues = i + 1 < chain.n and chain.joints[i + 1].parallel
-        if continues:
-            moved = result[i + 1].moved(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, i + 1)))
-            result[i] = inertias[i].rotated_z(joint.c, joint.s).plus(moved)
-        else:
-            result[i] = _rotated_z(inertias[i].plus(carried), joint.c, joint.s)
-        if not joint.parallel:
-            slide = Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 0, joint.slide])
-            at_foot = result[i] if joint.revolute else result[i].moved(slide)
-            carried = at_foot.moved(Placement(joint.R, joint.p))
+        joint, own = chain.joints[i], inertias[i]
+        in_block = [k for k in chain.children[i] if chain.joints[k].parallel]
+        for k in chain.children[i]:
+            if k not in in_block:
+                own = own.plus(_at_joint_before(chain.joints[k], result[k]))
+        beyond = [result[k].moved(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, k))) for k in in_block]
+        result[i] = own.rotated_z(joint.c, joint.s) if in_block else _rotated_z(own, joint.c, joint.s)
+        for moved in beyond:
+            result[i] = result[i].plus(moved)
     return result
+
+
+def _at_joint_before(joint: ChainJoint, J: PseudoInertia) -> PseudoInertia:
+    """The composite ``J`` of a joint that begins a block, about the origin of the link before and in its frame."""
+    slide = Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 0, joint.slide])
+    at_foot = J if joint.revolute else J.moved(slide)
+    return at_foot.moved(Placement(joint.R, joint.p))
 
 
 def _rotated_z(J: PseudoInertia, c: Any, s: Any) -> PseudoInertia:
@@ -55,8 +60,9 @@ def unit_wrench(revolute: bool, J: PseudoInertia) -> tuple[Vector, Vector]:
 
 
 def step_down(chain: Chain, i: int, F: Vector, N: Vector) -> tuple[Vector, Vector]:
-    """The wrench ``F, N`` about the origin of joint i, moved to joint i-1; each in the frame of the joint's block."""
-    joint, before = chain.joints[i], chain.joints[i - 1]
+    """The wrench ``F, N`` about the origin of joint i, moved to the joint before; each in the frame of its block."""
+    joint = chain.joints[i]
+    before = chain.joints[joint.parent]
     if joint.parallel:
         return F, add(N, cross(offset(chain, i), F))
     if not joint.revolute:
@@ -71,11 +77,11 @@ def mass_matrix(chain: Chain, inertias: Sequence[PseudoInertia]) -> Matrix:
     M: Matrix = [[0] * chain.n for _ in range(chain.n)]
     for j, J in enumerate(composites(chain, inertias)):
         F, N = unit_wrench(chain.joints[j].revolute, J)
-        for i in range(j, -1, -1):
+        for i in reversed(chain.paths[j]):
             M[i][j] = M[j][i] = N[2] if chain.joints[i].revolute else F[2]
-            if i:
+            if chain.joints[i].parent >= 0:
                 F, N = step_down(chain, i, F, N)
-    return M
+    return chain.form(M)
 
 
 def gravity(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[Any]:
@@ -85,19 +91,21 @@ def gravity(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[Any]:
     torques = []
     for joint, J, g in zip(chain.joints, composites(chain, lightened), down, strict=True):
         torques.append(J.hy * g[0] - J.hx * g[1] if joint.revolute else -(J.m * g[2]))
-    return torques
+    return chain.forces(torques)
 
 
 def block_vectors(chain: Chain, vector: Vector) -> list[Vector]:
     """A vector given in the base frame, expressed in the frame of the block of each joint."""
     result: list[Vector] = []
-    for i, joint in enumerate(chain.joints):
-        if not joint.parallel:
-            if i:
-                before = chain.joints[i - 1]
-                vector = rotate_z_back(before.c, before.s, vector)
-            vector = transposed_times(joint.R, vector)
-        result.append(vector)
+    for joint in chain.joints:
+        if joint.parallel:
+            result.append(result[joint.parent])
+            continue
+        own = vector
+        if joint.parent >= 0:
+            before = chain.joints[joint.parent]
+            own = rotate_z_back(before.c, before.s, result[joint.parent])
+        result.append(transposed_times(joint.R, own))
     return result
 
 
@@ -115,23 +123,24 @@ class BlockVelocity:
 
 def velocities(chain: Chain, dq: Sequence[Any]) -> list[BlockVelocity]:
     """The velocities of all links for joint velocities ``dq`` (n,)."""
+    rates = chain.joint_rates(dq)
     result: list[BlockVelocity] = []
-    omega: Vector = [0, 0, 0]
-    v: Vector = [0, 0, 0]
-    block_omega: Vector = [0, 0, 0]
+    still = BlockVelocity([0, 0, 0], [0, 0, 0], [0, 0, 0])
     for i, joint in enumerate(chain.joints):
+        last = result[joint.parent] if joint.parent >= 0 else still
+        block_omega, omega, v = last.block_omega, last.omega, last.v
         if joint.parallel:
             v = add(v, cross(omega, offset(chain, i)))
         else:
-            if i:
-                before = chain.joints[i - 1]
+            if joint.parent >= 0:
+                before = chain.joints[joint.parent]
                 omega, v = rotate_z_back(before.c, before.s, omega), rotate_z_back(before.c, before.s, v)
             v = transposed_times(joint.R, add(v, cross(omega, joint.p)))
             omega = block_omega = transposed_times(joint.R, omega)
             v = add(v, cross(omega, [0, 0, joint.slide]))
         if joint.revolute:
-            omega = [omega[0], omega[1], omega[2] + dq[i]]
+            omega = [omega[0], omega[1], omega[2] + rates[i]]
         else:
-            v = [v[0], v[1], v[2] + dq[i]]
+            v = [v[0], v[1], v[2] + rates[i]]
         result.append(BlockVelocity(block_omega, omega, v))
     return result

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from rrrgen.derive.algebra.vectors import (
@@ -38,16 +39,16 @@ from rrrgen.derive.algebra.vectors import (
     times,
     transpose,
 )
-from rrrgen.derive.recursions.chain import Chain
+from rrrgen.derive.recursions.chain import Chain, ChainJoint
 from rrrgen.derive.recursions.composite import BlockVelocity, composites, offset, step_down, unit_wrench, velocities
 from rrrgen.derive.recursions.inertia import PseudoInertia
 
 
 @dataclass(frozen=True)
 class JointOffset:
-    """The vector from the origin of joint i-1 to that of joint i, and its velocity ``rate``.
+    """The vector from the origin of the joint before to that of a joint, and its velocity ``rate``.
 
-    ``p`` and ``rate`` are in the frame of link i-1, or of the block if both joints are of one block. The displacement
+    ``p`` and ``rate`` are in the frame of the link before, or of the block if both joints are of one block. The displacement
     ``slide`` of a prismatic joint that begins a block, and its velocity, are kept apart, in the frame of that block.
     """
 
@@ -113,43 +114,50 @@ class ShiftedWrench:
 
 @dataclass(frozen=True)
 class Composition:
-    """The composite bodies of a moving chain; ``shifted_wrenches[j][i]`` is the unit wrench of joint j at i <= j."""
+    """The composite bodies of a moving chain; ``shifted_wrenches[j][i]`` is the unit wrench of joint j at joint i.
+
+    Joint i is j or one between it and the base; they come in the order from the base. Rates in the matrices below are
+    those of q.
+    """
 
     chain: Chain
     bodies: tuple[Body, ...]
-    shifted_wrenches: tuple[tuple[ShiftedWrench, ...], ...]
+    shifted_wrenches: tuple[dict[int, ShiftedWrench], ...]
 
     def mass_matrix(self) -> Matrix:
         """The mass matrix M (n, n) without drive inertia."""
         n = self.chain.n
         M: Matrix = [[0] * n for _ in range(n)]
         for j, row in enumerate(self.shifted_wrenches):
-            for i, shifted in enumerate(row):
+            for i, shifted in row.items():
                 M[i][j] = M[j][i] = joint_force(self.chain, i, shifted.F, shifted.N)
-        return M
+        return self.chain.form(M)
 
     def coriolis_matrix(self) -> Matrix:
         """C(q, dq), shape (n, n), times the factor of the velocities: c = C dq, dM/dt - 2 C skew-symmetric."""
         chain, n = self.chain, self.chain.n
         C: Matrix = [[0] * n for _ in range(n)]
         for j, body in enumerate(self.bodies):
-            for i, value in enumerate(generalized_forces(chain, j, *_rate_wrench(chain.joints[j].revolute, body))):
+            for i, value in generalized_forces(chain, j, *_rate_wrench(chain.joints[j].revolute, body)).items():
                 C[i][j] = value
-            for i, shifted in enumerate(self.shifted_wrenches[j][:-1]):
+            for i, shifted in self.shifted_wrenches[j].items():
+                if i == j:
+                    continue
                 x, y, _ = self.bodies[i].zdot
                 if chain.joints[i].revolute:
                     C[j][i] = (x * shifted.N[0] + y * shifted.N[1]) + shifted.W[2]
                 else:
                     C[j][i] = x * shifted.F[0] + y * shifted.F[1]
-        return C
+        return chain.form(C)
 
 
 def compose(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia], factor: int = 1) -> Composition:
     """The composite bodies of ``chain`` at joint velocities ``dq`` (n,), all velocities multiplied by ``factor``."""
     motion = velocities(chain, dq)
+    rates = chain.joint_rates(dq)
     joint_offsets = [
-        _joint_offset(chain, dq, motion, i, factor) if i else JointOffset(ZERO3, ZERO3, ZERO3, ZERO3)
-        for i in range(chain.n)
+        _joint_offset(chain, rates, motion, i, factor) if joint.parent >= 0 else JointOffset(ZERO3, ZERO3, ZERO3, ZERO3)
+        for i, joint in enumerate(chain.joints)
     ]
     dyads = _dyads(chain, inertias, motion, joint_offsets, factor)
     bodies = tuple(
@@ -166,20 +174,21 @@ def joint_force(chain: Chain, i: int, F: Vector, N: Vector) -> Any:
     return N[2] if chain.joints[i].revolute else F[2]
 
 
-def generalized_forces(chain: Chain, j: int, F: Vector, N: Vector) -> list[Any]:
-    """The generalized forces at the joints 0..j of a wrench about the origin of joint j."""
-    values: list[Any] = [0] * (j + 1)
-    for i in range(j, -1, -1):
+def generalized_forces(chain: Chain, j: int, F: Vector, N: Vector) -> dict[int, Any]:
+    """The generalized forces of a wrench about the origin of joint j, at the joints from j to the base."""
+    values: dict[int, Any] = {}
+    for i in reversed(chain.paths[j]):
         values[i] = joint_force(chain, i, F, N)
-        if i:
+        if chain.joints[i].parent >= 0:
             F, N = step_down(chain, i, F, N)
     return values
 
 
-def _joint_offset(chain: Chain, dq: Sequence[Any], motion: Sequence[BlockVelocity], i: int, factor: int) -> JointOffset:
-    joint, before = chain.joints[i], chain.joints[i - 1]
-    sliding = [0, 0, 0 if joint.revolute else factor * dq[i]]
-    omega = motion[i - 1].omega
+def _joint_offset(chain: Chain, rates: Sequence[Any], motion: Sequence[BlockVelocity], i: int, factor: int) -> JointOffset:
+    joint = chain.joints[i]
+    before = chain.joints[joint.parent]
+    sliding = [0, 0, 0 if joint.revolute else factor * rates[i]]
+    omega = motion[joint.parent].omega
     if joint.parallel:
         p = offset(chain, i)
         return JointOffset(p, add(cross(scale(factor, omega), p), sliding), ZERO3, ZERO3)
@@ -198,23 +207,30 @@ def _dyads(
     factor: int,
 ) -> list[Dyad]:
     """The dyads of the composite bodies. The last link of a block is added in the link frame, where the next begins."""
-    result: list[Dyad] = []
+    result: dict[int, Dyad] = {}
     for i in reversed(range(chain.n)):
         joint, J = chain.joints[i], inertias[i]
         omega = scale(factor, motion[i].omega)
-        if i + 1 < chain.n and not chain.joints[i + 1].parallel:
-            joint_offset, after = joint_offsets[i + 1], chain.joints[i + 1]
-            at_foot = result[-1] if after.revolute else result[-1].shifted(joint_offset.slide, joint_offset.slide_rate)
-            carried = at_foot.rotated(after.R).shifted(joint_offset.p, joint_offset.rate)
-            omega_link = scale(factor, rotate_z_back(joint.c, joint.s, motion[i].omega))
-            result.append(_link_dyad(J, omega_link).plus(carried).rotated_z(joint.c, joint.s))
+        new_blocks = [k for k in chain.children[i] if not chain.joints[k].parallel]
+        carried = [_at_link_before(chain.joints[k], result[k], joint_offsets[k]) for k in new_blocks]
+        if carried:
+            total = _link_dyad(J, scale(factor, rotate_z_back(joint.c, joint.s, motion[i].omega)))
+            for dyad in carried:
+                total = total.plus(dyad)
+            total = total.rotated_z(joint.c, joint.s)
         else:
-            link = _link_dyad(J.rotated_z(joint.c, joint.s), omega)
-            carried_on = i + 1 < chain.n
-            result.append(
-                link.plus(result[-1].shifted(joint_offsets[i + 1].p, joint_offsets[i + 1].rate)) if carried_on else link
-            )
-    return result[::-1]
+            total = _link_dyad(J.rotated_z(joint.c, joint.s), omega)
+        for k in chain.children[i]:
+            if k not in new_blocks:
+                total = total.plus(result[k].shifted(joint_offsets[k].p, joint_offsets[k].rate))
+        result[i] = total
+    return [result[i] for i in range(chain.n)]
+
+
+def _at_link_before(joint: ChainJoint, dyad: Dyad, joint_offset: JointOffset) -> Dyad:
+    """The dyad of a joint that begins a block, about the origin of the link before and in its frame."""
+    at_foot = dyad if joint.revolute else dyad.shifted(joint_offset.slide, joint_offset.slide_rate)
+    return at_foot.rotated(joint.R).shifted(joint_offset.p, joint_offset.rate)
 
 
 def _link_dyad(J: PseudoInertia, omega: Vector) -> Dyad:
@@ -225,18 +241,19 @@ def _link_dyad(J: PseudoInertia, omega: Vector) -> Dyad:
 
 def _shifted_wrenches(
     chain: Chain, j: int, body: Body, joint_offsets: Sequence[JointOffset]
-) -> tuple[ShiftedWrench, ...]:
+) -> dict[int, ShiftedWrench]:
     F, N = unit_wrench(chain.joints[j].revolute, body.J)
     A, P = body.dyad.A, body.dyad.P
     W = [-A[2][0], -A[2][1], A[0][0] + A[1][1]] if chain.joints[j].revolute else [P[1], -P[0], 0]
-    result = [ShiftedWrench(F, N, W)]
-    for i in range(j, 0, -1):
-        result.append(_shifted_to_previous(chain, i, joint_offsets[i], result[-1]))
-    return tuple(reversed(result))
+    result = {j: ShiftedWrench(F, N, W)}
+    for before, i in reversed(list(pairwise(chain.paths[j]))):
+        result[before] = _shifted_to_previous(chain, i, joint_offsets[i], result[i])
+    return dict(reversed(result.items()))
 
 
 def _shifted_to_previous(chain: Chain, i: int, joint_offset: JointOffset, shifted: ShiftedWrench) -> ShiftedWrench:
-    joint, before = chain.joints[i], chain.joints[i - 1]
+    joint = chain.joints[i]
+    before = chain.joints[joint.parent]
     F, N = step_down(chain, i, shifted.F, shifted.N)
     W = shifted.W
     if joint.parallel:

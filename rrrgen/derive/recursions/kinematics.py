@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, product, rotate_z, rotate_z_back, subtract, times
@@ -15,17 +16,18 @@ IDENTITY: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 def joint_frames(chain: Chain) -> list[Placement]:
     """The poses of the canonical frames P_1..P_n in the base frame, computed from the base outwards."""
     frames: list[Placement] = []
-    block_R, origin = IDENTITY, [0, 0, 0]
-    for i, joint in enumerate(chain.joints):
+    blocks: list[Matrix] = []
+    for joint in chain.joints:
+        last = frames[joint.parent] if joint.parent >= 0 else Placement(IDENTITY, [0, 0, 0])
         if joint.parallel:
-            before = chain.joints[i - 1]
+            block_R, before = blocks[joint.parent], chain.joints[joint.parent]
             offset = rotate_z(before.c, before.s, joint.p)
-            origin = add(origin, times(block_R, add(offset, [0, 0, joint.slide])))
+            origin = add(last.p, times(block_R, add(offset, [0, 0, joint.slide])))
         else:
-            R = frames[-1].R if frames else IDENTITY
-            origin = add(origin, times(R, joint.p))
-            block_R = product(R, joint.R)
+            origin = add(last.p, times(last.R, joint.p))
+            block_R = product(last.R, joint.R)
             origin = add(origin, [row[2] * joint.slide for row in block_R])
+        blocks.append(block_R)
         frames.append(Placement(_rotated_z(block_R, joint.c, joint.s), origin))
     return frames
 
@@ -55,7 +57,7 @@ def link_frames(chain: Chain) -> list[Matrix]:
 
 def forward_kinematics(chain: Chain) -> Matrix:
     """The pose (4, 4) of the tip in the base frame, computed from the base outwards."""
-    return homogeneous(compose(joint_frames(chain)[-1], chain.tip))
+    return homogeneous(compose(joint_frames(chain)[chain.tip_link], chain.tip))
 
 
 def forward_kinematics_inwards(chain: Chain) -> Matrix:
@@ -71,62 +73,66 @@ def forward_kinematics_inwards(chain: Chain) -> Matrix:
 
 
 def carry_to_base(chain: Chain, vector: Vector) -> Vector:
-    """A free vector given in the last canonical frame, expressed in base axes."""
-    for i in reversed(range(chain.n)):
-        vector = _out_of_joint(chain, i, vector)
+    """A free vector given in the frame of the link that carries the tip, expressed in base axes."""
+    path = chain.paths[chain.tip_link]
+    for i, after in reversed(list(zip(path, (*path[1:], None), strict=True))):
+        vector = _out_of_joint(chain, i, after, vector)
     return vector
 
 
 def position_to_base(chain: Chain, point: Vector) -> Vector:
-    """A point given in the last canonical frame, expressed in the base frame."""
-    for i in reversed(range(chain.n)):
+    """A point given in the frame of the link that carries the tip, expressed in the base frame."""
+    path = chain.paths[chain.tip_link]
+    for i, after in reversed(list(zip(path, (*path[1:], None), strict=True))):
         joint = chain.joints[i]
-        if not (i + 1 < chain.n and chain.joints[i + 1].parallel):
+        if after is None or not chain.joints[after].parallel:
             point = rotate_z(joint.c, joint.s, point)
         if not joint.revolute:
             point = add(point, [0, 0, joint.slide])
         if joint.parallel:
-            before = chain.joints[i - 1]
+            before = chain.joints[joint.parent]
             point = add(point, rotate_z(before.c, before.s, joint.p))
         else:
             point = add(times(joint.R, point), joint.p)
     return point
 
 
-def _out_of_joint(chain: Chain, i: int, vector: Vector) -> Vector:
-    """A vector of link i in the frame of link i-1; the rotation of a whole block is applied at its last joint."""
+def _out_of_joint(chain: Chain, i: int, after: int | None, vector: Vector) -> Vector:
+    """A vector of link i in the frame of the link before; the rotation of a block is applied at its last joint.
+
+    ``after`` is the joint behind i on the way to the vector's link.
+    """
     joint = chain.joints[i]
-    if not (i + 1 < chain.n and chain.joints[i + 1].parallel):
+    if after is None or not chain.joints[after].parallel:
         vector = rotate_z(joint.c, joint.s, vector)
     return vector if joint.parallel else times(joint.R, vector)
 
 
 def jacobian(chain: Chain) -> Matrix:
     """The geometric Jacobian (6, n) at the tip, in base axes: rows 1-3 linear, rows 4-6 angular velocity."""
-    return point_jacobian(chain, joint_frames(chain), chain.n - 1, chain.tip.p)
+    return point_jacobian(chain, joint_frames(chain), chain.tip_link, chain.tip.p)
 
 
 def point_jacobian(chain: Chain, frames: Sequence[Placement], link: int, point: Vector) -> Matrix:
     """The Jacobian (6, n), in base axes, of a point fixed to one link and given in its canonical frame.
 
-    Columns of joints beyond the link are zero.
+    Columns of joints that do not move the link are zero.
     """
     p = add(frames[link].p, times(frames[link].R, point))
-    columns: list[Vector] = []
-    for joint, frame in zip(chain.joints[: link + 1], frames, strict=False):
-        axis = [row[2] for row in frame.R]
-        if joint.revolute:
-            columns.append(cross(axis, subtract(p, frame.p)) + axis)
+    columns: list[Vector] = [[0] * 6] * chain.n
+    for i in chain.paths[link]:
+        axis = [row[2] for row in frames[i].R]
+        if chain.joints[i].revolute:
+            columns[i] = cross(axis, subtract(p, frames[i].p)) + axis
         else:
-            columns.append([*axis, 0, 0, 0])
-    columns += [[0] * 6] * (chain.n - 1 - link)
-    return [[column[r] for column in columns] for r in range(6)]
+            columns[i] = [*axis, 0, 0, 0]
+    return [chain.forces([column[r] for column in columns]) for r in range(6)]
 
 
 def jacobian_dot_dq(chain: Chain, dq: Sequence[Any]) -> Vector:
     """(dJ/dt) dq, shape (6,): the acceleration of the tip for ddq = 0, linear part first, in base axes."""
-    at_rest = Chain(chain.joints, chain.tip, chain.link_frames, [0, 0, 0])
-    last = forward(at_rest, dq, [0] * chain.n, [True] * chain.n)[-1]
+    at_rest = replace(chain, gravity=[0, 0, 0])
+    last = forward(at_rest, dq, [0] * len(dq), [True] * chain.n)[chain.tip_link]
     linear = add(last.a, times(last.U, chain.tip.p))
     return carry_to_base(chain, linear) + carry_to_base(chain, last.alpha)
 

@@ -47,21 +47,22 @@ def momentum_and_coriolis_transpose(
     motion = velocities(chain, dq)
     momentum: list[Any] = [0] * chain.n
     result: list[Any] = [0] * chain.n
-    P: Vector = [0, 0, 0]
-    L: Vector = [0, 0, 0]
+    beyond: list[tuple[Vector, Vector]] = [([0, 0, 0], [0, 0, 0])] * chain.n
     for i in reversed(range(chain.n)):
         joint = chain.joints[i]
         link = link_momentum(inertias[i].rotated_z(joint.c, joint.s), motion[i])
-        P, L = add(P, link[0]), add(L, link[1])
+        P, L = add(beyond[i][0], link[0]), add(beyond[i][1], link[1])
         x, y, v = motion[i].block_omega[0], motion[i].block_omega[1], motion[i].v
         if joint.revolute:
             result[i] = (y * L[0] - x * L[1]) - (v[0] * P[1] - v[1] * P[0])
         else:
             result[i] = y * P[0] - x * P[1]
         momentum[i] = L[2] if joint.revolute else P[2]
-        if i:
+        if joint.parent >= 0:
             P, L = step_down(chain, i, P, L)
-    return momentum, result
+            before = beyond[joint.parent]
+            beyond[joint.parent] = add(before[0], P), add(before[1], L)
+    return chain.forces(momentum), chain.forces(result)
 
 
 def kinetic_energy(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]) -> Any:
@@ -78,7 +79,10 @@ def potential_energy(chain: Chain, inertias: Sequence[PseudoInertia]) -> Any:
 
     Base parameters determine it up to that constant only, since regrouping moves mass along joint axes.
     """
-    whole = composites(chain, [PseudoInertia(hx=J.hx, hy=J.hy, hz=J.hz, m=J.m) for J in inertias])[0]
-    first = chain.joints[0]
-    h = times(first.R, [whole.hx, whole.hy, whole.hz + whole.m * first.slide])
-    return -dot(chain.gravity, add(h, scale(whole.m, first.p)))
+    lightened = [PseudoInertia(hx=J.hx, hy=J.hy, hz=J.hz, m=J.m) for J in inertias]
+    total: Any = 0
+    for first, whole in zip(chain.joints, composites(chain, lightened), strict=True):
+        if first.parent < 0:
+            h = times(first.R, [whole.hx, whole.hy, whole.hz + whole.m * first.slide])
+            total = total - dot(chain.gravity, add(h, scale(whole.m, first.p)))
+    return total

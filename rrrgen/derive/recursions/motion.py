@@ -71,7 +71,7 @@ def choose_frames(chain: Chain, keep_in_block: Container[int] = ()) -> list[bool
     """
     in_link_frame = []
     for i in range(chain.n):
-        leads_on = i + 1 < chain.n and not chain.joints[i + 1].parallel
+        leads_on = any(not chain.joints[k].parallel for k in chain.children[i])
         in_link_frame.append(leads_on or i not in keep_in_block)
     return in_link_frame
 
@@ -81,21 +81,24 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: 
 
     ``in_link_frame`` (n,) chooses the frame of each link (:func:`choose_frames`).
     """
+    rates, accelerations = chain.joint_rates(dq), chain.joint_rates(ddq)
     motions: list[LinkMotion] = []
+    absolute: list[tuple[_BlockEntry, Any, Any]] = []
     nothing = [[0] * 3 for _ in range(3)]
     still = LinkMotion(True, nothing, [0] * 3, [-g for g in chain.gravity], *([0] * 3 for _ in range(4)))
-    entry, W, A, a_block = _enter(chain.joints[0], still), 0, 0, [0, 0, 0]
     for i, joint in enumerate(chain.joints):
-        before = motions[-1] if motions else still
+        before = motions[joint.parent] if joint.parent >= 0 else still
         if not joint.parallel:
             entry, W, A = _enter(joint, before), 0, 0
             a_block = transposed_times(joint.R, add(before.a, times(before.U, joint.p)))
         else:
-            a_block = add(a_block, _offset_acceleration(chain.joints[i - 1], before, joint.p))
+            entry, W, A = absolute[joint.parent]
+            a_block = add(before.a_block, _offset_acceleration(chain.joints[joint.parent], before, joint.p))
         if joint.revolute:
-            W, A = W + dq[i], A + ddq[i]
+            W, A = W + rates[i], A + accelerations[i]
         else:
-            a_block = add(a_block, _sliding(entry, W, A, joint.slide, dq[i], ddq[i]))
+            a_block = add(a_block, _sliding(entry, W, A, joint.slide, rates[i], accelerations[i]))
+        absolute.append((entry, W, A))
         motions.append(
             _in_link_frame(joint, entry, W, A, a_block) if in_link_frame[i] else _in_block_frame(entry, W, A, a_block)
         )

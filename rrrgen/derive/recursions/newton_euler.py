@@ -66,31 +66,34 @@ def link_wrench(motion: LinkMotion, inertia: PseudoInertia, polar: Any) -> Wrenc
 def pass_down(chain: Chain, in_link_frame: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Any]:
     """The joint torques (n,) from the wrenches of all links, each about its origin, in the frame of that link."""
     totals = composite_wrenches(chain, in_link_frame, wrenches)
-    return [N[2] if joint.revolute else F[2] for joint, (F, N) in zip(chain.joints, totals, strict=True)]
+    return chain.forces([N[2] if joint.revolute else F[2] for joint, (F, N) in zip(chain.joints, totals, strict=True)])
 
 
 def composite_wrenches(chain: Chain, in_link_frame: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Wrench]:
     """For each joint, the sum of the wrenches of all links beyond it, about its origin, in the frame of its link."""
-    totals: list[Wrench] = []
-    F: Vector = [0, 0, 0]
-    N: Vector = [0, 0, 0]
+    totals: list[Wrench] = [([0, 0, 0], [0, 0, 0])] * chain.n
     for i in reversed(range(chain.n)):
-        F, N = add(F, wrenches[i][0]), add(N, wrenches[i][1])
-        totals.append((F, N))
-        if i:
-            F, N = _to_previous(chain, i, in_link_frame, F, N)
-    return totals[::-1]
+        F, N = totals[i] = _sum(totals[i], wrenches[i])
+        before = chain.joints[i].parent
+        if before >= 0:
+            totals[before] = _sum(totals[before], _to_previous(chain, i, in_link_frame, F, N))
+    return totals
+
+
+def _sum(one: Wrench, other: Wrench) -> Wrench:
+    return add(one[0], other[0]), add(one[1], other[1])
 
 
 def _to_previous(chain: Chain, i: int, in_link_frame: Sequence[bool], F: Vector, N: Vector) -> Wrench:
-    """The wrench ``F, N`` about the origin of link i, moved to the origin and frame of link i-1."""
-    joint, before = chain.joints[i], chain.joints[i - 1]
+    """The wrench ``F, N`` about the origin of link i, moved to the origin and frame of the link before."""
+    joint = chain.joints[i]
+    before = chain.joints[joint.parent]
     if in_link_frame[i]:
         F, N = rotate_z(joint.c, joint.s, F), rotate_z(joint.c, joint.s, N)
     if not joint.revolute:
         N = add(N, cross([0, 0, joint.slide], F))
     if joint.parallel:
-        return _within_block(joint, before, in_link_frame[i - 1], F, N)
+        return _within_block(joint, before, in_link_frame[joint.parent], F, N)
     F, N = times(joint.R, F), times(joint.R, N)
     return F, add(N, cross(joint.p, F))
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rrrgen.derive.algebra.vectors import dot
+from rrrgen.derive.algebra.vectors import dot, is_number
 from rrrgen.derive.recursions.chain import Chain
 from rrrgen.derive.recursions.composite import BlockVelocity, velocities
 from rrrgen.derive.recursions.inertia import ENTRIES, PseudoInertia
@@ -32,7 +32,7 @@ def all_parameters(n: int) -> list[Parameter]:
 def regressor(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], parameters: Sequence[Parameter]) -> list[list[Any]]:
     """The rows of Y (n, len(parameters)) for parameters in the canonical link frames."""
     columns = columns_passed_down(chain, dq, ddq, [True] * chain.n, parameters)
-    return [[column[j] for column in columns] for j in range(chain.n)]
+    return [list(row) for row in zip(*columns, strict=True)]
 
 
 def columns_passed_down(
@@ -54,9 +54,11 @@ def columns_by_axes(
     """The columns of Y, each (n,), from the power of each parameter's wrench for a unit rate of each joint."""
     motions = forward(chain, dq, ddq, in_link_frame)
     rows = []
-    for j in range(chain.n):
-        virtual = velocities(chain, [int(k == j) for k in range(chain.n)])
-        rows.append([virtual_power(chain, motions, in_link_frame, virtual, p) if p[0] >= j else 0 for p in parameters])
+    for j in range(len(dq)):
+        unit = [int(k == j) for k in range(len(dq))]
+        virtual, moving = velocities(chain, unit), chain.joint_rates(unit)
+        moved = [any(not is_number(moving[i], 0) for i in path) for path in chain.paths]
+        rows.append([virtual_power(chain, motions, in_link_frame, virtual, p) if moved[p[0]] else 0 for p in parameters])
     return [list(column) for column in zip(*rows, strict=True)]
 
 
