@@ -6,6 +6,7 @@ from rrrgen.friction.laws import LAWS
 from rrrgen.yamltext.keys import Format, Key
 
 MAX_JOINTS = 20
+BASE = "base"  # what ``parent`` names in place of a joint
 MAX_FITS = 50
 HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 
@@ -32,6 +33,7 @@ ROBOT = (
     Key("parameters", "names", "named constants with nominal values"),
     Key("base", "mapping", "fixed transform before the first joint", section="transform"),
     Key("joints", "rows", "one Denavit-Hartenberg row per joint", True, section="joint", length=MAX_JOINTS),
+    Key("tip", "name", "joint whose link carries the tool; needed where the joints branch"),
     Key("tool", "mapping", "fixed transform after the last link frame", section="transform"),
     Key("tools", "transforms", "other tools by name; `robot.yaml@name` has that tool", section="transform"),
     Key("links", "rows", "inertia of every link, in the axes of its link frame", section="link", length=MAX_JOINTS),
@@ -60,6 +62,8 @@ JOINT = (
     Key("d", "value", "link offset; of a prismatic joint: added to q", quantity="length", file_units=True),
     Key("theta", "value", "joint angle; of a revolute joint: added to q", quantity="angle", file_units=True),
     Key("sign", "choice", "-1: q moves against the axis of the row", choices=("1", "+1", "-1")),
+    Key("parent", "name", "joint whose link carries this one, or base; the joint before it if missing"),
+    Key("follows", "names", "the joint moves by a sum of multiples of others, {elbow: -1}; its own name: its own drive"),
     Key("limits", "mapping", "joint limits", section="limits"),
     Key("friction", "mapping", "friction at the joint; each key adds its column", section="friction"),
     Key("drive", "mapping", "the drive, seen at the joint", section="drive"),

@@ -16,9 +16,10 @@ from rrrgen.robotfile.keys import ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robotfile.links import read_links
 from rrrgen.robotfile.names import name_fault
 from rrrgen.robotfile.quantities import Scope, read_parameters, read_vector
-from rrrgen.robotfile.robot_spec import Convention, FixedTransform, LinkSpec, RobotSpec
+from rrrgen.robotfile.robot_spec import Convention, FixedTransform, JointSpec, LinkSpec, RobotSpec
 from rrrgen.robotfile.robots import bundled_names, bundled_path
 from rrrgen.robotfile.sections.basis import read_basis
+from rrrgen.robotfile.sections.mechanism import read_mechanism
 from rrrgen.robotfile.sections.provenance import read_provenance
 from rrrgen.robotfile.sections.reversal import with_reversed_joint
 from rrrgen.robotfile.sections.transforms import read_tools, read_transform
@@ -98,12 +99,18 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     base = read_transform(values["base"], "base", scope) if "base" in values else FixedTransform()
     tool = read_transform(values["tool"], "tool", scope) if "tool" in values else FixedTransform()
     tools = read_tools(values["tools"], scope) if "tools" in values else {}
-    drives = read_drives(values["drives"], joints, scope) if "drives" in values else None
+    reversed_joints = read_signs(values["joints"], faults) if "joints" in values else []
+    counted: tuple[JointSpec | None, ...] = tuple(joints)
+    mechanism = None
+    if "joints" in values and all(joint is not None for joint in joints):
+        counted, mechanism = read_mechanism(values["joints"], values.get("tip"), joints, reversed_joints, scope)
+    drives = read_drives(values["drives"], counted, scope) if "drives" in values else None
     basis = read_basis(values["basis"], len(joints), whole_links, scope) if "basis" in values and joints else None
     emit = read_choices(values["emit"], _ROBOT["emit"], faults) if "emit" in values else ()
     provenance = read_provenance(values["provenance"], faults) if "provenance" in values else ()
     description, source = (read_text(values[k], k, faults) if k in values else "" for k in ("description", "source"))
-    reversed_joints = read_signs(values["joints"], faults) if "joints" in values else []
+    if mechanism is not None:
+        reversed_joints = []  # part of its matrix
     if reversed_joints and basis is not None:
         faults.error(values["basis"], "a basis beside a joint of sign -1", "the links of such joints change their axes")
     if faults.errors or gravity is None or base is None or tool is None:
@@ -113,7 +120,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         convention=cast(Convention, convention),
         gravity=gravity,
         parameters=dict(scope.nominal),
-        joints=tuple(joint for joint in joints if joint is not None),
+        joints=tuple(joint for joint in counted if joint is not None),
         links=None if whole_links is None else tuple(whole_links),
         base=base,
         tool=tool,
@@ -129,6 +136,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         parameter_units=dict(scope.parameter_units),
         provenance=provenance,
         emit=emit,
+        mechanism=mechanism,
     )
     for joint in reversed_joints:
         spec = with_reversed_joint(spec, joint)

@@ -8,7 +8,7 @@ from dataclasses import fields
 import sympy as sp
 
 from rrrgen.friction.laws import LAWS
-from rrrgen.robotfile.keys import DRIVE, FIT, FRICTION, HASH_DIGITS, LIMITS, LINEAR_FRICTION, MOTOR
+from rrrgen.robotfile.keys import BASE, DRIVE, FIT, FRICTION, HASH_DIGITS, LIMITS, LINEAR_FRICTION, MOTOR
 from rrrgen.robotfile.robot_spec import (
     BasisSpec,
     DriveSpec,
@@ -45,8 +45,10 @@ def dumps(spec: RobotSpec) -> str:
         lines += [f"  {name}: {printer.parameter(name, value)}" for name, value in spec.parameters.items()]
     lines += printer.transform("base", spec.base)
     lines.append("joints:")
-    for joint in spec.joints:
-        lines += printer.joint(joint)
+    for i in range(len(spec.rows)):
+        lines += printer.joint(*_row(spec, i))
+    if spec.mechanism is not None:
+        lines.append(f"tip: {spec.rows[spec.mechanism.tip].name}")
     lines += printer.transform("tool", spec.tool)
     lines += printer.tools(spec.tools)
     if spec.links is not None:
@@ -138,10 +140,15 @@ class _Printer:
         unit = self.units.of(target) if file_units else FileUnits().of(target)
         return _float_text(value, target, unit)
 
-    def joint(self, joint: JointSpec) -> list[str]:
+    def joint(self, joint: JointSpec, parent: str, follows: dict[str, sp.Expr]) -> list[str]:
         lines = [f"  - name: {joint.name}", f"    type: {joint.type}"]
         for name, quantity in (("alpha", "angle"), ("a", "length"), ("d", "length"), ("theta", "angle")):
             lines.append(f"    {name}: {self.value(getattr(joint, name), quantity)}")
+        if parent:
+            lines.append(f"    parent: {parent}")
+        if follows:
+            terms = ", ".join(f"{name}: {number_text(factor)}" for name, factor in follows.items())
+            lines.append(f"    follows: {{{terms}}}")
         if joint.limits != Limits():
             lines.append(f"    limits: {self.section(joint.limits, LIMITS, joint.type)}")
         if joint.friction is not None:
@@ -222,6 +229,18 @@ class _Printer:
                 row = ", ".join(number_text(value) for value in transform.rotation[3 * i : 3 * i + 3])
                 lines.append(f"    - [{row}]")
         return lines
+
+
+def _row(spec: RobotSpec, i: int) -> tuple[JointSpec, str, dict[str, sp.Expr]]:
+    """Row ``i`` with the joint that carries it and the joints that it follows, where the file must say so."""
+    row, mechanism = spec.rows[i], spec.mechanism
+    if mechanism is None:
+        return row, "", {}
+    counted = {joint.name: joint for joint in spec.joints}
+    before = mechanism.parents[i]
+    parent = "" if before == i - 1 else BASE if before < 0 else mechanism.rows[before].name
+    follows = {name: factor for name, factor in zip(counted, mechanism.matrix[i], strict=True) if factor != 0}
+    return counted.get(row.name, row), parent, {} if follows == {row.name: 1} else follows
 
 
 def _float_text(value: float, target: Quantity, unit: Unit) -> str:

@@ -65,7 +65,7 @@ def check_regressors(model: Model, ne: NewtonEuler, s: States, tolerances: Toler
 def base_rank(ne: NewtonEuler) -> int:
     """The rank of the standard regressor stacked over many states, with non-zero columns scaled to unit length."""
     s = draw_states(ne.chain, RANK_STATES, np.random.default_rng(0))
-    Y = ne.standard_regressor(s.q, s.dq, s.ddq).reshape(-1, 10 * ne.chain.n)
+    Y = ne.standard_regressor(s.q, s.dq, s.ddq).reshape(-1, 10 * ne.chain.links)
     norms = np.linalg.norm(Y, axis=0)
     used = norms > RANK_THRESHOLD * max(size(norms), 1e-300)
     singular_values = np.linalg.svd(Y[:, used] / norms[used], compute_uv=False)

@@ -20,7 +20,7 @@ def check_parameters(
 ) -> None:
     """Compare the torques of random link parameters, and those that random payloads add, at the states ``s``."""
     check = rows.against(ne.name, "-", tolerances.exact, s.count)
-    Y, n = ne.standard_regressor(s.q, s.dq, s.ddq), ne.chain.n
+    Y, n = ne.standard_regressor(s.q, s.dq, s.ddq), ne.chain.links
     phi = np.stack([random_parameters(n, rng).ravel() for _ in range(s.count)])
 
     def torques(beta: Array) -> Array:
@@ -28,7 +28,7 @@ def check_parameters(
 
     check("base_parameters", lambda: torques(model.base_parameters_of(phi)), np.einsum("nij,nj->ni", Y, phi))
     bodies = random_parameters(s.count, rng)
-    added = np.einsum("nij,nj->ni", Y[:, :, -10:], bodies)
+    added = np.einsum("nij,nj->ni", Y[:, :, 10 * ne.chain.tip : 10 * ne.chain.tip + 10], bodies)
     mass = bodies[:, 0]
     centres = [centre_and_tensor(row) for row in bodies]
     com, tensors = (np.stack(part) for part in zip(*centres, strict=True))

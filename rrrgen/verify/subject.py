@@ -78,7 +78,7 @@ class States:
 
 def draw_states(chain: Chain, count: int, rng: np.random.Generator) -> States:
     """States over the whole range of every joint."""
-    span = np.where(chain.revolute, ANGLE_RANGE, STROKE)
+    span = np.where(chain.angles, ANGLE_RANGE, STROKE)
     shape = (count, chain.n)
     return States(
         rng.uniform(-1, 1, shape) * span,
@@ -117,7 +117,7 @@ def random_parameters(n: int, rng: np.random.Generator) -> Array:
 
 def parameter_sets(model: Model, rng: np.random.Generator) -> tuple[Parameters, ...]:
     """The nominal parameters where the description has links, and a random physical set."""
-    phi = random_parameters(model.n, rng)
+    phi = random_parameters(len(model.spec.rows), rng)
     sets = [Parameters("random", phi, np.asarray(model.base_projection) @ phi.ravel())]
     nominal = nominal_parameters(model.spec)
     if nominal is not None:

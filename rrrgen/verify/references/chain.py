@@ -14,9 +14,12 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Chain:
-    """Joint rows (n,) in rad and m, fixed transforms (4, 4), gravity (3,) in the base frame, drive inertia (n, n).
+    """Joint rows (links,) in rad and m, fixed transforms (4, 4), gravity (3,) in the base frame, drive inertia (n, n).
 
     ``drive_inertia`` is what the drives add to the mass matrix: a diagonal, unless several drives move one joint.
+    ``parents`` are the links on which the rows stand (-1: the base), ``tip`` is the link that carries the tool.
+    ``coupling`` (links, n) gives the displacements of the rows from q; it is the unit matrix unless joints follow others.
+    ``angles`` (n,) tells which q are angles.
     """
 
     name: str
@@ -30,11 +33,34 @@ class Chain:
     base: Array
     tool: Array
     drive_inertia: Array
+    parents: tuple[int, ...]
+    tip: int
+    coupling: Array
+    angles: tuple[bool, ...]
 
     @property
     def n(self) -> int:
-        """Number of joints."""
+        """Length of q."""
+        return self.coupling.shape[1]
+
+    @property
+    def links(self) -> int:
+        """Number of rows and links."""
         return len(self.revolute)
+
+    @property
+    def plain(self) -> bool:
+        """Whether the rows are the joints, one after the other."""
+        return self.parents == tuple(range(-1, self.links - 1)) and np.array_equal(self.coupling, np.eye(self.links))
+
+    def depth_first(self, parent: int = -1) -> list[int]:
+        """The rows branch by branch, each after the one on which it stands."""
+        rows = [i for i in range(self.links) if self.parents[i] == parent]
+        return [k for i in rows for k in (i, *self.depth_first(i))]
+
+    def behind(self, after: list[Array], row: int) -> Array:
+        """What follows the motion of the row before ``row``: its ``after``, or the base transform."""
+        return self.base if self.parents[row] < 0 else after[self.parents[row]]
 
     def around_joints(self) -> list[tuple[Array, Array]]:
         """Per row (before, after): A_i(q) = before * motion(q) * after, the motion about or along z.
@@ -74,7 +100,17 @@ def chain_of(spec: RobotSpec) -> Chain:
         base=matrix(spec.base),
         tool=matrix(spec.tool),
         drive_inertia=_drive_inertia(spec),
+        parents=spec.parents,
+        tip=len(rows) - 1 if spec.mechanism is None else spec.mechanism.tip,
+        coupling=_coupling(spec),
+        angles=tuple(joint.is_revolute for joint in spec.joints),
     )
+
+
+def _coupling(spec: RobotSpec) -> Array:
+    if spec.mechanism is None:
+        return np.eye(spec.n)
+    return np.array([[float(value) for value in row] for row in spec.mechanism.matrix])
 
 
 def _drive_inertia(spec: RobotSpec) -> Array:

@@ -13,7 +13,7 @@ def _text(values: Array) -> str:
 
 
 class MujocoReference:
-    """The chain as a ``mujoco.MjModel``."""
+    """The tree of the rows as a ``mujoco.MjModel``; where rows follow joints, its results are projected on those of q."""
 
     def __init__(self, chain: Chain, phi: Array) -> None:
         try:
@@ -30,29 +30,34 @@ class MujocoReference:
             raise ReferenceUnavailableError(f"refuses the model: {str(error).splitlines()[0]}") from error
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         self._data = mujoco.MjData(self._model)
-        # MuJoCo's armature is a diagonal matrix; the off-diagonal drive inertia is added to its results
-        self._coupling = chain.drive_inertia - np.diag(np.diag(chain.drive_inertia))
+        # MuJoCo's armature is a diagonal matrix; the drive inertia of coupled joints is added to its results
+        self._added = chain.drive_inertia - (np.diag(np.diag(chain.drive_inertia)) if chain.plain else 0.0)
+        self._chain = chain
+        self._places = [self._model.joint(f"joint{i}").dofadr[0] for i in range(chain.links)]
 
     def _mjcf(self, chain: Chain, phi: Array) -> str:
         """The model as MJCF text."""
-        bodies: list[str] = []
-        offset = chain.base
-        for i, (before, after) in enumerate(chain.around_joints()):
+        around = chain.around_joints()
+        behind, bodies = [after for _, after in around], [""] * chain.links
+        for i in reversed(range(chain.links)):
+            before, after = around[i]
             centre, tensor = centre_and_tensor(phi[i])
             R = after[:3, :3]
             moved = R @ tensor @ R.T
             entries = np.array([moved[0, 0], moved[1, 1], moved[2, 2], moved[0, 1], moved[0, 2], moved[1, 2]])
             kind = "hinge" if chain.revolute[i] else "slide"
-            bodies.append(
-                f"<body {self._place(offset @ before)}>"
-                f'<joint type="{kind}" axis="0 0 1" armature="{float(chain.drive_inertia[i, i])!r}"/>'
+            armature = float(chain.drive_inertia[i, i]) if chain.plain else 0.0
+            site = f'<site name="tip" {self._place(after @ chain.tool)}/>' if i == chain.tip else ""
+            beyond = "".join(bodies[k] for k in range(chain.links) if chain.parents[k] == i)
+            bodies[i] = (
+                f"<body {self._place(chain.behind(behind, i) @ before)}>"
+                f'<joint name="joint{i}" type="{kind}" axis="0 0 1" armature="{armature!r}"/>'
                 f'<inertial mass="{float(phi[i, 0])!r}" pos="{_text(after[:3, 3] + R @ centre)}"'
-                f' fullinertia="{_text(entries)}"/>'
+                f' fullinertia="{_text(entries)}"/>{site}{beyond}</body>'
             )
-            offset = after
-        bodies.append(f'<site name="tip" {self._place(offset @ chain.tool)}/>' + "</body>" * chain.n)
+        roots = "".join(body for body, parent in zip(bodies, chain.parents, strict=True) if parent < 0)
         head = f'<compiler angle="radian"/><option gravity="{_text(chain.gravity)}"/>'
-        return f"<mujoco>{head}<worldbody>{''.join(bodies)}</worldbody></mujoco>"
+        return f"<mujoco>{head}<worldbody>{roots}</worldbody></mujoco>"
 
     def _place(self, T: Array) -> str:
         quaternion = np.zeros(4)
@@ -60,14 +65,16 @@ class MujocoReference:
         return f'pos="{_text(T[:3, 3])}" quat="{_text(quaternion)}"'
 
     def _at(self, q: Array) -> None:
-        self._data.qpos[:], self._data.qvel[:] = q, 0.0
+        self._data.qpos[self._places], self._data.qvel[:] = self._chain.coupling @ q, 0.0
         self._mujoco.mj_forward(self._model, self._data)
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """tau (n,) by ``mj_inverse``."""
-        self._data.qpos[:], self._data.qvel[:], self._data.qacc[:] = q, dq, ddq
+        for store, value in zip((self._data.qpos, self._data.qvel, self._data.qacc), (q, dq, ddq), strict=True):
+            store[self._places] = self._chain.coupling @ value
         self._mujoco.mj_inverse(self._model, self._data)
-        return np.array(self._data.qfrc_inverse) + self._coupling @ ddq
+        tau = np.array(self._data.qfrc_inverse)[self._places]
+        return np.asarray(tau @ self._chain.coupling + self._added @ ddq)
 
     def mass_matrix(self, q: Array) -> Array:
         """M (n, n), column by column, by ``mj_mulM``, whose signature is the same in all versions."""
@@ -76,7 +83,8 @@ class MujocoReference:
         columns = np.zeros((n, n))
         for row, unit in zip(columns, np.eye(n), strict=True):
             self._mujoco.mj_mulM(self._model, self._data, row, unit)
-        return columns.T + self._coupling
+        M = columns.T[np.ix_(self._places, self._places)]
+        return np.asarray(self._chain.coupling.T @ M @ self._chain.coupling + self._added)
 
     def forward_kinematics(self, q: Array) -> Array:
         """The pose (4, 4) of the site at the tip."""

@@ -49,7 +49,10 @@ class _Outward:
 
 
 class NewtonEuler:
-    """Kinematics and dynamics of a chain with standard parameters ``phi`` (n, 10); states are batches (N, n)."""
+    """Kinematics and dynamics of a chain with standard parameters ``phi`` (links, 10); states are batches (N, n).
+
+    Rows may branch, and their displacements are those of q through the coupling of the chain.
+    """
 
     name = "Newton-Euler (built in)"
 
@@ -58,7 +61,7 @@ class NewtonEuler:
         self.phi = phi
         self._tensors = [inertia_tensor(row) for row in phi]
         self._around = chain.around_joints()
-        self._axes = [self._axis(i) for i in range(chain.n)]
+        self._axes = [self._axis(i) for i in range(chain.links)]
 
     def _axis(self, i: int) -> tuple[Array, Array]:
         """Motion subspace of joint i in link frame i: (angular, linear), constant."""
@@ -67,72 +70,80 @@ class NewtonEuler:
         return (z, np.cross(z, arm)) if self.chain.revolute[i] else (np.zeros(3), z)
 
     def _steps(self, q: Array) -> list[Array]:
-        """The transforms A_i(q_i) (N, 4, 4), one per joint."""
+        """The transforms A_i(y_i) (N, 4, 4), one per row, y = coupling q."""
         steps = []
+        y = q @ self.chain.coupling.T
         for i, (before, after) in enumerate(self._around):
             motion = np.tile(np.eye(4), (len(q), 1, 1))
             if self.chain.revolute[i]:
-                c, s = np.cos(q[:, i]), np.sin(q[:, i])
+                c, s = np.cos(y[:, i]), np.sin(y[:, i])
                 motion[:, 0, 0], motion[:, 0, 1], motion[:, 1, 0], motion[:, 1, 1] = c, -s, s, c
             else:
-                motion[:, 2, 3] = q[:, i]
+                motion[:, 2, 3] = y[:, i]
             steps.append(before @ motion @ after)
         return steps
 
     def link_frames(self, q: Array) -> Array:
         """The poses T_0_i (N, n, 4, 4) of the link frames 1..n in the base frame."""
-        T = np.tile(self.chain.base, (len(q), 1, 1))
-        frames = []
-        for step in self._steps(q):
-            T = T @ step
-            frames.append(T)
+        base = np.tile(self.chain.base, (len(q), 1, 1))
+        frames: list[Array] = []
+        for parent, step in zip(self.chain.parents, self._steps(q), strict=True):
+            frames.append((base if parent < 0 else frames[parent]) @ step)
         return np.stack(frames, axis=1)
 
     def forward_kinematics(self, q: Array) -> Array:
         """The pose (N, 4, 4) of the tip in the base frame."""
-        return np.asarray(self.link_frames(q)[:, -1] @ self.chain.tool)
+        return np.asarray(self.link_frames(q)[:, self.chain.tip] @ self.chain.tool)
 
     def jacobian(self, q: Array) -> Array:
         """J (N, 6, n) at the tip, base frame, linear rows first."""
         frames = self.link_frames(q)
-        tip = (frames[:, -1] @ self.chain.tool)[:, :3, 3]
-        return self._point_jacobian(frames, self.chain.n, tip)
+        tip = (frames[:, self.chain.tip] @ self.chain.tool)[:, :3, 3]
+        return self._point_jacobian(frames, self.chain.tip, tip)
 
     def link_jacobians(self, q: Array) -> Array:
         """J_i (N, n, 6, n) at the origins of the link frames, base frame, linear rows first."""
         frames = self.link_frames(q)
-        each = [self._point_jacobian(frames, i + 1, frames[:, i, :3, 3]) for i in range(self.chain.n)]
+        each = [self._point_jacobian(frames, i, frames[:, i, :3, 3]) for i in range(self.chain.links)]
         return np.stack(each, axis=1)
 
-    def _point_jacobian(self, frames: Array, joints: int, point: Array) -> Array:
-        """J (N, 6, n) at a point (N, 3) that the first ``joints`` joints move."""
-        J = np.zeros((len(point), 6, self.chain.n))
-        for i, (angular, linear) in enumerate(self._axes[:joints]):
+    def _point_jacobian(self, frames: Array, link: int, point: Array) -> Array:
+        """J (N, 6, n) at a point (N, 3) of ``link``."""
+        J = np.zeros((len(point), 6, self.chain.links))
+        i = link
+        while i >= 0:
+            angular, linear = self._axes[i]
             R, origin = frames[:, i, :3, :3], frames[:, i, :3, 3]
             J[:, 3:, i] = R @ angular
             J[:, :3, i] = R @ linear + np.cross(J[:, 3:, i], point - origin)
-        return J
+            i = self.chain.parents[i]
+        return np.asarray(J @ self.chain.coupling)
 
     def jacobian_dot_dq(self, q: Array, dq: Array) -> Array:
         """dJ/dt dq (N, 6): acceleration of the tip when every ddq is zero."""
         out = self._outward(q, dq, np.zeros_like(dq), np.zeros(3))
-        w, wd = out.w[-1], out.wd[-1]
+        tip = self.chain.tip
+        w, wd = out.w[tip], out.wd[tip]
         r = np.broadcast_to(self.chain.tool[:3, 3], w.shape)
-        linear = out.vd[-1] + np.cross(w, out.v[-1]) + np.cross(wd, r) + np.cross(w, np.cross(w, r))
-        R = self.link_frames(q)[:, -1, :3, :3]
+        linear = out.vd[tip] + np.cross(w, out.v[tip]) + np.cross(wd, r) + np.cross(w, np.cross(w, r))
+        R = self.link_frames(q)[:, tip, :3, :3]
         return np.concatenate([np.einsum("nij,nj->ni", R, linear), np.einsum("nij,nj->ni", R, wd)], axis=1)
 
     def _outward(self, q: Array, dq: Array, ddq: Array, gravity: Array) -> _Outward:
         """Twists and spatial accelerations; gravity enters as an acceleration of the base."""
         zero = np.zeros((len(q), 3))
-        w, v, wd = zero, zero, zero
-        vd = zero - self.chain.base[:3, :3].T @ gravity
+        lift = zero - self.chain.base[:3, :3].T @ gravity
+        dy, ddy = dq @ self.chain.coupling.T, ddq @ self.chain.coupling.T
         out = _Outward([], [], [], [], [], [])
         for i, step in enumerate(self._steps(q)):
+            last = self.chain.parents[i]
+            w, v, wd, vd = (
+                (zero, zero, zero, lift) if last < 0 else (out.w[last], out.v[last], out.wd[last], out.vd[last])
+            )
             R, p = step[:, :3, :3], step[:, :3, 3]
             back = np.swapaxes(R, 1, 2)
             angular, linear = self._axes[i]
-            rate, acceleration = dq[:, i : i + 1], ddq[:, i : i + 1]
+            rate, acceleration = dy[:, i : i + 1], ddy[:, i : i + 1]
             v, vd = v + np.cross(w, p), vd + np.cross(wd, p)
             w, v, wd, vd = (np.einsum("nij,nj->ni", back, x) for x in (w, v, wd, vd))
             w, v = w + angular * rate, v + linear * rate
@@ -146,24 +157,28 @@ class NewtonEuler:
         """tau (N, n) of the rigid body with drive inertia."""
         gravity = self.chain.gravity if with_gravity else np.zeros(3)
         out = self._outward(q, dq, ddq, gravity)
-        tau = ddq @ self.chain.drive_inertia
-        moment = force = np.zeros((len(q), 3))
-        for i in reversed(range(self.chain.n)):
+        joints = np.zeros((len(q), self.chain.links))
+        forces, moments = ([np.zeros((len(q), 3)) for _ in range(self.chain.links)] for _ in range(2))
+        for i in reversed(range(self.chain.links)):
+            force, moment = forces[i], moments[i]
             m, h, inertia = self.phi[i, 0], self.phi[i, 1:4], self._tensors[i]
             w, v, wd, vd = out.w[i], out.v[i], out.wd[i], out.vd[i]
             momentum, spin = m * v + np.cross(w, h), w @ inertia + np.cross(h, v)
             force = force + m * vd + np.cross(wd, h) + np.cross(w, momentum)
             moment = moment + wd @ inertia + np.cross(h, vd) + np.cross(w, spin) + np.cross(v, momentum)
             angular, linear = self._axes[i]
-            tau[:, i] += moment @ angular + force @ linear
-            force = np.einsum("nij,nj->ni", out.R[i], force)
-            moment = np.einsum("nij,nj->ni", out.R[i], moment) + np.cross(out.p[i], force)
-        return tau
+            joints[:, i] = moment @ angular + force @ linear
+            before = self.chain.parents[i]
+            if before >= 0:
+                force = np.einsum("nij,nj->ni", out.R[i], force)
+                forces[before] = forces[before] + force
+                moments[before] += np.einsum("nij,nj->ni", out.R[i], moment) + np.cross(out.p[i], force)
+        return np.asarray(ddq @ self.chain.drive_inertia + joints @ self.chain.coupling)
 
     def standard_regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Y (N, n, 10 n): rigid-body torque per standard parameter (without drive inertia)."""
+        """Y (N, n, 10 links): rigid-body torque per standard parameter (without drive inertia)."""
         out = self._outward(q, dq, ddq, self.chain.gravity)
-        n = self.chain.n
+        n = self.chain.links
         Y = np.zeros((len(q), n, 10 * n))
         for j in range(n):
             W = _cross_matrix(out.w[j])
@@ -173,13 +188,15 @@ class NewtonEuler:
             force[:, :, 1:4] = _cross_matrix(out.wd[j]) + W @ W
             moment[:, :, 1:4] = -_cross_matrix(lift)
             moment[:, :, 4:] = _tensor_rows(out.wd[j]) + W @ _tensor_rows(out.w[j])
-            for i in range(j, -1, -1):
+            i = j
+            while i >= 0:
                 angular, linear = self._axes[i]
                 Y[:, i, 10 * j : 10 * j + 10] = np.einsum("i,nik->nk", angular, moment)
                 Y[:, i, 10 * j : 10 * j + 10] += np.einsum("i,nik->nk", linear, force)
                 force = out.R[i] @ force
                 moment = out.R[i] @ moment + _cross_matrix(out.p[i]) @ force
-        return Y
+                i = self.chain.parents[i]
+        return np.einsum("ik,nij->nkj", self.chain.coupling, Y)
 
     def mass_matrix(self, q: Array) -> Array:
         """M (N, n, n), column k the torque of a unit acceleration of joint k at rest without gravity."""
@@ -203,7 +220,7 @@ class NewtonEuler:
         frames = self.link_frames(q)
         kinetic = 0.5 * np.sum(dq * (dq @ self.chain.drive_inertia), axis=1)
         potential = np.zeros(len(q))
-        for i in range(self.chain.n):
+        for i in range(self.chain.links):
             m, h, w, v = self.phi[i, 0], self.phi[i, 1:4], out.w[i], out.v[i]
             spin = w @ self._tensors[i]
             kinetic = kinetic + np.sum(0.5 * m * v * v + v * np.cross(w, h) + 0.5 * w * spin, axis=1)

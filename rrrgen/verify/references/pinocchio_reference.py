@@ -9,7 +9,7 @@ from rrrgen.verify.references.reference import ReferenceUnavailableError
 
 
 class PinocchioReference:
-    """The chain as a ``pinocchio.Model``."""
+    """The tree of the rows as a ``pinocchio.Model``; where rows follow joints, its results are projected on those of q."""
 
     def __init__(self, chain: Chain, phi: Array) -> None:
         try:
@@ -22,32 +22,43 @@ class PinocchioReference:
         self.name = f"Pinocchio {pin.__version__}"
         self._model = pin.Model()
         self._model.gravity.linear = chain.gravity
-        offset, joint = chain.base, 0
-        for i, (before, after) in enumerate(chain.around_joints()):
+        around = chain.around_joints()
+        behind, joints = [after for _, after in around], {-1: 0}
+        for i in chain.depth_first():  # crba is right for trees that are numbered branch by branch
+            before, after = around[i]
             kind = pin.JointModelRZ() if chain.revolute[i] else pin.JointModelPZ()
-            joint = self._model.addJoint(joint, kind, pin.SE3(offset @ before), f"joint{i + 1}")
+            place = pin.SE3(chain.behind(behind, i) @ before)
+            joint = self._model.addJoint(joints[chain.parents[i]], kind, place, f"joint{i + 1}")
+            joints[i] = joint
             centre, tensor = centre_and_tensor(phi[i])
             try:
                 body = pin.Inertia(float(phi[i, 0]), centre, tensor)
             except RuntimeError as error:
                 raise ReferenceUnavailableError(f"refuses link {i + 1}: {str(error).splitlines()[-1]}") from error
             self._model.appendBodyToJoint(joint, body, pin.SE3(after))
-            offset = after
-        self._last, self._tip = joint, pin.SE3(offset @ chain.tool)
+        self._last, self._tip = joints[chain.tip], pin.SE3(behind[chain.tip] @ chain.tool)
         self._data = self._model.createData()
+        self._chain = chain
+        self._places = [self._model.joints[joints[i]].idx_v for i in range(chain.links)]
         self._drive_inertia = chain.drive_inertia
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """tau (n,) by ``rnea``; drive inertia is added here, as its meaning there differs between versions."""
-        tau = self._pin.rnea(self._model, self._data, q, dq, ddq)
-        return np.array(tau) + self._drive_inertia @ ddq
+        tau = self._pin.rnea(self._model, self._data, *(self._of_rows(x) for x in (q, dq, ddq)))
+        return np.asarray(np.array(tau)[self._places] @ self._chain.coupling + self._drive_inertia @ ddq)
+
+    def _of_rows(self, x: Array) -> Array:
+        values = np.zeros(self._chain.links)
+        values[self._places] = self._chain.coupling @ x
+        return values
 
     def mass_matrix(self, q: Array) -> Array:
         """M (n, n) by ``crba``, which fills only the upper triangle in some versions."""
-        upper = np.triu(self._pin.crba(self._model, self._data, q))
-        return np.asarray(upper + np.triu(upper, 1).T + self._drive_inertia)
+        upper = np.triu(self._pin.crba(self._model, self._data, self._of_rows(q)))
+        M = (upper + np.triu(upper, 1).T)[np.ix_(self._places, self._places)]
+        return np.asarray(self._chain.coupling.T @ M @ self._chain.coupling + self._drive_inertia)
 
     def forward_kinematics(self, q: Array) -> Array:
         """The pose (4, 4) of the tip in the base frame."""
-        self._pin.forwardKinematics(self._model, self._data, q)
+        self._pin.forwardKinematics(self._model, self._data, self._of_rows(q))
         return np.array((self._data.oMi[self._last] * self._tip).homogeneous)

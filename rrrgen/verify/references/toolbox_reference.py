@@ -22,6 +22,8 @@ class ToolboxReference:
             import roboticstoolbox as rtb
         except ImportError as error:
             raise ReferenceUnavailableError.at_import(error, "roboticstoolbox-python") from error
+        if not chain.plain:
+            raise ReferenceUnavailableError("joints that follow others or branch off are not part of a DHRobot")
         if np.any(phi[:, 0] <= 0.0):
             raise ReferenceUnavailableError("a link has no mass, so it has no centre of mass")
         self.name = f"Robotics Toolbox {rtb.__version__}"
