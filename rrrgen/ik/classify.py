@@ -14,6 +14,7 @@ from rrrgen.ik.geometry.snap import snapped
 from rrrgen.ik.geometry.virtual import extended
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.tolerances import EXACT, NEARLY, RANK, SPECIAL
+from rrrgen.model.mechanism import chain_to_tip
 
 if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
@@ -24,6 +25,11 @@ TRIALS = 3
 SPLITS = 13
 """Plans up to this cost consist of quadratics."""
 
+_MECHANISM = (
+    "joints follow others or branch off; `rrrgen ik` and `ik` in Python solve the chain of rows to the tip and keep what "
+    "fits the coupling, but no code is emitted"
+)
+
 UNSOLVED = 1000
 """The cost of having no plan."""
 
@@ -33,6 +39,8 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
 
     The plan of a chain that cannot be solved has family ``"none"`` and the reason.
     """
+    if spec.mechanism is not None:
+        return _none(numeric_chain(chain_to_tip(spec)), _MECHANISM)
     return _planned(numeric_chain(spec), redundancy)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -14,9 +15,11 @@ from rrrgen.ik.answers import STATUS_TEXTS, labels, most_rows, reasons_of
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
+from rrrgen.model.mechanism import chain_to_tip
+from rrrgen.runtime.evaluation.coupled import SAME, Coupling
 from rrrgen.runtime.evaluation.solve import Evaluation, Wish
 from rrrgen.runtime.ik_arguments import LIMITS, NEAREST, RESIDUAL, options, real_array, real_number
-from rrrgen.runtime.results import STATUS, IKBatch, IKResult
+from rrrgen.runtime.results import FREE, OUTSIDE, STATUS, IKBatch, IKResult
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -139,13 +142,66 @@ class _Evaluated:
         bits: int,
     ) -> IKBatch:
         """Solve for every target, one after the other or in one call of C."""
-        out = _empty(len(goals), self._rows, self._n)
-        for i, goal in enumerate(goals):
-            found = self.answer(goal, reference, 0.0 if given is None else float(given[i]), bits, closest=False)
-            k = out.counts[i] = len(found.q)
-            out.q[i, :k], out.flags[i, :k], out.branch[i, :k] = found.q, found.flags, found.branch
-            out.statuses[i], out.distances[i] = found.code, found.distance
-        return out
+        values = [0.0] * len(goals) if given is None else given.tolist()
+        answers = [
+            self.answer(goal, reference, value, bits, closest=False) for goal, value in zip(goals, values, strict=True)
+        ]
+        return _batch(answers, self._rows, self._n)
+
+
+class _Coupled:
+    """Joint positions of a mechanism, from the solutions of its chain of rows by another engine."""
+
+    def __init__(self, engine: _Engine, rows: int, coupling: Coupling, unfit: int) -> None:
+        self._engine, self._rows, self._coupling, self._unfit = engine, rows, coupling, unfit
+
+    def answer(
+        self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
+    ) -> _Answer:
+        """Solve for one target. Raises DerivationError for the nearest configuration, which the rows do not tell."""
+        if closest or bits & RESIDUAL:
+            raise DerivationError("joints follow others: only solutions that meet the target are found")
+        rows = None if reference is None else np.ascontiguousarray(self._coupling.S @ reference)
+        found = self._engine.answer(goal, rows, given, 0, closest=False)
+        kept: list[tuple[NDArray[np.float64], int, int]] = []
+        outside = False
+        for y, flags, branch in zip(found.q, found.flags, found.branch, strict=True):
+            for q, inside in self._coupling.solutions(y, goal[0], reference, refined=bool(flags & FREE)):
+                outside = outside or not inside
+                if (inside or not bits & LIMITS) and all(self._coupling.apart(q, other[0]) > SAME for other in kept):
+                    kept.append((q, int(flags) | (0 if inside else OUTSIDE), int(branch)))
+        if bits & NEAREST and reference is not None:
+            kept.sort(key=lambda each: float(np.sum((each[0] - reference) ** 2)))
+        code = found.code
+        if code == 0 and not kept:
+            code = 2 if outside else 1
+        stage = found.stage if found.code == 1 else self._unfit
+        q = np.array([each[0] for each in kept], float).reshape(len(kept), self._coupling.n)
+        flags_, branches = (np.array([each[k] for each in kept], np.uint32) for k in (1, 2))
+        return _Answer(code, q, flags_, branches, np.zeros(len(kept)), stage, -1.0 if code == 1 else 0.0)
+
+    def batch(
+        self,
+        goals: NDArray[np.float64],
+        reference: NDArray[np.float64] | None,
+        given: NDArray[np.float64] | None,
+        bits: int,
+    ) -> IKBatch:
+        """Solve for every target, one after the other."""
+        answers = [
+            self.answer(goals[i : i + 1], reference, 0.0 if given is None else float(given[i]), bits, closest=False)
+            for i in range(len(goals))
+        ]
+        return _batch(answers, self._rows, self._coupling.n)
+
+
+def _batch(answers: Sequence[_Answer], rows: int, n: int) -> IKBatch:
+    out = _empty(len(answers), rows, n)
+    for i, found in enumerate(answers):
+        k = out.counts[i] = len(found.q)
+        out.q[i, :k], out.flags[i, :k], out.branch[i, :k] = found.q, found.flags, found.branch
+        out.statuses[i], out.distances[i] = found.code, found.distance
+    return out
 
 
 def _empty(count: int, rows: int, n: int) -> IKBatch:
@@ -170,14 +226,16 @@ class InverseKinematics:
         plan: the family of the arm with its equations, or why it has no solver.
         engine: solves checked targets: the emitted C, or the evaluation of the recorded solver.
         name: the name of the robot, for messages.
+        coupling: how the joints of the plan follow from q, where they are not q.
     """
 
-    def __init__(self, plan: SolverPlan, engine: _Engine, name: str) -> None:
+    def __init__(self, plan: SolverPlan, engine: _Engine, name: str, coupling: Coupling | None = None) -> None:
         self.plan = plan
         self.labels = labels(plan)
-        self.max_solutions = most_rows(plan)
-        self.n = plan.chain.n
-        self._reasons = reasons_of(plan)
+        self.max_solutions = most_rows(plan) * (1 if coupling is None else coupling.count)
+        self.n = plan.chain.n if coupling is None else coupling.n
+        self._reasons = (*reasons_of(plan), "no solution of the rows keeps the coupling of the joints")
+        self._coupling = coupling
         self._engine, self._name = engine, name
         self._locked = plan.locked is not None
 
@@ -350,7 +408,8 @@ class InverseKinematics:
 
     def parameter(self, q: ArrayLike) -> float:
         """The redundancy parameter at ``q`` (n,): the prescribed joint (rad or m), or the arm angle (rad)."""
-        return parameter(self.plan, real_array("q", q))
+        joints = real_array("q", q)
+        return parameter(self.plan, joints if self._coupling is None else self._coupling.S @ joints)
 
 
 def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineName = "c") -> InverseKinematics:
@@ -360,6 +419,8 @@ def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineN
     :class:`rrrgen.errors.DerivationError` with the reason where the chain has no solver, or without a compiler none (an
     elimination for six joints is solved in C only), and :class:`rrrgen.errors.BuildError` without a C compiler.
     """
+    if spec.mechanism is not None:
+        return _coupled_solver(spec, redundancy, backend)
     plan = make_plan(spec, redundancy)
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
@@ -370,6 +431,14 @@ def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineN
     files = emit(spec, plan).files
     ffi, lib = build_extension(files, _declarations(files[f"{spec.name}_ik.h"]), f"{spec.name}_ik")
     return InverseKinematics(plan, _Compiled(plan, most_rows(plan), ffi, lib, spec.name), spec.name)
+
+
+def _coupled_solver(spec: RobotSpec, redundancy: int | None, backend: EngineName) -> InverseKinematics:
+    """The solver of a mechanism: that of its rows to the tip, and the coupling."""
+    chain = load_solver(chain_to_tip(spec), redundancy, backend)
+    coupling = Coupling(spec, chain.plan.chain, position=chain.plan.task == "position")
+    unfit, rows = len(reasons_of(chain.plan)), chain.max_solutions * coupling.count
+    return InverseKinematics(chain.plan, _Coupled(chain._engine, rows, coupling, unfit), spec.name, coupling)
 
 
 def _declarations(header: str) -> str:

@@ -44,9 +44,13 @@ class Arm:
     """Forward kinematics and the geometric Jacobian of a chain, for batches of configurations (N, n)."""
 
     def __init__(self, chain: Chain, *, position: bool) -> None:
-        self.around, self.revolute, self.n = chain.around_joints(), np.array(chain.revolute), chain.n
+        self.revolute, self.n, path = np.array(chain.angles), chain.n, chain.path(chain.tip)
+        around = chain.around_joints()
+        self.around = [around[i] for i in path]
+        self._turning, self._coupling = [chain.revolute[i] for i in path], chain.coupling[path]
         self.base, self.tool, self.position = chain.base, chain.tool, position
-        size = float(np.sum(np.abs(chain.a)) + np.sum(np.abs(chain.d)) + np.linalg.norm(chain.tool[:3, 3]))
+        lengths = np.sum(np.abs(chain.a[path])) + np.sum(np.abs(chain.d[path]))
+        size = float(lengths + np.linalg.norm(chain.tool[:3, 3]))
         self.reach = size if size > 0.0 else 1.0
 
     def poses(self, q: Array) -> Array:
@@ -54,6 +58,7 @@ class Arm:
         return self._walk(q)[0]
 
     def _walk(self, q: Array) -> tuple[Array, list[Array], list[Array]]:
+        q = q @ self._coupling.T
         T = np.broadcast_to(self.base, (len(q), 4, 4))
         axes, points = [], []
         for k, (before, after) in enumerate(self.around):
@@ -61,7 +66,7 @@ class Arm:
             axes.append(T[:, :3, 2])
             points.append(T[:, :3, 3])
             motion = np.broadcast_to(np.eye(4), (len(q), 4, 4)).copy()
-            if self.revolute[k]:
+            if self._turning[k]:
                 c, s = np.cos(q[:, k]), np.sin(q[:, k])
                 motion[:, 0, 0], motion[:, 0, 1], motion[:, 1, 0], motion[:, 1, 1] = c, -s, s, c
             else:
@@ -75,13 +80,13 @@ class Arm:
         tip = T[:, :3, 3]
         linear, angular = [], []
         for k, (z, o) in enumerate(zip(axes, points, strict=True)):
-            linear.append(np.cross(z, tip - o) / self.reach if self.revolute[k] else z)
-            angular.append(z if self.revolute[k] else np.zeros_like(z))
-        e, J = (goals[:, :3, 3] - tip) / self.reach, np.stack(linear, axis=2)
+            linear.append(np.cross(z, tip - o) / self.reach if self._turning[k] else z)
+            angular.append(z if self._turning[k] else np.zeros_like(z))
+        e, J = (goals[:, :3, 3] - tip) / self.reach, np.stack(linear, axis=2) @ self._coupling
         if self.position:
             return e, J
         turn = 0.5 * np.sum(np.cross(T[:, :3, :3], goals[:, :3, :3], axis=1), axis=2)
-        return np.concatenate([e, turn], axis=1), np.concatenate([J, np.stack(angular, axis=2)], axis=1)
+        return np.concatenate([e, turn], axis=1), np.concatenate([J, np.stack(angular, axis=2) @ self._coupling], axis=1)
 
     def distance(self, goals: Array, q: Array) -> Array:
         """The largest entry (N,) of the difference between pose and goal; lengths are divided by the reach."""

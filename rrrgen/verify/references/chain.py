@@ -53,6 +53,10 @@ class Chain:
         """Whether the rows are the joints, one after the other."""
         return self.parents == tuple(range(-1, self.links - 1)) and np.array_equal(self.coupling, np.eye(self.links))
 
+    def path(self, row: int) -> list[int]:
+        """The rows from the base to ``row``."""
+        return [] if row < 0 else [*self.path(self.parents[row]), row]
+
     def depth_first(self, parent: int = -1) -> list[int]:
         """The rows branch by branch, each after the one on which it stands."""
         rows = [i for i in range(self.links) if self.parents[i] == parent]

@@ -1,0 +1,161 @@
+"""Joint positions q of a mechanism from the solutions of its chain of rows.
+
+The rows from the base to the tip are solved as if each had a drive. Their displacements y belong to joint positions q
+where ``y = S q`` up to full turns of the angles. With a regular part B of S, ``q = B^-1 (y_B + 2 pi z)`` for whole
+numbers z; only finitely many z give different arms, and those are kept that fit the other rows.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from math import lcm, prod
+from typing import TYPE_CHECKING
+
+import numpy as np
+import sympy as sp
+
+from rrrgen.errors import DerivationError
+from rrrgen.model.mechanism import coupling_to_tip
+from rrrgen.runtime.evaluation.kernels import TOLERANCE
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rrrgen.ik.geometry.chain import Chain
+    from rrrgen.robotfile.robot_spec import RobotSpec
+
+    Array = NDArray[np.float64]
+
+FULL = 2 * np.pi
+
+LARGEST_COUNT = 1024
+"""Ways to turn the rows by full turns, for one solution of them, that are tried."""
+
+NEAR = 1e-4
+"""How far (rad; lengths over the reach) a solution of the rows may be off the coupling before it is refined on it."""
+
+STEPS = 6
+
+ACCEPT = 4e-12
+"""Largest error of a pose, in rad or over the reach, of a solution on the coupling."""
+
+SAME = 1e-7
+"""Solutions closer than this (rad; lengths over the reach) are one."""
+
+
+class Coupling:
+    """Maps solutions ``y`` of the rows to the tip to joint positions q.
+
+    Raises DerivationError where the rows do not determine q, or too many full turns had to be tried.
+    """
+
+    def __init__(self, spec: RobotSpec, chain: Chain, *, position: bool) -> None:
+        S = coupling_to_tip(spec)
+        self.chain, self.n, self._position = chain, spec.n, position
+        if S.rank() < spec.n:
+            missing = ", ".join(j.name for j, k in zip(spec.joints, range(spec.n), strict=True) if not any(S[:, k]))
+            told = f"{missing} do not move the tip" if missing else "the rows to the tip do not determine q"
+            raise DerivationError(f"{spec.name}: no inverse kinematics: {told}")
+        self._pivots = list(S.T.rref()[1])
+        inverse = S.extract(self._pivots, list(range(spec.n))).inv()
+        self._revolute = np.array([joint.revolute for joint in chain.joints])
+        over = S * inverse
+        turning = [i for i in range(S.rows) if self._revolute[i]]
+        self._counts = [
+            lcm(*(int(sp.Rational(over[i, k]).q) for i in turning)) if self._revolute[p] else 1
+            for k, p in enumerate(self._pivots)
+        ]
+        if prod(self._counts) > LARGEST_COUNT:
+            raise DerivationError(
+                f"{spec.name}: no inverse kinematics: with these ratios {prod(self._counts)} positions of the drives "
+                f"give one pose of the rows, and at most {LARGEST_COUNT} are tried"
+            )
+        self.S, self._inverse = np.array(S, float), np.array(inverse, float)
+        self.count = prod(self._counts)
+        self._periods = self._full_turns(S, turning)
+        self._limits = _Limits(spec, self.S)
+
+    def _full_turns(self, S: sp.Matrix, turning: list[int]) -> Array:
+        """By how much each q alone may change so that every angle of the rows makes full turns; 0 if it may not."""
+        periods = np.zeros(self.n)
+        for k in range(self.n):
+            column = [S[i, k] for i in range(S.rows)]
+            if all(value == 0 or i in turning for i, value in enumerate(column)):
+                denominators = [int(sp.Rational(column[i]).q) for i in turning if column[i] != 0]
+                periods[k] = FULL * lcm(*denominators) if denominators else 0.0
+        return periods
+
+    def solutions(self, y: Array, goal: Array, reference: Array | None, *, refined: bool) -> list[tuple[Array, bool]]:
+        """The joint positions of one solution ``y`` of the rows, each with whether it is inside all limits.
+
+        ``refined``: also where y is off the coupling, as it may be where an angle of the rows is free.
+        """
+        found: list[tuple[Array, bool]] = []
+        for z in product(*(range(count) for count in self._counts)):
+            q = self._inverse @ (y[self._pivots] + FULL * np.array(z))
+            off = (self.S @ q - y) / np.where(self._revolute, 1.0, self.chain.reach)
+            off[self._revolute] = np.remainder(off[self._revolute] + np.pi, FULL) - np.pi
+            if np.abs(off).max() > NEAR and not refined:
+                continue
+            exact = self._on_coupling(q, goal)
+            if exact is not None:
+                found.append(self._limits.placed(exact, self._periods, reference))
+        return found
+
+    def apart(self, a: Array, b: Array) -> float:
+        """How far two configurations are apart, over full turns."""
+        d = a - b
+        turn = self._periods > 0
+        d[turn] = np.remainder(d[turn] + self._periods[turn] / 2, self._periods[turn]) - self._periods[turn] / 2
+        return float(np.abs(self.S @ d).max())
+
+    def _on_coupling(self, q: Array, goal: Array) -> Array | None:
+        """``q`` refined on the true mechanism by Gauss-Newton steps; None where it does not meet the goal."""
+        for _ in range(STEPS):
+            error = self._error(q, goal)
+            if np.abs(error).max() <= TOLERANCE["tight"] ** 0.5:
+                break
+            J = self.chain.jacobian(self.S @ q) @ self.S
+            J[:3] /= self.chain.reach
+            q = q + np.linalg.lstsq(J[: len(error)], error, rcond=1e-9)[0]
+        return q if np.abs(self._error(q, goal)).max() <= ACCEPT else None
+
+    def _error(self, q: Array, goal: Array) -> Array:
+        T = self.chain.forward(self.S @ q)
+        if self._position:
+            return np.asarray((goal[:3] - T[:3, 3]) / self.chain.reach)
+        turn = 0.5 * np.cross(T[:3, :3], goal[:3, :3], axis=0).sum(axis=1)
+        D = np.abs(T[:3, :3] - goal[:3, :3]).max()
+        if D > 1.0:  # beyond a quarter turn the sine no longer tells
+            turn = turn + D
+        return np.concatenate([(goal[:3, 3] - T[:3, 3]) / self.chain.reach, turn])
+
+
+class _Limits:
+    """The limits of q, and of all rows, which may follow several joints."""
+
+    def __init__(self, spec: RobotSpec, S: Array) -> None:
+        ends = [(joint.limits.lower, joint.limits.upper) for joint in spec.joints]
+        self._ends = [(-np.inf if a is None else a, np.inf if b is None else b) for a, b in ends]
+        rows = zip(spec.rows, spec.mechanism.matrix if spec.mechanism else (), strict=False)
+        self._rows = [
+            (np.array(factors, float), joint.limits.lower, joint.limits.upper)
+            for joint, factors in rows
+            if joint.name not in {each.name for each in spec.joints}
+        ]
+
+    def placed(self, q: Array, periods: Array, reference: Array | None) -> tuple[Array, bool]:
+        """``q`` moved by full turns next to the reference and inside the limits where possible, and whether all are."""
+        row, inside, margin = q.copy(), True, TOLERANCE["limit"]
+        for k, ((low, high), period) in enumerate(zip(self._ends, periods, strict=True)):
+            if period:
+                middle = 0.0 if reference is None else float(reference[k])
+                row[k] = middle + np.remainder(row[k] - middle + period / 2, period) - period / 2
+                turns = np.ceil(max(low - margin - row[k], 0.0) / period) - np.ceil(max(row[k] - high - margin, 0.0) / period)
+                if low - margin <= row[k] + period * turns <= high + margin:
+                    row[k] += period * turns
+            inside = inside and low - margin <= row[k] <= high + margin
+        for factors, lower, upper in self._rows:
+            value = float(factors @ row)
+            inside = inside and (lower is None or value >= lower - margin) and (upper is None or value <= upper + margin)
+        return row, bool(inside)
