@@ -11,6 +11,7 @@ from rrrgen.backends.printing import decimal
 from rrrgen.derive.functions.friction_functions import friction_parameters
 from rrrgen.derive.functions.recording import drive_inertia_meaning
 from rrrgen.model.drive_text import coupling_equations, motor_facts
+from rrrgen.model.mechanism import mechanism_equations
 from rrrgen.program import Builder, Op, Port, Program, Role
 
 if TYPE_CHECKING:
@@ -39,7 +40,8 @@ def programs_of(model: DerivedModel) -> dict[str, Program]:
 def title(spec: RobotSpec) -> str:
     """The subject of the emitted files, as a clause."""
     structure = " ".join("R" if joint.is_revolute else "P" for joint in spec.joints)
-    return f"kinematics and dynamics of {spec.name}, a serial robot with joints {structure}"
+    kind = "serial robot" if spec.mechanism is None else "mechanism"
+    return f"kinematics and dynamics of {spec.name}, a {kind} with joints {structure}"
 
 
 def facts(model: DerivedModel, identity: Identity) -> dict[str, str]:
@@ -60,6 +62,7 @@ def facts(model: DerivedModel, identity: Identity) -> dict[str, str]:
         "Units": "SI and rad: q rad or m, dq per s, ddq per s^2, tau N m or N, masses kg, inertias kg m^2",
         "Gravity": felt,
         "Frames": "base = before the first joint and the fixed base transform, link i = frame i, tip = after the tool",
+        **({"Mechanism": "; ".join(mechanism_equations(spec))} if spec.mechanism else {}),
         **dict(_drive_facts(spec)),
     }
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError
 from rrrgen.model.dh_rows import dh_rows
 from rrrgen.robotfile.robot_spec import FixedTransform, RobotSpec
 
@@ -163,6 +164,8 @@ def rotation_vectors(R: Array) -> Array:
 
 def geometry_of(spec: RobotSpec) -> Geometry:
     """The geometry of a robot file at its nominal parameters."""
+    if spec.mechanism is not None:
+        raise DerivationError(f"{spec.name}: joints that follow others and branches are not calibrated")
     table = dh_rows(spec, nominal=True)
     rows = np.zeros((spec.n, 5))
     for i, (row, following) in enumerate(zip(table, (*table[1:], None), strict=True)):

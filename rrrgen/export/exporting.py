@@ -7,7 +7,7 @@ import pkgutil
 from collections.abc import Mapping
 from dataclasses import fields, replace
 
-from rrrgen.errors import InputError
+from rrrgen.errors import DerivationError, InputError
 from rrrgen.export import targets
 from rrrgen.export.interface import Exported, Exporter, ExportOptions
 from rrrgen.robotfile.robot_spec import RobotSpec
@@ -37,6 +37,8 @@ def export_robot(
     if target not in known:
         hint = did_you_mean(target, known) or f"targets are {', '.join(known)}"
         raise InputError(f"there is no target '{target}'; {hint}")
+    if spec.mechanism is not None:
+        raise DerivationError(f"{spec.name}: joints that follow others and branches are not exported")
     exporter, options = known[target], options or ExportOptions()
     _refuse_unused(exporter, options)
     notes: tuple[str, ...] = ()

@@ -352,7 +352,7 @@ class _Run:
                 free.append(i)
         rms = float(np.sqrt(np.sum(fit.torque_squares) / np.sum(fit.counts)))
         prior = options.prior or default_prior(self.model.spec, rms, options.prior_strength)
-        names = standard_names(self.model.n)
+        names = standard_names(np.shape(self.model.base_projection)[1] // 10)
         fixed = {names.index(name): value for name, value in options.fixed_standard.items()}
         T = np.eye(len(columns))[:, free]
         found = consistent_estimate(

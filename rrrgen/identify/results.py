@@ -154,7 +154,7 @@ def identified_spec(
     unless empty. Raises :class:`DerivationError` for an estimate that a robot file cannot hold: a link without mass, or
     terms of a motor that the robot does not have.
     """
-    phi = consistent.phi.reshape(spec.n, len(STANDARD))
+    phi = consistent.phi.reshape(len(spec.rows), len(STANDARD))
     if np.any(phi[:, 0] <= 0):
         raise DerivationError("a link without mass cannot be written into a robot file")
     left = dict(consistent.drives)

@@ -26,8 +26,8 @@ SPLITS = 13
 """Plans up to this cost consist of quadratics."""
 
 _MECHANISM = (
-    "joints follow others or branch off; `rrrgen ik` and `ik` in Python solve the chain of rows to the tip and keep what "
-    "fits the coupling, but no code is emitted"
+    "joints follow others or branch off; `rrrgen ik` and `ik` in Python solve the chain of rows to the tip and keep "
+    "what fits the coupling, but no code is emitted"
 )
 
 UNSOLVED = 1000

@@ -19,12 +19,13 @@ def coupling_equations(spec: RobotSpec) -> list[str]:
         return []
     names = [motor.name for motor in spec.drives.motors]
     return [
-        f"{joint.name} = {_sum(names, [str(value) for value in row])}"
+        f"{joint.name} = {weighted_sum(names, [str(value) for value in row])}"
         for joint, row in zip(spec.joints, spec.drives.joint_from_drive, strict=True)
     ]
 
 
-def _sum(names: list[str], factors: list[str]) -> str:
+def weighted_sum(names: list[str], factors: list[str]) -> str:
+    """``factors`` times ``names`` as text, ``-1/3*left + right``; 0 for a sum of nothing."""
     text = ""
     for name, factor in zip(names, factors, strict=True):
         if factor == "0":
@@ -34,7 +35,7 @@ def _sum(names: list[str], factors: list[str]) -> str:
         term = name if size == "1" else f"{size}*{name}"
         sign = ("-" if negative else "") if not text else " - " if negative else " + "
         text += sign + term
-    return text
+    return text or "0"
 
 
 def motor_facts(motor: MotorSpec) -> str:

@@ -1,11 +1,13 @@
-"""The chain of rows from the base to the tip of a mechanism, as a robot of its own without couplings."""
+"""Mechanisms: the chain of rows from the base to the tip as a robot of its own, and the coupling as text and data."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import sympy as sp
 
+from rrrgen.model.drive_text import weighted_sum
 from rrrgen.robotfile.robot_spec import Limits, RobotSpec
 
 
@@ -14,7 +16,8 @@ def chain_to_tip(spec: RobotSpec) -> RobotSpec:
     if spec.mechanism is None:
         return spec
     rows = tuple(
-        replace(spec.rows[i], limits=Limits(), friction=None, drive=None) for i in spec.mechanism.path(spec.mechanism.tip)
+        replace(spec.rows[i], limits=Limits(), friction=None, drive=None)
+        for i in spec.mechanism.path(spec.mechanism.tip)
     )
     return replace(spec, joints=rows, mechanism=None, links=None, drives=None, basis=None, tools={})
 
@@ -24,3 +27,28 @@ def coupling_to_tip(spec: RobotSpec) -> sp.Matrix:
     if spec.mechanism is None:
         return sp.eye(spec.n)
     return sp.Matrix([list(spec.mechanism.matrix[i]) for i in spec.mechanism.path(spec.mechanism.tip)])
+
+
+def mechanism_equations(spec: RobotSpec) -> list[str]:
+    """One clause per row of a mechanism: what carries it and how it moves. Empty for a chain of joints."""
+    if spec.mechanism is None:
+        return []
+    names = [joint.name for joint in spec.joints]
+    found = []
+    for row, parent, factors in zip(spec.rows, spec.parents, spec.mechanism.matrix, strict=True):
+        carrier = spec.rows[parent].name if parent >= 0 else "base"
+        moved = weighted_sum(names, [str(value) for value in factors])
+        found.append(f"{row.name} on {carrier}" + ("" if moved == row.name else f", {row.name} = {moved}"))
+    return found
+
+
+def mechanism_data(spec: RobotSpec) -> dict[str, Any] | None:
+    """The rows, what carries them, and the exact matrix as text; None for a chain of joints."""
+    if spec.mechanism is None:
+        return None
+    return {
+        "rows": [row.name for row in spec.rows],
+        "parents": list(spec.parents),
+        "tip": spec.rows[spec.tip_row].name,
+        "matrix": [[str(value) for value in factors] for factors in spec.mechanism.matrix],
+    }

@@ -180,7 +180,7 @@ def build_model(spec: RobotSpec) -> RobotModel:
     for i in range(len(constants)):
         parent = spec.parents[i]
         constants[i] = (moved[parent] @ constants[i] if parent >= 0 else constants[i]) @ back[i]
-    tip_link = len(rows) - 1 if spec.mechanism is None else spec.mechanism.tip
+    tip_link = spec.tip_row
     link_frames = tuple(forth @ frame for forth, frame in zip(moved, frames, strict=True))
     return RobotModel(
         spec=spec,
@@ -223,9 +223,7 @@ def _origin_shifts(constants: list[RigidTransform], parallel: list[bool]) -> lis
     return slides
 
 
-def _shifts_in_blocks(
-    constants: list[RigidTransform], parallel: list[bool], parents: tuple[int, ...]
-) -> list[sp.Expr]:
+def _shifts_in_blocks(constants: list[RigidTransform], parallel: list[bool], parents: tuple[int, ...]) -> list[sp.Expr]:
     """The same for a tree: the origins of a block are moved into the plane of its first one, no other is moved."""
     slides: list[sp.Expr] = []
     for X, follows, parent in zip(constants, parallel, parents, strict=True):

@@ -12,6 +12,7 @@ from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.stack import stack_bound
 from rrrgen.derive.parameter_listing import listing
 from rrrgen.model.drive_text import drives_data
+from rrrgen.model.mechanism import mechanism_data
 from rrrgen.output.writer import MANIFEST, Contents, checksum
 from rrrgen.program import Port, Program, count_operations
 from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec, joint_units
@@ -81,6 +82,7 @@ def manifest(
         "b": len(model.base_parameters),
         "joints": [_joint(joint) for joint in spec.joints],
         "gravity": [str(component) for component in spec.gravity],
+        **({} if spec.mechanism is None else {"mechanism": mechanism_data(spec)}),
         **({} if spec.drives is None else {"drives": drives_data(spec)}),
         "link_parameters": listing(model).statement,
         **_parameters_and_functions(model, real),

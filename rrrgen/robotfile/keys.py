@@ -63,7 +63,9 @@ JOINT = (
     Key("theta", "value", "joint angle; of a revolute joint: added to q", quantity="angle", file_units=True),
     Key("sign", "choice", "-1: q moves against the axis of the row", choices=("1", "+1", "-1")),
     Key("parent", "name", "joint whose link carries this one, or base; the joint before it if missing"),
-    Key("follows", "names", "the joint moves by a sum of multiples of others, {elbow: -1}; its own name: its own drive"),
+    Key(
+        "follows", "names", "the joint moves by a sum of multiples of others, {elbow: -1}; its own name: its own drive"
+    ),
     Key("limits", "mapping", "joint limits", section="limits"),
     Key("friction", "mapping", "friction at the joint; each key adds its column", section="friction"),
     Key("drive", "mapping", "the drive, seen at the joint", section="drive"),

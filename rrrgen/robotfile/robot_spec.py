@@ -147,7 +147,8 @@ class MechanismSpec:
     """Rows that are not a chain of joints with a drive each: joints that follow others, and branches.
 
     Row i moves by ``y_i = matrix[i] . q``, q being the positions of the joints of the robot, and stands on the link of
-    row ``parents[i]`` (-1: on the base). The tool is fixed to the link of row ``tip``. ``matrix`` (rows, joints) is
+    row ``parents[i]`` (-1: on the base). Limits and drives of joints that q counts are in the joints of the robot; a
+    row that follows others has ranges only. The tool is fixed to the link of row ``tip``. ``matrix`` (rows, joints) is
     exact; constants of a coupling are part of theta or d of a row.
     """
 
@@ -302,6 +303,11 @@ class RobotSpec:
     def parents(self) -> tuple[int, ...]:
         """For every row, the row whose link carries it; -1 for the base."""
         return tuple(range(-1, len(self.joints) - 1)) if self.mechanism is None else self.mechanism.parents
+
+    @property
+    def tip_row(self) -> int:
+        """The row whose link carries the tool."""
+        return len(self.joints) - 1 if self.mechanism is None else self.mechanism.tip
 
     def in_any_gravity(self) -> RobotSpec:
         """The same robot with gravity as an input of its functions, under the name ``<name>_any_gravity``.

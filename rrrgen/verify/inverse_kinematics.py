@@ -86,7 +86,9 @@ class Arm:
         if self.position:
             return e, J
         turn = 0.5 * np.sum(np.cross(T[:, :3, :3], goals[:, :3, :3], axis=1), axis=2)
-        return np.concatenate([e, turn], axis=1), np.concatenate([J, np.stack(angular, axis=2) @ self._coupling], axis=1)
+        return np.concatenate([e, turn], axis=1), np.concatenate(
+            [J, np.stack(angular, axis=2) @ self._coupling], axis=1
+        )
 
     def distance(self, goals: Array, q: Array) -> Array:
         """The largest entry (N,) of the difference between pose and goal; lengths are divided by the reach."""

@@ -146,7 +146,7 @@ def _parameters(model: DerivedModel) -> dict[str, Array]:
     """The parameters phi, beta and Ia of the robot file; for plausible links if it states none."""
     links = model.spec.links
     known = [np.array(standard_parameters(link), float) for link in links or ()]
-    phi = np.concatenate(known or _plausible(model.spec.n))
+    phi = np.concatenate(known or _plausible(len(model.spec.rows)))
     K = np.array(model.base_projection, dtype=float).reshape(-1, len(phi))
     nominal = model.beta_nominal
     parameters = {"phi": phi, "beta": K @ phi if nominal is None else np.array([float(x) for x in nominal])}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rrrgen.cli.model.facts import data, in_words, measured, not_stated, tables
 from rrrgen.derive.parameter_listing import ParameterListing, listing
 from rrrgen.model.drive_text import coupling_equations, motor_facts
+from rrrgen.model.mechanism import mechanism_data, mechanism_equations
 from rrrgen.program import count_operations, evaluate
 from rrrgen.text_table import text_table
 from rrrgen.yamltext.units import QUANTITIES
@@ -33,8 +34,9 @@ def as_text(model: DerivedModel, width: int | None = None) -> str:
     spec = model.spec
     lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec, width), ""]
     lines += ["Denavit-Hartenberg table, exact and in both units at the nominal parameters"]
-    rows = [("joint", "type", "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.joints)]
+    rows = [("joint", "type", "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.rows)]
     lines += text_table(rows, width)
+    lines += _mechanism(spec, width)
     lines += _drives(spec, width)
     for title, rows in tables(spec):
         lines += ["", *text_table([(title,)], width, indent=""), *text_table(rows, width)]
@@ -62,7 +64,8 @@ def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseF
         "convention": spec.convention,
         "gravity": [str(component) for component in spec.gravity],
         "parameters": {name: str(value) for name, value in spec.parameters.items()},
-        "joints": [_joint(spec, joint) for joint in spec.joints],
+        "joints": [_joint(spec, joint) for joint in spec.rows],
+        **({} if spec.mechanism is None else {"mechanism": mechanism_data(spec)}),
         **data(spec),
         "units": {"angle": spec.angle_unit, "length": spec.length_unit},
         "zero_pose": [[float(value) for value in row] for row in zero_pose(model)],
@@ -137,6 +140,17 @@ def _row(spec: RobotSpec, joint: JointSpec) -> tuple[str, ...]:
         d or (_length(spec, joint.d) if joint.is_revolute else q),
         theta or (q if joint.is_revolute else _angle(spec, joint.theta)),
     )
+
+
+def _mechanism(spec: RobotSpec, width: int | None) -> list[str]:
+    """The lines about joints that follow others and branches; none for a chain."""
+    if spec.mechanism is None:
+        return []
+    title = (
+        f"Mechanism: what carries each row, and how it follows q; the tool is fixed to {spec.rows[spec.tip_row].name}"
+    )
+    lines = ["", *text_table([(title,)], width, indent="")]
+    return lines + text_table([(clause,) for clause in mechanism_equations(spec)], width)
 
 
 def _drives(spec: RobotSpec, width: int | None) -> list[str]:

@@ -47,16 +47,18 @@ def link_velocities(r: Recording) -> Program:
     chain = r.chain()
     dq = r.joints("dq")
     frames = kinematics.joint_frames(chain)
+    rates = chain.joint_rates(dq)
     values: list[Any] = []
-    omega: Vector = [0, 0, 0]
-    v: Vector = [0, 0, 0]
+    moving: list[tuple[Vector, Vector]] = []
     for i, (joint, frame) in enumerate(zip(chain.joints, frames, strict=True)):
-        if i:
-            v = add(v, cross(omega, subtract(frame.p, frames[i - 1].p)))
-        axis = [row[2] * dq[i] for row in frame.R]
+        v, omega = moving[joint.parent] if joint.parent >= 0 else ([0, 0, 0], [0, 0, 0])
+        if joint.parent >= 0:
+            v = add(v, cross(omega, subtract(frame.p, frames[joint.parent].p)))
+        axis = [row[2] * rates[i] for row in frame.R]
         v, omega = (v, add(omega, axis)) if joint.revolute else (add(v, axis), omega)
+        moving.append((v, omega))
         values += [*add(v, cross(omega, times(frame.R, chain.link_frames[i].p))), *omega]
-    port = Port("V", (r.n, 6), "m/s, rad/s", BASE, f"of the origins of the link frames 1..n, {SPATIAL}")
+    port = Port("V", (r.model.links, 6), "m/s, rad/s", BASE, f"of the origins of the link frames 1..n, {SPATIAL}")
     return r.builder.program(
         "link_velocities", [(port, values)], "Velocities of all link frames.", "[v_i; omega_i] = J_i(q) dq"
     )
@@ -65,12 +67,18 @@ def link_velocities(r: Recording) -> Program:
 def link_jacobians_dot_dq(r: Recording) -> Program:
     """Record (dJ_i/dt) dq (n, 6) of all link frames: their accelerations in the base frame for ddq = 0."""
     chain = replace(r.chain(), gravity=[0, 0, 0])
-    motions = forward(chain, r.joints("dq"), [0] * r.n, [True] * r.n)
+    motions = forward(chain, r.joints("dq"), [0] * r.n, [True] * chain.n)
     frames = kinematics.joint_frames(chain)
     values: list[Any] = []
     for motion, frame, X in zip(motions, frames, chain.link_frames, strict=True):
         values += [*times(frame.R, add(motion.a, times(motion.U, X.p))), *times(frame.R, motion.alpha)]
-    port = Port("A", (r.n, 6), "m/s^2, rad/s^2", BASE, f"of the origins of the link frames 1..n for ddq = 0, {SPATIAL}")
+    port = Port(
+        "A",
+        (r.model.links, 6),
+        "m/s^2, rad/s^2",
+        BASE,
+        f"of the origins of the link frames 1..n for ddq = 0, {SPATIAL}",
+    )
     return r.builder.program(
         "link_jacobians_dot_dq",
         [(port, values)],
@@ -156,9 +164,10 @@ def tool_kinematics(r: Recording) -> Program:
     chain = r.chain()
     tool = _matrix(4, r.builder.input(_tool_port()))
     frames = kinematics.joint_frames(chain)
-    flange = kinematics.compose(frames[-1], chain.link_frames[-1])
+    link = chain.tip_link
+    flange = kinematics.compose(frames[link], chain.link_frames[link])
     pose = kinematics.compose(flange, Placement([row[:3] for row in tool[:3]], [row[3] for row in tool[:3]]))
-    J = kinematics.point_jacobian(chain, frames, r.n - 1, chain.link_frames[-1].p)
+    J = kinematics.point_jacobian(chain, frames, link, chain.link_frames[link].p)
     return r.builder.program(
         "tool_kinematics",
         [
@@ -179,7 +188,7 @@ def tool_target(r: Recording) -> Program:
     """Record the target (4, 4) of the tip for which a tool chosen at run time has the pose T (4, 4)."""
     T = _matrix(4, r.builder.input(Port("T", (4, 4), "-, m", BASE, "wanted pose of the tool")))
     tool = _matrix(4, r.builder.input(_tool_port()))
-    last = r.model.link_frames[-1]
+    last = r.model.link_frames[r.model.tip_link]
     constant = [[r.constant(v) for v in (last.R.T * r.model.tip.R).row(k)] for k in range(3)]
     shift = [r.constant(v) for v in last.R.T * (r.model.tip.p - last.p)]
     R = product([row[:3] for row in T[:3]], transpose([row[:3] for row in tool[:3]]))
@@ -224,7 +233,8 @@ def manipulability(task: _Task) -> Recorder:
 
     def record(r: Recording) -> Program:
         b = r.builder
-        whole = kinematics.jacobian(r.chain())
+        chain = r.chain()
+        whole = kinematics.jacobian(chain)
         J = whole[: task.rows]
         factors = _gram(r, J)
         total: Any = 1
@@ -233,8 +243,15 @@ def manipulability(task: _Task) -> Recorder:
         w = b.select(factors.status, 0, b.div(1, b.sqrt(total)))
         minus = factors.negative_inverse()
         P = product(minus, J) if len(J) <= r.n else transpose(product(minus, transpose(J)))
-        columns, weights = transpose(whole), transpose(P)
-        gradient = [-(w * _rate(columns, weights, k, task.rows)) for k in range(r.n)]
+        moving = chain.paths[chain.tip_link]
+        columns = transpose(kinematics.jacobian(replace(chain, coupling=None)))
+        weights = transpose([list(chain.joint_rates(row)) for row in P])
+        rates: list[Any] = [0] * chain.n
+        for k in moving:
+            rates[k] = -(
+                w * _rate([columns[i] for i in moving], [weights[i] for i in moving], moving.index(k), task.rows)
+            )
+        gradient = chain.forces(rates)
         return b.program(
             f"{task.prefix}manipulability",
             [

@@ -48,8 +48,9 @@ from rrrgen.derive.recursions.inertia import PseudoInertia
 class JointOffset:
     """The vector from the origin of the joint before to that of a joint, and its velocity ``rate``.
 
-    ``p`` and ``rate`` are in the frame of the link before, or of the block if both joints are of one block. The displacement
-    ``slide`` of a prismatic joint that begins a block, and its velocity, are kept apart, in the frame of that block.
+    ``p`` and ``rate`` are in the frame of the link before, or of the block if both joints are of one block. The
+    displacement ``slide`` of a prismatic joint that begins a block, and its velocity, are kept apart, in the frame of
+    that block.
     """
 
     p: Vector
@@ -184,7 +185,9 @@ def generalized_forces(chain: Chain, j: int, F: Vector, N: Vector) -> dict[int, 
     return values
 
 
-def _joint_offset(chain: Chain, rates: Sequence[Any], motion: Sequence[BlockVelocity], i: int, factor: int) -> JointOffset:
+def _joint_offset(
+    chain: Chain, rates: Sequence[Any], motion: Sequence[BlockVelocity], i: int, factor: int
+) -> JointOffset:
     joint = chain.joints[i]
     before = chain.joints[joint.parent]
     sliding = [0, 0, 0 if joint.revolute else factor * rates[i]]

@@ -58,7 +58,9 @@ def columns_by_axes(
         unit = [int(k == j) for k in range(len(dq))]
         virtual, moving = velocities(chain, unit), chain.joint_rates(unit)
         moved = [any(not is_number(moving[i], 0) for i in path) for path in chain.paths]
-        rows.append([virtual_power(chain, motions, in_link_frame, virtual, p) if moved[p[0]] else 0 for p in parameters])
+        rows.append(
+            [virtual_power(chain, motions, in_link_frame, virtual, p) if moved[p[0]] else 0 for p in parameters]
+        )
     return [list(column) for column in zip(*rows, strict=True)]
 
 

@@ -74,6 +74,8 @@ def _against_links(g: Array, M: Array, g0: Array, M0: Array, words: Wording) -> 
 
 def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording) -> Iterator[Cause]:
     """Judge without nominal links: express gravity and inertia as a mass at full reach, over the cube of the reach."""
+    if spec.mechanism is not None:
+        return  # what a joint carries does not follow from the order of the rows
     # an offset along the first axis does not take the arm away from it
     sizes = [abs(a) if i == 0 else max(abs(a), abs(d)) for i, (_, _, a, d, _) in enumerate(spec.dh_table())]
     travel = np.ptp(sample.q, axis=0)

@@ -139,7 +139,7 @@ def default_prior(spec: Any, torque_rms: float, strength: float = DEFAULT_STRENG
     torque, g the gravity and L the reach; its radius of gyration is a third of the link length from the
     Denavit-Hartenberg table. ``strength`` is the weight of the prior.
     """
-    n = spec.n
+    n = len(spec.rows)
     if spec.links is not None:
         phi = np.array([standard_parameters(link) for link in spec.links], float)
         P0 = pseudo_inertia(phi)
@@ -176,7 +176,7 @@ def consistent_estimate(
     values; ``scored`` are the rows on which errors are reported if they differ from the fitted ones, as in robust
     estimation. Raises :class:`DerivationError` if the solver fails.
     """
-    b, n = model.base_projection.shape[0], model.n
+    b, n = model.base_projection.shape[0], len(prior.P0)
     R = factors.stacked(weights)
     program = _Program(R, np.asarray(model.base_projection), columns, prior)
     phi, drives, facts, near = program.solve(fixed or {})

@@ -85,9 +85,10 @@ class Payload:
     def carried_by(self, spec: RobotSpec) -> RobotSpec:
         """``spec`` with the payload as a part of its last link."""
         assert spec.links is not None
-        last = np.array([float(value) for value in standard_parameters(spec.links[-1])]) + self.phi
+        i = spec.tip_row
+        last = np.array([float(value) for value in standard_parameters(spec.links[i])]) + self.phi
         description = f"{spec.description or spec.name}, with a payload of {self.values[0]:.4g} kg"
-        return replace(spec, links=(*spec.links[:-1], link_of(last)), description=description)
+        return replace(spec, links=(*spec.links[:i], link_of(last), *spec.links[i + 1 :]), description=description)
 
 
 @dataclass(frozen=True)

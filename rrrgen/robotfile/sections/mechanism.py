@@ -47,8 +47,12 @@ def read_mechanism(
         return rows, None
     tip_row = _read_tip(node, tip, parents, names, scope)
     _check_rank(node, matrix, driven, scope)
-    counted = tuple(_narrowed(row, rows, matrix, k) for k, row in enumerate(r for r in rows if r.name in driven))
-    return counted, MechanismSpec(rows, tuple(parents), tip_row, tuple(matrix))
+    joints_of_q = [row for row in rows if row.name in driven]
+    counted = tuple(_narrowed(row, rows, matrix, k) for k, row in enumerate(joints_of_q))
+    bare = tuple(
+        replace(row, limits=Limits(), friction=None, drive=None) if row.name in driven else row for row in rows
+    )
+    return counted, MechanismSpec(bare, tuple(parents), tip_row, tuple(matrix))
 
 
 def _keys_of(item: Node) -> dict[str, tuple[Scalar, Node]]:
@@ -87,7 +91,9 @@ def _read_follows(entry: tuple[Scalar, Node] | None, row: JointSpec, scope: Scop
         elif factor is not None:
             factors[name] = factor
     if not factors:
-        scope.faults.error(entry[1], f"{what} names no joint", "follows: {elbow: -1}; a fixed joint belongs to the link")
+        scope.faults.error(
+            entry[1], f"{what} names no joint", "follows: {elbow: -1}; a fixed joint belongs to the link"
+        )
     return factors
 
 
@@ -119,7 +125,9 @@ def _check_followed(
         for name, (key, _) in (read_entries(keys["limits"][1], "limits", scope.faults) or {}).items():
             if name not in ("lower", "upper"):
                 hint = "a joint that follows others has the limits lower and upper only"
-                scope.faults.error(key, f"limits of joint '{row.name}': {name} belongs to the joint that it follows", hint)
+                scope.faults.error(
+                    key, f"limits of joint '{row.name}': {name} belongs to the joint that it follows", hint
+                )
 
 
 def _read_tip(node: Node, tip: Node | None, parents: list[int], names: list[str], scope: Scope) -> int:

@@ -14,11 +14,10 @@ if TYPE_CHECKING:
 
 def html_summary(model: Model) -> str:
     """HTML tables of the joints (nominal Denavit-Hartenberg rows in rad and m, limits) and the base parameters."""
-    limits = model.limits
     joints = [
         (name, kind, *map(_number, numbers), f"{_number(low)} .. {_number(high)}")
         for name, (kind, *numbers), low, high in zip(
-            model.joint_names, model.spec.dh_table(), limits.lower, limits.upper, strict=True
+            [row.name for row in model.spec.rows], model.spec.dh_table(), *_ends(model), strict=True
         )
     ]
     values = [""] * len(model.base_parameters) if model.beta is None else [_number(value) for value in model.beta]
@@ -32,6 +31,18 @@ def html_summary(model: Model) -> str:
         + _table(("joint", "type", "alpha (rad)", "a (m)", "d (m)", "theta (rad)", "limits of q"), joints)
         + _table(("base parameter", "expression", "nominal value"), parameters)
     )
+
+
+def _ends(model: Model) -> tuple[list[float], list[float]]:
+    """The limits of all rows; those that follow others have the ones that the file states."""
+    known = {name: k for k, name in enumerate(model.joint_names)}
+    lower, upper = [], []
+    for row in model.spec.rows:
+        k = known.get(row.name)
+        ends = (row.limits.lower, row.limits.upper)
+        lower.append(float(model.limits.lower[k]) if k is not None else -np.inf if ends[0] is None else ends[0])
+        upper.append(float(model.limits.upper[k]) if k is not None else np.inf if ends[1] is None else ends[1])
+    return lower, upper
 
 
 def _number(value: float) -> str:

@@ -8,7 +8,7 @@ numbers z; only finitely many z give different arms, and those are kept that fit
 from __future__ import annotations
 
 from itertools import product
-from math import lcm, prod
+from math import gcd, lcm, prod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,10 +59,10 @@ class Coupling:
         self._pivots = list(S.T.rref()[1])
         inverse = S.extract(self._pivots, list(range(spec.n))).inv()
         self._revolute = np.array([joint.revolute for joint in chain.joints])
-        over = S * inverse
         turning = [i for i in range(S.rows) if self._revolute[i]]
+        turns = self._full_turns(S, turning)
         self._counts = [
-            lcm(*(int(sp.Rational(over[i, k]).q) for i in turning)) if self._revolute[p] else 1
+            _turns_until_alike(S * inverse[:, k], inverse[:, k], turning, turns) if self._revolute[p] else 1
             for k, p in enumerate(self._pivots)
         ]
         if prod(self._counts) > LARGEST_COUNT:
@@ -72,18 +72,19 @@ class Coupling:
             )
         self.S, self._inverse = np.array(S, float), np.array(inverse, float)
         self.count = prod(self._counts)
-        self._periods = self._full_turns(S, turning)
+        self._periods = FULL * np.array(turns, float)
         self._limits = _Limits(spec, self.S)
 
-    def _full_turns(self, S: sp.Matrix, turning: list[int]) -> Array:
-        """By how much each q alone may change so that every angle of the rows makes full turns; 0 if it may not."""
-        periods = np.zeros(self.n)
+    def _full_turns(self, S: sp.Matrix, turning: list[int]) -> list[sp.Rational]:
+        """By how many turns each q alone may change so that all angles of the rows make full turns; 0 if it may not."""
+        found: list[sp.Rational] = []
         for k in range(self.n):
-            column = [S[i, k] for i in range(S.rows)]
-            if all(value == 0 or i in turning for i, value in enumerate(column)):
-                denominators = [int(sp.Rational(column[i]).q) for i in turning if column[i] != 0]
-                periods[k] = FULL * lcm(*denominators) if denominators else 0.0
-        return periods
+            column = {i: sp.Rational(S[i, k]) for i in range(S.rows) if S[i, k] != 0 and i in turning}
+            free = len(column) == sum(S[i, k] != 0 for i in range(S.rows))
+            # the least t > 0 for which every column[i] t is whole
+            ratios = [(int(abs(value.p)), int(value.q)) for value in column.values()]
+            found.append(sp.Rational(lcm(*(q for _, q in ratios)), gcd(*(p for p, _ in ratios))) if free else sp.S.Zero)
+        return found
 
     def solutions(self, y: Array, goal: Array, reference: Array | None, *, refined: bool) -> list[tuple[Array, bool]]:
         """The joint positions of one solution ``y`` of the rows, each with whether it is inside all limits.
@@ -131,6 +132,13 @@ class Coupling:
         return np.concatenate([(goal[:3, 3] - T[:3, 3]) / self.chain.reach, turn])
 
 
+def _turns_until_alike(rows: sp.Matrix, step: sp.Matrix, turning: list[int], turns: list[sp.Rational]) -> int:
+    """How often q may take ``step`` turns, which moves the rows by ``rows``, before it repeats over its own turns."""
+    ratios = [rows[i] for i in turning]
+    ratios += [value / period for value, period in zip(step, turns, strict=True) if period]
+    return lcm(*(int(sp.Rational(ratio).q) for ratio in ratios))
+
+
 class _Limits:
     """The limits of q, and of all rows, which may follow several joints."""
 
@@ -151,11 +159,15 @@ class _Limits:
             if period:
                 middle = 0.0 if reference is None else float(reference[k])
                 row[k] = middle + np.remainder(row[k] - middle + period / 2, period) - period / 2
-                turns = np.ceil(max(low - margin - row[k], 0.0) / period) - np.ceil(max(row[k] - high - margin, 0.0) / period)
+                turns = np.ceil(max(low - margin - row[k], 0.0) / period) - np.ceil(
+                    max(row[k] - high - margin, 0.0) / period
+                )
                 if low - margin <= row[k] + period * turns <= high + margin:
                     row[k] += period * turns
             inside = inside and low - margin <= row[k] <= high + margin
         for factors, lower, upper in self._rows:
             value = float(factors @ row)
-            inside = inside and (lower is None or value >= lower - margin) and (upper is None or value <= upper + margin)
+            inside = (
+                inside and (lower is None or value >= lower - margin) and (upper is None or value <= upper + margin)
+            )
         return row, bool(inside)

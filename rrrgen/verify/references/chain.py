@@ -18,7 +18,7 @@ class Chain:
 
     ``drive_inertia`` is what the drives add to the mass matrix: a diagonal, unless several drives move one joint.
     ``parents`` are the links on which the rows stand (-1: the base), ``tip`` is the link that carries the tool.
-    ``coupling`` (links, n) gives the displacements of the rows from q; it is the unit matrix unless joints follow others.
+    ``coupling`` (links, n) gives the displacements of the rows from q; the unit matrix unless joints follow others.
     ``angles`` (n,) tells which q are angles.
     """
 
@@ -41,7 +41,7 @@ class Chain:
     @property
     def n(self) -> int:
         """Length of q."""
-        return self.coupling.shape[1]
+        return int(self.coupling.shape[1])
 
     @property
     def links(self) -> int:
@@ -105,7 +105,7 @@ def chain_of(spec: RobotSpec) -> Chain:
         tool=matrix(spec.tool),
         drive_inertia=_drive_inertia(spec),
         parents=spec.parents,
-        tip=len(rows) - 1 if spec.mechanism is None else spec.mechanism.tip,
+        tip=spec.tip_row,
         coupling=_coupling(spec),
         angles=tuple(joint.is_revolute for joint in spec.joints),
     )

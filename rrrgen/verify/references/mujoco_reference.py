@@ -13,7 +13,7 @@ def _text(values: Array) -> str:
 
 
 class MujocoReference:
-    """The tree of the rows as a ``mujoco.MjModel``; where rows follow joints, its results are projected on those of q."""
+    """The tree of the rows as a ``mujoco.MjModel``; where rows follow joints, its results are projected on q."""
 
     def __init__(self, chain: Chain, phi: Array) -> None:
         try:

@@ -196,7 +196,7 @@ class NewtonEuler:
                 force = out.R[i] @ force
                 moment = out.R[i] @ moment + _cross_matrix(out.p[i]) @ force
                 i = self.chain.parents[i]
-        return np.einsum("ik,nij->nkj", self.chain.coupling, Y)
+        return np.asarray(np.einsum("ik,nij->nkj", self.chain.coupling, Y))
 
     def mass_matrix(self, q: Array) -> Array:
         """M (N, n, n), column k the torque of a unit acceleration of joint k at rest without gravity."""

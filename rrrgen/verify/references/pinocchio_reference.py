@@ -9,7 +9,7 @@ from rrrgen.verify.references.reference import ReferenceUnavailableError
 
 
 class PinocchioReference:
-    """The tree of the rows as a ``pinocchio.Model``; where rows follow joints, its results are projected on those of q."""
+    """The tree of the rows as a ``pinocchio.Model``; where rows follow joints, its results are projected on q."""
 
     def __init__(self, chain: Chain, phi: Array) -> None:
         try:

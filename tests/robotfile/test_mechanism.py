@@ -1,0 +1,92 @@
+"""Joints that follow others and branches in the robot file: read exactly, printed back, every fault in its place."""
+
+from __future__ import annotations
+
+import jsonschema
+import pytest
+import sympy as sp
+from ruamel.yaml import YAML
+
+from rrrgen.errors import InputError
+from rrrgen.output.manifest import identify
+from rrrgen.robotfile import dumps, json_schema, loads_spec
+
+TEXT = """\
+schema: rrrgen/1
+name: linkage
+convention: standard
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: column, type: revolute, alpha: -90, a: 0, d: 0.5}
+  - {name: arm, type: revolute, alpha: 0, a: 0.4, d: 0, limits: {lower: -90, upper: 90}}
+  - {name: crank, type: revolute, alpha: 0, a: -0.1, d: 0, parent: column, drive: {inertia: 0.2}}
+  - {name: rod, type: revolute, alpha: 0, a: 0.4, d: 0, follows: {arm: 1, crank: -1}}
+  - {name: forearm, type: revolute, alpha: 0, a: 0.5, d: 0, parent: arm, follows: {arm: -1, crank: 1}}
+  - {name: finger, type: prismatic, alpha: 0, a: 0, theta: 0, follows: {crank: 0.02}, limits: {upper: 0.03}}
+tip: forearm
+"""
+
+
+def test_rows_followers_and_branches_are_read_exactly():
+    spec = loads_spec(TEXT)
+    assert [joint.name for joint in spec.joints] == ["column", "arm", "crank"]
+    assert spec.mechanism.parents == (-1, 0, 0, 2, 1, 4)
+    assert spec.rows[spec.tip_row].name == "forearm"
+    twentieth = sp.Rational(1, 50)
+    assert spec.mechanism.matrix == ((1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 1, -1), (0, -1, 1), (0, 0, twentieth))
+    assert spec.joints[2].limits.upper == pytest.approx(1.5)  # the finger's, over its factor
+
+
+def test_a_mechanism_is_printed_back_and_fits_the_schema():
+    spec = loads_spec(TEXT)
+    assert loads_spec(dumps(spec)) == spec
+    jsonschema.validate(YAML(typ="safe").load(TEXT), json_schema())
+    jsonschema.validate(YAML(typ="safe").load(dumps(spec)), json_schema())
+    assert identify(spec).model_hash != identify(loads_spec(TEXT.replace("arm: 1,", "arm: 2,"))).model_hash
+
+
+def test_a_joint_that_names_itself_has_a_drive_of_its_own():
+    spec = loads_spec(TEXT.replace("parent: arm, follows: {arm: -1, crank: 1}", "parent: arm, follows: {forearm: 1, arm: -1}"))
+    assert [joint.name for joint in spec.joints] == ["column", "arm", "crank", "forearm"]
+    assert spec.mechanism.matrix[4] == (0, -1, 0, 1)
+    assert loads_spec(dumps(spec)) == spec
+
+
+def test_sign_turns_the_row_of_the_matrix():
+    spec = loads_spec(TEXT.replace("d: 0, follows: {arm: 1, crank: -1}", "d: 0, sign: -1, follows: {arm: 1, crank: -1}"))
+    assert spec.mechanism.matrix[3] == (0, -1, 1)
+    assert loads_spec(dumps(spec)).mechanism == spec.mechanism
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message", "hint"),
+    [
+        ("parent: arm,", "parent: amr,", "11:69: error: parent of joint 5 is 'amr'", "did you mean 'arm'?"),
+        ("parent: column", "parent: rod", "parent of joint 3 is 'rod'", "allowed are base, column, arm"),
+        ("{arm: 1, crank: -1}", "{arm: 1, cranck: -1}", "joint 'rod' follows 'cranck', which is no joint", "'crank'"),
+        ("{crank: 0.02}", "{rod: 0.02}", "joint 'finger' follows 'rod', which follows others itself", "allowed are"),
+        ("{crank: 0.02}", "{}", "follows of joint 'finger' names no joint", "follows: {elbow: -1}"),
+        ("{arm: 1, crank: -1}", "{arm: sqrt(2)}", "the factor of arm in follows of joint 'rod' is irrational", "decimal"),
+        ("{arm: 1, crank: -1}", "{arm: 1 m}", "m measures a length", ""),
+        ("{upper: 0.03}", "{velocity: 0.03}", "limits of joint 'finger': velocity belongs to the joint", "lower and upper"),
+        ("a: 0, theta: 0, follows", "a: 0, theta: 0, friction: {viscous: 1}, follows", "has no friction", "state it at crank"),
+        ("tip: forearm\n", "", "the joints branch and end at rod, finger: the file needs the key 'tip'", "tip: finger"),
+        ("tip: forearm", "tip: forarm", "tip is 'forarm'", "did you mean 'forearm'?"),
+    ],
+)  # fmt: skip
+def test_faults_are_told_in_their_place(old, new, message, hint):
+    assert old in TEXT
+    text = TEXT.replace(old, new, 1)
+    with pytest.raises(InputError) as raised:
+        loads_spec(text)
+    told = str(raised.value)
+    assert message in told and hint in told
+
+
+def test_a_drive_that_moves_nothing_of_its_own_is_refused():
+    text = TEXT.replace("d: 0, parent: column, drive: {inertia: 0.2}", "d: 0, parent: column, follows: {crank: 1, arm: 1}")
+    dependent = text.replace("a: 0.4, d: 0, limits", "a: 0.4, d: 0, follows: {arm: 1, crank: 1}, limits")
+    with pytest.raises(InputError, match="do not follow from those of the joints"):
+        loads_spec(dependent.replace("follows: {arm: 1, crank: -1}", "follows: {arm: 2, crank: 2}").replace(
+            "follows: {arm: -1, crank: 1}", "follows: {arm: 1, crank: 1}").replace("{crank: 0.02}", "{arm: 1, crank: 1}"))  # fmt: skip
