@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -16,49 +14,17 @@ from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.model.mechanism import chain_to_tip
-from rrrgen.runtime.evaluation.coupled import SAME, Coupling
+from rrrgen.runtime.evaluation.coupled import CoupledEngine, Coupling
+from rrrgen.runtime.evaluation.engine import Answer, Engine, batch_of, empty_batch
 from rrrgen.runtime.evaluation.solve import Evaluation, Wish
 from rrrgen.runtime.ik_arguments import LIMITS, NEAREST, RESIDUAL, options, real_array, real_number
-from rrrgen.runtime.results import FREE, OUTSIDE, STATUS, IKBatch, IKResult
+from rrrgen.runtime.results import STATUS, IKBatch, IKResult
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.runtime.engines import EngineName
-
-
-@dataclass(frozen=True)
-class _Answer:
-    """The answer for one target: status, solutions, the number of the reason, the distance (m) to the workspace."""
-
-    code: int
-    q: NDArray[np.float64]
-    flags: NDArray[np.uint32]
-    branch: NDArray[np.uint32]
-    residual: NDArray[np.float64]
-    stage: int
-    distance: float
-
-
-class _Engine(Protocol):
-    """A solver of the inverse kinematics; targets are (3,) or (4, 4), their shapes already checked."""
-
-    def answer(
-        self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
-    ) -> _Answer:
-        """The solutions of one target, or with ``closest`` the nearest configuration."""
-        ...
-
-    def batch(
-        self,
-        goals: NDArray[np.float64],
-        reference: NDArray[np.float64] | None,
-        given: NDArray[np.float64] | None,
-        bits: int,
-    ) -> IKBatch:
-        """The solutions of N targets."""
-        ...
 
 
 class _Compiled:
@@ -73,7 +39,7 @@ class _Compiled:
 
     def answer(
         self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
-    ) -> _Answer:
+    ) -> Answer:
         """Solve for one target, or find the configuration nearest to it."""
         out = self._ffi.new(f"{self._name}_ik_solutions *")
         extra = (given,) if self._locked else ()
@@ -84,7 +50,7 @@ class _Compiled:
         flags = np.frombuffer(self._ffi.buffer(out.flags), np.uint32, rows)[:k].copy()
         branch = np.frombuffer(self._ffi.buffer(out.branch), np.uint32, rows)[:k].copy()
         residual = np.frombuffer(self._ffi.buffer(out.residual), float, rows)[:k].copy()
-        return _Answer(code, q, flags, branch, residual, out.stage, float(out.distance))
+        return Answer(code, q, flags, branch, residual, out.stage, float(out.distance))
 
     def batch(
         self,
@@ -94,7 +60,7 @@ class _Compiled:
         bits: int,
     ) -> IKBatch:
         """Solve for every target, one after the other or in one call of C."""
-        out = _empty(len(goals), self._rows, self._n)
+        out = empty_batch(len(goals), self._rows, self._n)
         extra = (self._pointer("double *", given),) if self._locked else ()
         self._batch(
             len(goals), self._pointer("double *", goals), self._pointer("double *", reference), *extra, bits,
@@ -118,13 +84,13 @@ class _Evaluated:
 
     def answer(
         self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
-    ) -> _Answer:
+    ) -> Answer:
         """Solve for one target, or find the configuration nearest to it."""
         wish = Wish(bool(bits & LIMITS), bool(bits & NEAREST), bool(bits & RESIDUAL))
         function = self._evaluation.closest if closest else self._evaluation.solve
         found = function(goal.ravel().tolist(), None if reference is None else reference.tolist(), given, wish)
         rows = found.rows
-        return _Answer(
+        return Answer(
             found.status,
             np.array([row.q for row in rows], float).reshape(len(rows), self._n),
             np.array([row.flags for row in rows], np.uint32),
@@ -146,74 +112,7 @@ class _Evaluated:
         answers = [
             self.answer(goal, reference, value, bits, closest=False) for goal, value in zip(goals, values, strict=True)
         ]
-        return _batch(answers, self._rows, self._n)
-
-
-class _Coupled:
-    """Joint positions of a mechanism, from the solutions of its chain of rows by another engine."""
-
-    def __init__(self, engine: _Engine, rows: int, coupling: Coupling, unfit: int) -> None:
-        self._engine, self._rows, self._coupling, self._unfit = engine, rows, coupling, unfit
-
-    def answer(
-        self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
-    ) -> _Answer:
-        """Solve for one target. Raises DerivationError for the nearest configuration, which the rows do not tell."""
-        if closest or bits & RESIDUAL:
-            raise DerivationError("joints follow others: only solutions that meet the target are found")
-        rows = None if reference is None else np.ascontiguousarray(self._coupling.S @ reference)
-        found = self._engine.answer(goal, rows, given, 0, closest=False)
-        kept: list[tuple[NDArray[np.float64], int, int]] = []
-        outside = False
-        for y, flags, branch in zip(found.q, found.flags, found.branch, strict=True):
-            for q, inside in self._coupling.solutions(y, goal[0], reference, refined=bool(flags & FREE)):
-                outside = outside or not inside
-                if (inside or not bits & LIMITS) and all(self._coupling.apart(q, other[0]) > SAME for other in kept):
-                    kept.append((q, int(flags) | (0 if inside else OUTSIDE), int(branch)))
-        if bits & NEAREST and reference is not None:
-            kept.sort(key=lambda each: float(np.sum((each[0] - reference) ** 2)))
-        code = found.code
-        if code == 0 and not kept:
-            code = 2 if outside else 1
-        stage = found.stage if found.code == 1 else self._unfit
-        q = np.array([each[0] for each in kept], float).reshape(len(kept), self._coupling.n)
-        flags_, branches = (np.array([each[k] for each in kept], np.uint32) for k in (1, 2))
-        return _Answer(code, q, flags_, branches, np.zeros(len(kept)), stage, -1.0 if code == 1 else 0.0)
-
-    def batch(
-        self,
-        goals: NDArray[np.float64],
-        reference: NDArray[np.float64] | None,
-        given: NDArray[np.float64] | None,
-        bits: int,
-    ) -> IKBatch:
-        """Solve for every target, one after the other."""
-        answers = [
-            self.answer(goals[i : i + 1], reference, 0.0 if given is None else float(given[i]), bits, closest=False)
-            for i in range(len(goals))
-        ]
-        return _batch(answers, self._rows, self._coupling.n)
-
-
-def _batch(answers: Sequence[_Answer], rows: int, n: int) -> IKBatch:
-    out = _empty(len(answers), rows, n)
-    for i, found in enumerate(answers):
-        k = out.counts[i] = len(found.q)
-        out.q[i, :k], out.flags[i, :k], out.branch[i, :k] = found.q, found.flags, found.branch
-        out.statuses[i], out.distances[i] = found.code, found.distance
-    return out
-
-
-def _empty(count: int, rows: int, n: int) -> IKBatch:
-    """A batch without solutions yet."""
-    return IKBatch(
-        np.full((count, rows, n), np.nan),
-        np.zeros(count, np.int32),
-        np.zeros((count, rows), np.uint32),
-        np.zeros((count, rows), np.uint32),
-        np.zeros(count, np.int32),
-        np.zeros(count),
-    )
+        return batch_of(answers, self._rows, self._n)
 
 
 class InverseKinematics:
@@ -229,7 +128,7 @@ class InverseKinematics:
         coupling: how the joints of the plan follow from q, where they are not q.
     """
 
-    def __init__(self, plan: SolverPlan, engine: _Engine, name: str, coupling: Coupling | None = None) -> None:
+    def __init__(self, plan: SolverPlan, engine: Engine, name: str, coupling: Coupling | None = None) -> None:
         self.plan = plan
         self.labels = labels(plan)
         self.max_solutions = most_rows(plan) * (1 if coupling is None else coupling.count)
@@ -438,7 +337,7 @@ def _coupled_solver(spec: RobotSpec, redundancy: int | None, backend: EngineName
     chain = load_solver(chain_to_tip(spec), redundancy, backend)
     coupling = Coupling(spec, chain.plan.chain, position=chain.plan.task == "position")
     unfit, rows = len(reasons_of(chain.plan)), chain.max_solutions * coupling.count
-    return InverseKinematics(chain.plan, _Coupled(chain._engine, rows, coupling, unfit), spec.name, coupling)
+    return InverseKinematics(chain.plan, CoupledEngine(chain._engine, rows, coupling, unfit), spec.name, coupling)
 
 
 def _declarations(header: str) -> str:

@@ -30,7 +30,7 @@ joints:
   - {{name: swing, type: revolute, alpha: 0, a: 0.3, d: 0.1, theta: 0.2, follows: {{swing: 1, lift: 2/3}}}}
   - {{name: twin, type: revolute, alpha: 0, a: 0.25, d: 0.05, theta: -0.3, follows: {{swing: -3/2}}}}
   - {{name: hand, type: revolute, alpha: -pi/2, a: 0.1, d: 0, theta: 0}}
-  - {{name: side, type: revolute, alpha: 0.7, a: -0.2, d: 0.1, theta: 0, parent: lift, follows: {{hand: -1, swing: 1/2}}}}
+  - {{name: side, type: revolute, alpha: 0.7, a: -0.2, d: 0.1, parent: lift, follows: {{hand: -1, swing: 1/2}}}}
   - {{name: rack, type: prismatic, alpha: pi/2, a: 0.1, d: 0.2, theta: 0.1, parent: swing, follows: {{hand: 0.04}}}}
   - {{name: arm2, type: revolute, alpha: 0, a: 0.2, d: -0.1, theta: 0.6, parent: base, follows: {{swing: 2}}}}
 tip: hand
@@ -57,7 +57,7 @@ def test_the_number_of_base_parameters_is_the_rank_of_the_regressor():
         assert len(prepare(spec).compiler_basis.names) == np.sum(sizes > 1e-9 * sizes[0])
 
 
-# -- the palletiser as a closed loop in MuJoCo, written down by hand ----------------------------------------------------
+# -- the palletiser as a closed loop in MuJoCo, written down by hand ------------------------------
 
 X, Y, Z = np.eye(3)
 SHOULDER, UPRIGHT = X * 0.26 + Z * 0.815, Z * 0.945
@@ -125,7 +125,8 @@ def test_the_palletiser_agrees_with_mujocos_equality_constraints():
         data.qpos[:], data.qvel[:], data.qacc[:] = S @ q, S @ dq, 0
         mujoco.mj_forward(loop, data)
         J = np.reshape(data.efc_J, (-1, loop.nv))
-        assert np.abs(data.efc_pos).max() < 1e-14 and np.linalg.matrix_rank(J, 1e-9) == loop.nv - spec.n
+        assert np.abs(data.efc_pos).max() < 1e-14
+        assert np.linalg.matrix_rank(J, 1e-9) == loop.nv - spec.n
         assert np.abs(J @ S).max() < 1e-14  # the motion that the constraints leave is that of the drives
         M = np.zeros((loop.nv, loop.nv))
         for k, unit in enumerate(np.eye(loop.nv)):
@@ -136,7 +137,7 @@ def test_the_palletiser_agrees_with_mujocos_equality_constraints():
             for name, arguments in (("inverse_dynamics", (q, dq, ddq)), ("mass_matrix", (q,)))
         )
         assert np.abs(mass - np.diag(inertia) - S.T @ M @ S).max() < 1e-10 * np.abs(mass).max()
-        # accelerations under those torques: M a - J' lambda = B tau - bias, J a = 0 (J keeps its null space, so J' dy = 0)
+        # accelerations under those torques: M a - J' lambda = B tau - bias, J a = 0, as J keeps its null space
         drive = np.zeros(loop.nv)
         drive[places] = tau - inertia * ddq
         independent = np.linalg.svd(J)[2][: loop.nv - spec.n]

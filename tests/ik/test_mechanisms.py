@@ -61,7 +61,8 @@ def test_limits_of_followers_count():
     assert apart(solver.solve(goals[0]).q[0], inside, [2 * np.pi] * 4) < 1e-9
     assert solver.solve(goals[1]).status == "outside limits"
     flagged = solver.solve(goals[1], limits=False)
-    assert len(flagged) and all(flagged.flags & 4)
+    assert len(flagged)
+    assert all(flagged.flags & 4)
 
 
 def test_drives_behind_gears_have_one_configuration_for_every_full_turn_of_the_joints():

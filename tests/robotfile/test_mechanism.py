@@ -47,14 +47,18 @@ def test_a_mechanism_is_printed_back_and_fits_the_schema():
 
 
 def test_a_joint_that_names_itself_has_a_drive_of_its_own():
-    spec = loads_spec(TEXT.replace("parent: arm, follows: {arm: -1, crank: 1}", "parent: arm, follows: {forearm: 1, arm: -1}"))
+    spec = loads_spec(
+        TEXT.replace("parent: arm, follows: {arm: -1, crank: 1}", "parent: arm, follows: {forearm: 1, arm: -1}")
+    )
     assert [joint.name for joint in spec.joints] == ["column", "arm", "crank", "forearm"]
     assert spec.mechanism.matrix[4] == (0, -1, 0, 1)
     assert loads_spec(dumps(spec)) == spec
 
 
 def test_sign_turns_the_row_of_the_matrix():
-    spec = loads_spec(TEXT.replace("d: 0, follows: {arm: 1, crank: -1}", "d: 0, sign: -1, follows: {arm: 1, crank: -1}"))
+    spec = loads_spec(
+        TEXT.replace("d: 0, follows: {arm: 1, crank: -1}", "d: 0, sign: -1, follows: {arm: 1, crank: -1}")
+    )
     assert spec.mechanism.matrix[3] == (0, -1, 1)
     assert loads_spec(dumps(spec)).mechanism == spec.mechanism
 
@@ -64,14 +68,14 @@ def test_sign_turns_the_row_of_the_matrix():
     [
         ("parent: arm,", "parent: amr,", "11:69: error: parent of joint 5 is 'amr'", "did you mean 'arm'?"),
         ("parent: column", "parent: rod", "parent of joint 3 is 'rod'", "allowed are base, column, arm"),
-        ("{arm: 1, crank: -1}", "{arm: 1, cranck: -1}", "joint 'rod' follows 'cranck', which is no joint", "'crank'"),
+        ("{arm: 1, crank: -1}", "{arm: 1, cranck: -1}", "follows 'cranck', which is no joint", "'crank'"),
         ("{crank: 0.02}", "{rod: 0.02}", "joint 'finger' follows 'rod', which follows others itself", "allowed are"),
         ("{crank: 0.02}", "{}", "follows of joint 'finger' names no joint", "follows: {elbow: -1}"),
-        ("{arm: 1, crank: -1}", "{arm: sqrt(2)}", "the factor of arm in follows of joint 'rod' is irrational", "decimal"),
+        ("{arm: 1, crank: -1}", "{arm: sqrt(2)}", "follows of joint 'rod' is irrational", "decimal"),
         ("{arm: 1, crank: -1}", "{arm: 1 m}", "m measures a length", ""),
-        ("{upper: 0.03}", "{velocity: 0.03}", "limits of joint 'finger': velocity belongs to the joint", "lower and upper"),
-        ("a: 0, theta: 0, follows", "a: 0, theta: 0, friction: {viscous: 1}, follows", "has no friction", "state it at crank"),
-        ("tip: forearm\n", "", "the joints branch and end at rod, finger: the file needs the key 'tip'", "tip: finger"),
+        ("{upper: 0.03}", "{velocity: 0.03}", "joint 'finger': velocity belongs to the joint", "lower"),
+        ("theta: 0, follows", "theta: 0, friction: {viscous: 1}, follows", "has no friction", "state it at crank"),
+        ("tip: forearm\n", "", "end at rod, finger: the file needs the key 'tip'", "tip: finger"),
         ("tip: forearm", "tip: forarm", "tip is 'forarm'", "did you mean 'forearm'?"),
     ],
 )  # fmt: skip
@@ -81,12 +85,14 @@ def test_faults_are_told_in_their_place(old, new, message, hint):
     with pytest.raises(InputError) as raised:
         loads_spec(text)
     told = str(raised.value)
-    assert message in told and hint in told
+    assert message in told
+    assert hint in told
 
 
-def test_a_drive_that_moves_nothing_of_its_own_is_refused():
-    text = TEXT.replace("d: 0, parent: column, drive: {inertia: 0.2}", "d: 0, parent: column, follows: {crank: 1, arm: 1}")
-    dependent = text.replace("a: 0.4, d: 0, limits", "a: 0.4, d: 0, follows: {arm: 1, crank: 1}, limits")
+def test_joints_that_the_rows_do_not_tell_apart_are_refused():
+    text = TEXT.replace("a: 0.4, d: 0, limits", "a: 0.4, d: 0, follows: {arm: 1, crank: 1}, limits")
+    text = text.replace("parent: column,", "parent: column, follows: {crank: 1, arm: 1},")
+    for old, new in (("{arm: 1, crank: -1}", "{arm: 2, crank: 2}"), ("{arm: -1, crank: 1}", "{arm: 1, crank: 1}")):
+        text = text.replace(old, new)
     with pytest.raises(InputError, match="do not follow from those of the joints"):
-        loads_spec(dependent.replace("follows: {arm: 1, crank: -1}", "follows: {arm: 2, crank: 2}").replace(
-            "follows: {arm: -1, crank: 1}", "follows: {arm: 1, crank: 1}").replace("{crank: 0.02}", "{arm: 1, crank: 1}"))  # fmt: skip
+        loads_spec(text.replace("{crank: 0.02}", "{arm: 1, crank: 1}"))

@@ -16,7 +16,10 @@ import sympy as sp
 
 from rrrgen.errors import DerivationError
 from rrrgen.model.mechanism import coupling_to_tip
+from rrrgen.runtime.evaluation.engine import Answer, Engine, batch_of
 from rrrgen.runtime.evaluation.kernels import TOLERANCE
+from rrrgen.runtime.ik_arguments import LIMITS, NEAREST, RESIDUAL
+from rrrgen.runtime.results import FREE, OUTSIDE, IKBatch
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -137,6 +140,55 @@ def _turns_until_alike(rows: sp.Matrix, step: sp.Matrix, turning: list[int], tur
     ratios = [rows[i] for i in turning]
     ratios += [value / period for value, period in zip(step, turns, strict=True) if period]
     return lcm(*(int(sp.Rational(ratio).q) for ratio in ratios))
+
+
+class CoupledEngine:
+    """Joint positions of a mechanism, from the solutions of its chain of rows by another ``engine``.
+
+    ``rows`` is the largest number of solutions, ``unfit`` the number of the reason that no solution fits the coupling.
+    """
+
+    def __init__(self, engine: Engine, rows: int, coupling: Coupling, unfit: int) -> None:
+        self._engine, self._rows, self._coupling, self._unfit = engine, rows, coupling, unfit
+
+    def answer(
+        self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
+    ) -> Answer:
+        """Solve for one target. Raises DerivationError for the nearest configuration, which the rows do not tell."""
+        if closest or bits & RESIDUAL:
+            raise DerivationError("joints follow others: only solutions that meet the target are found")
+        rows = None if reference is None else np.ascontiguousarray(self._coupling.S @ reference)
+        found = self._engine.answer(goal, rows, given, 0, closest=False)
+        kept: list[tuple[NDArray[np.float64], int, int]] = []
+        outside = False
+        for y, flags, branch in zip(found.q, found.flags, found.branch, strict=True):
+            for q, inside in self._coupling.solutions(y, goal[0], reference, refined=bool(flags & FREE)):
+                outside = outside or not inside
+                if (inside or not bits & LIMITS) and all(self._coupling.apart(q, other[0]) > SAME for other in kept):
+                    kept.append((q, int(flags) | (0 if inside else OUTSIDE), int(branch)))
+        if bits & NEAREST and reference is not None:
+            kept.sort(key=lambda each: float(np.sum((each[0] - reference) ** 2)))
+        code = found.code
+        if code == 0 and not kept:
+            code = 2 if outside else 1
+        stage = found.stage if found.code == 1 else self._unfit
+        q = np.array([each[0] for each in kept], float).reshape(len(kept), self._coupling.n)
+        flags_, branches = (np.array([each[k] for each in kept], np.uint32) for k in (1, 2))
+        return Answer(code, q, flags_, branches, np.zeros(len(kept)), stage, -1.0 if code == 1 else 0.0)
+
+    def batch(
+        self,
+        goals: NDArray[np.float64],
+        reference: NDArray[np.float64] | None,
+        given: NDArray[np.float64] | None,
+        bits: int,
+    ) -> IKBatch:
+        """Solve for every target, one after the other."""
+        answers = [
+            self.answer(goals[i : i + 1], reference, 0.0 if given is None else float(given[i]), bits, closest=False)
+            for i in range(len(goals))
+        ]
+        return batch_of(answers, self._rows, self._coupling.n)
 
 
 class _Limits:

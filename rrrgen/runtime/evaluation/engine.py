@@ -1,0 +1,69 @@
+"""What every engine of the inverse kinematics offers, compiled or evaluated: answers to one target and to many."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from rrrgen.runtime.results import IKBatch
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer for one target: status, solutions, the number of the reason, the distance (m) to the workspace."""
+
+    code: int
+    q: NDArray[np.float64]
+    flags: NDArray[np.uint32]
+    branch: NDArray[np.uint32]
+    residual: NDArray[np.float64]
+    stage: int
+    distance: float
+
+
+class Engine(Protocol):
+    """A solver of the inverse kinematics; targets are (3,) or (4, 4), their shapes already checked."""
+
+    def answer(
+        self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
+    ) -> Answer:
+        """The solutions of one target, or with ``closest`` the nearest configuration."""
+        ...
+
+    def batch(
+        self,
+        goals: NDArray[np.float64],
+        reference: NDArray[np.float64] | None,
+        given: NDArray[np.float64] | None,
+        bits: int,
+    ) -> IKBatch:
+        """The solutions of N targets."""
+        ...
+
+
+def batch_of(answers: Sequence[Answer], rows: int, n: int) -> IKBatch:
+    """The answers in arrays of fixed size: ``rows`` configurations of ``n`` joints for each."""
+    out = empty_batch(len(answers), rows, n)
+    for i, found in enumerate(answers):
+        k = out.counts[i] = len(found.q)
+        out.q[i, :k], out.flags[i, :k], out.branch[i, :k] = found.q, found.flags, found.branch
+        out.statuses[i], out.distances[i] = found.code, found.distance
+    return out
+
+
+def empty_batch(count: int, rows: int, n: int) -> IKBatch:
+    """A batch without solutions yet."""
+    return IKBatch(
+        np.full((count, rows, n), np.nan),
+        np.zeros(count, np.int32),
+        np.zeros((count, rows), np.uint32),
+        np.zeros((count, rows), np.uint32),
+        np.zeros(count, np.int32),
+        np.zeros(count),
+    )
