@@ -31,31 +31,32 @@ CALLS = 200
 
 def main(arguments: Sequence[str]) -> None:
     """Write the files before a change, or compare those of a folder with the files of this checkout."""
-    write = arguments[:1] == ["--write"]
-    folder, *robots = arguments[1:] if write else arguments
+    only_write = arguments[:1] == ["--write"]
+    folder, *robots = arguments[1:] if only_write else arguments
     for robot in robots or bundled_names():
-        if write:
-            _write(robot, Path(folder))
+        if only_write:
+            write(robot, Path(folder))
             continue
         with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
             after = Path(place) / "after"
-            _write(robot, after)
-            click.echo(_compared(robot, Path(folder), after, Path(place)))
+            write(robot, after)
+            click.echo(compared(robot, Path(folder), after, Path(place)))
 
 
-def _write(robot: str, folder: Path) -> None:
-    """Write the inverse kinematics of a bundled robot."""
+def write(robot: str, folder: Path) -> None:
+    """Write the inverse kinematics of a bundled robot, planned anew."""
     from rrrgen.backends.c.solver.files import emit
-    from rrrgen.ik.classify import plan
+    from rrrgen.ik.classify import plan_chain
+    from rrrgen.ik.geometry.chain import numeric_chain
 
     spec = load_spec(robot)
     folder.mkdir(parents=True, exist_ok=True)
-    for file, text in emit(spec, plan(spec)).files.items():
+    for file, text in emit(spec, plan_chain(numeric_chain(spec))).files.items():
         if file.endswith((".c", ".h")):
             (folder / file).write_text(text, encoding="utf-8")
 
 
-def _compared(robot: str, before: Path, after: Path, place: Path) -> str:
+def compared(robot: str, before: Path, after: Path, place: Path) -> str:
     """One line of the table."""
     targets = place / "targets"
     _targets(robot).tofile(targets)
