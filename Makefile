@@ -13,7 +13,7 @@ PYTHON_TESTS := tests/verify tests/robotfile tests/yamltext tests/program tests/
 	tests/backends/test_c_sources.py tests/backends/test_casadi_function.py tests/test_imports.py
 
 .DEFAULT_GOAL := rrr
-.PHONY: rrr core setup test lint types unit python generated update bench clean help
+.PHONY: rrr core setup test lint types unit python generated update bench docs machines clean help
 
 rrr: core  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
 	$(BIN)/rrrgen generate rrr -o runs/rrr
@@ -62,6 +62,9 @@ bench: setup  ## measure emitted C side by side with other packages; the page an
 
 docs: setup  ## the documentation as web pages, in docs/_build/html
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+
+machines: setup  ## the self-tests of all robots on other processors (QEMU, Node), as far as their tools are installed
+	$(BIN)/python -m bench.machines
 
 clean:  ## remove what the targets above made
 	rm -rf $(VENV) runs/rrr runs/rrr_selftest docs/_build

@@ -15,7 +15,7 @@ from rrrgen.backends.c.signature import function_name
 from rrrgen.derive.functions.friction_functions import friction_parameters
 from rrrgen.model.drive_terms import inertia_terms
 from rrrgen.model.standard_parameters import standard_parameters
-from rrrgen.program import Port, Program, Role, evaluate, specialization
+from rrrgen.program import Op, Port, Program, Role, evaluate, specialization
 from rrrgen.resources import render
 
 if TYPE_CHECKING:
@@ -80,6 +80,7 @@ class Golden:
     name: str
     call: str  # arguments in C, for state k
     results: tuple[GoldenResult, ...]
+    arithmetic: bool  # no function of the C library but the square root: the bits are the same everywhere
 
 
 def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: str = "") -> dict[str, str]:
@@ -201,8 +202,12 @@ def _golden(programs: Mapping[str, Program], states: dict[str, Array], parameter
                 (f"{name}_{port.name}", f"x_{port.name}") if len(program.outputs) > 1 else (name, "result")
             )
             results.append(GoldenResult(table, variable, rows.shape[1], f"{scale:.3g}", _rows(rows)))
-        found.append(Golden(name, ", ".join(_arguments(program)), tuple(results)))
+        found.append(Golden(name, ", ".join(_arguments(program)), tuple(results), _is_arithmetic(program)))
     return found
+
+
+def _is_arithmetic(program: Program) -> bool:
+    return not any(node.op in (Op.EXP, Op.TANH) for node in program.nodes)
 
 
 def _with_golden(programs: Mapping[str, Program]) -> dict[str, Program]:

@@ -1,0 +1,39 @@
+"""The emitted self-test on other processors: it passes, and in double the bits of the results are the same on all."""
+
+from __future__ import annotations
+
+import pytest
+
+from bench.machines import MACHINES, digest, executed
+from export.rrr_library import STRICT, run
+from pipeline.optimized import bundled
+from rrrgen import pipeline
+
+CROSS = ("aarch64", "armhf", "s390x", "cortex-m4f")
+"""Under QEMU, by compilers of Debian; ``make machines`` runs the Cortex-M7 and WebAssembly too, with all robots."""
+
+
+@pytest.fixture(scope="module")
+def emitted(tmp_path_factory):
+    """Real type -> folder and C files of a small robot, and the digest of its results on this machine."""
+    found = {}
+    for real in ("double", "float"):
+        folder = tmp_path_factory.mktemp(real)
+        files = {name: text for name, text in pipeline.emit(bundled("planar2r"), real).items() if "/" not in name}
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        sources = sorted(name for name in files if name.endswith(".c"))
+        run("gcc", "-std=c99", "-O0", *sources, "-lm", "-o", "here", cwd=folder)
+        found[real] = folder, sources, digest(run(folder / "here"))
+    return found
+
+
+@pytest.mark.parametrize("name", CROSS)
+def test_the_self_test_passes_with_the_same_bits(name, emitted):
+    """Single precision where there is no other unit: there -fshort-enums and warnings as errors."""
+    machine = MACHINES[name]
+    if machine.missing:
+        pytest.skip(f"needs {', '.join(machine.missing)}")
+    folder, sources, bits = emitted["float" if name == "cortex-m4f" else "double"]
+    assert len(bits) == 16
+    assert executed(machine, folder, sources, STRICT) == (True, bits)
