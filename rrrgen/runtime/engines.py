@@ -88,10 +88,11 @@ class NumpyEngine:
 class CompiledEngine:
     """Emitted C called through cffi.
 
-    ``functions`` are the C functions for one state by program name; ``build_loops(names)`` builds the vectorized loops
-    over states of these programs. A loop is built alone at the first batch of its function, since the loops of a whole
-    robot take longer to compile than all the rest, or with all others by :meth:`prepare`. cffi releases the global
-    interpreter lock during a call, so threads run in parallel.
+    ``functions`` are C functions for one state by program name. ``build_more()`` builds those that are missing there,
+    which take as long to compile and are called less often; it is called when one of them is needed.
+    ``build_loops(names)`` builds the vectorized loops over states of these programs. A loop is built alone at the first
+    batch of its function, since the loops of a whole robot take longer to compile than all the rest, or with all others
+    by :meth:`prepare`. cffi releases the global interpreter lock during a call, so threads run in parallel.
     """
 
     name: ClassVar[EngineName] = "c"
@@ -101,17 +102,18 @@ class CompiledEngine:
         programs: Mapping[str, Program],
         ffi: Any,
         functions: Mapping[str, Any],
+        build_more: Callable[[], Mapping[str, Any]],
         build_loops: Callable[[Sequence[str]], Mapping[str, Any]],
         dtype: np.dtype[Any],
     ) -> None:
         self.dtype = dtype
         self.threads = 1
         self._pointer = "double[]" if dtype == np.float64 else "float[]"
-        self._ffi, self._functions = ffi, functions
-        self._build_loops = build_loops
+        self._ffi, self._functions = ffi, dict(functions)
+        self._build_more, self._build_loops = build_more, build_loops
         self._loops: dict[str, Any] = {}
         self._calls = {
-            name: CompiledCall(program, ffi.from_buffer, functions[name], self._loop, dtype, self._pointer)
+            name: CompiledCall(program, ffi.from_buffer, self._function, self._loop, dtype, self._pointer)
             for name, program in programs.items()
         }
 
@@ -120,6 +122,12 @@ class CompiledEngine:
         missing = [name for name in self._calls if name not in self._loops]
         if missing:
             self._loops |= self._build_loops(missing)
+
+    def _function(self, name: str) -> Any:
+        """The C function for one state."""
+        if name not in self._functions:
+            self._functions |= self._build_more()
+        return self._functions[name]
 
     def _loop(self, name: str) -> Any:
         """The loop over states of one function."""
@@ -134,7 +142,7 @@ class CompiledEngine:
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
         """The C function with the pointers of the arrays bound to its parameters."""
         pointers = [self._ffi.from_buffer(self._pointer, array) for array in (*inputs, *outputs)]
-        return functools.partial(self._functions[name], *pointers)
+        return functools.partial(self._function(name), *pointers)
 
 
 class CompiledCall:
@@ -144,12 +152,12 @@ class CompiledCall:
         self,
         program: Program,
         address: Any,
-        function: Any,
+        function: Callable[[str], Any],
         loop: Callable[[str], Any],
         dtype: np.dtype[Any],
         pointer: str,
     ) -> None:
-        self._ports, self._dtype, self._single, self._find_loop = program.inputs, dtype, function, loop
+        self._ports, self._dtype, self._find, self._find_loop = program.inputs, dtype, function, loop
         self._shapes = [port.shape for port in program.inputs]
         self._name, self._function = program.name, program.function
         self._inputs = [(len(port.shape), port.size) for port in program.inputs]
@@ -198,6 +206,10 @@ class CompiledCall:
                 arguments.append(address(kind, outputs[k]))
             self._loop(*arguments)
         return outputs
+
+    @functools.cached_property
+    def _single(self) -> Any:
+        return self._find(self._name)
 
     @functools.cached_property
     def _loop(self) -> Any:

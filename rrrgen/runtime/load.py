@@ -42,25 +42,40 @@ def load_model(
 
 
 def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:
-    from rrrgen.backends.c.batches.loops import declarations
     from rrrgen.backends.c.dialect import Dialect
-    from rrrgen.backends.c.signature import function_name
-    from rrrgen.backends.c.sources import header_and_sources
+    from rrrgen.backends.c.sources import DERIVATIVES, header_and_sources, source_parts
     from rrrgen.backends.c.trigonometry import InlineSinCos
     from rrrgen.backends.description import programs_of
-    from rrrgen.runtime.build import NATIVE, build_extension
 
     dialect = Dialect(derived.spec.name, real)
     programs = {name: program for name, program in programs_of(derived).items() if program.inputs}
     code = header_and_sources(derived, identity, dialect, InlineSinCos())
-    ffi, lib = build_extension(code, declarations(programs.values(), dialect), derived.spec.name, NATIVE)
-    functions = {name: getattr(lib, function_name(program, dialect)) for name, program in programs.items()}
+    beside = source_parts(programs.values()).get(DERIVATIVES, [])
+    last = f"{DERIVATIVES}.c"
+    first = {name: program for name, program in programs.items() if name not in beside}
+    ffi, functions = _functions(first, {name: code[name] for name in code if not name.endswith(last)}, dialect)
+
+    def build_derivatives() -> dict[str, Any]:
+        sources = {name: code[name] for name in code if name.endswith((".h", last))}
+        return _functions({name: programs[name] for name in beside}, sources, dialect)[1]
 
     def build_loops(names: Sequence[str]) -> dict[str, Any]:
         return _loops({name: programs[name] for name in names}, code, dialect)
 
     scalar = np.dtype(np.float64 if real == "double" else np.float32)
-    return CompiledEngine(programs, ffi, functions, build_loops, scalar)
+    return CompiledEngine(programs, ffi, functions, build_derivatives, build_loops, scalar)
+
+
+def _functions(
+    programs: Mapping[str, Program], sources: Mapping[str, str], dialect: Dialect
+) -> tuple[Any, dict[str, Any]]:
+    """The functions of ``programs``, which ``sources`` define, by name, and cffi's interface to them."""
+    from rrrgen.backends.c.batches.loops import declarations
+    from rrrgen.backends.c.signature import function_name
+    from rrrgen.runtime.build import NATIVE, build_extension
+
+    ffi, lib = build_extension(sources, declarations(programs.values(), dialect), dialect.prefix, NATIVE)
+    return ffi, {name: getattr(lib, function_name(program, dialect)) for name, program in programs.items()}
 
 
 def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:

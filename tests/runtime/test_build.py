@@ -67,6 +67,18 @@ def test_a_batch_builds_the_loop_of_its_function_alone(cache):
     np.testing.assert_array_equal(again.gravity(q), alone)
 
 
+def test_derivatives_are_built_when_they_are_called(cache):
+    model = rrrgen.compile("pendulum")
+    model.mass_matrix(np.zeros(1))
+    assert len(libraries(cache)) == 1
+    alone = model.inverse_dynamics_derivatives(*np.ones((3, 1)))
+    assert len(libraries(cache)) == 2
+    model.forward_dynamics_derivatives(*np.ones((3, 1)))
+    assert len(libraries(cache)) == 2
+    bound = rrrgen.compile("pendulum").bind("inverse_dynamics_derivatives")
+    np.testing.assert_array_equal(np.asarray(bound(*np.ones((3, 1)))[0]), np.asarray(alone[0]))
+
+
 def test_any_change_builds_anew(cache):
     build_extension(SOURCES, CDEF, "twice")
     other = {**SOURCES, "twice.c": SOURCES["twice.c"].replace("2.0", "3.0")}

@@ -20,7 +20,9 @@ STATES = {"q": 0, "dq": 1, "ddq": 2, "e": 3, "tau": 3}
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model(planar_model(), IDENTITY)
+    model = load_model(planar_model(), IDENTITY)
+    model.engine.prepare()
+    return model
 
 
 @pytest.fixture(scope="module")
@@ -242,6 +244,7 @@ def test_without_links_the_parameters_must_be_given(states):
 
 def test_a_float_model_computes_in_single_precision(model, states):
     single = load_model(planar_model(), IDENTITY, real="float")
+    single.engine.prepare()
     for name in CALLS:
         result = getattr(single, name)(*arguments(name, states))
         close(result, getattr(model, name)(*arguments(name, states)), SINGLE)

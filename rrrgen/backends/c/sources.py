@@ -51,7 +51,7 @@ def header_and_sources(
         b=len(model.base_parameters),
     )
     files = {f"{dialect.prefix}.h": header}
-    for part, names in _parts(programs.values()).items():
+    for part, names in source_parts(programs.values()).items():
         files[f"{dialect.prefix}{part}.c"] = render(
             "c/source.c.j2",
             **naming(dialect, identity),
@@ -68,16 +68,18 @@ def _failures(programs: Iterable[Program], dialect: Dialect) -> list[tuple[str, 
     return list({dialect.failure(p.status): p.status for p in programs if p.status is not None}.items())
 
 
-BESIDE = {"_nominal": "functions with the numbers of the robot file", "_derivatives": "derivatives"}
+NOMINAL, DERIVATIVES = "_nominal", "_derivatives"
+
+BESIDE = {NOMINAL: "functions with the numbers of the robot file", DERIVATIVES: "derivatives"}
 """Suffix of a separate source file -> its content. A project can leave these out, and compile them in parallel."""
 
 
-def _parts(programs: Iterable[Program]) -> dict[str, list[str]]:
+def source_parts(programs: Iterable[Program]) -> dict[str, list[str]]:
     """Suffix of a source file ("" for the main one) -> the functions in it."""
     parts: dict[str, list[str]] = {"": []}
     for program in programs:
-        specialized = "_nominal" if program.specializes else ""
-        part = "_derivatives" if program.function.endswith("_derivatives") else specialized
+        specialized = NOMINAL if program.specializes else ""
+        part = DERIVATIVES if program.function.endswith(DERIVATIVES) else specialized
         parts.setdefault(part, []).append(program.name)
     return parts
 
@@ -106,7 +108,8 @@ def print_functions(programs: Mapping[str, Program], dialect: Dialect, sincos: S
 
 def _sources(prefix: str, model: DerivedModel) -> str:
     return "; ".join(
-        f"{BESIDE[part]} in {prefix}{part}.c" if part else f"{prefix}.c" for part in _parts(model.programs.values())
+        f"{BESIDE[part]} in {prefix}{part}.c" if part else f"{prefix}.c"
+        for part in source_parts(model.programs.values())
     )
 
 
