@@ -1,7 +1,7 @@
 """The controller of a recording, exactly as implemented in discrete time: per joint, signals computed in order.
 
 Every signal is a weighted sum, a filter, a limit, a sign or an integral of signals before it. The first ones are the
-measured position, the reference, the feed-forward torque and the constant 1.
+measured position, the reference and its velocity, the feed-forward torque and the constant 1.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 
-INPUTS = ("position", "reference", "feedforward", "constant")
+INPUTS = ("position", "reference", "reference_velocity", "feedforward", "constant")
 """Signals that every joint has from the start."""
 Kind = Literal["sum", "filter", "limit", "sign", "integral"]
 KINDS: tuple[Kind, ...] = ("sum", "filter", "limit", "sign", "integral")

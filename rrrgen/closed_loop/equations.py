@@ -25,7 +25,7 @@ from rrrgen.program.builder import replay
 SLIDING = ("viscous", "coulomb", "offset")
 
 
-class _Directed:
+class Directed:
     """The operations of a builder in which sgn is a given direction, so that |u| = u sgn(u) for u of that direction."""
 
     def __init__(self, builder: Builder, direction: Any) -> None:
@@ -33,6 +33,7 @@ class _Directed:
         self._direction = direction
 
     def sign(self, x: Any) -> Any:
+        """The given direction."""
         return self._direction
 
 
@@ -131,7 +132,7 @@ class LoopEquations:
             law, j = surface.definition, self._surface(surface.direction)
             linear, bent = len(law.linear), len(law.shapes)
             values = law.joined(theta[k : k + linear], theta[shape : shape + bent])
-            torques[j] = torques[j] + law.torque(_Directed(builder, s[j]), u[j], values)
+            torques[j] = torques[j] + law.torque(Directed(builder, s[j]), u[j], values)
             k, shape = k + linear, shape + bent
         port = Port("f", (m,), "N m | N", "", "friction of the surfaces")
         return builder.program("friction", [(port, torques)], summary="Friction in given directions.")

@@ -25,7 +25,6 @@ from rrrgen.identify.identification import Identification, refitted
 from rrrgen.identify.options import Options
 
 SCHEMA = "rrrgen-closed-loop/1"
-BLOCK = 1.0  # s of samples whose errors count as dependent
 MOST_NUMBERS = 20_000_000
 """Numbers in the sensitivities that are kept as rows; of longer recordings every k-th sample is."""
 
@@ -37,13 +36,13 @@ class ClosedLoopEstimate:
     """The estimate of the simulated loop, with the scores of the written model.
 
     ``identification`` holds parameters, deviations and the physically consistent estimate; ``start`` is the score of
-    the inverse-dynamics estimate it started from, None where its loop diverges. ``theta`` are the parameters of the
+    the inverse-dynamics estimate it started from. ``theta`` are the parameters of the
     written model with the shapes of its friction laws, ``runs`` its loops along ``recordings``. ``bias`` compares the
     inverse-dynamics estimate with instruments from the simulated loop, None where that is too far from the recording.
     """
 
     identification: Identification
-    loop: CompiledLoop
+    names: tuple[str, ...]
     theta: Array
     replay: Replay
     start: LoopScore | None
@@ -74,7 +73,7 @@ class ClosedLoopEstimate:
             "test": as_json(self.test),
             "iterations": self.iterations,
             "bias": None if self.bias is None else self.bias.to_json(),
-            "parameters": dict(zip(self.loop.equations.names, self.theta.tolist(), strict=True)),
+            "parameters": dict(zip(self.names, self.theta.tolist(), strict=True)),
         }
 
 
@@ -111,7 +110,9 @@ def closed_loop_estimate(
         fit = work.fit(z, tell)
     except DerivationError as error:
         raise DerivationError(f"{error}; {check.line(controller.names)}") from None
-    friction = None if found.friction is None else _shaped(found.friction, fit, work)
+    friction = (
+        None if found.friction is None else _shaped(found.friction, fit.z, work.covariance(fit), parameters.count)
+    )
     blocks, held = _rows(found, own, fit, parameters.count)
     again = refitted(found, recordings, options, blocks, held, friction, progress)
     delivered = again.theta if again.consistent is None else again.consistent.theta
@@ -128,7 +129,7 @@ def closed_loop_estimate(
     )
     return ClosedLoopEstimate(
         identification=again,
-        loop=loop,
+        names=equations.names,
         theta=theta,
         replay=check,
         start=start,
@@ -142,10 +143,10 @@ def closed_loop_estimate(
     )
 
 
-def _shaped(friction: FrictionFit, fit: LoopFit, work: OutputError) -> FrictionFit:
-    """The friction laws with the shapes of the fit and their deviations."""
-    logs = fit.z[work.parameters.count :]
-    spread = np.sqrt(np.maximum(np.diag(_covariance(fit, work)), 0.0))[work.parameters.count :]
+def _shaped(friction: FrictionFit, z: Array, covariance: Array, count: int) -> FrictionFit:
+    """The friction laws with the shapes of the fit, beyond ``count`` other parameters, and their deviations."""
+    logs = z[count:]
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))[count:]
     surfaces, std, k = [], [], 0
     for surface in friction.surfaces:
         count = len(surface.definition.shapes)
@@ -153,23 +154,6 @@ def _shaped(friction: FrictionFit, fit: LoopFit, work: OutputError) -> FrictionF
         std.append(tuple(float(v) for v in spread[k : k + count]))
         k += count
     return replace(friction, surfaces=tuple(surfaces), std=tuple(std))
-
-
-def _covariance(fit: LoopFit, work: OutputError) -> Array:
-    """Covariance of z: ``H^-1 (sum_b g_b g_b') H^-1`` over blocks of a second, whose errors may be correlated."""
-    k = len(fit.z)
-    H, meat = np.zeros((k, k)), np.zeros((k, k))
-    for recording, run, J, use in zip(work.recordings, fit.runs, fit.sensitivities, work.use, strict=True):
-        weighted = np.where(use, work.weights, 0.0)
-        J = J * weighted[..., None]
-        e = (recording.tau - run.tau) * weighted
-        H += np.einsum("ija,ijb->ab", J, J)
-        scores = np.einsum("ija,ij->ia", J, e)
-        edges = np.arange(0, len(recording), max(1, round(BLOCK / recording.period)))
-        for block in np.add.reduceat(scores, edges):
-            meat += np.outer(block, block)
-    inverse = np.linalg.pinv(H, hermitian=True)
-    return np.asarray(inverse @ meat @ inverse)
 
 
 def _rows(

@@ -7,22 +7,22 @@ is found exactly (time stepping with set-valued friction), so that sgn needs no 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.closed_loop.controller import LoopController, Tables
-from rrrgen.closed_loop.equations import LoopEquations
 from rrrgen.closed_loop.loop_recording import LoopRecording
+from rrrgen.program import Program
 
 STEP = 2.5e-4
 """Longest step of the simulation, s."""
 
 DECLARED = (
-    "int loop_run(const double *, const int *, int, const double *, const int *, const int *, const double *, "
-    "const double *, const double *, const double *, const double *, const double *, double *, double *, double *, "
-    "double *, double *, double *);"
+    "int loop_run(const double *, const int *, int, const double *, const int *, const int *, "
+    + 7 * "const double *, "
+    + "double *, double *, double *, double *, double *, double *);"
 )
 
 
@@ -41,10 +41,26 @@ class Run:
     diverged: int | None
 
 
+class Equations(Protocol):
+    """Interface of the equations of motion of n joints: ``size`` parameters, ``directions`` (m, n) of friction.
+
+    ``programs()`` are ``terms(q, dq, theta) -> M, load`` and, with m > 0, ``friction(u, s, theta) -> f`` of the
+    surfaces at the speeds u in the directions s.
+    """
+
+    @property
+    def n(self) -> int: ...  # noqa: D102
+    @property
+    def size(self) -> int: ...  # noqa: D102
+    @property
+    def directions(self) -> Array: ...  # noqa: D102
+    def programs(self) -> tuple[Program, ...]: ...  # noqa: D102
+
+
 class CompiledLoop:
     """The loop of ``controller`` and the robot of ``equations``, compiled once for all parameters."""
 
-    def __init__(self, equations: LoopEquations, controller: LoopController) -> None:
+    def __init__(self, equations: Equations, controller: LoopController) -> None:
         from rrrgen.backends.c.functions import Extension, function_files
         from rrrgen.runtime.build import NATIVE, build_extension
 
@@ -75,7 +91,7 @@ class CompiledLoop:
         q, dq, command, acting = (np.zeros((samples, n)) for _ in range(4))
         doubles: list[Any] = [
             *(np.array([recording.period, part]), recording.bounds, recording.q, recording.reference),
-            *(recording.feedforward, recording.start),
+            *(recording.reference_velocity, recording.feedforward, recording.start),
             *(np.zeros(tables.signals), np.zeros(tables.memory + 1), q, dq, command, acting),
         ]
         doubles = [self._ffi.from_buffer("double[]", np.ascontiguousarray(each, float)) for each in doubles]

@@ -36,6 +36,7 @@ class LoopRecording:
     tau: Array
     valid: NDArray[np.bool_]
     reference: Array
+    reference_velocity: Array
     feedforward: Array
     period: float
     every: int
@@ -113,9 +114,10 @@ def _stretch(
     if part.tau is None:
         raise InputError("the recording has no torques: the simulated loop could not be compared with it")
     missing = [
-        name for name, values in (("reference", part.reference), ("feedforward", part.feedforward))
-        if values is None and controller.uses(name)
-    ]  # fmt: skip
+        name
+        for name in ("reference", "reference_velocity", "feedforward")
+        if getattr(part, name) is None and controller.uses(name)
+    ]
     if missing:
         raise InputError(
             f"the controller uses '{missing[0]}', which the recording does not have: give the mapping file a column "
@@ -123,7 +125,9 @@ def _stretch(
         )
     every, stride = _ratio(controller.period, recording.period)
     reference = part.q if part.reference is None else part.reference
-    feedforward = np.zeros_like(part.q) if part.feedforward is None else part.feedforward
+    nothing = np.zeros_like(part.q)
+    speed = nothing if part.reference_velocity is None else part.reference_velocity
+    feedforward = nothing if part.feedforward is None else part.feedforward
     motion = reconstruct(part, processing)
     warm = min(controller.settling * every // stride + 1, len(part) // 4)
     if len(part) - warm < SHORTEST:
@@ -135,6 +139,7 @@ def _stretch(
         tau=grid.linear(part.tau),
         valid=grid.nearest(part.valid),
         reference=grid.linear(reference),
+        reference_velocity=grid.linear(speed),
         feedforward=grid.linear(feedforward),
         period=recording.period / stride,
         every=every,

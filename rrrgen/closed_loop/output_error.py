@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +22,31 @@ from rrrgen.closed_loop.loop_recording import LoopRecording
 from rrrgen.errors import DerivationError
 
 ITERATIONS = 25
+BLOCK = 1.0  # s of samples whose errors count as dependent
 SETTLED = 1e-4  # of a standard deviation-like step: relative fall of the cost at which the search ends
 RELATIVE_STEP = 1e-3  # of a parameter, for differences
 STD_STEP = 0.1  # of its standard deviation
 SHAPE_STEP = 1e-2  # of the logarithm of a shape
-LARGEST_SHAPE_STEP = 0.7
+LARGEST_LOG_STEP = 0.7  # of a logarithm in one iteration
 RETRIES = 3  # with a step a tenth as large, where the loop diverges beside the estimate
 
 Tell = Callable[[int, int, str], None]
+
+
+class FreeParameters(Protocol):
+    """Interface of the parameters that are fitted: free ones z (k,), which may be logarithms."""
+
+    def theta(self, z: Array) -> Array:
+        """The parameters of the simulation."""
+        ...
+
+    def steps(self, z: Array) -> Array:
+        """Differences (k,) at which the sensitivities are taken."""
+        ...
+
+    def logarithms(self, z: Array) -> NDArray[np.bool_]:
+        """Which free parameters (k,) are logarithms."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +64,10 @@ class Parameters:
     def count(self) -> int:
         """Number r of parameters x."""
         return int(self.T.shape[1])
+
+    def logarithms(self, z: Array) -> NDArray[np.bool_]:
+        """Which free parameters are logarithms."""
+        return np.arange(len(z)) >= self.count
 
     def theta(self, z: Array) -> Array:
         """The parameters of the simulation."""
@@ -76,7 +98,7 @@ class OutputError:
     def __init__(
         self,
         loop: CompiledLoop,
-        parameters: Parameters,
+        parameters: FreeParameters,
         recordings: Sequence[LoopRecording],
         use: Sequence[NDArray[np.bool_]],
         jobs: int = 1,
@@ -144,7 +166,7 @@ class OutputError:
         if runs is None:
             raise DerivationError(self._diverged(z))
         self.renew(runs)
-        damping, done = 1e-3, 0
+        damping, done, logs = 1e-3, 0, self.parameters.logarithms(z)
         for iteration in range(ITERATIONS):
             done = iteration + 1
             tell(iteration, ITERATIONS, "closed-loop output error")
@@ -157,8 +179,7 @@ class OutputError:
             fell = 0.0
             for _ in range(8):
                 step = np.linalg.lstsq(H + damping * np.eye(len(z)), gradient, rcond=1e-12)[0] / size
-                shapes = step[self.parameters.count :]
-                step[self.parameters.count :] = np.clip(shapes, -LARGEST_SHAPE_STEP, LARGEST_SHAPE_STEP)
+                step = np.where(logs, np.clip(step, -LARGEST_LOG_STEP, LARGEST_LOG_STEP), step)
                 tried = self.runs(z + step)
                 after = np.inf if tried is None else float(np.sum(self.residual(tried) ** 2))
                 if tried is not None and after < cost:
@@ -170,6 +191,22 @@ class OutputError:
                 break
             self.renew(runs)
         return LoopFit(z, runs, self.sensitivities(z, runs), self.weights, done)
+
+    def covariance(self, fit: LoopFit) -> Array:
+        """Covariance of z: ``H^-1 (sum_b g_b g_b') H^-1`` over blocks of a second, whose errors may be correlated."""
+        k = len(fit.z)
+        H, meat = np.zeros((k, k)), np.zeros((k, k))
+        for recording, run, J, use in zip(self.recordings, fit.runs, fit.sensitivities, self.use, strict=True):
+            weighted = np.where(use, self.weights, 0.0)
+            own = J * weighted[..., None]
+            e = (recording.tau - run.tau) * weighted
+            H += np.einsum("ija,ijb->ab", own, own)
+            scores = np.einsum("ija,ij->ia", own, e)
+            edges = np.arange(0, len(recording), max(1, round(BLOCK / recording.period)))
+            for block in np.add.reduceat(scores, edges):
+                meat += np.outer(block, block)
+        inverse = np.linalg.pinv(H, hermitian=True)
+        return np.asarray(inverse @ meat @ inverse)
 
     def _diverged(self, z: Array) -> str:
         theta = self.parameters.theta(z)

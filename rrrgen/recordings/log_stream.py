@@ -30,7 +30,7 @@ class Part:
 
     ``valid`` (N, n) is False where the torque of a joint is missing, clipped or interpolated over a hole. ``segment``
     is the number of the uninterrupted stretch that the part belongs to, ``first`` the index of its first sample
-    therein. ``reference`` and ``feedforward`` (N, n) are what the controller was given, None if not recorded.
+    therein. ``reference``, ``reference_velocity``, ``feedforward`` (N, n) are inputs of the controller, or None.
     """
 
     t: Array
@@ -42,6 +42,7 @@ class Part:
     segment: int
     first: int
     reference: Array | None = None
+    reference_velocity: Array | None = None
     feedforward: Array | None = None
 
     def __len__(self) -> int:
@@ -50,7 +51,7 @@ class Part:
     def sliced(self, start: int, stop: int) -> Part:
         """The samples ``start`` to ``stop`` (exclusive)."""
         s = slice(start, stop)
-        optional = (self.dq, self.ddq, self.tau, self.reference, self.feedforward)
+        optional = (self.dq, self.ddq, self.tau, self.reference, self.reference_velocity, self.feedforward)
         dq, ddq, tau, *given = (None if x is None else x[s] for x in optional)
         return Part(self.t[s], self.q[s], dq, ddq, tau, self.valid[s], self.segment, self.first + start, *given)
 
@@ -74,6 +75,7 @@ def joined(parts: list[Part]) -> Part:
         segment=parts[0].segment,
         first=parts[0].first,
         reference=both("reference"),
+        reference_velocity=both("reference_velocity"),
         feedforward=both("feedforward"),
     )
 
@@ -248,7 +250,7 @@ class _Uniform:
             N = self.mapping.transmission
             valid = ~bad if N is None else ~((bad @ (N != 0.0)).astype(bool))
         dq, ddq = moved.get("velocity"), moved.get("acceleration")
-        given = moved.get("reference"), moved.get("feedforward")
+        given = [moved.get(name) for name in ("reference", "reference_velocity", "feedforward")]
         return Part(raw.t, moved["position"], dq, ddq, tau, valid, 0, 0, *given)
 
 
@@ -280,5 +282,5 @@ def _resampled(rows: Part, t: Array, hole: float) -> Part:
     valid = sound & ((step < hole)[:, None] | (share < 1e-9))
     q = cubic(rows.q)
     assert q is not None
-    given = linear(rows.reference), linear(rows.feedforward)
+    given = [linear(each) for each in (rows.reference, rows.reference_velocity, rows.feedforward)]
     return Part(t, q, cubic(rows.dq), cubic(rows.ddq), tau, valid, rows.segment, rows.first, *given)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ class Log:
     - ``period``: sampling period, s; 0 takes it from ``t``.
     - ``valid`` (N, n): False where the torque of a joint cannot be used; None for all valid.
     - ``segment`` (N,): number of the uninterrupted stretch of each sample; None for a single one.
+    - ``reference``, ``reference_velocity``, ``feedforward`` (N, n): inputs of the controller, None if not recorded.
     - ``repairs``: the faults found and how they were repaired; ``mapping``: where the recording was read from.
     """
 
@@ -48,6 +49,9 @@ class Log:
     segment: NDArray[np.int64] | None = None
     repairs: Repairs = field(default_factory=Repairs)
     mapping: LogMapping | None = field(default=None, compare=False)
+    reference: Array | None = None
+    reference_velocity: Array | None = None
+    feedforward: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.period > 0.0:
@@ -75,11 +79,12 @@ class Log:
         """Iterate over the uninterrupted stretches."""
         valid = np.ones(self.q.shape, bool) if self.valid is None else self.valid
         segment = np.zeros(len(self.t), np.int64) if self.segment is None else self.segment
-        whole = Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0)
+        given = self.reference, self.reference_velocity, self.feedforward
+        whole = Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0, *given)
         edges = [0, *(np.flatnonzero(np.diff(segment)) + 1), len(self.t)]
         for number, (start, stop) in enumerate(pairwise(edges)):
             part = whole.sliced(int(start), int(stop))
-            yield Part(part.t, part.q, part.dq, part.ddq, part.tau, part.valid, number, 0)
+            yield replace(part, segment=number, first=0)
 
     def samples(self) -> Iterator[Part]:
         """All samples as one part, across the holes between stretches."""
@@ -166,6 +171,9 @@ def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
         segment=np.concatenate([np.full(len(part), part.segment, np.int64) for part in parts]),
         repairs=stream.repairs,
         mapping=stream.mapping,
+        reference=whole.reference,
+        reference_velocity=whole.reference_velocity,
+        feedforward=whole.feedforward,
     )
 
 

@@ -19,8 +19,10 @@ from rrrgen.arrays import Array
 from rrrgen.errors import Fault, InputError
 
 Side = Literal["joint", "motor"]
-Signal = Literal["position", "velocity", "acceleration", "torque", "reference", "feedforward"]
-SIGNALS: tuple[Signal, ...] = ("position", "velocity", "acceleration", "torque", "reference", "feedforward")
+Signal = Literal["position", "velocity", "acceleration", "torque", "reference", "reference_velocity", "feedforward"]
+SIGNALS: tuple[Signal, ...] = (
+    *("position", "velocity", "acceleration", "torque", "reference", "reference_velocity", "feedforward"),
+)
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Channel:
 class JointChannels:
     """The channels of one joint; ``zero`` is the joint position (rad, m) at which its encoder reads zero.
 
-    ``reference`` is the position that the controller follows, ``feedforward`` a torque that it is given.
+    ``reference`` and ``reference_velocity`` are what the controller follows, ``feedforward`` a torque that it is given.
     """
 
     name: str
@@ -71,6 +73,7 @@ class JointChannels:
     acceleration: Channel | None = None
     torque: Channel | None = None
     reference: Channel | None = None
+    reference_velocity: Channel | None = None
     feedforward: Channel | None = None
     zero: float = 0.0
 

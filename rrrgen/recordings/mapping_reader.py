@@ -46,6 +46,7 @@ UNITS: dict[Signal, dict[str, float]] = {
     "acceleration": log_units.ACCELERATION,
     "torque": log_units.TORQUE | log_units.FORCE | log_units.DRIVE_SIGNALS,
     "reference": log_units.POSITION | {log_units.COUNTS: 1.0},
+    "reference_velocity": log_units.VELOCITY | {log_units.COUNTS + "/s": 1.0},
     "feedforward": log_units.TORQUE | log_units.FORCE | log_units.DRIVE_SIGNALS,
 }
 
@@ -154,6 +155,7 @@ class _Reader(SourceReader):
                     acceleration=channels.get("acceleration"),
                     torque=channels.get("torque"),
                     reference=channels.get("reference"),
+                    reference_velocity=channels.get("reference_velocity"),
                     feedforward=channels.get("feedforward"),
                     zero=self.quantity(part.get("zero"), f"{what}.zero", log_units.POSITION, "rad") or 0.0,
                 )

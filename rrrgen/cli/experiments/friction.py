@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
-from rrrgen.cli.identification.workflow import input_files, output_option, print_repairs, seed_option, truncated_option
+from rrrgen.cli.identification.workflow import (
+    described_files,
+    input_files,
+    output_option,
+    print_repairs,
+    seed_option,
+    truncated_option,
+)
 from rrrgen.cli.progress import progress_bar
 from rrrgen.extras import require
 
@@ -40,6 +47,12 @@ LAWS = ("coulomb_viscous", "asymmetric", "stribeck", "lugre", "neural")
 @click.option(
     "--law", "laws", type=click.Choice(LAWS), multiple=True, help="Law to try; repeat for several; default all."
 )
+@click.option(
+    "--controller",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Controller of the recorded loop: refine the chosen law by closed-loop output error.",
+)
 @output_option
 @seed_option(default=0)
 @click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
@@ -48,7 +61,8 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
     """Estimate friction, inertia and gravity of one joint from a recording in which it alone moves, (14.15).
 
     Coulomb-viscous, asymmetric, Stribeck, LuGre and neural laws are estimated by an extended Kalman filter and refined
-    by output error; one is chosen by its error on windows that were left out. Writes results/friction.json, the
+    by output error; one is chosen by its error on windows that were left out, and refined in the simulated closed loop
+    where --controller is given. Writes results/friction.json, the
     robot file with this law and a figure of friction against speed to DIR. Design the motion with
     `rrrgen excite --friction`. Stiffness and damping of the bristles at rest (14.16) follow from --presliding.
 
@@ -57,6 +71,8 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
       rrrgen friction rrr --log runs/joint3/log.yaml --joint q3 -o runs/friction3
     """
     require("rrrgen friction", "scipy", "matplotlib")
+    from rrrgen.closed_loop.controller_file import load_controller
+    from rrrgen.closed_loop.joint_friction import refine
     from rrrgen.friction_estimation.estimation import estimate_friction
     from rrrgen.friction_estimation.joint_data import joint_data, recorded_joint
     from rrrgen.friction_estimation.plots import plot_friction
@@ -67,22 +83,30 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
     from rrrgen.runs.run_folder import RunFolder, plain
 
     spec = read_with_warnings(robot)
+    controller = None if options["controller"] is None else load_controller(options["controller"])
     mapping = open_log(log, skip_truncated=options["skip_truncated_line"])
     moving = recorded_joint(spec, mapping, joint)
     logs = (log, *options["presliding"])
     mappings = [mapping, *(open_log(each) for each in options["presliding"])]
-    inputs = input_files(robot, logs, mappings)
+    inputs = input_files(robot, logs, mappings) | described_files(controller=options["controller"])
     settings = {"joint": joint, "laws": options["laws"], "skip_truncated_line": options["skip_truncated_line"]}
     with (
         RunFolder(output, "friction", inputs, settings, options["seed"], options["fresh"]) as folder,
         progress_bar() as progress,
     ):
         recording = LogStream(mapping)
-        data = joint_data(load_stream(recording), moving.name, moving.resolution)
+        log_read = load_stream(recording)
+        data = joint_data(log_read, moving.name, moving.resolution)
         print_repairs([recording.repairs], as_json)
         found = estimate_friction(data, moving.gravity, options["laws"], options["seed"], progress)
+        loop = None if controller is None else refine(found, log_read, controller, progress)
+        found = found if loop is None else loop.estimate
         rest = _presliding(found, mappings[1:], moving) if options["presliding"] else None
-        record = plain(found.to_json() | ({} if rest is None else {"presliding": rest.to_json()}))
+        record = plain(
+            found.to_json()
+            | ({} if rest is None else {"presliding": rest.to_json()})
+            | ({} if loop is None else {"closed_loop": loop.to_json()})
+        )
         folder.write_json("friction.json", record)
         folder.write_text("robot.yaml", dumps(with_friction(spec, joint, found.chosen, rest)))
         folder.figure("friction", plot_friction(found, moving.units))
@@ -90,6 +114,8 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
         print_json(record)
     else:
         _print(found, output, rest)
+        for line in () if loop is None else loop.lines():
+            click.echo(line)
     return 0
 
 

@@ -1,0 +1,203 @@
+"""Closed-loop output error of one joint: inertia, gravity and friction of `rrrgen friction`, refined.
+
+The windows of multiple shooting start anew every fraction of a second and see the recorded torque; the simulated loop
+sees the reference alone, through standstill and reversals, as the model will be used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.arrays import Array
+from rrrgen.closed_loop.controller import LoopController
+from rrrgen.closed_loop.equations import Directed
+from rrrgen.closed_loop.loop import CompiledLoop
+from rrrgen.closed_loop.loop_recording import LoopRecording, loop_recordings
+from rrrgen.closed_loop.output_error import OutputError
+from rrrgen.closed_loop.scores import LoopScore, Replay, as_json, loop_score, replayed
+from rrrgen.errors import DerivationError, InputError
+from rrrgen.friction_estimation.candidates import Candidate
+from rrrgen.friction_estimation.estimation import FrictionEstimate, LawEstimate, reported
+from rrrgen.friction_estimation.joint_data import CUTOFF
+from rrrgen.program import Builder, Port, Program, Role
+from rrrgen.recordings.log_stream import Part
+from rrrgen.recordings.logs import Log
+from rrrgen.signals.processing import Processing
+
+STEP = 1e-3  # of a parameter or its logarithm, for differences
+SMALLEST = 0.05  # size below which a parameter's step does not fall
+SIMULATED = ("coulomb_viscous", "asymmetric", "stribeck", "neural")
+"""The laws without a state."""
+
+Tell = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True)
+class JointEquations:
+    """``J ddq = tau - gravity - tau_f`` of one joint under the law of ``candidate``, parameters in its order."""
+
+    candidate: Candidate
+
+    n = 1
+
+    @property
+    def size(self) -> int:
+        """Number of parameters without the delay, which the controller states."""
+        return len(self.candidate.names) - 1
+
+    @property
+    def directions(self) -> Array:
+        """The one surface on which friction acts."""
+        return np.ones((1, 1))
+
+    def programs(self) -> tuple[Program, ...]:
+        """``terms``: M and load; ``friction``: torque at a speed in a direction."""
+        builder = Builder()
+        q = builder.input(Port("q", (1,), "rad | m", "joint", "position", Role.POSITION))
+        builder.input(Port("dq", (1,), "rad/s | m/s", "joint", "velocity", Role.VELOCITY))
+        theta = builder.input(Port("theta", (self.size,), "mixed", "", "parameters"))
+        load: Any = {0: 0, 1: theta[1], 2: 0}[self.candidate.gravity]
+        if self.candidate.gravity == 2:
+            load = theta[1] * builder.cos(q[0]) + theta[2] * builder.sin(q[0])
+        outputs = [(Port("M", (1, 1), "kg m^2", "joint", "inertia"), [theta[0]])]
+        outputs += [(Port("load", (1,), "N m | N", "joint", "gravity torque"), [load])]
+        terms = builder.program("terms", outputs, summary="Inertia and load of the joint.")
+        builder = Builder()
+        u = builder.input(Port("u", (1,), "rad/s | m/s", "", "speed", Role.VELOCITY))
+        s = builder.input(Port("s", (1,), "", "", "direction"))
+        theta = builder.input(Port("theta", (self.size,), "mixed", "", "parameters"))
+        values = self.candidate.law_values([*theta, 0])
+        torque: Any = self.candidate.law.torque(Directed(builder, s[0]), u[0], values)
+        port = Port("f", (1,), "N m | N", "", "friction")
+        friction = builder.program("friction", [(port, [torque])], summary="Friction in a given direction.")
+        return terms, friction
+
+
+@dataclass(frozen=True)
+class _LawParameters:
+    """Free parameters of a law, those of :meth:`Candidate.to_free`."""
+
+    candidate: Candidate
+
+    def theta(self, z: Array) -> Array:
+        return self.candidate.clipped(self.candidate.from_free(np.append(z, 0.0)))[:-1]
+
+    def steps(self, z: Array) -> Array:
+        return np.where(self.logarithms(z), STEP, STEP * np.maximum(np.abs(z), SMALLEST))
+
+    def logarithms(self, z: Array) -> NDArray[np.bool_]:
+        return self.candidate.is_logarithmic[: len(z)]
+
+
+@dataclass(frozen=True, eq=False)
+class LoopRefinement:
+    """The refined estimate, and what the loop shows: the check of the controller, scores before and after."""
+
+    estimate: FrictionEstimate
+    replay: Replay
+    before: LoopScore
+    after: LoopScore
+    first: dict[str, float]
+
+    def lines(self) -> list[str]:
+        """Check and scores as text."""
+        names = [self.estimate.data.name]
+        return [self.replay.line(names), self.before.line(names), self.after.line(names)]
+
+    def to_json(self) -> dict[str, Any]:
+        """Check, scores and the parameters before the refinement as plain data."""
+        return {
+            "controller_error": self.replay.errors[0],
+            "before": as_json(self.before),
+            "after": as_json(self.after),
+            "multiple_shooting": self.first,
+        }
+
+
+def refine(
+    found: FrictionEstimate,
+    log: Log,
+    controller: LoopController,
+    progress: Tell | None = None,
+) -> LoopRefinement:
+    """Refine the chosen law of ``found``, an estimate from ``log``, by the loop with ``controller``.
+
+    Only the controller of the joint counts. Raises InputError for a controller without it or a law with a state,
+    DerivationError where the simulated loop diverges.
+    """
+    name, law = found.data.name, found.chosen
+    if law.name not in SIMULATED:
+        raise InputError(
+            f"the law {law.name} was chosen, whose state is not simulated in closed loop: leave --controller away"
+        )
+    own = [joint for joint in controller.joints if joint.name == name]
+    if not own:
+        raise InputError(f"the controller has no joint '{name}'; it has {', '.join(controller.names)}")
+    single = replace(controller, joints=tuple(own))
+    processing = Processing("butterworth", cutoff=min(CUTOFF, 0.2 / log.period))
+    recordings = loop_recordings([_OneJoint(log, log.joints.index(name))], single, processing)
+    loop = CompiledLoop(JointEquations(law.candidate), single)
+    check = replayed(loop, recordings)
+    work = OutputError(loop, _LawParameters(law.candidate), recordings, [r.scored for r in recordings])
+    start = law.theta[:-1]
+    try:
+        fit = work.fit(law.candidate.to_free(law.theta)[:-1], progress or (lambda done, total, message: None))
+    except DerivationError as error:
+        raise DerivationError(f"{error}; {check.line([name])}") from None
+    theta = work.parameters.theta(fit.z)
+    before = _score("before the refinement", loop, start, recordings)
+    after = _score("refined", loop, theta, recordings)
+    again = _refined(law, theta, work.covariance(fit), found.data.period)
+    laws = tuple(again if each is law else each for each in found.laws)
+    return LoopRefinement(replace(found, laws=laws, chosen=again), check, before, after, law.values)
+
+
+def _score(data: str, loop: CompiledLoop, theta: Array, recordings: Sequence[LoopRecording]) -> LoopScore:
+    score, _ = loop_score(data, loop, theta, recordings, lambda r: np.ones(len(r), bool))
+    assert score is not None
+    return score
+
+
+def _refined(law: LawEstimate, theta: Array, covariance: Array, period: float) -> LawEstimate:
+    """The law with the refined parameters; deviations by the delta method."""
+    whole = np.append(theta, law.theta[-1])
+    values = reported(law.candidate, whole, period)
+    logs = law.candidate.is_logarithmic[:-1]
+    spread = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * np.where(logs, theta, 1.0)
+    std = dict(zip(law.candidate.names[:-1], spread.tolist(), strict=True))
+    if law.candidate.gravity == 2:
+        size = max(values["gravity"], 1e-12)
+        J = np.array([[theta[1], theta[2]], [-theta[2] / size, theta[1] / size]]) / size
+        both = np.sqrt(np.maximum(np.diag(J @ covariance[1:3, 1:3] @ J.T), 0.0))
+        std |= {"gravity": float(both[0]), "gravity_angle": float(both[1])}
+    elif law.candidate.gravity:
+        std["gravity"] = std["gravity_cos"]
+    return replace(law, theta=whole, values=values, std={k: std.get(k, law.std.get(k, 0.0)) for k in values})
+
+
+class _OneJoint:
+    """One joint of a recording as a recording."""
+
+    def __init__(self, log: Log, joint: int) -> None:
+        self._log, self._joint = log, slice(joint, joint + 1)
+        self.joints = (log.joints[joint],)
+        self.period, self.span, self.repairs = log.period, log.span, log.repairs
+
+    def __len__(self) -> int:
+        return len(self._log)
+
+    def parts(self) -> Any:
+        """The stretches with the columns of the joint."""
+        for part in self._log.parts():
+            columns: dict[str, Any] = {
+                name: None if getattr(part, name) is None else getattr(part, name)[:, self._joint]
+                for name in ("q", "dq", "ddq", "tau", "valid", "reference", "reference_velocity", "feedforward")
+            }
+            yield Part(t=part.t, segment=part.segment, first=part.first, **columns)
+
+    samples = parts
