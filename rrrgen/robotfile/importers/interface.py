@@ -45,12 +45,16 @@ class Source:
 
 @dataclass(frozen=True)
 class ImportedChain:
-    """What an importer took from a tree of bodies, by the names of the file: ends, moving joints, held joints."""
+    """What an importer took from a tree of bodies, by the names of the file: ends, moving joints, held joints.
+
+    ``offsets`` are the displacements of the moving joints at q = 0, which those that follow others may have.
+    """
 
     base: str
     tip: str
     joints: tuple[str, ...]
     held: Mapping[str, float]
+    offsets: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -47,12 +47,22 @@ def read_mechanism(
         return rows, None
     tip_row = _read_tip(node, tip, parents, names, scope)
     _check_rank(node, matrix, driven, scope)
-    joints_of_q = [row for row in rows if row.name in driven]
-    counted = tuple(_narrowed(row, rows, matrix, k) for k, row in enumerate(joints_of_q))
+    return mechanism_of_rows(rows, tuple(parents), tip_row, matrix, [names.index(name) for name in driven])
+
+
+def mechanism_of_rows(
+    rows: Row[JointSpec],
+    parents: tuple[int, ...],
+    tip: int,
+    matrix: list[tuple[sp.Expr, ...]],
+    driven: Row[int],
+) -> tuple[tuple[JointSpec, ...], MechanismSpec]:
+    """The joints that q counts, the rows ``driven``, within the ranges of those that follow them, and the mechanism."""
+    counted = tuple(_narrowed(rows[i], rows, matrix, k) for k, i in enumerate(driven))
     bare = tuple(
-        replace(row, limits=Limits(), friction=None, drive=None) if row.name in driven else row for row in rows
+        replace(row, limits=Limits(), friction=None, drive=None) if i in driven else row for i, row in enumerate(rows)
     )
-    return counted, MechanismSpec(bare, tuple(parents), tip_row, tuple(matrix))
+    return counted, MechanismSpec(bare, parents, tip, tuple(matrix))
 
 
 def _keys_of(item: Node) -> dict[str, tuple[Scalar, Node]]:

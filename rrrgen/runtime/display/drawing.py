@@ -22,12 +22,14 @@ def corners(spec: RobotSpec, frames: Array, tip: Array) -> Array:
 
     ``frames`` (..., n, 4, 4) are the poses of the link frames, ``tip`` (..., 4, 4) that of the tip. A link goes along z
     by d and along x by a: in the standard convention the corner lies -a along the x axis of the frame behind it, in the
-    modified one +a along the x axis of the frame before it.
+    modified one +a along the x axis of the frame before it. Branches are left out.
     """
+    path = list(range(len(spec.rows)) if spec.mechanism is None else spec.mechanism.path(spec.tip_row))
+    frames = frames[..., path, :, :]
     base = np.broadcast_to(np.array(spec.base.matrix().applyfunc(spec.nominal), dtype=float), tip.shape)
     every = np.concatenate([base[..., None, :, :], frames], axis=-3)
     origins, x = every[..., :3, 3], every[..., :3, 0]
-    a = np.array([row[2] for row in spec.dh_table()])[:, None]
+    a = np.array([row[2] for row in spec.dh_table()])[path, None]
     if spec.convention == "standard":
         bends = origins[..., 1:, :] - a * x[..., 1:, :]
     else:

@@ -58,16 +58,18 @@ def compare_with_source(imported: Imported, seed: int = SEED) -> SourceCompariso
     spec = imported.spec
     phi = nominal_parameters(spec)
     chain = replace(chain_of(spec), drive_inertia=np.zeros((spec.n, spec.n)))
-    ours = NewtonEuler(chain, np.zeros((spec.n, 10)) if phi is None else phi)
+    ours = NewtonEuler(chain, np.zeros((chain.links, 10)) if phi is None else phi)
     random = np.random.default_rng(seed)
     q = random.uniform(-np.pi, np.pi, (STATES, spec.n))
     dq, ddq = (random.uniform(-FASTEST, FASTEST, q.shape) for _ in range(2))
-    poses = np.stack([source.pose(state) for state in q])
+    S = chain.coupling
+    y = q @ S.T + np.array(imported.chain.offsets or np.zeros(chain.links))
+    poses = np.stack([source.pose(state) for state in y])
     reach = max(1.0, float(np.abs(poses[:, :3, 3]).max()))
     pose = float(np.abs(poses - ours.forward_kinematics(q)).max()) / reach
     if phi is None:
         return SourceComparison(source.name, pose, None, "the chain has no inertia")
-    torques = np.stack([source.torque(*state) for state in zip(q, dq, ddq, strict=True)])
+    torques = np.stack([source.torque(*state) for state in zip(y, dq @ S.T, ddq @ S.T, strict=True)]) @ S
     size = float(np.abs(torques).max()) or 1.0
     return SourceComparison(source.name, pose, float(np.abs(torques - ours.inverse_dynamics(q, dq, ddq)).max()) / size)
 

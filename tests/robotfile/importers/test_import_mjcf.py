@@ -128,3 +128,22 @@ def test_faults_are_located(case, tmp_path):
     assert any(str(f).startswith(f"{file}:{place}: error") and message in f.message for f in caught.value.faults), str(
         caught.value
     )
+
+
+def test_equalities_of_two_joints_make_one_follow_the_other(tmp_path):
+    text = """<mujoco><compiler angle="degree"/><worldbody>
+      <body name="a" pos="0 0 0.3"><joint name="lead" axis="0 1 0" armature="0.2"/>
+        <inertial pos="0.1 0 0.05" mass="2" diaginertia="0.1 0.2 0.2"/>
+        <body name="b" pos="0.4 0 0"><joint name="follow" axis="0 1 0.5" ref="10" damping="0.8" armature="0.1"/>
+          <inertial pos="0.2 0.03 0" mass="1" diaginertia="0.05 0.1 0.1"/></body></body></worldbody>
+      <equality><joint joint1="follow" joint2="lead" polycoef="0.1 -2"/></equality></mujoco>"""
+    (tmp_path / "arm.xml").write_text(text, encoding="utf-8")
+    found = import_robot(tmp_path / "arm.xml")
+    spec = found.spec
+    assert [joint.name for joint in spec.joints] == ["lead"]
+    assert [float(row[0]) for row in spec.mechanism.matrix] == [1.0, -2.0]
+    assert spec.joints[0].friction.viscous == pytest.approx(4 * 0.8)
+    assert spec.joints[0].drive.inertia == pytest.approx(0.2 + 4 * 0.1)
+    pytest.importorskip("mujoco")
+    compared = compare_with_source(found)
+    assert max(compared.pose, compared.torque) < 1e-9

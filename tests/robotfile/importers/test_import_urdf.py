@@ -9,6 +9,7 @@ import pytest
 
 from robotfile.importers.random_trees import random_tree
 from rrrgen.errors import InputError
+from rrrgen.robotfile import dumps, loads_spec
 from rrrgen.robotfile.importers.importing import import_robot
 from rrrgen.robotfile.importers.interface import ChainChoice
 from rrrgen.verify.references.chain import chain_of, nominal_parameters
@@ -112,6 +113,31 @@ def test_a_held_joint_is_part_of_its_link(tmp_path):
     assert nominal_parameters(beside.spec).shape == (1, 10)
 
 
+def test_mimic_joints_follow_theirs(tmp_path):
+    """Limits, friction and inertia count at the joint that has the drive; poses and torques are the source's."""
+    text = ARM.replace(
+        '<child link="lower"/>', '<child link="lower"/><mimic joint="lift" multiplier="-0.5" offset="0.3"/>'
+    )
+    text = text.replace(
+        '<axis xyz="0 0 -1"/>',
+        '<axis xyz="0 0 -1"/><limit lower="-0.5" upper="0.6" velocity="0.5" effort="2"/><dynamics damping="0.8"/>',
+    )
+    text = text.replace('type="continuous"', 'type="revolute"')
+    found = import_robot(write(tmp_path, text), chain=ChainChoice(angle_tolerance=0.0))
+    spec = found.spec
+    assert [joint.name for joint in spec.joints] == ["lift"]
+    assert [[float(v) for v in row] for row in spec.mechanism.matrix] == [[1.0], [-0.5]]
+    limits = spec.joints[0].limits
+    assert (limits.lower, limits.upper, limits.velocity) == pytest.approx((-0.6, 1.6, 1.0))
+    assert spec.joints[0].friction.viscous == pytest.approx(0.4 + 0.25 * 0.8)
+    assert loads_spec(dumps(spec)) == spec
+    assert "follows 'lift'" in said(found)
+    assert "its torque limit is left out" in said(found)
+    pytest.importorskip("pinocchio")
+    compared = compare_with_source(found)
+    assert max(compared.pose, compared.torque) < AGREE
+
+
 FAULTS = {
     "xml": ('<link name="base"/>', '<link name="base">', "17:3", "not valid XML: mismatched tag"),
     "entity": ('<robot name="two link">', '<!DOCTYPE r [<!ENTITY a "b">]><robot>', "1:13", "document type"),
@@ -123,7 +149,7 @@ FAULTS = {
     "no parent": ('<parent link="upper"/>', "", "12:3", "joint 'fore-arm' has no <parent>"),
     "type": ('type="continuous"', 'type="continous"', "12:32", "the type of joint 'fore-arm' is 'continous'"),
     "floating": ('type="continuous"', 'type="floating"', "12:3", "is floating"),
-    "mimic": ('<child link="lower"/>', '<child link="lower"/><mimic joint="lift"/>', "12:3", "follows 'lift'"),
+    "mimic": ('<child link="lower"/>', '<child link="lower"/><mimic joint="fore-arm"/>', "12:3", "not a moving joint"),
     "axis": ('"0 0 -1"', '"0 0 0"', "13:59", "xyz of <axis> has no direction"),
     "twice": ('<link name="tool">', '<link name="lower">', "7:3", "there are two links 'lower'"),
     "circle": ('<parent link="base"/>', '<parent link="tool"/>', "9:3", "the links around 'upper' carry each other"),

@@ -172,13 +172,25 @@ def _check_path(base: str, tip: str, moving: list[tuple[TreeJoint, bool]], fault
         if joint.kind not in MOVING:
             hint = f"revolute and prismatic joints make a serial chain; hold it with --hold {joint.name}=0"
             faults.error(joint.place, f"joint '{joint.name}' on the chain is {joint.kind}", hint)
-        elif joint.mimic is not None:
-            hint = f"a robot file couples drives, not joints: hold it with --hold {joint.name}=0, or end before it"
-            faults.error(joint.place, f"joint '{joint.name}' on the chain follows '{joint.mimic.of}'", hint)
+        elif joint.mimic is not None and not _leads_to_drive(joint, {each.name: each for each, _ in moving}):
+            hint = f"hold it with --hold {joint.name}=0, or choose other ends with --base and --tip"
+            message = f"joint '{joint.name}' on the chain follows '{joint.mimic.of}', which is not a moving joint of it"
+            faults.error(joint.place, message, hint)
     if not moving:
         faults.error(None, f"no joint moves between '{base}' and '{tip}'", "choose other ends with --base and --tip")
     if len(moving) > MAX_JOINTS:
         faults.error(None, f"{len(moving)} joints between '{base}' and '{tip}'", f"at most {MAX_JOINTS}")
+
+
+def _leads_to_drive(joint: TreeJoint, on_chain: Mapping[str, TreeJoint]) -> bool:
+    """Whether the joints that ``joint`` follows, one after the other, are on the chain and end at a drive."""
+    seen = {joint.name}
+    while joint.mimic is not None:
+        if joint.mimic.of in seen or joint.mimic.of not in on_chain:
+            return False
+        seen.add(joint.mimic.of)
+        joint = on_chain[joint.mimic.of]
+    return True
 
 
 def _in_space(

@@ -6,6 +6,7 @@ from typing import Any
 
 import sympy as sp
 
+from rrrgen.robotfile.importers.followers import followed_rows, with_followers
 from rrrgen.robotfile.importers.interface import ChainChoice, Found, ImportedChain, Source
 from rrrgen.robotfile.importers.trees.denavit_hartenberg import DenavitHartenberg, denavit_hartenberg
 from rrrgen.robotfile.importers.trees.exact_numbers import (
@@ -41,7 +42,13 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
     _tell_about_held(chain, faults)
     names = _joint_names(chain, faults)
     links = _links(chain, table, faults)
-    joints = tuple(_joint(k, name, chain, table, choice) for k, name in enumerate(names))
+    follows = followed_rows(chain)
+    rows = [_joint(k, name, chain, table, choice) for k, name in enumerate(names)]
+    joints, mechanism = with_followers(rows, follows, faults, chain)
+    if mechanism is not None and tree.shafts:
+        faults.warning(
+            tree.shafts[0].place, "tendons are left out", "beside joints that follow others they are not read"
+        )
     g = [decimal(x) for x in chain.gravity]
     spec = RobotSpec(
         name=identifier(tree.name) or source.name,
@@ -51,12 +58,15 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
         joints=joints,
         links=links,
         base=fixed_transform(table.base),
-        drives=drives_of(tree, chain, names, faults),
+        drives=drives_of(tree, chain, names, faults) if mechanism is None else None,
+        mechanism=mechanism,
         tool=fixed_transform(table.tool),
         description=f"{chain.base} to {chain.tip}",
     )
     held = {joint: float(value) for joint, value in chain.held.items()}
-    return Found(spec, ImportedChain(chain.base, chain.tip, tuple(each.joint.name for each in chain.joints), held))
+    offsets = tuple(0.0 if each is None else float(each.offset) for each in follows)
+    moving = tuple(each.joint.name for each in chain.joints)
+    return Found(spec, ImportedChain(chain.base, chain.tip, moving, held, offsets))
 
 
 def _tell_about_angles(rounded: list[Any], choice: ChainChoice, faults: FaultList) -> None:

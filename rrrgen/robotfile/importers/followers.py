@@ -1,0 +1,96 @@
+"""Mimic joints of an imported chain as rows that follow joints of the robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import sympy as sp
+
+from rrrgen.robotfile.importers.trees.exact_numbers import decimal
+from rrrgen.robotfile.importers.trees.serial_chain import SerialChain
+from rrrgen.robotfile.robot_spec import (
+    DriveSpec,
+    FrictionSpec,
+    JointSpec,
+    Limits,
+    MechanismSpec,
+)
+from rrrgen.robotfile.sections.mechanism import mechanism_of_rows
+from rrrgen.yamltext.document import FaultList
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Row ``of`` of the chain, and the displacement ``factor y_of + offset`` of the row that follows it."""
+
+    of: int
+    factor: sp.Rational
+    offset: sp.Rational
+
+
+def followed_rows(chain: SerialChain) -> list[Followed | None]:
+    """For every joint of the chain, the one with a drive that it follows in the end; None for a drive of its own."""
+    places = {each.joint.name: k for k, each in enumerate(chain.joints)}
+    found: list[Followed | None] = []
+    for each in chain.joints:
+        joint, factor, offset = each.joint, sp.S.One, sp.S.Zero
+        while joint.mimic is not None:
+            offset += factor * decimal(joint.mimic.offset)
+            factor *= decimal(joint.mimic.multiplier)
+            joint = chain.joints[places[joint.mimic.of]].joint
+        found.append(None if joint is each.joint else Followed(places[joint.name], factor, offset))
+    return found
+
+
+def with_followers(
+    joints: Sequence[JointSpec], follows: Sequence[Followed | None], faults: FaultList, chain: SerialChain
+) -> tuple[tuple[JointSpec, ...], MechanismSpec | None]:
+    """The joints with a drive, with what their followers state seen at them, and the mechanism if there is one."""
+    if not any(follows):
+        return tuple(joints), None
+    rows = list(joints)
+    matrix = []
+    driven = [k for k, each in enumerate(follows) if each is None]
+    for k, each in enumerate(follows):
+        matrix.append([sp.S.One if (k if each is None else each.of) == i else sp.S.Zero for i in driven])
+        if each is None:
+            continue
+        row = rows[k]
+        offset = {"theta" if row.is_revolute else "d": (row.theta if row.is_revolute else row.d) + each.offset}
+        rows[each.of] = _carrying(rows[each.of], row, float(each.factor))
+        # limits count from the zero of the row's own variable, which now is the offset
+        bounds = (None if v is None else v - float(each.offset) for v in (row.limits.lower, row.limits.upper))
+        rows[k] = replace(row, limits=Limits(*bounds), friction=None, drive=None, **offset)
+        matrix[-1] = [value * each.factor for value in matrix[-1]]
+        place = chain.joints[k].joint.place
+        message = f"joint '{row.name}' follows '{rows[each.of].name}' and is no joint of q"
+        hint = "its friction, inertia and limits of position and speed count at the joint that it follows"
+        told = "" if row.limits.torque is None else "; its torque limit is left out"
+        faults.warning(place, message, hint + told)
+    parents = tuple(range(-1, len(rows) - 1))
+    return mechanism_of_rows(rows, parents, len(rows) - 1, [tuple(row) for row in matrix], driven)
+
+
+def _carrying(joint: JointSpec, row: JointSpec, factor: float) -> JointSpec:
+    """``joint`` with speed and torque limits, friction and inertia of a row that moves ``factor`` times as far."""
+    size = abs(factor)
+    if not size:
+        return joint
+    ends = {name: getattr(joint.limits, name) for name in ("velocity", "acceleration")}
+    for name, own in ends.items():
+        other = getattr(row.limits, name)
+        ends[name] = own if other is None else other / size if own is None else min(own, other / size)
+    friction, drive = joint.friction, joint.drive
+    if row.friction is not None:
+        old = friction or FrictionSpec()
+        viscous = _total(old.viscous, row.friction.viscous, factor * factor)
+        friction = replace(old, viscous=viscous, coulomb=_total(old.coulomb, row.friction.coulomb, size))
+    if row.drive is not None and row.drive.inertia is not None:
+        old_drive = drive or DriveSpec()
+        drive = replace(old_drive, inertia=_total(old_drive.inertia, row.drive.inertia, factor * factor))
+    return replace(joint, limits=replace(joint.limits, **ends), friction=friction, drive=drive)
+
+
+def _total(own: float | None, other: float | None, weight: float) -> float | None:
+    return own if other is None else (own or 0.0) + weight * other
