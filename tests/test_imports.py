@@ -39,6 +39,7 @@ ROOMS = (
     "signals",
     "recordings",
     "runs",
+    "contact",
     "calibrate",
     "excitation",
     "response",

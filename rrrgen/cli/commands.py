@@ -31,6 +31,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "friction": ("rrrgen.cli.experiments.friction:friction", "Estimate the friction of one joint by experiment."),
     "frf": ("rrrgen.cli.identification.frf:frf", "Estimate a frequency response with its uncertainty."),
+    "contact-thresholds": (
+        "rrrgen.cli.experiments.contact_thresholds:contact_thresholds",
+        "Find thresholds of contact detection.",
+    ),
     "linearise": (
         "rrrgen.cli.experiments.linearise:linearise",
         "Turn recordings of torques into recordings for frf.",

@@ -68,6 +68,7 @@ USES = {
     "friction": (["pendulum", "--log", "log.csv", "--joint", "q1", "-o", "x"], ("scipy", "matplotlib")),
     "payload": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy", "cvxpy", "clarabel")),
     "drive-gains": (["pendulum", "--log", "log.csv", "--loaded", "l.csv", "--mass", "1", "-o", "x"], ("scipy",)),
+    "contact-thresholds": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy",)),
     "linearise": (["pendulum", "--log", "log.csv", "--response", "motion.json", "-o", "x"], ("scipy",)),
     "calibrate": (["planar2r", "--poses", "motion.json", "--figure", "x", "-o", "x"], ("matplotlib",)),
     "frf": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),

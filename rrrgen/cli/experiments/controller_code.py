@@ -96,8 +96,16 @@ def _motion(path: Path, joints: int) -> Program:
 def _kalman(path: Path, rate: float, joints: int) -> Program:
     """The Kalman filter step at ``rate`` (Hz), with the variances stored by ``rrrgen reconstruct`` in ``path``."""
     from rrrgen.control.kalman import kalman_program
-    from rrrgen.errors import InputError
     from rrrgen.signals.kalman import kalman_matrices
+
+    matrices = [kalman_matrices(1.0 / rate, eta, xi) for eta, xi in read_tuning(path, joints)]
+    step = kalman_program([m.E.tolist() for m in matrices], [m.k.tolist() for m in matrices], 1.0 / rate)
+    return step.described(name="step")
+
+
+def read_tuning(path: Path, joints: int) -> list[tuple[float, float]]:
+    """Variances of position noise and jerk of every joint, as `rrrgen reconstruct` stores them in ``path``."""
+    from rrrgen.errors import InputError
 
     try:
         tuning = json.loads(path.read_text(encoding="utf-8"))
@@ -108,9 +116,7 @@ def _kalman(path: Path, rate: float, joints: int) -> Program:
         raise InputError(f"{path} is no tuning of a Kalman filter: variances are positive numbers")
     if len(pairs) != joints:
         raise InputError(f"{path} tunes {len(pairs)} joints, the robot has {joints}")
-    matrices = [kalman_matrices(1.0 / rate, eta, xi) for eta, xi in pairs]
-    step = kalman_program([m.E.tolist() for m in matrices], [m.k.tolist() for m in matrices], 1.0 / rate)
-    return step.described(name="step")
+    return pairs
 
 
 def _friction(law: str, spec: RobotSpec) -> list[Program]:

@@ -1,0 +1,111 @@
+"""``rrrgen contact-thresholds``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.identification.workflow import (
+    input_files,
+    log_option,
+    output_option,
+    print_repairs,
+    truncated_option,
+)
+from rrrgen.extras import require
+
+if TYPE_CHECKING:
+    from rrrgen.contact.thresholds import ContactThresholds, Detection
+
+POSITIVE = click.FloatRange(min=0.0, min_open=True)
+
+
+@click.command()
+@robot_argument
+@log_option
+@truncated_option
+@output_option
+@click.option(
+    "--tuning",
+    type=click.Path(path_type=Path, exists=True),
+    help="tuning.json of `rrrgen reconstruct`, for the Kalman filter of the speeds; default: tuned by the recordings.",
+)
+@click.option("--gain", type=POSITIVE, default=50.0, show_default=True, help="Pole of the momentum observer, 1/s.")
+@click.option("--width", type=POSITIVE, default=0.05, show_default=True, help="Width of smooth friction, rad/s or m/s.")
+@click.option(
+    "--seconds-per-alarm",
+    type=POSITIVE,
+    default=3600.0,
+    show_default=True,
+    help="Mean time between false alarms of all joints together, s.",
+)
+@click.option("--block", type=POSITIVE, default=1.0, show_default=True, help="Length of a block of residuals, s.")
+@click.option("--force", type=POSITIVE, default=10.0, show_default=True, help="Force at the tip to report on, N.")
+@click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
+@json_option
+def contact_thresholds(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **options: Any) -> int:
+    """Find thresholds of contact detection from recordings without contact.
+
+    Runs the momentum observer along the recordings as the controller does, and fits an extreme-value distribution to
+    the largest residuals of blocks of a second. Reports the rate of false alarms and the delay with which a force at
+    the tip is expected to be detected. Writes contact.json, and <name>_contact.h with the thresholds for the C
+    function contact, to DIR. Record motions like those of later, with torques as they are applied.
+
+    \b
+    Example:
+      rrrgen contact-thresholds runs/identified/results/robot.yaml --log work.yaml -o runs/contact
+    """
+    require("rrrgen contact-thresholds", "scipy")
+    from rrrgen import pipeline
+    from rrrgen.contact.recordings import thresholds_of_recordings
+    from rrrgen.contact.thresholds import threshold_header
+    from rrrgen.recordings.log_stream import LogStream
+    from rrrgen.recordings.logs import check_robot, load_stream, open_log
+    from rrrgen.runs.run_folder import RunFolder, plain
+
+    spec = read_with_warnings(robot)
+    mappings = [open_log(path, skip_truncated=options["skip_truncated_line"]) for path in logs]
+    for mapping in mappings:
+        check_robot(mapping, spec)
+    names = ("gain", "width", "seconds_per_alarm", "block", "force")
+    settings = {name: options[name] for name in (*names, "skip_truncated_line")}
+    inputs = input_files(robot, logs, mappings) | ({"tuning": options["tuning"]} if options["tuning"] else {})
+    with RunFolder(output, "contact-thresholds", inputs, settings, 0, options["fresh"]) as folder:
+        recordings = [load_stream(LogStream(mapping)) for mapping in mappings]
+        print_repairs((recording.repairs for recording in recordings), as_json)
+        tuning = _tuning(options["tuning"], spec.n)
+        found, detection, period = thresholds_of_recordings(
+            pipeline.compile(spec), recordings, tuning, **{name: options[name] for name in names}
+        )
+        record = plain(
+            found.to_json() | {"gain": options["gain"], "period": period, "detection": plain(detection.__dict__)}
+        )
+        folder.write_json("contact.json", record)
+        folder.write_text(f"{spec.name}_contact.h", threshold_header(spec.name, found.levels, options["gain"], period))
+    if as_json:
+        print_json(record)
+    else:
+        _print(found, detection, [joint.name for joint in spec.joints], output)
+    return 0
+
+
+def _tuning(path: Path | None, joints: int) -> Any:
+    """The variances (eta, xi) of the joints in a tuning.json; None without a file."""
+    from rrrgen.cli.experiments.controller_code import read_tuning
+
+    return None if path is None else read_tuning(path, joints)
+
+
+def _print(found: ContactThresholds, detection: Detection, joints: list[str], output: Path) -> None:
+    from rrrgen.contact.extremes import EULER
+
+    click.echo("thresholds, N m or N:")
+    for name, level, each in zip(joints, found.levels, found.distributions, strict=True):
+        mean = each.mu + EULER * each.beta
+        click.echo(f"  {name:8} {level:10.4g}   largest of a block: {mean:.4g} on average")
+    click.echo(f"from {found.blocks} blocks of {found.block:g} s, for one false alarm in {found.seconds_per_alarm:g} s")
+    click.echo(detection.sentence())
+    click.echo(f"results in {output}")

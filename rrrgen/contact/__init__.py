@@ -1,0 +1,1 @@
+"""Contact detection: thresholds for the momentum observer from recordings without contact."""

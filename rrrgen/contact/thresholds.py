@@ -1,0 +1,119 @@
+"""Thresholds of contact detection with the rate of false alarms and the delay of detection that they mean."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from rrrgen.arrays import Array
+from rrrgen.contact.extremes import Gumbel, block_maxima, fit_gumbel
+from rrrgen.errors import InputError
+
+FEWEST_BLOCKS = 30
+"""With fewer maxima the scale of their distribution is known to less than a fifth."""
+
+
+@dataclass(frozen=True)
+class ContactThresholds:
+    """``levels`` (n,), N m or N, and what they come from.
+
+    ``distributions`` are those of the block maxima of each joint, ``block`` the length of a block in s, ``blocks`` how
+    many there were, ``seconds_per_alarm`` the mean time between false alarms of all joints together.
+    """
+
+    levels: tuple[float, ...]
+    distributions: tuple[Gumbel, ...]
+    block: float
+    blocks: int
+    seconds_per_alarm: float
+
+    def to_json(self) -> dict[str, Any]:
+        """The numbers as written to contact.json."""
+        return asdict(self)
+
+
+def contact_thresholds(
+    residuals: Sequence[Array], period: float, seconds_per_alarm: float = 3600.0, block: float = 1.0
+) -> ContactThresholds:
+    """Thresholds from residuals of motion without contact, for one false alarm in ``seconds_per_alarm`` on average.
+
+    ``residuals`` are uninterrupted stretches (N_i, n) of the momentum observer, sampled with ``period`` (s). A Gumbel
+    distribution is fitted to the largest magnitude of every joint in blocks of ``block`` s; every joint has an equal
+    share of the alarms. Raises InputError for less than :data:`FEWEST_BLOCKS` blocks.
+    """
+    samples = round(block / period)
+    if samples < 1 or not seconds_per_alarm > block:
+        raise InputError(f"a block of {block:g} s is no longer than a sample, or the time between alarms is no longer")
+    maxima = np.concatenate([block_maxima(np.asarray(each, float), samples) for each in residuals])
+    if len(maxima) < FEWEST_BLOCKS:
+        raise InputError(
+            f"{len(maxima)} blocks of {block:g} s without contact are too few: record at least "
+            f"{FEWEST_BLOCKS * block:g} s of the motion that the controller will do"
+        )
+    fitted = [fit_gumbel(column) for column in maxima.T]
+    probability = -math.expm1(-block / seconds_per_alarm / len(fitted))
+    levels = tuple(each.level(probability) for each in fitted)
+    return ContactThresholds(levels, tuple(fitted), block, len(maxima), seconds_per_alarm)
+
+
+@dataclass(frozen=True)
+class Detection:
+    """Delays of detecting a ``force`` (N) in s, ``median`` and ``ninth`` decile, and the share that is ``missed``."""
+
+    force: float
+    median: float
+    ninth: float
+    missed: float
+
+    def sentence(self) -> str:
+        """One sentence for the user."""
+        if not math.isfinite(self.median):
+            return f"{self.force:g} N at the tip: most contacts are missed ({100 * self.missed:.0f} %)"
+        ninth = f"{1e3 * self.ninth:.1f} ms" if math.isfinite(self.ninth) else "never"
+        return (
+            f"{self.force:g} N at the tip: detected after {1e3 * self.median:.1f} ms (median), {ninth} (90 %); "
+            f"{100 * self.missed:.1f} % missed"
+        )
+
+
+def expected_detection(
+    levels: Sequence[float], jacobians: Array, responses: Array, period: float, force: float, seed: int = 0
+) -> Detection:
+    """The delay with which a force at the tip, in random directions, is expected to be detected.
+
+    ``jacobians`` (N, 6, n) are those of the poses that count, ``responses`` (K, n) the residuals after a unit step of
+    the external torque. Noise, which hastens one detection and delays another, is left out.
+    """
+    rng = np.random.default_rng(seed)
+    direction = rng.normal(size=(len(jacobians), 3))
+    direction *= force / np.linalg.norm(direction, axis=1, keepdims=True)
+    steps = np.abs(np.einsum("kij,ki->kj", jacobians[:, :3], direction)) / np.asarray(levels)
+    reached = np.maximum.accumulate(responses, axis=0)
+    delays = np.full(len(steps), np.inf)
+    for joint in range(responses.shape[1]):
+        with np.errstate(divide="ignore"):
+            first = np.searchsorted(reached[:, joint], 1.0 / steps[:, joint], side="right")
+        delays = np.minimum(delays, np.where(first < len(reached), (first + 1) * period, np.inf))
+    missed = float(np.mean(np.isinf(delays)))
+    median, ninth = (float(v) for v in np.quantile(delays, (0.5, 0.9), method="higher"))
+    return Detection(force, median, ninth, missed)
+
+
+def threshold_header(name: str, levels: Sequence[float], gain: float, period: float) -> str:
+    """``<name>_contact.h``: the thresholds as macros for the emitted function ``contact``, with gain and period."""
+    macro = name.upper()
+    listed = ", ".join(f"{level:.9g}" for level in levels)
+    return (
+        f"/* {name}_contact.h: thresholds of contact detection, by rrrgen contact-thresholds.\n *\n"
+        f" *     static const {name}_real threshold[{macro}_N] = {macro}_CONTACT_THRESHOLDS;\n"
+        f" *     {name}_contact(r, threshold, ratio, &touches);\n *\n"
+        " * They hold for the observer pole, the period and the speed filter that they were found with.\n */\n"
+        f"#ifndef {macro}_CONTACT_H\n#define {macro}_CONTACT_H\n\n"
+        f"#define {macro}_CONTACT_THRESHOLDS {{ {listed} }} /* N m | N */\n"
+        f"#define {macro}_CONTACT_GAIN {gain:.9g} /* pole of the momentum observer, 1/s */\n"
+        f"#define {macro}_CONTACT_PERIOD {period:.9g} /* s */\n\n#endif\n"
+    )
