@@ -112,7 +112,7 @@ class _Rust:
         return port.name + "".join(f"[{index}]" for index in indices)
 
     def unused(self, port: Port) -> str:
-        """A pattern that takes anything."""
+        """The statement that names a parameter which the function does not read, so that rustc does not warn."""
         return f"let _ = {port.name};"
 
     def outcome(self, status: Status, value: Text) -> list[str]:

@@ -44,7 +44,7 @@ PLATFORMS = {
 
 
 def this_machine() -> Platform:
-    """The system that rrrgen runs on, built for by its own C compiler."""
+    """The system that rrrgen runs on, for which the installed C compiler builds."""
     tag = re.sub(r"[-.]", "_", sysconfig.get_platform())
     system, suffix = {"win32": ("windows", ".dll"), "darwin": ("macos", ".dylib")}.get(sys.platform, ("linux", ".so"))
     machine = "x86_64" if tag.endswith(("x86_64", "amd64")) else ""

@@ -1,4 +1,4 @@
-"""Base parameters and payloads of the model, compared as torques, to which they are linear."""
+"""Checks of base parameters and payloads by the torques that they cause, which are linear in them."""
 
 from __future__ import annotations
 

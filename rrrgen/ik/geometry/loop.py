@@ -81,7 +81,10 @@ def backwards(joint: Joint) -> Joint:
 
 @dataclass(frozen=True)
 class Loop:
-    """``links[i]`` follows ``joints[i]``; the last link leads back to the first joint."""
+    """A closed chain of joints and links, the target in its last link: the product of all transforms is 1.
+
+    ``links[i]`` follows ``joints[i]``; the last link leads back to the first joint.
+    """
 
     joints: tuple[Joint, ...]
     links: tuple[AnyLink, ...]

@@ -86,7 +86,7 @@ class CsvTable:
         return islice(_bounded(stream), self.source.skip, None)
 
     def _block(self, rows: Iterator[tuple[int, str]], size: int) -> list[tuple[int, str]]:
-        """The next ``size`` rows with their numbers."""
+        """The next ``size`` lines, each with its number in the file; InputError where the encoding is wrong."""
         try:
             return list(islice(rows, size))
         except UnicodeError:

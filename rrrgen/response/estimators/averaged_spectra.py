@@ -80,7 +80,7 @@ def averaged_spectra(record: ResponseRecording, samples: int | None) -> Averaged
 
 
 def _averages(rows: Array, length: int) -> tuple[Complex, int]:
-    """Spectra (length/2 + 1, 3, 3) averaged over windows, each without its straight line, and their number."""
+    """Spectra (length/2 + 1, 3, 3), averaged over windows without their linear trends, and the number of windows."""
     window = np.hanning(length + 1)[:-1, None]
     t = np.arange(length) - 0.5 * (length - 1)
     Phi = np.zeros((length // 2 + 1, rows.shape[1], rows.shape[1]), complex)

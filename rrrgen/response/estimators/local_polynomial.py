@@ -116,7 +116,10 @@ def remove_smooth(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex, in
 
 
 def _around_harmonics(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex, Array, Array]:
-    """Lines (L, lines, c) beside the harmonics, none of them among them; polynomials there, and their inverse."""
+    """The spectral lines (L, lines, c) around each harmonic of number ``k``, without the harmonics themselves.
+
+    Also the polynomials of the offset from the harmonic at these lines (lines, order + 1), and their pseudo-inverse.
+    """
     width = max(M - 1, LEAST_WINDOW)
     r = np.array([r for r in range(-width, width + 1) if r % M])
     basis = (r[:, None] / width) ** np.arange(ORDER + 1)

@@ -169,7 +169,7 @@ def _pole_pairs(modes: Array, period: float) -> list[tuple[float, float]]:
 
 
 def _solve(lines: _Lines, modes: Array, delay: int, integrators: int) -> _Candidate:
-    """The best numerators of given modes."""
+    """Fit the numerators of given modes by weighted linear least squares."""
     real = _stacked(_basis(lines, modes, delay, integrators) * lines.weight[:, None])
     right = _stacked((lines.P * lines.weight)[:, None])[:, 0]
     if real.shape[1] == 0:

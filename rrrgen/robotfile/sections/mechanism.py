@@ -160,7 +160,7 @@ def _check_rank(node: Node, matrix: list[tuple[sp.Expr, ...]], driven: list[str]
 
 
 def _narrowed(joint: JointSpec, rows: Row[JointSpec], matrix: list[tuple[sp.Expr, ...]], k: int) -> JointSpec:
-    """``joint``, the k-th of q, within the ranges of the joints that follow it alone."""
+    """``joint``, the k-th of q, with its range cut to what the coupled joints that depend on it alone allow."""
     lower, upper = joint.limits.lower, joint.limits.upper
     for row, factors in zip(rows, matrix, strict=True):
         if row.name == joint.name or any(f != 0 for i, f in enumerate(factors) if i != k) or factors[k] == 0:

@@ -17,6 +17,9 @@ from rrrgen.runtime.results import (
     TimedMotion,
 )
 
+TRACKING = ("q", "dq", "q_d", "dq_d", "ddq_d", "kp", "kd", "ki", "z")
+"""What the laws that track a desired motion take, by the names of their inputs: measured, desired, gains, integral."""
+
 
 class ControlLaws(DynamicFunctions):
     """One tick of a controller, as the emitted C computes it: states go in and come out, nothing is kept.
@@ -68,9 +71,9 @@ class ControlLaws(DynamicFunctions):
         Returns:
             The named tuple (tau, z_next), (..., n) each: the torques to apply, and the state for the next tick.
         """
-        values = {"q": q, "dq": dq, "q_d": q_d, "dq_d": dq_d, "ddq_d": ddq_d, "kp": kp, "kd": kd, "ki": ki, "z": z}
-        values |= self._limits_and_friction(friction, width, tau_max) | {"Ts": Ts}
-        return ControlStep(*self._named("pd_gravity", values, beta, Ia, gravity))
+        given = self._limits_and_friction(friction, width, tau_max) | {"Ts": Ts}
+        values = dict(zip(TRACKING, (q, dq, q_d, dq_d, ddq_d, kp, kd, ki, z), strict=True))
+        return ControlStep(*self._named("pd_gravity", values | given, beta, Ia, gravity))
 
     def feedforward(
         self,
@@ -115,9 +118,9 @@ class ControlLaws(DynamicFunctions):
         Returns:
             The named tuple (tau, z_next), (..., n) each: the torques to apply, and the state for the next tick.
         """
-        values = {"q": q, "dq": dq, "q_d": q_d, "dq_d": dq_d, "ddq_d": ddq_d, "kp": kp, "kd": kd, "ki": ki, "z": z}
-        values |= self._limits_and_friction(friction, width, tau_max) | {"Ts": Ts}
-        return ControlStep(*self._named("feedforward", values, beta, Ia, gravity))
+        given = self._limits_and_friction(friction, width, tau_max) | {"Ts": Ts}
+        values = dict(zip(TRACKING, (q, dq, q_d, dq_d, ddq_d, kp, kd, ki, z), strict=True))
+        return ControlStep(*self._named("feedforward", values | given, beta, Ia, gravity))
 
     def computed_torque(
         self,
@@ -162,9 +165,9 @@ class ControlLaws(DynamicFunctions):
         Returns:
             The named tuple (tau, z_next), (..., n) each: the torques to apply, and the state for the next tick.
         """
-        values = {"q": q, "dq": dq, "q_d": q_d, "dq_d": dq_d, "ddq_d": ddq_d, "kp": kp, "kd": kd, "ki": ki, "z": z}
-        values |= self._limits_and_friction(friction, width, tau_max) | {"Ts": Ts}
-        return ControlStep(*self._named("computed_torque", values, beta, Ia, gravity))
+        given = self._limits_and_friction(friction, width, tau_max) | {"Ts": Ts}
+        values = dict(zip(TRACKING, (q, dq, q_d, dq_d, ddq_d, kp, kd, ki, z), strict=True))
+        return ControlStep(*self._named("computed_torque", values | given, beta, Ia, gravity))
 
     def slotine_li(
         self,
@@ -374,6 +377,7 @@ class ControlLaws(DynamicFunctions):
     def _limits_and_friction(
         self, friction: ArrayLike | None, width: ArrayLike, tau_max: ArrayLike | None
     ) -> dict[str, Any]:
+        """The inputs of friction and of the limits of the torques."""
         return self._friction(friction, width) | {"tau_max": self._largest_torques(tau_max)}
 
     def _largest_torques(self, tau_max: ArrayLike | None) -> ArrayLike:
