@@ -206,7 +206,7 @@ class _Checks:
         self._add("rows that come twice", OWN_CHAIN, samples, twice, 0.0)
 
     def at_singular(self, samples: int) -> None:
-        """Check that singular targets have solutions, and that these reach them: joints at multiples of an eighth turn."""
+        """Check that singular targets, at multiples of an eighth turn, have solutions and that these reach them."""
         eighths = np.pi / 4 * self.rng.integers(-4, 5, (samples, self.arm.n))
         q = np.where(self.arm.revolute, eighths, 0.1 * eighths)
         q[0] = 0.0
