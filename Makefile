@@ -12,6 +12,9 @@ PYTHON_TESTS := tests/verify tests/robotfile tests/yamltext tests/program tests/
 	tests/runtime/test_derived_cache.py tests/cli/test_cli.py tests/backends/test_c_printer.py \
 	tests/backends/test_c_sources.py tests/backends/test_casadi_function.py tests/test_imports.py
 
+# tests start many processes, which would compile every module anew where the environment forbids to keep byte code
+unit python: export PYTHONDONTWRITEBYTECODE :=
+
 .DEFAULT_GOAL := rrr
 .PHONY: rrr core setup test lint types unit python generated update bench docs machines clean help
 

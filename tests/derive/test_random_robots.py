@@ -17,6 +17,7 @@ from rrrgen.derive.functions.table import FUNCTIONS
 from rrrgen.derive.parameters.base_parameters import base_set
 from rrrgen.derive.recursions.chain import rational
 from rrrgen.model import build_model
+from rrrgen.pipeline import without_collection
 from rrrgen.program import Program, evaluate
 from rrrgen.robotfile import loads_spec
 
@@ -28,6 +29,7 @@ NAMES_OF_FRAMES = ("link_frames", "link_jacobians")
 SIZES = {1: 12, 2: 28, 3: 32, 4: 30, 5: 22, 6: 14, 7: 12}
 
 
+@without_collection()
 def derived(robot) -> tuple[np.ndarray, dict[str, tuple[Program, ...]]]:
     """The projection K of ``beta = K phi``, and all functions in all ways, without the words about regrouping."""
     model = build_model(loads_spec(to_yaml(robot)))

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from random import Random
 from typing import Any
 
@@ -126,7 +126,8 @@ def build_chain(
     """
 
     def placement(R: sp.MatrixBase, p: sp.MatrixBase) -> Placement:
-        return Placement([[constant(R[r, c]) for c in range(3)] for r in range(3)], [constant(v) for v in p])
+        entries = [constant(v) for v in R.flat()]
+        return Placement([entries[0:3], entries[3:6], entries[6:9]], [constant(v) for v in p])
 
     coupling = None
     if model.coupling is not None:
@@ -171,6 +172,7 @@ _IN_NAMES = str.maketrans({"-": "m", "/": "d", ".": "p"})  # a factor as a part 
 # -- program scalars -------------------------------------------------------------------------------------------------
 
 
+@lru_cache(maxsize=4096)
 def rational(expression: sp.Expr, digits: int = 40) -> Number:
     """An exact constant as an int or Fraction; irrational ones rounded to ``digits`` decimal digits.
 
