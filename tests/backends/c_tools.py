@@ -16,7 +16,7 @@ IDENTITY = Identity("0123456789abcdef" * 4, "0.0.0")
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wundef", "-Werror"]
 C99 = ["-std=c99", "-Wstrict-prototypes", "-Wmissing-prototypes", *WARNINGS]
 CXX = ["-x", "c++", "-std=c++17", *WARNINGS]
-SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-O1"]
+SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-O0"]
 
 
 def compiler(name: str) -> str:
