@@ -13,6 +13,7 @@ HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 EMIT = {
     "control": "control laws (PD with gravity, feed-forward, computed torque, adaptive, operational space) and terms",
     "cpp": "<name>.hpp, the functions for C++17 with std::array and matrices, Eigen maps on request",
+    "elastic": "dynamics and control laws with elastic joints",
     "gravity": "<name>_any_gravity.h and .c, the model with gravity as an input",
     "observer": "the momentum observer of external torques, contact and its wrench",
     "points": "velocities, Jacobians and wrenches at any link or point, tools, null space, manipulability",

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rrrgen.backends.c.trigonometry import Trig
     from rrrgen.derive.derived_model import DerivedModel
 
-GROUPS = ("control", "observer", "points", "timing", "trajectory")
+GROUPS = ("control", "elastic", "observer", "points", "timing", "trajectory")
 """Those of :data:`rrrgen.robotfile.keys.EMIT` that are groups of functions."""
 
 

@@ -15,7 +15,7 @@ from rrrgen.derive.functions import (
     point_functions,
     regressor_functions,
 )
-from rrrgen.derive.functions.control import contact, laws, motions, observers, operational, paths, terms
+from rrrgen.derive.functions.control import contact, elastic, laws, motions, observers, operational, paths, terms
 from rrrgen.derive.functions.recording import Recorder
 
 FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
@@ -33,6 +33,7 @@ GROUPS: dict[str, dict[str, tuple[Recorder, ...]]] = {
     "points": point_functions.FUNCTIONS,
     "control": {**terms.FUNCTIONS, **laws.FUNCTIONS, **operational.FUNCTIONS},
     "observer": {**observers.FUNCTIONS, **contact.FUNCTIONS},
+    "elastic": elastic.FUNCTIONS,
     "timing": paths.FUNCTIONS,
     "trajectory": motions.FUNCTIONS,
 }

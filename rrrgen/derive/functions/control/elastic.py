@@ -1,0 +1,259 @@
+"""Recorders for elastic joints (Spong 1987): links and rotors with a spring and a damper between them in every joint.
+
+With the positions q of the links and theta of the rotors, both seen at the joints,
+
+    M(q) q'' + c(q, q') + g(q) = K (theta - q) + D (theta' - q')
+    J theta'' + K (theta - q) + D (theta' - q') = tau
+
+where M is that of the links alone. Without damping the motion of the links determines everything: theta = q + tau_l/K
+with the torques tau_l of the links, and ``tau = J theta'' + tau_l`` contains their second derivative, and with it the
+fourth derivative of q. These derivatives come from the program of tau_l, differentiated along time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rrrgen.derive.algebra.positive_definite import Factors, factorize, status_at
+from rrrgen.derive.algebra.vectors import Vector, add, subtract
+from rrrgen.derive.functions.control.tip import limited
+from rrrgen.derive.functions.dynamic_functions import Frames, block_frames_first, link_frames_only, torque_port
+from rrrgen.derive.functions.friction_functions import RunTimeFriction
+from rrrgen.derive.functions.recording import Recorder, Recording
+from rrrgen.derive.recursions import composite, newton_euler
+from rrrgen.program import Builder, Port, Program, Role, Value
+from rrrgen.program.differentiate import Tangent, is_zero, record, tangents
+
+MOTION = ("q", "dq", "ddq", "d3q", "d4q")
+DESIRED = ("q_d", "dq_d", "ddq_d", "d3q_d", "d4q_d")
+NO_DAMPING = "Damping of the joints is left out: with it the motion of the rotors follows from a differential equation."
+
+
+def _times(x: Sequence[Any], y: Sequence[Any]) -> Vector:
+    return [u * v for u, v in zip(x, y, strict=True)]
+
+
+def _over(x: Sequence[Any], y: Sequence[Any]) -> Vector:
+    return [u / v for u, v in zip(x, y, strict=True)]
+
+
+def _state(r: Recording, name: str, suffix: str, meaning: str) -> Vector:
+    """The input ``name`` (n,), a position or its derivative by time."""
+    return list(r.extra(name, (r.n,), _unit(r, suffix), meaning))
+
+
+def _unit(r: Recording, suffix: str) -> str:
+    return " | ".join(part + suffix for part in r.position_unit.split(" | "))
+
+
+def _rotors(r: Recording) -> tuple[Vector, Vector]:
+    """Rotor inertias J and stiffnesses K (n,), declared as inputs."""
+    J = r.extra("rotor_inertia", (r.n,), "kg m^2 | kg", "inertias of the rotors, seen at the joints")
+    return list(J), list(r.extra("stiffness", (r.n,), "N m/rad | N/m", "stiffnesses of the joints, > 0"))
+
+
+def _links(r: Recording, frames: Frames) -> Program:
+    """The torques tau_l of the links alone, in a recording of its own."""
+    alone = Recording(r.model, r.parametrization)
+    chain = alone.chain_in_gravity("dq", "ddq")
+    tau = newton_euler.inverse_dynamics(chain, alone.joints("dq"), alone.joints("ddq"), alone.inertias(), frames(chain))
+    return alone.builder.program("links", [(torque_port(alone, "tau", ""), tau)])
+
+
+def along_time(program: Program, motion: Sequence[str]) -> Program:
+    """``program`` with the time derivative of its last output behind them.
+
+    Of the ports ``motion`` each is the derivative of the one before; the last one becomes a new input.
+    """
+    builder = Builder()
+    given = [builder.input(port) for port in program.inputs]
+    values = {port.name: value for port, value in zip(program.inputs, given, strict=True)}
+    values[motion[-1]] = builder.input(Port(motion[-1], program.inputs[0].shape))
+    following = dict(zip(motion, motion[1:], strict=False))
+    seeds: list[list[Tangent]] = []
+    for port in program.inputs:
+        rates = values[following[port.name]] if port.name in following else [0] * port.size
+        seeds.append([{} if is_zero(rate) else {0: rate} for rate in rates])
+    recorded = record(program, builder, given)
+    found = tangents(program, builder, recorded, seeds)[-1]
+    outputs: list[tuple[Port, list[Value]]] = [
+        (port, [recorded[index] for index in elements])
+        for port, elements in zip(program.outputs, program.results, strict=True)
+    ]
+    outputs.append((Port(f"d{program.outputs[-1].name}", (len(found),)), [each.get(0, 0) for each in found]))
+    return builder.program(program.name, outputs)
+
+
+def _link_torques(r: Recording, frames: Frames, motion: Sequence[Vector]) -> list[Vector]:
+    """tau_l and its derivatives by time for ``motion``, q, q', q'' and as many further derivatives."""
+    program = _links(r, frames)
+    for order in range(4, len(motion) + 1):
+        program = along_time(program, MOTION[:order])
+    given = dict(zip(MOTION, motion, strict=False))
+    if Role.GRAVITY in {port.role for port in program.inputs}:
+        given["gravity"] = list(r.gravity())
+    given["beta"] = list(r.beta())
+    values = record(program, r.builder, [given[port.name] for port in program.inputs])
+    return [[values[index] for index in row] for row in program.results]
+
+
+def _rotor_motion(r: Recording, frames: Frames, motion: Sequence[Vector]) -> tuple[Vector, Vector, Vector]:
+    """Torques tau, positions theta and velocities theta' of the rotors for the ``motion`` q .. d4q of the links."""
+    torques = _link_torques(r, frames, motion)
+    J, K = _rotors(r)
+    theta, dtheta, ddtheta = (add(x, _over(t, K)) for x, t in zip(motion, torques, strict=False))
+    return add(_times(J, ddtheta), torques[0]), theta, dtheta
+
+
+def elastic_inverse_dynamics(frames: Frames) -> Recorder:
+    """A recorder of the torques of the rotors and of their motion (n,) for a motion of the links."""
+
+    def recorded(r: Recording) -> Program:
+        motion = [*(list(r.joints(name)) for name in MOTION[:3])]
+        motion.append(_state(r, "d3q", "/s^3", "third derivatives of the joint positions by time"))
+        motion.append(_state(r, "d4q", "/s^4", "fourth derivatives of the joint positions by time"))
+        if r.model.spec.gravity_input:
+            r.gravity()
+        tau, theta, dtheta = _rotor_motion(r, frames, motion)
+        return r.builder.program(
+            "elastic_inverse_dynamics",
+            [
+                (torque_port(r, "tau", "torques of the motors at the joints, friction not included"), tau),
+                (Port("theta", (r.n,), r.position_unit, "", "positions of the rotors, seen at the joints"), theta),
+                (Port("dtheta", (r.n,), _unit(r, "/s"), "", "velocities of the rotors"), dtheta),
+            ],
+            "Torques of the motors and motion of the rotors with elastic joints, for a motion of the links.",
+            "tau = J theta'' + tau_l,  theta = q + tau_l/K,  tau_l = M ddq + c + g of the links alone",
+            [NO_DAMPING],
+        )
+
+    return recorded
+
+
+def _solver(r: Recording, q: Vector, dq: Vector) -> tuple[Factors, Vector]:
+    """The factors of the mass matrix of the links, and their torques c + g."""
+    chain = r.chain_in_gravity("dq")
+    factors = factorize(r.builder, composite.mass_matrix(chain, r.inertias()))
+    (h,) = _link_torques(r, link_frames_only, [q, dq, [0] * r.n])
+    return factors, h
+
+
+def elastic_forward_dynamics(r: Recording) -> Program:
+    """Record the accelerations of links and rotors (n,) with elastic joints, and the status."""
+    q, dq = list(r.joints("q")), list(r.joints("dq"))
+    theta = _state(r, "theta", "", "positions of the rotors, seen at the joints")
+    dtheta = _state(r, "dtheta", "/s", "velocities of the rotors")
+    tau = list(r.joints("tau"))
+    factors, h = _solver(r, q, dq)
+    J, K = _rotors(r)
+    D = list(r.extra("damping", (r.n,), "N m s/rad | N s/m", "dampings of the joints"))
+    load = add(_times(K, subtract(theta, q)), _times(D, subtract(dtheta, dq)))
+    ddq = factors.solve(subtract(load, h))
+    unit = _unit(r, "/s^2")
+    meaning = "accelerations of the links; zero when the status is not ok"
+    return r.builder.program(
+        "elastic_forward_dynamics",
+        [
+            (Port("ddq", (r.n,), unit, "", meaning, Role.ACCELERATION), ddq),
+            (Port("ddtheta", (r.n,), unit, "", "accelerations of the rotors"), _over(subtract(tau, load), J)),
+            (Port("status", ()), [factors.status]),
+        ],
+        "Accelerations of links and rotors with elastic joints.",
+        "M ddq + c + g = K (theta - q) + D (dtheta - dq) = tau - J ddtheta,  M of the links alone",
+        ["tau are the torques at the rotors, less their friction."],
+        status_at(2),
+    )
+
+
+def _desired(r: Recording) -> list[Vector]:
+    """The desired motion of the links, q_d .. d4q_d."""
+    motion = [list(r.joints(name)) for name in DESIRED[:3]]
+    motion.append(_state(r, "d3q_d", "/s^3", "desired third derivatives of the positions"))
+    motion.append(_state(r, "d4q_d", "/s^4", "desired fourth derivatives of the positions"))
+    return motion
+
+
+def _law(r: Recording, name: str, tau: Vector, summary: str, formula: str, notes: Sequence[str], status: Any) -> Program:
+    """The law ``name`` with friction at the desired speed, and its torques limited."""
+    friction = RunTimeFriction.declared(r, smooth=True)
+    tau = add(tau, friction.torques(r.joints("dq_d")))
+    tau_max = r.extra("tau_max", (r.n,), r.torque_unit, "largest torques; INFINITY for none")
+    held, _ = limited(r.builder, tau, tau_max)
+    outputs: list[tuple[Port, list[Any]]] = [(torque_port(r, "tau", "torques to apply, within tau_max"), held)]
+    if status is not None:
+        outputs.append((Port("status", ()), [status]))
+    code = None if status is None else status_at(1)
+    return r.builder.program(name, outputs, summary, formula, [*notes, *friction.laws], code)
+
+
+def elastic_feedforward(frames: Frames) -> Recorder:
+    """A recorder of feed-forward for the motion of the links, with PD control of the rotors, which have the encoders."""
+
+    def recorded(r: Recording) -> Program:
+        theta = _state(r, "theta", "", "measured positions of the rotors, seen at the joints")
+        dtheta = _state(r, "dtheta", "/s", "measured velocities of the rotors")
+        motion = _desired(r)
+        kp, kd = r.gain("kp"), r.gain("kd")
+        if r.model.spec.gravity_input:
+            r.gravity()
+        tau, theta_d, dtheta_d = _rotor_motion(r, frames, motion)
+        tau = add(tau, add(_times(kp, subtract(theta_d, theta)), _times(kd, subtract(dtheta_d, dtheta))))
+        return _law(
+            r,
+            "elastic_feedforward",
+            tau,
+            "Feed-forward of a motion of the links with elastic joints, and PD control of the rotors.",
+            "tau = J theta_d'' + tau_l + kp (theta_d - theta) + kd (theta_d' - theta') + f(dq_d), theta_d = q_d + tau_l/K",
+            [NO_DAMPING, "tau_l = M ddq_d + c + g of the links alone, at the desired motion."],
+            None,
+        )
+
+    return recorded
+
+
+def elastic_feedback_linearization(frames: Frames) -> Recorder:
+    """A recorder of Spong's feedback linearisation: every link behaves as four integrators with poles at -w."""
+
+    def recorded(r: Recording) -> Program:
+        q, dq = list(r.joints("q")), list(r.joints("dq"))
+        theta = _state(r, "theta", "", "measured positions of the rotors, seen at the joints")
+        dtheta = _state(r, "dtheta", "/s", "measured velocities of the rotors")
+        desired = _desired(r)
+        w = list(r.extra("w", (r.n,), "rad/s", "bandwidths of the loops, one per joint"))
+        factors, h = _solver(r, q, dq)
+        J, K = _rotors(r)
+        ddq = factors.solve(subtract(_times(K, subtract(theta, q)), h))
+        # tau_l' = M q''' + what is left of it for q''' = 0
+        rest = _link_torques(r, frames, [q, dq, ddq, [0] * r.n])[1]
+        d3q = factors.solve(subtract(_times(K, subtract(dtheta, dq)), rest))
+        v = desired[4]
+        for factor, power, wanted, found in zip((1, 4, 6, 4), (4, 3, 2, 1), desired, (q, dq, ddq, d3q), strict=False):
+            gain: Vector = [factor] * r.n
+            for _ in range(power):
+                gain = _times(gain, w)
+            v = add(v, _times(gain, subtract(wanted, found)))
+        torques = _link_torques(r, frames, [q, dq, ddq, d3q, v])
+        tau = add(_times(J, add(ddq, _over(torques[2], K))), _times(K, subtract(theta, q)))
+        return _law(
+            r,
+            "elastic_feedback_linearization",
+            tau,
+            "Feedback linearisation with elastic joints (Spong): linear, decoupled errors of the links.",
+            "d4q = d4q_d + 4 w d3e + 6 w^2 dde + 4 w^3 de + w^4 e,  e = q_d - q",
+            [NO_DAMPING, "Accelerations and jerks of the links follow from the measured state and the model."],
+            factors.status,
+        )
+
+    return recorded
+
+
+FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
+    "elastic_inverse_dynamics": (
+        elastic_inverse_dynamics(block_frames_first),
+        elastic_inverse_dynamics(link_frames_only),
+    ),
+    "elastic_forward_dynamics": (elastic_forward_dynamics,),
+    "elastic_feedforward": (elastic_feedforward(block_frames_first), elastic_feedforward(link_frames_only)),
+    "elastic_feedback_linearization": (elastic_feedback_linearization(link_frames_only),),
+}
