@@ -10,7 +10,8 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 def unused_entries(spec: RobotSpec, kept: Collection[str] = ()) -> Iterator[str]:
     """One sentence for each kind of entry of the joints that the robot states and the target does not keep.
 
-    ``kept`` are keys that it does keep, of acceleration, offset, gear_ratio, torque_constant and encoder_resolution.
+    ``kept`` are keys that it does keep, of acceleration, offset, gear_ratio, torque_constant, encoder_resolution,
+    stiffness and damping.
     """
     owners = {
         "acceleration": ("limits", "limits of the acceleration"),
@@ -18,6 +19,8 @@ def unused_entries(spec: RobotSpec, kept: Collection[str] = ()) -> Iterator[str]
         "gear_ratio": ("drive", "gear ratios"),
         "torque_constant": ("drive", "torque constants"),
         "encoder_resolution": ("drive", "resolutions of encoders"),
+        "stiffness": ("drive", "stiffnesses of joints"),
+        "damping": ("drive", "dampings of elastic joints"),
     }
     for key, (section, words) in owners.items():
         sections = [getattr(joint, section) for joint in spec.joints]

@@ -37,6 +37,10 @@ def identify(spec: RobotSpec) -> Identity:
         del robot["drives"]
     if spec.mechanism is None:
         del robot["mechanism"]
+    for joint in robot["joints"]:
+        for key in ("stiffness", "damping"):
+            if joint["drive"] is not None and joint["drive"][key] is None:
+                del joint["drive"][key]
     if not spec.gravity_input:
         del robot["gravity_input"]
     text = json.dumps(robot, sort_keys=True, separators=(",", ":"))

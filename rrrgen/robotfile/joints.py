@@ -17,8 +17,8 @@ from rrrgen.yamltext.sections import describe, read_choice, read_list, read_sect
 
 _TYPE = next(key for key in JOINT if key.name == "type")
 _SIGN = next(key for key in JOINT if key.name == "sign")
-_POSITIVE = ("velocity", "acceleration", "torque", "torque_constant", "encoder_resolution")
-_NOT_NEGATIVE = ("inertia",)
+_POSITIVE = ("velocity", "acceleration", "torque", "torque_constant", "encoder_resolution", "stiffness")
+_NOT_NEGATIVE = ("inertia", "damping")
 _SHORT_LENGTH = 0.001  # m
 _SHORTEST_ARM = 0.005  # m; a whole mm file below it was written in metres
 

@@ -134,6 +134,14 @@ DRIVE = (
         prismatic="length",
         file_units=True,
     ),
+    Key(
+        "stiffness",
+        "value",
+        "stiffness of an elastic joint, between rotor and link",
+        quantity="angular stiffness",
+        prismatic="stiffness",
+    ),
+    Key("damping", "value", "damping beside that stiffness", quantity="angular damping", prismatic="damping"),
 )
 DRIVES = (
     Key("joint_from_drive", "square", "joint speeds = matrix * drive speeds; a row per joint, a column per drive"),

@@ -67,13 +67,16 @@ class DriveSpec:
     """The drive of one joint, all values at the joint; None if not stated.
 
     ``inertia`` Ia, kg m^2 (kg); ``gear_ratio``, motor turns per joint turn; ``torque_constant``, N m/A (N/A);
-    ``encoder_resolution``, rad (m).
+    ``encoder_resolution``, rad (m); ``stiffness``, N m/rad (N/m), and ``damping``, N m s/rad (N s/m), between rotor and
+    link of an elastic joint.
     """
 
     inertia: float | None = None
     gear_ratio: float | None = None
     torque_constant: float | None = None
     encoder_resolution: float | None = None
+    stiffness: float | None = None
+    damping: float | None = None
 
 
 @dataclass(frozen=True)

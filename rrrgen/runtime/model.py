@@ -19,6 +19,7 @@ from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.control import ControlFunctions
 from rrrgen.runtime.functions.differential import DifferentialFunctions
 from rrrgen.runtime.functions.drawings import Drawings
+from rrrgen.runtime.functions.elastic import ElasticFunctions
 from rrrgen.runtime.functions.parameters import ParameterFunctions
 from rrrgen.runtime.functions.paths import PathFunctions
 from rrrgen.runtime.functions.points import PointFunctions
@@ -43,6 +44,7 @@ class Model(
     ControlFunctions,
     DifferentialFunctions,
     PathFunctions,
+    ElasticFunctions,
 ):
     """Kinematics and dynamics of one robot, made by :func:`rrrgen.compile`.
 

@@ -126,6 +126,21 @@ class Motion(NamedTuple):
     ddq_d: NDArray[Any]
 
 
+class RotorMotion(NamedTuple):
+    """Torques of the motors ``tau``, positions ``theta`` and velocities ``dtheta`` of the rotors, (..., n) each."""
+
+    tau: NDArray[Any]
+    theta: NDArray[Any]
+    dtheta: NDArray[Any]
+
+
+class ElasticAccelerations(NamedTuple):
+    """Accelerations ``ddq`` of the links and ``ddtheta`` of the rotors, (..., n) each, rad/s^2 or m/s^2."""
+
+    ddq: NDArray[Any]
+    ddtheta: NDArray[Any]
+
+
 class PathDynamics(NamedTuple):
     """Factors ``a`` of d2s/dt2 and ``b`` of (ds/dt)^2 in the torques along a path, and ``g``, (..., n) each."""
 

@@ -82,6 +82,8 @@ _TABLE: tuple[tuple[str, Fraction, Dimension, int], ...] = (
     ("N*m*s", Fraction(1), _dimension(length=2, mass=1, time=-1), 0),
     ("N*m*s/rad", Fraction(1), _dimension(length=2, mass=1, time=-1), 0),
     ("N*s/m", Fraction(1), _dimension(mass=1, time=-1), 0),
+    ("N*m/rad", Fraction(1), _dimension(length=2, mass=1, time=-2, angle=-1), 0),
+    ("N/m", Fraction(1), _dimension(mass=1, time=-2), 0),
     ("N*m/A", Fraction(1), _dimension(length=2, mass=1, time=-2, current=-1), 0),
     ("N/A", Fraction(1), _dimension(length=1, mass=1, time=-2, current=-1), 0),
 )
@@ -132,6 +134,8 @@ QUANTITIES: dict[str, Quantity] = {
     "torque": Quantity("a torque", _TORQUE, "N*m"),
     "angular damping": Quantity("a viscous friction coefficient", UNITS["N*m*s"].dimension, "N*m*s"),
     "damping": Quantity("a viscous friction coefficient", UNITS["N*s/m"].dimension, "N*s/m"),
+    "angular stiffness": Quantity("a stiffness", UNITS["N*m/rad"].dimension, "N*m/rad"),
+    "stiffness": Quantity("a stiffness", UNITS["N/m"].dimension, "N/m"),
     "torque constant": Quantity("a torque constant", UNITS["N*m/A"].dimension, "N*m/A"),
     "force constant": Quantity("a force constant", UNITS["N/A"].dimension, "N/A"),
 }

@@ -25,7 +25,14 @@ SECOND_UNIT = {
 """The unit that data sheets use beside the SI unit, and how many of them one SI unit is."""
 
 LIMITS = {"lower": "rad", "upper": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "torque": "N m"}
-DRIVE = {"inertia": "kg m^2", "gear_ratio": "", "torque_constant": "N m/A", "encoder_resolution": "rad"}
+DRIVE = {
+    "inertia": "kg m^2",
+    "gear_ratio": "",
+    "torque_constant": "N m/A",
+    "encoder_resolution": "rad",
+    "stiffness": "N m/rad",
+    "damping": "N m s/rad",
+}
 FRICTION = {"viscous": "N m s/rad", "coulomb": "N m", "offset": "N m"}
 """Keys of a joint with their units for a revolute joint."""
 

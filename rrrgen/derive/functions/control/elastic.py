@@ -13,6 +13,7 @@ fourth derivative of q. These derivatives come from the program of tau_l, differ
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 from rrrgen.derive.algebra.positive_definite import Factors, factorize, status_at
@@ -70,7 +71,7 @@ def along_time(program: Program, motion: Sequence[str]) -> Program:
     given = [builder.input(port) for port in program.inputs]
     values = {port.name: value for port, value in zip(program.inputs, given, strict=True)}
     values[motion[-1]] = builder.input(Port(motion[-1], program.inputs[0].shape))
-    following = dict(zip(motion, motion[1:], strict=False))
+    following = dict(pairwise(motion))
     seeds: list[list[Tangent]] = []
     for port in program.inputs:
         rates = values[following[port.name]] if port.name in following else [0] * port.size
@@ -85,48 +86,61 @@ def along_time(program: Program, motion: Sequence[str]) -> Program:
     return builder.program(program.name, outputs)
 
 
-def _link_torques(r: Recording, frames: Frames, motion: Sequence[Vector]) -> list[Vector]:
-    """tau_l and its derivatives by time for ``motion``, q, q', q'' and as many further derivatives."""
-    program = _links(r, frames)
+def _link_torques(r: Recording, links: Program, motion: Sequence[Vector]) -> list[Vector]:
+    """tau_l and its derivatives by time for ``motion``, q, q', q'' and as many further derivatives.
+
+    ``links`` gives the torques of the links; drive inertia that it takes is left out.
+    """
+    program = links
     for order in range(4, len(motion) + 1):
         program = along_time(program, MOTION[:order])
     given = dict(zip(MOTION, motion, strict=False))
-    if Role.GRAVITY in {port.role for port in program.inputs}:
-        given["gravity"] = list(r.gravity())
-    given["beta"] = list(r.beta())
-    values = record(program, r.builder, [given[port.name] for port in program.inputs])
+    inputs = []
+    for port in program.inputs:
+        if port.role is Role.GRAVITY:
+            inputs.append(list(r.gravity()))
+        elif port.role is Role.BASE_PARAMETERS:
+            inputs.append(list(r.beta()))
+        else:
+            inputs.append([0] * port.size if port.role is Role.DRIVE_INERTIA else given[port.name])
+    values = record(program, r.builder, inputs)
     return [[values[index] for index in row] for row in program.results]
 
 
-def _rotor_motion(r: Recording, frames: Frames, motion: Sequence[Vector]) -> tuple[Vector, Vector, Vector]:
+def _rotor_motion(r: Recording, links: Program, motion: Sequence[Vector]) -> tuple[Vector, Vector, Vector]:
     """Torques tau, positions theta and velocities theta' of the rotors for the ``motion`` q .. d4q of the links."""
-    torques = _link_torques(r, frames, motion)
+    torques = _link_torques(r, links, motion)
     J, K = _rotors(r)
     theta, dtheta, ddtheta = (add(x, _over(t, K)) for x, t in zip(motion, torques, strict=False))
     return add(_times(J, ddtheta), torques[0]), theta, dtheta
+
+
+def from_links(r: Recording, links: Program) -> Program:
+    """Record the torques of the rotors and their motion (n,) for a motion of the links, whose torques are ``links``."""
+    motion = [list(r.joints(name)) for name in MOTION[:3]]
+    motion.append(_state(r, "d3q", "/s^3", "third derivatives of the joint positions by time"))
+    motion.append(_state(r, "d4q", "/s^4", "fourth derivatives of the joint positions by time"))
+    if r.model.spec.gravity_input:
+        r.gravity()
+    tau, theta, dtheta = _rotor_motion(r, links, motion)
+    return r.builder.program(
+        "elastic_inverse_dynamics",
+        [
+            (torque_port(r, "tau", "torques of the motors at the joints, friction not included"), tau),
+            (Port("theta", (r.n,), r.position_unit, "", "positions of the rotors, seen at the joints"), theta),
+            (Port("dtheta", (r.n,), _unit(r, "/s"), "", "velocities of the rotors"), dtheta),
+        ],
+        "Torques of the motors and motion of the rotors with elastic joints, for a motion of the links.",
+        "tau = J theta'' + tau_l,  theta = q + tau_l/K,  tau_l = M ddq + c + g of the links alone",
+        [NO_DAMPING],
+    )
 
 
 def elastic_inverse_dynamics(frames: Frames) -> Recorder:
     """A recorder of the torques of the rotors and of their motion (n,) for a motion of the links."""
 
     def recorded(r: Recording) -> Program:
-        motion = [*(list(r.joints(name)) for name in MOTION[:3])]
-        motion.append(_state(r, "d3q", "/s^3", "third derivatives of the joint positions by time"))
-        motion.append(_state(r, "d4q", "/s^4", "fourth derivatives of the joint positions by time"))
-        if r.model.spec.gravity_input:
-            r.gravity()
-        tau, theta, dtheta = _rotor_motion(r, frames, motion)
-        return r.builder.program(
-            "elastic_inverse_dynamics",
-            [
-                (torque_port(r, "tau", "torques of the motors at the joints, friction not included"), tau),
-                (Port("theta", (r.n,), r.position_unit, "", "positions of the rotors, seen at the joints"), theta),
-                (Port("dtheta", (r.n,), _unit(r, "/s"), "", "velocities of the rotors"), dtheta),
-            ],
-            "Torques of the motors and motion of the rotors with elastic joints, for a motion of the links.",
-            "tau = J theta'' + tau_l,  theta = q + tau_l/K,  tau_l = M ddq + c + g of the links alone",
-            [NO_DAMPING],
-        )
+        return from_links(r, _links(r, frames))
 
     return recorded
 
@@ -135,7 +149,7 @@ def _solver(r: Recording, q: Vector, dq: Vector) -> tuple[Factors, Vector]:
     """The factors of the mass matrix of the links, and their torques c + g."""
     chain = r.chain_in_gravity("dq")
     factors = factorize(r.builder, composite.mass_matrix(chain, r.inertias()))
-    (h,) = _link_torques(r, link_frames_only, [q, dq, [0] * r.n])
+    (h,) = _link_torques(r, _links(r, link_frames_only), [q, dq, [0] * r.n])
     return factors, h
 
 
@@ -174,7 +188,9 @@ def _desired(r: Recording) -> list[Vector]:
     return motion
 
 
-def _law(r: Recording, name: str, tau: Vector, summary: str, formula: str, notes: Sequence[str], status: Any) -> Program:
+def _law(
+    r: Recording, name: str, tau: Vector, summary: str, formula: str, notes: Sequence[str], status: Any
+) -> Program:
     """The law ``name`` with friction at the desired speed, and its torques limited."""
     friction = RunTimeFriction.declared(r, smooth=True)
     tau = add(tau, friction.torques(r.joints("dq_d")))
@@ -188,7 +204,7 @@ def _law(r: Recording, name: str, tau: Vector, summary: str, formula: str, notes
 
 
 def elastic_feedforward(frames: Frames) -> Recorder:
-    """A recorder of feed-forward for the motion of the links, with PD control of the rotors, which have the encoders."""
+    """A recorder of feed-forward for the motion of the links, with PD control of the rotors, where encoders are."""
 
     def recorded(r: Recording) -> Program:
         theta = _state(r, "theta", "", "measured positions of the rotors, seen at the joints")
@@ -197,14 +213,15 @@ def elastic_feedforward(frames: Frames) -> Recorder:
         kp, kd = r.gain("kp"), r.gain("kd")
         if r.model.spec.gravity_input:
             r.gravity()
-        tau, theta_d, dtheta_d = _rotor_motion(r, frames, motion)
+        tau, theta_d, dtheta_d = _rotor_motion(r, _links(r, frames), motion)
         tau = add(tau, add(_times(kp, subtract(theta_d, theta)), _times(kd, subtract(dtheta_d, dtheta))))
         return _law(
             r,
             "elastic_feedforward",
             tau,
             "Feed-forward of a motion of the links with elastic joints, and PD control of the rotors.",
-            "tau = J theta_d'' + tau_l + kp (theta_d - theta) + kd (theta_d' - theta') + f(dq_d), theta_d = q_d + tau_l/K",
+            "tau = J theta_d'' + tau_l + kp (theta_d - theta) + kd (theta_d' - theta') + f(dq_d)\n"
+            "theta_d = q_d + tau_l/K",
             [NO_DAMPING, "tau_l = M ddq_d + c + g of the links alone, at the desired motion."],
             None,
         )
@@ -225,7 +242,7 @@ def elastic_feedback_linearization(frames: Frames) -> Recorder:
         J, K = _rotors(r)
         ddq = factors.solve(subtract(_times(K, subtract(theta, q)), h))
         # tau_l' = M q''' + what is left of it for q''' = 0
-        rest = _link_torques(r, frames, [q, dq, ddq, [0] * r.n])[1]
+        rest = _link_torques(r, _links(r, frames), [q, dq, ddq, [0] * r.n])[1]
         d3q = factors.solve(subtract(_times(K, subtract(dtheta, dq)), rest))
         v = desired[4]
         for factor, power, wanted, found in zip((1, 4, 6, 4), (4, 3, 2, 1), desired, (q, dq, ddq, d3q), strict=False):
@@ -233,7 +250,7 @@ def elastic_feedback_linearization(frames: Frames) -> Recorder:
             for _ in range(power):
                 gain = _times(gain, w)
             v = add(v, _times(gain, subtract(wanted, found)))
-        torques = _link_torques(r, frames, [q, dq, ddq, d3q, v])
+        torques = _link_torques(r, _links(r, frames), [q, dq, ddq, d3q, v])
         tau = add(_times(J, add(ddq, _over(torques[2], K))), _times(K, subtract(theta, q)))
         return _law(
             r,
