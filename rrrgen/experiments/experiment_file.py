@@ -22,6 +22,9 @@ from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, 
 from rrrgen.yamltext.reader import UNITLESS, Reader
 from rrrgen.yamltext.sections import describe, read_entries
 
+FROM_ROBOT = "from_robot"
+"""In place of the values of flexible joints: inertia, stiffness and damping under `drive` in the robot file."""
+
 SCHEMA = "rrrgen-experiment/1"
 
 EFFORT = units.TORQUE | units.FORCE
@@ -218,9 +221,7 @@ class _Reader(Reader):
                 "disturbance": torque,
                 "torque_record": lambda n, w: self.choice(n, w, ("centred", "command")),
                 "delay": self.count,
-                "flexible_joints": lambda n, w: self.section(
-                    n, w, dict.fromkeys(("rotor_inertia", "stiffness", "damping"), self.each(UNITLESS, "one")), True
-                ),
+                "flexible_joints": self.flexible_joints,
                 "flexible_base": lambda n, w: self.section(
                     n,
                     w,
@@ -232,6 +233,13 @@ class _Reader(Reader):
                 ),
             },
         )
+
+    def flexible_joints(self, node: Node, what: str) -> dict[str, Any] | str:
+        """Rotors, springs and dampers of the joints, or that they are those of the robot file."""
+        if isinstance(node, Scalar):
+            return self.choice(node, what, (FROM_ROBOT,))
+        keys = ("rotor_inertia", "stiffness", "damping")
+        return self.section(node, what, dict.fromkeys(keys, self.each(UNITLESS, "one")), True)
 
     def response(self, node: Node, what: str) -> dict[str, Any]:
         found = self.section(

@@ -12,9 +12,10 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.excitation.problem import ExcitationProblem
 from rrrgen.excitation.robot import limits_of, robot_problem
-from rrrgen.experiments.experiment_file import Experiment
+from rrrgen.experiments.experiment_file import FROM_ROBOT, Experiment
 from rrrgen.experiments.writing import JointPath, newton_inverse_kinematics, solver_inverse_kinematics, writing_task
 from rrrgen.friction.stated import motor_friction, robot_friction
+from rrrgen.model.drive_terms import stated_at_joints
 from rrrgen.signals.kalman import kalman_matrices
 from rrrgen.signals.smoother import quantisation_variance
 
@@ -102,7 +103,7 @@ def plant_of(experiment: Experiment, model: Any) -> Plant:
 
     parts = experiment.virtual_robot
     friction = friction_of(experiment, model)
-    joints, base = parts.get("flexible_joints"), parts.get("flexible_base")
+    joints, base = flexible_joints_of(experiment, model), parts.get("flexible_base")
     if base is not None and "inertia" not in base:
         base = {**base, "inertia": BASE_TO_ARM * float(model.mass_matrix(np.zeros(model.n))[0, 0])}
     return make_plant(
@@ -111,6 +112,27 @@ def plant_of(experiment: Experiment, model: Any) -> Plant:
         joints=None if joints is None else FlexibleJoints(**joints),
         base=None if base is None else FlexibleBase(**base),
     )
+
+
+def flexible_joints_of(experiment: Experiment, model: Any) -> dict[str, Any] | None:
+    """Rotor inertia, stiffness and damping (n,) of flexible joints, by the experiment or the robot file; None if rigid.
+
+    Raises InputError for values that the experiment takes from the robot file and the robot file does not state.
+    """
+    stated = experiment.virtual_robot.get("flexible_joints")
+    if stated != FROM_ROBOT:
+        return None if stated is None else dict(stated)
+    found: dict[str, Any] = {}
+    keys = (("rotor_inertia", "inertia", None), ("stiffness", "stiffness", None), ("damping", "damping", 0.0))
+    for name, key, missing in keys:
+        values, absent = stated_at_joints(model.spec, key, missing)
+        if absent:
+            raise InputError(
+                f"flexible_joints: {FROM_ROBOT} needs '{key}' under 'drive' of every joint of the robot file; it is "
+                f"missing for {', '.join(absent)}"
+            )
+        found[name] = tuple(values)
+    return found
 
 
 def friction_of(experiment: Experiment, model: Any) -> Any:
@@ -150,7 +172,7 @@ def rigid_body_of(experiment: Experiment, model: Any) -> RigidBody:
     """The model of a controller that takes joints for rigid: rotors of flexible joints count as drive inertia."""
     from rrrgen.simulate.plant import RigidBody, without_drives
 
-    flexible = experiment.virtual_robot.get("flexible_joints")
+    flexible = flexible_joints_of(experiment, model)
     if flexible is None:
         return RigidBody(model)
     drives = without_drives(model)
@@ -198,7 +220,7 @@ def _moved(experiment: Experiment, model: Any, M: Array) -> tuple[Array, Array]:
     """
     from rrrgen.simulate.plant import without_drives
 
-    flexible = experiment.virtual_robot.get("flexible_joints")
+    flexible = flexible_joints_of(experiment, model)
     if flexible is None:
         return M, M
     rotors = np.asarray(flexible["rotor_inertia"], dtype=float)

@@ -105,3 +105,14 @@ def _stated(owner: JointSpec | MotorSpec, kind: Kind) -> float | None:
     source: DriveSpec | MotorSpec | FrictionSpec | None = inertial if kind == "inertia" else owner.friction
     value = None if source is None else getattr(source, kind)
     return None if value is None else float(value)
+
+
+def stated_at_joints(spec: RobotSpec, key: str, missing: float | None = None) -> tuple[list[float], list[str]]:
+    """The values ``key`` under `drive` of all joints, and the names of the joints without it.
+
+    ``key`` is "inertia", "stiffness" or "damping"; ``missing`` is the value where there is none.
+    """
+    stated = [None if joint.drive is None else getattr(joint.drive, key) for joint in spec.joints]
+    values = [missing if value is None else value for value in stated]
+    absent = [joint.name for joint, value in zip(spec.joints, values, strict=True) if value is None]
+    return [float(value) for value in values if value is not None], absent

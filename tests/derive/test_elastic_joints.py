@@ -147,7 +147,7 @@ def simulated(torque, damping, start=None, duration=0.3):
     if start is None:
         rotor = m.elastic_inverse_dynamics(*motion_at(0.0), **ROTORS)
         start = np.concatenate([smooth(0.0, 0), smooth(0.0, 1), rotor.theta, rotor.dtheta])
-    return solve_ivp(rates, (0.0, duration), start, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    return solve_ivp(rates, (0.0, duration), start, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
 
 
 def test_spong_plant_in_open_loop():
@@ -194,10 +194,29 @@ def test_virtual_robot_has_the_same_equations():
     np.testing.assert_allclose(rates[layout["rotor_speed"]], found.ddtheta, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("robot", "most"), [("rrr", 475 + 24), ("puma560", 2108 + 48), ("panda", 2661 + 56)])
+@pytest.mark.parametrize(("robot", "most"), [("puma560", 2108 + 48), ("panda", 2661 + 56)])
 def test_operations(robot, most):
-    """Inverse dynamics with two derivatives, and 8 operations per joint for spring and rotor."""
-    derived = pipeline.derive(load_spec(robot), groups=("model", "elastic") if robot == "rrr" else ("elastic",))
-    count = count_operations(derived.programs["elastic_inverse_dynamics"])
-
+    """Inverse dynamics with two derivatives, and 8 operations per joint for spring and rotor, before optimization."""
+    recorded = derive_model(load_spec(robot), ("elastic",)).alternatives
+    count = min((count_operations(way) for way in recorded["elastic_inverse_dynamics"]), key=lambda each: each.total)
     assert count.mul + count.add <= most
+
+
+def test_operations_and_values_from_the_optimized_inverse_dynamics():
+    """Beside the model the functions of a small robot come from its optimized inverse dynamics."""
+    spec = load_spec("rrr")
+    derived = pipeline.derive(spec, groups=("model", "elastic"))
+    count = count_operations(derived.programs["elastic_inverse_dynamics"])
+    assert count.mul + count.add <= 475 + 24
+    recorded = derive_model(spec, ("elastic",)).alternatives
+    rng = np.random.default_rng(2)
+    for name in ("elastic_inverse_dynamics", "elastic_feedforward", "elastic_feedback_linearization"):
+        values = {port.name: rng.uniform(0.5, 2, port.shape) for port in recorded[name][0].inputs}
+        values |= {"stiffness": np.full(3, 300.0), "tau_max": np.full(3, np.inf)}
+        values["beta"] = np.array([float(value) for value in derived.beta_nominal])
+        found, wanted = (
+            evaluate(program, *(values[port.name] for port in program.inputs))
+            for program in (derived.programs[name], recorded[name][0])
+        )
+        for value, expected in zip(found, wanted, strict=True):
+            close(value, expected)

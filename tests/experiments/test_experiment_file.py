@@ -8,8 +8,10 @@ import pytest
 import rrrgen
 from rrrgen.errors import InputError
 from rrrgen.experiments.experiment_file import loads_experiment
-from rrrgen.experiments.experiment_setup import problem_of, simulate_motion, writing_path
+from rrrgen.experiments.experiment_setup import plant_of, problem_of, simulate_motion, writing_path
+from rrrgen.robotfile import dumps, loads_spec
 from rrrgen.signals.fourier import FourierTrajectory
+from rrrgen.simulate.plant import FlexibleJoints
 
 FULL = """
 schema: rrrgen-experiment/1
@@ -145,6 +147,44 @@ control: {bandwidth: 4 Hz, jerk: 50}
     assert np.all(np.isfinite(recording.true_q))
     with pytest.raises(InputError, match="flexible_joints needs the keys 'stiffness', 'damping'"):
         loads_experiment("schema: rrrgen-experiment/1\nvirtual_robot: {flexible_joints: {rotor_inertia: 1}}\n", 3)
+
+
+ELASTIC = """
+schema: rrrgen/1
+name: elastic
+convention: standard
+units: {angle: rad, length: m}
+gravity: [0, -9.81, 0]
+joints:
+  - {name: a, type: revolute, alpha: 0, a: 0.5, d: 0, theta: 0, drive: {inertia: 0.2, stiffness: 9 N*m/rad, damping: 2}}
+  - {name: b, type: revolute, alpha: 0, a: 0.4, d: 0, theta: 0, drive: {inertia: 0.1, stiffness: 4000}}
+links:
+  - {mass: 2, com: [-0.2, 0, 0], inertia: {about: com, products: tensor, xx: 0.01, yy: 0.02, zz: 0.02}}
+  - {mass: 1, com: [-0.2, 0, 0], inertia: {about: com, products: tensor, xx: 0.01, yy: 0.02, zz: 0.02}}
+"""
+
+
+def test_flexible_joints_of_the_robot_file() -> None:
+    """Stated once, in the robot file: for the virtual robot and for the functions of the model."""
+    experiment = loads_experiment("schema: rrrgen-experiment/1\nvirtual_robot: {flexible_joints: from_robot}\n", 2)
+    elastic = rrrgen.compile(loads_spec(ELASTIC), backend="numpy")
+    plant = plant_of(experiment, elastic)
+    assert plant.joints == FlexibleJoints((0.2, 0.1), (9.0, 4000.0), (2.0, 0.0))
+    rotors = elastic.elastic_inverse_dynamics(*np.zeros((5, 2)))
+    held = elastic.gravity(np.zeros(2))
+    np.testing.assert_allclose(rotors.tau, held)
+    np.testing.assert_allclose(rotors.theta, held / [9.0, 4000.0])
+    again = loads_spec(dumps(elastic.spec))
+    assert [joint.drive for joint in again.joints] == [joint.drive for joint in elastic.spec.joints]
+    without = loads_spec(ELASTIC.replace(", stiffness: 4000", ""))
+    with pytest.raises(InputError, match=r"from_robot needs 'stiffness' under 'drive' .* missing for b"):
+        plant_of(experiment, rrrgen.compile(without, backend="numpy"))
+    with pytest.raises(ValueError, match="states no 'stiffness' under 'drive' of b: give stiffness="):
+        rrrgen.compile(without, backend="numpy").elastic_inverse_dynamics(*np.zeros((5, 2)))
+    with pytest.raises(InputError, match="stiffness of joint 2 is 0"):
+        loads_spec(ELASTIC.replace("stiffness: 4000", "stiffness: 0"))
+    with pytest.raises(InputError, match="from_robot"):
+        loads_experiment("schema: rrrgen-experiment/1\nvirtual_robot: {flexible_joints: robot}\n", 2)
 
 
 def test_writing_path_follows_the_file(model) -> None:

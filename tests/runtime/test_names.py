@@ -98,6 +98,7 @@ def test_several_results_are_named_tuples():
             "forward_dynamics_derivatives": rrrgen.runtime.results.ForwardDynamicsDerivatives._fields,
             "manipulability": rrrgen.runtime.results.Manipulability._fields,
             "position_manipulability": rrrgen.runtime.results.Manipulability._fields,
+            "elastic_forward_dynamics": rrrgen.runtime.results.ElasticAccelerations._fields,
             "operational_space": rrrgen.runtime.results.OperationalStep._fields,
             "position_operational_space": rrrgen.runtime.results.OperationalStep._fields,
             "external_wrench": rrrgen.runtime.results.ExternalLoad._fields,

@@ -11,7 +11,7 @@ from rrrgen.derive.functions.dynamic_functions import forward_dynamics
 from rrrgen.program import Program, nominal_name, specialization
 
 SOURCES = {
-    "elastic_inverse_dynamics": "inverse_dynamics",
+    **dict.fromkeys(elastic.FROM_LINKS, "inverse_dynamics"),
     "inverse_dynamics_derivatives": "inverse_dynamics",
     "forward_dynamics_derivatives": "inverse_dynamics_derivatives",
 }
@@ -20,8 +20,8 @@ SOURCES = {
 
 def by_chain_rule(recorded: RecordedModel, function: str, source: Program) -> Program:
     """``function``, a key of :data:`SOURCES`, derived from ``source``, a program of the function it maps to."""
-    if function == "elastic_inverse_dynamics":
-        return elastic.from_links(recorded.derivation.recording(), source)
+    if function in elastic.FROM_LINKS:
+        return elastic.FROM_LINKS[function](recorded.derivation.recording(), source)
     if function == "inverse_dynamics_derivatives":
         return differentiated(source, recorded.alternatives[function][0])
     return from_inverse_dynamics(recorded.derivation.recording(), source)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rrrgen.model.drive_terms import stated_at_joints
 from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.laws import ControlLaws
 from rrrgen.runtime.results import ElasticAccelerations, RotorMotion
@@ -215,10 +216,8 @@ class ElasticFunctions(ControlLaws):
         """What is ``given``, or the values ``key`` (n,) of the drives of the robot file."""
         if given is not None:
             return given
-        stated = [None if joint.drive is None else getattr(joint.drive, key) for joint in self.spec.joints]
-        values = [missing if value is None else value for value in stated]
-        absent = [joint.name for joint, value in zip(self.spec.joints, values, strict=True) if value is None]
+        values, absent = stated_at_joints(self.spec, key, missing)
         if absent:
             name = {"inertia": "rotor_inertia"}.get(key, key)
             raise ValueError(f"the robot file states no '{key}' under 'drive' of {', '.join(absent)}: give {name}=")
-        return np.array(values, dtype=float)
+        return np.array(values)

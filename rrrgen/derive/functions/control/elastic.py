@@ -12,7 +12,7 @@ fourth derivative of q. These derivatives come from the program of tau_l, differ
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -115,7 +115,7 @@ def _rotor_motion(r: Recording, links: Program, motion: Sequence[Vector]) -> tup
     return add(_times(J, ddtheta), torques[0]), theta, dtheta
 
 
-def from_links(r: Recording, links: Program) -> Program:
+def elastic_inverse_dynamics(r: Recording, links: Program) -> Program:
     """Record the torques of the rotors and their motion (n,) for a motion of the links, whose torques are ``links``."""
     motion = [list(r.joints(name)) for name in MOTION[:3]]
     motion.append(_state(r, "d3q", "/s^3", "third derivatives of the joint positions by time"))
@@ -136,20 +136,11 @@ def from_links(r: Recording, links: Program) -> Program:
     )
 
 
-def elastic_inverse_dynamics(frames: Frames) -> Recorder:
-    """A recorder of the torques of the rotors and of their motion (n,) for a motion of the links."""
-
-    def recorded(r: Recording) -> Program:
-        return from_links(r, _links(r, frames))
-
-    return recorded
-
-
-def _solver(r: Recording, q: Vector, dq: Vector) -> tuple[Factors, Vector]:
+def _solver(r: Recording, links: Program, q: Vector, dq: Vector) -> tuple[Factors, Vector]:
     """The factors of the mass matrix of the links, and their torques c + g."""
     chain = r.chain_in_gravity("dq")
     factors = factorize(r.builder, composite.mass_matrix(chain, r.inertias()))
-    (h,) = _link_torques(r, _links(r, link_frames_only), [q, dq, [0] * r.n])
+    (h,) = _link_torques(r, links, [q, dq, [0] * r.n])
     return factors, h
 
 
@@ -159,7 +150,7 @@ def elastic_forward_dynamics(r: Recording) -> Program:
     theta = _state(r, "theta", "", "positions of the rotors, seen at the joints")
     dtheta = _state(r, "dtheta", "/s", "velocities of the rotors")
     tau = list(r.joints("tau"))
-    factors, h = _solver(r, q, dq)
+    factors, h = _solver(r, _links(r, link_frames_only), q, dq)
     J, K = _rotors(r)
     D = list(r.extra("damping", (r.n,), "N m s/rad | N s/m", "dampings of the joints"))
     load = add(_times(K, subtract(theta, q)), _times(D, subtract(dtheta, dq)))
@@ -203,74 +194,72 @@ def _law(
     return r.builder.program(name, outputs, summary, formula, [*notes, *friction.laws], code)
 
 
-def elastic_feedforward(frames: Frames) -> Recorder:
-    """A recorder of feed-forward for the motion of the links, with PD control of the rotors, where encoders are."""
-
-    def recorded(r: Recording) -> Program:
-        theta = _state(r, "theta", "", "measured positions of the rotors, seen at the joints")
-        dtheta = _state(r, "dtheta", "/s", "measured velocities of the rotors")
-        motion = _desired(r)
-        kp, kd = r.gain("kp"), r.gain("kd")
-        if r.model.spec.gravity_input:
-            r.gravity()
-        tau, theta_d, dtheta_d = _rotor_motion(r, _links(r, frames), motion)
-        tau = add(tau, add(_times(kp, subtract(theta_d, theta)), _times(kd, subtract(dtheta_d, dtheta))))
-        return _law(
-            r,
-            "elastic_feedforward",
-            tau,
-            "Feed-forward of a motion of the links with elastic joints, and PD control of the rotors.",
-            "tau = J theta_d'' + tau_l + kp (theta_d - theta) + kd (theta_d' - theta') + f(dq_d)\n"
-            "theta_d = q_d + tau_l/K",
-            [NO_DAMPING, "tau_l = M ddq_d + c + g of the links alone, at the desired motion."],
-            None,
-        )
-
-    return recorded
+def elastic_feedforward(r: Recording, links: Program) -> Program:
+    """Record feed-forward for the motion of the links, with PD control of the rotors, where encoders are."""
+    theta = _state(r, "theta", "", "measured positions of the rotors, seen at the joints")
+    dtheta = _state(r, "dtheta", "/s", "measured velocities of the rotors")
+    motion = _desired(r)
+    kp, kd = r.gain("kp"), r.gain("kd")
+    if r.model.spec.gravity_input:
+        r.gravity()
+    tau, theta_d, dtheta_d = _rotor_motion(r, links, motion)
+    tau = add(tau, add(_times(kp, subtract(theta_d, theta)), _times(kd, subtract(dtheta_d, dtheta))))
+    return _law(
+        r,
+        "elastic_feedforward",
+        tau,
+        "Feed-forward of a motion of the links with elastic joints, and PD control of the rotors.",
+        "tau = J theta_d'' + tau_l + kp (theta_d - theta) + kd (theta_d' - theta') + f(dq_d)\ntheta_d = q_d + tau_l/K",
+        [NO_DAMPING, "tau_l = M ddq_d + c + g of the links alone, at the desired motion."],
+        None,
+    )
 
 
-def elastic_feedback_linearization(frames: Frames) -> Recorder:
-    """A recorder of Spong's feedback linearisation: every link behaves as four integrators with poles at -w."""
+def elastic_feedback_linearization(r: Recording, links: Program) -> Program:
+    """Record Spong's feedback linearisation: every link behaves as four integrators with poles at -w."""
+    q, dq = list(r.joints("q")), list(r.joints("dq"))
+    theta = _state(r, "theta", "", "measured positions of the rotors, seen at the joints")
+    dtheta = _state(r, "dtheta", "/s", "measured velocities of the rotors")
+    desired = _desired(r)
+    w = list(r.extra("w", (r.n,), "rad/s", "bandwidths of the loops, one per joint"))
+    factors, h = _solver(r, links, q, dq)
+    J, K = _rotors(r)
+    ddq = factors.solve(subtract(_times(K, subtract(theta, q)), h))
+    # tau_l' = M q''' + what is left of it for q''' = 0
+    rest = _link_torques(r, links, [q, dq, ddq, [0] * r.n])[1]
+    d3q = factors.solve(subtract(_times(K, subtract(dtheta, dq)), rest))
+    v = desired[4]
+    for factor, power, wanted, found in zip((1, 4, 6, 4), (4, 3, 2, 1), desired, (q, dq, ddq, d3q), strict=False):
+        gain: Vector = [factor] * r.n
+        for _ in range(power):
+            gain = _times(gain, w)
+        v = add(v, _times(gain, subtract(wanted, found)))
+    torques = _link_torques(r, links, [q, dq, ddq, d3q, v])
+    tau = add(_times(J, add(ddq, _over(torques[2], K))), _times(K, subtract(theta, q)))
+    return _law(
+        r,
+        "elastic_feedback_linearization",
+        tau,
+        "Feedback linearisation with elastic joints (Spong): linear, decoupled errors of the links.",
+        "d4q = d4q_d + 4 w d3e + 6 w^2 dde + 4 w^3 de + w^4 e,  e = q_d - q",
+        [NO_DAMPING, "Accelerations and jerks of the links follow from the measured state and the model."],
+        factors.status,
+    )
 
-    def recorded(r: Recording) -> Program:
-        q, dq = list(r.joints("q")), list(r.joints("dq"))
-        theta = _state(r, "theta", "", "measured positions of the rotors, seen at the joints")
-        dtheta = _state(r, "dtheta", "/s", "measured velocities of the rotors")
-        desired = _desired(r)
-        w = list(r.extra("w", (r.n,), "rad/s", "bandwidths of the loops, one per joint"))
-        factors, h = _solver(r, q, dq)
-        J, K = _rotors(r)
-        ddq = factors.solve(subtract(_times(K, subtract(theta, q)), h))
-        # tau_l' = M q''' + what is left of it for q''' = 0
-        rest = _link_torques(r, _links(r, frames), [q, dq, ddq, [0] * r.n])[1]
-        d3q = factors.solve(subtract(_times(K, subtract(dtheta, dq)), rest))
-        v = desired[4]
-        for factor, power, wanted, found in zip((1, 4, 6, 4), (4, 3, 2, 1), desired, (q, dq, ddq, d3q), strict=False):
-            gain: Vector = [factor] * r.n
-            for _ in range(power):
-                gain = _times(gain, w)
-            v = add(v, _times(gain, subtract(wanted, found)))
-        torques = _link_torques(r, _links(r, frames), [q, dq, ddq, d3q, v])
-        tau = add(_times(J, add(ddq, _over(torques[2], K))), _times(K, subtract(theta, q)))
-        return _law(
-            r,
-            "elastic_feedback_linearization",
-            tau,
-            "Feedback linearisation with elastic joints (Spong): linear, decoupled errors of the links.",
-            "d4q = d4q_d + 4 w d3e + 6 w^2 dde + 4 w^3 de + w^4 e,  e = q_d - q",
-            [NO_DAMPING, "Accelerations and jerks of the links follow from the measured state and the model."],
-            factors.status,
-        )
 
-    return recorded
+FROM_LINKS: dict[str, Callable[[Recording, Program], Program]] = {
+    "elastic_inverse_dynamics": elastic_inverse_dynamics,
+    "elastic_feedforward": elastic_feedforward,
+    "elastic_feedback_linearization": elastic_feedback_linearization,
+}
+"""Functions that differentiate the torques of the links, which a program gives: it may include drive inertia."""
+
+
+def _recorder(name: str, frames: Frames) -> Recorder:
+    return lambda r: FROM_LINKS[name](r, _links(r, frames))
 
 
 FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
-    "elastic_inverse_dynamics": (
-        elastic_inverse_dynamics(block_frames_first),
-        elastic_inverse_dynamics(link_frames_only),
-    ),
     "elastic_forward_dynamics": (elastic_forward_dynamics,),
-    "elastic_feedforward": (elastic_feedforward(block_frames_first), elastic_feedforward(link_frames_only)),
-    "elastic_feedback_linearization": (elastic_feedback_linearization(link_frames_only),),
+    **{name: (_recorder(name, block_frames_first), _recorder(name, link_frames_only)) for name in FROM_LINKS},
 }
