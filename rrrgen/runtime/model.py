@@ -21,9 +21,9 @@ from rrrgen.runtime.functions.differential import DifferentialFunctions
 from rrrgen.runtime.functions.drawings import Drawings
 from rrrgen.runtime.functions.elastic import ElasticFunctions
 from rrrgen.runtime.functions.parameters import ParameterFunctions
-from rrrgen.runtime.functions.paths import PathFunctions
 from rrrgen.runtime.functions.points import PointFunctions
 from rrrgen.runtime.functions.regressors import RegressorFunctions
+from rrrgen.runtime.paths.functions import PathFunctions
 from rrrgen.runtime.results import JointLimits
 
 if TYPE_CHECKING:
