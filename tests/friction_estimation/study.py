@@ -42,15 +42,29 @@ CASES: dict[str, tuple[Joint, dict[str, object]]] = {
     "neural": (Joint("tanh"), {}),
     "lugre": (Joint("lugre"), {}),
     "lugre, stiff": (Joint("lugre", sigma0=1e5, sigma1=60.0), {}),
+    "stribeck, 500 Hz": (STRIBECK, {"period": 2e-3}),
+    "stribeck, 2 kHz, noise": (STRIBECK, {"period": 5e-4, "torque_noise": 0.02}),
+    "stribeck, 4 kHz": (STRIBECK, {"period": 2.5e-4, "substeps": 4}),
+    "stribeck, gravity at an angle": (Joint("stribeck", angle=1.1), {"torque_noise": 0.01}),
+    "stribeck, torque with an offset": (STRIBECK, {"offset": 0.05}),
+    "stribeck, prismatic": (Joint("stribeck", gravity=0.0), {"offset": 0.3, "coefficients": 1}),
+    "coulomb_viscous, prismatic": (Joint("coulomb_viscous", gravity=0.0), {"offset": 0.3, "coefficients": 1}),
+    "asymmetric, 2 kHz, coarse": (
+        Joint("asymmetric", coulomb_n=0.5, viscous_n=0.15),
+        {"period": 5e-4, "resolution": COARSE},
+    ),
 }
 
 
 def run_case(name: str, seed: int) -> tuple[str, dict[str, float], dict[str, float]]:
     """The law chosen, relative errors and errors in standard deviations of the true law's parameters."""
     truth, options = CASES[name]
-    found = record(truth, seed=seed, **options)
-    data = joint_data(Log(("q",), found["t"], found["q"][:, None], found["tau"][:, None]), "q")
-    estimate = estimate_friction(data, 0 if truth.gravity == 0.0 else 2, seed=seed)
+    offset = options.get("offset", 0.0)
+    coefficients = options.get("coefficients", 0 if truth.gravity == 0.0 else 2)
+    recorded = {key: value for key, value in options.items() if key not in ("offset", "coefficients")}
+    found = record(truth, seed=seed, **recorded)
+    data = joint_data(Log(("q",), found["t"], found["q"][:, None], found["tau"][:, None] + offset), "q")
+    estimate = estimate_friction(data, coefficients, seed=seed)
     law = {"tanh": "neural"}.get(truth.law, truth.law)
     model = next(each for each in estimate.laws if each.name == law)
     relative, deviations = {}, {}
