@@ -164,5 +164,8 @@ def _ticks(results: Results) -> str:
     rows = [[each.robot, str(each.parameters), each.work, f"{each.nanoseconds:.0f}"] for each in results.ticks]
     if not rows:
         return ""
-    text = "Kalman filter, neural friction and an online estimator of all base parameters, each sample of a motion.\n\n"
+    text = (
+        "Kalman filter, neural friction and an online estimator of all base parameters; and a whole loop with computed "
+        "torque, friction at the desired speed, limits and the momentum observer. Each sample of a motion.\n\n"
+    )
     return "## One tick of the controller\n\n" + text + _table(["robot", "parameters", "work", "ns"], rows)

@@ -154,6 +154,7 @@ def _generation(plan: Plan, toolchain: Toolchain, results: Results, say: Say) ->
 
 
 def _control(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
+    from bench.measurements.control_loop import GROUPS, SEVEN_JOINTS, loop_tick
     from bench.measurements.control_tick import control_ticks
     from rrrgen import pipeline
     from rrrgen.output.manifest import identify
@@ -164,6 +165,10 @@ def _control(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> No
         spec = pipeline.read(robot)
         derived = recall(spec, identify(spec), pipeline.derive)
         results.ticks += control_ticks(derived, toolchain, max(10, plan.effort.rounds // 4))
+    for robot in dict.fromkeys((*plan.robots, SEVEN_JOINTS)):
+        say(f"{robot}: one tick of a whole loop")
+        derived = pipeline.derive(pipeline.read(robot), groups=GROUPS)
+        results.ticks.append(loop_tick(derived, toolchain, max(10, plan.effort.rounds // 4)))
 
 
 def _leave_out(results: Results, text: str) -> None:

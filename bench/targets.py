@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from bench.contenders.contender import HAND, OURS, OURS_FILE, PINOCCHIO, TITLES
+from bench.measurements.control_loop import WORK
 from bench.measurements.python_calls import BOUND_RUN, PIN
 from bench.results import Results, work
 
@@ -44,6 +45,9 @@ IK_RATIOS = {"rrr": ("C by hand", 1.0), "puma560": ("EAIK", 0.15), "ur10e": ("EA
 
 TICK = {"rrr": 2000.0}
 """Nanoseconds of one tick with Kalman filter, friction and recursive least squares."""
+
+LOOP = {"panda": 700.0}
+"""Nanoseconds of one tick of a whole loop of seven joints."""
 
 SECONDS = {"rrr": 3.0, "panda": 20.0}
 MEGABYTES = 500.0
@@ -174,7 +178,7 @@ def _generation(results: Results) -> Iterator[Verdict]:
 
 def _ticks(results: Results) -> Iterator[Verdict]:
     for tick in results.ticks:
-        limit = TICK.get(tick.robot)
-        if limit is not None and tick.work.endswith("RLS"):
+        limit = LOOP.get(tick.robot) if tick.work == WORK else TICK.get(tick.robot)
+        if limit is not None and (tick.work == WORK or tick.work.endswith("RLS")):
             found = f"{tick.nanoseconds:.0f} ns"
             yield Verdict(f"{tick.work}, one tick", tick.robot, f"<= {limit:.0f} ns", found, tick.nanoseconds <= limit)

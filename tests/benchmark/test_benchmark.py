@@ -235,3 +235,15 @@ def test_a_tick_of_the_controller_is_timed_part_by_part():
     )
     assert [verdict.met for verdict in verdicts(results)] == [True, False]
     assert "One tick of the controller" in page(results)
+
+
+@needs_gcc
+def test_a_tick_of_a_whole_loop_is_timed():
+    from bench.measurements.control_loop import GROUPS, WORK, loop_tick
+    from rrrgen import pipeline
+
+    tick = loop_tick(pipeline.derive(pipeline.read("pendulum"), groups=GROUPS), find_toolchain(("-O0",)), 1)
+    assert tick.work == WORK
+    assert tick.nanoseconds > 0
+    slow = [replace(tick, robot="panda", nanoseconds=time) for time in (699.0, 701.0)]
+    assert [verdict.met for verdict in verdicts(Results("m", "c", {}, "e", ticks=slow))] == [True, False]
