@@ -37,9 +37,12 @@ def export_robot(
     if target not in known:
         hint = did_you_mean(target, known) or f"targets are {', '.join(known)}"
         raise InputError(f"there is no target '{target}'; {hint}")
-    if spec.mechanism is not None:
-        raise DerivationError(f"{spec.name}: joints that follow others and branches are not exported")
     exporter, options = known[target], options or ExportOptions()
+    if spec.mechanism is not None and not exporter.mechanisms:
+        targets_of = ", ".join(name for name, each in known.items() if each.mechanisms)
+        raise DerivationError(
+            f"{spec.name}: joints that follow others and branches are not exported to {target}, but to {targets_of}"
+        )
     _refuse_unused(exporter, options)
     notes: tuple[str, ...] = ()
     if beta is not None or exporter.needs_bodies:

@@ -35,6 +35,7 @@ class Exporter:
     counterpart in the format. With ``one_file`` there is one, which the user may name; otherwise a folder is written.
     ``needs_bodies`` tells whether every link must be a rigid body of positive mass; standard parameters with the same
     base parameters are found where it is not. ``options`` names the fields of :class:`ExportOptions` that it heeds.
+    ``mechanisms`` tells whether joints may follow others or branch off.
     """
 
     name: str
@@ -43,3 +44,4 @@ class Exporter:
     one_file: bool = True
     needs_bodies: bool = False
     options: tuple[str, ...] = ()
+    mechanisms: bool = False

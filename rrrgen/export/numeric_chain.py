@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError
 from rrrgen.model.dh_rows import dh_rows
 from rrrgen.model.standard_parameters import standard_parameters
 from rrrgen.robotfile.robot_spec import FixedTransform, JointSpec, RobotSpec
@@ -19,39 +20,70 @@ _ROUND_OFF = 1e-15  # of entries of rotation matrices of right angles
 class NumericBody:
     """A joint and the body behind it.
 
-    ``place`` (4, 4) is the pose of the joint's frame in the frame of the joint before, at q = 0. ``mass`` (kg), ``com``
-    (3,) and ``tensor`` (3, 3) about it are in the joint's frame; None where the robot file has no links.
+    ``parent`` is the number (from 0) of the body that carries the joint, -1 for the base. ``place`` (4, 4) is the pose
+    of the joint's frame in the frame of that body, at q = 0. ``mass`` (kg), ``com`` (3,) and ``tensor`` (3, 3) about it
+    are in the joint's frame; None where the robot file has no links. ``follows`` are the joints that this one follows,
+    with their factors; empty for one with a drive.
     """
 
     joint: JointSpec
+    parent: int
     place: Array
     mass: float | None
     com: Array
     tensor: Array
+    follows: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)
 class NumericChain:
-    """Bodies from base to tip, ``tip`` (4, 4) in the frame of the last joint, ``gravity`` (3,) in the base frame."""
+    """Bodies, each behind the one that carries it, and ``gravity`` (3,) in the base frame.
+
+    ``tip`` (4, 4) is the pose of the tip in the frame of the body number ``tip_body``.
+    """
 
     bodies: tuple[NumericBody, ...]
     tip: Array
+    tip_body: int
     gravity: Array
 
 
 def numeric_chain(spec: RobotSpec) -> NumericChain:
-    """The chain of ``spec`` at its nominal parameters."""
-    place = _matrix(spec, spec.base)
-    bodies = []
-    for i, (row, joint) in enumerate(zip(dh_rows(spec, nominal=True), spec.joints, strict=True)):
+    """The bodies of ``spec`` at its nominal parameters.
+
+    Raises DerivationError for a joint that has a drive and follows another one: its position is no coordinate.
+    """
+    base = _matrix(spec, spec.base)
+    bodies: list[NumericBody] = []
+    behind: list[Array] = []
+    for i, (row, parent) in enumerate(zip(dh_rows(spec, nominal=True), spec.parents, strict=True)):
         twist, after = (_screw(float(t.alpha), float(t.a), 0) for t in (row.before, row.behind))
         before = twist @ _screw(float(row.theta), float(row.d), 2)
         # a standard row turns by theta + q and shifts by d first: the constant part commutes with the motion
         inertia = _inertia(spec, i, after)
-        bodies.append(NumericBody(joint, _cleaned(place @ before), *inertia))
-        place = after
+        joint, follows = _motion(spec, i)
+        place = (base if parent < 0 else behind[parent]) @ before
+        bodies.append(NumericBody(joint, parent, _cleaned(place), *inertia, follows))
+        behind.append(after)
     gravity = np.array([float(spec.nominal(g)) for g in spec.gravity])
-    return NumericChain(tuple(bodies), _cleaned(place @ _matrix(spec, spec.tool)), gravity)
+    tip = _cleaned(behind[spec.tip_row] @ _matrix(spec, spec.tool))
+    return NumericChain(tuple(bodies), tip, spec.tip_row, gravity)
+
+
+def _motion(spec: RobotSpec, i: int) -> tuple[JointSpec, tuple[tuple[str, float], ...]]:
+    """The joint of row ``i`` with its limits and drive, and what it follows."""
+    if spec.mechanism is None:
+        return spec.joints[i], ()
+    row = spec.rows[i]
+    names = [joint.name for joint in spec.joints]
+    factors = [(name, float(f)) for name, f in zip(names, spec.mechanism.matrix[i], strict=True) if f != 0]
+    if row.name not in names:
+        return row, tuple(factors)
+    if factors != [(row.name, 1.0)]:
+        raise DerivationError(
+            f"{spec.name}: the joint '{row.name}' has a drive and a coupling, which has no counterpart"
+        )
+    return spec.joints[names.index(row.name)], ()
 
 
 def _inertia(spec: RobotSpec, i: int, after: Array) -> tuple[float | None, Array, Array]:

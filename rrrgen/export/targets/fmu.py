@@ -182,5 +182,6 @@ EXPORTER = Exporter(
     "FMI 2.0 FMU of the plant, model exchange and co-simulation, for Simulink, Modelica tools, FMPy and others",
     _write,
     one_file=False,
+    mechanisms=True,
     options=("platforms",),
 )

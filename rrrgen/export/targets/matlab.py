@@ -68,4 +68,5 @@ EXPORTER = Exporter(
     "MEX for MATLAB and Octave with a package of functions; C and a legacy_code script for Simulink",
     _write,
     one_file=False,
+    mechanisms=True,
 )

@@ -15,7 +15,7 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.export.interface import Exported, Exporter, ExportOptions
 from rrrgen.export.notes import unused_entries
-from rrrgen.export.numeric_chain import NumericBody, number, numbers, numeric_chain
+from rrrgen.export.numeric_chain import NumericBody, NumericChain, number, numbers, numeric_chain
 from rrrgen.robotfile.robot_spec import FrictionSpec, MotorSpec, RobotSpec
 
 
@@ -23,15 +23,24 @@ def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
     chain = numeric_chain(spec)
     lines = [f"<mujoco model={quoteattr(spec.name)}>", '  <compiler angle="radian" autolimits="true"/>']
     lines += [f'  <option gravity="{numbers(chain.gravity)}"/>', "  <worldbody>"]
-    for k, body in enumerate(chain.bodies, start=1):
-        lines += ["    " + "  " * (k - 1) + line for line in _body(f"link{k}", body)]
-    inner = "    " + "  " * len(chain.bodies)
-    lines.append(f'{inner}<site name="tip" {_place(chain.tip)}/>')
-    lines += ["    " + "  " * k + "</body>" for k in reversed(range(len(chain.bodies)))]
+    lines += ["    " + line for line in _bodies(chain, -1)]
     lines.append("  </worldbody>")
-    lines += _tendons(spec)
+    lines += _tendons(spec, chain)
+    lines += _equalities(chain)
     lines += ["  <actuator>", *(f"    {line}" for line in _motors(spec)), "  </actuator>"]
     return Exported({f"{spec.name}.xml": "\n".join([*lines, "</mujoco>", ""])}, tuple(_notes(spec)))
+
+
+def _bodies(chain: NumericChain, parent: int) -> Iterator[str]:
+    """The bodies that ``parent`` carries, each with those that it carries inside."""
+    for k, body in enumerate(chain.bodies):
+        if body.parent == parent:
+            yield from _body(f"link{k + 1}", body)
+            inside = list(_bodies(chain, k))
+            if k == chain.tip_body:
+                inside.append(f'<site name="tip" {_place(chain.tip)}/>')
+            yield from ("  " + line for line in inside)
+            yield "</body>"
 
 
 def _place(T: Array) -> str:
@@ -80,20 +89,42 @@ def _friction(friction: FrictionSpec | None) -> list[str]:
     return [f'{key}="{number(value)}"' for key, value in values.items() if value]
 
 
-def _tendons(spec: RobotSpec) -> Iterator[str]:
-    if spec.drives is None:
+def _tendons(spec: RobotSpec, chain: NumericChain) -> Iterator[str]:
+    sums = [body for body in chain.bodies if len(body.follows) > 1]
+    if spec.drives is None and not sums:
         return
     yield "  <tendon>"
-    for k, motor in enumerate(spec.drives.motors):
+    for body in sums:
+        yield f'    <fixed name="coupling_{body.joint.name}">'
+        for name, weight in ((body.joint.name, -1.0), *body.follows):
+            yield f'      <joint joint="{name}" coef="{number(weight)}"/>'
+        yield "    </fixed>"
+    for k, motor in enumerate(spec.drives.motors if spec.drives is not None else ()):
         texts = [f'name="{_tendon(motor)}"', *_friction(motor.friction)]
         if motor.inertia:
             texts.append(f'armature="{number(motor.inertia)}"')
         yield f"    <fixed {' '.join(texts)}>"
+        assert spec.drives is not None
         for joint, weight in zip(spec.joints, spec.drives.motor_from_joint.row(k), strict=True):
             if weight != 0:
                 yield f'      <joint joint="{joint.name}" coef="{number(float(weight))}"/>'
         yield "    </fixed>"
     yield "  </tendon>"
+
+
+def _equalities(chain: NumericChain) -> Iterator[str]:
+    """What holds joints to those that they follow: an equality of two joints, or of a tendon for a sum of several."""
+    followers = [body for body in chain.bodies if body.follows]
+    if not followers:
+        return
+    yield "  <equality>"
+    for body in followers:
+        if len(body.follows) == 1:
+            ((name, factor),) = body.follows
+            yield f'    <joint joint1="{body.joint.name}" joint2="{name}" polycoef="0 {number(factor)} 0 0 0"/>'
+        else:
+            yield f'    <tendon tendon1="coupling_{body.joint.name}"/>'
+    yield "  </equality>"
 
 
 def _tendon(motor: MotorSpec) -> str:
@@ -120,9 +151,15 @@ def _notes(spec: RobotSpec) -> Iterator[str]:
     half = [j.name for j in spec.joints if (j.limits.lower is None) != (j.limits.upper is None)]
     if half:
         yield f"the limits of {', '.join(half)} are left out: MuJoCo limits a joint on both sides or not at all"
+    if spec.mechanism is not None:
+        yield "joints that follow others are held by equality constraints, which MuJoCo keeps softly"
     yield from unused_entries(spec)
 
 
 EXPORTER = Exporter(
-    "mjcf", "MJCF of MuJoCo: bodies, limits, friction, rotor inertia, motors, coupled drives", _write, needs_bodies=True
+    "mjcf",
+    "MJCF of MuJoCo: bodies, limits, friction, rotor inertia, motors, coupled drives",
+    _write,
+    needs_bodies=True,
+    mechanisms=True,
 )

@@ -9,6 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.errors import DerivationError
 from rrrgen.export.interface import Exported, Exporter, ExportOptions
 from rrrgen.export.notes import unused_entries
 from rrrgen.export.numeric_chain import NumericBody, number, numbers, numeric_chain
@@ -24,13 +25,11 @@ def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
     if spec.description:
         lines.append(f"  <!-- {escape(spec.description).replace('--', '-')} -->")
     lines += [f"  <!-- gravity in the frame of base: {g} m/s^2 -->", '  <link name="base"/>']
-    parent = "base"
     for k, body in enumerate(chain.bodies, start=1):
         lines += _link(f"link{k}", body)
-        lines += _joint(body, parent, f"link{k}")
-        parent = f"link{k}"
+        lines += _joint(body, f"link{body.parent + 1}" if body.parent >= 0 else "base", f"link{k}")
     lines += ['  <link name="tip"/>', '  <joint name="tip_fixed" type="fixed">', f"    {_origin(chain.tip)}"]
-    lines += [f'    <parent link="{parent}"/>', '    <child link="tip"/>', "  </joint>"]
+    lines += [f'    <parent link="link{chain.tip_body + 1}"/>', '    <child link="tip"/>', "  </joint>"]
     lines += _transmissions(spec)
     notes = list(_notes(spec, chain.gravity))
     return Exported({f"{spec.name}.urdf": "\n".join([*lines, "</robot>", ""])}, tuple(notes))
@@ -78,6 +77,11 @@ def _joint(body: NumericBody, parent: str, child: str) -> list[str]:
     if _kind(joint) != "continuous" or any(value is not None for value in found.values()):
         texts = [f'{key}="{defaults[key] if value is None else number(value)}"' for key, value in found.items()]
         lines.append(f"    <limit {' '.join(texts)}/>")
+    if len(body.follows) > 1:
+        told = " and ".join(name for name, _ in body.follows)
+        raise DerivationError(f"joint '{joint.name}' follows {told}; in a URDF it may follow one joint (mjcf has sums)")
+    for name, factor in body.follows:
+        lines.append(f'    <mimic joint="{name}" multiplier="{number(factor)}" offset="0"/>')
     friction = joint.friction
     if friction is not None and (friction.viscous is not None or friction.coulomb is not None):
         damping, dry = number(friction.viscous or 0.0), number(friction.coulomb or 0.0)
@@ -114,4 +118,6 @@ def _notes(spec: RobotSpec, gravity: Array) -> Iterator[str]:
         yield "coupled drives are left out: a URDF has joints only, and torques differ by what the motors add"
 
 
-EXPORTER = Exporter("urdf", "URDF: links, joints, limits, friction; for Pinocchio, ROS, Drake and others", _write)
+EXPORTER = Exporter(
+    "urdf", "URDF: links, joints, limits, friction; for Pinocchio, ROS, Drake and others", _write, mechanisms=True
+)

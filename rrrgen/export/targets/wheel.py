@@ -79,5 +79,6 @@ EXPORTER = Exporter(
     "Python wheel of the robot: needs NumPy alone, neither rrrgen nor a compiler",
     _write,
     one_file=False,
+    mechanisms=True,
     options=("real", "platforms"),
 )
