@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ import click
 
 from rrrgen.cli.arguments import complete_robot, json_option, print_json
 from rrrgen.cli.main import main
+from rrrgen.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from bench.results import Results
@@ -63,7 +65,14 @@ def bench(
 
     parts = frozenset(only or PARTS)
     plan = Plan(robots or ROBOTS, quick, tuple(flags.split()), pinocchio, parts)
-    results = run_bench(plan, lambda line: click.echo(line, err=True))
+    with progress_bar(in_processes=True) as draw:  # drawn between measurements only
+
+        def tell(done: int, total: int, message: str) -> None:
+            draw(done, total, message)
+            if not sys.stderr.isatty():
+                click.echo(message, err=True)
+
+        results = run_bench(plan, tell)
     output.mkdir(parents=True, exist_ok=True)
     (output / "benchmark.json").write_text(json.dumps(results.as_dict(), indent=1) + "\n", encoding="utf-8")
     (output / "benchmark.md").write_text(page(results), encoding="utf-8")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from bench.contenders.cases import ROBOTS, Case, make_case
@@ -11,6 +12,7 @@ from bench.measurements.race import QUICK, Effort, race
 from bench.results import Results
 from bench.toolchain import FLAGS, find_toolchain, machine
 from rrrgen.errors import RrrgenError
+from rrrgen.parallel_map import Tell
 
 if TYPE_CHECKING:
     from bench.contenders.contender import Supplier
@@ -38,24 +40,20 @@ class Plan:
         return QUICK if self.quick else Effort()
 
 
-def bench(plan: Plan, say: Say) -> Results:
-    """Run ``plan``; ``say`` gets one line per step. Raises BuildError without a C compiler."""
+def bench(plan: Plan, tell: Tell) -> Results:
+    """Run ``plan``; ``tell(done, total, message)`` is called at every step. Raises BuildError without a C compiler."""
     from bench.contenders.rivals import installed_versions
 
     toolchain = find_toolchain(plan.flags)
     effort = plan.effort
     words = f"{effort.rounds} rounds of {effort.sample / 1e3:.0f} us per contender"
     results = Results(machine(), toolchain.describe(), installed_versions(), words)
-    for robot in plan.robots:
-        _robot(robot, plan, toolchain, results, say)
-    if "ik" in plan.parts:
-        _inverse_kinematics(plan, toolchain, results, say)
-    if "growth" in plan.parts:
-        _growth(plan, toolchain, results, say)
-    if "generation" in plan.parts:
-        _generation(plan, toolchain, results, say)
-    if "control" in plan.parts:
-        _control(plan, toolchain, results, say)
+    by_robot = bool(plan.parts & {"functions", "python"})
+    stages: list[Callable[..., None]] = [partial(_robot, robot) for robot in plan.robots if by_robot]
+    others = {"ik": _inverse_kinematics, "growth": _growth, "generation": _generation, "control": _control}
+    stages += [stage for part, stage in others.items() if part in plan.parts]
+    for done, stage in enumerate(stages):
+        stage(plan, toolchain, results, partial(tell, done, len(stages)))
     return results
 
 

@@ -207,11 +207,11 @@ def kalman_motion(reading, reference, jerk):
 
 @pytest.fixture(scope="module")
 def interrupted():
-    """6 s of motion, 4 s of rest with friction that the model does not know, the motion again."""
+    """6 s of motion, 10 s of rest with friction that the model does not know, the motion again."""
     model = compiled("rrr")
-    t = PERIOD * np.arange(16000)
-    moving = (t < 6.0) | (t >= 10.0)
-    reference = motion(3, np.where(t < 6.0, t, np.where(moving, t - 4.0, 6.0)))
+    t = PERIOD * np.arange(22000)
+    moving = (t < 6.0) | (t >= 16.0)
+    reference = motion(3, np.where(t < 6.0, t, np.where(moving, t - 10.0, 6.0)))
     reference = (reference[0], *(part * moving[:, None] for part in reference[1:]))
     tau = model.inverse_dynamics(*reference) + np.random.default_rng(3).normal(size=(len(t), 3)) * SIGMA
     tau[~moving] += [1.5, 0.8, 0.4]
@@ -246,7 +246,7 @@ def test_forgetting_follows_a_payload_in_any_precision(interrupted):
     for real, forgetting in (("double", 1.0), ("double", 0.995), ("float", 0.995)):
         settings = EstimatorSettings((0.0,) * 13, noise=rows(np.diag(SIGMA**2)), forgetting=forgetting)
         estimator = online_estimator(compiled("rrr", real=real), "rls", settings, FIXED)
-        for part in (slice(0, None), slice(10000, None)):
+        for part in (slice(0, None), slice(16000, None)):
             estimator.update(q[part], dq[part], ddq[part], tau[part])
         known = dict(zip(estimator.names, estimator.parameters, strict=True))
         found = np.array([known.get(name, 0.0) for name in model.base_parameter_names])
@@ -261,7 +261,7 @@ def test_forgetting_follows_a_payload_in_any_precision(interrupted):
 
 def test_the_gradient_converges_at_a_tenth_of_its_bound_and_survives_a_gain_far_above_it(interrupted):
     model, samples = interrupted
-    moving = np.r_[0:6000, 10000:16000]
+    moving = np.r_[0:6000, 16000:22000]
     setting = regression(model.derived, FIXED)
     bound = gain_bound(setting, *motion(3, np.linspace(0.0, 10.0, 1000)))
     errors = []

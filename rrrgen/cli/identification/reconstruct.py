@@ -16,6 +16,7 @@ from rrrgen.cli.identification.workflow import (
     reconstruction_options,
     truncated_option,
 )
+from rrrgen.cli.progress import progress_bar
 from rrrgen.extras import require
 
 
@@ -50,17 +51,21 @@ def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: 
     processing = chosen_processing([mapping], options["reconstruction"], options["cutoff"])
     inputs = {"log": log, **{source.name: Path(source.path) for source in mapping.files}}
     settings = {**processing.settings(), "skip_truncated_line": options["skip_truncated_line"]}
-    with RunFolder(output, "reconstruct", inputs, settings, 0, fresh) as folder:
+    with RunFolder(output, "reconstruct", inputs, settings, 0, fresh) as folder, progress_bar() as tell:
+        tell(0, 0, "reading")
         recording = load_stream(LogStream(mapping))
         print_repairs([recording.repairs], as_json)
+        tell(0, 0, "bandwidth and noise of the positions")
         tuning = tune(replace(processing, decimate=1), [recording])  # no decimation: every sample is reconstructed
         processing = tuning.processing
         rows: list[list[float]] = []
         for part in recording.parts():
+            tell(len(rows), len(recording), "reconstructing")
             motion = reconstructed(part, processing)
             columns = [motion.t[:, None], motion.q, motion.dq, motion.ddq]
             rows += [[float(v) for block in row for v in block] for row in zip(*columns, strict=True)]
         header = ["t", *(f"{kind}_{joint}" for kind in ("q", "dq", "ddq") for joint in recording.joints)]
+        tell(len(recording), len(recording), "writing the motion")
         folder.write_csv("motion.csv", header, rows)
         folder.write_json("tuning.json", processing.settings())
         folder.write_json("repairs.json", {"repairs": [recording.repairs.to_json()]})

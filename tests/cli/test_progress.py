@@ -1,0 +1,42 @@
+"""Long work says how far it is: the steps that the bars of `reconstruct` and of the benchmark are drawn from."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+
+import numpy as np
+from click.testing import CliRunner
+
+from bench import session
+from rrrgen.cli.identification import reconstruct
+from rrrgen.cli.main import cli
+from rrrgen.recordings.logs import Log
+from samples.recordings import fourier_motion, write_log
+
+
+def test_reconstruct_tells_every_step(tmp_path, monkeypatch):
+    told = []
+
+    @contextmanager
+    def bar():
+        yield lambda *step: told.append(step)
+
+    monkeypatch.setattr(reconstruct, "progress_bar", bar)
+    t = 1e-2 * np.arange(400)
+    q, _, _ = fourier_motion(t, 1, 0)
+    write_log(tmp_path / "log.csv", Log(("a",), t, q, np.zeros_like(q), period=1e-2))
+    command = ["reconstruct", str(tmp_path / "log.csv"), "--method", "butterworth", "-o", str(tmp_path / "run")]
+    result = CliRunner().invoke(cli, command)
+    assert result.exit_code == 0, result.output
+    messages = ["reading", "bandwidth and noise of the positions", "reconstructing", "writing the motion"]
+    assert [message for _, _, message in told] == messages
+    assert [done / total for done, total, _ in told if total] == [0.0, 1.0]
+
+
+def test_the_benchmark_tells_every_step(monkeypatch):
+    told = []
+    monkeypatch.setattr(session, "_robot", lambda robot, plan, toolchain, results, say: say(robot))
+    monkeypatch.setattr(session, "_control", lambda plan, toolchain, results, say: say("control"))
+    plan = session.Plan(robots=("rrr", "puma560"), parts=frozenset({"functions", "control"}))
+    session.bench(plan, lambda *step: told.append(step))
+    assert told == [(0, 3, "rrr"), (1, 3, "puma560"), (2, 3, "control")]
