@@ -1,0 +1,84 @@
+"""The library for microcontrollers: it compiles for a Cortex-M4F, and its manifests name what is there."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+from export.arm import arm
+from export.rrr_library import STRICT, run
+from rrrgen.export.exporting import export_robot
+from rrrgen.export.interface import ExportOptions
+
+ARDUINO = """\
+static struct {
+    void begin(long) {}
+    template <class T> void print(T) {}
+    template <class T> void println(T) {}
+} Serial;
+static unsigned long micros() { return 0; }
+static void delay(unsigned long) {}
+"""
+
+ZEPHYR = """\
+set(CONFIG_ARM y)
+macro(zephyr_library_named name)
+  message(STATUS "library ${name}")
+endmacro()
+macro(zephyr_library_sources)
+  foreach(file ${ARGN})
+    if(NOT EXISTS ${file})
+      message(FATAL_ERROR "${file} is missing")
+    endif()
+  endforeach()
+endmacro()
+macro(zephyr_include_directories folder)
+  if(NOT EXISTS ${folder}/arm.h)
+    message(FATAL_ERROR "no header in ${folder}")
+  endif()
+endmacro()
+include(zephyr/CMakeLists.txt)
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("embedded")
+    for name, text in export_robot(arm(), "embedded", options=ExportOptions(real="float")).files.items():
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / name).write_text(text, encoding="utf-8")
+    return place
+
+
+@pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="needs arm-none-eabi-gcc")
+def test_it_compiles_for_a_microcontroller(folder):
+    target = ["-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
+    for source in (folder / "src").glob("*.c"):
+        run("arm-none-eabi-gcc", "-std=c99", "-fsyntax-only", *target, *STRICT, source)
+
+
+def test_the_sketch_compiles(folder):
+    (folder / "Arduino.h").write_text(ARDUINO, encoding="utf-8")
+    sketch = folder / "examples" / "tick" / "tick.ino"
+    options = ["-std=c++11", "-Wall", "-Wextra", "-fsyntax-only", "-Isrc", "-include", "Arduino.h", "-x", "c++"]
+    run("g++", *options, sketch, cwd=folder)
+
+
+def test_the_manifests_name_what_is_there(folder):
+    library = json.loads((folder / "library.json").read_text(encoding="utf-8"))
+    lines = (folder / "library.properties").read_text(encoding="utf-8").splitlines()
+    properties = dict(line.split("=", 1) for line in lines)
+    assert library["name"] == properties["name"] == "arm"
+    assert library["version"] == properties["version"]
+    for header in (library["headers"], properties["includes"]):
+        assert (folder / "src" / header).is_file()
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="needs cmake")
+def test_the_zephyr_module_finds_its_files(folder):
+    assert "CONFIG_ARM" in (folder / "zephyr" / "CMakeLists.txt").read_text(encoding="utf-8")
+    assert (folder / "zephyr" / "Kconfig").read_text(encoding="utf-8").startswith("config ARM\n")
+    (folder / "check.cmake").write_text(ZEPHYR, encoding="utf-8")
+    run("cmake", "-P", "check.cmake", cwd=folder)
