@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from bench.cortex_m import measured
 from bench.machines import MACHINES, digest, executed
 from export.rrr_library import STRICT, run
 from pipeline.optimized import bundled
@@ -37,3 +38,16 @@ def test_the_self_test_passes_with_the_same_bits(name, emitted):
     folder, sources, bits = emitted["float" if name == "cortex-m4f" else "double"]
     assert len(bits) == 16
     assert executed(machine, folder, sources, STRICT) == (True, bits)
+
+
+def test_the_control_loop_on_a_microcontroller(tmp_path):
+    """It follows its reference, the observer sees nothing where nothing touches the arm, and the counts repeat."""
+    missing = MACHINES["cortex-m4f"].missing
+    if missing:
+        pytest.skip(f"needs {', '.join(missing)}")
+    loop = measured("planar2r", tmp_path)
+    assert loop.passed
+    assert loop.error < 2e-4  # rad; of semi-implicit Euler with the period of the loop
+    assert loop.external < 0.02  # N m
+    assert 600 < loop.instructions < 1000
+    assert 150 < loop.stack < 600

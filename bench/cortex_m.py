@@ -1,0 +1,92 @@
+"""The control loop of examples/cortex_m on an emulated Cortex-M4F: instructions of a tick, stack, code.
+
+``python -m bench.cortex_m rrr puma560 panda`` prints a row for each robot. QEMU executes one instruction per nanosecond
+of its clock, so instructions are exact and repeat; cycles of a real processor are more.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import click
+
+from bench.machines import CORTEX, MACHINES
+from rrrgen.program import Role
+
+SOURCE = CORTEX / "loop.c"
+CLOCK = 168e6  # Hz, of a common Cortex-M4F
+RATE = 1e3  # Hz, of the loop
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What the loop has printed, and the bytes of code of its two functions."""
+
+    passed: bool
+    error: float  # rad or m
+    external: float  # N m or N; nothing touches the arm
+    instructions: int
+    stack: int
+    code: int
+
+    @property
+    def share(self) -> float:
+        """Part of a processor that executes one instruction per cycle."""
+        return self.instructions * RATE / CLOCK
+
+
+def measured(name: str, folder: Path) -> Loop:
+    """Emit the control laws of a robot in float, run the loop, and read what it prints."""
+    from rrrgen import pipeline
+    from rrrgen.backends.c.backend import CBackend
+    from rrrgen.output.manifest import identify
+
+    spec = pipeline.read(name)
+    model = pipeline.derive(spec, groups=("model", "control", "observer"))
+    for file, text in CBackend().files(model, identify(spec), "float").items():
+        (folder / file).write_text(text, encoding="utf-8")
+    friction = next(port for port in model.programs["friction_with"].inputs if port.role is Role.FRICTION)
+    sizes = {"JOINTS": spec.n, "PARAMETERS": model.b, "FRICTION": friction.size}
+    named = {"ROBOT": spec.name, "HEADER": f'"{spec.name}.h"', **sizes}
+    machine = MACHINES["cortex-m4f"]
+    options = (*(f"-D{key}={value}" for key, value in named.items()), f"-I{folder}", "-ffunction-sections")
+    machine = replace(machine, compiler=(*machine.compiler, *options), link=(*machine.link, "-Wl,--gc-sections"))
+    program = machine.build(folder, [f"{spec.name}.c", str(SOURCE)], "-O2")
+    status, output = machine.execute(program)
+    numbers = [float(each) for each in re.findall(r"[-+]?\d+(?:\.\d+)?(?:e[-+]\d+)?", output)]
+    if len(numbers) != 4:
+        raise RuntimeError(f"the loop of {name} did not finish: {output}")
+    error, external, instructions, stack = numbers
+    return Loop(status == 0, error, external, int(instructions), int(stack), _code(program, spec.name))
+
+
+def _code(program: Path, name: str) -> int:
+    listed = subprocess.run(["arm-none-eabi-nm", "-S", str(program)], capture_output=True, text=True, check=True)
+    rows = [line.split() for line in listed.stdout.splitlines()]
+    wanted = {f"{name}_computed_torque", f"{name}_momentum_observer"}
+    return sum(int(row[1], 16) for row in rows if len(row) == 4 and row[3] in wanted)
+
+
+@click.command()
+@click.argument("robots", nargs=-1, required=True)
+def cortex_m(robots: tuple[str, ...]) -> int:
+    """Print instructions of a tick, share of a core, stack and code of the loop of ROBOTS; exit with 1 if one fails."""
+    click.echo(
+        f"{'robot':12} {'instructions':>12} {'of 168 MHz':>10} {'stack':>7} {'code':>7} {'error':>9} {'external':>9}"
+    )
+    sound = True
+    for name in robots:
+        with tempfile.TemporaryDirectory(prefix="rrrgen-cortex-") as folder:
+            loop = measured(name, Path(folder))
+        row = f"{loop.instructions:12} {loop.share:12.2%} {loop.stack:12} {loop.code:12}"
+        click.echo(f"{Path(name).stem:12} {row} {loop.error:12.1e} {loop.external:12.1e}")
+        sound = sound and loop.passed
+    return 0 if sound else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(cortex_m(standalone_mode=False))
