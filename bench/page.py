@@ -17,7 +17,8 @@ def page(results: Results, plot: str = "benchmark.svg") -> str:
     """The Markdown text of the benchmark page."""
     parts = [_opening(results), f"![Instructions per call]({plot})\n", _targets(results)]
     parts += [_functions(results, robot) for robot in results.robots()]
-    parts += [_calls(results), _batches(results), _ik(results), _growth(results), _generation(results), _ticks(results)]
+    parts += [_calls(results), _batches(results), _ik(results), _growth(results), _generation(results)]
+    parts += [_ticks(results), _paths(results)]
     return "\n".join(part for part in parts if part)
 
 
@@ -169,3 +170,15 @@ def _ticks(results: Results) -> str:
         "torque, friction at the desired speed, limits and the momentum observer. Each sample of a motion.\n\n"
     )
     return "## One tick of the controller\n\n" + text + _table(["robot", "parameters", "work", "ns"], rows)
+
+
+def _paths(results: Results) -> str:
+    rows = [
+        [each.robot, str(each.joints), each.friction, f"{each.duration:.3f}", f"{each.microseconds:.0f}"]
+        for each in results.paths
+    ]
+    if not rows:
+        return ""
+    text = "Time-optimal timing of a path of 1000 points under limits of torque, speed and acceleration.\n\n"
+    head = ["robot", "joints", "friction", "duration, s", "microseconds"]
+    return "## Timing of a path\n\n" + text + _table(head, rows)

@@ -10,6 +10,7 @@ from bench.measurements.batches import BatchTime
 from bench.measurements.control_tick import TickTime
 from bench.measurements.generation import Generation
 from bench.measurements.inverse_kinematics import IKScore
+from bench.measurements.path_timing import PathTime
 from bench.measurements.python_calls import CallTime
 from bench.measurements.race import Score
 
@@ -30,6 +31,7 @@ class Results:
     derivations: list[float] = field(default_factory=list)
     generations: list[Generation] = field(default_factory=list)
     ticks: list[TickTime] = field(default_factory=list)
+    paths: list[PathTime] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
     def score(self, robot: str, function: str, label: str) -> Score | None:
@@ -71,6 +73,7 @@ class Results:
             "growth_derivation_seconds": self.derivations,
             "generation": [asdict(each) for each in self.generations],
             "control_ticks": [asdict(each) for each in self.ticks],
+            "path_timings": [asdict(each) for each in self.paths],
             "left_out": self.left_out,
         }
 

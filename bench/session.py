@@ -154,6 +154,7 @@ def _generation(plan: Plan, toolchain: Toolchain, results: Results, say: Say) ->
 def _control(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
     from bench.measurements.control_loop import GROUPS, SEVEN_JOINTS, loop_tick
     from bench.measurements.control_tick import control_ticks
+    from bench.measurements.path_timing import path_timings
     from rrrgen import pipeline
     from rrrgen.output.manifest import identify
     from rrrgen.runtime.derived_cache import recall
@@ -163,6 +164,9 @@ def _control(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> No
         spec = pipeline.read(robot)
         derived = recall(spec, identify(spec), pipeline.derive)
         results.ticks += control_ticks(derived, toolchain, max(10, plan.effort.rounds // 4))
+        say(f"{robot}: timing of a path")
+        along = recall(spec, identify(spec), partial(pipeline.derive, groups=("timing",)), ("timing",))
+        results.paths += path_timings(derived, along, toolchain, max(10, plan.effort.rounds // 4))
     for robot in dict.fromkeys((*plan.robots, SEVEN_JOINTS)):
         say(f"{robot}: one tick of a whole loop")
         derived = pipeline.derive(pipeline.read(robot), groups=GROUPS)

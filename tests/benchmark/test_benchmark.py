@@ -32,6 +32,7 @@ from bench.measurements.batches import BatchTime
 from bench.measurements.control_tick import control_ticks
 from bench.measurements.growth import COMPARED, chain_text, growth
 from bench.measurements.inverse_kinematics import IKScore, ik_scores
+from bench.measurements.path_timing import path_timings
 from bench.measurements.python_calls import BOUND_RUN, PIN, CallTime, turns
 from bench.measurements.race import Effort, Score, race
 from bench.page import page
@@ -218,6 +219,19 @@ def test_turns_give_the_least_time_of_each_call() -> None:
 @pytest.mark.parametrize("n", [1, 6, 12])
 def test_random_chains_are_valid_robot_files(n: int) -> None:
     assert loads_spec(chain_text(n), "chain.yaml").n == n
+
+
+@needs_gcc
+def test_the_timing_of_a_path_is_timed():
+    from rrrgen import pipeline
+
+    spec = pipeline.read("planar2r")
+    model, along = (pipeline.derive(spec, groups=(group,)) for group in ("model", "timing"))
+    found = path_timings(model, along, find_toolchain(("-O1",)), 1)
+    assert [each.friction for each in found] == ["none", "viscous and Coulomb"]
+    assert all(each.microseconds > 0.0 and each.duration > 0.0 for each in found)
+    assert found[0].duration != found[1].duration
+    assert "Timing of a path" in page(Results("m", "c", {}, "e", paths=found))
 
 
 @needs_gcc
