@@ -1,8 +1,9 @@
 """Choice of a friction law for every joint and motor by held-out error, within the fitted part of the data.
 
 The fitted part is halved into alternating stretches. A law is tuned on one half and scored on the other, and the other
-way round; the data that the caller holds out are not looked at. Each joint takes the simplest law within two percent of
-its smallest error.
+way round; the data that the caller holds out are not looked at. Joints of one arm are built alike, and half a recording
+tells little about one joint: they share a law, the simplest within two percent of the smallest error, unless another
+one is significantly better at a joint.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ FITTED_LAWS = tuple(name for name, law in LAWS.items() if law.factors is not Non
 """The laws that can be named."""
 PARTS = 6  # stretches into which the fitted part is cut, alternating between the two halves
 TOLERANCE = 0.02  # a simpler law may have an error larger by this share
+BLOCKS = 24  # of rows, whose errors are compared
+SIGNIFICANT = 2.0  # standard errors by which the law of one surface must be better there than the common one
 
 Tell = Callable[[str], None]
 
@@ -57,14 +60,14 @@ Tell = Callable[[str], None]
 class Candidate:
     """Errors of one law at all joints: relative torque error in sample, held out, and held out per joint (n,).
 
-    ``squares`` (n,) are the sums of squared held-out errors, weighted equally at all joints.
+    ``squares`` (blocks, n) are the sums of squared held-out errors over consecutive blocks of rows.
     """
 
     law: str
     in_sample: float
     held_out: float
     joints: tuple[float, ...]
-    squares: tuple[float, ...]
+    squares: tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,11 +238,12 @@ def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: 
         problem, regressor = problems.of(surfaces)
         use = problem.fitted(split)
         halves = _halves(problem, use)
-        squares, size, inside, inside_size = (np.zeros(use.shape[1]) for _ in range(4))
+        size, inside, inside_size = (np.zeros(use.shape[1]) for _ in range(3))
+        squares = np.zeros((BLOCKS, use.shape[1]))
         for half in halves:
             fitted, _ = tune_under_load(problem, regressor, surfaces, use & half[:, None])
             other = use & ~half[:, None]
-            squares += _sums(fitted.residual, other)
+            squares += _block_sums(fitted.residual, other, use)
             size += _sums(problem.tau, other)
             inside += _sums(fitted.residual, use & half[:, None])
             inside_size += _sums(problem.tau, use & half[:, None])
@@ -248,8 +252,8 @@ def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: 
                 law,
                 float(np.sqrt(np.sum(inside) / np.sum(inside_size))),
                 float(np.sqrt(np.sum(squares) / np.sum(size))),
-                tuple(float(v) for v in np.sqrt(squares / np.maximum(size, np.finfo(float).tiny))),
-                tuple(float(v) for v in squares),
+                tuple(float(v) for v in np.sqrt(np.sum(squares, axis=0) / np.maximum(size, np.finfo(float).tiny))),
+                tuple(tuple(row) for row in squares.tolist()),
             )
         )
     return found
@@ -257,28 +261,57 @@ def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: 
 
 def _halves(problem: Problem, use: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Two masks (r,) that alternate over stretches with equally many fitted rows each."""
-    count = np.cumsum(use.any(axis=1))
-    part = np.minimum(PARTS - 1, (count - 1) * PARTS // max(1, int(count[-1])))
+    part = _parts(use, PARTS)
     return part % 2 == 0, part % 2 == 1
+
+
+def _parts(use: NDArray[np.bool_], count: int) -> NDArray[np.int64]:
+    """The number (r,) of the part of each row, for ``count`` parts with equally many rows in use."""
+    number = np.cumsum(use.any(axis=1))
+    return np.asarray(np.clip((number - 1) * count // max(1, int(number[-1])), 0, count - 1))
 
 
 def _sums(values: Array, use: NDArray[np.bool_]) -> Array:
     return np.asarray(np.sum(np.where(use, values, 0.0) ** 2, axis=0))
 
 
+def _block_sums(values: Array, chosen: NDArray[np.bool_], use: NDArray[np.bool_]) -> Array:
+    """Sums (blocks, n) of squares of ``values`` (r, n) in the rows ``chosen`` of every block of the rows ``use``."""
+    found = np.zeros((BLOCKS, values.shape[1]))
+    np.add.at(found, _parts(use, BLOCKS), np.where(chosen, values, 0.0) ** 2)
+    return found
+
+
 def _chosen(
     table: Sequence[Candidate], surfaces: Sequence[FrictionSurface], wanted: Mapping[str, str]
 ) -> dict[str, str]:
-    """The simplest law of every surface left to choose whose error is within the tolerance of the smallest one.
+    """The law of every surface left to choose: in general one law for all of them.
 
-    The error of a surface is that of the joints on which it acts, each relative to its own smallest error.
+    The error of a surface is that of the joints on which it acts, each relative to its own smallest error. The common
+    law is the simplest within the tolerance of the smallest mean error. A surface keeps the linear law if no other is
+    better there. It takes another one than the common law if the errors of that are smaller, over blocks of rows, by
+    more than :data:`SIGNIFICANT` standard errors.
     """
-    squares = np.array([each.squares for each in table])
-    relative = squares / np.maximum(np.min(squares, axis=0), np.finfo(float).tiny)
+    squares = np.array([each.squares for each in table])  # (laws, blocks, n)
+    least = np.maximum(np.min(np.sum(squares, axis=1), axis=0), np.finfo(float).tiny)
+    chosen = [surface for surface in surfaces if wanted[surface.owner] == AUTO]
+    blocks = np.array([np.mean((squares / least)[..., list(surface.joints)], axis=-1) for surface in chosen])
+    errors = np.sum(blocks, axis=-1)  # (surfaces, laws)
+    common = _simplest(np.mean(errors, axis=0))
     found = {}
-    for surface in surfaces:
-        if wanted[surface.owner] == AUTO:
-            own = np.mean(relative[:, list(surface.joints)], axis=1)
-            good = np.flatnonzero(own <= np.min(own) * (1.0 + TOLERANCE) ** 2)
-            found[surface.owner] = table[int(good[0])].law
+    for surface, own, parts in zip(chosen, errors, blocks, strict=True):
+        gain = parts[common] - parts
+        spread = np.maximum(np.std(gain, axis=-1, ddof=1) / np.sqrt(BLOCKS), np.finfo(float).tiny)
+        better = np.mean(gain, axis=-1) > SIGNIFICANT * spread
+        law = common
+        if _simplest(own) == 0:
+            law = 0
+        elif better.any():
+            law = _simplest(np.where(better, own, np.inf))
+        found[surface.owner] = table[law].law
     return found
+
+
+def _simplest(squares: Array) -> int:
+    """The first law whose error is within the tolerance of the smallest; ``squares`` are squared errors."""
+    return int(np.flatnonzero(squares <= np.min(squares) * (1.0 + TOLERANCE) ** 2)[0])
