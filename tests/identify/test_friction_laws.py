@@ -17,6 +17,7 @@ from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel
 from rrrgen.identify.friction_laws import choice
 from rrrgen.identify.friction_laws.choice import CANDIDATES, LawChoice
+from rrrgen.identify.friction_laws.surfaces import FrictionSurface
 from rrrgen.identify.identification import identify
 from rrrgen.identify.options import Options
 from rrrgen.identify.results import identified_spec
@@ -162,3 +163,28 @@ def test_the_command_prints_the_table_and_writes_the_law(tmp_path, arm, log, mon
     record = json.loads((tmp_path / "run" / "results" / "identification.json").read_text())
     assert [each["law"] for each in record["friction"]["candidates"]] == list(CANDIDATES)
     assert record["friction"]["surfaces"][0]["shapes"]["presliding"] == pytest.approx(8e-4, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("factor", "spread", "expected"),
+    [
+        (0.9, 0.5, ["dahl", "dahl", "dahl"]),  # better at one joint by chance
+        (0.5, 0.2, ["dahl", "dahl", "stribeck"]),  # significantly better there
+        (1.02, 0.0, ["dahl", "dahl", "dahl"]),
+    ],
+)
+def test_joints_share_a_law_unless_another_one_is_significantly_better(factor, spread, expected):
+    rng = np.random.default_rng(0)
+    names = ("a", "b", "c")
+    surfaces = [FrictionSurface(name, tuple(float(i == k) for i in range(3)), "") for k, name in enumerate(names)]
+    table = []
+    for law, size in ((CANDIDATES[0], [4.0, 4.0, 4.0]), ("stribeck", [1.5, 1.5, factor]), ("dahl", [1.0, 1.0, 1.0])):
+        blocks = np.full((choice.BLOCKS, 3), size)
+        if law == "stribeck":
+            blocks[:, 2] *= (
+                1.0 + spread * np.sqrt(choice.BLOCKS) * (noise := rng.normal(size=choice.BLOCKS)) / noise.std()
+            )
+            blocks[:, 2] += size[2] - blocks[:, 2].mean()
+        table.append(choice.Candidate(law, 0.0, 0.0, (), tuple(map(tuple, blocks.tolist()))))
+    found = choice._chosen(table, surfaces, dict.fromkeys(names, choice.AUTO))
+    assert [found[name] for name in names] == expected
