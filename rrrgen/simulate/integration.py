@@ -171,7 +171,7 @@ class RigidIntegrator:
         ddq = np.zeros(self.n)
         if free.any():
             load = net - self.plant.body.bias(q, dq)
-            ddq[free] = np.linalg.solve(self.plant.body.mass(q)[np.ix_(free, free)], load[free])
+            ddq[free] = np.linalg.solve(self.plant.body.mass(q)[free][:, free], load[free])
         return ddq
 
     def _runge_kutta(self, state: Array, tau: Array, h: float) -> Array:
