@@ -160,7 +160,7 @@ void rrr_link_jacobians(const rrr_real q[3], rrr_real J[RRR_RESTRICT 54]);
  *   out  T  4 x 4  -, m  base frame  homogeneous transform of the tip
  *   out  J  6 x 3  m, -  base frame  rows 1-3 linear, rows 4-6 angular velocity of the tip
  *
- * Operations: 17 mul, 6 add, 3 sincos, 8 neg.
+ * Operations: 16 mul, 6 add, 3 sincos, 8 neg.
  * Stack: at most 576 bytes built by gcc, 656 by clang.
  */
 void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J[RRR_RESTRICT 18]);

@@ -9,8 +9,12 @@ from rrrgen.derive.derived_model import DerivedModel, PassReport, RecordedModel
 from rrrgen.derive.functions.from_programs import SOURCES, as_nominal, by_chain_rule, with_forward_dynamics
 from rrrgen.optimize.choosing import Cheapest, Choice, Log
 from rrrgen.optimize.folding import Fold
+from rrrgen.optimize.lengths import SpellLengths, lengths_of
 from rrrgen.parallel_map import Tell, parallel_map
 from rrrgen.program import Program, Role, count_operations, nominal_name
+
+_KINEMATIC = (Role.POSITION, Role.VELOCITY)
+"""The inputs of kinematic functions. In the others constants are products with inertial parameters as a rule."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,8 @@ class Optimizer:
             if (source := self._source(name, found)) is not None:
                 variants = (*variants, by_chain_rule(recorded, name, source))
             program, choice = self.cheapest(variants, name, log)
+            if program.takes(Role.POSITION) and all(port.role in _KINEMATIC for port in program.inputs):
+                program = SpellLengths(lengths_of(recorded.spec))(program)
             found[name] = _Optimized(program, self._specialized(recorded, variants, choice, program, log), log.reports)
         return found
 
