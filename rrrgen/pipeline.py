@@ -113,14 +113,17 @@ def emit(
 def _further_model(
     model: DerivedModel, real: Real, trig: Trig, jobs: int, languages: Sequence[Language], tell: Tell | None
 ) -> dict[str, Contents]:
-    """The functions of a model that is written beside another one: C with its self-test, CasADi, C++ on request."""
+    """The functions of a model written beside another one: C with its self-test, CasADi, on request C++ and Rust."""
     from rrrgen.backends.c.backend import CBackend
     from rrrgen.backends.casadi.sources import CasadiBackend
     from rrrgen.backends.cpp import CppBackend
+    from rrrgen.backends.rust import RustBackend
     from rrrgen.output.manifest import identify
 
     identity = identify(model.spec)
-    backends: list[Backend] = [CBackend(trig), CasadiBackend(), *([CppBackend()] if "cpp" in languages else [])]
+    backends: list[Backend] = [CBackend(trig), CasadiBackend()]
+    backends += [CppBackend()] if "cpp" in languages else []
+    backends += [RustBackend("rust_any_gravity")] if "rust" in languages else []
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     printed = parallel_map(lambda task: task(), list(chain.from_iterable(tasks)), jobs, tell, "printing sources")
     return _assembled(model, identity, backends, tasks, printed)

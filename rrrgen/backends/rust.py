@@ -40,7 +40,9 @@ _HELPERS = {"abs": Op.ABS, "sign": Op.SIGN}
 
 @dataclass(frozen=True)
 class RustBackend:
-    """Prints ``rust/Cargo.toml`` and ``rust/src/lib.rs``."""
+    """Prints ``Cargo.toml`` and ``src/lib.rs`` below ``folder``."""
+
+    folder: str = "rust"
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], str]]:
         """The source, which is all there is to do."""
@@ -50,7 +52,7 @@ class RustBackend:
         """The files of the crate: manifest and library."""
         robot = model.spec.name
         cargo = render("rust/Cargo.toml.j2", robot=robot, crate=crate_name(robot), identity=identity)
-        return {"rust/Cargo.toml": cargo, "rust/src/lib.rs": results[0]}
+        return {f"{self.folder}/Cargo.toml": cargo, f"{self.folder}/src/lib.rs": results[0]}
 
 
 def crate_name(robot: str) -> str:

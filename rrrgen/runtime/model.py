@@ -147,6 +147,7 @@ class Model(
         limits: bool = True,
         sort: Literal["branch", "nearest"] = "branch",
         redundancy: ArrayLike | None = None,
+        tool: ArrayLike | None = None,
     ) -> IKResult | IKBatch:
         """Every configuration that brings the tip to ``target``: one target, or a batch. Source: (14.45), all branches.
 
@@ -159,6 +160,8 @@ class Model(
             sort: "branch" keeps the order of the branches, "nearest" puts the solution nearest to ``q_ref`` first.
             redundancy: the prescribed joint or arm angle of a redundant arm, rad or m, one number or one for each
                 target, (...); by default its value in ``q_ref``.
+            tool: pose of a tool in the last link frame, (4, 4) or (..., 4, 4), in place of that of the robot file: the
+                target is then the pose of this tool. Not for positions.
 
         Returns:
             For one target an :class:`IKResult` with ``q`` (k, n), ``flags`` (k,), ``branch`` (k,), and without a
@@ -168,11 +171,22 @@ class Model(
             DerivationError: the arm has no solver, or ``redundancy`` is given to an arm that is not redundant.
             ValueError: a wrong shape, an unknown ``sort``, or a redundant arm without ``redundancy`` and ``q_ref``.
         """
+        if tool is not None:
+            target = self._target_of(target, tool)
         goals = np.asarray(target)
         single = (goals.shape[-2:] == (4, 4) and goals.ndim == 2) or goals.shape == (3,)
         if single or goals.shape[-1:] not in ((3,), (4,)):
             return self.ik.solve(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)  # type: ignore[arg-type]
         return self.ik.solve_batch(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
+
+    def _target_of(self, target: ArrayLike, tool: ArrayLike) -> Array:
+        """The target (..., 4, 4) of the tip for which the ``tool`` has the pose ``target``."""
+        if np.shape(target)[-2:] != (4, 4) or self.n <= 3:
+            raise ValueError(
+                "tool: needs poses (..., 4, 4) as targets. An arm of up to three joints is solved for positions, and "
+                "its solution contains the tool: state it in `tools` of the robot file and compile 'robot.yaml@name'"
+            )
+        return self.tool_target(target, tool)
 
     # -- more ----------------------------------------------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 
 import pytest
@@ -63,6 +64,17 @@ def test_gravity_and_control(tmp_path, real):
     assert "swing_differential_ik.c" in manifest["files"]
     assert "add_executable(swing_any_gravity_selftest swing_any_gravity_selftest.c)" in cmake
     assert "add_library(swing swing.c swing_any_gravity.c" in cmake
+
+
+def test_gravity_in_rust_is_a_crate_of_its_own(tmp_path):
+    output = generate(tmp_path, PENDULUM, "--with", "gravity,rust")
+    source = output / "rust_any_gravity" / "src" / "lib.rs"
+    assert "gravity: &[Real; 3]" in source.read_text()
+    assert 'name = "swing_any_gravity_model"' in (output / "rust_any_gravity" / "Cargo.toml").read_text()
+    assert "gravity: &[" not in (output / "rust" / "src" / "lib.rs").read_text()
+    if shutil.which("rustc"):
+        command = ["rustc", "--edition", "2018", "--crate-type", "lib", "-D", "warnings", "--out-dir", tmp_path, source]
+        subprocess.run(command, check=True)
 
 
 def test_the_robot_file_asks_like_the_option(tmp_path):

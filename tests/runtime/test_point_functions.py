@@ -33,6 +33,11 @@ def test_a_tool_at_run_time_reaches_its_target(model):
     T = model.tool_kinematics(q, TOOL).T
     solutions = model.inverse_kinematics(model.tool_target(T, TOOL)).q
     assert len(solutions) > 1
+    np.testing.assert_array_equal(model.inverse_kinematics(T, tool=TOOL).q, solutions)
+    batch = model.inverse_kinematics(np.array([T, T]), tool=TOOL)
+    assert batch.counts.tolist() == [len(solutions)] * 2
+    with pytest.raises(ValueError, match="needs poses"):
+        model.inverse_kinematics(T[:3, 3], tool=TOOL)
     for found in solutions:
         np.testing.assert_allclose(model.tool_kinematics(found, TOOL).T, T, atol=1e-9)
 
