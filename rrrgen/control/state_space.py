@@ -53,8 +53,10 @@ def realize(numerator: Array, denominator: Array) -> StateSpace:
     A[:, 0] -= d[1:]
     B, C, D = c[1:] - d[1:] * c[0], np.eye(n)[0], float(c[0])
     blocks = []
-    for poles in _clusters(np.linalg.eigvals(A)):
-        (A, B, C), block = _split(A, B, C, poles)
+    while len(
+        A
+    ):  # the poles anew each time: a block may take others along than those that were near one another before
+        (A, B, C), block = _split(A, B, C, _clusters(np.linalg.eigvals(A))[0])
         blocks.append(_scaled(*_rotated(*block)))
     total, start = np.zeros((n, n)), 0
     for part, _, _ in blocks:
@@ -85,8 +87,8 @@ def _split(A: Array, B: Array, C: Array, poles: Any) -> tuple[_Block, _Block]:
     from scipy.linalg import schur, solve_sylvester
 
     size = len(poles)
+    empty = np.zeros(0)
     if size == len(A):
-        empty = np.zeros(0)
         return (np.zeros((0, 0)), empty, empty), (A, B, C)
 
     def chosen(real: float, imaginary: float) -> bool:
@@ -96,6 +98,8 @@ def _split(A: Array, B: Array, C: Array, poles: Any) -> tuple[_Block, _Block]:
 
     T, Q, found = schur(A, output="real", sort=chosen)
     size = int(found)
+    if size in (0, len(A)):  # poles so near to one another that the reordering does not tell them apart
+        return (np.zeros((0, 0)), empty, empty), (A, B, C)
     X = solve_sylvester(T[:size, :size], -T[size:, size:], -T[:size, size:])
     left, right = Q[:, :size], Q[:, :size] @ X + Q[:, size:]
     to_right = Q[:, size:].T @ B
