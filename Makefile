@@ -12,6 +12,7 @@ PYTHON_TESTS := tests/verify tests/robotfile tests/yamltext tests/program tests/
 	tests/runtime/test_derived_cache.py tests/cli/test_cli.py tests/backends/test_c_printer.py \
 	tests/backends/test_c_sources.py tests/backends/test_casadi_function.py tests/test_imports.py
 
+# --dist worksteal: a file stays with one worker while there are others, so that its fixtures are set up once;
 # tests start many processes, which would compile every module anew where the environment forbids to keep byte code
 unit python: export PYTHONDONTWRITEBYTECODE :=
 
@@ -47,10 +48,10 @@ types: setup  ## static types
 	$(BIN)/mypy
 
 unit: setup  ## the tests, on all processors
-	$(BIN)/python -m pytest -q -n auto
+	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
 python: setup  ## the tests of what depends on the version of Python; continuous integration runs them on every one
-	$(BIN)/python -m pytest -q -n auto $(PYTHON_TESTS)
+	$(BIN)/python -m pytest -q -n auto --dist worksteal $(PYTHON_TESTS)
 
 generated: setup  ## the committed code of the reference robot is what the generator writes today
 	$(BIN)/rrrgen generate rrr -o generated/rrr --check
