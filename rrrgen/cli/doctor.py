@@ -1,4 +1,4 @@
-"""``rrrgen doctor``."""
+"""The command ``rrrgen doctor``: say what this installation can do."""
 
 from __future__ import annotations
 

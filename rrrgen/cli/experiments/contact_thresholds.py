@@ -1,4 +1,4 @@
-"""``rrrgen contact-thresholds``."""
+"""The command ``rrrgen contact-thresholds``: find thresholds of contact detection from recordings without contact."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rrrgen identify``."""
+"""The command ``rrrgen identify``: estimate base parameters, drive inertia and friction from recordings."""
 
 from __future__ import annotations
 

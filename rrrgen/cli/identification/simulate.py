@@ -1,4 +1,4 @@
-"""``rrrgen simulate``."""
+"""The command ``rrrgen simulate``: simulate an experiment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rrrgen export``."""
+"""The command ``rrrgen export``: write files of a robot for another program, or a package that other programs load."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rrrgen generate``."""
+"""The command ``rrrgen generate``: derive a robot's kinematics and dynamics and write them as C and CasADi."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rrrgen ik``."""
+"""The command ``rrrgen ik``: solve the inverse kinematics in closed form."""
 
 from __future__ import annotations
 

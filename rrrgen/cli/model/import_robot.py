@@ -1,4 +1,4 @@
-"""``rrrgen import``."""
+"""The command ``rrrgen import``: write a robot file from a file of another program."""
 
 from __future__ import annotations
 

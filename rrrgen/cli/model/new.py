@@ -1,4 +1,4 @@
-"""``rrrgen new``."""
+"""The command ``rrrgen new``: write a robot file to start from, with a comment on every field."""
 
 from __future__ import annotations
 

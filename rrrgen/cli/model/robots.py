@@ -1,4 +1,4 @@
-"""``rrrgen robots``."""
+"""The command ``rrrgen robots``: list the bundled robots with their joints and where their numbers come from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rrrgen schema``."""
+"""The command ``rrrgen schema``: print the JSON Schema of robot files."""
 
 from __future__ import annotations
 

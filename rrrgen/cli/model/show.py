@@ -1,4 +1,4 @@
-"""``rrrgen show``."""
+"""The command ``rrrgen show``: print a robot as rrrgen understands it."""
 
 from __future__ import annotations
 

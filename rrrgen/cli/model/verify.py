@@ -1,4 +1,4 @@
-"""``rrrgen verify``."""
+"""The command ``rrrgen verify``: compare every function of a model with independent dynamics at random states."""
 
 from __future__ import annotations
 

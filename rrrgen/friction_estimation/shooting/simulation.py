@@ -164,7 +164,7 @@ class _Bristles:
         return np.asarray(self.excess * np.exp(-ratio * ratio) + self.coulomb)
 
     def start(self, q: Array, v: Array, u: Array) -> tuple[Array, ...]:
-        """Sliding: the deflection of steady sliding. At rest: what carries the load."""
+        """Initial deflection of the bristles: that of steady sliding, or at rest the one that carries the load."""
         net = u - self.candidate.gravity_torque(q, self.theta)
         level = self.level(v)
         carried = np.clip(net, -level, level)
