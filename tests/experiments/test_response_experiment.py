@@ -208,6 +208,7 @@ def logged(tmp_path_factory):
         t=1e-3 * np.arange(rest + len(recording.t)),
         q=np.vstack([np.repeat(recording.q[:1], rest, axis=0), recording.q]),
         tau=np.vstack([np.repeat(still, rest, axis=0), recording.tau]),
+        reference=np.vstack([np.repeat(recording.reference[:1], rest, axis=0), recording.reference]),
     )
     write_recording(folder, "log", before, joints=("q1", "q2", "q3"))
     return folder, model, signals
