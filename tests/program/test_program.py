@@ -1,6 +1,6 @@
 """What a program says about itself: the function that it specializes."""
 
-from rrrgen.backends.c.sources import _parts
+from rrrgen.backends.c.sources import source_parts
 from rrrgen.pipeline import derive
 from rrrgen.program import Program, specialization
 from rrrgen.robotfile import load_spec
@@ -15,7 +15,8 @@ def test_the_field_says_what_is_a_specialization_and_not_the_name():
     assert [each.function for each in (general, misleading, special)] == ["speed", "speed_nominal", "speed"]
     assert specialization({"speed": general, "speed_nominal": misleading}, "speed") is None
     assert specialization({"speed": general, "fast": special}, "speed") is special
-    parts = _parts([general, misleading, special, program("speed_derivatives"), program("d", "speed_derivatives")])
+    derivatives = [program("speed_derivatives"), program("d", "speed_derivatives")]
+    parts = source_parts([general, misleading, special, *derivatives])
     assert parts == {"": ["speed", "speed_nominal"], "_nominal": ["fast"], "_derivatives": ["speed_derivatives", "d"]}
 
 
