@@ -184,7 +184,7 @@ def _law(
 ) -> Program:
     """The law ``name`` with friction at the desired speed, and its torques limited."""
     friction = RunTimeFriction.declared(r, smooth=True)
-    tau = add(tau, friction.torques(r.joints("dq_d")))
+    tau = add(tau, friction.torques(r.joints("dq_d"), tau))
     tau_max = r.extra("tau_max", (r.n,), r.torque_unit, "largest torques; INFINITY for none")
     held, _ = limited(r.builder, tau, tau_max)
     outputs: list[tuple[Port, list[Any]]] = [(torque_port(r, "tau", "torques to apply, within tau_max"), held)]
