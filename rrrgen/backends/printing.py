@@ -30,9 +30,9 @@ def print_body(program: Program, target: FunctionTarget) -> list[str]:
 
 
 class Statements:
-    """The definitions of a program as statements (``lines``), and a text for every node.
+    """Prints the definitions of a program as statements in ``lines``, and keeps the text of every node.
 
-    ``read`` gives the text of an element of an input port, by their numbers.
+    ``read(port, element)`` returns the text of an element of an input port, both numbered from 0.
     """
 
     def __init__(self, program: Program, target: Target, names: Names, read: Callable[[int, int], str]) -> None:

@@ -196,7 +196,7 @@ def build_model(spec: RobotSpec) -> RobotModel:
 
 
 def _coupling(spec: RobotSpec) -> tuple[tuple[sp.Expr, ...], ...] | None:
-    """The matrix of the mechanism; None where it is the unit matrix."""
+    """The matrix S from q to the displacements of all rows of a mechanism; None where it is the unit matrix."""
     if spec.mechanism is None or sp.Matrix(spec.mechanism.matrix) == sp.eye(spec.n):
         return None
     return spec.mechanism.matrix
@@ -224,7 +224,10 @@ def _origin_shifts(constants: list[RigidTransform], parallel: list[bool]) -> lis
 
 
 def _shifts_in_blocks(constants: list[RigidTransform], parallel: list[bool], parents: tuple[int, ...]) -> list[sp.Expr]:
-    """The same for a tree: the origins of a block are moved into the plane of its first one, no other is moved."""
+    """How far (m) each origin of a tree is moved back along its joint axis.
+
+    The origins of a block of parallel axes are moved into the plane through the first of them; all others stay.
+    """
     slides: list[sp.Expr] = []
     for X, follows, parent in zip(constants, parallel, parents, strict=True):
         slides.append(normal_form(slides[parent] + (X.R.T * X.p)[2]) if follows else sp.S.Zero)

@@ -73,7 +73,7 @@ def _read_joint(node: Node, number: int, scope: Scope) -> JointSpec | None:
 
 
 def read_signs(node: Node, faults: FaultList) -> list[int]:
-    """The joints (from 0) of sign -1; a warning says what becomes of their rows."""
+    """The indices (from 0) of the joints with ``sign: -1``; a warning states how each is rewritten without a sign."""
     found = []
     for number, item in enumerate(node.items if isinstance(node, Sequence) else ()):
         sign = next((v for k, v in getattr(item, "entries", ()) if getattr(k, "text", "") == "sign"), None)
@@ -128,7 +128,7 @@ def _check_scale(node: Node, scope: Scope) -> None:
 
 
 def _warn_about_short_lengths(node: Node, joints: list[JointSpec | None], scope: Scope) -> None:
-    """One warning for all lengths of rows below 1 mm: calibrated ones are such, others were meant in another unit."""
+    """Give one warning for all row lengths below 1 mm: usual in calibrated tables, otherwise often a wrong unit."""
     found = []
     for number, joint in enumerate(joints, start=1):
         for key in ("a", "d") if joint is not None else ():

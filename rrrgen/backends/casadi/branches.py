@@ -1,4 +1,4 @@
-"""The closed form as CasADi Functions: one configuration per branch, differentiable away from singularities."""
+"""The closed-form inverse kinematics as CasADi Functions: one configuration per branch, smooth off singularities."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_CHOICES = 8
 
 
 class CasadiBuilder:
-    """Interprets a derivation over CasADi SX; the sign of every root is an entry of ``branch_signs``."""
+    """Evaluates a recorded inverse kinematics in CasADi's SX; roots take their signs from ``branch_signs``."""
 
     def __init__(self, target: Any, branch: Any, redundancy: Any, *, position: bool) -> None:
         import casadi
@@ -35,27 +35,27 @@ class CasadiBuilder:
         self.values: dict[int, Any] = {}
 
     def pose(self) -> Rigid:
-        """The target, 4x4."""
+        """The target pose, the 4x4 input of the function, as rotation and translation."""
         rows = [[self.target[i, j] for j in range(4)] for i in range(3)]
         x, y, z = ((row[0], row[1], row[2]) for row in rows)
         return Rigid((x, y, z), (rows[0][3], rows[1][3], rows[2][3]))
 
     def point(self) -> Vector:
-        """The target position."""
+        """The target position (3,): the input of a position solver, or the last column of the target pose."""
         if not self._position:
             return self.pose().t
         return (self.target[0], self.target[1], self.target[2])
 
     def name(self, hint: str, x: S) -> S:
-        """``x`` itself."""
+        """Return ``x`` unchanged: in CasADi intermediate values need no names."""
         return x
 
     def names(self, hint: str, v: Vector) -> Vector:
-        """``v`` itself."""
+        """Return ``v`` unchanged: in CasADi intermediate values need no names."""
         return v
 
     def sqrt(self, x: S) -> S:
-        """The square root."""
+        """The square root of ``x``, NaN for negative ``x``."""
         return self.ca.sqrt(x)
 
     def _sign(self, label: Label) -> Any:
@@ -70,7 +70,7 @@ class CasadiBuilder:
         self.values[joint.index] = q
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """Both angles with ``A cos(x) + B sin(x) = C``."""
+        """The angle x with ``A cos(x) + B sin(x) = C`` on the branch that the next entry of ``branch_signs`` names."""
         h2 = A * A + B * B
         w = self._sign(label) * self.ca.sqrt(h2 - C * C if radicand is None else radicand)
         c, s = (A * C - B * w) / h2, (B * C + A * w) / h2
@@ -78,17 +78,17 @@ class CasadiBuilder:
         return Turn(c, s)
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
-        """Both square roots of ``radicand``."""
+        """The square root of ``radicand`` with the sign that the next entry of ``branch_signs`` selects."""
         return self._sign(label) * self.ca.sqrt(radicand)
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """A quartic has no branch-wise form that stays smooth."""
+        """Raise DerivationError: the roots of a quartic have no formula that stays smooth along a branch."""
         raise DerivationError(
             f"joint {joint.index + 1} solves a quartic, whose roots have no smooth formula; use the emitted C"
         )
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
-        """The linear or quadratic formula."""
+        """The displacement x with ``k0 + k1 x + k2 x^2 = 0``; raises DerivationError for a higher degree."""
         if len(k) == 2:
             return self.slide(joint, -k[0] / k[1])
         if len(k) > 3:
@@ -99,23 +99,23 @@ class CasadiBuilder:
         return self.slide(joint, (-k[1] + root) / (2 * k[2]))
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """The one angle ``atan2(s, c)``; the reference where both vanish."""
+        """The single angle ``atan2(s, c)``; its cosine and sine are NaN where both arguments vanish."""
         h = self.ca.sqrt(s * s + c * c)
         self._set(joint, self.ca.atan2(s, c))
         return Turn(c / h, s / h)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z."""
+        """The angle about z that rotates ``v`` to the direction of ``u``, undefined (NaN) if one of them is along z."""
         c, s = between(v, u)
         return self.turn(joint, s, c)
 
     def slide(self, joint: Joint, x: S) -> S:
-        """The displacement of a prismatic joint, or an angle that follows from others."""
+        """Set a prismatic joint to the displacement ``x``, or a joint that depends on others to the angle ``x``."""
         self._set(joint, x)
         return x
 
     def given(self, joint: Joint) -> Turn | S:
-        """The prescribed joint is an input."""
+        """The joint whose value the caller prescribes, the input ``redundancy``; returns its displacement or angle."""
         raw = joint.sign * self.redundancy + float(joint.offset)
         self.values[joint.index] = self.redundancy
         return Turn(self.ca.cos(raw), self.ca.sin(raw)) if joint.revolute else raw
@@ -123,7 +123,10 @@ class CasadiBuilder:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """Both solutions of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``."""
+        """One of the two solutions of an orthogonal wrist, selected by the next entry of ``branch_signs``.
+
+        The equation is ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with (e4, e5) = ``signs``.
+        """
         e4, e5 = signs
         flip = self._sign(Label("wrist"))
         s4, c4 = flip * e5 * M[1][2], flip * e5 * M[0][2]
@@ -137,7 +140,7 @@ class CasadiBuilder:
         return Turn(c4, s4), Turn(c5, s5), Turn(c6, s6)
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """A function cannot leave out a row: a target out of reach gives NaN."""
+        """Ignore the check of a candidate: the number of results is fixed, and NaN marks an unreachable target."""
 
 
 def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
@@ -162,7 +165,7 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
 
 
 def branch_labels(spec: RobotSpec, redundancy: int | None = None) -> tuple[str, ...]:
-    """The names of the choices of :func:`branch_function`, e.g. ``("shoulder", "elbow", "wrist")``."""
+    """Names of the binary choices that select a solution, in order, e.g. ``("shoulder", "elbow", "wrist")``."""
     import casadi
 
     plan = _plan(spec, redundancy)
@@ -171,7 +174,10 @@ def branch_labels(spec: RobotSpec, redundancy: int | None = None) -> tuple[str, 
 
 
 def branch_signs(labels: tuple[tuple[str, int, int], ...], branch: int) -> list[int]:
-    """The input ``branch_signs`` of :func:`branch_function` for a branch number and its label layout."""
+    """The input ``branch_signs`` of :func:`branch_function`, +1 or -1 per choice, for a branch number of the emitted C.
+
+    ``labels`` holds (name, lowest bit, number of bits) of each choice; a bit of 0 means +1.
+    """
     return [1 if (int(branch) >> bit) & 1 == 0 else -1 for _, bit, _ in labels]
 
 

@@ -107,7 +107,7 @@ def summary(plan: SolverPlan) -> ClosedForm:
 
 
 def _needed(steps: list[Step]) -> tuple[Step, ...]:
-    """Without the lines that no joint depends on."""
+    """The steps without those that define a name on which no joint value depends."""
     wanted: set[sp.Symbol] = set()
     kept: list[Step] = []
     for step in reversed(steps):
@@ -153,7 +153,7 @@ class TextBuilder:
         return (self.name(f"{hint}_x", v[0]), self.name(f"{hint}_y", v[1]), self.name(f"{hint}_z", v[2]))
 
     def sqrt(self, x: S) -> S:
-        """The square root."""
+        """The square root of ``x`` as a SymPy expression."""
         return sp.sqrt(x)
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
@@ -182,7 +182,7 @@ class TextBuilder:
         return symbol
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """The equation itself; its roots have no readable formula."""
+        """Write the quartic equation itself, because its roots have no readable formula."""
         q = sp.Symbol(f"q_{joint.index + 1}", real=True)
         x = joint.sign * q + _tidied(joint.offset)
         terms = (1, sp.cos(x), sp.sin(x), sp.cos(2 * x), sp.sin(2 * x))
@@ -191,7 +191,7 @@ class TextBuilder:
         return Turn(sp.cos(x), sp.sin(x))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
-        """The linear or quadratic formula."""
+        """Write the linear or quadratic formula of a displacement as equations."""
         if len(k) == 2:
             return self.slide(joint, -k[0] / k[1])
         q = sp.Symbol(f"q_{joint.index + 1}", real=True)
@@ -215,13 +215,13 @@ class TextBuilder:
         return self.turn(joint, s, c)
 
     def slide(self, joint: Joint, x: S) -> S:
-        """The displacement."""
+        """Write the equation of a prismatic joint, or of a joint whose angle depends on others."""
         q = sp.Symbol(f"q_{joint.index + 1}", real=True)
         self.steps.append(Step(q, _tidied(joint.sign * (x - joint.offset))))
         return joint.sign * q + _tidied(joint.offset)
 
     def given(self, joint: Joint) -> Turn | S:
-        """The prescribed joint, or the arm angle psi."""
+        """The symbol of the joint that the caller prescribes, or of the arm angle psi."""
         prescribed = sp.Symbol("psi" if joint.index >= self._n else f"q_{joint.index + 1}", real=True)
         raw = joint.sign * prescribed + _tidied(joint.offset)
         return Turn(sp.cos(raw), sp.sin(raw)) if joint.revolute else raw
@@ -229,7 +229,7 @@ class TextBuilder:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """Both solutions of an orthogonal wrist."""
+        """Write the equations of both solutions of an orthogonal wrist."""
         e4, e5 = signs
         mxz, myz, mzz = (_tidied(M[i][2]) for i in range(3))
         middle = self._angle(joints[1], sp.Integer(0), sp.atan2(sp.sqrt(mxz**2 + myz**2), -e4 * e5 * mzz), "wrist")
@@ -242,7 +242,7 @@ class TextBuilder:
         return first, middle, last
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """Checks are not part of the formula."""
+        """Write nothing: checks of candidates are not part of the printed formula."""
 
     def _fresh(self, hint: str) -> sp.Symbol:
         name, serial = hint, 1

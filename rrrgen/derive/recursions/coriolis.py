@@ -46,11 +46,11 @@ from rrrgen.derive.recursions.inertia import PseudoInertia
 
 @dataclass(frozen=True)
 class JointOffset:
-    """The vector from the origin of the joint before to that of a joint, and its velocity ``rate``.
+    """The vector ``p`` (3,), m, from the origin of the previous joint to that of a joint, and its velocity ``rate``.
 
-    ``p`` and ``rate`` are in the frame of the link before, or of the block if both joints are of one block. The
-    displacement ``slide`` of a prismatic joint that begins a block, and its velocity, are kept apart, in the frame of
-    that block.
+    Both are in the frame of the previous link, or in that of the block if both joints belong to one block. The
+    displacement ``slide`` (3,) of a prismatic joint that begins a block, and its velocity ``slide_rate``, are kept
+    apart, in the frame of that block.
     """
 
     p: Vector
@@ -61,7 +61,11 @@ class JointOffset:
 
 @dataclass(frozen=True)
 class Dyad:
-    """The dyad ``A`` and relative momentum ``P`` of a body (see the module), with its first moments ``h`` and mass."""
+    """First moments of the relative velocity of a body: the dyad ``A`` (3, 3) and the relative momentum ``P`` (3,).
+
+    With rho the vector from the origin to a point of the body, ``A = integral of (d rho/dt) rho' dm``, kg m^2/s, and
+    ``P = integral of d rho/dt dm``, kg m/s. ``h`` (3,) is the integral of rho dm, kg m, and ``m`` the mass, kg.
+    """
 
     A: Matrix
     P: Vector
@@ -69,17 +73,20 @@ class Dyad:
     m: Any
 
     def shifted(self, p: Vector, rate: Vector) -> Dyad:
-        """The dyad about another origin, from which the present one is at ``p`` and moves with ``rate``."""
+        """The dyad about a new origin; ``p`` is the vector from there to the present one, ``rate`` its velocity."""
         h = add(self.h, scale(self.m, p))
         A = [[self.A[r][c] + self.P[r] * p[c] + rate[r] * h[c] for c in range(3)] for r in range(3)]
         return Dyad(A, add(self.P, scale(self.m, rate)), h, self.m)
 
     def rotated(self, R: Matrix) -> Dyad:
-        """The dyad expressed in the frame in which the present frame has the orientation ``R``."""
+        """The dyad in another frame; ``R`` (3, 3) is the orientation of the present frame in that one."""
         return Dyad(product(product(R, self.A), transpose(R)), times(R, self.P), times(R, self.h), self.m)
 
     def rotated_z(self, c: Any, s: Any) -> Dyad:
-        """The dyad after a rotation about z; the planar part takes four products, and its trace is kept as it is."""
+        """The dyad rotated about z by the angle with cosine ``c`` and sine ``s``.
+
+        The upper left 2x2 block takes four products; its trace, which a rotation does not change, is reused.
+        """
         A = self.A
         u = (A[0][0] - A[1][1]) * c - (A[0][1] + A[1][0]) * s
         xx = A[1][1] + c * u
@@ -97,7 +104,7 @@ class Dyad:
 
 @dataclass(frozen=True)
 class Body:
-    """The composite body of one joint: pseudo-inertia, dyad, and the time derivative ``zdot`` of the joint axis."""
+    """The composite body of a joint: pseudo-inertia ``J``, ``dyad``, and ``zdot`` (3,), the rate of the joint axis."""
 
     J: PseudoInertia
     dyad: Dyad
@@ -106,7 +113,11 @@ class Body:
 
 @dataclass(frozen=True)
 class ShiftedWrench:
-    """The unit wrench ``F, N`` and the vector ``W`` of a joint, moved to that joint or one before it."""
+    """The unit wrench of a joint (force ``F``, moment ``N``) and its vector ``W``, taken at this or an earlier joint.
+
+    The unit wrench gives the composite body of the joint a unit acceleration about its axis; W is defined in the
+    docstring of the module. All three have shape (3,).
+    """
 
     F: Vector
     N: Vector
@@ -115,10 +126,14 @@ class ShiftedWrench:
 
 @dataclass(frozen=True)
 class Composition:
-    """The composite bodies of a moving chain; ``shifted_wrenches[j][i]`` is the unit wrench of joint j at joint i.
+    """The composite bodies of a moving chain and their unit wrenches, from which M and C are assembled.
 
-    Joint i is j or one between it and the base; they come in the order from the base. Rates in the matrices below are
-    those of q.
+    The composite body of joint j is all links beyond it, taken as one rigid body. ``bodies[j]`` holds it;
+    ``shifted_wrenches[j][i]`` is the wrench that gives it a unit acceleration of joint j, moved to joint i, where i is
+    j or a joint between j and the base.
+
+    If the chain was composed with a ``factor`` (:func:`compose`), every velocity in it is that multiple of the true
+    one.
     """
 
     chain: Chain
@@ -126,7 +141,7 @@ class Composition:
     shifted_wrenches: tuple[dict[int, ShiftedWrench], ...]
 
     def mass_matrix(self) -> Matrix:
-        """The mass matrix M (n, n) without drive inertia."""
+        """The mass matrix M(q), shape (n, n), kg m^2 (kg, kg m for prismatic joints), without drive inertia."""
         n = self.chain.n
         M: Matrix = [[0] * n for _ in range(n)]
         for j, row in enumerate(self.shifted_wrenches):
@@ -135,7 +150,11 @@ class Composition:
         return self.chain.form(M)
 
     def coriolis_matrix(self) -> Matrix:
-        """C(q, dq), shape (n, n), times the factor of the velocities: c = C dq, dM/dt - 2 C skew-symmetric."""
+        """The Coriolis matrix C(q, dq), shape (n, n), from the Christoffel symbols, N m s (N s for prismatic joints).
+
+        It satisfies c = C dq for the Coriolis and centrifugal torques c, and dM/dt - 2 C is skew-symmetric. C is linear
+        in the velocities: a chain that was composed with a ``factor`` gives ``factor`` times C.
+        """
         chain, n = self.chain, self.chain.n
         C: Matrix = [[0] * n for _ in range(n)]
         for j, body in enumerate(self.bodies):
@@ -153,7 +172,11 @@ class Composition:
 
 
 def compose(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia], factor: int = 1) -> Composition:
-    """The composite bodies of ``chain`` at joint velocities ``dq`` (n,), all velocities multiplied by ``factor``."""
+    """The composite bodies of ``chain`` at joint velocities ``dq`` (n,), rad/s (m/s), scaled by ``factor``.
+
+    ``inertias`` are the pseudo-inertias of the links in their canonical frames. Every velocity in the result is
+    multiplied by ``factor``; the derivatives of the torques need 2.
+    """
     motion = velocities(chain, dq)
     rates = chain.joint_rates(dq)
     joint_offsets = [
@@ -176,7 +199,7 @@ def joint_force(chain: Chain, i: int, F: Vector, N: Vector) -> Any:
 
 
 def generalized_forces(chain: Chain, j: int, F: Vector, N: Vector) -> dict[int, Any]:
-    """The generalized forces of a wrench about the origin of joint j, at the joints from j to the base."""
+    """The generalized forces, by joint index from j to the base, of the wrench ``F, N`` at the origin of joint j."""
     values: dict[int, Any] = {}
     for i in reversed(chain.paths[j]):
         values[i] = joint_force(chain, i, F, N)
@@ -209,7 +232,10 @@ def _dyads(
     joint_offsets: Sequence[JointOffset],
     factor: int,
 ) -> list[Dyad]:
-    """The dyads of the composite bodies. The last link of a block is added in the link frame, where the next begins."""
+    """The dyads of the composite bodies, one per joint, computed from the tip to the base.
+
+    The last link of a block is added in its own link frame, because the next block begins there.
+    """
     result: dict[int, Dyad] = {}
     for i in reversed(range(chain.n)):
         joint, J = chain.joints[i], inertias[i]
@@ -231,7 +257,7 @@ def _dyads(
 
 
 def _at_link_before(joint: ChainJoint, dyad: Dyad, joint_offset: JointOffset) -> Dyad:
-    """The dyad of a joint that begins a block, about the origin of the link before and in its frame."""
+    """The dyad of the first joint of a block, moved to the origin and frame of the previous link."""
     at_foot = dyad if joint.revolute else dyad.shifted(joint_offset.slide, joint_offset.slide_rate)
     return at_foot.rotated(joint.R).shifted(joint_offset.p, joint_offset.rate)
 
@@ -268,7 +294,7 @@ def _shifted_to_previous(chain: Chain, i: int, joint_offset: JointOffset, shifte
 
 
 def _rate_wrench(revolute: bool, body: Body) -> tuple[Vector, Vector]:
-    """The wrench of the acceleration field dJ_j/dt on the composite body of joint j."""
+    """Force and moment (3,) about the origin of joint j of the field dJ_j/dt on the composite body of joint j."""
     J, (A, P), zdot = body.J, (body.dyad.A, body.dyad.P), body.zdot
     h = [J.hx, J.hy, J.hz]
     if not revolute:

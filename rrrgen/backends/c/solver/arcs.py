@@ -1,8 +1,9 @@
-"""Angles of emitted C: cosines and sines are collected between the loops, their arcs computed together behind them.
+"""Joint angles of the emitted inverse kinematics: all arc tangents are taken together, after the loops over roots.
 
-An arc tangent costs as much as all the rest of an answer. Nothing inside the loops needs the angle of a joint once its
-cosine and sine are known, so every distinct angle gets a *slot*, written at the loop level at which it is known first;
-behind the loops one loop over all slots, which compilers vectorise, takes the arcs, and rows pick theirs.
+An arc tangent costs as much as all other operations of a solution together. Nothing inside the loops needs the angle of
+a joint once its cosine and sine are known, so every distinct angle gets a *slot* in an array, written at the outermost
+loop level at which it is known. After the loops, one loop over all slots, which compilers vectorise, takes the arc
+tangents, and each solution copies its angles from their slots.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ RESERVED = frozenset({"sine", "cosine", "angle", "i"})
 
 @dataclass
 class Slot:
-    """Where the angles of one joint stand: ``first`` plus an index over the loops around it."""
+    """The place of one joint's angles in the array of angles: ``first``, plus an index over the loops around it."""
 
     first: int
     count: int
@@ -31,14 +32,14 @@ class Slot:
     step: int = 0
 
     def text(self) -> str:
-        """The C expression of the slot."""
+        """The C expression of the array index."""
         other = [f"{self.step} * {self.choice}"] if self.choice else []
         first = [str(self.first)] if self.first or not (self.index or other) else []
         return " + ".join([*first, *self.index, *other])
 
 
 class Arcs:
-    """The slots of one branch function."""
+    """Assigns array slots to the joint angles of one branch function and prints the code that computes the angles."""
 
     def __init__(self) -> None:
         self.joints: dict[int, Slot] = {}
@@ -46,27 +47,28 @@ class Arcs:
         self._copies: list[tuple[Slot, str]] = []
 
     def slot(self, loops: Sequence[Loop]) -> Slot:
-        """Slots for an angle that differs between the turns of ``loops``."""
+        """Reserve slots for an angle that has one value for every pass through ``loops``."""
         terms, count = position(loops)
         slot = Slot(self._taken, count, tuple(terms))
         self._taken += count
         return slot
 
     def copy(self, slot: Slot, choice: str, formula: str) -> None:
-        """Loop variable ``choice`` tells the angle of ``slot`` from ``formula`` of it."""
+        """Add a second angle to a slot, ``formula`` of the first; it is taken where loop variable ``choice`` is 1."""
         slot.choice = choice
         self._copies.append((slot, formula))
 
     @property
     def calls(self) -> list[str]:
-        """The arc tangents and the half turns, one name for each (:mod:`rrrgen.backends.c.solver.counting`)."""
+        """The operations after the loops, as named in the table of counts: "arc" (arc tangent) and "opposite"."""
         copied = [slot.count for slot, formula in self._copies if formula.startswith("ik_opposite")]
         return ["arc"] * self._taken + ["opposite"] * sum(copied)
 
     def finished(self, loops: Sequence[Loop]) -> tuple[list[str], list[str]]:
-        """Lines before and behind the loops; none without angles.
+        """The C lines before the loops (declarations) and after them (arc tangents, angles of each solution).
 
-        Rows are walked once more in their order. Counts that change inside outer loops were kept for that.
+        Both are empty if there are no angles. The loops are repeated after the arc tangents to visit the solutions in
+        the same order; root counts that vary between passes were stored for this.
         """
         if not self.joints:
             return [], []
@@ -93,5 +95,5 @@ class Arcs:
 
 
 def kept_count(loop: Loop) -> str:
-    """Name of the array that keeps the counts of an inner loop."""
+    """Name of the C array that stores how many roots an inner loop had in each pass of the outer loops."""
     return f"m{loop.variable[1:]}"

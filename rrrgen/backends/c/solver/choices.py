@@ -1,4 +1,7 @@
-"""The derivation as C: straight-line blocks between loops over root signs, each value as far outside as it can be."""
+"""Writes a recorded inverse kinematics as C: straight-line blocks between loops over the roots of its equations.
+
+Each value is computed in the outermost loop in which it is known.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +79,7 @@ class CBuilder(Scaffold):
         return self._angle(joint, self._turned(tag, ca * cosine - sa * w, sa * cosine + ca * w), level)
 
     def _loop(self, tag: str, level: int, label: Label, name: str) -> Scalar:
-        """Open the loop over the signs of ``w``; returns the signed w under ``name``."""
+        """Open a loop over both signs of the C variable ``w<tag>``; the signed value gets the name ``name``."""
         inner = self._open(tag, f"n{tag}", 2, level)
         first, second = ("", "-") if label.positive > 0 else ("-", "")
         self._add(inner, (f"const REAL {name} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",), ())
@@ -84,7 +87,11 @@ class CBuilder(Scaffold):
         return self.pool.var(name, inner)
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
-        """Both square roots of ``radicand``."""
+        """Both square roots of ``radicand``, in a loop over their signs.
+
+        ``size`` is a magnitude with which ``radicand`` is compared: a negative one that is round-off of it counts as
+        zero.
+        """
         node, big = self.pool.of(radicand), self.pool.of(size) + (SIZE_OF_NOTHING * unit) * unit
         tag = self._fresh_tag(hint)
         level = max(node.level, big.level)
@@ -162,7 +169,7 @@ class CBuilder(Scaffold):
     # -- single answers -----------------------------------------------------------------------------------------------
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """The one angle ``atan2(s, c)``; the reference where both vanish."""
+        """The single angle ``atan2(s, c)``; the reference angle of the joint where both vanish."""
         tag = self._tag(joint)
         sn, cn = self.pool.of(s), self.pool.of(c)
         level = max(sn.level, cn.level)
@@ -178,10 +185,10 @@ class CBuilder(Scaffold):
         return turn if joint.index in self._arcs.joints else self._angle(joint, turn)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z.
+        """The angle about z that rotates ``v`` to the direction of ``u``; the reference if one of them is along z.
 
-        All that a turn cannot mend is a difference of lengths and of heights. The arc needs the direction alone: only
-        what else is made of the angle needs its cosine and sine, and the quotient is slow.
+        A rotation about z changes neither the length nor the height of ``v``, so any difference in them is added to the
+        residual. The arc tangent uses the unscaled direction; the division is left to values that need cosine and sine.
         """
         tag = self._tag(joint)
         before, after = (self._length(f"{hint}{tag}", x) for hint, x in (("from", v), ("onto", u)))
@@ -223,9 +230,10 @@ class CBuilder(Scaffold):
         return self.name(hint, self.pool.sqrt(self.pool.of(square((v[0], v[1], 0)))))
 
     def _directed(self, joint: Joint, tag: str, level: int, reference: str) -> tuple[str, ...]:
-        """Lines that scale (c, s) to a unit vector, that of the reference where they vanish.
+        """C lines that scale (c, s) to a unit vector; where both vanish, it is that of the reference angle.
 
-        The arc of a joint without offset starts from the vector as it is: the root and the quotient are slow.
+        A joint without offset stores (c, s) unscaled for its arc tangent, which then need not wait for the square root
+        and the division.
         """
         keep = ""
         if joint.index in self._joints and not joint.offset:
@@ -246,13 +254,13 @@ class CBuilder(Scaffold):
         )
 
     def slide(self, joint: Joint, x: S) -> Scalar:
-        """The displacement of a prismatic joint, or an angle that follows from others."""
+        """Set a prismatic joint to the displacement ``x``, or a joint that depends on others to the angle ``x``."""
         node = self.name(f"x{self._tag(joint)}", x)
         self._values[joint.index] = self._user(joint, node)
         return node
 
     def given(self, joint: Joint) -> Turn | Scalar:
-        """The prescribed joint: its value is an argument of the solver."""
+        """The joint whose value the caller prescribes, an argument of the solver; returns its displacement or angle."""
         raw = joint.sign * self.pool.var("lock") + float(joint.offset)
         self._values[joint.index] = self.pool.var("lock")
         if not joint.revolute:

@@ -1,9 +1,9 @@
-"""Operations of an emitted list of candidates: a pass over the programs between its loops.
+"""Counts the operations of an emitted inverse kinematics from the programs between its loops.
 
-Every block between two loops is a :class:`rrrgen.program.Program`, evaluated once for every turn of the loops around
-it; the kernels that its statements call (``templates/c/ik/roots.c``) have known operations. Counted is a target at
-which every choice has all its roots and no joint is free. The check of the target, joint limits and refinement are not
-counted; roots of quartics are found by iteration and counted apart.
+Every block between two loops is a :class:`rrrgen.program.Program`, evaluated once per pass of the loops around it; the
+kernels that its statements call (``templates/c/ik/roots.c``) have known operations. The count holds for a target at
+which every equation has all its roots and no joint is free. The check of the target, joint limits and refinement are
+not counted; roots of quartics are found by iteration and counted apart.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rrrgen.program import Program, count_operations
 
 @dataclass(frozen=True)
 class SolverOperations:
-    """Arithmetic of one call with all its rows.
+    """Arithmetic operations of one call of the inverse kinematics that finds all solutions.
 
     ``sincos`` counts angles, ``atan2`` arc tangents, ``quartics`` equations of degree four, each solved by at most 40
     iterations.
@@ -32,7 +32,7 @@ class SolverOperations:
     quartics: int = 0
 
     def as_dict(self) -> dict[str, int]:
-        """For the manifest."""
+        """The counts by name, as they stand in the manifest."""
         return asdict(self)
 
     def times(self, turns: int) -> SolverOperations:
@@ -72,7 +72,7 @@ def block_operations(program: Program, calls: Iterable[str], turns: int) -> Solv
 
 
 def sum_of(counts: Iterable[SolverOperations]) -> SolverOperations:
-    """The sums, name by name."""
+    """The sum of several counts, operation by operation."""
     tally: Counter[str] = Counter()
     for each in counts:
         tally.update(each.as_dict())

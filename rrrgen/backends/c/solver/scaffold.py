@@ -1,4 +1,4 @@
-"""What every derivation in C stands on: inputs, named values, loops, angles, and the finished body."""
+"""Common part of the C code of every inverse kinematics: inputs, named values, loops, angles, function body."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ VIRTUAL_END = 100
 
 
 class Scaffold:
-    """Collects statements between loops over roots; :meth:`body` prints them."""
+    """Collects the C statements of an inverse kinematics in loops over its roots; :meth:`body` prints them.
+
+    A *virtual* joint is one that the derivation adds to the chain and that stands at zero in every solution.
+    """
 
     def __init__(
         self,
@@ -52,13 +55,13 @@ class Scaffold:
     # -- inputs -------------------------------------------------------------------------------------------------------
 
     def pose(self) -> Rigid:
-        """The target: ``T`` is a row-major 4x4 matrix."""
+        """The target pose, read from the C argument ``T``, a row-major 4x4 matrix."""
         rows = [[self.pool.var(f"T[{4 * i + j}]") for j in range(4)] for i in range(3)]
         x, y, z = ((row[0], row[1], row[2]) for row in rows)
         return Rigid((x, y, z), (rows[0][3], rows[1][3], rows[2][3]))
 
     def point(self) -> Vector:
-        """The target position: a position solver receives three numbers, a pose solver the last column."""
+        """The target position: the argument of a position solver, or the last column of the pose of a pose solver."""
         if not self._position_only:
             return self.pose().t
         return (self.pool.var("T[0]"), self.pool.var("T[1]"), self.pool.var("T[2]"))
@@ -72,7 +75,7 @@ class Scaffold:
     # -- values -------------------------------------------------------------------------------------------------------
 
     def name(self, hint: str, x: S) -> Scalar:
-        """``const REAL hint = x;``."""
+        """Define the C constant ``const REAL hint = x;`` and return it; numbers and variables stay as they are."""
         node = self.pool.of(x)
         if node.is_plain:
             return node
@@ -82,24 +85,26 @@ class Scaffold:
         return variable
 
     def names(self, hint: str, v: Vector) -> Vector:
-        """Three named coordinates."""
+        """Define a C constant for each coordinate of ``v`` (3,): ``<hint>x``, ``<hint>y`` and ``<hint>z``."""
         return (self.name(f"{hint}x", v[0]), self.name(f"{hint}y", v[1]), self.name(f"{hint}z", v[2]))
 
     def sqrt(self, x: S) -> Scalar:
-        """The square root; round-off below zero counts as zero."""
+        """The square root of ``x``; a negative ``x``, which round-off can cause, counts as zero."""
         return self.pool.clamped_sqrt(self.pool.of(x))
 
     # -- angles -------------------------------------------------------------------------------------------------------
 
     def _turned(self, tag: str, c: Scalar, s: Scalar) -> Turn:
-        """The cosine and sine of a joint under its own names."""
+        """Define the C constants ``c<tag>`` and ``s<tag>``, the cosine and sine of the joint with this tag."""
         self._taken -= {f"c{tag}", f"s{tag}"}
         return Turn(self.name(f"c{tag}", c), self.name(f"s{tag}", s))
 
     def _angle(self, joint: Joint, turn: Turn, outside: int | None = None) -> Turn:
-        """Keep the angle of a joint: its arc is taken behind the loops. A virtual joint must stand at zero.
+        """Store the cosine and sine of a joint's angle, from which the arc tangent is taken after all loops.
 
-        The loop opened last is the joint's own where ``outside``, the level of its equation, is given.
+        A virtual joint must stand at zero: its distance from zero is added to the residual. ``outside`` is the loop
+        level at which the joint's own equation is solved; the loop opened last then runs over the roots of that
+        equation.
         """
         users = users_turn(joint, turn)
         level = self._level(turn)
@@ -111,7 +116,7 @@ class Scaffold:
         return turn
 
     def _written(self, level: int, loops: Sequence[Loop], users: Turn) -> Slot:
-        """A slot with the cosine and sine of an angle."""
+        """Reserve an array slot for the angle of ``users``, and store its cosine and sine there."""
         slot = self._arcs.slot(loops)
         at = slot.text()
         self._add(level, (f"cosine[{at}] = {{0}};", f"sine[{at}] = {{1}};"), tuple(map(self.pool.of, users)))
@@ -121,7 +126,7 @@ class Scaffold:
         return max(self.pool.of(turn.c).level, self.pool.of(turn.s).level)
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """Quantities that vanish at a solution; a solution is kept only if they do."""
+        """Add lengths (m) and cosines that vanish at a true solution; candidates where they do not are dropped."""
         parts = []
         if lengths:
             parts.append(square(lengths) / (self.length * self.length))
@@ -172,7 +177,12 @@ class Scaffold:
     # -- loops, flags and names ---------------------------------------------------------------------------------------
 
     def _open(self, tag: str, count: str, most: int, level: int, *, sure: bool = False) -> int:
-        """Open a loop over the roots of a choice; unless there is ``sure`` to be one, none fails this stage."""
+        """Open a C loop over the roots of one equation and return its depth.
+
+        ``count`` is the C variable with the number of roots, ``most`` its largest value, ``level`` the depth at which
+        it is computed. Unless at least one root is ``sure`` to exist, code is added that records at which equation the
+        search failed.
+        """
         if not sure:
             k = len(self._loops) + 1
             failed = "return 0; " if level == 0 else ""
@@ -184,13 +194,13 @@ class Scaffold:
         return len(self._loops)
 
     def _open_bit(self, joint: Joint) -> str:
-        """The inner flag of a joint that may be free; 0 for a virtual one, which stands at zero then."""
+        """The C text of the flag for a joint close to a singularity at which it becomes free; 0 for a virtual joint."""
         if joint.index not in self._joints:
             return "0u"
         return f"{256 << joint.index}u"
 
     def _free_bits(self, joint: Joint) -> str:
-        """The flags of a joint that is free."""
+        """The C text of the flags that report that a joint is free: at this pose every value of it gives a solution."""
         if joint.index not in self._joints:
             return "(unsigned)IK_FREE"
         return f"(unsigned)IK_FREE | {257 * 256 << joint.index}u"
@@ -207,7 +217,7 @@ class Scaffold:
         self._items.append(Statement(level, lines, operands, calls=calls, rare=rare))
 
     def _user(self, joint: Joint, raw: Scalar) -> Scalar:
-        """The user's joint value of a raw one, wrapped where an offset can push it out of (-pi, pi]."""
+        """The user's joint value for the value ``raw`` of the derivation: without offset, in (-pi, pi] for an angle."""
         q = joint.sign * (raw - float(joint.offset))
         bare = raw if joint.sign > 0 else -raw
         if not joint.revolute or (q is bare and raw.op is Op.INPUT and raw.text[0] == "x"):

@@ -26,7 +26,7 @@ class Loop:
 
 
 def position(loops: Sequence[Loop]) -> tuple[list[str], int]:
-    """Terms of the index of a turn of ``loops``, and the number of turns."""
+    """The array index of one pass through nested loops, as C terms to be added, and the number of all passes."""
     terms = []
     for k, loop in enumerate(loops):
         stride = prod(inner.most for inner in loops[k + 1 :])
@@ -36,7 +36,7 @@ def position(loops: Sequence[Loop]) -> tuple[list[str], int]:
 
 @dataclass
 class Statement:
-    """Text at a loop level; ``{0}``, ``{1}`` ... are replaced by the operands."""
+    """Lines of C at one depth of loops; ``{0}``, ``{1}``, ... in them are replaced by the text of the operands."""
 
     level: int
     lines: tuple[str, ...]
@@ -51,7 +51,7 @@ class Statement:
 
 @dataclass(frozen=True)
 class CBody:
-    """The finished body of the branch function, the functions of the templates that it needs, and what it takes."""
+    """The finished body of a branch function: its C text, the template functions it calls, its operation counts."""
 
     text: str
     needs: frozenset[str]
@@ -93,7 +93,10 @@ class _Blocks:
 
 
 class _Recorded:
-    """The values of one block as a :class:`rrrgen.program.Program`; what it reads are the variables ``texts``."""
+    """The values of one block as a :class:`rrrgen.program.Program`.
+
+    Its inputs are the C variables that the block reads; ``texts`` holds their names in the order of the inputs.
+    """
 
     def __init__(self, level: int, outside: Mapping[int, str]) -> None:
         self.texts: list[str] = []
@@ -108,7 +111,7 @@ class _Recorded:
         return len(self._nodes)
 
     def add(self, node: Scalar) -> int:
-        """The number of the node that holds a value."""
+        """Record ``node`` with everything it depends on, unless it is recorded already; returns its index."""
         index = self._index.get(id(node))
         if index is None:
             index = self._index[id(node)] = self._new(node)
@@ -130,24 +133,24 @@ class _Recorded:
         return len(self._nodes) - 1
 
     def use(self, nodes: Sequence[Scalar]) -> tuple[int, ...]:
-        """These values are results: what a statement reads, or what deeper blocks do."""
+        """Make ``nodes`` an output, because a statement or a deeper block reads them; returns their indices."""
         self._results.append(tuple(self.add(node) for node in nodes))
         return self._results[-1]
 
     def program(self) -> Program:
-        """The block as a program, an output for each use."""
+        """The block as a program with one output per call of :meth:`use`."""
         outputs = tuple(Port(f"use{k}", (len(row),)) for k, row in enumerate(self._results))
         inputs = (Port("variables", (len(self.texts),)),)
         return Program(f"block{self._level}", inputs, outputs, tuple(self._nodes), tuple(self._results))
 
     def restricted(self, values: Iterable[Scalar]) -> Program:
-        """The block with the definitions of these values alone."""
+        """A program of the nodes of ``values`` alone, for counting operations; it has no outputs."""
         kept = [self._nodes[self.add(node)] for node in values]
         return replace(self.program(), outputs=(), nodes=tuple(kept), results=())
 
 
 class _Lines(Statements):
-    """The lines of one block: its statements, each behind the definitions that it needs."""
+    """Prints one block: each of its statements, preceded by the definitions of the values that it reads."""
 
     def __init__(self, block: _Recorded, exported: Iterable[int], target: Target, names: Names) -> None:
         self._exported = frozenset(exported)
@@ -156,14 +159,17 @@ class _Lines(Statements):
         self._visited = 0
 
     def _worth_a_name(self) -> list[bool]:
-        """Besides shared values those that deeper blocks read; a sign before a variable is written wherever needed."""
+        """For every node, whether it gets a C variable: if it is used more than once or read by a deeper block.
+
+        The negative of a variable gets none; it is written as ``-x`` wherever it is read.
+        """
         nodes = self.program.nodes
         plain = [node.op is Op.NEG and nodes[node.args[0]].op is Op.INPUT for node in nodes]
         shared = super()._worth_a_name()
         return [(shared[k] or k in self._exported) and not plain[k] for k in range(len(nodes))]
 
     def advance(self, count: int) -> None:
-        """Visit the nodes before number ``count``."""
+        """Print the definitions of all nodes before index ``count`` that have not been printed yet."""
         for index in range(self._visited, count):
             self._visit(index)
         self._visited = max(self._visited, count)
@@ -172,9 +178,9 @@ class _Lines(Statements):
 def printed(
     items: Sequence[Statement], loops: Sequence[Loop], target: Target, taken: Iterable[str]
 ) -> tuple[str, SolverOperations]:
-    """The statements between their loops, without definitions that nothing uses, and their operations.
+    """The C text of the statements nested in their loops, and the operations of one evaluation.
 
-    ``taken`` are the names in use already.
+    Definitions that nothing uses are left out. ``taken`` are names that new variables must not have.
     """
     live = _live(items)
     blocks, regular = _Blocks(live, len(loops)), _regular(live)
@@ -198,7 +204,7 @@ def printed(
 def _block(
     blocks: _Blocks, depth: int, outside: dict[int, str], target: Target, names: Names
 ) -> tuple[_Recorded, _Lines]:
-    """One block and its lines; ``outside`` gains the names of the values that deeper blocks read."""
+    """Print the block at one depth of loops; the names of values that deeper blocks read are added to ``outside``."""
     block = _Recorded(depth, outside)
     values, done = blocks.values[depth], 0
     uses: list[tuple[int, Statement, tuple[int, ...]]] = []
@@ -222,7 +228,7 @@ def _block(
 
 
 def _regular(items: Sequence[Statement]) -> set[int]:
-    """The values that are read where no joint is free."""
+    """The ids of the values that are needed when no joint is free; operands marked ``rare`` are not followed."""
     found: set[int] = set()
     for item in items:
         for k, operand in enumerate(item.operands):
@@ -239,7 +245,7 @@ def _collect(node: Scalar, found: set[int]) -> None:
 
 
 def _live(items: Sequence[Statement]) -> list[Statement]:
-    """Without the definitions that nothing uses."""
+    """The statements without definitions of variables that no later statement uses."""
     used: set[int] = set()
     kept = []
     for item in reversed(items):
