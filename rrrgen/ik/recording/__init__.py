@@ -1,1 +1,1 @@
-"""One derivation, recorded once: the protocol of interpreters, the record, its text and what it costs."""
+"""Recording of a closed form: the builder interface of derivations, the recorded steps, their replay and their text."""

@@ -1,8 +1,8 @@
-"""What a derivation needs of its interpreter: one derivation, printed as C, evaluated in CasADi, or written as text.
+"""The builder interface: the operations from which the derivation of a closed form is composed.
 
-A derivation walks from the target to the joints. Wherever an equation has two roots it asks for a *signed root*; the
-interpreter decides what that means: C opens a loop over both signs, CasADi takes the sign from its branch argument,
-text writes a plus-minus.
+A derivation computes the joints from the target by calling a :class:`Builder`. The same derivation serves several
+builders: it is printed as C, evaluated in CasADi or in floats, or written as text. Where an equation has several roots
+the builder decides how to treat them: C code loops over all roots, CasADi takes the root from its branch argument.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from rrrgen.ik.tolerances import QUARTER
 
 
 class Turn(NamedTuple):
-    """Cosine and sine of a raw joint angle."""
+    """Cosine ``c`` and sine ``s`` of the raw angle of a joint, that is ``sign * user's angle + offset``."""
 
     c: S
     s: S
 
 
 class Feasible(NamedTuple):
-    """The free angle x must satisfy ``lower <= mean + cosine cos(x) + sine sin(x) <= upper``."""
+    """A condition on a free angle x: ``lower <= mean + cosine cos(x) + sine sin(x) <= upper``."""
 
     mean: S
     cosine: S
@@ -35,14 +35,14 @@ class Feasible(NamedTuple):
 
 @dataclass(frozen=True)
 class Label:
-    """Name of a branch choice. ``positive`` is the sign of the root that counts as plus."""
+    """Name of a choice between roots, such as "elbow"; ``positive`` is the sign of the root that is labelled plus."""
 
     name: str
     positive: int = 1
 
 
 def between(v: Vector, u: Vector) -> Turn:
-    """Cosine and sine of the angle about z from ``v`` to ``u``, both times the lengths of the two across z."""
+    """Cosine and sine of the angle about z from ``v`` to ``u``, times the lengths of their projections on z = 0."""
     return Turn(
         total(product(u[0], v[0]), product(u[1], v[1])),
         total(product(u[1], v[0]), -product(u[0], v[1])),
@@ -50,7 +50,7 @@ def between(v: Vector, u: Vector) -> Turn:
 
 
 def users_turn(joint: Joint, raw: Turn) -> Turn:
-    """Cosine and sine of the user's angle ``sign (raw - offset)``: its arc lies in (-pi, pi] whatever the offset."""
+    """Cosine and sine of the user's angle ``sign (raw - offset)``; atan2 then gives it in (-pi, pi] for any offset."""
     c, s = raw
     if joint.offset:
         co, so = (_whole(function(float(joint.offset))) for function in (cos, sin))
@@ -63,7 +63,11 @@ def _whole(x: float) -> float:
 
 
 class Builder(Protocol):
-    """The interpreter. Lengths and angles are in the units of the chain; ``unit`` is the natural size of a quantity."""
+    """Interface of the interpreters of a derivation.
+
+    Lengths and angles are in the units of the chain. ``unit`` is the natural size of a quantity, relative to which it
+    may count as zero. The *reference* is the joint value that the caller supplies where the target leaves a joint free.
+    """
 
     def pose(self) -> Rigid:
         """The target pose of the tip in the base frame."""
@@ -72,52 +76,53 @@ class Builder(Protocol):
         """The target position of the tip in the base frame."""
 
     def name(self, hint: str, x: S) -> S:
-        """``x``, kept under a readable name."""
+        """Store ``x`` under a readable name and return it."""
 
     def names(self, hint: str, v: Vector) -> Vector:
-        """A vector, kept under the names hint + x, y, z."""
+        """Store the coordinates of ``v`` under the names hint + x, y, z and return them."""
 
     def sqrt(self, x: S) -> S:
         """The square root of a quantity that cannot be negative."""
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """Both angles with ``A cos(x) + B sin(x) = C``; all angles (the reference) where A, B and C vanish.
+        """Solve ``A cos(x) + B sin(x) = C`` for both angles x; the reference where A, B and C vanish and x is free.
 
-        x = atan2(B, A) + sign atan2(w, C), w = sqrt(A^2 + B^2 - C^2); ``radicand`` is an equal expression of w^2 that
-        keeps its digits where C comes near sqrt(A^2 + B^2).
+        x = atan2(B, A) + sign atan2(w, C), w = sqrt(A^2 + B^2 - C^2). ``radicand`` is an equivalent expression for w^2
+        that does not lose digits where |C| is close to sqrt(A^2 + B^2).
         """
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
-        """Both square roots of ``radicand``; ``size`` is what it is small against when the two merge."""
+        """Both square roots of ``radicand``; they count as a double root where it is small relative to ``size``."""
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
+        """Solve ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0`` for up to four angles x."""
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
-        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0`` (degree 1, 2 or 4)."""
+        """Solve ``k0 + k1 x + k2 x^2 + ... = 0`` (degree 1, 2 or 4) for up to four displacements x."""
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """The one angle ``atan2(s, c)``; the reference where both, which are of the size of 1, vanish."""
+        """The angle ``atan2(s, c)``; the reference where both vanish. ``s`` and ``c`` are of the size of 1."""
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """The one angle about z that turns ``v``, a vector of the size of ``unit``, onto ``u``; see :func:`between`.
+        """The angle about z that rotates ``v``, a vector of the size of ``unit``, onto ``u``.
 
-        The reference (made feasible if so asked) where one of them lies along z. A row is kept only if the two agree.
+        Where one of them lies along z the angle is free: it is the reference, moved to the nearest value that satisfies
+        ``feasible``, if given. A solution is kept only if the rotated ``v`` equals ``u``.
         """
 
     def slide(self, joint: Joint, x: S) -> S:
-        """The displacement of a prismatic joint, or an angle that follows from others."""
+        """Set ``joint`` to the value ``x``: a displacement, or an angle that follows from others."""
 
     def given(self, joint: Joint) -> Turn | S:
-        """A joint that the caller prescribes: the redundancy parameter."""
+        """The value of the joint that the caller prescribes, the redundancy parameter."""
 
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``: both solutions and their residual.
+        """Solve ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with (e4, e5) = ``signs``: two solutions.
 
-        The second column of M is not used.
+        The difference between the two sides is added to the residual. The second column of M is not used.
         """
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """Quantities that vanish at a solution; a row is kept only if they do."""
+        """Record quantities that are zero at a solution; a candidate is kept only if they are zero."""

@@ -1,4 +1,4 @@
-"""The derivation in plain floats, one branch at a time: the compiler tries its own equations before it emits them."""
+"""Evaluation of a derivation in floats, one branch at a time: the compiler tests its equations before it emits them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ class NoRoot(Exception):  # noqa: N818 - an answer, not an error
 
 
 class FloatBuilder:
-    """Evaluates one branch for one target; ``script`` says which root is taken at each choice."""
+    """Evaluate one branch of a derivation for one target.
+
+    ``T`` is the target pose (4 x 4), ``reference`` the joint values where the target leaves a joint free, ``script``
+    the index of the root taken at each choice, ``redundancy`` the prescribed joint value. After a run, ``values`` holds
+    the user's joint values by joint index, ``counts`` the number of roots at each choice.
+    """
 
     def __init__(self, T: Any, reference: Sequence[float], script: list[int], *, redundancy: float = 0.0) -> None:
         self.T, self.reference, self.script, self.redundancy = T, reference, script, redundancy
@@ -25,7 +30,7 @@ class FloatBuilder:
         self.values: dict[int, float] = {}
 
     def pose(self) -> Rigid:
-        """The target."""
+        """The target pose."""
         rows = [[float(x) for x in row] for row in self.T[:3]]
         return Rigid(tuple(tuple(row[:3]) for row in rows), tuple(row[3] for row in rows))  # type: ignore[arg-type]
 
@@ -34,11 +39,11 @@ class FloatBuilder:
         return (float(self.T[0][3]), float(self.T[1][3]), float(self.T[2][3]))
 
     def name(self, hint: str, x: S) -> S:
-        """``x`` itself."""
+        """Return ``x``; floats need no name."""
         return x
 
     def names(self, hint: str, v: Vector) -> Vector:
-        """``v`` itself."""
+        """Return ``v``; floats need no name."""
         return v
 
     def sqrt(self, x: S) -> S:
@@ -61,7 +66,7 @@ class FloatBuilder:
         return joint.sign * known + float(joint.offset)
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """Both angles with ``A cos(x) + B sin(x) = C``."""
+        """The scripted one of the two angles with ``A cos(x) + B sin(x) = C``."""
         h = hypot(A, B)
         if h <= NO_DIRECTION * unit:
             if abs(C) > NO_CONDITION * unit:
@@ -79,13 +84,13 @@ class FloatBuilder:
         return Turn(cos(x), sin(x))
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
-        """Both square roots of ``radicand``."""
+        """The scripted one of the two square roots of ``radicand``."""
         if radicand < -BELOW_ZERO * (size + SIZE_OF_NOTHING * unit**2):
             raise NoRoot
         return (1, -1)[self._choose(2)] * label.positive * sqrt(max(radicand, 0.0))
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
+        """The scripted one of the angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
         import numpy as np
 
         k0, kc, ks, k2c, k2s = (float(x) for x in k)
@@ -96,7 +101,7 @@ class FloatBuilder:
         return Turn(cos(x), sin(x))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
-        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``."""
+        """The scripted one of the displacements with ``k0 + k1 x + k2 x^2 + ... = 0``."""
         import numpy as np
 
         roots = np.roots([float(x) for x in reversed(k)])
@@ -122,12 +127,12 @@ class FloatBuilder:
         return Turn(cos(x), sin(x))
 
     def slide(self, joint: Joint, x: S) -> S:
-        """The displacement of a prismatic joint, or an angle that follows from others."""
+        """Set ``joint`` to the value ``x``: a displacement, or an angle that follows from others."""
         self._set(joint, float(x))
         return float(x)
 
     def given(self, joint: Joint) -> Turn | S:
-        """The prescribed joint."""
+        """The value of the prescribed joint, from ``redundancy``."""
         raw = joint.sign * self.redundancy + float(joint.offset)
         self.values[joint.index] = self.redundancy
         return Turn(cos(raw), sin(raw)) if joint.revolute else raw
@@ -135,7 +140,7 @@ class FloatBuilder:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """Both solutions of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``."""
+        """The scripted solution of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M``, (e4, e5) = ``signs``."""
         e4, e5 = signs
         flip = (1, -1)[self._choose(2)]
         s4, c4 = flip * e5 * M[1][2], flip * e5 * M[0][2]
@@ -150,11 +155,14 @@ class FloatBuilder:
         return Turn(c4, s4), Turn(c5, s5), Turn(cos(x6), sin(x6))
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """Rows are compared with forward kinematics by the caller."""
+        """Do nothing: the caller compares every solution with forward kinematics."""
 
 
 def every_branch(run: Callable[[FloatBuilder], None], make: Callable[[list[int]], FloatBuilder]) -> list[list[float]]:
-    """The joint values of every branch of a derivation, unchecked."""
+    """Evaluate every branch of a derivation: joint values per branch, not yet compared with the target.
+
+    ``run`` plays the derivation on a builder, ``make`` creates a builder for a list of root indices.
+    """
     rows: list[list[float]] = []
     script: list[int] = []
     for _ in range(64):
@@ -174,5 +182,5 @@ def every_branch(run: Callable[[FloatBuilder], None], make: Callable[[list[int]]
 
 
 def wrapped(x: float) -> float:
-    """``x`` in [-pi, pi)."""
+    """Wrap the angle ``x`` (rad) to [-pi, pi)."""
     return (x + pi) % (2 * pi) - pi

@@ -1,4 +1,4 @@
-"""The interpreter that records: a derivation becomes a :class:`rrrgen.ik.recording.solver.Solver`, once."""
+"""The builder that records the operations of a derivation as a :class:`rrrgen.ik.recording.solver.Solver`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rrrgen.ik.recording.solver import Solver
 
 
 class Recorder:
-    """Writes down what a derivation asks for; see :class:`rrrgen.ik.recording.builder.Builder`."""
+    """Builder that appends one :class:`rrrgen.ik.recording.steps.Step` for each operation of a derivation."""
 
     def __init__(self, pool: Pool | None = None) -> None:
         self.pool = pool or Pool()
@@ -23,7 +23,7 @@ class Recorder:
         self._target: tuple[Scalar, ...] = ()
 
     def solver(self, n: int) -> Solver:
-        """What was recorded, for an arm with ``n`` joints; InternalError where a joint got no value."""
+        """The recorded solver of an arm with ``n`` joints; raises InternalError where a joint has no value."""
         missing = [j + 1 for j in range(n) if j not in self._solved]
         if missing:
             raise InternalError(f"no value for joints {missing}")
@@ -32,7 +32,7 @@ class Recorder:
     # -- inputs -------------------------------------------------------------------------------------------------------
 
     def pose(self) -> Rigid:
-        """The target."""
+        """The target pose, as twelve variables."""
         if not self._target:
             entries = [*(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)), "px", "py", "pz"]
             self._target = self._variables(entries, 0)
@@ -41,7 +41,7 @@ class Recorder:
         return Rigid(((r11, r12, r13), (r21, r22, r23), (r31, r32, r33)), (x, y, z))
 
     def point(self) -> Vector:
-        """The target position."""
+        """The target position, as three variables."""
         results = self._variables(["px", "py", "pz"], 0)
         self._steps.append(steps.Target(results))
         return (results[0], results[1], results[2])
@@ -49,7 +49,7 @@ class Recorder:
     # -- values -------------------------------------------------------------------------------------------------------
 
     def name(self, hint: str, x: S) -> Scalar:
-        """``x`` under a name, unless it has one."""
+        """Give ``x`` a name, unless it is a number or a variable already."""
         node = self.pool.of(x)
         if node.is_plain:
             return node
@@ -58,7 +58,7 @@ class Recorder:
         return results[0]
 
     def names(self, hint: str, v: Vector) -> Vector:
-        """Three named coordinates."""
+        """Give the coordinates of ``v`` the names hint + x, y, z."""
         return (self.name(f"{hint}x", v[0]), self.name(f"{hint}y", v[1]), self.name(f"{hint}z", v[2]))
 
     def sqrt(self, x: S) -> Scalar:
@@ -92,7 +92,7 @@ class Recorder:
         return Turn(*results)
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
-        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``; degree 1 is no choice."""
+        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``; degree 1 is recorded without a choice."""
         nodes = self._nodes(*k)
         if len(nodes) == 2:
             return self.slide(joint, -nodes[0] / nodes[1])
@@ -121,7 +121,7 @@ class Recorder:
         return Turn(*results)
 
     def slide(self, joint: Joint, x: S) -> Scalar:
-        """The displacement of a prismatic joint, or an angle that follows from others."""
+        """Set ``joint`` to the value ``x``: a displacement, or an angle that follows from others."""
         node = self.pool.of(x)
         results = self._displacement(joint, node.level)
         self._steps.append(steps.Slide(results, joint, node))
@@ -145,7 +145,7 @@ class Recorder:
         return Turn(*turns[0]), Turn(*turns[1]), Turn(*turns[2])
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """Quantities that vanish at a solution; a solution is kept only if they do."""
+        """Record quantities that are zero at a solution; a candidate is kept only if they are zero."""
         self._steps.append(steps.Residual((), self._nodes(*lengths), self._nodes(*cosines)))
 
     # -- variables ----------------------------------------------------------------------------------------------------
@@ -154,7 +154,7 @@ class Recorder:
         return tuple(self.pool.of(x) for x in values)
 
     def _opened(self) -> int:
-        """The level below one more choice."""
+        """Open one more choice of a root; returns the level of the values that depend on it."""
         self._level += 1
         return self._level
 

@@ -1,12 +1,11 @@
-"""Scalars of a recorded solver: hash-consed expressions over numbers, folded as they are built.
+"""Expressions of a recorded solver: a directed graph in which equal expressions are the same node.
 
-The numbers are floats, or exact SymPy expressions in the lengths of the robot where the record is made for reading.
+The operations are those of :class:`rrrgen.program.Op`. Constants are floats, or exact SymPy expressions in the link
+lengths where the record is made for reading.
 
-Their operations are those of :class:`rrrgen.program.Op`; printed, the values between two choices are a
-:class:`rrrgen.program.Program`.
-
-``0 x``, ``1 x``, ``x + 0`` and arithmetic on constants vanish, so a kernel written once for every geometry shrinks to
-the terms that a robot has. Nodes remember the loop level at which they can be computed first.
+Expressions are simplified while they are built: ``0 x``, ``1 x``, ``x + 0`` and arithmetic on constants are folded, so
+equations written once for every geometry reduce to the terms of the robot at hand. Each node knows its ``level``, the
+depth of nested root choices at which its value is first known.
 """
 
 from __future__ import annotations
@@ -23,9 +22,10 @@ Operand = Union["Scalar", Constant]
 
 
 class Scalar:
-    """One node; ``level`` is the number of choices that it depends on, counted from the outermost.
+    """One node of an expression.
 
-    ``op`` is CONST (with a ``value``), INPUT (a variable, with its name as ``text``), or an operation on ``args``.
+    ``op`` is CONST (a number ``value``), INPUT (a variable with the name ``text``), or an operation on ``args``.
+    ``level`` is the innermost choice of a root that the node depends on, 0 if none.
     """
 
     __slots__ = ("args", "level", "op", "pool", "text", "value")
@@ -77,7 +77,7 @@ class Scalar:
 
     @property
     def is_plain(self) -> bool:
-        """Whether the node is a number or a variable, with a minus sign at most: it needs no name."""
+        """Whether the node is a number, a variable or a negated variable, which needs no name of its own."""
         return self.op in (Op.CONST, Op.INPUT) or (self.op is Op.NEG and self.args[0].op is Op.INPUT)
 
 
@@ -86,24 +86,27 @@ def _rounded(x: Any) -> float:
 
 
 class Pool:
-    """Makes scalars; equal expressions of one pool are one node. ``number`` makes its constants of numbers."""
+    """Factory of scalars that returns the same node for equal expressions.
+
+    ``number`` converts numbers to the constants of the pool, floats by default.
+    """
 
     def __init__(self, number: Callable[[Any], Constant] = _rounded) -> None:
         self._nodes: dict[tuple[object, ...], Scalar] = {}
         self._number = number
 
     def of(self, x: Operand) -> Scalar:
-        """``x`` as a node."""
+        """Convert ``x``, a number or a node, to a node."""
         if isinstance(x, Scalar):
             return x
         return self._node(Op.CONST, (), value=self._number(x))
 
     def var(self, text: str, level: int = 0) -> Scalar:
-        """A C lvalue or variable, available from loop depth ``level``."""
+        """A variable with the name ``text``, known from loop depth ``level`` on."""
         return self._node(Op.INPUT, (), text=text, level=level)
 
     def add(self, x: Scalar, y: Scalar) -> Scalar:
-        """The sum."""
+        """The sum ``x + y``, simplified."""
         if x.is_const and y.is_const:
             return self.of(x.value + y.value)
         if x.is_const:
@@ -119,7 +122,7 @@ class Pool:
         return self._node(Op.ADD, (x, y))
 
     def sub(self, x: Scalar, y: Scalar) -> Scalar:
-        """The difference."""
+        """The difference ``x - y``, simplified."""
         if x is y:
             return self.of(0.0)
         if y.is_const:
@@ -131,7 +134,7 @@ class Pool:
         return self._node(Op.SUB, (x, y))
 
     def mul(self, x: Scalar, y: Scalar) -> Scalar:
-        """The product; signs move outwards, constants to the front."""
+        """The product ``x y``, simplified: signs move outwards, constants to the front."""
         if x.is_const and y.is_const:
             return self.of(x.value * y.value)
         if y.is_const:
@@ -150,7 +153,7 @@ class Pool:
         return self._node(Op.MUL, (x, y))
 
     def div(self, x: Scalar, y: Scalar) -> Scalar:
-        """The quotient; division by a constant becomes a product."""
+        """The quotient ``x / y``, simplified: division by a constant becomes a product."""
         if y.is_const:
             return self.mul(self.of(1 / y.value), x)
         if x.is_const and x.value == 0:
@@ -160,7 +163,7 @@ class Pool:
         return self._node(Op.DIV, (x, y))
 
     def neg(self, x: Scalar) -> Scalar:
-        """The negative."""
+        """The negative ``-x``, simplified."""
         if x.is_const:
             return self.of(-x.value)
         if x.op is Op.NEG:
@@ -170,7 +173,7 @@ class Pool:
         return self._node(Op.NEG, (x,))
 
     def sqrt(self, x: Scalar) -> Scalar:
-        """The square root of what cannot be negative; |a| of a a."""
+        """The square root of an ``x`` that cannot be negative; ``sqrt(a a)`` becomes ``|a|``."""
         if x.is_const and isinstance(x.value, float):
             return self.of(max(x.value, 0.0) ** 0.5)
         if x.op is Op.MUL and x.args[0] is x.args[1]:
@@ -178,7 +181,7 @@ class Pool:
         return self._node(Op.SQRT, (x,))
 
     def clamped_sqrt(self, x: Scalar) -> Scalar:
-        """The square root, 0 where round-off takes ``x`` below zero."""
+        """The square root of ``x``, or 0 where rounding makes ``x`` negative."""
         root = self.sqrt(x)
         return self._node(Op.SELECT, (x, root, self.of(0.0))) if root.op is Op.SQRT else root
 

@@ -1,8 +1,8 @@
-"""The record of one derivation: what a branch of the inverse kinematics is, for every interpreter and for counting.
+"""The recorded closed form of an arm: the steps from the target to the joints, with choices between roots.
 
-A :class:`Solver` is a tree: straight-line values, then a choice of a root, and below each of its roots the same again,
-down to a leaf, which is one candidate row. Since all subtrees of a choice have one form, the tree is kept as one path:
-the steps in order, every scalar with the ``level`` of the last choice that it depends on.
+The solutions form a tree: values are computed, an equation is solved, and each of its roots leads to the same further
+steps, down to a leaf, which is one candidate solution. Since all branches have the same steps, a :class:`Solver` stores
+them once, in order; every scalar carries the ``level`` of the last choice that it depends on.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from rrrgen.program import Op
 
 @dataclass(frozen=True)
 class Leaf:
-    """What a candidate row is made of.
+    """The composition of a candidate solution.
 
-    ``values`` names for each joint of the user the step that decides it, ``labels`` the parts of the branch label
-    (name, lowest bit, bits), ``checks`` the steps whose quantities make up the residual, all by their numbers.
+    ``values`` holds for each joint of the user the index of the step that sets it, ``labels`` the fields of the branch
+    number (name, lowest bit, bits), ``checks`` the indices of the steps whose quantities make up the residual.
     """
 
     values: tuple[int, ...]
@@ -36,7 +36,7 @@ class Leaf:
 
 @dataclass(frozen=True, eq=False)
 class Solver:
-    """The steps of one derivation for an arm with ``n`` joints; recorded by :class:`rrrgen.ik.recording.recorder`."""
+    """The closed-form inverse kinematics of an arm with ``n`` joints, as the ordered ``steps`` of its derivation."""
 
     n: int
     steps: tuple[Step, ...]
@@ -48,12 +48,12 @@ class Solver:
 
     @property
     def max_solutions(self) -> int:
-        """The number of leaves: every choice with all its roots."""
+        """Largest possible number of solutions: the product of the numbers of roots of all choices."""
         return prod(stage.most for stage in self.stages)
 
     @cached_property
     def leaf(self) -> Leaf:
-        """The candidate row."""
+        """The steps and the branch labels that make up a candidate solution."""
         decided = {joint.index: k for k, step in enumerate(self.steps) for joint in step.joints}
         labels, bit = [], 0
         for stage in self.stages:
@@ -64,7 +64,7 @@ class Solver:
 
     @cached_property
     def opens(self) -> tuple[tuple[int, int], ...]:
-        """Joints that the target may leave open, with the bits of the branch label that mean nothing then."""
+        """Joints that some targets leave free: (joint index, mask of the branch bits that have no meaning then)."""
         found: dict[int, int] = {}
         choice = 0
         for step in self.steps:
@@ -79,12 +79,12 @@ class Solver:
 
     @cached_property
     def fixed_pairs(self) -> frozenset[int]:
-        """The joints decided by a pair whose direction (A, B) is a constant of the robot."""
+        """Joints solved from ``A cos x + B sin x = C`` with constant A and B, so that no target leaves them free."""
         return frozenset(step.joint.index for step in self.steps if isinstance(step, Pair) and step.fixed)
 
     @property
     def outline(self) -> tuple[tuple[object, ...], ...]:
-        """What is asked for, in order, without the values: two records of one arm agree in it."""
+        """The kinds, joints and choices of the steps without their values; equal for two records of the same arm."""
         return tuple(
             (step.kind, tuple(joint.index for joint in step.joints), step.stage)
             for step in self.steps
@@ -92,7 +92,7 @@ class Solver:
         )
 
     def play(self, b: Builder) -> None:
-        """Let ``b`` interpret the recorded steps."""
+        """Replay the recorded steps on the builder ``b``."""
         values: dict[int, S] = {}
 
         def read(node: Scalar) -> S:
@@ -108,7 +108,7 @@ class Solver:
                 values[id(result)] = value
 
     def live(self) -> Iterator[Step]:
-        """The steps without named values that nothing uses."""
+        """Iterate over the steps, omitting named values that no other step uses."""
         used: set[int] = set()
         kept = []
         for step in reversed(self.steps):
@@ -119,7 +119,7 @@ class Solver:
         yield from reversed(kept)
 
     def dump(self) -> str:
-        """The solver as readable text, the same every time: see :mod:`rrrgen.ik.recording.solver_text`."""
+        """Print the solver as readable text, one step per line, indented by the depth of choices; reproducible."""
         return text_of(self.n, list(self.live()), self.max_solutions)
 
 

@@ -1,4 +1,4 @@
-"""The text of a recorded solver, for reading and for comparing in tests.
+"""Readable text of a recorded solver, for people and for the comparison of solvers in tests.
 
     inverse kinematics of 3 joints: at most 4 rows
       px, py, pz = target
@@ -6,7 +6,8 @@
         ux = px*c1 + py*s1
         ...
 
-Every choice of a root indents what depends on it; a shared value is numbered where it is known first.
+What depends on a choice of a root is indented below it. An expression used more than once gets a number (%1, %2, ...)
+at the outermost depth at which it is known.
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ from rrrgen.ik.recording.steps import Residual, Step
 from rrrgen.program import Op
 
 _SIGNS = {Op.ADD: (" + ", 1, 1), Op.SUB: (" - ", 1, 2), Op.MUL: ("*", 2, 2), Op.DIV: ("/", 2, 3)}
-"""Of each operation the sign, its strength, and the strength that its right operand needs."""
+"""For each operation: its symbol, its precedence, and the least precedence that its right operand has without
+parentheses."""
 
 
 def text_of(n: int, steps: Sequence[Step], rows: int) -> str:
-    """The text of the ``steps``, with a line feed at its end."""
+    """Print the ``steps`` of an arm with ``n`` joints and at most ``rows`` solutions; ends with a line feed."""
     return "\n".join([f"inverse kinematics of {n} joints: at most {rows} rows", *_Writer(steps).lines()]) + "\n"
 
 
@@ -37,7 +39,7 @@ class _Writer:
         self._blocks: list[list[str]] = [[] for _ in range(depth + 1)]
 
     def lines(self) -> list[str]:
-        """One block for each depth, indented."""
+        """Lines of the text: one block for each depth of choices, indented by its depth."""
         for step in self._steps:
             for operand in step.operands:
                 self._count(operand)
@@ -53,7 +55,7 @@ class _Writer:
                 self._count(arg)
 
     def _write(self, step: Step, depth: int) -> bool:
-        """Write one step at the depth at which its operands are known; True if it is a choice of a root."""
+        """Write one step at the depth at which its operands are known; returns whether it selects a root."""
         level = depth if isinstance(step, Residual) else max((x.level for x in step.operands), default=0)
         operands = [self._text(operand, 0) for operand in step.operands]
         results = ", ".join(result.text for result in step.results)

@@ -1,7 +1,7 @@
-"""The steps of a recorded derivation: one class for each thing that a derivation asks of its interpreter.
+"""The steps of a recorded derivation: one class for each operation of the builder interface.
 
-A step holds scalars (``operands``) and makes scalars (``results``); :meth:`Step.play` asks another interpreter for the
-same. Steps with a :class:`Stage` choose between roots: what follows is evaluated once for each of them.
+A step computes ``results`` from ``operands``; :meth:`Step.play` repeats the operation on another builder. A step with a
+:class:`Stage` selects a root, and the steps after it are evaluated once for each root.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Triple = tuple[Scalar, Scalar, Scalar]
 
 @dataclass(frozen=True)
 class Stage:
-    """One choice of a root: of which joint, what it is called, how many there are at most, bits of the branch label."""
+    """A root selection: its joint (index), its name, the largest number of roots, its bits in the branch number."""
 
     joint: int
     label: str
@@ -35,24 +35,24 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Step(ABC):
-    """One step; ``results`` are the variables that it defines."""
+    """One recorded operation; ``results`` are the variables that it defines."""
 
     results: Scalars
     kind: ClassVar[str]
 
     @property
     def operands(self) -> Scalars:
-        """The scalars that it needs."""
+        """The scalars that this step needs."""
         return ()
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """The joints whose values it decides."""
+        """The joints whose values this step sets."""
         return ()
 
     @property
     def stage(self) -> Stage | None:
-        """The choice of a root, if it is one."""
+        """The root selection that this step makes, or None."""
         return None
 
     @property
@@ -62,12 +62,15 @@ class Step(ABC):
 
     @abstractmethod
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask ``b`` for the same; the values of ``results``."""
+        """Repeat the operation on the builder ``b``, whose values of operands are given by ``read``.
+
+        Returns the values of ``results``.
+        """
 
 
 @dataclass(frozen=True, eq=False)
 class Target(Step):
-    """The pose of the tip: its rotation by rows, then its position; the position alone where there are 3 results."""
+    """The target: 12 results for a pose (rotation matrix row by row, then position), 3 for a position."""
 
     kind: ClassVar[str] = "target"
 
@@ -81,7 +84,7 @@ class Target(Step):
 
 @dataclass(frozen=True, eq=False)
 class Named(Step):
-    """A value that is kept under a readable name."""
+    """A value stored under a readable name."""
 
     hint: str
     value: Scalar
@@ -99,7 +102,7 @@ class Named(Step):
 
 @dataclass(frozen=True, eq=False)
 class _Decision(Step):
-    """A step that decides one joint."""
+    """A step that sets one joint."""
 
     joint: Joint
 
@@ -111,7 +114,7 @@ class _Decision(Step):
 
 @dataclass(frozen=True, eq=False)
 class Pair(_Decision):
-    """Both angles x with ``A cos(x) + B sin(x) = C``: cosine and sine."""
+    """Cosine and sine of both angles x with ``A cos(x) + B sin(x) = C``; ``equation`` holds (A, B, C)."""
 
     equation: Triple
     label: Label
@@ -148,7 +151,7 @@ class Pair(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class SignedRoot(Step):
-    """Both square roots of a radicand, which is small against ``size`` where they merge."""
+    """Both square roots of ``radicand``; they count as a double root where it is small relative to ``size``."""
 
     hint: str
     radicand: Scalar
@@ -303,11 +306,11 @@ class Given(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class Wrist(Step):
-    """Both solutions of a wrist with right angles between its axes: three cosines and sines."""
+    """Cosines and sines of the three angles of a spherical wrist with right angles between its axes; two solutions."""
 
     three: tuple[Joint, Joint, Joint]
     columns: tuple[Triple, Triple]
-    """The first and the last column of its rotation."""
+    """The first and the last column of the rotation that the wrist must produce."""
     signs: tuple[int, int]
     kind: ClassVar[str] = "wrist"
 
@@ -340,7 +343,7 @@ class Wrist(Step):
 
 @dataclass(frozen=True, eq=False)
 class Residual(Step):
-    """Quantities that vanish at a solution."""
+    """Quantities that are zero at a solution: lengths, and cosines or sines."""
 
     lengths: Scalars
     cosines: Scalars

@@ -1,1 +1,1 @@
-"""The families of solutions, one a file, and the equations that they share."""
+"""Closed-form solutions: one module per family of arms (spherical, parallel, planar, ...) and the shared equations."""

@@ -1,9 +1,12 @@
-"""Seven-joint arms with spherical shoulder and wrist and one elbow between them, prescribed by the arm angle.
+"""Seven-joint arms with a spherical shoulder, one elbow joint and a spherical wrist, solved for a given arm angle.
 
-S and W are the centres of shoulder and wrist, E the elbow; all links between them run along the joint axes, so the
-triangle S E W has constant sides but for |SW|. With e = (W - S)/|W - S| and a fixed unit vector r the reference
-direction is the stereographic one, k = (e - t) x r with t perpendicular to r: it exists everywhere but on the single
-direction e = t (arXiv 2307.13122). psi turns the elbow about e, counted from k x e.
+S is the centre of the shoulder, W that of the wrist, E the elbow. The upper arm S E lies along joint axis 3 and the
+forearm E W along joint axis 5. Their lengths are constants of the robot; |SW| follows from the target.
+
+The arm angle psi (rad) rotates E about the line S W, whose direction is e = (W - S)/|W - S|. It is zero where E lies
+on the side of the vector k x e, with k = (e - t) x r the stereographic reference of arXiv 2307.13122 for two constant
+unit vectors t and r perpendicular to each other. Here t = -z and r = x in the frame before joint 1. The reference is
+undefined only at the single direction e = t.
 """
 
 from __future__ import annotations
@@ -42,7 +45,10 @@ def is_elbow7(loop: Loop) -> bool:
 
 
 def derive_elbow7(b: Builder, loop: Loop, psi: Turn, length: float) -> None:
-    """All joints for the arm angle ``psi``: elbow, shoulder (two ways), wrist (two ways)."""
+    """Derive all seven joints for the arm angle ``psi`` (its cosine and sine).
+
+    Elbow, shoulder and wrist have two solutions each, eight in all. ``length`` (m), the size of the arm, is not used.
+    """
     j1, j2, j3, j4 = loop.joints[:4]
     l1, l2, l3, l4, l5, l6 = (link for link in loop.links[:6] if isinstance(link, Crossing))
     upper, fore = l3.near[2], l5.near[2]  # signed: along z3 from S to E, along z5 from E to W
@@ -58,14 +64,14 @@ def derive_elbow7(b: Builder, loop: Loop, psi: Turn, length: float) -> None:
     x4 = b.pair(j4, A, 0, total(bend, -product(l3.ca, l4.ca)), label=Label("elbow", sign), unit=1.0)
     size = b.name("w", b.sqrt(r2))
     e = b.names("e", (sw[0] / size, sw[1] / size, sw[2] / size))
-    # t = -z, r = x of the frame before joint 1
+    # reference direction k = (e - t) x r with t = -z, r = x of the frame before joint 1
     k = cross((e[0], e[1], total(e[2], 1)), (1, 0, 0))
     n = cross(k, e)
     n_size = b.name("n", b.sqrt(square(n)))
     y = b.names("y", (n[0] / n_size, n[1] / n_size, n[2] / n_size))
     z = b.names("z", cross(e, y))
     across = plus(_times(psi.c, y), _times(psi.s, z))
-    # elbow: S + along e + height across
+    # elbow position E = S + along e + high across
     along = b.name("along", (upper**2 + upper * fore * bend) / size)
     high = b.name("high", abs(upper * fore) * b.sqrt((1 - bend) * (1 + bend)) / size)
     elbow = b.names("f", plus(_times(along / abs(upper), e), _times(high / abs(upper), across)))
@@ -79,7 +85,7 @@ def derive_elbow7(b: Builder, loop: Loop, psi: Turn, length: float) -> None:
     x2 = b.pair(j2, A2, 0, C2, label=Label("shoulder", 1 if A2 > 0 else -1), unit=1.0, radicand=radicand)
     axis = _rx(l1, rotate_z(x2.c, x2.s, _rx(l2, (0, 0, 1))))
     x1 = b.onto(j1, axis, z3, unit=1.0)
-    # direction of the forearm seen from link 2, then x3
+    # x3 turns the forearm of the zero position onto its direction as seen from link 2
     path = unwind([(x1, l1.core().R), (x2, l2.core().R)], b.name)
     fore_dir = _times(1 / fore, minus(sw, _times(upper, z3)))
     seen = b.names("g", rotated_back(path, fore_dir))

@@ -1,17 +1,25 @@
-"""Which elimination solves a chain of six joints best: the Raghavan-Roth pencil, judged on sample poses.
+"""Choose the best variable elimination for a general chain of six joints, by numerical tests on sample poses.
 
-Loop Z1 E1 Z2 E2 .. Z6 E6 = 1 (Zi turns about z by joint i, the pose sits in one of the constant transforms Ei),
-begun at any joint and run in either direction: 12 labellings. The line of axis 6 (point p, direction l) has 15
-features (1, p, p.p, l, p x l, p.l, (p.p) l - 2 (p.l) p) on which a rigid transform acts linearly. Seen through joints
-3, 4, 5 and through 2, 1 the features agree; six combinations know nothing of joints 1 and 2. They are linear in
-(1, cos, sin) of each of joints 3, 4, 5: one of these is kept, the half angles of the others make the 12 x 12 matrix
-whose determinant has degree 8 in the kept angle. Which of the 36 choices are usable depends on the chain: most are
-identically singular on industrial arms (M. Raghavan and B. Roth, 1990, and the remarks of later authors on its
-conditioning).
+The eliminations are those of M. Raghavan and B. Roth (1990). The closed loop of the arm is
+``Z1 E1 Z2 E2 .. Z6 E6 = 1``: Zi is the rotation about z by joint i, and the Ei are transforms that do not depend on the
+joints, one of which contains the target pose. The numbering may begin at any joint and run in either direction, which
+gives 12 labellings.
 
-One joint may slide. Its displacement x moves the features by 1, x, x^2, as the half angle's tangent of a turning joint
-does, so it stands among joints 3, 4, 5 and takes the part of a half angle; the kept angle is that of a turning joint,
-and the determinant has degree 8 in it again (where the last of the three is kept, it has more and is not used).
+1. The line of axis 6, with point p and direction l, is described by 15 features
+   (1, p, p.p, l, p x l, p.l, (p.p) l - 2 (p.l) p). A rigid transform acts on them linearly.
+2. The features computed through joints 5, 4, 3 equal those computed from the other side, through joints 1 and 2. Six
+   linear combinations of these 14 equations (the first feature is constant) do not contain joints 1 and 2. They are
+   linear in (1, cos, sin) of each of joints 3, 4, 5.
+3. One of joints 3, 4, 5 is kept as the unknown. The half-angle tangents of the other two are eliminated: the six
+   equations, and the same six times one of the tangents, make a 12 x 12 matrix that is singular at a solution. Its
+   determinant is a trigonometric polynomial of degree 8 in the kept angle, with up to 16 roots.
+
+There are 36 choices: 12 labellings times three joints to keep. Which ones are usable depends on the chain; on
+industrial arms most of the determinants vanish identically.
+
+One joint may be prismatic. Its displacement x enters the features through 1, x, x^2, like the half-angle tangent of a
+revolute joint. It must be one of joints 3, 4, 5 and is eliminated as a half-angle tangent would be; the kept joint is
+revolute. A labelling for which the determinant then has a degree above 8 is rejected.
 """
 
 from __future__ import annotations
@@ -28,16 +36,21 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-POSES = 40  # sample poses; the score is a quantile of them
-SAMPLES = 25  # of the determinant, which has degree 12 in form and 8 in fact
+POSES = 40  # sample poses; the score is a quantile over them
+SAMPLES = 25  # of the determinant: its 12 rows allow degree 12 (25 coefficients), of which those above 8 must vanish
 
 
 @dataclass(frozen=True)
 class Elimination:
-    """A labelling of the loop and the roles of its joints 3, 4, 5 (as 0, 1, 2); ``score``: decimal digits it costs.
+    """One way to eliminate variables: a labelling of the loop, the roles of its joints 3, 4, 5, and its quality.
 
-    A joint that slides is always the ``other`` one. ``pure``: the polynomial has degree 8 but for rounding; where the
-    geometry is nearly special, its degree may be 8 but for a small remainder, and roots that lie close are lost.
+    Labelling: the loop is numbered from joint ``start`` (0 .. 5) in the sense of ``direction`` (+1 or -1).
+    Roles, each 0, 1 or 2 for joints 3, 4 and 5 of the labelling: ``kept`` is the unknown of the polynomial; the
+    half-angle tangents of ``shifted`` and ``other`` are eliminated, and the equations are also multiplied by that of
+    ``shifted``. A prismatic joint is always ``other``.
+    Quality: ``score`` is the number of decimal digits lost in a root; ``depth`` is log10 of the size of the determinant
+    relative to the product of the norms of its rows; ``pure`` says that the polynomial has degree 8 up to rounding. On
+    nearly special geometries a small remainder of higher degree is left, and roots close to each other are lost.
     """
 
     start: int
@@ -51,14 +64,15 @@ class Elimination:
 
     @property
     def kept_joint(self) -> int:
-        """The joint of the chain (0 .. 5) whose angle is the root."""
+        """Index in the chain (0 .. 5) of the joint whose angle is the root of the polynomial."""
         return (self.start + self.direction * (2 + self.kept)) % 6
 
 
 def eliminations(rows: Array, slide: int | None = None, turn: float = 0.0) -> list[Elimination]:
-    """Usable eliminations, best first, for DH rows (6, 3) of alpha (rad), a, d with lengths of the order of one.
+    """Find the usable eliminations of a chain, best first.
 
-    Joint ``slide`` (0 .. 5) is prismatic and its axes stand at the angle ``turn`` (rad); its d is zero.
+    ``rows`` is the DH table, shape (6, 3): alpha (rad), a, d, with lengths scaled to the order of one. Joint ``slide``
+    (0 .. 5), if any, is prismatic; ``turn`` (rad) is its constant angle theta, and its d is zero.
     """
     rng = np.random.default_rng(6)
     q = rng.uniform(-np.pi, np.pi, (POSES, 6))
@@ -94,9 +108,11 @@ def eliminations(rows: Array, slide: int | None = None, turn: float = 0.0) -> li
 
 
 def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float, bool]:
-    """Digits that a root costs (0.9 quantile over the poses) and log10 of the depth, both free of rounding errors.
+    """Score an elimination: (digits lost in a root, log10 of the relative size of the determinant, degree is 8).
 
-    The third value: whether the degree is 8 but for rounding.
+    ``pencil`` has shape (poses, 6, 3, 3, 3) with the kept joint first, ``angle`` (poses,) holds the true kept angles in
+    rad. The digits lost are the 0.9 quantile over the poses; (inf, -inf, False) where the elimination is not usable.
+    Both numbers are rounded, so that rounding errors of a machine do not change the choice.
     """
     powers = np.array([[1, 0, 1], [1, 0, -1], [0, 2, 0.0]])  # 1, cos, sin times 1 + x^2 -> powers of x = tan(angle/2)
     h = np.einsum("nkabc,bi,cj->nakij", pencil, powers, np.eye(3) if slides else powers).reshape(len(pencil), 3, 6, 9)
@@ -124,14 +140,15 @@ def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float, 
 
 
 def shallowness(depth: float) -> float:
-    """How many times more noise there is at this log10 of the depth."""
+    """Factor on the noise of the polynomial where its determinant is small: max(1, SHALLOW / 10^depth)^0.75."""
     return float(max(1.0, SHALLOW / 10**depth) ** 0.75)
 
 
 def _pencil(e: list[Array], slide: int | None) -> Array:
-    """The six equations, shape (poses, 6, 3, 3, 3): row; then 1, cos, sin of joints 3, 4, 5.
+    """Coefficients of the six equations without joints 1 and 2, shape (poses, 6, 3, 3, 3).
 
-    For the one of them that slides (0, 1, 2) it is 1, x, x^2.
+    Axis 1 numbers the equations; the last three axes belong to the monomials (1, cos, sin) of joints 3, 4, 5, or
+    (1, x, x^2) for the prismatic one of them, joint 3 + ``slide``.
     """
     line = np.zeros(15)
     line[[0, 7]] = 1.0  # the point 0 and the direction z
@@ -149,7 +166,10 @@ def _pencil(e: list[Array], slide: int | None) -> Array:
 
 
 def _spread(f: Array, sense: float) -> Array:
-    """Columns (poses, 15, m) -> (poses, 15, 3 m), m fastest last: constant, cosine, sine under a turn about +-z."""
+    """Rotate features about z by sense times an unknown angle: coefficients of 1, cos and sin of that angle.
+
+    Maps columns (poses, 15, m) to (poses, 15, 3 m); the new monomial index varies fastest.
+    """
     out = np.zeros((*f.shape, 3))
     out[..., 0] = f
     for x in (1, 5, 8, 12):
@@ -160,7 +180,10 @@ def _spread(f: Array, sense: float) -> Array:
 
 
 def _stretch(f: Array) -> Array:
-    """Columns (poses, 15, m) -> (poses, 15, 3 m), m fastest last: the parts 1, x, x^2 of a displacement x along z."""
+    """Shift features along z by an unknown displacement x: coefficients of 1, x and x^2.
+
+    Maps columns (poses, 15, m) to (poses, 15, 3 m); the new monomial index varies fastest.
+    """
     out = np.zeros((*f.shape, 3))
     out[..., 0] = f
     linear, square = out[..., 1], out[..., 2]
@@ -191,7 +214,7 @@ def _features(e: Array) -> Array:
 
 
 def _inverse(pose: Array) -> Array:
-    """Inverses of rigid transforms (poses, 4, 4)."""
+    """Invert rigid transforms, shape (poses, 4, 4)."""
     out = np.zeros_like(pose)
     out[:, :3, :3] = np.swapaxes(pose[:, :3, :3], 1, 2)
     out[:, :3, 3] = -(out[:, :3, :3] @ pose[:, :3, 3, None])[..., 0]

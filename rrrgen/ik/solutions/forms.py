@@ -1,7 +1,8 @@
-"""First and second harmonics of one angle, and polynomials of one displacement, with scalar coefficients.
+"""Functions of one joint variable: trigonometric polynomials of an angle, or polynomials of a displacement.
 
-A point that turns about the joint's axis, ``v(x) = v0 + vc cos x + vs sin x``, or moves along it, ``v(x) = v0 + v1 x``,
-is a triple of such forms; the equations of the position kernel are sums and products of them.
+The coordinates of a point carried by a revolute joint are ``v(x) = v0 + vc cos x + vs sin x``, those of a point
+carried by a prismatic joint ``v(x) = v0 + v1 x``. The equations of the position problem are sums and products of such
+functions.
 """
 
 from __future__ import annotations
@@ -28,7 +29,11 @@ from rrrgen.ik.recording.builder import Builder, Label, Turn
 
 @dataclass(frozen=True)
 class Form:
-    """``k[0] + k[1] cos x + k[2] sin x + k[3] cos 2x + k[4] sin 2x``, or the polynomial with coefficients ``k``."""
+    """A function of one joint variable x, given by its coefficients ``k``.
+
+    Revolute joint (``turning``): ``k[0] + k[1] cos x + k[2] sin x``, and with five coefficients also
+    ``+ k[3] cos 2x + k[4] sin 2x``. Prismatic joint: the polynomial ``k[0] + k[1] x + k[2] x^2 + ...``.
+    """
 
     turning: bool
     k: tuple[S, ...]
@@ -42,15 +47,15 @@ class Form:
         return self + other.times(-1)
 
     def times(self, factor: S) -> Form:
-        """The form times a number."""
+        """Multiply by a number."""
         return Form(self.turning, tuple(product(factor, x) for x in self.k))
 
     def plus(self, constant: S) -> Form:
-        """The form plus a number."""
+        """Add a number."""
         return Form(self.turning, (total(self.k[0], constant), *self.k[1:]))
 
     def squared(self) -> Form:
-        """The square of a first harmonic, or of a polynomial."""
+        """Square the function; a trigonometric one must have degree 1 (three coefficients)."""
         k = self.k
         if self.turning:
             k0, kc, ks = k
@@ -73,7 +78,7 @@ class Form:
         )
 
     def at(self, x: Turn | S) -> S:
-        """The value of a first harmonic or of a polynomial."""
+        """Evaluate at the joint variable ``x``; a trigonometric function must have degree 1 (three coefficients)."""
         if isinstance(x, Turn):
             return total(self.k[0], product(self.k[1], x.c), product(self.k[2], x.s))
         value: S = self.k[-1]
@@ -82,7 +87,7 @@ class Form:
         return value
 
     def trimmed(self) -> Form:
-        """Without the highest terms that are zero by construction."""
+        """Drop the highest terms whose coefficients are exactly zero."""
         k = list(self.k)
         if self.turning:
             if len(k) == 5 and is_zero(k[3]) and is_zero(k[4]):
@@ -94,11 +99,11 @@ class Form:
 
     @property
     def constant(self) -> bool:
-        """Whether the form does not depend on the joint, by construction."""
+        """Whether the function does not depend on the joint: all coefficients but the first are exactly zero."""
         return all(is_zero(x) for x in self.k[1:])
 
     def root(self, builder: Builder, joint: Joint, label: Label, unit: float) -> Turn | S:
-        """The joint values at which the form vanishes."""
+        """Solve ``form(x) = 0`` for ``joint``; ``unit`` is the natural size of the coefficients of the equation."""
         form = self.trimmed()
         if not form.turning:
             return builder.polynomial(joint, form.k, label=label, unit=unit)
@@ -111,7 +116,7 @@ class Form:
 
 @dataclass(frozen=True)
 class Moving:
-    """A point carried by one joint and then by a fixed transform ``M``: its coordinates as forms."""
+    """Coordinates of a point ``M J(x) c`` as functions of the joint variable x, with a constant transform ``M``."""
 
     x: Form
     y: Form
@@ -121,7 +126,7 @@ class Moving:
 
     @staticmethod
     def of(joint: Joint, M: Rigid, c: Vector) -> Moving:
-        """``M J(x) c``."""
+        """The point ``M J(x) c``: ``c`` carried by ``joint``, then by the constant transform ``M``."""
         fixed = total(square(c), square(M.t))
         back = rotate(transposed(M.R), M.t)
         if joint.revolute:
@@ -144,5 +149,5 @@ class Moving:
         return Moving(forms[0], forms[1], forms[2], length2)
 
     def at(self, x: Turn | S) -> Vector:
-        """The point."""
+        """Coordinates of the point at the joint variable ``x``."""
         return (self.x.at(x), self.y.at(x), self.z.at(x))

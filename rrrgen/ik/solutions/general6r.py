@@ -1,17 +1,19 @@
-"""Six joints in general, at most one of them prismatic: tables of the solver for any such chain.
+"""Tables for the solver of general six-joint chains: any geometry, at most one joint prismatic.
 
-Up to 16 solutions, the real roots of a polynomial of degree 16 (Raghavan and Roth, 1990): see
-:mod:`rrrgen.ik.solutions.elimination` for the equations, ``templates/c/ik/general6r.c`` for the solver. What is
-special here:
+Such a chain has up to 16 solutions, the real roots of a polynomial of degree 16 (Raghavan and Roth, 1990).
+:mod:`rrrgen.ik.solutions.elimination` derives the equations, ``templates/c/ik/general6r.c`` solves them at run time:
 
-* the polynomial is a trigonometric one, found from 17 values of a determinant; nothing lies at infinity;
-* where roots crowd together in its noise, that stretch of the circle is magnified (a Moebius map of the circle keeps
-  the degree) and sampled again, relative to itself;
-* the compiler chooses the labelling of the joints; a second choice and poses nearby rescue what the first one leaves in
-  doubt: a root without a row of its own, or an odd number of rows;
-* rows are polished on the pose, so that their error is that of forward kinematics.
+* The polynomial is kept in trigonometric form (degree 8 in the angle), interpolated from 17 values of a determinant.
+  Unlike a polynomial in the half-angle tangent it has no root at infinity.
+* Where several roots lie closer together than its noise resolves, that arc of the circle is magnified by a Moebius
+  transform, which keeps the degree, and the determinant is sampled again there.
+* The compiler chooses the labelling of the joints for the least loss of digits. Where the result is in doubt (a root
+  that yields no solution of its own, or an odd number of solutions) the solver repeats the computation at poses nearby
+  and with a second labelling.
+* Every solution is refined on the target pose, so that its error is that of forward kinematics.
 
-Seven joints whose first or last one is prescribed are such a chain, whose base or tool moves with that joint.
+A seven-joint chain whose first or last joint is prescribed is solved as a six-joint chain whose base or tool moves with
+that joint.
 """
 
 from __future__ import annotations
@@ -32,16 +34,17 @@ from rrrgen.ik.tolerances import LEAST_NOISE, MOST_NOISE, NOISE, NOISE_FACTORS, 
 MAX_SOLUTIONS = 16
 
 ASPECT = ("aspect", 0, 1)
-"""The branch label of a general arm, which has no shoulder, elbow or wrist: the sign of the Jacobian's determinant. It
-stays the same along a path that meets no singular configuration."""
+"""Branch label (name, lowest bit, bits) of a general arm, which has no shoulder, elbow or wrist: the sign of the
+determinant of the Jacobian. It is constant along a path that meets no singular configuration."""
 
 
 @dataclass(frozen=True)
 class General6RTables:
-    """The chain of six joints in the form that the elimination reads, and the eliminations to use.
+    """DH table of a six-joint chain and the eliminations that solve it.
 
-    ``rows`` of (cos alpha, sin alpha, a, d) with lengths in units of ``length`` (m), and the eliminations to use, best
-    first (one or two). Joint ``slide`` (0 .. 5) is prismatic; ``turn`` is the cosine and sine of its constant angle.
+    ``rows`` are (cos alpha, sin alpha, a, d), with lengths in units of ``length`` (m). ``eliminations`` holds one or
+    two choices, best first. Joint ``slide`` (0 .. 5), if any, is prismatic; ``turn`` is the cosine and sine of its
+    theta.
     """
 
     rows: tuple[tuple[float, float, float, float], ...]
@@ -54,12 +57,13 @@ class General6RTables:
 def general6r_tables(
     alpha: Sequence[float], a: Sequence[float], d: Sequence[float], slide: int | None = None, theta: float = 0.0
 ) -> General6RTables:
-    """Tables for the chain Rz(q1) Tz(d1) Tx(a1) Rx(alpha1) .. Rz(q6) Tz(d6) Tx(a6) Rx(alpha6), in rad and m.
+    """Compute the tables for the chain Rz(q1) Tz(d1) Tx(a1) Rx(alpha1) .. Rz(q6) Tz(d6) Tx(a6) Rx(alpha6).
 
-    Joint ``slide`` (0 .. 5) slides instead: Tz(q) Rz(theta) Tx(a) Rx(alpha), d = 0.
+    ``alpha`` (rad), ``a`` and ``d`` (m) have six entries each. Joint ``slide`` (0 .. 5), if given, is prismatic with
+    the link Tz(q) Rz(theta) Tx(a) Rx(alpha), ``theta`` in rad and d = 0.
 
-    Raises :class:`DerivationError` when every elimination is singular, as on chains with a spherical triple of axes,
-    which are solved in simpler ways.
+    Raises :class:`DerivationError` when every elimination is singular, for example on chains with a spherical triple
+    of axes, which have a simpler closed form.
     """
     length = 0.25 * float(sum(abs(x) for x in (*a, *d)))
     if not length > 0:
@@ -78,9 +82,9 @@ def general6r_tables(
 
 @cache
 def tables_of(chain: Chain, locked: int | None = None) -> General6RTables:
-    """:func:`general6r_tables` of the six joints that are not ``locked`` (the first or last of seven).
+    """Compute the tables of ``chain``, or of the six joints beside ``locked`` (the first or last of seven).
 
-    Angles about the axes of revolute joints are left to the caller.
+    Constant angles about the axes of revolute joints are not part of the tables; :func:`shifts` returns them.
     """
     joints, links = free_joints(chain, locked)
     alpha = [math.atan2(float(link.sa), float(link.ca)) for link in links]
@@ -93,7 +97,10 @@ def tables_of(chain: Chain, locked: int | None = None) -> General6RTables:
 
 
 def is_general(chain: Chain, locked: int | None) -> bool:
-    """Whether six joints, one of them sliding at most, are left beside ``locked``, the first or the last of seven."""
+    """Whether the general solver applies: six joints besides ``locked``, at most one of them prismatic.
+
+    ``locked`` is None or the prescribed joint, the first or the last of seven.
+    """
     if locked not in (None, 0, chain.n - 1) or any(joint.name.startswith("virtual") for joint in chain.joints):
         return False
     joints, _ = free_joints(chain, locked)
@@ -108,7 +115,10 @@ def free_joints(chain: Chain, locked: int | None) -> tuple[tuple[Joint, ...], tu
 
 
 def shifts(chain: Chain, locked: int | None) -> list[float]:
-    """What is added to the values of the six joints as the elimination counts them: offsets and turns of links off."""
+    """Offsets (rad or m) to add to the six joint values of the elimination to obtain those of the chain.
+
+    They are minus the joint offset and, for a revolute joint, minus the constant rotation of its link about z.
+    """
     joints, links = free_joints(chain, locked)
     turns = [turn if joint.revolute else 0.0 for joint, turn in zip(joints, [*_turns(links), 0.0], strict=True)]
     return [-float(joint.offset) - turn for joint, turn in zip(joints, turns, strict=True)]
@@ -119,16 +129,17 @@ def _turns(links: Sequence[Link]) -> list[float]:
 
 
 def root_stage(chain: Chain, locked: int | None = None) -> Stage:
-    """The one choice of a root: that of the joint which the elimination keeps."""
+    """The only root selection of the general solver: up to 16 roots for the joint that the elimination keeps."""
     kept = tables_of(chain, locked).eliminations[0].kept_joint
     return Stage(free_joints(chain, locked)[0][kept].index, "degree-16", MAX_SOLUTIONS)
 
 
 def passes(tables: General6RTables, real: str) -> list[tuple[tuple[int, ...], float]]:
-    """The eliminations to try in order, each as its roles and motion with the noise of its polynomial.
+    """List the eliminations that the solver tries in order, each with the relative noise of its polynomial.
 
-    The best choice, then at poses nearby the best one and the next one. Roles and motion are: first joint, direction,
-    which of joints 3, 4, 5 (0, 1, 2) is kept, shifted and other, and the number of the motion to the pose nearby.
+    First the best elimination at the target, then the best and the second-best one at poses nearby. An entry is
+    ((start, direction, kept, shifted, other, motion), noise) with the fields of :class:`Elimination`; ``motion``
+    numbers the small displacement to the pose nearby, 0 for the target itself. ``real`` is the C type.
     """
     first, last = tables.eliminations[0], tables.eliminations[-1]
     found: list[tuple[tuple[int, ...], float]] = []
@@ -140,7 +151,10 @@ def passes(tables: General6RTables, real: str) -> list[tuple[tuple[int, ...], fl
 
 
 def _turn(angle: float) -> tuple[float, float]:
-    """Cosine and sine, correctly rounded: the same on every machine; 0 what is zero but for rounding of the angle."""
+    """Cosine and sine of ``angle`` (rad), correctly rounded and so the same on every machine.
+
+    Values that differ from an integer only by the rounding of the angle, as at pi/2, become that integer.
+    """
     import mpmath
 
     with mpmath.workdps(50):

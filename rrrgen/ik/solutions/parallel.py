@@ -1,13 +1,15 @@
-"""Arms with a planar triple: three parallel axes (or their prismatic kin) anywhere in the chain.
+"""Six-joint arms with a planar triple: three consecutive joints that move a body in a plane, anywhere in the chain.
 
-The loop is started with the triple: ``Q e1 e2 e3 E0 . N3 Ja Nab Jb Nbc Jc Nc = 1``. What the triple does keeps its
-normal n and the height along n. So the other three joints a, b, c have to bring n back to itself and keep the height.
-With m1 = n seen after joint a and m2 = n seen before joint c's link,
+The triple consists of parallel revolute axes, or of prismatic ones perpendicular to them. The loop equation is written
+with the triple first, ``Q e1 e2 e3 E0 . N3 Ja Nab Jb Nbc Jc Nc = 1``. A motion of the triple changes neither its normal
+n nor a height along n. Hence the other three joints a, b, c alone must map n onto itself and keep the height. With m1
+the vector n in the frame behind joint a, and m2 the same vector seen from the other end, in the frame behind joint b,
 
     z_b . m1(a) = z_b . m2(c),      height:  t_ab . m1(a) + t_bc . m2(c) + constants = 0
 
-are linear in cos a, sin a, cos c, sin c. Eliminating a through the constant link ab = Tx(a) Rx(alpha) leaves a quartic
-in c, or two quadratics where a = 0 or sin alpha = 0. Then b turns m2 onto m1, and the plane remains (:mod:`planar`).
+are two equations linear in cos a, sin a, cos c, sin c. Eliminating joint a through the constant link
+ab = Tx(a) Rx(alpha) leaves a quartic in joint c, or two quadratic equations where a = 0 or sin alpha = 0. Then b is the
+angle that turns m2 onto m1, and a planar problem for the triple remains (:mod:`rrrgen.ik.solutions.planar`).
 """
 
 from __future__ import annotations
@@ -29,8 +31,11 @@ IDENTITY = screw(1, 0)
 
 @dataclass(frozen=True)
 class Frame:
-    """The loop around a planar triple: the links before joint a (``lead``) and after joint c (``trail``) include the
-    frames of the triple, so that n is the z axis at both ends."""
+    """A loop split at its planar triple: the triple, and the remaining joints with the links around them.
+
+    ``lead`` is the link from the triple to joint a, ``trail`` the one from joint c back to the triple. Both include the
+    frames of the triple, so that its normal n is the z axis at both ends.
+    """
 
     triple: Triple
     loop: Loop
@@ -39,7 +44,7 @@ class Frame:
 
     @staticmethod
     def of(loop: Loop, k: int) -> Frame | None:
-        """The triple at joints k, k+1, k+2, if there is one."""
+        """Split ``loop`` at the planar triple of joints k, k+1, k+2; None where these do not move in one plane."""
         triple = triple_of(loop, k)
         if triple is None:
             return None
@@ -55,7 +60,7 @@ def _factors(link: Crossing | Closing) -> tuple[Rigid, ...]:
 
 
 def cost(loop: Loop, k: int) -> int:
-    """Degree of the hardest equation if the loop is walked in this direction; UNUSABLE if it cannot be."""
+    """Degree of the hardest equation, 2 or 4, for the loop in this direction; UNUSABLE where no method applies."""
     frame = Frame.of(loop, k)
     if frame is None:
         return UNUSABLE
@@ -73,7 +78,7 @@ def cost(loop: Loop, k: int) -> int:
 
 
 def better(loop: Loop, k: int) -> tuple[int, Loop, int]:
-    """The cheaper direction: its cost, the loop, and the place of the triple in it."""
+    """Choose the direction of the loop with the lower degree: (cost, loop, index of the triple's first joint in it)."""
     m = len(loop.joints)
     back = loop.reversed()
     other = (m - k - 3) % m
@@ -82,7 +87,7 @@ def better(loop: Loop, k: int) -> tuple[int, Loop, int]:
 
 
 def derive_parallel(b: Builder, loop: Loop, k: int, length: float) -> None:
-    """All joints of a six-joint loop with a planar triple at joints k, k+1, k+2."""
+    """Derive all joints of a six-joint loop with a planar triple at joints k, k+1, k+2 of an arm of size ``length``."""
     _, loop, k = better(straightened(loop), k)
     frame = Frame.of(loop, k)
     if frame is None:
@@ -98,10 +103,10 @@ def derive_parallel(b: Builder, loop: Loop, k: int, length: float) -> None:
 
 
 def finish_plane(b: Builder, frame: Frame, motions: list[Motion], length: float) -> None:
-    """The joints of the triple once the others are known: (e1 e2 e3)^-1 is the rest of the loop."""
+    """Derive the joints of the triple from the ``motions`` of the others: (e1 e2 e3)^-1 is the rest of the loop."""
     inverse, triple = oriented(frame.triple.reversed())
     start = anchor(triple)
-    if inverse:  # the triple itself is needed: walk the rest of the loop backwards
+    if inverse:  # the triple runs forward again, and e1 e2 e3 is the inverse of the rest of the loop
         point = _around(frame, motions, (start[0], start[1], 0), backwards=True)
         x = _around(frame, motions, (1, 0, 0), backwards=True, direction=True)
     else:
@@ -115,7 +120,7 @@ def finish_plane(b: Builder, frame: Frame, motions: list[Motion], length: float)
 def _around(
     frame: Frame, motions: list[Motion], v: Vector, *, backwards: bool = False, direction: bool = False
 ) -> Vector:
-    """A point or direction of the plane carried through the other joints."""
+    """Transform a point, or a direction, of the plane of the triple through all the other joints of the loop."""
     count = len(motions)
     links = [frame.lead, *(_closing(link) for link in frame.loop.links[: count - 1]), frame.trail]
     if backwards:
@@ -134,14 +139,14 @@ def _closing(link: Crossing | Closing) -> Closing:
 
 @dataclass(frozen=True)
 class _Others:
-    """Three revolute joints a, b, c beside the triple."""
+    """Solver for three revolute joints a, b, c beside the triple."""
 
     b: Builder
     frame: Frame
     length: float
 
     def solve(self) -> list[Motion]:
-        """The angles of a, b, c."""
+        """Derive the angles of a, b, c; the tests of the module's two equations become residuals."""
         b, frame, L = self.b, self.frame, self.length
         joints = frame.loop.joints[:3]
         ab = frame.loop.links[0]
@@ -154,7 +159,7 @@ class _Others:
         m2 = Moving.of(joints[2], Rigid(turn_bc.R, ORIGIN), n_c)
         height = total(frame.lead.rigid().t[2], product(ab.near[2], n_a[2]), dot(n_c, frame.trail.rigid().t))
         g = m2.z.plus(-product(ab.ca, n_a[2]))
-        # t_bc . m2, written with the way back from c to b: that is the target itself, not its inverse
+        # t_bc . m2, computed from c back to b: this uses the target pose itself and needs no inverse of it
         behind = Moving.of(joints[2], IDENTITY, n_c)
         away = apply(bc.inverse(), ORIGIN)
         f = m2.z.times(ab.far[2]).plus(height).times(-1)
@@ -183,7 +188,7 @@ class _Others:
         return [xa, xb, xc]
 
     def _from_height(self, n_a: Vector, m: Vector, ab: Crossing) -> Turn:
-        """a from z_b . m1 = z_b . m2; exact also where n comes to lie along z_b (the wrist of a UR arm)."""
+        """Solve z_b . m1 = z_b . m2 for a, without loss of digits where n comes near z_b (the wrist of a UR arm)."""
         radicand: S | None = None
         across = total(product(m[0], m[0]), product(m[1], m[1]))
         c2 = 2 * ab.ca * ab.ca
@@ -202,7 +207,11 @@ class _Others:
         )
 
     def _feasible(self, xa: Turn, xc: Turn) -> Feasible | None:
-        """Where b is free its axis is a fourth parallel one: the planar arm must still reach the point it turns."""
+        """Bounds on b where the target leaves it free, its axis being parallel to those of the triple.
+
+        The distance that the two links of the triple must span depends on cos b and sin b. It has to lie between the
+        difference and the sum of their lengths. None where the triple has a prismatic joint.
+        """
         triple = self.frame.triple.reversed()
         if triple.types != "RRR":
             return None
@@ -221,7 +230,7 @@ class _Others:
 
 
 def _before(loop: Loop, frame: Frame, xa: Turn, point: Plane) -> Vector:
-    """A point of the plane seen from the frame of joint b."""
+    """Coordinates in the frame before joint b of a ``point`` of the plane at the end of the triple."""
     v = frame.lead.inverse().apply((point[0], point[1], 0))
     v = rotate_z(xa.c, -xa.s, v)
     return apply(loop.links[0].inverse(), v)
@@ -232,7 +241,7 @@ def _gap(a: Plane, b: Plane) -> S:
 
 
 def _slide_first(b: Builder, frame: Frame, L: float) -> list[Motion]:
-    """a prismatic: it does not turn n; the normal gives b and c, the height gives a."""
+    """Joint a is prismatic and does not rotate n: the condition on the normal gives c and b, the height gives a."""
     joints = frame.loop.joints[:3]
     n_a = b.names("n", frame.lead.inverse().turn((0, 0, 1)))
     n_c = b.names("o", frame.trail.turn((0, 0, 1)))
@@ -250,13 +259,16 @@ def _slide_first(b: Builder, frame: Frame, L: float) -> list[Motion]:
 
 
 def _sharp(n_c: Vector, bc: Rigid, mb: Vector, across: S) -> S | None:
-    """The radicand that stays exact where the two normals come together: see ``_Others._from_height``."""
+    """Radicand of the pair equation that keeps its digits where the two normals nearly coincide.
+
+    It is the squared length ``across`` when the axes are perpendicular; None where no such expression is known.
+    """
     quarter = is_zero(bc.R[2][2]) and is_zero(n_c[2])
     return across if quarter else None
 
 
 def _slide_middle(b: Builder, frame: Frame, L: float) -> list[Motion]:
-    """b prismatic: a and c bring the normal back, the height gives b."""
+    """Joint b is prismatic and does not rotate n: the condition on the normal gives c and a, the height gives b."""
     joints = frame.loop.joints[:3]
     n_a = b.names("n", frame.lead.inverse().turn((0, 0, 1)))
     n_c = b.names("o", frame.trail.turn((0, 0, 1)))

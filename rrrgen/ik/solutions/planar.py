@@ -1,8 +1,9 @@
-"""Planar triples: three joints that move a body in a plane, revolute axes along its normal, prismatic ones across it.
+"""Planar triples: three consecutive joints that move a body in a plane, and the closed forms that solve them.
 
-In a frame whose z axis is the normal n the triple is a product of exponentials, ``J1 N1 J2 N2 J3 = Q e1 e2 e3 E0`` with
-``E0`` the constant transform at zero, revolute ``e`` a turn about a point o of the plane and prismatic ``e`` a shift
-along a direction u. Parallel and antiparallel axes differ only in the sense of their angle.
+The axes of revolute joints are normal to the plane, those of prismatic joints lie in it. In a frame whose z axis is the
+normal n the triple is a product of exponentials, ``J1 N1 J2 N2 J3 = Q e1 e2 e3 E0``: ``E0`` is the constant transform
+at zero joint values, ``e`` of a revolute joint is a rotation about a point of the plane, ``e`` of a prismatic joint a
+translation along a unit vector of the plane. For antiparallel axes the joint variable changes its sign.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ Plane = tuple[S, S]
 
 @dataclass(frozen=True)
 class Element:
-    """One joint of the triple: a turn about ``at`` or a shift along the unit vector ``at``, in plane coordinates."""
+    """One joint of the triple: a rotation about the point ``at`` or a translation along the unit vector ``at``.
+
+    ``at`` is in plane coordinates.
+    """
 
     joint: Joint
     at: Plane
@@ -30,7 +34,10 @@ class Element:
 
 @dataclass(frozen=True)
 class Triple:
-    """``Q e1 e2 e3 E0``; ``Q`` takes plane coordinates to the frame before the first joint."""
+    """The planar triple ``Q e1 e2 e3 E0``.
+
+    ``Q`` maps plane coordinates to the frame before the first joint; ``E0`` is the constant transform after the joints.
+    """
 
     elements: tuple[Element, Element, Element]
     Q: Rigid
@@ -38,11 +45,11 @@ class Triple:
 
     @property
     def types(self) -> str:
-        """E.g. ``"RPR"``."""
+        """The kinds of the three joints, for example ``"RPR"``."""
         return "".join("R" if element.joint.revolute else "P" for element in self.elements)
 
     def reversed(self) -> Triple:
-        """The elements of ``(e1 e2 e3)^-1``, with negated variables and the same frames."""
+        """Invert ``e1 e2 e3``: joints in reverse order with negated variables, the same ``Q`` and ``E0``."""
         turned = [replace(e, joint=_negated(e.joint)) for e in reversed(self.elements)]
         return replace(self, elements=(turned[0], turned[1], turned[2]))
 
@@ -52,7 +59,7 @@ def _negated(joint: Joint) -> Joint:
 
 
 def triple_of(loop: Loop, k: int) -> Triple | None:
-    """The planar triple of joints k, k+1, k+2 of ``loop``, or nothing where they do not move in one plane."""
+    """Find the planar triple of joints k, k+1, k+2 of ``loop``; None where they do not move in one plane."""
     started = loop.started(k)
     joints, links = started.joints[:3], started.links[:2]
     if not any(joint.revolute for joint in joints):
@@ -84,7 +91,7 @@ def triple_of(loop: Loop, k: int) -> Triple | None:
 
 
 def _plane(n: Vector) -> Rigid:
-    """A frame whose z axis is ``n``."""
+    """Rotation to a frame whose z axis is the unit vector ``n``; its x axis is perpendicular to the old z axis."""
     if is_zero(n[0]) and is_zero(n[1]):
         return (
             Rigid(((1, 0, 0), (0, 1, 0), (0, 0, 1)), (0, 0, 0))
@@ -102,14 +109,14 @@ def _plane(n: Vector) -> Rigid:
 
 
 def _flat(x: S) -> bool:
-    """Whether a constant is zero up to the rounding of a product of rotations."""
+    """Whether a component of an axis is zero, up to the rounding of a product of rotations."""
     if isinstance(x, (int, float)):
         return abs(x) < EXACT
     return is_zero(x)
 
 
 def _moves(triple: Triple) -> bool:
-    """Whether the three joints are independent: no coincident axes next to each other, no parallel shifts."""
+    """Whether neighbouring joints are independent: no two coincident axes, no two parallel translations."""
     a, b, c = triple.elements
     for one, other in ((a, b), (b, c)):
         if one.joint.revolute and other.joint.revolute and _same(one.at, other.at):
@@ -141,20 +148,23 @@ def _spun(x: Turn, v: Plane) -> Plane:
 
 
 def oriented(triple: Triple) -> tuple[bool, Triple]:
-    """Whether the triple has to be walked backwards so that a revolute joint comes last, and the result."""
+    """Order the triple so that a revolute joint comes last, where possible: (was reversed, triple)."""
     if triple.elements[2].joint.revolute or not triple.elements[0].joint.revolute:
         return False, triple
     return True, triple.reversed()
 
 
 def anchor(triple: Triple) -> Plane:
-    """The point of the plane that the last element leaves alone (the origin where there is none)."""
+    """The point of the plane that the last joint does not move; the origin where that joint is prismatic."""
     last = triple.elements[2]
     return last.at if last.joint.revolute else (0, 0)
 
 
 def solve_planar(b: Builder, triple: Triple, point: Plane, rotation: Turn, length: float) -> dict[int, Motion]:
-    """The joints that turn the plane by ``rotation`` and take :func:`anchor` to ``point``."""
+    """Derive the joints that rotate the plane by ``rotation`` and carry the point :func:`anchor` to ``point``.
+
+    ``point`` is in plane coordinates (m), ``length`` (m) is the size of the arm. Returns the motions by joint index.
+    """
     solver: dict[str, Callable[..., dict[int, Motion]]] = {
         "RRR": _turn_turn, "RPR": _turn_slide, "PRR": _slide_turn, "PPR": _slide_slide, "PRP": _around,
     }  # fmt: skip
@@ -164,7 +174,7 @@ def solve_planar(b: Builder, triple: Triple, point: Plane, rotation: Turn, lengt
 
 
 def _last(b: Builder, joint: Joint, rotation: Turn, *before: Turn) -> Turn:
-    """The last angle: what the others leave of the whole rotation."""
+    """Derive the last angle: the whole ``rotation`` minus the angles ``before`` it."""
     c, s = rotation
     for x in before:
         c, s = total(product(c, x.c), product(s, x.s)), total(product(s, x.c), -product(c, x.s))
@@ -172,7 +182,7 @@ def _last(b: Builder, joint: Joint, rotation: Turn, *before: Turn) -> Turn:
 
 
 def _turn_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """R R R: the distance of the two end points gives the elbow."""
+    """R R R: the law of cosines gives x2 from the distance of the first and the last axis; x1 and x3 follow."""
     one, two, three = triple.elements
     upper, fore = _less(two.at, one.at), _less(three.at, two.at)
     aim = _less(point, one.at)
@@ -191,7 +201,7 @@ def _turn_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: floa
 
 
 def _turn_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """R P R: the distance gives the displacement."""
+    """R P R: the distance of the first and the last axis gives the displacement (a quadratic); x1 and x3 follow."""
     one, two, three = triple.elements
     start, aim = _less(three.at, one.at), _less(point, one.at)
     t = b.polynomial(
@@ -207,7 +217,7 @@ def _turn_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: flo
 
 
 def _slide_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """P R R: the point lies on a circle about the moved second axis."""
+    """P R R: the target point lies on a circle about axis 2, whose radius gives the displacement (a quadratic)."""
     one, two, three = triple.elements
     arm, aim = _less(three.at, two.at), _less(point, two.at)
     t = b.polynomial(
@@ -223,7 +233,7 @@ def _slide_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: flo
 
 
 def _slide_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """P P R: two linear equations."""
+    """P P R: the position of the last axis gives two linear equations for the displacements."""
     one, two, three = triple.elements
     aim = _less(point, three.at)
     whole = _area(one.at, two.at)
@@ -234,7 +244,7 @@ def _slide_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: fl
 
 
 def _around(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """P R P: the rotation gives the angle, then two linear equations (``point`` is the image of the origin)."""
+    """P R P: the rotation gives x2, the image ``point`` of the origin two linear equations for the displacements."""
     one, two, three = triple.elements
     x2 = b.turn(two.joint, rotation.s, rotation.c)
     away = _spun(x2, two.at)

@@ -1,15 +1,16 @@
-"""The position kernel: three joints of any kind carry a point to a point.
+"""Solver of the position problem: three joints of any kind carry a given point c to a given point p.
 
     J1(x1) L1 J2(x2) L2 J3(x3) c = p,     L1 = Tx(a) Rx(alpha) constant
 
-With v = L2 J3 c and u = J2 v the first joint leaves two quantities alone: for a revolute one the height and the
-distance of w = L1 u from its axis and origin,
+Let v = L2 J3 c, u = J2 v and w = L1 u, so that J1 w = p. A revolute first joint changes neither the z coordinate of w
+nor its distance from the origin:
 
-    sa u_y + ca u_z = p_z,     |u|^2 + 2 a u_x + a^2 = |p|^2,
+    sa u_y + ca u_z = p_z,     |u|^2 + 2 a u_x + a^2 = |p|^2      (sa, ca: sine and cosine of alpha)
 
-for a prismatic one w_x = p_x and w_y = p_y. Eliminating x2 gives one equation in x3; it is a quartic in general and
-falls apart into quadratics where a = 0, sin alpha = 0, cos alpha = 0 or axes are parallel. The chain may be walked from
-either end, so that the constant link comes first and the simpler equation is used.
+A prismatic first joint does not change w_x and w_y. Eliminating x2 from the two equations gives one equation in x3. It
+is a quartic in general and splits into quadratics where a = 0, sin alpha = 0, cos alpha = 0 or axes are parallel. The
+problem can also be stated from the other end of the chain. The solver uses the direction whose first link is constant
+and whose equation is simpler.
 """
 
 from __future__ import annotations
@@ -38,7 +39,11 @@ from rrrgen.ik.solutions.forms import Moving
 
 @dataclass(frozen=True)
 class Arm:
-    """``J1 L1 J2 L2 J3 c = p``; a link is a :class:`Crossing` where it is constant."""
+    """A position problem ``J1 L1 J2 L2 J3 c = p``.
+
+    A link that is constant is a :class:`Crossing`; one that depends on the target or on a prescribed joint is a
+    :class:`Rigid`.
+    """
 
     joints: tuple[Joint, Joint, Joint]
     first: Crossing | Rigid
@@ -48,11 +53,11 @@ class Arm:
 
     @property
     def types(self) -> str:
-        """E.g. ``"RRP"``."""
+        """The kinds of the three joints, for example ``"RRP"``."""
         return "".join("R" if joint.revolute else "P" for joint in self.joints)
 
     def reversed(self) -> Arm:
-        """The same equation walked from the other end, with every joint variable negated."""
+        """State the problem from the other end: ``J3^-1 L2^-1 J2^-1 L1^-1 J1^-1 p = c``, joint variables negated."""
         return Arm(
             tuple(backwards(joint) for joint in reversed(self.joints)),  # type: ignore[arg-type]
             self.second.inverse(),
@@ -63,16 +68,16 @@ class Arm:
 
 
 def backwards(joint: Joint) -> Joint:
-    """The joint seen from the other side: raw variable -x."""
+    """The inverse of a joint as a joint: its raw variable is -x."""
     return replace(joint, sign=-joint.sign, offset=-joint.offset)
 
 
 UNUSABLE = 9
-"""The cost of a form that cannot be used: more than that of any other."""
+"""Cost of a problem that the equations of its family cannot solve; larger than every other cost."""
 
 
 def _cost(arm: Arm) -> int:
-    """Cost of the hardest equation of this form: 0 or 1 linear, 2 quadratic, 4 or 5 quartic; or UNUSABLE."""
+    """Rank the hardest equation in this direction: 0 to 2 no quartic, simplest first; 4 or 5 a quartic; or UNUSABLE."""
     first = arm.first
     if not isinstance(first, Crossing):
         return UNUSABLE
@@ -100,15 +105,16 @@ def _cost(arm: Arm) -> int:
 
 
 def simplest(arm: Arm) -> tuple[int, Arm]:
-    """The cheaper of the two directions of ``arm``, with its cost."""
+    """Choose the direction of ``arm`` with the lower cost: (cost, arm in that direction)."""
     forward, backward = _cost(arm), _cost(arm.reversed())
     return (forward, arm) if forward <= backward else (backward, arm.reversed())
 
 
 def solve_position(b: Builder, arm: Arm, length: float) -> dict[int, Turn | S]:
-    """The joint motions (by joint index, in the direction of ``arm``) that carry c to p.
+    """Derive the joint motions that carry c to p, by joint index and in the direction of ``arm``.
 
-    ``length`` is the reach. An :class:`InternalError` means that the caller did not check :func:`simplest`.
+    ``length`` (m) is the reach. Raises :class:`InternalError` where :func:`simplest` returns the cost UNUSABLE, which
+    the caller must exclude.
     """
     cost, form = simplest(arm)
     if cost == UNUSABLE:
@@ -150,7 +156,7 @@ def _solve(b: Builder, arm: Arm, length: float) -> dict[int, Turn | S]:
 
 
 def _elbow_sign(arm: Arm) -> int:
-    """Direction of the plus branch where a shoulder is solved first: in front of the first axis."""
+    """Sign of the root that is labelled plus for a shoulder solved first: the arm reaches to the front of axis 1."""
     second = arm.second
     if isinstance(arm.first, Crossing) and not is_zero(arm.first.sa):
         return -1 if float(arm.first.sa) > 0 else 1
@@ -161,7 +167,7 @@ def _elbow_sign(arm: Arm) -> int:
 
 @dataclass(frozen=True)
 class _Core:
-    """The kernel once the first link is ``Tx(a) Rx(alpha)`` and v(x3) is known."""
+    """The position problem reduced to ``J1 Tx(a) Rx(alpha) J2 v(x3) = p``, with one method per kind of joints."""
 
     b: Builder
     joints: tuple[Joint, Joint, Joint]
@@ -174,9 +180,10 @@ class _Core:
     front: int
 
     def offset_elbow(self, arm: Arm) -> dict[int, Turn | S]:
-        """Axes 1 and 2 meet, 2 and 3 are parallel: the offset gives x1, the distance x3, and x2 follows.
+        """R R R where axes 1 and 2 meet and axes 2 and 3 are parallel: two solutions for x1, two for x3, one for x2.
 
-        This is (14.45) of the chapter with all four branches.
+        The offset of the arm's plane from axis 1 gives x1, the distance |p| gives x3, and x2 follows. All four branches
+        of (14.45) in chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
         """
         b, joints = self.b, self.joints
         u = Moving.of(backwards(joints[0]), Rigid(*_inverse_core(self.a, self.ca, self.sa)), self.p)
@@ -193,7 +200,7 @@ class _Core:
         return {joints[0].index: x1, joints[1].index: x2, joints[2].index: x3}
 
     def turn_turn(self) -> dict[int, Turn | S]:
-        """R R *: the quartic, or the two quadratics where the first two axes are parallel or meet."""
+        """R R and any third joint: a quartic in x3, or two quadratics where axes 1 and 2 are parallel or meet."""
         b, joints, v, p, L = self.b, self.joints, self.v, self.p, self.length
         r = b.name("r", square(p))
         A = v.length2.times(-1).plus(total(r, -product(self.a, self.a)))
@@ -222,7 +229,7 @@ class _Core:
         return self._first_turn(x2, x3, rotate_z(x2.c, x2.s, at))
 
     def turn_slide(self) -> dict[int, Turn | S]:
-        """R P *: height and distance, the displacement eliminated."""
+        """R P and any third joint: the displacement x2 is eliminated from the equations of height and distance."""
         b, joints, v, p, L = self.b, self.joints, self.v, self.p, self.length
         r = b.name("r", square(p))
         if is_zero(self.ca):
@@ -242,7 +249,7 @@ class _Core:
         return self._first_turn(x2, x3, (at[0], at[1], total(at[2], x2)))
 
     def slide_turn(self) -> dict[int, Turn | S]:
-        """P R *: the two coordinates across the first direction, the angle eliminated."""
+        """P R and any third joint: x2 is eliminated from the equations of the two coordinates normal to axis 1."""
         b, joints, v, p, L = self.b, self.joints, self.v, self.p, self.length
         ux = b.name("ux", total(p[0], -self.a))
         if is_zero(self.ca):
@@ -262,7 +269,7 @@ class _Core:
         return self._first_slide(x2, x3, rotate_z(x2.c, x2.s, at))
 
     def slide_slide(self) -> dict[int, Turn | S]:
-        """P P *: the coordinate across both directions gives x3."""
+        """P P and any third joint: the coordinate normal to both translations gives x3, then x2 and x1 are linear."""
         b, joints, v, p, L = self.b, self.joints, self.v, self.p, self.length
         x3 = v.x.plus(total(self.a, -p[0])).root(b, joints[2], Label("side"), L)
         at = b.names("v", v.at(x3))
@@ -271,7 +278,7 @@ class _Core:
         return self._first_slide(x2, x3, (at[0], at[1], total(at[2], x2)))
 
     def _after_first(self, u: Vector) -> Vector:
-        """w = Tx(a) Rx(alpha) u."""
+        """Transform u through the first link: w = Tx(a) Rx(alpha) u."""
         return self.b.names(
             "w",
             (
@@ -293,7 +300,7 @@ class _Core:
         return {joint.index: x for joint, x in zip(self.joints, (x1, x2, x3), strict=True)}
 
     def _first_sign(self) -> int:
-        """The plus branch of a shoulder that is solved from the far end."""
+        """Sign of the root that is labelled plus where the shoulder angle is found through x3."""
         return self.front
 
 
@@ -311,7 +318,7 @@ def _negative(x: S) -> bool:
 def _linear(
     b: Builder, joints: tuple[Joint, Joint, Joint], L1: Rigid, L2: Rigid, c: Vector, p: Vector, length: float
 ) -> dict[int, Turn | S]:
-    """P P P: three linear equations; the directions are the z axes behind constant links."""
+    """P P P: three linear equations for the displacements along the constant directions of the three z axes."""
     origin = (L1 @ L2).apply(c)
     z1: Vector = (0, 0, 1)
     z2 = (L1.R[0][2], L1.R[1][2], L1.R[2][2])
@@ -323,7 +330,7 @@ def _linear(
 
 
 def solve_linear(columns: tuple[Vector, Vector, Vector], right: Vector) -> Vector:
-    """The solution of ``columns x = right`` by Cramer's rule."""
+    """Solve the 3 x 3 system ``columns x = right`` by Cramer's rule."""
 
     def triple(a: Vector, b: Vector, c: Vector) -> S:
         return total(

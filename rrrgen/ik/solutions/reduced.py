@@ -1,7 +1,7 @@
-"""Tasks with fewer than six joints, and chains whose rotation is decided by three joints alone.
+"""Closed forms for arms with fewer than six joints, and for arms whose orientation depends on three joints only.
 
 * planar arms (three joints in a plane) and planar arms with a lift (four joints: x, y, z and one rotation);
-* three revolute joints that only turn, with three prismatic joints anywhere (gantries, and 3R orientation devices);
+* three revolute joints that set the orientation, alone (spherical wrists) or with three prismatic joints (gantries);
 * position tasks of one and two joints.
 """
 
@@ -40,7 +40,10 @@ IDENTITY = screw(1, 0)
 
 
 def derive_planar(b: Builder, loop: Loop, length: float) -> None:
-    """A planar arm of three joints: x, y and the angle in its plane; the pose must lie in the plane."""
+    """Derive a planar arm of three joints from x, y and the angle in its plane.
+
+    A residual checks that the target lies in the plane. ``length`` (m) is the size of the arm.
+    """
     loop = straightened(loop)
     triple = triple_of(loop, 0)
     if triple is None:
@@ -52,7 +55,7 @@ def derive_planar(b: Builder, loop: Loop, length: float) -> None:
 
 
 def derive_lift(b: Builder, loop: Loop, k: int, length: float) -> None:
-    """A planar triple and a prismatic joint along its normal: SCARA arms. ``k`` is where the triple stands."""
+    """Derive a SCARA arm: a planar triple at joints k, k+1, k+2 and a prismatic joint along its normal."""
     loop = straightened(loop)
     frame = Frame.of(loop, k)
     if frame is None:
@@ -65,7 +68,7 @@ def derive_lift(b: Builder, loop: Loop, k: int, length: float) -> None:
 
 
 def upright(b: Builder, frame: Frame, motions: list[Motion]) -> None:
-    """The tilt of the target against the plane: it cannot be helped, so it decides whether there is a solution."""
+    """Record the tilt of the target against the plane of the triple as a residual: no joint can change it."""
     v = frame.trail.turn((0, 0, 1))
     for motion in motions:
         v = move(motion, v, direction=True)
@@ -74,12 +77,15 @@ def upright(b: Builder, frame: Frame, motions: list[Motion]) -> None:
 
 
 def factors(link: AnyLink) -> tuple[Rigid, ...]:
-    """A link as a product of transforms."""
+    """The transforms whose product is ``link``."""
     return link.factors if isinstance(link, Closing) else (link.rigid(),)
 
 
 def turning_axes(loop: Loop) -> Loop | None:
-    """The loop of the three revolute joints alone, translations dropped; nothing where two neighbours are parallel."""
+    """Reduce a loop to the rotations of its three revolute joints, without translations.
+
+    None where there are not three revolute joints, or where two neighbouring axes with a constant link are parallel.
+    """
     places = [i for i, joint in enumerate(loop.joints) if joint.revolute]
     if len(places) != 3:
         return None
@@ -100,7 +106,7 @@ def turning_axes(loop: Loop) -> Loop | None:
 
 
 def decomposed(R: Rotation) -> Crossing | None:
-    """A constant rotation as ``Rz Rx Rz``; nothing where it is a turn about z alone."""
+    """Decompose a constant rotation as ``Rz Rx Rz``; None where it is a rotation about z alone."""
     ca = R[2][2]
     if is_zero(R[2][1]) and is_zero(R[2][0]):
         return None
@@ -115,7 +121,7 @@ def decomposed(R: Rotation) -> Crossing | None:
 
 
 def derive_orientation(b: Builder, loop: Loop, length: float) -> None:
-    """Three revolute joints give the rotation, the prismatic ones (if any) then solve three linear equations."""
+    """Derive three revolute joints from the orientation, then three prismatic ones (if any) from linear equations."""
     axes = turning_axes(loop)
     if axes is None:
         raise InternalError("the rotation is not decided by three joints")
@@ -149,7 +155,7 @@ def derive_orientation(b: Builder, loop: Loop, length: float) -> None:
 
 
 def _shifted(motion: Motion, offset: S) -> Motion:
-    """The raw motion of the chain's own joint, whose straightened twin turns by ``offset`` more."""
+    """Subtract ``offset`` (rad) from an angle: from the joint of the straightened loop to that of the original one."""
     from math import cos, sin
 
     if not isinstance(motion, Turn) or is_zero(offset):
@@ -159,7 +165,10 @@ def _shifted(motion: Motion, offset: S) -> Motion:
 
 
 def derive_point(b: Builder, chain: Chain, length: float) -> None:
-    """The position of the tip for one or two joints; the target must lie on the curve or surface of the tip."""
+    """Derive one or two joints from the position of the tip.
+
+    The conditions that the target lies on the curve or surface traced by the tip become residuals.
+    """
     base, tip = rigid(chain.base), rigid(chain.tip)
     p = b.names("p", rotate(transposed(base.R), minus(b.point(), base.t)))
     if chain.n == 1:
@@ -184,7 +193,7 @@ def derive_point(b: Builder, chain: Chain, length: float) -> None:
 
 
 def _best(b: Builder, joint: Joint, equations: list[tuple[Form, float]]) -> Motion:
-    """The root of the equation that depends most on the joint."""
+    """Solve, of several equations (form, unit) for the same joint, the one whose coefficients depend most on it."""
 
     def slope(entry: tuple[Form, float]) -> float:
         form, unit = entry
@@ -199,5 +208,5 @@ def _best(b: Builder, joint: Joint, equations: list[tuple[Form, float]]) -> Moti
 
 
 def _constant(x: S) -> float:
-    """A number of the robot, 0 for what depends on the target; TypeError for a symbol."""
+    """The value of a constant coefficient; 0 for a recorded scalar that depends on the target."""
     return float(x.value if isinstance(x, Scalar) else x)

@@ -1,7 +1,8 @@
-"""Arms with a spherical triple: three consecutive revolute axes through one point, anywhere in the chain.
+"""Six-joint arms with a spherical triple: three consecutive revolute axes through one point, anywhere in the chain.
 
-The loop is started so that the triple comes last. Its centre is a point that the other three joints must carry to a
-known place (position kernel), whatever the triple does; then the triple has to supply the rotation that is missing.
+The loop equation is numbered so that the triple comes last. The triple does not move its centre, so the other three
+joints must carry that point to a known place (:mod:`rrrgen.ik.solutions.position`). Then the triple supplies the
+remaining rotation.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from rrrgen.ik.solutions.position import Arm, solve_position
 
 
 def is_spherical(loop: Loop, k: int) -> bool:
-    """Whether joints k, k+1, k+2 of ``loop`` are revolute and their axes meet in one point (exactly)."""
+    """Whether joints k, k+1, k+2 of ``loop`` are revolute and their axes meet exactly in one point."""
     joints, links = loop.started(k).joints[:3], loop.started(k).links[:2]
     if not all(joint.revolute for joint in joints) or not all(isinstance(link, Crossing) for link in links):
         return False
@@ -38,7 +39,7 @@ def is_spherical(loop: Loop, k: int) -> bool:
 
 
 def arm_of(loop: Loop) -> Arm:
-    """The position problem of a loop whose last three joints are the spherical triple."""
+    """Position problem of the first three joints of a loop whose last three joints are the spherical triple."""
     first, second = loop.links[3], loop.links[4]
     assert isinstance(first, Crossing)
     assert isinstance(second, Crossing)
@@ -49,7 +50,7 @@ def arm_of(loop: Loop) -> Arm:
 
 
 def derive_spherical(b: Builder, loop: Loop, k: int, length: float) -> None:
-    """All joints of a six-joint loop whose joints k, k+1, k+2 form a spherical triple."""
+    """Derive all joints of a six-joint loop with a spherical triple at joints k, k+1, k+2; ``length`` is the reach."""
     loop = straightened(loop.started((k + 3) % 6))
     arm = arm_of(loop)
     motions = solve_position(b, arm, length)
@@ -66,14 +67,18 @@ def derive_spherical(b: Builder, loop: Loop, k: int, length: float) -> None:
 
 
 def turned_matrix(loop: Loop, i: int) -> Rotation:
-    """The rotation of link ``i``."""
+    """Rotation matrix of link ``i`` of the loop."""
     return loop.links[i].rigid().R
 
 
 def solve_wrist(
     b: Builder, joints: tuple[Joint, Joint, Joint], first: Crossing, second: Crossing, mx: Vector, mz: Vector
 ) -> dict[int, Motion]:
-    """``Rz(x4) Rx(alpha4) Rz(x5) Rx(alpha5) Rz(x6)`` has the first and third columns ``mx`` and ``mz``."""
+    """Derive the angles of a spherical triple from the rotation that it must produce: two solutions.
+
+    ``Rz(x4) Rx(alpha4) Rz(x5) Rx(alpha5) Rz(x6) = M``, where ``mx`` and ``mz`` are the first and third columns of M;
+    ``first`` and ``second`` are the links with the angles alpha4 and alpha5. Returns the motions by joint index.
+    """
     if is_zero(first.ca) and is_zero(second.ca):
         signs = (1 if _positive(first.sa) else -1, 1 if _positive(second.sa) else -1)
         M = tuple((mx[i], 0, mz[i]) for i in range(3))
