@@ -164,13 +164,16 @@ class FileUnits:
 
     def covers(self, quantity: Quantity) -> bool:
         """Whether the file says in which unit a bare number of this ``quantity`` is."""
-        measured = "angle" if quantity.dimension[3] else "length" if quantity.dimension in _LENGTHS else ""
+        measured = "angle" if quantity.dimension[3] > 0 else "length" if quantity.dimension in _LENGTHS else ""
         return measured not in self.missing
 
     def of(self, quantity: Quantity) -> Unit:
-        """The unit of a bare number of this ``quantity`` in the joints, base and tool of the file."""
+        """The unit of a bare number of this ``quantity`` in the joints, base and tool of the file.
+
+        Angles, lengths and their rates follow the file; torques do not, nor what is a torque per angle.
+        """
         name = quantity.si_unit
-        if quantity.dimension[3]:
+        if quantity.dimension[3] > 0:
             name = re.sub(r"\brad\b", self.angle, name)
         elif quantity.dimension in _LENGTHS:
             name = re.sub(r"^m\b", self.length, name)

@@ -126,6 +126,7 @@ def test_units_of_a_file_reach_rates_but_not_torques() -> None:
     assert (names["angular speed"], names["angular acceleration"]) == ("deg/s", "deg/s^2")
     assert (names["length"], names["speed"], names["acceleration"]) == ("mm", "mm/s", "mm/s^2")
     assert (names["torque"], names["inertia"], names["angular damping"]) == ("N*m", "kg*m^2", "N*m*s")
+    assert (names["angular stiffness"], names["stiffness"]) == ("N*m/rad", "N/m")
 
 
 def test_dimensions_are_followed() -> None:
