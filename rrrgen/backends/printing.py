@@ -88,7 +88,7 @@ class Statements:
         ]
 
     def _computed(self, index: int) -> None:
-        """What happens as soon as node ``index`` has a text; inputs and constants always have."""
+        """Called when node ``index`` has been given its text; does nothing here, subclasses write outputs."""
 
     def _declare_trigonometry(self, index: int) -> None:
         if self.texts[index] is not _UNKNOWN:
@@ -174,7 +174,7 @@ class _Body(Statements):
         self._finish()
 
     def _worth_a_name(self) -> list[bool]:
-        """Results are copied from one another, so a value that nothing reads needs no local."""
+        """For every node whether its value gets a local; one that only outputs use is written to the first of them."""
         labels, places = self.program.labels, self._places
         return [
             readers > 1 or (readers == 1 and (index in places or index in labels))
@@ -228,7 +228,7 @@ def _count(indices: Iterable[int], size: int) -> list[int]:
 
 
 def _places_of_outputs(program: Program) -> dict[int, list[tuple[Port, int]]]:
-    """Where each node is stored; the status is returned, not stored."""
+    """The output elements that each node is stored in; the status is returned, not stored."""
     places: dict[int, list[tuple[Port, int]]] = {}
     for k, (port, elements) in enumerate(zip(program.outputs, program.results, strict=True)):
         for element, index in enumerate(elements):

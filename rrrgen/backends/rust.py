@@ -81,19 +81,19 @@ class _Rust:
         return _RESERVED
 
     def literal(self, value: Fraction | int) -> str:
-        """Without a type, which Rust infers."""
+        """The decimal number without a type suffix; Rust infers the type."""
         return decimal(value, self.real)
 
     def declaration(self, name: str, value: str) -> str:
-        """A local that never changes."""
+        """A ``let`` statement that defines an immutable local."""
         return f"let {name} = {value};"
 
     def call(self, op: Op, argument: str) -> str:
-        """A function of the crate or of its mathematics."""
+        """The call of a mathematical function for ``op``."""
         return f"{_MATHS[op]}({argument})"
 
     def sign(self, x: Text) -> Text:
-        """A function of the crate."""
+        """The call of ``sign``, a function in the emitted crate: -1, 0 or 1."""
         return Text(f"sign({x.code})")
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
@@ -118,7 +118,7 @@ class _Rust:
         return f"let _ = {port.name};"
 
     def outcome(self, status: Status, value: Text) -> list[str]:
-        """An early return; NaN is no success."""
+        """An early return of the error if the status is not 0; NaN counts as failure."""
         return [f"if !({value.within(SUM)} < 0.5) {{", f"    return Err(Failure::{_variant(status)});", "}"]
 
 

@@ -1,4 +1,4 @@
-"""What a friction law of one joint is, in every arithmetic: its torque, its state, and how the load raises it.
+"""The interface of friction laws: torque, state and load dependence of one joint's friction, in any arithmetic.
 
 ``ops`` supplies sgn, exp and tanh as ``ops.sign``, ``ops.exp``, ``ops.tanh``: a program builder, NumPy, or CasADi.
 Speeds ``dq`` are in rad/s (m/s), torques in N m (N), with sgn(0) = 0. No law uses |dq| other than as ``dq sgn(dq)``, so
@@ -63,7 +63,7 @@ class FrictionLaw:
         return any(p.name == LOAD for p in self.parameters)
 
     def under_load(self, p: Sequence[Any], size: Any) -> Sequence[Any]:
-        """The parameters under a load whose torque has the magnitude ``size``, N m (N): Coulomb friction raised."""
+        """The parameters ``p`` with the Coulomb friction raised by a load torque of magnitude ``size``, N m (N)."""
         if not self.has_load:
             return p
         names = [each.name for each in self.parameters]
@@ -72,7 +72,7 @@ class FrictionLaw:
 
     @property
     def linear(self) -> tuple[LawParameter, ...]:
-        """The parameters that are not shapes."""
+        """The parameters in which the torque is linear, all that are not ``shapes``."""
         return tuple(p for p in self.parameters if p.name not in self.shapes)
 
     def split(self, p: Sequence[Any]) -> tuple[list[Any], list[Any]]:
@@ -108,7 +108,7 @@ def separable(
     shapes: tuple[str, ...] = (),
     presliding: bool = False,
 ) -> FrictionLaw:
-    """A law from the ``factors`` of its linear parameters.
+    """Build a friction law from the ``factors`` of its linear parameters; ``shapes`` are the nonlinear ones.
 
     With ``presliding``, the last shape is the distance s0 over which friction builds up when the motion reverses, and z
     obeys ``dz/dt = dq - |dq| z / s0`` (Dahl 1968), so that z = s0 sgn(dq) in sliding.
@@ -143,6 +143,9 @@ def separable(
 
 
 def forgotten(ops: Any, relaxation: Any, period: Any) -> Any:
-    """``1 - exp(-x)`` with ``x = relaxation period``, as 2t/(1+t), t = tanh(x/2), which loses no digits at small x."""
+    """The share ``1 - exp(-relaxation period)`` by which a state relaxes in one period.
+
+    Computed as 2t/(1+t) with t = tanh(relaxation period / 2), which loses no digits where the product is small.
+    """
     t = ops.tanh(relaxation * period / 2)
     return 2 * t / (1 + t)

@@ -1,4 +1,4 @@
-"""Lengths as they stand in the robot file: ``a (x + b y)`` becomes ``a x + (a b) y`` where a b is one of them."""
+"""Prints lengths as in the robot file: ``a (x + b y)`` becomes ``a x + (a b) y`` if a b is a length of the file."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 
 @dataclass(frozen=True)
 class SpellLengths:
-    """Takes a constant into a sum where that costs no operation and makes a ratio of lengths a length.
+    """Multiplies a constant into a sum if that costs no operation and turns a ratio of lengths into a length.
 
-    ``lengths`` are the magnitudes of the constants to print, m.
+    ``lengths`` are the magnitudes of the lengths of the robot file, m.
     """
 
     lengths: frozenset[Fraction]
 
     def __call__(self, program: Program) -> Program:
-        """``program`` with such constants taken in; ``program`` itself if there are none or they would cost more."""
+        """The rewritten ``program``, or ``program`` itself if nothing changes or operations would be added."""
         spelled = _Spelling(program, self.lengths).run()
         return (
             program if spelled is None or count_operations(spelled).total > count_operations(program).total else spelled
@@ -38,7 +38,7 @@ def lengths_of(spec: RobotSpec) -> frozenset[Fraction]:
 
 
 class _Spelling:
-    """Records a program again. A sum that only one product uses is merged into that product."""
+    """Records a program again and multiplies constants into sums where :class:`SpellLengths` asks for it."""
 
     def __init__(self, program: Program, lengths: frozenset[Fraction]) -> None:
         self.program, self.lengths = program, lengths
@@ -73,13 +73,13 @@ class _Spelling:
         return operation(*(self._value(arg) for arg in node.args))
 
     def _factor(self, node: Node) -> tuple[Fraction, int | None]:
-        """``node`` as a constant times another node; (1, None) if it is no such product."""
+        """Split ``node`` into a constant and the node that it multiplies; (1, None) if it is no such product."""
         if node.op is Op.MUL and self.program.nodes[node.args[0]].op is Op.CONST:
             return Fraction(self.program.nodes[node.args[0]].number), node.args[1]
         return Fraction(1), None
 
     def _scaled(self, factor: Fraction, k: int) -> Value:
-        """``factor`` times node k, taken into the sum if k is one that gains by it."""
+        """``factor`` times node k; multiplied into each term if k is a sum in which a length appears that way."""
         node = self.program.nodes[k]
         if node.op not in (Op.ADD, Op.SUB) or self.uses[k] != 1 or not self._gains(factor, node):
             return self.builder.mul(factor, self._value(k))
@@ -88,7 +88,7 @@ class _Spelling:
         return self.builder.add(*terms) if node.op is Op.ADD else self.builder.sub(*terms)
 
     def _gains(self, factor: Fraction, node: Node) -> bool:
-        """Whether a term of the sum has a constant of its own that becomes a length."""
+        """Whether, in some term of the sum ``node``, ``factor`` times the term's constant is a length of the file."""
         own = [self._own(arg) for arg in node.args]
         ratios = [c for c in own if c is not None]
         return any(abs(c) not in self.lengths and abs(factor * c) in self.lengths for c in ratios)

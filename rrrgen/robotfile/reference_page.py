@@ -74,7 +74,7 @@ def _value(key: Key) -> str:
 
 
 def _unit(key: Key) -> str:
-    """SI units of a value, for revolute and prismatic joints where they differ; what bare numbers are in."""
+    """The table cell with the SI units of a value (for both joint types), and whether ``units`` sets bare ones."""
     if key.kind not in ("value", "vector"):
         return ""
     units = [QUANTITIES[key.quantity].si_unit]

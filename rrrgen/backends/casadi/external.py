@@ -122,11 +122,11 @@ class _ExternalC:
         return f"const casadi_real {name} = {value};"
 
     def call(self, op: Op, argument: str) -> str:
-        """One of the functions of the file."""
+        """The call of a function that the file defines for ``op``."""
         return f"{self.robot}_casadi_{_MATHS[op][0]}({argument})"
 
     def sign(self, x: Text) -> Text:
-        """One of the functions of the file."""
+        """The call of the file's own function for the sign of ``x``."""
         return Text(self.call(Op.SIGN, x.code))
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:

@@ -73,14 +73,14 @@ def shared_form(
 
 
 def _uses(program: Program, needed: Iterable[int], results: Sequence[int]) -> Counter[int]:
-    """How often every node is written: x + x as 2*x, and two equal entries, as of a symmetric matrix, once."""
+    """How often each node appears in print; x + x, printed as 2*x, counts once, and so do equal entries."""
     nodes = (program.nodes[k] for k in needed)
     used = Counter(arg for node in nodes for arg in (set(node.args) if node.op is Op.ADD else node.args))
     return used + Counter(set(results))
 
 
 def _is_short(value: sp.Expr) -> bool:
-    """Whether a name would be no shorter: an atom, a sine, or the negative of one."""
+    """Whether ``value`` is so short that naming it gains nothing: a symbol, number or sine, or its negative."""
     _, rest = value.as_coeff_Mul()
     return bool((rest.is_Atom or rest.is_Function) and value in (rest, -rest))
 

@@ -42,7 +42,7 @@ class Surface:
 
     @property
     def has_state(self) -> bool:
-        """Whether the law remembers: it has a bristle deflection."""
+        """Whether the law has a state, the deflection of its bristles."""
         return self.law is not None and self.law.step is not None
 
     @property

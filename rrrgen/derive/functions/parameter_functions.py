@@ -50,7 +50,7 @@ def by_regrouping(r: Recording, phi: Parameters) -> list[Any]:
 
 
 def through(r: Recording, change: BasisChange, compiler: Sequence[Any]) -> list[Any]:
-    """The user's base parameters from the compiler's."""
+    """Convert base parameters ``compiler`` (b,), in the set that the compiler chose, to the user's set."""
     return [dot([r.constant(sp.S(to_expression(v))) for v in row], compiler) for row in change.forward]
 
 
@@ -130,7 +130,7 @@ def _payload_inputs(r: Recording, frame: str) -> tuple[Any, list[Any], Matrix]:
 
 
 def _at_tip(r: Recording, phi: list[Any]) -> list[list[Any]]:
-    """The standard parameters of all links where only the one that carries the tip has some."""
+    """The standard parameters of all links, with ``phi`` (10,) for the link that carries the tip, zero for others."""
     return [phi if i == r.model.tip_link else [0] * 10 for i in range(r.model.links)]
 
 

@@ -160,7 +160,7 @@ def _foreign(
 
 
 def _vanishing(expression: sp.Expr) -> sp.Expr:
-    """``expression`` simplified so far that zero becomes 0."""
+    """``expression`` simplified far enough that an expression equal to zero becomes the number 0."""
     expanded = sp.expand(expression)
     return expanded if expanded == 0 else sp.cancel(sp.trigsimp(expanded))
 

@@ -91,15 +91,15 @@ class Chain:
         return tuple(found)
 
     def joint_rates(self, rates: Sequence[Any]) -> Sequence[Any]:
-        """The rates of all joints from those of q: ``S rates``."""
+        """``S rates``: the rates of all joints (n,) from the rates of q."""
         return over_joints(self.coupling, rates)
 
     def forces(self, forces: Sequence[Any]) -> list[Any]:
-        """The forces on q from those on all joints: ``S' forces``."""
+        """``S' forces``: the generalized forces on q from those on all joints (n,)."""
         return over_coordinates(self.coupling, forces)
 
     def form(self, matrix: Matrix) -> Matrix:
-        """A matrix of q from one of all joints: ``S' matrix S``."""
+        """``S' matrix S``: a matrix of a quadratic form, such as M, converted from the rates of all joints to dq."""
         if self.coupling is None:
             return matrix
         rows = [self.forces(row) for row in matrix]

@@ -47,13 +47,16 @@ def _at_joint_before(joint: ChainJoint, J: PseudoInertia) -> PseudoInertia:
 
 
 def _rotated_z(J: PseudoInertia, c: Any, s: Any) -> PseudoInertia:
-    """``J.rotated_z``, with Jyy written so that the polar sum Jxx + Jyy, which never turns, is found unchanged."""
+    """The pseudo-inertia rotated about z, with Jyy as (Jxx + Jyy) - Jxx: a rotation about z keeps that sum.
+
+    Written this way, the sum simplifies to its known value when it is needed again.
+    """
     turned = J.rotated_z(c, s)
     return replace(turned, Jyy=(J.Jxx + J.Jyy) - turned.Jxx)
 
 
 def unit_wrench(revolute: bool, J: PseudoInertia) -> tuple[Vector, Vector]:
-    """Force and moment that give the composite body ``J`` a unit acceleration of its joint."""
+    """Force and moment (3,) about the joint's origin that give the composite body ``J`` unit joint acceleration."""
     if revolute:
         return [-J.hy, J.hx, 0], [-J.Jxz, -J.Jyz, J.Jxx + J.Jyy]
     return [0, 0, J.m], [J.hy, -J.hx, 0]

@@ -26,7 +26,7 @@ dynamics, which is at most 4 in every block: they count as independent.
 
 
 def block_turnings(model: RobotModel) -> list[Turning]:
-    """For each joint, the variable part of its absolute angle within its block."""
+    """For each joint, how its absolute angle within its block depends on q: pairs (index k, factor of q_k)."""
     found: list[Turning] = []
     for i, joint in enumerate(model.joints):
         before = found[joint.parent] if joint.parallel else ()
@@ -35,7 +35,7 @@ def block_turnings(model: RobotModel) -> list[Turning]:
 
 
 def displacement(model: RobotModel, i: int) -> Turning:
-    """The displacement of joint i."""
+    """The displacement of joint i, row i of ``y = S q``, as pairs (index k, factor of q_k)."""
     if model.coupling is None:
         return ((i, sp.S.One),)
     return tuple((k, factor) for k, factor in enumerate(model.coupling[i]) if factor != 0)
@@ -125,7 +125,7 @@ def over_coordinates(coupling: Sequence[Sequence[Any]] | None, forces: Sequence[
 
 
 def _dot(weights: Sequence[Any], values: Sequence[Any]) -> Any:
-    """The sum of products, without those of zero and one."""
+    """The scalar product; weights that are the numbers 0 or 1 cost no multiplication."""
     total: Any = 0
     for weight, value in zip(weights, values, strict=True):
         if _is(weight, 0) or _is(value, 0):

@@ -1,4 +1,4 @@
-"""Mimic joints of an imported chain as rows that follow joints of the robot file."""
+"""Mimic joints of an imported chain, written as rows that follow a joint with a drive."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rrrgen.yamltext.document import FaultList
 
 @dataclass(frozen=True)
 class Followed:
-    """Row ``of`` of the chain, and the displacement ``factor y_of + offset`` of the row that follows it."""
+    """How a mimic joint moves: by ``factor y + offset``, with y the displacement of row ``of`` of the chain."""
 
     of: int
     factor: sp.Rational
@@ -30,7 +30,7 @@ class Followed:
 
 
 def followed_rows(chain: SerialChain) -> list[Followed | None]:
-    """For every joint of the chain, the one with a drive that it follows in the end; None for a drive of its own."""
+    """For every joint of the chain, the driven joint that it follows, directly or through others; None if driven."""
     places = {each.joint.name: k for k, each in enumerate(chain.joints)}
     found: list[Followed | None] = []
     for each in chain.joints:
@@ -46,7 +46,10 @@ def followed_rows(chain: SerialChain) -> list[Followed | None]:
 def with_followers(
     joints: Sequence[JointSpec], follows: Sequence[Followed | None], faults: FaultList, chain: SerialChain
 ) -> tuple[tuple[JointSpec, ...], MechanismSpec | None]:
-    """The joints with a drive, with what their followers state seen at them, and the mechanism if there is one."""
+    """The driven joints, and the mechanism that relates all rows to them; the mechanism is None without followers.
+
+    Friction, inertia and limits of a following joint are transferred to the joint that it follows; a warning says so.
+    """
     if not any(follows):
         return tuple(joints), None
     rows = list(joints)
@@ -73,7 +76,10 @@ def with_followers(
 
 
 def _carrying(joint: JointSpec, row: JointSpec, factor: float) -> JointSpec:
-    """``joint`` with speed and torque limits, friction and inertia of a row that moves ``factor`` times as far."""
+    """``joint`` with the limits, friction and inertia of a follower added, which moves ``factor`` times as far.
+
+    Friction and inertia of the follower count ``factor`` squared times (Coulomb friction |factor| times).
+    """
     size = abs(factor)
     if not size:
         return joint

@@ -114,7 +114,7 @@ def _from_stem(stem: str) -> str:
 
 
 def _written(spec: RobotSpec, form: str, file: str, notes: tuple[Fault, ...]) -> Imported:
-    """The text of the robot file, read back: what is written is valid, and says what was read."""
+    """Write the text of the robot file and read it back, which makes sure that it is valid."""
     if fault := name_fault(spec.name, "robot"):
         raise InputError([Fault(file, 0, 0, fault[0], hint=f"{fault[1]}; give another with --name")])
     text = dumps(spec)

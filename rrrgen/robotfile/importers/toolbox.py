@@ -100,7 +100,7 @@ def _joint(k: int, link: Any, tolerance: float) -> JointSpec:
 
 
 def _ratio(link: Any) -> float:
-    """The gear ratio; 1 where the toolbox has none, which is 0 there."""
+    """The gear ratio of a toolbox link; its 0 means that none is given and counts as 1."""
     return float(link.G or 1.0)
 
 
@@ -130,7 +130,7 @@ def _link(link: Any) -> LinkSpec:
 
 
 def _fixed(pose: Any, tolerance: float) -> FixedTransform:
-    """A pose of the toolbox with an exact rotation, from its roll, pitch and yaw."""
+    """Convert a pose of the toolbox; its rotation is made exact through roll, pitch and yaw."""
     T = np.asarray(getattr(pose, "A", pose), dtype=float)
     across = float(np.hypot(T[0, 0], T[1, 0]))
     vertical = across < tolerance

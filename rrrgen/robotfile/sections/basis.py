@@ -97,7 +97,7 @@ def _check_unique(entries: Row[tuple[str, sp.Expr, Place] | None], scope: Scope)
 
 
 def _check_free(entries: Row[tuple[str, sp.Expr, Place] | None], scope: Scope) -> None:
-    """In closed forms base parameters stand beside the named parameters of the geometry."""
+    """Refuse a base parameter with the name of a geometric parameter, as closed forms contain both."""
     for entry in entries:
         if entry is not None and entry[0] in scope.names:
             message = f"the base parameter name '{entry[0]}' is that of a named parameter"
@@ -105,7 +105,7 @@ def _check_free(entries: Row[tuple[str, sp.Expr, Place] | None], scope: Scope) -
 
 
 def _products_of(links: Row[LinkSpec] | None, symbols: list[str], node: Node, scope: Scope) -> Products | None:
-    """The sign convention of the links; it must be one where an off-diagonal symbol is used."""
+    """The sign convention of products of inertia in the links; a fault if they differ and the basis uses one."""
     found = {link.products for link in links or ()}
     if len(found) > 1 and any(_OFF_DIAGONAL.fullmatch(symbol) for symbol in symbols):
         hint = "write basis: {products: tensor | positive, parameters: [...]}"

@@ -115,7 +115,7 @@ def _check_followed(
     rows: Row[JointSpec],
     scope: Scope,
 ) -> None:
-    """Check that ``row`` follows joints with a drive, and leaves what belongs to the drive to them."""
+    """Check a row with ``follows``: it names driven joints and has no drive, friction, or limits but its range."""
     if "follows" not in keys:
         return
     for name, (key, _) in (read_entries(keys["follows"][1], "follows", scope.faults) or {}).items():
@@ -160,7 +160,7 @@ def _check_rank(node: Node, matrix: list[tuple[sp.Expr, ...]], driven: list[str]
 
 
 def _narrowed(joint: JointSpec, rows: Row[JointSpec], matrix: list[tuple[sp.Expr, ...]], k: int) -> JointSpec:
-    """``joint``, the k-th of q, with its range cut to what the coupled joints that depend on it alone allow."""
+    """``joint``, the k-th of q, with its range narrowed by the joints whose position depends on it alone."""
     lower, upper = joint.limits.lower, joint.limits.upper
     for row, factors in zip(rows, matrix, strict=True):
         if row.name == joint.name or any(f != 0 for i, f in enumerate(factors) if i != k) or factors[k] == 0:

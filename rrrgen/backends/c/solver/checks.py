@@ -54,7 +54,7 @@ def selftest(spec: RobotSpec, real: str = "double") -> str:
 
 
 def _targets(plan: SolverPlan) -> list[tuple[list[float], list[list[float]]]]:
-    """Configurations with the rows of their poses, all far from singular ones."""
+    """Test configurations q, each with all solutions for its pose; none is close to a singularity."""
     found = []
     state = 7
     for _ in range(TRIED):
@@ -77,7 +77,7 @@ def _evaluates(plan: SolverPlan) -> bool:
 
 
 def _rows(plan: SolverPlan, q: list[float]) -> list[list[float]]:
-    """The distinct rows of all branches that meet the pose of ``q``."""
+    """The distinct solutions, over all branches, that reach the pose of the configuration ``q``."""
     T, given = plan.chain.forward(q), parameter(plan, q)
     every = every_branch(plan.equations.play, lambda script: FloatBuilder(T, [0.3] * len(q), script, redundancy=given))
     found: list[list[float]] = []

@@ -31,7 +31,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Emitted:
-    """The files, and the rows that an answer has room for."""
+    """The emitted inverse kinematics of one plan: files (name -> text), stack, operations.
+
+    ``rows`` is the largest number of solutions that one call can return.
+    """
 
     plan: SolverPlan
     files: dict[str, str]
@@ -53,11 +56,11 @@ def sources(spec: RobotSpec, real: Real = "double", redundancy: int | None = Non
 
 
 def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, Any]:
-    """What ``manifest.json`` says about the inverse kinematics; ``solver`` is false where there is none.
+    """The entry of ``manifest.json`` about the inverse kinematics; its ``solver`` is false if there is none.
 
-    ``operations`` are those of one call with all its rows (:mod:`rrrgen.backends.c.solver.counting`); null where an
-    elimination solves the chain in numbers. ``tolerances``: see :func:`rrrgen.ik.tolerances.runtime`. ``stack``: bytes
-    that a function takes at most, callees included (:mod:`rrrgen.backends.c.solver.call_stack`).
+    ``operations``: those of one call that finds all solutions; null where an elimination solves the chain numerically.
+    ``tolerances``: the thresholds of the emitted code by name. ``stack``: the most bytes that each function takes,
+    callees included.
     """
     plan = make_plan(spec, redundancy)
     data: dict[str, Any] = {
@@ -91,7 +94,7 @@ def _public(spec: RobotSpec) -> list[str]:
 
 
 def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double") -> Emitted:
-    """Files and branch labels of ``plan``; :class:`DerivationError` with the reason where there is no solver."""
+    """The emitted files of ``plan`` with their stack and operations; DerivationError if the robot has no solver."""
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
     dialect = Dialect(spec.name, real)
@@ -107,7 +110,10 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double") -> Emitted:
 
 
 def _body(plan: SolverPlan, part: SolverPlan, dialect: Dialect) -> CBody | None:
-    """The list of candidates of ``part``, which is ``plan`` or its companion; None where a kernel lists them."""
+    """The C body that lists the candidate solutions of ``part``, or None if a numerical kernel lists them.
+
+    ``part`` is ``plan`` itself or its companion, a simpler arm that is nearly this one.
+    """
     if part.general:
         return None
     builder = CBuilder(
@@ -130,7 +136,7 @@ CANDIDATES = (
 
 
 def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> tuple[str, int]:
-    """The text of ``<name>_ik.c`` and the rows that an answer has room for."""
+    """The text of ``<name>_ik.c``, and the largest number of solutions that one call can return."""
     stem, parts = f"{dialect.prefix}_ik", parts_of(plan)
     needs = frozenset().union(*({"near"} if body is None else body.needs for body in bodies))
     open_joints = [opens(part) for part in parts]

@@ -67,7 +67,7 @@ class Scaffold:
         return (self.pool.var("T[0]"), self.pool.var("T[1]"), self.pool.var("T[2]"))
 
     def reference(self, joint: Joint) -> Scalar:
-        """The raw reference value of a joint: zero for a virtual one."""
+        """The reference value of a joint as the derivation counts it, with sign and offset; q = 0 if virtual."""
         if joint.index not in self._joints:
             return self.pool.of(float(joint.offset))
         return joint.sign * self.pool.var(f"ref[{joint.index}]") + float(joint.offset)

@@ -1,6 +1,7 @@
-"""What the C kernels of the inverse kinematics (``templates/c/ik/*.c``) become for one robot.
+"""Settings that adapt the C kernels of the inverse kinematics (``templates/c/ik/*.c``) to one robot.
 
-Their options, words and prefixes are those of ``templates/c/ik/kernel.h``.
+Each kernel is a template with options (parts that are kept or left out), words (names replaced by text) and prefixes of
+functions; ``templates/c/ik/kernel.h`` lists them.
 """
 
 from __future__ import annotations
@@ -41,11 +42,7 @@ def settings(
     reasons: Sequence[str],
     texts: Sequence[str],
 ) -> Settings:
-    """The settings of ``plan``.
-
-    ``needs`` are the functions that the candidates call, ``opens`` for each list of candidates the joints that the
-    target may leave open, ``rows`` the room of an answer, ``reasons`` and ``texts`` those of stages and statuses.
-    """
+    """The options, words and prefixes with which the kernels are written for the robot of ``plan``."""
     stem, macro = f"{dialect.prefix}_ik", f"{dialect.macro}_IK"
     n, position = plan.chain.n, plan.task == "position"
     last = "branches" if plan.companion is None else "nearby"
@@ -136,7 +133,7 @@ def _dialect(dialect: Dialect) -> dict[str, str]:
 
 
 def _optional(options: dict[str, bool], dialect: Dialect) -> dict[str, str]:
-    """Parameters and arguments that only some robots have; the others have nothing in their place."""
+    """The C text of parameters and arguments that only some robots' functions have; empty text for the others."""
     real = dialect.real_type
     banded, opened = options["BANDED"], options["OPENED"]
     redundant, aspects = options["REDUNDANT"], options["ASPECTS"]
@@ -159,7 +156,7 @@ def _optional(options: dict[str, bool], dialect: Dialect) -> dict[str, str]:
 
 
 def _chain(chain: Chain, dialect: Dialect) -> dict[str, str]:
-    """Sizes, limits, offsets and constant transforms."""
+    """Words for the geometry of the chain: sizes, joint limits, offsets, constant transforms, magnitudes."""
 
     def bound(x: float | None, side: int) -> float:
         return side * 1e30 if x is None else float(x)
@@ -182,7 +179,7 @@ def _chain(chain: Chain, dialect: Dialect) -> dict[str, str]:
 
 
 def _general(plan: SolverPlan, dialect: Dialect) -> tuple[dict[str, bool], dict[str, str]]:
-    """Options and words of the elimination for six joints."""
+    """Options and words of the kernels that solve a general chain of six joints by elimination."""
     chain, tables = plan.solving, tables_of(plan.solving, plan.locked)
     options, words = elimination(tables, dialect)
     shifted = shifts(chain, plan.locked)
@@ -226,7 +223,7 @@ def _inverse(matrix: Matrix) -> list[float]:
 
 
 def _signed(values: Iterable[float], dialect: Dialect) -> str:
-    """Literals in which the sign stands in front of the cast."""
+    """A C array of numbers as ``-(REAL)x``: the sign stands in front of the cast."""
     numbers = (float(value) + 0.0 for value in values)
     real = dialect.real_type
     return "{" + ", ".join(f"({real}){x!r}" if x >= 0 else f"-({real}){-x!r}" for x in numbers) + "}"

@@ -1,4 +1,4 @@
-"""The words of the emitted header: what it solves, how answers are read, what it costs."""
+"""Comments of the emitted header: what the solver solves, how to read its solutions, what a call costs."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def contact(r: Recording) -> Program:
 
 @dataclass(frozen=True)
 class _Load:
-    """What is estimated: a wrench, from six rows of the Jacobian, or a pure force, from the first three."""
+    """The kind of load to estimate: a wrench (6 rows of the Jacobian) or a pure force (the first 3 rows)."""
 
     rows: int
     name: str

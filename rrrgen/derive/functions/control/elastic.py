@@ -63,9 +63,10 @@ def _links(r: Recording, frames: Frames) -> Program:
 
 
 def along_time(program: Program, motion: Sequence[str]) -> Program:
-    """``program`` with the time derivative of its last output behind them.
+    """``program`` with one more output: the time derivative of its last output.
 
-    Of the ports ``motion`` each is the derivative of the one before; the last one becomes a new input.
+    The input ports ``motion`` are in the order of differentiation, q, dq, ddq, ...; the last of them becomes a new
+    input.
     """
     builder = Builder()
     given = [builder.input(port) for port in program.inputs]
@@ -182,7 +183,7 @@ def _desired(r: Recording) -> list[Vector]:
 def _law(
     r: Recording, name: str, tau: Vector, summary: str, formula: str, notes: Sequence[str], status: Any
 ) -> Program:
-    """The law ``name`` with friction at the desired speed, and its torques limited."""
+    """Finish the control law ``name``: add friction at the desired speed to ``tau``, and limit the torques."""
     friction = RunTimeFriction.declared(r, smooth=True)
     tau = add(tau, friction.torques(r.joints("dq_d"), tau))
     tau_max = r.extra("tau_max", (r.n,), r.torque_unit, "largest torques; INFINITY for none")

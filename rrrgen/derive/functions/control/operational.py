@@ -36,7 +36,7 @@ GAINS = {"kp": "1/s^2", "kd": "1/s", "ki": "1/s^3"}
 
 @dataclass(frozen=True)
 class _Task:
-    """What of the tip is controlled: its pose, six rows of the Jacobian, or its position, the first three."""
+    """The controlled quantity: the pose of the tip (6 rows of the Jacobian) or its position (the first 3)."""
 
     prefix: str
     rows: int

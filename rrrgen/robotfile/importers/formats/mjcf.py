@@ -83,13 +83,17 @@ class _Reader:
         self.ref: dict[str, Any] = {}
 
     def read_body(self, element: Element, name: str, inherited: str) -> None:
-        """A body whose own joint to its parent has been read: its inertia, then its children."""
+        """Read the inertia of a body, then its children; the body's own joint has been read before."""
         inertia = None if name == WORLD else body_inertia(element, inherited, self.settings, self.values)
         self.bodies[name] = Body(name, inertia, element.place)
         self._children(element, name, inherited, identity())
 
     def _children(self, element: Element, parent: str, inherited: str, frame: Array) -> None:
-        """Bodies, frames and named sites of a body; ``frame`` (4, 4) is the pose of ``element`` in it."""
+        """Read the bodies, frames and named sites in ``element``.
+
+        ``frame`` (4, 4) is the pose of ``element`` in the body ``parent``, which differs from the identity inside a
+        <frame>.
+        """
         for child in element.children:
             if child.tag == "frame":
                 inner = frame @ pose(child, self.settings, self.values)
@@ -128,7 +132,11 @@ class _Reader:
     def _joint(
         self, given: Element, parent: str, place: Array, owner: str, k: int, inherited: str
     ) -> tuple[str, Array]:
-        """A joint of a body as a joint to a massless body behind it; that body, and the owner's pose in it."""
+        """Read one joint of the body ``owner``; an MJCF body may have several, stacked one behind the other.
+
+        Each becomes a joint between ``parent`` and a new massless body. Returns the name of that body and the pose (4,
+        4) of the owner in it.
+        """
         element = self.settings.with_defaults(given, inherited)
         word = "free" if given.tag == "freejoint" else element.attributes.get("type", "hinge")
         name = element.attributes.get("name", f"{owner}_joint{k + 1}")
@@ -185,7 +193,7 @@ class _Reader:
         return DriveSpec(inertia=armature) if armature else None
 
     def read_equalities(self, root: Element) -> None:
-        """Linear equalities between two joints make one follow the other; every other equality is named."""
+        """Read linear equalities between two joints as one joint following the other; others cause a warning."""
         for element in (child for part in root.all("equality") for child in part.children):
             first, second = (element.attributes.get(key, "") for key in ("joint1", "joint2"))
             c = self.values.numbers(element, "polycoef", None, "0 1 0 0 0") if element.tag == "joint" else None
@@ -199,7 +207,7 @@ class _Reader:
 
 
 def _tell_left_out(root: Element, faults: FaultList) -> None:
-    """One warning for each kind of element beside the bodies, and one for shapes."""
+    """Warn once per kind of top-level element that has no place in a robot file, at the first of its kind."""
     count = Counter(child.tag for child in root.children if child.tag not in READ and child.children)
     for tag, times in count.items():
         first = root.child(tag)

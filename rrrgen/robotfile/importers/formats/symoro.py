@@ -133,7 +133,10 @@ def _refuse_unknown_values(file: Assignments) -> None:
 
 
 def _joint(file: Assignments, table: dict[str, list[Entry]], j: int, kind: int) -> JointSpec:
-    """Row j; ``gamma`` and ``b`` of the first moving joint belong to the base."""
+    """The joint of frame ``j`` (from 0); ``kind`` is 0 for a revolute joint, otherwise it is prismatic.
+
+    The parameters ``gamma`` and ``b`` of the first moving joint are not part of it: they belong to the base.
+    """
     variable = table["r" if kind else "theta"][j]
     offset, name = _offset(file, variable, f"{'r' if kind else 'theta'} of frame {j + 1}")
     row = {key: table[key][j].expr for key in ("alpha", "d", "r", "theta")}
@@ -158,7 +161,7 @@ def _joint(file: Assignments, table: dict[str, list[Entry]], j: int, kind: int) 
 
 
 def _offset(file: Assignments, entry: Entry, what: str) -> tuple[sp.Expr, str]:
-    """What is added to the joint variable, and the variable's name."""
+    """Split the entry of the joint variable, such as ``t2 + pi/2``, into the offset and the variable's name."""
     open_names = [s for s in sorted(entry.expr.free_symbols, key=str) if str(s) not in file.source.values]
     if not open_names:
         hint = "it is taken as the offset of the joint variable"
@@ -182,7 +185,7 @@ def _offset(file: Assignments, entry: Entry, what: str) -> tuple[sp.Expr, str]:
 
 
 def _float(file: Assignments, name: str, j: int) -> float | None:
-    """An entry of a list of plain numbers; None for 0, which is no part of the model, and for names without a value."""
+    """Entry ``j`` of a list of plain numbers, or None if it is 0 (not modelled) or a name without a value."""
     count = len(file.items[name][0].split(",")) if name in file.items else 0
     if j >= count:
         return None
@@ -249,7 +252,7 @@ def _pose_of_frame_0(file: Assignments) -> sp.Matrix:
 
 
 def _gravity(file: Assignments) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
-    """``G`` of frame 0, in the frame before ``Z``."""
+    """The acceleration of gravity in the robot's base frame: ``G`` of the file, rotated by the base pose ``Z``."""
     G = [file.number(entry, "G") for entry in file.entries("G", 3, needed=True)]
     for name in BASE_MOTION:
         for entry in file.entries(name, 3):

@@ -182,7 +182,7 @@ def _no_end(element: Element, tag: str) -> str:
 
 
 def _limits(element: Element, word: str, values: Values) -> Limits:
-    """Limits of a joint; zero speeds and efforts, which exporters write for unknown ones, are left out and said."""
+    """The limits of a joint; zero speeds and efforts, which exporters write for unknown ones, cause a warning."""
     limit = element.child("limit")
     if limit is None:
         return Limits()
@@ -206,7 +206,7 @@ def _limits(element: Element, word: str, values: Values) -> Limits:
 
 
 def _stated(limit: float | None) -> float | None:
-    """A limit; None for the huge numbers that stand for none where the format demands one."""
+    """The limit, or None for a huge number, which files write for "no limit" where the format demands a value."""
     return None if limit is None or abs(limit) >= NO_LIMIT else limit
 
 
@@ -226,7 +226,7 @@ def _mimic(element: Element, values: Values) -> Mimic | None:
 
 
 def _gear_ratios(root: Element, values: Values) -> dict[str, float]:
-    """Gear ratio by joint, of transmissions from one motor to one joint; others are named as left out."""
+    """Joint name -> gear ratio of the transmissions from one motor to one joint; others cause a warning."""
     gears: dict[str, float] = {}
     for transmission in root.all("transmission"):
         reductions = [e for e in transmission.walk() if e.tag == "mechanicalReduction"]
@@ -268,7 +268,7 @@ def _root_of(bodies: dict[str, Body], joints: list[TreeJoint], root: Element, fa
 
 
 def _tell_left_out(root: Element, faults: FaultList) -> None:
-    """One warning for each kind of element that has no place in a robot file, at the first of them."""
+    """Warn once per kind of element that has no place in a robot file, at the first element of that kind."""
     first: dict[str, Element] = {}
     count: Counter[str] = Counter()
     for element in (root, *root.all("link"), *root.all("joint"), *(e for e in root.walk() if e.tag == "inertial")):

@@ -112,7 +112,7 @@ class _Walk:
             self.result.link_frames.append(self.frame)
 
     def _perpendicular(self, p: Array, u: Array) -> tuple[Array, Any]:
-        """Direction of the common perpendicular of z and the axis (p, u), and the height of its foot on z."""
+        """The common perpendicular of z and the axis (p, u): its direction (3,), and the height where it meets z."""
         across = HIGH.sqrt(u[0] ** 2 + u[1] ** 2)
         offset = HIGH.sqrt(p[0] ** 2 + p[1] ** 2)
         height = number(0)
@@ -128,7 +128,10 @@ class _Walk:
         return (-x if backwards else x), height
 
     def _to_tip(self, convention: Convention) -> None:
-        """The last row: what the tip is turned about and shifted along the last axis; the tool is the rest."""
+        """Complete the last row by the rotation and shift about the last axis that lead to the tip; set the tool.
+
+        The tool is what then remains between the last link frame and the tip.
+        """
         rest = inverse(self.frame) @ self.chain.tip_pose
         row = self.rows[-1]
         theta, height = number(0), _no_noise(rest[2, 3])
@@ -160,7 +163,7 @@ def _first_frame(chain: SerialChain) -> tuple[Array, Any]:
 
 
 def _across(z: Array, candidates: Sequence[Array]) -> Array:
-    """A unit vector perpendicular to ``z``: one of the candidates, else the part of one that is."""
+    """A unit vector perpendicular to ``z``: the first perpendicular candidate, else the nearest one made so."""
     for x in candidates:
         if abs(sum(x * z)) <= EQUAL:
             return x

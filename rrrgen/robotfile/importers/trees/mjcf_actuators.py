@@ -34,14 +34,17 @@ class Actuators:
         self.shafts = tuple(found for element in tendons if (found := self._shaft(element, joints)) is not None)
 
     def with_limit(self, joint: TreeJoint) -> TreeJoint:
-        """The joint with the limit of its actuator where it states none itself."""
+        """``joint`` with the torque limit of its actuator, unless it has a limit of its own."""
         limit = self.limits.get(f"joint {joint.name}")
         if limit is None or joint.limits.torque is not None:
             return joint
         return replace(joint, limits=replace(joint.limits, torque=limit))
 
     def _read_actuator(self, element: Element) -> None:
-        """The largest force of both signs: ``gear`` times ``forcerange``, and times ``ctrlrange`` of a motor."""
+        """Record the torque limit: the largest torque that the actuator reaches in both directions.
+
+        It is ``gear`` times the smaller end of ``forcerange``, or of ``ctrlrange`` for a motor, whichever is less.
+        """
         kind = next((key for key in ("joint", "tendon") if key in element.attributes), None)
         gears = self.values.numbers(element, "gear", None, "1")
         if kind is None or not gears:

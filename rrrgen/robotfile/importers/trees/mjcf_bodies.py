@@ -33,7 +33,7 @@ def body_inertia(element: Element, inherited: str, settings: Settings, values: V
 def _geoms(
     element: Element, inherited: str, frame: Array, settings: Settings, values: Values
 ) -> list[tuple[Element, Array, str]]:
-    """Geoms of a body and of the frames in it, with the pose of what they are stated in."""
+    """All geoms of a body, nested frames included: (geom, pose (4, 4) of its frame in the body, default class)."""
     found = [(child, frame, inherited) for child in element.all("geom")]
     for child in element.all("frame"):
         inner = frame @ pose(child, settings, values)

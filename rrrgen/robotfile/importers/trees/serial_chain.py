@@ -82,7 +82,7 @@ def serial_chain(tree: Tree, ends: Ends, faults: FaultList) -> SerialChain | Non
 
 
 def _beside(tree: Tree, held: Mapping[str, Any], on_chain: set[str], faults: FaultList) -> dict[str, Any]:
-    """The value of every moving joint beside the chain: held, following a held one, or zero."""
+    """Joint name -> value of every moving joint off the chain: as held, as the joint it follows, or zero."""
     joints = {joint.name: joint for joint in tree.joints if joint.moves}
 
     def value(joint: TreeJoint, depth: int) -> Any:
@@ -228,7 +228,7 @@ def _poses(tree: Tree, base: str, held: Mapping[str, Any]) -> dict[str, Array]:
 
 
 def _links(tree: Tree, owner: dict[str, int], poses: Mapping[str, Array], count: int) -> tuple[Inertia | None, ...]:
-    """What each joint of the chain carries: the bodies of the chain behind it and whatever hangs from them."""
+    """The inertia that each joint of the chain carries: the bodies behind it and the branches attached to them."""
     neighbours: dict[str, list[str]] = {name: [] for name in tree.bodies}
     for joint in tree.joints:
         neighbours[joint.parent].append(joint.child)
