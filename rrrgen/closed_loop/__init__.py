@@ -1,1 +1,1 @@
-"""Closed-loop output error: the loop of a known controller and the robot, simulated and fitted to a recording."""
+"""Identification by closed-loop output error: simulates controller and robot together and fits the torques."""

@@ -1,7 +1,8 @@
-"""The controller of a recording, exactly as implemented in discrete time: per joint, signals computed in order.
+"""Discrete-time description of the joint controllers that were active during a recording.
 
-Every signal is a weighted sum, a filter, a limit, a sign or an integral of signals before it. The first ones are the
-measured position, the reference and its velocity, the feed-forward torque and the constant 1.
+Each joint has a list of signals, computed in order at every controller sample. A signal is a weighted sum, filter,
+limit, sign or integral of earlier signals. The inputs are the measured position, the reference position and velocity,
+the feed-forward torque and the constant 1.
 """
 
 from __future__ import annotations
@@ -17,24 +18,27 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 
 INPUTS = ("position", "reference", "reference_velocity", "feedforward", "constant")
-"""Signals that every joint has from the start."""
+"""Input signals of every joint controller."""
 Kind = Literal["sum", "filter", "limit", "sign", "integral"]
 KINDS: tuple[Kind, ...] = ("sum", "filter", "limit", "sign", "integral")
 Record = Literal["applied", "command", "centred"]
 RECORDS: tuple[Record, ...] = ("applied", "command", "centred")
 SETTLED = 1e-4
-"""Share of a transient at which a filter counts as settled."""
+"""Fraction of its initial transient below which a filter counts as settled."""
 
 
 @dataclass(frozen=True)
 class Operation:
-    """One signal: its ``kind``, the signals it is computed ``of``, and its coefficients.
+    """Operation that computes one controller signal: its ``kind``, source signals ``of`` and coefficients ``values``.
 
-    - sum: ``values`` are the weights.
-    - filter: ``values`` are the coefficients of the numerator, then those of the denominator, in powers of 1/z from 0
-      on, equally many of each, the first of the denominator 1.
-    - limit: lowest and highest value; sign: the dead zone.
-    - integral: the gain times the period, lowest and highest value.
+    The meaning of ``values`` depends on the kind:
+
+    - sum: one weight for each source signal.
+    - filter: numerator, then denominator coefficients in ascending powers of 1/z; both have the same length and the
+      first denominator coefficient is 1.
+    - limit: lower and upper limit.
+    - sign: half-width of the dead zone around zero in which the result is 0.
+    - integral: gain times sampling period, then lower and upper limit of the integral.
     """
 
     kind: Kind
@@ -44,9 +48,9 @@ class Operation:
 
 @dataclass(frozen=True)
 class JointController:
-    """The controller of one joint: its ``signals`` in the order in which they are computed.
+    """Controller of one joint: maps signal names to operations, in the order in which they are computed.
 
-    ``torque`` names the signal that is recorded as torque, ``acts`` the one that acts on the joint.
+    ``torque`` names the signal that is recorded as torque, ``acts`` the signal that drives the joint.
     """
 
     name: str
@@ -57,11 +61,12 @@ class JointController:
 
 @dataclass(frozen=True)
 class LoopController:
-    """The controllers of all joints, with the ``period`` of their samples (s).
+    """Controllers of all joints, with their common sampling ``period`` (s).
 
-    ``delay`` is the time from reading the encoders to the torque, in periods, on top of ``signals`` that are late by
-    themselves. ``records`` says which torque a recording holds: the one applied from that instant on, the command
-    computed at that instant, or the mean over a period around it.
+    ``delay`` is the time from reading the encoders until the torque acts, in sampling periods; it adds to delays
+    inside the signals. ``records`` says which torque is stored with each sample: "applied" is the torque applied from
+    that instant on, "command" the command computed at that instant, "centred" the mean over one period centred there.
+    ``source`` is the file it was read from.
     """
 
     joints: tuple[JointController, ...]
@@ -76,14 +81,14 @@ class LoopController:
         return tuple(joint.name for joint in self.joints)
 
     def uses(self, signal: str) -> bool:
-        """Whether any joint uses the input ``signal``."""
+        """Whether the controller of any joint reads the input ``signal``, one of :data:`INPUTS`."""
         return any(signal in each.of for joint in self.joints for each in joint.signals.values()) or any(
             signal in (joint.torque, joint.acts) for joint in self.joints
         )
 
     @property
     def settling(self) -> int:
-        """Samples after which all filters have forgotten their start; poles on the unit circle never do."""
+        """Number of samples until the transients of all filters have settled; poles on the unit circle are ignored."""
         longest = 1
         for joint in self.joints:
             total = 0
@@ -94,13 +99,18 @@ class LoopController:
         return longest + int(np.ceil(self.delay)) + 1
 
     def tables(self) -> Tables:
-        """The operations of all joints as arrays, in the form that the simulation reads."""
+        """Encode the operations of all joints as the arrays that the compiled simulation reads."""
         return Tables.of(self)
 
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """Operations and coefficients of all joints in one list each; ``outputs`` (2n,) are the signals of the torques."""
+    """Controller operations of n joints, encoded as flat arrays for the compiled simulation.
+
+    ``operations`` holds kind, signal index and source indices of each operation in turn, ``coefficients`` all their
+    values. ``outputs`` (2n,) are the indices of the recorded and the acting torque signal of each joint. ``signals``
+    and ``memory`` are the numbers of signals and of stored filter and integrator states.
+    """
 
     operations: NDArray[np.int32]
     coefficients: Array
@@ -110,7 +120,7 @@ class Tables:
 
     @classmethod
     def of(cls, controller: LoopController) -> Tables:
-        """The tables of ``controller``; its signals are known to exist."""
+        """Encode ``controller``; every signal must refer to earlier signals only, as the reader has checked."""
         operations: list[int] = []
         coefficients: list[float] = []
         outputs: list[int] = []
@@ -146,7 +156,10 @@ class Tables:
 
 
 def filtered(of: str, numerator: tuple[float, ...], denominator: tuple[float, ...] = (1.0,)) -> Operation:
-    """A filter of the signal ``of`` with coefficients in powers of 1/z from 0 on. Raises InputError."""
+    """Filter of the signal ``of`` with coefficients in ascending powers of 1/z, normalized to a leading 1.
+
+    Raises InputError for an empty numerator or denominator, or a first denominator coefficient of 0.
+    """
     if not numerator or not denominator or denominator[0] == 0.0:
         raise InputError("a filter needs a numerator, and a denominator whose first coefficient is not 0")
     size = max(len(numerator), len(denominator))
@@ -155,7 +168,7 @@ def filtered(of: str, numerator: tuple[float, ...], denominator: tuple[float, ..
 
 
 def _settling(values: tuple[float, ...]) -> int:
-    """Samples after which a filter has forgotten its start."""
+    """Number of samples until the transient of a filter with coefficients ``values`` has decayed to SETTLED."""
     size = len(values) // 2
     radii = np.abs(np.roots(values[size:]))
     slow = radii[radii < 1.0 - 1e-9]

@@ -48,7 +48,7 @@ SIGNAL_KEYS = {
     "limit": ("to",),
     "sign": ("dead_zone",),
 }
-"""The operations, and the further keys of each."""
+"""Key of each operation in the file -> its additional keys."""
 
 
 def load_controller(path: str | os.PathLike[str]) -> LoopController:
@@ -110,7 +110,7 @@ class _ControllerReader(Reader):
         return self.quantity(top["period"], "period", units.TIME, "s", positive=True) or 1.0
 
     def read_joints(self, top: dict[str, Node]) -> list[JointController]:
-        """The joints; ``signals``, ``torque`` and ``acts`` beside them hold for joints that do not state them."""
+        """Read the joints; ``signals``, ``torque`` and ``acts`` at the top level are defaults for all joints."""
         node = top.get("joints")
         if node is None:
             return []
@@ -202,7 +202,7 @@ class _ControllerReader(Reader):
         return filtered(of, coefficients["numerator"] or (0.0,), coefficients["denominator"])
 
     def window(self, of: str, part: dict[str, Node], name: str, node: Node) -> Operation:
-        """Difference and average over some samples, and delays by some samples, are filters."""
+        """Read a difference quotient, moving average or delay over a number of samples, as a filter."""
         kind = next(key for key in ("difference", "average", "delayed") if key in part)
         node = part.get("by" if kind == "delayed" else "over", node)
         count = self.whole(

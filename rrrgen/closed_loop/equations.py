@@ -1,8 +1,8 @@
-"""The equations of motion of the simulated loop as programs, with the estimated parameters as an input.
+"""Equations of motion for the closed-loop simulation as programs, with the estimated parameters as an input.
 
-The parameters are those of all columns of the regressor, base parameters first, then the shapes of the friction laws,
-surface by surface. Friction acts along *surfaces*: the joints and motors that have a friction term; surface j slides at
-``u_j = w_j dq``.
+The parameter vector theta holds one parameter for each column of the regressor (base parameters first), then the shape
+parameters of the friction laws (such as the Stribeck velocity), surface by surface. A *friction surface* is a joint or
+motor that has a friction term; surface j slides at the speed ``u_j = w_j dq``, with the constant row ``w_j`` (n,).
 """
 
 from __future__ import annotations
@@ -26,21 +26,26 @@ SLIDING = ("viscous", "coulomb", "offset")
 
 
 class Directed:
-    """The operations of a builder in which sgn is a given direction, so that |u| = u sgn(u) for u of that direction."""
+    """Builder operations for evaluating a friction law in a known sliding direction.
+
+    ``sign`` returns that direction instead of the sign of its argument; thus ``|u| = u sgn(u)`` stays smooth in u.
+    """
 
     def __init__(self, builder: Builder, direction: Any) -> None:
         self.exp, self.tanh = builder.exp, builder.tanh
         self._direction = direction
 
     def sign(self, x: Any) -> Any:
-        """The given direction."""
+        """The known sliding direction, whatever the argument ``x``."""
         return self._direction
 
 
 @dataclass(frozen=True, eq=False)
 class LoopEquations:
-    """Mass matrix, load and friction of the model of ``regressor``; raises InputError for laws with a state
-    and laws that depend on the load.
+    """Mass matrix, load torques and friction of a robot, from its full ``regressor``.
+
+    The load torques are all torques for ddq = 0 without friction. Raises InputError for friction laws that have an
+    internal state or depend on the load.
     """
 
     regressor: FullRegressor
@@ -61,35 +66,39 @@ class LoopEquations:
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:
-        """The columns of the regressor."""
+        """Columns of the regressor: what each parameter that enters the torques linearly stands for."""
         return self.regressor.columns
 
     @property
     def shapes(self) -> Array:
-        """The shapes of all surfaces in order."""
+        """Shape parameters of the friction laws of all surfaces, in order, as the regressor holds them."""
         return np.array([value for surface in self.regressor.surfaces for value in surface.shapes])
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all parameters, shapes included."""
+        """Names of all parameters in theta, friction shape parameters last."""
         shapes = (f"{shape}{each.owner}" for each in self.regressor.surfaces for shape in each.definition.shapes)
         return (*self.regressor.names, *shapes)
 
     @property
     def size(self) -> int:
-        """Number of parameters, shapes included."""
+        """Length of theta, friction shape parameters included."""
         return len(self.columns) + sum(len(s.definition.shapes) for s in self.regressor.surfaces)
 
     @cached_property
     def directions(self) -> Array:
-        """The directions (m, n) of the surfaces."""
+        """Matrix W (m, n) that maps joint speeds to sliding speeds of the m friction surfaces, ``u = W dq``."""
         found = [column.direction for column in self.columns if column.kind in SLIDING]
         found += [surface.direction for surface in self.regressor.surfaces]
         kept = dict.fromkeys(tuple(float(w) for w in direction) for direction in found)
         return np.array([[*direction] for direction in kept]).reshape(len(kept), self.n)
 
     def programs(self) -> tuple[Program, ...]:
-        """``terms``: M and load from q, dq; ``friction``: torques of the surfaces at the speeds u, directions s."""
+        """Programs of the equations of motion.
+
+        ``terms(q, dq, theta)`` gives the mass matrix M (n, n) and load torques (n,); ``friction(u, s, theta)`` the
+        friction torques (m,) of the surfaces at sliding speeds u and directions s (+1 or -1).
+        """
         return (self._terms(), self._friction()) if len(self.directions) else (self._terms(),)
 
     def _terms(self) -> Program:

@@ -1,4 +1,4 @@
-"""Identification by closed-loop output error: from the inverse-dynamics estimate to that of the simulated loop."""
+"""Identification by closed-loop output error: refines an inverse-dynamics estimate with the simulated loop."""
 
 from __future__ import annotations
 
@@ -26,19 +26,22 @@ from rrrgen.identify.options import Options
 
 SCHEMA = "rrrgen-closed-loop/1"
 MOST_NUMBERS = 20_000_000
-"""Numbers in the sensitivities that are kept as rows; of longer recordings every k-th sample is."""
+"""Largest number of sensitivity entries kept in memory; longer recordings are decimated to stay below it."""
 
 Tell = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoopEstimate:
-    """The estimate of the simulated loop, with the scores of the written model.
+    """Estimate by closed-loop output error, with the scores of the resulting model.
 
-    ``identification`` holds parameters, deviations and the physically consistent estimate; ``start`` is the score of
-    the inverse-dynamics estimate it started from. ``theta`` are the parameters of the
-    written model with the shapes of its friction laws, ``runs`` its loops along ``recordings``. ``bias`` compares the
-    inverse-dynamics estimate with instruments from the simulated loop, None where that is too far from the recording.
+    ``identification`` holds the parameters, their standard deviations and the physically consistent estimate.
+    ``names`` and ``theta`` are the parameters of the model that is written to the robot file, friction shape
+    parameters included; ``runs`` are its simulated loops along ``recordings``. ``replay`` is the check of the
+    controller. ``start`` is the score of the inverse-dynamics estimate from which the fit started; ``fit``,
+    ``held_out`` and ``test`` are those of the resulting model on the fitted samples, the samples left out, and separate
+    recordings. ``bias`` compares inverse dynamics with instrumental variables from the simulated loop; None if the
+    simulated motion is too far from the recorded one.
     """
 
     identification: Identification
@@ -87,7 +90,7 @@ def closed_loop_estimate(
 ) -> ClosedLoopEstimate:
     """Refine ``found``, an identification from ``recordings``, by the output error of the loop with ``controller``.
 
-    ``tests`` are recordings that are scored only.
+    ``tests`` are recordings used for scoring only, not for the fit.
 
     Raises InputError where controller and recordings do not fit each other, DerivationError where the simulated loop
     diverges from the start.
@@ -144,7 +147,11 @@ def closed_loop_estimate(
 
 
 def _shaped(friction: FrictionFit, z: Array, covariance: Array, count: int) -> FrictionFit:
-    """The friction laws with the shapes of the fit, beyond ``count`` other parameters, and their deviations."""
+    """Put the fitted shape parameters and their standard deviations into the laws of ``friction``.
+
+    ``z`` are the fitted free parameters and ``covariance`` their covariance; the first ``count`` of them are not
+    shapes, the others are logarithms of shapes.
+    """
     logs = z[count:]
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))[count:]
     surfaces, std, k = [], [], 0
@@ -159,10 +166,10 @@ def _shaped(friction: FrictionFit, z: Array, covariance: Array, count: int) -> F
 def _rows(
     found: Identification, recordings: Sequence[LoopRecording], fit: LoopFit, count: int
 ) -> tuple[list[Rows], list[Rows]]:
-    """The loop linearised about the fit as rows ``tau = W theta`` of all columns, to fit and to score.
+    """Linearise the simulated loop about the fit: regression rows ``tau = W theta``, for fitting and for scoring.
 
-    The shapes of friction laws stay as fitted. ``tau`` is the recorded torque up to the small difference between the
-    simulated torque and its linear part.
+    The friction shape parameters are fixed at their fitted values. ``tau`` is the recorded torque, corrected by the
+    difference between the simulated torque and its linearisation.
     """
     chosen = found.parametrisation
     assert chosen is not None

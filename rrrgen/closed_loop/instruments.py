@@ -1,7 +1,7 @@
-"""Instrumental variables from the simulated loop: a check whether noise in the motion biases inverse dynamics.
+"""Instrumental variables from the simulated loop: a check whether noise in the motion biases least squares.
 
-The regressor along the simulated motion has the signal of the measured one and none of its noise (Janot, Vandanjon and
-Gautier 2014). Both pass the same reconstruction and filters.
+The instruments are the regressor along the simulated motion, which follows the measured motion but is free of its
+noise (Janot, Vandanjon and Gautier 2014). Both motions pass through the same reconstruction and filters.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ def simulated_bias_check(
     joints: Sequence[str],
     options: Options,
 ) -> BiasCheck | None:
-    """Compare least squares of ``found``, by inverse dynamics, with instruments along the simulated ``runs``.
+    """Compare the least-squares estimate ``found`` with the instrumental-variable estimate from simulated ``runs``.
 
-    ``runs`` are those of ``recordings``. None where the simulated motion is too far from the measured one to stand for
-    it.
+    ``runs`` holds one simulated loop for each of ``recordings``. Returns None if the simulated motion is too far from
+    the measured one to serve as an instrument.
     """
     assert found.regressor is not None
     assert found.parametrisation is not None

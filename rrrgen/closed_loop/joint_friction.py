@@ -1,7 +1,8 @@
-"""Closed-loop output error of one joint: inertia, gravity and friction of `rrrgen friction`, refined.
+"""Closed-loop output error of one joint: refines the inertia, gravity and friction that `rrrgen friction` estimated.
 
-The windows of multiple shooting start anew every fraction of a second and see the recorded torque; the simulated loop
-sees the reference alone, through standstill and reversals, as the model will be used.
+The first estimate, by multiple shooting, simulates short windows that each start from the measured state and use the
+recorded torque. Here controller and joint are simulated over the whole recording from the reference alone, through
+standstill and reversals, as the model will be used.
 """
 
 from __future__ import annotations
@@ -29,17 +30,20 @@ from rrrgen.recordings.log_stream import Part
 from rrrgen.recordings.logs import Log
 from rrrgen.signals.processing import Processing
 
-STEP = 1e-3  # of a parameter or its logarithm, for differences
-SMALLEST = 0.05  # size below which a parameter's step does not fall
+STEP = 1e-3  # of finite differences, relative to a parameter, or absolute for a logarithm
+SMALLEST = 0.05  # parameter magnitude used for that relative step where the parameter is smaller
 SIMULATED = ("coulomb_viscous", "asymmetric", "stribeck", "neural")
-"""The laws without a state."""
+"""Friction laws that can be simulated here: those without an internal state."""
 
 Tell = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
 class JointEquations:
-    """``J ddq = tau - gravity - tau_f`` of one joint under the law of ``candidate``, parameters in its order."""
+    """Equation of motion of one joint, ``J ddq = tau - gravity - tau_f``, with the friction law of ``candidate``.
+
+    The parameters are those of the candidate in its order, without the delay.
+    """
 
     candidate: Candidate
 
@@ -52,11 +56,14 @@ class JointEquations:
 
     @property
     def directions(self) -> Array:
-        """The one surface on which friction acts."""
+        """Matrix (1, 1) that maps the joint speed to the sliding speed of the only friction surface: 1."""
         return np.ones((1, 1))
 
     def programs(self) -> tuple[Program, ...]:
-        """``terms``: M and load; ``friction``: torque at a speed in a direction."""
+        """Programs of the equation of motion: ``terms`` gives inertia and gravity torque, ``friction`` the torque.
+
+        ``friction`` takes the sliding speed and, separately, the direction of sliding (+1 or -1).
+        """
         builder = Builder()
         q = builder.input(Port("q", (1,), "rad | m", "joint", "position", Role.POSITION))
         builder.input(Port("dq", (1,), "rad/s | m/s", "joint", "velocity", Role.VELOCITY))
@@ -80,7 +87,7 @@ class JointEquations:
 
 @dataclass(frozen=True)
 class _LawParameters:
-    """Free parameters of a law, those of :meth:`Candidate.to_free`."""
+    """Maps the optimizer's unconstrained variables z, some of them logarithms, to the parameters of a friction law."""
 
     candidate: Candidate
 
@@ -96,7 +103,11 @@ class _LawParameters:
 
 @dataclass(frozen=True, eq=False)
 class LoopRefinement:
-    """The refined estimate, and what the loop shows: the check of the controller, scores before and after."""
+    """Friction estimate refined by closed-loop output error, with the evidence for it.
+
+    ``replay`` is the check of the controller, ``before`` and ``after`` the scores of the simulated loop before and
+    after the refinement, ``first`` the parameters before it (name -> value).
+    """
 
     estimate: FrictionEstimate
     replay: Replay
@@ -164,7 +175,7 @@ def _score(data: str, loop: CompiledLoop, theta: Array, recordings: Sequence[Loo
 
 
 def _refined(law: LawEstimate, theta: Array, covariance: Array, period: float) -> LawEstimate:
-    """The law with the refined parameters; deviations by the delta method."""
+    """``law`` with the refined parameters ``theta``; standard deviations from ``covariance`` by the delta method."""
     whole = np.append(theta, law.theta[-1])
     values = reported(law.candidate, whole, period)
     logs = law.candidate.is_logarithmic[:-1]
@@ -181,7 +192,7 @@ def _refined(law: LawEstimate, theta: Array, covariance: Array, period: float) -
 
 
 class _OneJoint:
-    """One joint of a recording as a recording."""
+    """View of a recording that contains only one of its joints."""
 
     def __init__(self, log: Log, joint: int) -> None:
         self._log, self._joint = log, slice(joint, joint + 1)
@@ -192,7 +203,7 @@ class _OneJoint:
         return len(self._log)
 
     def parts(self) -> Any:
-        """The stretches with the columns of the joint."""
+        """The uninterrupted stretches of the recording, each with the columns of this joint only."""
         for part in self._log.parts():
             columns: dict[str, Any] = {
                 name: None if getattr(part, name) is None else getattr(part, name)[:, self._joint]

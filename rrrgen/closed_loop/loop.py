@@ -1,7 +1,8 @@
-"""The simulated loop in compiled C: one run takes the parameters of the robot, and gives motion and torques.
+"""Simulation of controller and robot in closed loop, in compiled C: from robot parameters to motion and torques.
 
-Between samples the torque is held; the robot moves by steps of the midpoint rule, in which friction that holds a joint
-is found exactly (time stepping with set-valued friction), so that sgn needs no smoothing and reversals no search.
+The torque is held constant between controller samples. The motion is integrated with the midpoint rule; dry friction is
+set-valued, and each time step solves for the friction torque that holds a joint at rest. So sgn(dq) needs no smoothing
+and the instants of velocity reversals need not be located.
 """
 
 from __future__ import annotations
@@ -28,10 +29,12 @@ DECLARED = (
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One simulated loop over N samples of n joints; arrays are (N, n), those of the warm-up as measured.
+    """Result of one closed-loop simulation over N samples of n joints; arrays are (N, n), in SI units.
 
-    ``tau`` is the torque as it is recorded, ``acting`` the one that moves the joints from each sample on. ``diverged``
-    is the sample at which the motion left its bounds, None if it did not.
+    ``q`` and ``dq`` are the simulated motion; during the warm-up, before the simulation starts, they are the measured
+    one. ``tau`` is the torque in the form in which a recording stores it, ``acting`` the torque that moves the joints
+    from each sample on. ``diverged`` is the index of the sample at which the motion left its bounds, None if it did
+    not.
     """
 
     q: Array
@@ -42,10 +45,11 @@ class Run:
 
 
 class Equations(Protocol):
-    """Interface of the equations of motion of n joints: ``size`` parameters, ``directions`` (m, n) of friction.
+    """Interface of the equations of motion of n joints with m friction surfaces and ``size`` parameters theta.
 
-    ``programs()`` are ``terms(q, dq, theta) -> M, load`` and, with m > 0, ``friction(u, s, theta) -> f`` of the
-    surfaces at the speeds u in the directions s.
+    ``directions`` (m, n) maps joint speeds to sliding speeds of the surfaces. ``programs()`` returns
+    ``terms(q, dq, theta) -> M, load`` and, if m > 0, ``friction(u, s, theta) -> f``: the friction torques (m,) at
+    sliding speeds u and sliding directions s (+1 or -1).
     """
 
     @property
@@ -58,7 +62,7 @@ class Equations(Protocol):
 
 
 class CompiledLoop:
-    """The loop of ``controller`` and the robot of ``equations``, compiled once for all parameters."""
+    """Closed-loop simulation of ``controller`` and the robot ``equations``, compiled once for any parameter values."""
 
     def __init__(self, equations: Equations, controller: LoopController) -> None:
         from rrrgen.backends.c.functions import Extension, function_files
@@ -75,11 +79,14 @@ class CompiledLoop:
         self._tables: Tables = controller.tables()
 
     def replay(self, recording: LoopRecording) -> Run:
-        """The torques that the controller computes from the *measured* motion."""
+        """Run the controller on the *measured* motion, without simulating the robot; the result holds its torques."""
         return self._run(np.zeros(self.equations.size), recording, len(recording))
 
     def run(self, theta: Array, recording: LoopRecording) -> Run:
-        """The loop with the parameters ``theta`` (columns, then shapes) along the reference of ``recording``."""
+        """Simulate the closed loop with robot parameters ``theta`` along the reference of ``recording``.
+
+        ``theta`` (p,) is in the order of the equations: linear parameters, then shape parameters of friction laws.
+        """
         return self._run(np.ascontiguousarray(theta, float), recording, recording.warm)
 
     def _run(self, theta: Array, recording: LoopRecording, warm: int) -> Run:

@@ -1,4 +1,4 @@
-"""A recording of a closed loop on the grid on which it is simulated: the finer of its own and the controller's."""
+"""Closed-loop recordings prepared for simulation, on the finer of two time grids: recording and controller samples."""
 
 from __future__ import annotations
 
@@ -19,16 +19,18 @@ from rrrgen.signals.processing import Processing
 
 RATE_TOLERANCE = 0.01  # relative difference from a whole ratio of the two sampling periods
 SHORTEST = 20  # samples after the warm-up
-BOUND = 3.0  # of the range of the motion: farther from the reference the loop has diverged
+BOUND = 3.0  # times the range of the motion: a simulated loop farther than this from its reference has diverged
 
 
 @dataclass(frozen=True, eq=False)
 class LoopRecording:
-    """One uninterrupted stretch of N samples of n joints at ``period`` (s), all (N, n) in SI at the joints.
+    """One uninterrupted stretch of a recording: N samples of n joints with the grid ``period`` (s).
 
-    The controller computes every ``every`` samples; every ``stride``-th sample was recorded, the others are
-    interpolated. ``delay`` is in samples. The simulation starts after ``warm`` samples at ``start`` (2n,), position and
-    speed. ``bounds`` (n,) are the distances from the reference at which it stops.
+    Signals are (N, n), in SI units at the joints; ``valid`` marks usable torques. The controller runs at every
+    ``every``-th sample; every ``stride``-th sample was recorded, and those between are interpolated. ``delay``, from
+    encoder to torque, is in samples; ``records`` says which torque was stored. The first ``warm`` samples are a
+    warm-up, in which only the controller runs; the simulation then starts at the positions and speeds ``start`` (2n,).
+    ``span`` is the time range (s) of the whole recording.
     """
 
     t: Array
@@ -52,14 +54,14 @@ class LoopRecording:
 
     @cached_property
     def bounds(self) -> Array:
-        """Distances (n,) from the reference at which a simulated loop has diverged."""
+        """Distances (n,) from the reference, rad or m, beyond which a simulated loop counts as diverged."""
         span = np.ptp(self.q, axis=0) + np.ptp(self.reference, axis=0)
         error = np.max(np.abs(self.q - self.reference), axis=0)
         return np.asarray(BOUND * (np.maximum(span, 0.05 * float(np.max(span))) + error))
 
     @cached_property
     def scored(self) -> NDArray[np.bool_]:
-        """The samples (N, n) that were recorded, with a valid torque, after the warm-up."""
+        """Mask (N, n) of the samples to score: recorded (not interpolated), valid torque, after the warm-up."""
         found = self.valid.copy()
         found[: self.warm] = False
         own = np.zeros(len(self), bool)
@@ -67,12 +69,12 @@ class LoopRecording:
         return np.asarray(found & own[:, None])
 
     def held(self, values: Array) -> Array:
-        """``values`` (N, n) of the controller as they act: late by the delay, at the beginning of every sample."""
+        """Controller outputs ``values`` (N, n) shifted by the delay: those that act at the start of each sample."""
         late = int(np.ceil(self.delay - 1e-9))
         return values if late == 0 else np.concatenate([np.repeat(values[:1], late, axis=0), values[:-late]])
 
     def as_recorded(self, command: Array) -> Array:
-        """The command (N, n) of every sample as the torque that a recording holds."""
+        """Convert commanded torques (N, n) to the torques that the recording would store for them."""
         if self.records == "command":
             return command
         applied = self.held(command)
@@ -84,10 +86,11 @@ class LoopRecording:
 def loop_recordings(
     recordings: Sequence[Recording], controller: LoopController, processing: Processing
 ) -> tuple[LoopRecording, ...]:
-    """All uninterrupted stretches of ``recordings`` that are long enough, under ``controller``.
+    """Prepare all sufficiently long uninterrupted stretches of ``recordings`` for simulation with ``controller``.
 
-    ``processing`` says how the start state is reconstructed. Raises InputError for a recording without reference or
-    torque, for joints other than those of the controller, and for sampling rates without a whole ratio.
+    ``processing`` says how the positions and speeds at the start are reconstructed. Raises InputError for a recording
+    without reference or torque, for joints other than those of the controller, and if neither sampling period is a
+    whole multiple of the other.
     """
     found = []
     for recording in recordings:
@@ -153,7 +156,7 @@ def _stretch(
 
 
 def _ratio(controller: float, recording: float) -> tuple[int, int]:
-    """Samples between two of the controller, and between two recorded ones; one of them is 1."""
+    """Grid steps per controller period and per recording period, from the two periods in s; one of them is 1."""
     ratio = controller / recording
     whole = max(1, round(ratio)), max(1, round(1.0 / ratio))
     if abs(ratio * whole[1] / whole[0] - 1.0) > RATE_TOLERANCE:
@@ -165,7 +168,7 @@ def _ratio(controller: float, recording: float) -> tuple[int, int]:
 
 
 class _Grid:
-    """Samples of a recording on a grid ``stride`` times as fine."""
+    """Interpolates the samples of a recording on a time grid that is ``stride`` times as fine."""
 
     def __init__(self, count: int, stride: int) -> None:
         self.stride, self.count = stride, count

@@ -1,9 +1,9 @@
-"""Closed-loop output error: parameters whose simulated loop computes the recorded torques.
+"""Closed-loop output error: finds the parameters for which the simulated loop reproduces the recorded torques.
 
-``min sum_j w_j |tau_j - tau_j(x)|^2`` over the identifiable parameters x and the logarithms of the friction shapes, by
-Levenberg-Marquardt with sensitivities from differences; tau(x) is simulated along the recorded reference, so that noise
-in the measured motion enters nowhere but in the torques. In closed loop an error of the position appears in the torque,
-weighted by the controller.
+Minimizes ``sum_j w_j^2 |tau_j - tau_j(z)|^2`` over all joints j by Levenberg-Marquardt, with sensitivities by finite
+differences. The unknowns z are the identifiable parameters x and the logarithms of the friction shape parameters. The
+torques tau_j(z) are simulated along the recorded reference, so noise of the measured motion affects only the recorded
+torques. Position errors need no term of their own: the controller turns them into torque errors.
 """
 
 from __future__ import annotations
@@ -22,38 +22,40 @@ from rrrgen.closed_loop.loop_recording import LoopRecording
 from rrrgen.errors import DerivationError
 
 ITERATIONS = 25
-BLOCK = 1.0  # s of samples whose errors count as dependent
-SETTLED = 1e-4  # of a standard deviation-like step: relative fall of the cost at which the search ends
-RELATIVE_STEP = 1e-3  # of a parameter, for differences
-STD_STEP = 0.1  # of its standard deviation
-SHAPE_STEP = 1e-2  # of the logarithm of a shape
-LARGEST_LOG_STEP = 0.7  # of a logarithm in one iteration
-RETRIES = 3  # with a step a tenth as large, where the loop diverges beside the estimate
+BLOCK = 1.0  # s: torque errors may be correlated within a block of this length, not beyond it
+SETTLED = 1e-4  # relative decrease of the cost in one iteration below which the search ends
+RELATIVE_STEP = 1e-3  # of finite differences, relative to the parameter
+STD_STEP = 0.1  # of finite differences, relative to the standard deviation of the parameter
+SHAPE_STEP = 1e-2  # of finite differences, absolute, for the logarithm of a shape parameter
+LARGEST_LOG_STEP = 0.7  # largest change of a logarithm in one iteration: a factor of two
+RETRIES = 3  # difference steps tried, each a tenth of the last, while the loop diverges at the shifted parameters
 
 Tell = Callable[[int, int, str], None]
 
 
 class FreeParameters(Protocol):
-    """Interface of the parameters that are fitted: free ones z (k,), which may be logarithms."""
+    """Interface of a parameterization: maps the fitted unknowns z (k,), some of them logarithms, to theta (p,)."""
 
     def theta(self, z: Array) -> Array:
-        """The parameters of the simulation."""
+        """Parameters (p,) of the simulation for the unknowns ``z``, SI units."""
         ...
 
     def steps(self, z: Array) -> Array:
-        """Differences (k,) at which the sensitivities are taken."""
+        """Step sizes (k,) of the finite differences at ``z``."""
         ...
 
     def logarithms(self, z: Array) -> NDArray[np.bool_]:
-        """Which free parameters (k,) are logarithms."""
+        """Mask (k,) of the unknowns that are logarithms."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """The map from free parameters z to those of the simulation: ``theta = [T x + known; exp(logs)]``, z = [x; logs].
+    """Maps the unknowns ``z = [x; logs]`` to simulation parameters ``theta = [T x + known; exp(logs)]``.
 
-    ``spread`` (r,) are standard deviations of x before the fit, which scale the differences.
+    x (r,) are the identifiable parameters, ``T`` (c, r) and ``known`` (c,) their affine map to the parameters of the c
+    regressor columns, ``logs`` the logarithms of the friction shape parameters. ``spread`` (r,) are the standard
+    deviations of x before the fit; they scale the finite-difference steps.
     """
 
     T: Array
@@ -62,19 +64,19 @@ class Parameters:
 
     @property
     def count(self) -> int:
-        """Number r of parameters x."""
+        """Number r of identifiable parameters x."""
         return int(self.T.shape[1])
 
     def logarithms(self, z: Array) -> NDArray[np.bool_]:
-        """Which free parameters are logarithms."""
+        """Mask (k,) of the unknowns that are logarithms: those after the first r."""
         return np.arange(len(z)) >= self.count
 
     def theta(self, z: Array) -> Array:
-        """The parameters of the simulation."""
+        """Parameters (p,) of the simulation for the unknowns ``z``, SI units."""
         return np.concatenate([self.T @ z[: self.count] + self.known, np.exp(z[self.count :])])
 
     def steps(self, z: Array) -> Array:
-        """Differences of z at which the sensitivities are taken."""
+        """Step sizes (k,) of the finite differences at ``z``."""
         x = z[: self.count]
         own = np.maximum(RELATIVE_STEP * np.abs(x), np.minimum(STD_STEP * self.spread, np.maximum(np.abs(x), 1.0)))
         own = np.where(own > 0.0, own, RELATIVE_STEP)
@@ -83,7 +85,12 @@ class Parameters:
 
 @dataclass(frozen=True, eq=False)
 class LoopFit:
-    """The fit: free parameters ``z``, the runs at them, and the sensitivities (N, n, r + shapes) of their torques."""
+    """Result of a closed-loop fit.
+
+    ``z`` (k,) are the fitted unknowns, ``runs`` the simulated loops at z, one for each recording, ``sensitivities``
+    the derivatives (N, n, k) of their torques by z, ``weights`` (n,) the inverse torque error of each joint in
+    1/(N m) or 1/N, and ``iterations`` the number of Levenberg-Marquardt steps.
+    """
 
     z: Array
     runs: tuple[Run, ...]
@@ -93,7 +100,11 @@ class LoopFit:
 
 
 class OutputError:
-    """The output error of ``loop`` over ``recordings``; ``use`` (N, n) are the samples to fit in each."""
+    """Least-squares problem: fit the torques of the simulated ``loop`` to those of ``recordings``.
+
+    ``parameters`` maps the unknowns to the parameters of the loop. ``use`` holds one mask (N, n) for each recording,
+    of the samples to fit. ``jobs`` is the number of threads that compute sensitivities.
+    """
 
     def __init__(
         self,
@@ -110,7 +121,7 @@ class OutputError:
         self.weights: Array = 1.0 / np.maximum(np.sqrt(squares / self.counts), 1e-12)
 
     def runs(self, z: Array) -> tuple[Run, ...] | None:
-        """The simulated loops; None where one diverges."""
+        """Simulate all recordings with the unknowns ``z`` (k,); None if any simulation diverges."""
         theta = self.parameters.theta(z)
         found = []
         for recording in self.recordings:
@@ -121,14 +132,14 @@ class OutputError:
         return tuple(found)
 
     def residual(self, runs: Sequence[Run]) -> Array:
-        """Weighted residuals of all samples to fit, one after the other."""
+        """Weighted torque residuals ``w_j (tau_j - tau_j(z))`` of all samples to fit, as one vector."""
         parts = []
         for recording, run, use in zip(self.recordings, runs, self.use, strict=True):
             parts.append(((recording.tau - run.tau) * self.weights)[use])
         return np.concatenate(parts)
 
     def renew(self, runs: Sequence[Run]) -> None:
-        """Weights from the errors of the joints."""
+        """Reset the weight of each joint to the inverse of its RMS torque error in ``runs``."""
         squares = sum(
             np.sum(np.where(u, r.tau - run.tau, 0.0) ** 2, axis=0)
             for r, run, u in zip(self.recordings, runs, self.use, strict=True)
@@ -137,7 +148,7 @@ class OutputError:
         self.weights = 1.0 / np.maximum(sigma, 1e-9 * max(float(np.max(sigma)), 1e-12))
 
     def sensitivities(self, z: Array, runs: Sequence[Run]) -> tuple[Array, ...]:
-        """Derivatives (N, n, k) of the simulated torques by z, by differences."""
+        """Derivatives (N, n, k) of the simulated torques by z, for each recording, by finite differences."""
         steps = self.parameters.steps(z)
 
         def column(i: int) -> list[Array]:
@@ -156,12 +167,15 @@ class OutputError:
         return tuple(np.stack([each[k] for each in columns], axis=-1) for k in range(len(runs)))
 
     def stacked(self, sensitivities: Sequence[Array]) -> Array:
-        """Weighted sensitivities of all samples to fit."""
+        """Weighted sensitivities of all samples to fit, stacked as one Jacobian with k columns."""
         parts = [(J * self.weights[:, None])[use] for J, use in zip(sensitivities, self.use, strict=True)]
         return np.concatenate(parts)
 
     def fit(self, z: Array, tell: Tell) -> LoopFit:
-        """Minimise from ``z``; raises DerivationError where the loop diverges there."""
+        """Minimize the output error from the start values ``z`` (k,); ``tell`` is called with the progress.
+
+        Raises DerivationError if the simulated loop diverges at the start values.
+        """
         runs = self.runs(z)
         if runs is None:
             raise DerivationError(self._diverged(z))
@@ -193,7 +207,11 @@ class OutputError:
         return LoopFit(z, runs, self.sensitivities(z, runs), self.weights, done)
 
     def covariance(self, fit: LoopFit) -> Array:
-        """Covariance of z: ``H^-1 (sum_b g_b g_b') H^-1`` over blocks of a second, whose errors may be correlated."""
+        """Covariance (k, k) of z, robust to torque errors that are correlated within a block: ``H^-1 G H^-1``.
+
+        ``H = J' J`` with the weighted sensitivities J, ``G = sum_b g_b g_b'`` with the gradient g_b = J_b' e_b of each
+        block b of one second.
+        """
         k = len(fit.z)
         H, meat = np.zeros((k, k)), np.zeros((k, k))
         for recording, run, J, use in zip(self.recordings, fit.runs, fit.sensitivities, self.use, strict=True):
@@ -218,7 +236,7 @@ class OutputError:
 
 
 def divergence(run: Run, recording: LoopRecording) -> str:
-    """The message for a loop that diverged."""
+    """Error message for a simulated loop ``run`` that diverged: when, and the possible causes."""
     assert run.diverged is not None
     instant = recording.t[run.diverged] - recording.t[0]
     return (

@@ -1,4 +1,4 @@
-"""The figure of recorded torques and those of the simulated loop."""
+"""Figure that compares recorded torques with those of the simulated closed loop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 
 def plot_loop(found: ClosedLoopEstimate, joints: Sequence[str], units: Sequence[str]) -> Figure:
-    """Recorded and simulated torques of all joints over time with their difference."""
+    """Plot recorded and simulated torques of all joints over time (s), with their difference.
+
+    ``joints`` are the joint names, ``units`` the units of their torques.
+    """
     pairs = list(zip(found.recordings, found.runs, strict=True))
     every = max(1, sum(map(len, found.recordings)) // MOST_POINTS)
     curves = TorqueCurves(

@@ -1,4 +1,4 @@
-"""Errors of the simulated loop against a recording, and of the controller replayed on the measured motion."""
+"""Scores of a closed-loop model: errors of the simulated loop, and of its controller run on the measured motion."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from rrrgen.errors import DerivationError
 GOOD_REPLAY = 0.02
 """Relative torque error of a replayed controller, averaged over :data:`SMOOTH` samples, up to which it counts as the
 recorded one."""
-SMOOTH = 20  # samples: noise of the recorded torque averages out, a wrong controller does not
-SHIFTS = 3  # samples by which the replayed torque is shifted to look for another delay
-CLEARLY = 0.5  # of the error: what another delay has to reach to be named
+SMOOTH = 20  # samples averaged: noise of the recorded torque averages out, errors of a wrong controller do not
+SHIFTS = 3  # controller periods by which the replayed torque is shifted at most, to look for a better delay
+CLEARLY = 0.5  # another delay is reported only if its error is below this fraction of the error at the stated delay
 
 
 @dataclass(frozen=True)
 class LoopScore:
-    """Errors of the simulated torques on ``count`` samples: ``|tau - tau_sim| / |tau|``, all joints and joint by joint.
+    """Errors of a simulated loop on ``count`` torque values of the data called ``data``.
 
-    ``rms`` (n,) are the torque errors in N m (N), ``position`` (n,) the RMS position errors in rad (m).
+    ``relative_error`` is ``|tau - tau_sim| / |tau|`` over all joints, ``joint_relative`` (n,) the same for each joint.
+    ``rms`` (n,) are the RMS torque errors in N m (N), ``position`` (n,) the RMS position errors in rad (m).
     """
 
     data: str
@@ -50,9 +51,11 @@ class LoopScore:
 
 @dataclass(frozen=True)
 class Replay:
-    """Relative torque errors (n,) of the controller computed from the measured motion; ``smooth`` without noise.
+    """Check of a controller description: its torques, computed from the measured motion, against the recorded ones.
 
-    ``delay`` is one that fits better, None where the stated one is right.
+    ``errors`` (n,) are the relative torque errors of the joints, ``smooth`` (n,) those of torques averaged over
+    :data:`SMOOTH` samples to suppress noise. ``delay`` is a delay, in controller periods, that fits clearly better
+    than the stated one; None if there is none.
     """
 
     errors: tuple[float, ...]
@@ -70,7 +73,7 @@ class Replay:
 
 
 def replayed(loop: CompiledLoop, recordings: Sequence[LoopRecording]) -> Replay:
-    """How well the controller explains the recorded torques from the measured motion alone."""
+    """Run the controller of ``loop`` on the measured motion and compare its torques with the recorded ones."""
     controller = loop.controller
     squares: dict[int, Array] = {}
     size, slow = np.zeros(loop.equations.n), np.zeros(loop.equations.n)
@@ -91,7 +94,7 @@ def replayed(loop: CompiledLoop, recordings: Sequence[LoopRecording]) -> Replay:
 
 
 def _averaged(values: Array) -> Array:
-    """Means (N // SMOOTH, n) over consecutive samples."""
+    """Means (N // SMOOTH, n) of ``values`` (N, n) over consecutive blocks of SMOOTH samples."""
     count = len(values) // SMOOTH
     return np.asarray(values[: count * SMOOTH].reshape(count, SMOOTH, -1).mean(axis=1))
 
@@ -103,9 +106,10 @@ def loop_score(
     recordings: Sequence[LoopRecording],
     chosen: Callable[[LoopRecording], NDArray[np.bool_]],
 ) -> tuple[LoopScore | None, list[Run]]:
-    """Score the parameters ``theta`` on the samples (N,) that ``chosen`` marks; None where there are none.
+    """Simulate ``recordings`` with the parameters ``theta`` and score them; returns the score and all simulated runs.
 
-    Raises DerivationError where the simulated loop diverges.
+    ``chosen`` gives the mask (N,) of the samples to score in a recording, ``data`` the name of this selection in
+    reports. The score is None if no sample is chosen. Raises DerivationError if the simulated loop diverges.
     """
     n = loop.equations.n
     count, squares, size, apart = 0, np.zeros(n), np.zeros(n), np.zeros(n)

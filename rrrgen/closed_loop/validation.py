@@ -1,4 +1,4 @@
-"""The loop of a known controller and a robot file, scored on recordings."""
+"""Validation in closed loop: simulates a known controller with the robot of a file and scores it on recordings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from rrrgen.signals.processing import Processing
 
 @dataclass(frozen=True)
 class ClosedLoopValidation:
-    """The check of the controller, and the score of the simulated loop."""
+    """Result of a validation in closed loop: ``replay``, the check of the controller, and ``score`` of the loop."""
 
     replay: Replay
     score: LoopScore
@@ -42,10 +42,10 @@ class ClosedLoopValidation:
 
 
 def stated_equations(model: Any) -> tuple[LoopEquations, Array]:
-    """The equations of a robot file with links, and the values of their parameters.
+    """Equations of motion of a compiled robot ``model`` and their parameters theta (p,) from its robot file, SI units.
 
-    ``model`` is a compiled robot. Raises InputError for friction laws that are not separable, have a state or depend on
-    the load.
+    The file must state link inertias. Raises InputError for friction laws that are not separable, have an internal
+    state or depend on the load.
     """
     spec = model.spec
     equations = LoopEquations(FullRegressor(model, DriveTerms.of_spec(spec), stated_surfaces(spec)))
@@ -66,8 +66,9 @@ def validate_loop(
 ) -> ClosedLoopValidation:
     """Simulate the loop of ``controller`` and the compiled ``model`` along the references of ``recordings``.
 
-    ``processing`` says how start states are reconstructed; with a ``split`` only its held-out part is scored. Raises
-    DerivationError where the loop diverges, InputError where controller, model and recordings do not fit.
+    ``processing`` says how the positions and speeds at the start are reconstructed; with a ``split`` only its held-out
+    part is scored. Raises DerivationError if the simulated loop diverges, InputError if controller, model and
+    recordings do not fit together.
     """
     equations, theta = stated_equations(model)
     loop = CompiledLoop(equations, controller)

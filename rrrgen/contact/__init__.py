@@ -1,1 +1,1 @@
-"""Contact detection: thresholds for the momentum observer from recordings without contact."""
+"""Contact detection: thresholds for the residuals of the momentum observer, from recordings without contact."""

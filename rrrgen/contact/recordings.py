@@ -1,4 +1,4 @@
-"""Thresholds from recordings: one call from positions and torques to thresholds and the delay of detection."""
+"""Contact thresholds from recorded positions and torques, with the expected delay of detecting a contact."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
 
 POSES = 1000
-"""Poses of the recordings at which the delay is computed, evenly spread."""
+"""Number of poses, evenly spread over the recordings, at which the detection delay is computed."""
 
 LONGEST_DELAY = 0.5
 """A contact that is not detected within this time counts as missed, s."""
@@ -33,11 +33,16 @@ def thresholds_of_recordings(
     block: float,
     force: float,
 ) -> tuple[ContactThresholds, Detection, float]:
-    """Thresholds, the detection of a ``force`` at the tip, and the period of the recordings in s.
+    """Compute contact thresholds from contact-free recordings, and how fast they detect a contact force.
 
-    ``tuning`` holds the variances of position noise and jerk of every joint; without it they are estimated. Samples
-    with an unusable torque end a stretch. Raises InputError for recordings without torques, of different periods, or
-    too short.
+    ``model`` is the compiled robot. ``tuning`` holds, for each joint, the variances of position noise and of jerk for
+    the Kalman filter that computes the speeds; None estimates them. ``gain`` is the pole of the momentum observer
+    (1/s), ``width`` the speed below which friction is smoothed (rad/s or m/s), ``seconds_per_alarm`` the wanted mean
+    time between false alarms (s), ``block`` the length of the blocks whose maxima are taken (s), ``force`` the contact
+    force at the tip (N). Samples with unusable torques split a recording.
+
+    Returns the thresholds, the expected detection of ``force``, and the sampling period of the recordings (s). Raises
+    InputError for recordings that have no torques, have different periods or are too short.
     """
     periods = {round(recording.period, 12) for recording in recordings}
     if len(periods) > 1:
@@ -60,7 +65,7 @@ def thresholds_of_recordings(
 
 
 def _usable(recording: Log) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Positions and torques of the stretches in which the torques of all joints can be used."""
+    """Positions and torques, (m, n) each, of the uninterrupted stretches where the torques of all joints are valid."""
     pieces = []
     for part in recording.parts():
         if part.tau is None:

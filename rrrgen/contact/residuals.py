@@ -1,4 +1,7 @@
-"""The residuals of the momentum observer along a recording, computed as the controller computes them."""
+"""Residuals of the momentum observer along a recording, by the same discrete-time steps as on the controller.
+
+The residual r (n,) estimates the external torques at the joints; without contact it is noise and model error.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +19,18 @@ if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
 
 SETTLED = 1e-3
-"""Share of the start of a filter that is left when its residuals count."""
+"""Fraction of the initial filter transient below which residuals are used."""
 
 
 def observer_residuals(
     model: Model, q: Array, tau: Array, period: float, filter: KalmanSmoother, gain: float, width: float
 ) -> Array:
-    """The estimates r (m, n) of ``momentum_observer`` from positions ``q`` (N, n) and torques ``tau`` (N, n).
+    """External joint torques r (m, n), N m or N, estimated by the momentum observer from a recording.
 
-    The speeds are those of the causal Kalman ``filter``, ``tau`` of a sample is applied until the next one, ``gain``
-    is the pole of the observer in 1/s, ``width`` that of smooth friction in rad/s. What is left of the start of the
-    filters is cut off.
+    ``q`` (N, n) are the positions, rad or m, sampled with ``period`` (s); ``tau`` (N, n) the torques, N m or N, each
+    held until the next sample. The causal Kalman ``filter`` computes the speeds. ``gain`` is the pole of the observer
+    (1/s), ``width`` the speed below which friction is smoothed (rad/s or m/s). The initial samples, in which the
+    filters settle, are left out, so m < N.
     """
     motion = filter(period * np.arange(len(q)), q)
     p, ct, g = model.momentum_terms(motion.q, motion.dq)
@@ -37,16 +41,18 @@ def observer_residuals(
 
 
 def first_order_lag(y: Array, alpha: float) -> Array:
-    """r_k = alpha r_(k-1) + (1 - alpha) y_k along the first axis, from r = 0."""
+    """First-order low-pass filter ``r_k = alpha r_(k-1) + (1 - alpha) y_k`` along the first axis, starting at r = 0."""
     from scipy.signal import lfilter
 
     return np.asarray(lfilter([1.0 - alpha], [1.0, -alpha], y, axis=0))
 
 
 def step_responses(matrices: Sequence[KalmanMatrices], gain: float, seconds: float) -> Array:
-    """The residuals (N, n) after a unit step of the external torque of each joint, filter included, from the next tick.
+    """Step responses (N, n) of the residuals to a unit external torque at each joint, from the next sample on.
 
-    The step accelerates a joint evenly, which the filter sees as a parabola; the observer sees its change of speed.
+    ``matrices`` are those of the Kalman filter of each joint, ``gain`` is the pole of the observer (1/s), ``seconds``
+    the length of the responses. A constant torque gives a constant acceleration: the Kalman filter measures a
+    parabola, and the observer low-pass filters the change of the estimated speed.
     """
     found: list[Any] = []
     for each in matrices:

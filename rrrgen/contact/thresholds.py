@@ -1,4 +1,4 @@
-"""Thresholds of contact detection with the rate of false alarms and the delay of detection that they mean."""
+"""Thresholds of contact detection for a given rate of false alarms, and the detection delay that results."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from rrrgen.contact.extremes import Gumbel, block_maxima, fit_gumbel
 from rrrgen.errors import InputError
 
 FEWEST_BLOCKS = 30
-"""With fewer maxima the scale of their distribution is known to less than a fifth."""
+"""Smallest number of block maxima; with fewer, the scale of their distribution is uncertain by more than 20 %."""
 
 
 @dataclass(frozen=True)
 class ContactThresholds:
-    """``levels`` (n,), N m or N, and what they come from.
+    """Thresholds ``levels`` (n,) of the observer residuals, N m or N, above which a contact is reported.
 
-    ``distributions`` are those of the block maxima of each joint, ``block`` the length of a block in s, ``blocks`` how
-    many there were, ``seconds_per_alarm`` the mean time between false alarms of all joints together.
+    ``distributions`` are the fitted distributions of the block maxima of each joint, ``block`` is the length of a
+    block (s), ``blocks`` their number, ``seconds_per_alarm`` the mean time between false alarms of all joints together.
     """
 
     levels: tuple[float, ...]
@@ -39,11 +39,11 @@ class ContactThresholds:
 def contact_thresholds(
     residuals: Sequence[Array], period: float, seconds_per_alarm: float = 3600.0, block: float = 1.0
 ) -> ContactThresholds:
-    """Thresholds from residuals of motion without contact, for one false alarm in ``seconds_per_alarm`` on average.
+    """Compute thresholds that give one false alarm in ``seconds_per_alarm`` (s) on average, from contact-free motion.
 
-    ``residuals`` are uninterrupted stretches (N_i, n) of the momentum observer, sampled with ``period`` (s). A Gumbel
-    distribution is fitted to the largest magnitude of every joint in blocks of ``block`` s; every joint has an equal
-    share of the alarms. Raises InputError for less than :data:`FEWEST_BLOCKS` blocks.
+    ``residuals`` are those of the momentum observer, N m or N, in uninterrupted stretches (N_i, n) sampled with
+    ``period`` (s). For each joint a Gumbel distribution is fitted to the largest magnitudes in blocks of ``block`` s;
+    each joint gets an equal share of the false alarms. Raises InputError for fewer than :data:`FEWEST_BLOCKS` blocks.
     """
     samples = round(block / period)
     if samples < 1 or not seconds_per_alarm > block:
@@ -62,7 +62,11 @@ def contact_thresholds(
 
 @dataclass(frozen=True)
 class Detection:
-    """Delays of detecting a ``force`` (N) in s, ``median`` and ``ninth`` decile, and the share that is ``missed``."""
+    """Expected detection of a contact force over many poses and directions.
+
+    ``force`` is its size (N), ``median`` and ``ninth`` are the median and the 90 % quantile of the detection delay (s),
+    infinite where contacts are missed; ``missed`` is the fraction of contacts that are never detected.
+    """
 
     force: float
     median: float
@@ -70,7 +74,7 @@ class Detection:
     missed: float
 
     def sentence(self) -> str:
-        """One sentence for the user."""
+        """Describe the detection delay in one sentence for the user."""
         if not math.isfinite(self.median):
             return f"{self.force:g} N at the tip: most contacts are missed ({100 * self.missed:.0f} %)"
         ninth = f"{1e3 * self.ninth:.1f} ms" if math.isfinite(self.ninth) else "never"
@@ -83,10 +87,11 @@ class Detection:
 def expected_detection(
     levels: Sequence[float], jacobians: Array, responses: Array, period: float, force: float, seed: int = 0
 ) -> Detection:
-    """The delay with which a force at the tip, in random directions, is expected to be detected.
+    """Predict how fast a constant force at the tip, in a random direction, exceeds one of the thresholds.
 
-    ``jacobians`` (N, 6, n) are those of the poses that count, ``responses`` (K, n) the residuals after a unit step of
-    the external torque. Noise, which hastens one detection and delays another, is left out.
+    ``levels`` (n,) are the thresholds, N m or N; ``jacobians`` (N, 6, n) those of the tip at the poses considered;
+    ``responses`` (K, n) the step responses of the residuals to a unit external torque, sampled with ``period`` (s);
+    ``force`` is the size of the force (N), ``seed`` that of the random directions. Residual noise is neglected.
     """
     rng = np.random.default_rng(seed)
     direction = rng.normal(size=(len(jacobians), 3))
@@ -104,7 +109,11 @@ def expected_detection(
 
 
 def threshold_header(name: str, levels: Sequence[float], gain: float, period: float) -> str:
-    """``<name>_contact.h``: the thresholds as macros for the emitted function ``contact``, with gain and period."""
+    """Text of the C header ``<name>_contact.h``: thresholds, observer pole and period as macros.
+
+    The emitted function ``<name>_contact`` takes the thresholds. ``levels`` (n,) are in N m or N, ``gain`` is the pole
+    of the momentum observer (1/s), ``period`` the sampling period (s).
+    """
     macro = name.upper()
     listed = ", ".join(f"{level:.9g}" for level in levels)
     return (
