@@ -1,7 +1,9 @@
-"""Differential inverse kinematics in C: joint speeds for a velocity of the tip, inside all limits.
+"""Differential inverse kinematics in C: joint speeds dq for a wanted tip velocity V, within all joint limits.
 
-A quadratic program with bounds only. Damping alone does not bound the speeds near singular configurations, let alone
-the accelerations; the bounds do, and the damping then only makes the solution unique.
+Each tick solves a quadratic program whose only constraints are bounds on dq: minimize
+``sum_i w_i (J dq - V)_i^2 + damping^2 |dq - dq_ref|^2``. The bounds follow from the limits of position, speed and
+acceleration; damping alone would limit neither speeds nor accelerations near singular configurations. It only makes the
+solution unique.
 """
 
 from __future__ import annotations
@@ -14,12 +16,12 @@ from rrrgen.backends.c.functions import Extension, function_files
 from rrrgen.backends.comments import columns
 
 DAMPING = 0.02
-"""Usual damping in m and rad: small beside the singular values of a regular Jacobian."""
+"""Default damping (m, rad): small compared with the singular values of the Jacobian at regular configurations."""
 
 LARGEST = {"double": 1e150, "float": 1e15}
 ROUNDING = {"double": Fraction(1, 2**52), "float": Fraction(1, 2**23)}
 TOLERANCE = 64
-"""Rounding errors that a sign may be wrong by, in units of the last place of what is added up."""
+"""Values whose magnitude is below this many rounding errors of the terms they are summed from count as zero."""
 
 REAL_BYTES = {"double": 8, "float": 4}
 PROMISE = (
@@ -29,19 +31,19 @@ PROMISE = (
 
 
 SWEEPS = 2
-"""Sweeps of coordinate descent before the first active set is taken."""
+"""Number of coordinate-descent sweeps that find the first active set."""
 
 BLOCKS = 5
-"""Active sets tried by block pivoting; the few problems that need more are solved one joint at a time."""
+"""Number of active sets tried by block pivoting; then joints enter or leave the set one at a time."""
 
 
 def steps(n: int) -> int:
-    """The largest number of active sets that are tried one joint at a time, for ``n`` joints."""
+    """Largest number of active-set changes of one joint at a time, for a robot of ``n`` joints."""
     return 8 + 4 * n
 
 
 def differential_ik_files(robot: str, n: int, real: Real) -> dict[str, str]:
-    """``<robot>_differential_ik.h`` and ``.c`` for a robot of ``n`` joints: one function of that name."""
+    """Header and source of the C function ``<robot>_differential_ik`` for a robot of ``n`` joints, name -> text."""
     prefix = f"{robot}_differential_ik"
     dialect = Dialect(prefix, real)
 

@@ -1,4 +1,4 @@
-"""One step of the steady-state Kalman filter of all joints as a program, its constants folded in."""
+"""Program for one step of the steady-state Kalman filters of all joints, with their coefficients as constants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One step of linear models in a row as a program, their matrices folded in."""
+"""Program for one step of linear state-space models in series, with their matrices as constants."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from rrrgen.program import Builder, Port, Program
 
 
 def linear_step_program(systems: Sequence[StateSpace], period: float, name: str, title: str) -> Program:
-    """Output and next state of models with one input and one output each, the output of one the input of the next.
+    """Program for one step of single-input single-output models in series.
 
-    Each is ``y = C x + D u``, ``x_next = A x + B u``; zeros in the matrices cost nothing. Inputs ``u`` and the states
-    ``x`` (n,) of all of them, which the caller owns; outputs ``y`` of the last and ``x_next`` (n,). ``period`` in s and
-    ``title`` are for the documentation.
+    Each model is ``y = C x + D u``, ``x_next = A x + B u``, and its output is the input of the next one; zeros in the
+    matrices cost no operations. The program takes the input ``u`` of the first model and the states ``x`` (n,) of all
+    models, which the caller stores; it returns the output ``y`` of the last model and ``x_next`` (n,). ``name`` is that
+    of the program; ``period`` (s) and ``title`` appear in its documentation.
     """
     n = sum(len(system.B) for system in systems)
     if n < 1:

@@ -1,4 +1,4 @@
-"""A path of the joints q(s), sampled, and the spline through waypoints."""
+"""Sampled joint paths q(s), and cubic splines through waypoints."""
 
 from __future__ import annotations
 

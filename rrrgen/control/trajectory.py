@@ -1,4 +1,4 @@
-"""A finite Fourier series as a program: the exciting trajectory evaluated on the controller itself."""
+"""Program that evaluates a finite Fourier series on the controller, such as an exciting trajectory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measured resonances beside those that the mass matrix and the stiffness of an experiment file lead to."""
+"""Compares measured resonances with those computed from mass matrix and stiffness of an experiment file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FARTHEST = 0.2  # relative distance of two frequencies of one mode
 
 
 def expected_modes(experiment: Experiment, model: Any, joint: str | None = None) -> list[list[ElasticMode]]:
-    """The modes of every posture of the section ``response``, by M(q), elastic joints and base of the virtual robot.
+    """Compute the vibration modes for each posture of the section ``response``, from M(q) and the elastic elements.
 
     ``model`` is the compiled robot, ``joint`` overrides the joint of the section. Raises :class:`InputError` where
     nothing is elastic or the section does not fit the robot.
@@ -33,10 +33,11 @@ def expected_modes(experiment: Experiment, model: Any, joint: str | None = None)
 
 
 def beside(models: Sequence[ResponseModel], computed: dict[str, list[ElasticMode]]) -> list[dict[str, Any]]:
-    """Per posture, by its name, every computed mode with the measured resonance that belongs to it.
+    """Pair each computed mode with a measured resonance, for each posture of ``computed`` (name -> modes).
 
-    The mode with the highest peak chooses first, the nearest resonance within 20 %; ``measured`` is None and
-    ``deviation``, the relative difference of the frequencies, infinite where none is left.
+    Modes are paired in order of decreasing peak, each with the nearest resonance within 20 % of its frequency that is
+    still free. ``deviation`` is the relative difference of the frequencies; without a partner it is infinite and
+    ``measured`` is None.
     """
     rows = []
     for model in models:

@@ -1,1 +1,1 @@
-"""Robots in the formats of other programs; one target is one file in ``targets/``."""
+"""Export of robots to the formats of other programs; each module in ``targets/`` implements one format."""

@@ -1,4 +1,4 @@
-"""Archives whose bytes depend on their contents alone."""
+"""Reproducible ZIP archives: the bytes depend only on the contents, not on the time of writing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What wrappers in other languages need of the functions: texts, default arguments, and loops over states in C."""
+"""Descriptions of the emitted functions for wrappers in other languages, and C loops that call them for many states."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ from rrrgen.resources import render
 
 
 class Default(NamedTuple):
-    """The function without inputs that returns the numbers of the robot file, and which of its results they are."""
+    """Source of a default argument: result number ``place`` of the C function ``function``, which has no inputs.
+
+    The function returns values of the robot file, such as base parameters; it has ``results`` results in all, and
+    ``name`` is that of the one to use.
+    """
 
     function: str
     results: int
@@ -20,13 +24,13 @@ class Default(NamedTuple):
 
 
 def loops(code: Code) -> dict[str, str]:
-    """``<name>_calls.c``: for every function a loop over states, with one signature for all of them."""
+    """C source ``<name>_calls.c``: a loop over many states for each function, all with the same signature."""
     values = {**code.naming, "functions": described_functions(code)}
     return {f"{code.dialect.prefix}_calls.c": render("calls/calls.c.j2", **values)}
 
 
 def described_functions(code: Code) -> list[dict[str, Any]]:
-    """Every function for the templates; an input has a default where the robot file has its numbers."""
+    """Describe every emitted function for the templates: inputs, defaults from the robot file, texts and results."""
     return [_described(code, program) for program in code.programs.values()]
 
 
@@ -46,7 +50,7 @@ def _described(code: Code, program: Program) -> dict[str, Any]:
 
 
 def _nominal(code: Code) -> dict[Any, Default]:
-    """Role of a parameter -> where its numbers are."""
+    """Map the role of each parameter with values in the robot file to the function that returns these values."""
     found: dict[Any, Default] = {}
     for name in ("nominal_parameters", "nominal_friction"):
         outputs = code.programs[name].data_outputs if name in code.programs else ()

@@ -1,4 +1,4 @@
-"""The emitted C of a robot as the material of targets that wrap it."""
+"""Emitted C of a robot together with the data that export targets need to wrap it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Code:
 
     @property
     def naming(self) -> dict[str, object]:
-        """Values that every template of a target needs."""
+        """Template variables common to all targets: names, sizes, functions, files and version."""
         spec = self.model.spec
         return {
             "prefix": self.dialect.prefix,
@@ -65,7 +65,10 @@ class Code:
 
 
 def emitted_code(spec: RobotSpec, real: Real = "double") -> Code:
-    """Headers and sources of ``spec`` with its inverse kinematics; the derivation is cached."""
+    """Emit the C code of ``spec``, inverse kinematics included; the symbolic derivation is cached.
+
+    ``real`` is the C number type, "double" or "float".
+    """
     identity = identify(spec)
     model = recall(spec, identity, partial(derive, groups=("model",)))
     dialect = Dialect(spec.name, real)

@@ -1,4 +1,4 @@
-"""Robot file -> files of another program."""
+"""Export of a robot: selects the target and returns its files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rrrgen.yamltext.suggest import did_you_mean
 
 
 def exporters() -> dict[str, Exporter]:
-    """Every target by its name: the modules of the folder ``targets``."""
+    """Find all export targets, name -> exporter, in the modules of the folder ``targets``."""
     names = sorted(module.name for module in pkgutil.iter_modules(targets.__path__))
     found = [importlib.import_module(f"{targets.__name__}.{name}").EXPORTER for name in names]
     return {exporter.name: exporter for exporter in found}
@@ -27,11 +27,12 @@ def export_robot(
     beta: Mapping[str, float] | None = None,
     options: ExportOptions | None = None,
 ) -> Exported:
-    """The files of ``spec`` for ``target``.
+    """Export the robot ``spec`` to the format ``target``, such as "urdf"; nothing is written to disk.
 
-    ``beta`` gives values of base parameters by name; links that have them are used in place of those of ``spec``.
-    Raises :class:`InputError` for an unknown target, platform or base parameter or an option that the target has no
-    use for, :class:`rrrgen.errors.DerivationError` where the robot has no counterpart in the format.
+    ``beta`` maps names of base parameters to values in SI units; the link inertias of ``spec`` are then replaced by
+    ones with these base parameters. Raises :class:`InputError` for an unknown target, platform or base parameter, or an
+    option that the target does not use, :class:`rrrgen.errors.DerivationError` if the format cannot represent the
+    robot.
     """
     known = exporters()
     if target not in known:
@@ -54,7 +55,7 @@ def export_robot(
 
 
 def _refuse_unused(exporter: Exporter, options: ExportOptions) -> None:
-    """Raise InputError for an option that is given and does not matter to ``exporter``."""
+    """Raise InputError if the user gives an option that ``exporter`` does not use."""
     usual = ExportOptions()
     for field in fields(options):
         if field.name not in exporter.options and getattr(options, field.name) != getattr(usual, field.name):

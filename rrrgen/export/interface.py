@@ -1,4 +1,4 @@
-"""What a target of ``rrrgen export`` must offer."""
+"""Interface of the targets of ``rrrgen export``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Exported:
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Choices of the user: the real type of the code, and names of platforms to build for (none: this machine)."""
+    """User options: ``real``, the number type of the C code, and ``platforms`` to build for (empty: this machine)."""
 
     real: Real = "double"
     platforms: tuple[str, ...] = ()
@@ -29,13 +29,13 @@ class ExportOptions:
 
 @dataclass(frozen=True)
 class Exporter:
-    """A format of another program, or a package that other programs load.
+    """Export target: a file format of another program, or a package that other programs load.
 
-    ``write`` makes the files of a robot; it raises :class:`rrrgen.errors.DerivationError` where the robot has no
-    counterpart in the format. With ``one_file`` there is one, which the user may name; otherwise a folder is written.
-    ``needs_bodies`` tells whether every link must be a rigid body of positive mass; standard parameters with the same
-    base parameters are found where it is not. ``options`` names the fields of :class:`ExportOptions` that it heeds.
-    ``mechanisms`` tells whether joints may follow others or branch off.
+    ``write`` makes the files of a robot; it raises :class:`rrrgen.errors.DerivationError` if the format cannot
+    represent the robot. If ``one_file``, the result is one file, which the user may name; otherwise a folder. If
+    ``needs_bodies``, every link must be a rigid body of positive mass; links that are not are replaced by physical ones
+    with the same base parameters. ``options`` names the fields of :class:`ExportOptions` that the target uses.
+    ``mechanisms`` says whether it supports joints coupled to others and branching chains.
     """
 
     name: str

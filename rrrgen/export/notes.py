@@ -1,4 +1,4 @@
-"""What of a robot file a target has no place for."""
+"""Notes to the user about entries of a robot file that an export format cannot hold."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 def unused_entries(spec: RobotSpec, kept: Collection[str] = ()) -> Iterator[str]:
-    """One sentence for each kind of entry of the joints that the robot states and the target does not keep.
+    """Yield one sentence for each kind of joint entry that the robot file states and the export format loses.
 
-    ``kept`` are keys that it does keep, of acceleration, offset, gear_ratio, torque_constant, encoder_resolution,
-    stiffness and damping.
+    ``kept`` are the keys that the format can hold, of acceleration, offset, gear_ratio, torque_constant,
+    encoder_resolution, stiffness and damping.
     """
     owners = {
         "acceleration": ("limits", "limits of the acceleration"),

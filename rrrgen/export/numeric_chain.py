@@ -1,4 +1,4 @@
-"""The chain of a robot file as formats of simulators describe it: a body per joint, its frame z along the axis."""
+"""Numeric kinematic chain for simulator formats: one body per joint, in a frame whose z axis is the joint axis."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ROUND_OFF = 1e-15  # of entries of rotation matrices of right angles
 
 @dataclass(frozen=True)
 class NumericBody:
-    """A joint and the body behind it.
+    """A joint and the body that it moves.
 
     ``parent`` is the number (from 0) of the body that carries the joint, -1 for the base. ``place`` (4, 4) is the pose
     of the joint's frame in the frame of that body, at q = 0. ``mass`` (kg), ``com`` (3,) and ``tensor`` (3, 3) about it
@@ -37,7 +37,7 @@ class NumericBody:
 
 @dataclass(frozen=True)
 class NumericChain:
-    """Bodies, each behind the one that carries it, and ``gravity`` (3,) in the base frame.
+    """Numeric kinematic chain: ``bodies``, parents first, and ``gravity`` (3,) in the base frame, m/s^2.
 
     ``tip`` (4, 4) is the pose of the tip in the frame of the body number ``tip_body``.
     """
@@ -49,7 +49,7 @@ class NumericChain:
 
 
 def numeric_chain(spec: RobotSpec) -> NumericChain:
-    """The bodies of ``spec`` at its nominal parameters.
+    """Numeric kinematic chain of ``spec`` at its nominal parameter values.
 
     Raises DerivationError for a joint that has a drive and follows another one: its position is no coordinate.
     """
@@ -71,7 +71,7 @@ def numeric_chain(spec: RobotSpec) -> NumericChain:
 
 
 def _motion(spec: RobotSpec, i: int) -> tuple[JointSpec, tuple[tuple[str, float], ...]]:
-    """The joint of row ``i`` with its limits and drive, and what it follows."""
+    """Joint of DH row ``i`` with its limits and drive, and the joints that it follows with their factors."""
     if spec.mechanism is None:
         return spec.joints[i], ()
     row = spec.rows[i]
@@ -97,7 +97,7 @@ def _inertia(spec: RobotSpec, i: int, after: Array) -> tuple[float | None, Array
 
 
 def _screw(angle: float, length: float, axis: int) -> Array:
-    """Turn about and shift along the axis x (0) or z (2), (4, 4)."""
+    """Screw motion (4, 4): rotation by ``angle`` (rad) about, shift by ``length`` (m) along the axis x (0) or z (2)."""
     T = np.eye(4)
     c, s = np.cos(angle), np.sin(angle)
     i, k = (axis + 1) % 3, (axis + 2) % 3
@@ -118,10 +118,10 @@ def _cleaned(T: Array) -> Array:
 
 
 def numbers(values: Array) -> str:
-    """Numbers for an attribute, separated by blanks; reading them gives the same doubles."""
+    """Format ``values`` for an XML attribute, separated by blanks; reading them gives the same doubles."""
     return " ".join(number(value) for value in np.ravel(values))
 
 
 def number(value: Any) -> str:
-    """The shortest decimal that reads as ``value``, without a negative zero."""
+    """Shortest decimal text that reads back as the double ``value``; a negative zero becomes 0."""
     return repr(float(value) + 0.0).removesuffix(".0")

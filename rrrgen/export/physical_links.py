@@ -1,9 +1,10 @@
-"""Links that are rigid bodies, from base parameters: ``K phi = beta`` with every pseudo-inertia positive definite.
+"""Physically consistent links with given base parameters: ``K phi = beta``, every pseudo-inertia P_j positive definite.
 
-Torques determine base parameters only, and simulators need bodies. Among the standard parameters
-``phi = L beta + N x`` with the given base parameters (L a right inverse of K, N a basis of its null space) those are
-taken that are nearest to a prior of uniform bodies: the largest ``sum_j log det P_j - tr(P0_j^-1 P_j)``, the entropic
-divergence of Lee, Wensing and Park (2020). The dynamics are equal whatever x is.
+Torques determine only the base parameters beta (b,), but simulators need the mass, centre of mass and inertia of each
+link: the standard parameters phi. All ``phi = L beta + N x`` have these base parameters and hence the same dynamics (L
+is a right inverse of K, N a basis of its null space). Of these, the one nearest to a prior P0_j of uniform bodies is
+taken: it maximizes ``sum_j log det P_j - tr(P0_j^-1 P_j)``, which minimizes the entropic divergence of Lee, Wensing and
+Park (2020).
 """
 
 from __future__ import annotations
@@ -30,10 +31,11 @@ TYPICAL_TORQUE = 10.0  # N m; sets the scale of the prior where the file has no 
 
 
 def with_physical_links(spec: RobotSpec, beta: Mapping[str, float] | None) -> tuple[RobotSpec, tuple[str, ...]]:
-    """``spec`` with links that are bodies and have its base parameters, or those of ``beta``; and what was done.
+    """Replace the links of ``spec`` by physically consistent ones; also returns notes on what was changed.
 
+    The links have the base parameters of ``spec`` or, if given, ``beta`` (name -> value, SI units).
     Raises :class:`InputError` for names of ``beta`` that are not the robot's base parameters, and
-    :class:`DerivationError` if there are no inertial parameters, or no bodies with these base parameters.
+    :class:`DerivationError` if there are no inertial parameters, or no physical links with these base parameters.
     """
     if beta is None:
         if spec.links is None:
@@ -71,7 +73,7 @@ def _values(beta: Mapping[str, float], names: list[str]) -> Array:
 
 
 def _bodies(K: Array, beta: Array, P0: Array) -> Array:
-    """phi (n, 10) with ``K phi = beta`` and all pseudo-inertias positive definite."""
+    """Standard parameters phi (n, 10) nearest to the prior ``P0``, with ``K phi = beta`` and physically consistent."""
     require("finding bodies with given base parameters", "cvxpy", "clarabel")
     cp: Any = import_module("cvxpy")
 

@@ -1,4 +1,4 @@
-"""Shared libraries of emitted C for this machine and, with the compiler of the package ziglang, for others."""
+"""Builds emitted C as shared libraries for this machine and, with the compiler of the package ziglang, for others."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ from rrrgen.yamltext.suggest import did_you_mean
 
 @dataclass(frozen=True)
 class Platform:
-    """A system to build for: its name for zig, the tag of wheels, the folder in an FMU ("" if FMI 2.0 has none)."""
+    """Platform to build for: user's ``name``, ``zig`` target, wheel ``tag`` and library ``suffix``.
+
+    ``fmi`` is the folder of its binaries in an FMU, "" if FMI 2.0 has none for it.
+    """
 
     name: str
     zig: str
@@ -44,7 +47,7 @@ PLATFORMS = {
 
 
 def this_machine() -> Platform:
-    """The system that rrrgen runs on, for which the installed C compiler builds."""
+    """Platform that rrrgen runs on, for which the installed C compiler builds."""
     tag = re.sub(r"[-.]", "_", sysconfig.get_platform())
     system, suffix = {"win32": ("windows", ".dll"), "darwin": ("macos", ".dylib")}.get(sys.platform, ("linux", ".so"))
     machine = "x86_64" if tag.endswith(("x86_64", "amd64")) else ""
@@ -53,7 +56,7 @@ def this_machine() -> Platform:
 
 
 def platforms(names: Sequence[str]) -> tuple[Platform, ...]:
-    """The systems of that name; this machine if none is named. Raises InputError for one that is not known."""
+    """Look up platforms by ``names``; without names, this machine. Raises InputError for an unknown name."""
     for name in names:
         if name not in PLATFORMS:
             hint = did_you_mean(name, PLATFORMS) or f"platforms are {', '.join(PLATFORMS)}"
@@ -64,7 +67,7 @@ def platforms(names: Sequence[str]) -> tuple[Platform, ...]:
 
 
 def shared_library(files: Mapping[str, str], platform: Platform) -> bytes:
-    """The C ``files`` (name -> text) as one shared library of ``platform``; its C library is the only dependency.
+    """Compile the C ``files`` (name -> text) to a shared library for ``platform`` that depends only on the C library.
 
     Raises BuildError if there is no compiler or it fails.
     """
@@ -89,7 +92,7 @@ def shared_library(files: Mapping[str, str], platform: Platform) -> bytes:
 
 
 def _command(platform: Platform) -> list[str]:
-    """Compiler and flags: strict floating point, as in every build of rrrgen, and no path of this machine inside."""
+    """Compiler command with flags: strict floating point, and no paths of the building machine in the binary."""
     flags = [*FLAGS, "-shared", "-DRRRGEN_SHARED", "-g0", "-s"]
     if platform.zig:
         position = [] if platform.suffix == ".dll" else ["-fPIC"]
@@ -98,6 +101,6 @@ def _command(platform: Platform) -> list[str]:
 
 
 def _libraries(platform: Platform) -> list[str]:
-    """Libraries to link with, and the options that the user gave for it."""
+    """Linker arguments: libraries to link with, and the user's own linker options."""
     own = [] if platform.suffix == ".dll" else ["-lm"]
     return own + shlex.split(os.environ.get("LDFLAGS", "")) * (not platform.zig)

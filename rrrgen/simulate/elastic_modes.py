@@ -1,4 +1,4 @@
-"""Vibrations of a robot with elastic joints and base by its mass matrix and stiffness, about a posture.
+"""Vibration modes of a robot with elastic joints and base, from its mass matrix and stiffness at a posture.
 
 Links q (n,), rotors r (n,) and base angle b, all absolute: ``M(q) q'' = K (r - q) + D (r' - q')``,
 ``J r'' = tau - K (r - q) - D (r' - q')``, ``J_b b'' = -k_b b - d_b b' - tau_1``; the encoders read ``r - b e_1``.
@@ -23,10 +23,10 @@ MOST_DAMPING = 0.999
 
 @dataclass(frozen=True)
 class ElasticMode:
-    """A vibration of ``frequency`` (Hz) and ``damping`` (ratio).
+    """Vibration mode with its ``frequency`` (Hz) and ``damping`` ratio.
 
-    ``peak`` is what it adds at its resonance to the response ``q_i/u_i`` of the excited joint, relative to the rigid
-    ``1/s^2``.
+    ``peak`` is the magnitude of its contribution at resonance to the response ``q_i/u_i`` of the excited joint i,
+    relative to that of a rigid robot, ``1/s^2``.
     """
 
     frequency: float
@@ -37,8 +37,9 @@ class ElasticMode:
 def elastic_modes(
     mass: Array, joint: int, joints: FlexibleJoints | None, base: FlexibleBase | None, loops: Sequence[float] = ()
 ) -> list[ElasticMode]:
-    """The vibrations that show in the response of ``joint`` (from 0) from the acceleration u of (14.34), by frequency.
+    """Vibration modes visible in the response of ``joint`` (from 0) to the commanded acceleration u of (14.34).
 
+    They are sorted by frequency.
     ``mass`` is M(q) of the links (n, n), kg m^2. ``loops`` (n,) are the bandwidths in Hz of the critically damped loops
     that hold the other joints; without them their drives are free. Raises :class:`InputError` without anything elastic.
     """
@@ -63,7 +64,10 @@ def elastic_modes(
 
 
 def _model(mass: Array, joints: FlexibleJoints | None, base: FlexibleBase | None) -> tuple[Array, Array, Array]:
-    """State space of [positions, speeds]: A, B from the accelerations u (n,) of (14.34), C to the encoders (n,)."""
+    """State-space matrices A, B, C with the state [positions; speeds] of links, rotors and base.
+
+    The inputs are the commanded accelerations u (n,) of (14.34), the outputs the encoder readings (n,).
+    """
     n = len(mass)
     parts = n if joints is None else 2 * n
     size = parts + (base is not None)

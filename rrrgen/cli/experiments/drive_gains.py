@@ -1,4 +1,4 @@
-"""``rrrgen drive-gains``."""
+"""The command ``rrrgen drive-gains``: estimate torque constants from recordings with and without a payload."""
 
 from __future__ import annotations
 

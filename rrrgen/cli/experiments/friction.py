@@ -1,4 +1,4 @@
-"""``rrrgen friction``."""
+"""The command ``rrrgen friction``: estimate friction, inertia and gravity of one joint from a recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rrrgen linearise``."""
+"""The command ``rrrgen linearise``: remove the nonlinear model from recordings before a frequency response."""
 
 from __future__ import annotations
 

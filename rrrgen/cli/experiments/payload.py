@@ -1,4 +1,4 @@
-"""``rrrgen payload``."""
+"""The command ``rrrgen payload``: estimate mass, centre of mass and inertia of a payload."""
 
 from __future__ import annotations
 

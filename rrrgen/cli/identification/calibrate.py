@@ -1,4 +1,4 @@
-"""``rrrgen calibrate``."""
+"""The command ``rrrgen calibrate``: calibrate the geometry of a robot from measurements of its tip."""
 
 from __future__ import annotations
 

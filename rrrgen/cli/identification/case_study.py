@@ -1,4 +1,4 @@
-"""``rrrgen case-study``."""
+"""The command ``rrrgen case-study``: run the case study on the virtual RRR."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rrrgen excite``."""
+"""The command ``rrrgen excite``: design an exciting trajectory for identification."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rrrgen frf``."""
+"""The command ``rrrgen frf``: estimate the frequency response of a joint from closed-loop recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rrrgen reconstruct``."""
+"""The command ``rrrgen reconstruct``: reconstruct positions, speeds and accelerations from a recording."""
 
 from __future__ import annotations
 

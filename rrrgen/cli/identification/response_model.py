@@ -1,4 +1,4 @@
-"""``rrrgen response-model``."""
+"""The command ``rrrgen response-model``: fit a linear model with resonances to a recording or frequency response."""
 
 from __future__ import annotations
 

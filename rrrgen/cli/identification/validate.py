@@ -1,4 +1,4 @@
-"""``rrrgen validate``."""
+"""The command ``rrrgen validate``: compare the torques of a robot file with recorded ones."""
 
 from __future__ import annotations
 

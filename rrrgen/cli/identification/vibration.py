@@ -1,4 +1,4 @@
-"""``rrrgen vibration``."""
+"""The command ``rrrgen vibration``: design input shapers and notch filters against measured vibrations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``rrrgen check``."""
+"""The command ``rrrgen check``: report every fault of robot files."""
 
 from __future__ import annotations
 

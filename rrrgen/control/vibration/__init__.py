@@ -1,1 +1,1 @@
-"""What follows from a resonance: input shapers and notch filters for the controller."""
+"""Input shapers and notch filters for the controller, designed from the measured resonances of a robot."""

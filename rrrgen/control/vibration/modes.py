@@ -1,4 +1,4 @@
-"""A vibration and the range in which it moves, e.g. from posture to posture."""
+"""Vibration modes: frequency and damping ratio, and how they vary between postures."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def pole(frequency: float, damping: float, period: float) -> complex:
 
 
 def below_sampling(vibrations: Sequence[Vibration], period: float) -> None:
-    """Raises :class:`InputError` for a vibration that the sampling cannot show."""
+    """Raise :class:`InputError` if a vibration has a frequency too high for the sampling ``period`` (s)."""
     for each in vibrations:
         if max(each.frequencies) >= 0.5 / period:
             raise InputError(

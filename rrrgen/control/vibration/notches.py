@@ -1,4 +1,4 @@
-"""Notch filters: zeros upon the poles of a vibration, and as many well damped poles instead.
+"""Notch filters: cancel the lightly damped poles of vibration modes and replace them by well damped ones.
 
 ``H(z) = g prod_i (1 - 2 r_i cos(w_i) z^-1 + r_i^2 z^-2)/(1 - 2 R_i cos(W_i) z^-1 + R_i^2 z^-2)`` with H(1) = 1, whose
 zeros are the sampled poles of the mode, so that the sampled peak is gone exactly at the designed posture.

@@ -1,4 +1,4 @@
-"""Input shapers: a reference is convolved with a few impulses after which a vibration has come to rest.
+"""Input shapers: filters that convolve a reference with a few impulses, timed so that a vibration cancels.
 
 The residual vibration after the impulses ``A_i`` at ``t_i``, relative to that of one impulse of the same sum, is
 ``V(w, zeta) = exp(-zeta w t_m) |sum_i A_i exp(w t_i (zeta - j sqrt(1 - zeta^2)))|``. ZV (zero vibration, two impulses)
@@ -41,7 +41,7 @@ class Shaper:
 
     @property
     def length(self) -> int:
-        """Samples by which the last tap is delayed: so much later the shaped reference ends."""
+        """Delay of the last tap in samples, by which the shaped reference ends later than the original."""
         return self.delays[-1]
 
     def response(self, frequency: Array) -> Any:

@@ -1,1 +1,1 @@
-"""The targets of ``rrrgen export``: every module here has an ``EXPORTER``."""
+"""Targets of ``rrrgen export``: each module implements one format and defines its ``EXPORTER``."""

@@ -1,4 +1,4 @@
-"""A library for microcontrollers that PlatformIO, the Arduino IDE and Zephyr find by their own manifests."""
+"""Export as a C library for microcontrollers, with the manifests of PlatformIO, the Arduino IDE and Zephyr."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _RENDERED = {
     "examples/tick/tick.ino": "tick.ino",
     "README.md": "README.md",
 }
-"""File of the library -> template."""
+"""Path of a file in the library -> template that it is rendered from."""
 
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:

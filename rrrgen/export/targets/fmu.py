@@ -1,4 +1,4 @@
-"""An FMU of FMI 2.0, for model exchange and co-simulation: the arm as a plant that torques drive."""
+"""Export as an FMU (FMI 2.0) for model exchange and co-simulation: the arm as a plant driven by joint torques."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from rrrgen.resources import render
 from rrrgen.robotfile.robot_spec import RobotSpec, joint_units
 
 WIDTH = 0.01
-"""Start value of the speeds, rad/s or m/s, below which sgn in friction laws is smoothed."""
+"""Default speed, rad/s or m/s, below which the sign function in friction laws is smoothed; a parameter of the FMU."""
 
 TOLERANCE = 1e-8
-"""Start value of the largest error of a step of the co-simulation, relative and absolute."""
+"""Default relative and absolute error tolerance of a co-simulation step; a parameter of the FMU."""
 
 
 @dataclass(frozen=True)
 class _Block:
-    """Variables of one kind that follow each other: ``start`` is the value reference of the first."""
+    """Block of FMU variables of one kind with consecutive value references; ``start`` is the first of these."""
 
     name: str
     start: int
@@ -47,7 +47,7 @@ class _Block:
 
     @property
     def variables(self) -> list[dict[str, Any]]:
-        """The variables for the description of the model."""
+        """Template variables of the entries in ``modelDescription.xml``, one for each FMU variable."""
         bare = self.size == 1 and self.name == "tolerance"
         return [
             {
@@ -66,7 +66,7 @@ class _Block:
 
 
 def _indexed(name: str, number: int) -> str:
-    """``q[1]``, and ``der(q[1])`` for derivatives."""
+    """FMI name of element ``number`` (from 1) of a vector: ``q[1]``, or ``der(q[1])`` for a derivative."""
     return f"der({name[4:-1]}[{number}])" if name.startswith("der(") else f"{name}[{number}]"
 
 
@@ -114,7 +114,7 @@ def _values(code: Code) -> dict[str, Any]:
 
 
 def _arguments(program: Program, places: dict[Role, str]) -> list[str]:
-    """The block that each input of ``program`` is read from."""
+    """Names of the variable blocks from which the inputs of ``program`` are read, in order."""
     return [places[port.role] for port in program.inputs]
 
 
@@ -129,7 +129,7 @@ def _blocks(code: Code) -> Iterator[_Block]:
 
 
 def _tables(code: Code) -> Iterator[tuple[Any, ...]]:
-    """Name, start values, descriptions, units, causality, variability and initial of all blocks, in their order."""
+    """Yield each variable block: name, start values, descriptions, units, causality, variability and initial."""
     spec, model = code.model.spec, code.model
     joints = [joint.name for joint in spec.joints]
     q, tau = ([joint_units(joint)[key] for joint in spec.joints] for key in ("unit", "torque_unit"))
@@ -166,7 +166,7 @@ def _per(units: Sequence[str], time: str) -> list[str]:
 
 
 def _units(units: Sequence[str]) -> list[str]:
-    """As FMI writes products."""
+    """Units in FMI notation, with a dot between factors: ``N.m``."""
     return [unit.replace(" ", ".") for unit in units]
 
 

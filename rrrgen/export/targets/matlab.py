@@ -1,4 +1,4 @@
-"""MATLAB and Octave: a MEX function with a package of functions around it, and C for blocks of Simulink."""
+"""Export to MATLAB and Octave: a MEX function, a package of functions that call it, and C for Simulink blocks."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _values(code: Code) -> dict[str, Any]:
 
 
 def _shape(port: Port) -> str:
-    """Stack, rows and columns as a C initializer; a vector is one column, a scalar 1 x 1."""
+    """Shape of a port as a C initializer ``{matrices, rows, columns}``; a vector is one column, a scalar 1 x 1."""
     *stack, rows, columns = (1, 1, 1, *port.shape) if len(port.shape) > 1 else (1, 1, port.size, 1)
     count = 1
     for each in stack:
@@ -58,7 +58,7 @@ def _shape(port: Port) -> str:
 
 
 def _block_size(port: Port) -> str:
-    """The size of a signal in a specification of legacy_code."""
+    """Size of a signal in the syntax of MATLAB's ``legacy_code``, such as ``[3][1]``; empty for a scalar."""
     shape = port.shape if len(port.shape) == 2 else (port.size,)
     return "".join(f"[{size}]" for size in shape) if port.shape else ""
 

@@ -1,7 +1,8 @@
-"""MJCF of MuJoCo: a body per joint, the tip as a site, a motor per drive; coupled drives as fixed tendons.
+"""Export to MJCF, the format of MuJoCo: a body per joint, the tip as a site, a motor per drive.
 
-A tendon of length ``w q``, w the row of a coupled motor, carries its rotor inertia (armature), damping and dry
-friction: MuJoCo then adds ``w' (Ia w ddq + ...)`` as the robot file does.
+A coupled drive, whose motor turns by ``w q`` with a constant row w (n,), becomes a fixed tendon of length ``w q``. The
+tendon carries the rotor inertia Ia (armature), damping and dry friction of the motor, so that MuJoCo adds the joint
+torques ``w' (Ia w ddq + ...)`` of the robot file.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
 
 
 def _bodies(chain: NumericChain, parent: int) -> Iterator[str]:
-    """The bodies that ``parent`` carries, each with those that it carries inside."""
+    """XML lines of the bodies attached to body ``parent`` (-1: base), with their own children nested inside."""
     for k, body in enumerate(chain.bodies):
         if body.parent == parent:
             yield from _body(f"link{k + 1}", body)
@@ -48,7 +49,7 @@ def _place(T: Array) -> str:
 
 
 def quaternion(R: Array) -> Array:
-    """The unit quaternion (w, x, y, z) of a rotation, by its largest component."""
+    """Unit quaternion (w, x, y, z) of the rotation matrix ``R`` (3, 3), from its largest component for accuracy."""
     squares = [1 + R[0, 0] + R[1, 1] + R[2, 2], *(1 + 2 * R[i, i] - R[0, 0] - R[1, 1] - R[2, 2] for i in range(3))]
     pairs = np.array(
         [
@@ -113,7 +114,10 @@ def _tendons(spec: RobotSpec, chain: NumericChain) -> Iterator[str]:
 
 
 def _equalities(chain: NumericChain) -> Iterator[str]:
-    """What holds joints to those that they follow: an equality of two joints, or of a tendon for a sum of several."""
+    """XML lines of equality constraints for joints that follow others.
+
+    A joint that follows one joint is coupled to it directly; one that follows a sum of joints through a tendon.
+    """
     followers = [body for body in chain.bodies if body.follows]
     if not followers:
         return
@@ -132,7 +136,7 @@ def _tendon(motor: MotorSpec) -> str:
 
 
 def _motors(spec: RobotSpec) -> Iterator[str]:
-    """A motor per joint, or per coupled drive, whose control is its torque (force), limited where the file says so."""
+    """XML lines of the motors, one per joint or coupled drive; the control is its torque (force), limited as stated."""
     if spec.drives is None:
         for joint in spec.joints:
             yield f'<motor name="{joint.name}_motor" joint="{joint.name}"{_range(joint.limits.torque)}/>'

@@ -1,7 +1,8 @@
-"""OpenSYMORO ``.par``: modified Denavit-Hartenberg parameters, named lengths as symbols, inertia about frame origins.
+"""Export to ``.par``, the format of OpenSYMORO: modified Denavit-Hartenberg parameters, link inertias, friction.
 
-A standard row ends behind its twist, a modified one before it; frame j of the file is the standard link frame turned
-back by the twist of row j. The tool is a fixed frame ``Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r)`` at the end.
+Named lengths stay symbols; inertias are about the frame origins. A standard DH row ends with its twist (alpha, a), a
+modified one begins with it. So for a standard table, modified frame j is the standard frame j with the twist of row j
+removed. The tool is one more fixed frame ``Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r)``.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def _list(name: str, values: Sequence[Any]) -> str:
 
 
 def _rows(spec: RobotSpec) -> list[dict[str, Any]]:
-    """One row per joint; a standard table begins without a twist and moves every twist one row down."""
+    """Modified DH rows, one per joint; the twist (alpha, a) of a standard row moves to the next row."""
     shift = spec.convention == "standard"
     twists = [(joint.alpha, joint.a) for joint in spec.joints]
     twists = [(sp.S.Zero, sp.S.Zero), *twists[:-1]] if shift else twists
@@ -67,7 +68,7 @@ def _rows(spec: RobotSpec) -> list[dict[str, Any]]:
 
 
 def _used_parameters(spec: RobotSpec, rows: list[dict[str, Any]]) -> dict[str, sp.Expr]:
-    """Named parameters that are symbols in the rows, with their values."""
+    """Named parameters that appear as symbols in ``rows``, name -> value in SI units."""
     symbols = {
         str(symbol) for row in rows for value in row.values() for symbol in sp.sympify(value, strict=True).free_symbols
     }
@@ -75,12 +76,12 @@ def _used_parameters(spec: RobotSpec, rows: list[dict[str, Any]]) -> dict[str, s
 
 
 def _variable(spec: RobotSpec, joint: JointSpec, j: int) -> str:
-    """Name of a joint variable that is no parameter."""
+    """Name for the variable of joint ``j`` that does not clash with a named parameter."""
     return joint.name if joint.name not in spec.parameters else f"q_{j}_{joint.name}"
 
 
 def _after(spec: RobotSpec) -> sp.Matrix:
-    """What follows the last row: the twist of a standard one, and the tool, at nominal values."""
+    """Transform (4, 4) behind the last modified frame: the last twist of a standard table, then the tool; nominal."""
     last = spec.joints[-1]
     T = spec.tool.matrix()
     if spec.convention == "standard":
@@ -90,7 +91,10 @@ def _after(spec: RobotSpec) -> sp.Matrix:
 
 
 def _tool_row(T: sp.Matrix) -> dict[str, Any]:
-    """A fixed frame: z-x-z Euler angles of the rotation, and the translation in the frame turned by the first one."""
+    """Parameters gamma, b, alpha, d, theta, r of the fixed tool frame with the transform ``T`` (4, 4).
+
+    gamma, alpha and theta are the z-x-z Euler angles of the rotation; d, b and r describe the translation.
+    """
     R, p = T[:3, :3], T[:3, 3]
     across = sp.sqrt(normal_form(R[0, 2] ** 2 + R[1, 2] ** 2))
     if abs(float(across)) > TINY:
@@ -116,7 +120,7 @@ def _tool_row(T: sp.Matrix) -> dict[str, Any]:
 
 
 def _simple(value: sp.Expr) -> sp.Expr:
-    """The value itself where it is a number with pi or a root, otherwise its decimals."""
+    """``value`` unchanged if it is a short exact number (with pi or a root), otherwise its decimal approximation."""
     value = sp.nsimplify(normal_form(value)) if value.is_Rational else normal_form(value)
     exact = value.is_Rational or (value / sp.pi).is_Rational or (value**2).is_Rational
     return value if exact else sp.Rational(str(sp.N(value, 25)))

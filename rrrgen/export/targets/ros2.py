@@ -1,4 +1,4 @@
-"""A ROS 2 package with plugins: inverse_dynamics_solver, kinematics_interface, and kinematics for MoveIt."""
+"""Export as a ROS 2 package with plugins for inverse_dynamics_solver, kinematics_interface and MoveIt kinematics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""URDF: a link per joint whose frame lies on the joint, the base frame as link ``base``, the tip as link ``tip``."""
+"""Export to URDF: one link per joint, with its frame on the joint, and links ``base`` and ``tip`` for those frames."""
 
 from __future__ import annotations
 
@@ -40,7 +40,10 @@ def _origin(T: Array) -> str:
 
 
 def roll_pitch_yaw(R: Array) -> Array:
-    """The angles (3,) of ``R = Rz(yaw) Ry(pitch) Rx(roll)``, with yaw = 0 where pitch is +-90 degrees."""
+    """Roll, pitch and yaw (3,), rad, of the rotation matrix ``R = Rz(yaw) Ry(pitch) Rx(roll)`` (3, 3).
+
+    At pitch = +-90 degrees, where only yaw and roll together are determined, yaw is 0.
+    """
     across = math.hypot(R[0, 0], R[1, 0])
     pitch = math.atan2(-R[2, 0], across)
     if across < 1e-12:

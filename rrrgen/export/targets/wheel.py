@@ -1,4 +1,4 @@
-"""A Python wheel of one robot: its C as a shared library, called through ctypes with NumPy arrays."""
+"""Export as a Python wheel for one robot: its C as a shared library, called through ctypes with NumPy arrays."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _file_name(values: dict[str, Any], tag: str) -> str:
 
 
 def _wheel(values: dict[str, Any], tag: str, package: dict[str, Contents]) -> bytes:
-    """The archive: the files of the package, metadata, and the list of hashes."""
+    """Bytes of the wheel archive: the files of ``package``, metadata, and the list of hashes (RECORD)."""
     information = f"{values['package']}-{values['release']}.dist-info"
     contents = {f"{values['package']}/{name}": data for name, data in package.items()}
     contents[f"{information}/METADATA"] = render("wheel/METADATA.j2", **values)

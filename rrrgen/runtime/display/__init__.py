@@ -1,1 +1,1 @@
-"""What a model shows of itself: HTML for notebooks, pictures and animations."""
+"""Display of models: HTML summaries for notebooks, drawings and animations of the arm."""

@@ -18,11 +18,12 @@ COLORS = ("tab:red", "tab:green", "tab:blue")
 
 
 def corners(spec: RobotSpec, frames: Array, tip: Array) -> Array:
-    """The points (..., 2 n + 2, 3) that the links pass: base, for each joint its corner and its frame, and the tip.
+    """Polyline (..., 2 n + 2, 3), m, by which an arm is drawn: base, a corner and a frame origin per joint, and tip.
 
-    ``frames`` (..., n, 4, 4) are the poses of the link frames, ``tip`` (..., 4, 4) that of the tip. A link goes along z
-    by d and along x by a: in the standard convention the corner lies -a along the x axis of the frame behind it, in the
-    modified one +a along the x axis of the frame before it. Branches are left out.
+    ``frames`` (..., n, 4, 4) are the poses of the link frames, ``tip`` (..., 4, 4) that of the tip, in the base frame.
+    A link is drawn along z by its DH parameter d and along x by a, with a corner between the two: by the standard
+    convention at -a along the x axis of its own frame, by the modified one at +a along that of the previous frame.
+    Branches of a tree are not drawn.
     """
     path = list(range(len(spec.rows)) if spec.mechanism is None else spec.mechanism.path(spec.tip_row))
     frames = frames[..., path, :, :]
@@ -55,7 +56,7 @@ def plot_arm(path: Array, frames: Array, ax: Any, title: str) -> Any:
 def animate_arm(path: Array, t: Array, ax: Any, title: str) -> Any:
     """A matplotlib animation in real time of an arm whose links pass ``path`` (N, p, 3) at the instants ``t`` (N,), s.
 
-    The path of the tip is drawn as it comes.
+    The path of the tip grows with the motion.
     """
     require("animate", "matplotlib")
     from matplotlib.animation import FuncAnimation
@@ -75,14 +76,14 @@ def animate_arm(path: Array, t: Array, ax: Any, title: str) -> Any:
 
 
 def _extent(path: Array) -> tuple[Array, float]:
-    """Middle (3,) and half the side, m, of the cube around all points of ``path``."""
+    """Centre (3,) and half the edge length, m, of the cube around all points of ``path`` (..., 3), m."""
     points = path.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     return (low + high) / 2, float(max(np.max(high - low) / 2, 1e-3))
 
 
 def _axes(ax: Any, path: Array, title: str) -> Any:
-    """``ax``, or axes of a new figure, with the same scale in all directions around ``path``."""
+    """Set equal scales around ``path`` on the axes ``ax``, or on those of a new figure if None; returns the axes."""
     require("plot", "matplotlib")
     if ax is None:
         from matplotlib import pyplot

@@ -34,7 +34,7 @@ def html_summary(model: Model) -> str:
 
 
 def _ends(model: Model) -> tuple[list[float], list[float]]:
-    """The limits of all rows; those that follow others have the ones that the file states."""
+    """Lower and upper position limits of all DH rows; for joints that follow others, those that the file states."""
     known = {name: k for k, name in enumerate(model.joint_names)}
     lower, upper = [], []
     for row in model.spec.rows:

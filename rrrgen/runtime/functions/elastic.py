@@ -1,4 +1,4 @@
-"""Elastic joints in Python: dynamics of links and rotors, and control laws; compiled when one is first called."""
+"""Python functions for elastic joints: dynamics of links and rotors, and control laws; compiled at the first call."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from rrrgen.runtime.results import ElasticAccelerations, RotorMotion
 
 
 class ElasticFunctions(ControlLaws):
-    """Links q and rotors theta with a spring K and a damper D between them in every joint (Spong 1987).
+    """Dynamics and control of a robot with elastic joints: a spring K and damper D between link q and rotor theta.
 
+    The model is that of Spong (1987):
     ``M ddq + c + g = K (theta - q) + D (dtheta - dq) = tau - J ddtheta`` with M, c and g of the links alone, everything
     seen at the joints. Inertia J, K and D are by default those of `drive` of every joint in the robot file.
     """
@@ -213,7 +214,7 @@ class ElasticFunctions(ControlLaws):
         }
 
     def _drive(self, key: str, given: ArrayLike | None, missing: float | None = None) -> Any:
-        """What is ``given``, or the values ``key`` (n,) of the drives of the robot file."""
+        """Return ``given`` or, if it is None, the values ``key`` (n,) of the drives in the robot file."""
         if given is not None:
             return given
         values, absent = stated_at_joints(self.spec, key, missing)

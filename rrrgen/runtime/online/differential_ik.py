@@ -1,4 +1,4 @@
-"""Differential inverse kinematics in Python: the emitted C, or the same active-set method in NumPy."""
+"""Differential inverse kinematics in Python: calls the emitted C, or the same active-set method in NumPy."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ MESSAGES = (
     "no solution within the steps",
     "an input is not a number, a weight is negative, or damping is not positive",
 )
-"""What the numbers of the status mean."""
+"""Text for each status code."""
 
 
 def compiled_solver(robot: str, n: int, real: Real) -> Solve:
-    """The emitted C function through cffi."""
+    """Compile the emitted C function for a robot of ``n`` joints; the result calls it through cffi."""
     from rrrgen.runtime.build import build_extension
 
     name = f"{robot}_differential_ik"
@@ -43,7 +43,10 @@ def compiled_solver(robot: str, n: int, real: Real) -> Solve:
 
 
 def numpy_solver(values: Sequence[Array], dq: Array) -> int:
-    """The same method in NumPy, without a compiler."""
+    """Solve one tick in NumPy, by the method of the emitted C; writes the speeds to ``dq`` (n,), returns the status.
+
+    ``values`` are the inputs of the C function in its order.
+    """
     q, dq_last, J, V, weight, dq_ref, damping, q_min, q_max, dq_max, ddq_max, Ts = values
     n = len(q)
     low, high, met = _box(q, dq_last, (q_min, q_max), dq_max, ddq_max, float(Ts))
@@ -58,7 +61,10 @@ def numpy_solver(values: Sequence[Array], dq: Array) -> int:
 
 
 def _approach(d: Array, ddq_max: Array, Ts: float) -> Array:
-    """The largest speeds from which the joints stop within the distances ``d``."""
+    """Largest joint speeds v (n,) that still allow a stop within the distances ``d`` (n,), rad or m.
+
+    ``d = v Ts + v^2/(2 ddq_max)``: one period ``Ts`` (s) at that speed, then braking with ``ddq_max``.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = 2 * d / (Ts + np.sqrt(Ts * Ts + 2 * np.maximum(d, 0) / ddq_max))
     return np.where(d > 0, np.where(np.isinf(d), d, speed), 0.0)
@@ -67,7 +73,7 @@ def _approach(d: Array, ddq_max: Array, Ts: float) -> Array:
 def _box(
     q: Array, dq_last: Array, limits: tuple[Array, Array], dq_max: Array, ddq_max: Array, Ts: float
 ) -> tuple[Array, Array, bool]:
-    """The bounds of dq, and whether speeds and positions can be kept."""
+    """Lower and upper bounds of dq (n,) from all limits, and whether speed and position limits can be met."""
     slowest, fastest = dq_last - ddq_max * Ts, dq_last + ddq_max * Ts
     high = np.minimum(_approach(limits[1] - q, ddq_max, Ts), dq_max)
     low = -np.minimum(_approach(q - limits[0], ddq_max, Ts), dq_max)
@@ -78,7 +84,7 @@ def _box(
 
 
 def _active_set(H: Array, g: Array, low: Array, high: Array) -> tuple[Array, bool]:
-    """The minimum of ``x' H x/2 + g' x`` in the box by block pivoting; False if the steps did not suffice."""
+    """Minimize ``x' H x/2 + g' x`` subject to ``low <= x <= high`` by block pivoting; False if it did not converge."""
     n, tolerance = len(g), TOLERANCE * float(np.finfo(float).eps)
     fixed = low >= high
     at = np.where(fixed, -1, 0)
