@@ -4,6 +4,7 @@ import os
 import sys
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 TESTS = Path(__file__).resolve().parent
@@ -16,3 +17,15 @@ _common = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, Hea
 settings.register_profile("ci", derandomize=True, max_examples=50, **_common)
 settings.register_profile("explore", max_examples=500, **_common)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+@pytest.fixture(autouse=True)
+def coarse_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """PNG files of a low resolution, which take a fifth of the time; a test that asks for print resolution has it."""
+    if "print_resolution" not in request.fixturenames:
+        monkeypatch.setattr("rrrgen.runs.figures.PRINT", 60)
+
+
+@pytest.fixture
+def print_resolution() -> None:
+    """Figures as users get them."""

@@ -126,13 +126,14 @@ def known_arm(folder: Path) -> rrrgen.Model:
     return rrrgen.compile(folder / "arm.yaml")
 
 
-def learn(model: rrrgen.Model, folder: Path, seconds: float) -> np.ndarray:
+def learn(model: rrrgen.Model, folder: Path, seconds: float, block: float) -> np.ndarray:
     """Thresholds (3,) from a recording of free motion, by the command that a user would take."""
     free = run(model, folder, seconds, None)
     names = [f"{kind}_{joint}" for kind in ("q", "tau") for joint in model.joint_names]
     table = np.column_stack([free.t, free.q, free.tau])
     np.savetxt(folder / "free.csv", table, fmt="%.9g", delimiter=",", header=",".join(["t", *names]), comments="")
-    call("contact-thresholds", folder / "arm.yaml", "--log", folder / "free.csv", "--fresh", "-o", folder / "contact")
+    settings = ("--block", str(block), "--fresh", "-o", folder / "contact")
+    call("contact-thresholds", folder / "arm.yaml", "--log", folder / "free.csv", *settings)
     return np.array(json.loads((folder / "contact/results/contact.json").read_text(encoding="utf-8"))["levels"])
 
 
@@ -159,11 +160,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("-o", "--output", type=Path, default=Path("runs/collision"))
     parser.add_argument("--seconds", type=float, default=60.0, help="length of the recording without contact")
+    parser.add_argument(
+        "--block", type=float, default=1.0, help="length of the blocks whose largest residuals count, s"
+    )
     options = parser.parse_args()
     folder = options.output
     folder.mkdir(parents=True, exist_ok=True)
     model = known_arm(folder)
-    thresholds = learn(model, folder, options.seconds)
+    thresholds = learn(model, folder, options.seconds, options.block)
     print("thresholds in N m", thresholds.round(3))
     seen = run(model, folder, WALL + 1.5, thresholds)
     touched = seen.t[np.argmax(seen.force > 0.0)]
