@@ -146,10 +146,10 @@ class FrictionModel:
         return np.asarray(self.law.torque(ops, speeds, self._under(load)))
 
     def passivity_margin(self) -> Array:
-        """Passivity margin of each joint, (n,), N m s/rad (N s/m): where it is not negative, the law is passive.
+        """Passivity margin of each joint, (n,), N m s/rad (N s/m): the law is passive where it is not negative.
 
-        LuGre: ``alpha2 - sigma1 alpha0/alpha1``. Zero for laws that state none: where their torque opposes every motion
-        they are passive. Source: after (14.13).
+        LuGre: ``alpha2 - sigma1 alpha0/alpha1``. Zero for laws without such a condition, which are passive if their
+        torque opposes every motion. Source: after (14.13).
         """
         return np.zeros(self.n) if self.law.passivity is None else np.asarray(self.law.passivity(self._columns))
 

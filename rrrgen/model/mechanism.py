@@ -1,4 +1,4 @@
-"""Mechanisms: the chain of rows from the base to the tip as a robot of its own, and the coupling as text and data."""
+"""The chain of rows from base to tip of a mechanism as a robot, and the coupling as text and as data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rrrgen.robotfile.robot_spec import Limits, RobotSpec
 
 
 def chain_to_tip(spec: RobotSpec) -> RobotSpec:
-    """The kinematics of the rows between base and tip, every one with a drive of its own and without limits."""
+    """A robot of the rows between base and tip only, each with its own drive and without limits, for kinematics."""
     if spec.mechanism is None:
         return spec
     rows = tuple(
@@ -30,7 +30,7 @@ def coupling_to_tip(spec: RobotSpec) -> sp.Matrix:
 
 
 def mechanism_equations(spec: RobotSpec) -> list[str]:
-    """One clause per row of a mechanism: what carries it and how it moves. Empty for a chain of joints."""
+    """One clause per row of a mechanism: its parent and how it moves with q. Empty for a serial chain."""
     if spec.mechanism is None:
         return []
     names = [joint.name for joint in spec.joints]
@@ -43,7 +43,7 @@ def mechanism_equations(spec: RobotSpec) -> list[str]:
 
 
 def mechanism_data(spec: RobotSpec) -> dict[str, Any] | None:
-    """The rows, what carries them, and the exact matrix as text; None for a chain of joints."""
+    """Each row, its parent, and the exact matrix S as text; None for a serial chain."""
     if spec.mechanism is None:
         return None
     return {

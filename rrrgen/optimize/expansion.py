@@ -77,7 +77,7 @@ class Expansion:
         return self._position[node]
 
     def position(self, node: int) -> int | None:
-        """The number of the literal that a node is; None if it is not one."""
+        """The number of the literal that stands for ``node``; None if it is not a literal."""
         return self._position.get(node)
 
     def _is_literal(self, node: Node) -> bool:
@@ -119,7 +119,7 @@ class Expansion:
         return _sum(args[0], args[1], 1 if node.op is Op.ADD else -1)
 
     def _operand(self, index: int, stage: int) -> Polynomial:
-        """The polynomial of an operand, or the literal that stands for it where the cut set contains it."""
+        """The polynomial of node ``index`` as an operand; a literal in its place where the expansion stops at it."""
         if not self._cuts_off(index, stage):
             return self._values[index]
         node = self.program.nodes[index]
@@ -137,7 +137,7 @@ class Expansion:
         return {(literal,): 1, **alone}
 
     def _cuts_off(self, index: int, stage: int) -> bool:
-        """Whether this use takes node ``index`` as a literal."""
+        """Whether the expansion stops at node ``index`` when an operation of this ``stage`` uses it."""
         if self._local:
             return self.uses[index] > 1 and len(self._values[index]) > 1
         if self._whole or self.stages[index] != 1:
@@ -191,7 +191,7 @@ def _sum(x: Polynomial, y: Polynomial, sign: int) -> Polynomial:
 
 
 def _stages(program: Program) -> list[int]:
-    """What each node depends on. 0: parameters and numbers only; 1: the configuration too; 2: rates too."""
+    """For each node 0, 1 or 2: constant while the robot moves, dependent on q, dependent on rates too."""
     stages: list[int] = []
     for node in program.nodes:
         if node.op is Op.INPUT:

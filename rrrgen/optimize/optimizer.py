@@ -54,10 +54,7 @@ class Optimizer:
         return recorded.optimized(programs, passes)
 
     def _function_by_function(self, recorded: RecordedModel, jobs: int, tell: Tell | None) -> dict[str, _Optimized]:
-        """Each function optimized as a task of its own, except that functions derived from each other form one task.
-
-        The longest tasks start first.
-        """
+        """Optimize functions in parallel tasks; functions that are derived from each other share a task."""
         variants = recorded.alternatives
         chain = [name for name in ("inverse_dynamics", *SOURCES) if name in variants]
         groups = [chain, *([name] for name in variants if name not in chain)]

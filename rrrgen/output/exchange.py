@@ -136,7 +136,10 @@ def _copy_rights(directory: Path, staging: Path) -> None:
 
 
 def _rescue(old: Path, directory: Path, replaced: Set[str], linked: dict[str, int]) -> None:
-    """Move files that others created or replaced in the old state, after its files were linked, to the new state."""
+    """Move files that others wrote to the old directory after the linking of files into the new directory.
+
+    These are files of the user that are missing in ``linked`` (relative path -> inode) or have another inode there.
+    """
     for path in _foreign(old, replaced):
         name = path.relative_to(old).as_posix()
         try:

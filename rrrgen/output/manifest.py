@@ -107,7 +107,7 @@ def _joint(joint: JointSpec) -> dict[str, Any]:
 
 
 def _beside(model: DerivedModel, real: Real) -> dict[str, Any]:
-    """The entry of a model that is written beside the main one."""
+    """The manifest's entry of the second model of the robot, in which gravity is an input."""
     named = {"prefix": model.name, "model_hash": identify(model.spec).model_hash, "b": len(model.base_parameters)}
     return named | _parameters_and_functions(model, real)
 

@@ -38,7 +38,7 @@ class Program:
 
     @property
     def function(self) -> str:
-        """Name of the general function: that which this program specializes, or its own."""
+        """Name of the general function: of the one that this program specializes, otherwise its own name."""
         return self.specializes or self.name
 
     @property

@@ -1,4 +1,4 @@
-"""What mapping and response files share: the recorded files, the instants, and columns by name or number."""
+"""Reads what mapping and response files have in common: recorded files, time, columns by name or number."""
 
 from __future__ import annotations
 

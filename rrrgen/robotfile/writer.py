@@ -232,7 +232,7 @@ class _Printer:
 
 
 def _row(spec: RobotSpec, i: int) -> tuple[JointSpec, str, dict[str, sp.Expr]]:
-    """Row ``i`` with the joint that carries it and the joints that it follows, where the file must say so."""
+    """Row ``i`` with the parent and the followed joints that the file must state; empty where they are the default."""
     row, mechanism = spec.rows[i], spec.mechanism
     if mechanism is None:
         return row, "", {}

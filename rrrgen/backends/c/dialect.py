@@ -37,11 +37,11 @@ class Dialect:
 
     @property
     def success(self) -> str:
-        """The enumerator that stands for success."""
+        """The enumerator of the status after success."""
         return f"{self.macro}_OK"
 
     def failure(self, status: Status) -> str:
-        """The enumerator that stands for the failure of ``status``."""
+        """The enumerator of the failure of ``status``."""
         return f"{self.macro}_{status.failure.upper().replace(' ', '_')}"
 
     def literal(self, value: Fraction | int) -> str:

@@ -43,7 +43,7 @@ def sources(names: Iterable[str]) -> list[str]:
 
 
 def _contents(model: DerivedModel, names: list[str], real: Real) -> dict[str, Any]:
-    """What the README says and shows depends on: parts that were emitted, functions that exist."""
+    """Facts that the README depends on: which parts were emitted, and which functions exist."""
     name = model.spec.name
     return {
         "title": title(model.spec),

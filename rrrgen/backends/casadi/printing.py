@@ -1,4 +1,4 @@
-"""What both of CasADi's texts share: programs as a list of definitions and one expression per result."""
+"""Programs as a list of definitions and one expression per result, shared by CasADi's Python and C text."""
 
 from __future__ import annotations
 

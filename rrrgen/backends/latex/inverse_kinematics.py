@@ -102,7 +102,7 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
 
 
 def summary(plan: SolverPlan) -> ClosedForm:
-    """What is known without deriving: family, number of solutions, redundancy, singularities in words; no steps."""
+    """A closed form without steps: family, number of solutions, redundancy, singularities in words."""
     return ClosedForm(plan, plan.singularities, (), ())
 
 

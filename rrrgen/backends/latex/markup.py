@@ -1,4 +1,4 @@
-"""LaTeX and plain text for the walk over expressions."""
+"""LaTeX and plain text as markup languages for formulas."""
 
 from __future__ import annotations
 

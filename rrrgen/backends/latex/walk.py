@@ -1,4 +1,4 @@
-"""Writing an exact expression in any markup: LaTeX, plain text, MathML."""
+"""Writes an exact expression as LaTeX, plain text or MathML: visits its parts and joins the markup of each."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 
 
 class Markup(Protocol):
-    """A markup language: how each part of a formula is written."""
+    """The interface of a markup language: one method per kind of formula, given the text of its parts."""
 
     def symbol(self, parts: Notation) -> str:
-        """A letter with dots and subscript."""
+        """The markup of a letter with dots and subscript."""
         ...
 
     def number(self, text: str) -> str:
@@ -26,7 +26,7 @@ class Markup(Protocol):
         ...
 
     def total(self, terms: Sequence[tuple[bool, str]]) -> str:
-        """A sum of (negative?, term)."""
+        """The markup of a sum, given its terms as (whether negative, text without sign)."""
         ...
 
     def product(self, factors: Sequence[str]) -> str:
@@ -46,7 +46,7 @@ class Markup(Protocol):
         ...
 
     def function(self, name: str, argument: str, exponent: str) -> str:
-        """``name(argument)``, to the power ``exponent`` unless that is empty."""
+        """The markup of ``name(argument)``, to the power ``exponent`` unless that is empty."""
         ...
 
     def group(self, content: str) -> str:
@@ -91,18 +91,18 @@ def _by_parameters(term: sp.Expr) -> list[tuple[str, int]]:
 
 
 class Walk:
-    """Writes expressions in one markup; ``short_trig`` writes c_{23} for cos(q2 + q3) and s_{23} for the sine."""
+    """Writes expressions in one markup; with ``short_trig``, cos(q2 + q3) becomes c_{23} and its sine s_{23}."""
 
     def __init__(self, markup: Markup, short_trig: bool = True) -> None:
         self.markup = markup
         self.short_trig = short_trig
 
     def write(self, expression: sp.Expr) -> str:
-        """The whole expression. Raises :class:`BackendError` for what a closed form cannot contain."""
+        """The markup of ``expression``. Raises :class:`BackendError` for what a closed form cannot contain."""
         return self._write(expression, _SUM)
 
     def terms(self, expression: sp.Expr) -> list[tuple[bool, str]]:
-        """The terms of a sum in printing order, (negative?, text) each."""
+        """The terms of a sum in printing order, each as (whether negative, text without sign)."""
         return [self._signed(term) for term in self.ordered(expression)]
 
     def ordered(self, expression: sp.Expr) -> list[sp.Expr]:

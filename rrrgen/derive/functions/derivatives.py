@@ -176,13 +176,13 @@ def torques_and_derivatives(
 
 
 def _in_block(joint: ChainJoint, motion: LinkMotion, wrench: Wrench) -> Wrench:
-    """The wrench of a link, given in the frame in which that link is expressed, in the frame of its block."""
+    """Convert the wrench of a link from the frame in which its ``motion`` is expressed to the frame of its block."""
     F, N = wrench
     return (rotate_z(joint.c, joint.s, F), rotate_z(joint.c, joint.s, N)) if motion.in_link_frame else wrench
 
 
 def _derivative_wrench(revolute: bool, body: Body, zdot: Vector, axis: Vector, lift: Vector, total: Wrench) -> Wrench:
-    """The wrench of the field K_j on the composite body, plus its inertial wrench ``total`` rotated about z_j."""
+    """The wrench of the field K_j on the composite body, plus the derivative of its wrench ``total`` by q_j."""
     J, A, P = body.J, body.dyad.A, body.dyad.P
     h = [J.hx, J.hy, J.hz]
     F, N = total

@@ -157,7 +157,7 @@ class Recording:
         return program_chain(self.model, self.builder, self.constant, q, self.gravity())
 
     def chain_at(self, q: Sequence[Value], *rates: str) -> Chain:
-        """The chain at other positions ``q`` (n,) than the input q; ``rates`` as for :meth:`chain_in_gravity`."""
+        """The chain at positions ``q`` (n,) that are not the input q, in gravity; ``rates`` are its further vectors."""
         if not self.model.spec.gravity_input:
             return program_chain(self.model, self.builder, self.constant, q)
         for name in rates:

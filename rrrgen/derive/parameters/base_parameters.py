@@ -54,7 +54,7 @@ class BaseParameter:
 
 @dataclass(frozen=True)
 class Regrouping:
-    """Where one standard parameter went: the ``formula`` of its part in the base parameters, and the ``reason``."""
+    """Where one standard parameter went: ``formula`` is its part in the base parameters, ``reason`` says why."""
 
     parameter: str
     formula: str
@@ -78,7 +78,7 @@ class BaseSet:
     ring: PolynomialRing
 
     def expressions(self) -> list[sp.Expr]:
-        """The base parameters as linear combinations of standard parameters."""
+        """The base parameters as linear combinations of the symbols of the standard parameters."""
         symbols = standard_symbols(len(self.lift) // 10)
         return [linear_expression(row, symbols) for row in self.projection]
 
@@ -176,7 +176,7 @@ class _Linear:
 
 
 def _regroup(model: RobotModel, ring: PolynomialRing) -> dict[Parameter, list[Any]]:
-    """Candidate -> its coefficients over the standard parameters (10 n,), after both regrouping rules."""
+    """For every candidate its coefficients over the standard parameters (10 n,), after both regrouping rules."""
     width = 10 * model.links
     phi = [[_Linear(_unit_row(width, 10 * i + k)) for k in range(10)] for i in range(model.links)]
     values = regroup(model, partial(exact_placement, ring), phi)

@@ -101,7 +101,7 @@ class Assignments:
             return Entry(ZERO, place)
 
     def words(self) -> set[str]:
-        """Every name that occurs in the file."""
+        """All names that occur in the file."""
         return set(_SYMBOL.findall(self.text))
 
     def at_given_values(self, expr: sp.Expr) -> sp.Expr:

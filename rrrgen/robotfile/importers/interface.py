@@ -1,4 +1,4 @@
-"""What an importer must offer."""
+"""The interface of importers: what an importer is given, and what it returns."""
 
 from __future__ import annotations
 
@@ -31,11 +31,7 @@ class ChainChoice:
 
 @dataclass(frozen=True)
 class Source:
-    """The text of a file, and what its user said beside it.
-
-    ``values`` are the exact values, in SI units, of names that the file uses without giving them one. ``name`` is the
-    robot's name where the file has none. ``chain`` is the choice of a chain, for formats that describe trees.
-    """
+    """What an importer is given: the text of a file, and the choices of the user."""
 
     text: str
     values: Mapping[str, sp.Expr]

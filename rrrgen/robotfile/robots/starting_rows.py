@@ -57,10 +57,7 @@ def starting_rows(joints: str, convention: str) -> StartingRows:
 
 
 def _candidates(joints: str, wrist: bool) -> Iterator[list[int]]:
-    """Twists (deg) behind the joints: the usual ones, then those that differ from them at one, two, .. joints.
-
-    The usual ones are right angles, but for an elbow, two parallel axes, where the second and third joint turn.
-    """
+    """Lists of twists alpha (deg) to try: the usual ones, then those that differ from them at 1, 2, ... joints."""
     arm = joints[:-3] if wrist else joints
     usual = [90] * len(arm) if wrist else [90] * (len(arm) - 1) + [0]
     if len(arm) <= 5 and arm[1:3] == "RR":
@@ -91,7 +88,7 @@ def _standard_rows(joints: str, twists: list[int], wrist: bool) -> tuple[tuple[R
 
 
 def _rank(joints: str, rows: Sequence[Row], parameters: dict[str, float]) -> int:
-    """The rank of the Jacobian of rows in the standard convention, at a configuration without symmetry."""
+    """The rank of the Jacobian of these rows (standard convention) at a configuration without symmetry."""
     import numpy as np
 
     T, axes, origins = np.eye(4), [], []

@@ -1,10 +1,4 @@
-"""Numerical kernels: C files that compile alone, written into the code of one robot in its own names and sizes.
-
-In a kernel everything that differs between robots is a macro, which a header beside it explains and defines for a build
-of the kernel alone. :func:`specialize` does for the emitted file what the preprocessor does there, but leaves readable
-text: it settles ``#if`` on the *options* and replaces *words*, on the tokens of C. Comments, strings and character
-constants stay as they are, so a joint that is called like a word keeps its name in every message.
-"""
+"""Numerical kernels: C files that compile alone, adapted to the names and sizes of one robot."""
 
 from __future__ import annotations
 
@@ -40,20 +34,20 @@ class Settings:
 
 
 class KernelDialect(Dialect):
-    """C in the words of the kernels, which :func:`specialize` replaces: REAL, SQRT."""
+    """The dialect of kernel files, with placeholder names such as REAL and SQRT that :func:`specialize` replaces."""
 
     @property
     def real_type(self) -> str:
-        """The C name of the robot's floating-point type."""
+        """The placeholder for the floating-point type, REAL."""
         return "REAL"
 
     def function(self, name: str) -> str:
-        """The word for a function of math.h."""
+        """The placeholder for a function of math.h: its name in capitals, such as SQRT."""
         return name.upper()
 
 
 def kernel(name: str, settings: Settings) -> str:
-    """The text of the kernel ``templates/c/<name>`` for one robot, from behind its one include."""
+    """The text of the kernel ``templates/c/<name>`` adapted to one robot, without the lines up to its #include."""
     text = template_text(f"c/{name}")
     include = _INCLUDE.search(text)
     if include is None:
@@ -62,7 +56,7 @@ def kernel(name: str, settings: Settings) -> str:
 
 
 def specialize(text: str, settings: Settings) -> str:
-    """``text`` with its options settled and its words and prefixes replaced; see :class:`Settings`."""
+    """``text`` adapted to one robot: #if lines of known options are resolved, names and prefixes replaced."""
     replaced = _TOKEN.sub(lambda token: _replaced(token, settings), "".join(_settled(text, settings.options)))
     return re.sub(f" {_GAP}|{_GAP} ?", "", replaced)
 
@@ -81,7 +75,7 @@ def _replaced(token: re.Match[str], settings: Settings) -> str:
 
 
 def _settled(text: str, options: Mapping[str, bool]) -> Iterator[str]:
-    """The lines that remain; conditions that ask for anything but options stay in the text."""
+    """The lines that remain after resolving #if; conditions on anything but options stay in the text."""
     kept: list[bool | None] = []  # of each open condition: whether its lines remain; None where it stays in the text
     for line in text.splitlines(keepends=True):
         directive = _DIRECTIVE.match(line)

@@ -42,7 +42,12 @@ def settings(
     reasons: Sequence[str],
     texts: Sequence[str],
 ) -> Settings:
-    """The options, words and prefixes with which the kernels are written for the robot of ``plan``."""
+    """The options, words and prefixes with which the kernels are written for the robot of ``plan``.
+
+    ``needs`` are the template functions that the candidates call; ``opens`` lists, for each list of candidates, the
+    joints that a target can leave free, with their flags; ``rows`` is the largest number of solutions of one call;
+    ``reasons`` and ``texts`` are the messages by stage and by status.
+    """
     stem, macro = f"{dialect.prefix}_ik", f"{dialect.macro}_IK"
     n, position = plan.chain.n, plan.task == "position"
     last = "branches" if plan.companion is None else "nearby"

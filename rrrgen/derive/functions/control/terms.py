@@ -78,9 +78,11 @@ def reference_regressor_transpose(r: Recording) -> Program:
 
 
 def along_reference(r: Recording, recorder: Recorder, reference: Mapping[Role, Sequence[Value]]) -> list[list[Value]]:
-    """The outputs of the function of ``recorder`` with the two velocities dq and v, and the acceleration a.
+    """Evaluate a function of (q, dq, ddq) with ``M a + C(q, dq) v + g`` in place of the torques tau.
 
-    ``reference`` holds v, a and, if the function takes it, e by their roles.
+    It is the directional derivative of the function of ``recorder`` along dq: v/2, ddq: a and gravity, at ddq = 0 and
+    without gravity, since c(q, dq) is quadratic in dq. ``reference`` holds v, a and, if the function takes it, e by
+    role.
     """
     program = recorder(r.with_gravity_input())
     gravity = r.gravity() if r.model.spec.gravity_input else [r.constant(g) for g in r.model.spec.gravity]
@@ -108,7 +110,7 @@ def _declared(r: Recording, *names: str) -> dict[Role, Sequence[Value]]:
 def _derivative(
     r: Recording, program: Program, given: Mapping[Role, Sequence[Value]], direction: Mapping[Role, Sequence[Value]]
 ) -> list[list[Value]]:
-    """The derivatives of the outputs of ``program`` at the inputs ``given`` along ``direction``, both by role."""
+    """The directional derivative of all outputs of ``program`` at ``given`` along ``direction``, both by role."""
     seeds: list[list[Tangent]] = []
     for port in program.inputs:
         along = direction.get(port.role, [0] * port.size)

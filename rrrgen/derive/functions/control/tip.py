@@ -1,4 +1,4 @@
-"""What laws for the tip share: the error of a pose, and torques within their limits."""
+"""Parts shared by control laws for the tip: the error of a pose, and the limitation of torques."""
 
 from __future__ import annotations
 

@@ -134,8 +134,8 @@ class _Reader:
     ) -> tuple[str, Array]:
         """Read one joint of the body ``owner``; an MJCF body may have several, stacked one behind the other.
 
-        Each becomes a joint between ``parent`` and a new massless body. Returns the name of that body and the pose (4,
-        4) of the owner in it.
+        Each becomes a joint between ``parent`` and a new massless body. Returns the new body's name and the owner's
+        pose in it.
         """
         element = self.settings.with_defaults(given, inherited)
         word = "free" if given.tag == "freejoint" else element.attributes.get("type", "hinge")
