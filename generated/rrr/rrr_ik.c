@@ -24,30 +24,30 @@
 #define RRR_IK_GONE 32u /* inner flag: another row stands for this one */
 #define RRR_IK_FIXED 64u /* inner flag: refined already, with the free joint held */
 
-/* x in (-pi, pi] */
+/* Reduces an angle (rad) to (-pi, pi]. */
 static rrr_real rrr_ik_wrap(rrr_real x)
 {
-    x -= (rrr_real)6.283185307179586 * (rrr_real)((x > (rrr_real)3.141592653589793) - (x <= (rrr_real)-3.141592653589793)); /* the usual case */
+    x -= (rrr_real)6.283185307179586 * (rrr_real)((x > (rrr_real)3.141592653589793) - (x <= (rrr_real)-3.141592653589793)); /* enough for |x| up to 3 pi */
     if (x > (rrr_real)3.141592653589793 || x <= (rrr_real)-3.141592653589793) {
         x -= (rrr_real)6.283185307179586 * floor(x * (rrr_real)0.15915494309189535 + (rrr_real)0.5);
     }
     return x;
 }
 
-/* atan2 to 2.7 ulp, the same bits wherever every step is rounded; a quarter turn at the origin. Without branches and
- * tables, which lets compilers make vectors of it. The angle is none or some eighths of a turn (start) plus or minus (turn)
- * an arc of at most pi/8; nothing but the last sum waits for both. */
+/* atan2(y, x) in rad with an error of at most 2.7 ulp; pi/2 at the origin. Without branches and tables, so that compilers can
+ * vectorize it; the same bits on every machine that rounds each operation. The result is a multiple of pi/4 (start) plus or
+ * minus (turn) an arc of at most pi/8, and the two are computed in parallel up to the last sum. */
 static inline rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
 {
     const rrr_real ax = fabs(x), ay = fabs(y);
     const rrr_real small = ax < ay ? ax : ay, large = ax > ay ? ax : ay;
-    const rrr_real sense = copysign((rrr_real)1, (rrr_real)0 + y); /* plus for -0 */
+    const rrr_real sense = copysign((rrr_real)1, (rrr_real)0 + y); /* +1 for y = -0 */
     const rrr_real front = copysign((rrr_real)1, x), flat = -copysign((rrr_real)1, ay - ax);
     const rrr_real half = copysign((rrr_real)0.5, (rrr_real)0.41421356237309503 * large - small), beyond = (rrr_real)0.5 - half; /* tan(pi/8) */
-    const rrr_real axis = flat * ((rrr_real)0.5 + half); /* the arc counts from the x axis (1), from the diagonal or from the y axis (-1) */
+    const rrr_real axis = flat * ((rrr_real)0.5 + half); /* the arc is measured from the x axis (1), the diagonal (0) or the y axis (-1) */
     const rrr_real start = sense * ((rrr_real)1.5707963267948966 - front * ((rrr_real)0.7853981633974483 + (rrr_real)0.7853981633974483 * axis));
     const rrr_real turn = sense * front * flat;
-    const rrr_real t = (small - beyond * large) / (large + (rrr_real)1e-300 + beyond * small); /* no 0 / 0 */
+    const rrr_real t = (small - beyond * large) / (large + (rrr_real)1e-300 + beyond * small); /* VALUE_TINY avoids 0 / 0 */
     const rrr_real s = turn * t, u = t * t, v = u * u, w = v * v;
     const rrr_real p0 = (rrr_real)-0.333333333333332 + u * (rrr_real)0.19999999999953244;
     const rrr_real p1 = (rrr_real)-0.14285714280166237 + u * (rrr_real)0.11111110782140723;
@@ -65,7 +65,7 @@ static void rrr_ik_arcs(int count, const rrr_real *RRR_RESTRICT sine, const rrr_
     }
 }
 
-/* The real roots of w^2 = w2: two, one at a double root (w2 within -slack size of zero), or none; w >= 0. */
+/* Solves w^2 = w2 for w >= 0 and returns the number of real roots: 2, 1 for a double root (-slack size <= w2 <= 0), or 0. */
 static int rrr_ik_root(rrr_real w2, rrr_real size, rrr_real slack, rrr_real *w, unsigned *flags)
 {
     if (w2 > (rrr_real)0) {
@@ -78,7 +78,7 @@ static int rrr_ik_root(rrr_real w2, rrr_real size, rrr_real slack, rrr_real *w, 
     return w2 >= -slack * size ? 1 : 0;
 }
 
-/* cos(e) = k: w = sin(e) >= 0, w^2 = w2. A double root takes k to the nearer of -1 and 1. */
+/* Solves cos(e) = k for w = sin(e) >= 0, where w^2 = w2. Returns the number of roots; for a double root k becomes -1 or 1. */
 static int rrr_ik_cosine(rrr_real *k, rrr_real w2, rrr_real slack, rrr_real *w, unsigned *flags)
 {
     const int n = rrr_ik_root(w2, (rrr_real)1, slack, w, flags);
@@ -86,9 +86,10 @@ static int rrr_ik_cosine(rrr_real *k, rrr_real w2, rrr_real slack, rrr_real *w, 
     return n;
 }
 
-/* a cos(x) + b sin(x) = k: on return cos(x) = a k -+ b w and sin(x) = b k +- a w, w >= 0. w2 >= 0 is a better expression of
- * a^2 + b^2 - k^2. Every x solves 0 = 0: then x is the reference. `open` is flagged where that
- * may be so, `none` where it is. */
+/* Solves a cos(x) + b sin(x) = k and returns the number of roots. On return cos(x) = a k -+ b w and sin(x) = b k +- a w with
+ * w >= 0. A w2 >= 0 is a more accurate value of a^2 + b^2 - k^2; a negative one is ignored. Where a, b and k vanish, every x
+ * is a solution and x becomes ref: flag `none` is set there, flag `open` where that is the case within the accuracy of the
+ * target. */
 static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr_real unit, rrr_real ref, rrr_real least, unsigned open, unsigned none, rrr_real slack, rrr_real *w, unsigned *flags)
 {
     const rrr_real h2 = *a * *a + *b * *b;
@@ -106,7 +107,7 @@ static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr
             return 1;
         }
     }
-    { /* the root does not wait for the quotient */
+    { /* square root and quotient are independent, so that the processor can overlap them */
         const rrr_real i = (rrr_real)1 / h2;
         const int n = rrr_ik_root(w2 >= (rrr_real)0 ? w2 : h2 - *k * *k, h2, slack, w, flags);
         *w *= i;
@@ -115,7 +116,7 @@ static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr
     }
 }
 
-/* Constant transforms of the chain (rows of 3x4) before joint 1, between the joints, and after the last one. */
+/* Constant transforms of the chain before joint 1, between the joints and after the last one: 3 x 4 matrices, row by row. */
 static const rrr_real rrr_ik_fixed[4][12] = {
     {(rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0},
     {(rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, -(rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.56},
@@ -123,7 +124,7 @@ static const rrr_real rrr_ik_fixed[4][12] = {
     {(rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.415, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.09}
 };
 
-/* x -> x J(q) F of a rigid transform x (rotation and translation as rows of 3x4). */
+/* x = x f: product of two rigid transforms, stored as 3 x 4 matrices row by row. */
 static void rrr_ik_advance(rrr_real x[12], const rrr_real f[12])
 {
     rrr_real y[12];
@@ -138,8 +139,8 @@ static void rrr_ik_advance(rrr_real x[12], const rrr_real f[12])
     }
 }
 
-/* Task error e = target - forward kinematics (lengths by the reach) and its Jacobian, without the columns of the joints
- * that are held (bits); returns the squared error. */
+/* Task error e = target - forward kinematics (position over the reach, rotation in rad) and its Jacobian J, with zero columns
+ * for the joints that are held (bits). Returns the squared error |e|^2. */
 static rrr_real rrr_ik_error(const rrr_real *T, const rrr_real *q, rrr_real e[3], rrr_real J[3][3], unsigned held)
 {
     rrr_real x[12], axis[3][6], cost = (rrr_real)0;
@@ -184,7 +185,7 @@ static rrr_real rrr_ik_error(const rrr_real *T, const rrr_real *q, rrr_real e[3]
     return cost;
 }
 
-/* The step d that minimises |J d - e|^2 + damping^2 |d|^2, by Householder reflections. */
+/* Damped Gauss-Newton step: the d that minimizes |J d - e|^2 + damping^2 |d|^2, by Householder reflections. */
 static void rrr_ik_step(rrr_real J[3][3], const rrr_real e[3], rrr_real damping, rrr_real d[3])
 {
     rrr_real A[6][3], b[6];
@@ -228,10 +229,10 @@ static void rrr_ik_step(rrr_real J[3][3], const rrr_real e[3], rrr_real damping,
     }
 }
 
-/* At most `steps` Levenberg-Marquardt steps on the task error, damped in proportion to what is left of it (which keeps
- * them fast at singular configurations too). Up to three steps in a row may make it worse: the bottom of a curved valley
- * is followed by stepping off and back. Joints in `held` (bits) stay. Returns the least error found, squared, and its
- * configuration. */
+/* At most `steps` Levenberg-Marquardt steps on the task error. The damping is proportional to the error, which keeps the
+ * convergence fast at singular configurations. Up to three steps in a row may increase the error, because the bottom of a
+ * curved valley is followed by leaving it and coming back. Joints in `held` (bits) do not move. On return q is the best
+ * configuration found; returns its squared error. */
 static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_real damping, unsigned held)
 {
     rrr_real x[3], e[3], J[3][3], d[3] = {(rrr_real)0}, best, cost;
@@ -246,12 +247,12 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
         for (i = 0; i < 3; ++i) {
             most = fabs(d[i]) > most ? fabs(d[i]) : most;
         }
-        for (i = 0; i < 3; ++i) { /* never more than a radian or a reach at once */
+        for (i = 0; i < 3; ++i) { /* limit the step to one radian or one reach */
             x[i] += d[i] / most;
         }
         cost = rrr_ik_error(T, x, e, J, held);
         if (cost < best) {
-            const int stuck = cost > (rrr_real)0.999999999 * best && damping > (rrr_real)1; /* the least-squares answer */
+            const int stuck = cost > (rrr_real)0.999999999 * best && damping > (rrr_real)1; /* at the minimum, which is not zero */
             for (i = 0; i < 3; ++i) {
                 q[i] = x[i];
             }
@@ -351,7 +352,8 @@ static int rrr_ik_branches(
     return rows;
 }
 
-/* Takes angles to the turn nearest to the reference (with limits: to the nearest turn inside); 0 if outside. */
+/* Adds multiples of 2 pi to the angles to come nearest to the reference and inside the limits, if there are any. Returns 0 if
+ * a joint is outside its limits for every multiple. */
 static int rrr_ik_place(rrr_real q[3], const rrr_real *ref)
 {
     int inside = 1, i;
@@ -361,7 +363,7 @@ static int rrr_ik_place(rrr_real q[3], const rrr_real *ref)
     return inside;
 }
 
-/* Largest difference of two rows; displacements in reaches. */
+/* Largest difference of a joint between two configurations: rad, displacements in units of the reach. */
 static rrr_real rrr_ik_apart(const rrr_real *a, const rrr_real *b)
 {
     rrr_real most = (rrr_real)0;
@@ -404,7 +406,7 @@ static void rrr_ik_move(const rrr_ik_solutions *from, int i, rrr_ik_solutions *o
     }
 }
 
-/* Nearest row first: squared distance from the reference, insertion sort. */
+/* Sorts the solutions by their squared distance from the reference, nearest first (insertion sort). */
 static void rrr_ik_sort(const rrr_real *ref, rrr_ik_solutions *out)
 {
     rrr_real away[4];
@@ -424,7 +426,7 @@ static void rrr_ik_sort(const rrr_real *ref, rrr_ik_solutions *out)
     }
 }
 
-/* Whether row i of the answer says the same as an earlier one; that one is then a multiple root. */
+/* Whether solution i repeats an earlier one, which is then flagged as a multiple root. */
 static int rrr_ik_repeated(rrr_ik_solutions *out, int i)
 {
     int j;
@@ -437,8 +439,8 @@ static int rrr_ik_repeated(rrr_ik_solutions *out, int i)
     return 0;
 }
 
-/* How accurate the numbers of a target are taken to be: as its rotation is orthonormal, and never better than some units
- * of rounding. Asked only where a joint may be free, so that other targets do not pay for it. */
+/* Estimates the accuracy of the numbers of a target: the defect of its rotation, but at least a few rounding errors. Called
+ * only where a joint may be free, so that other targets do not pay for it. */
 static rrr_real rrr_ik_accuracy(const rrr_real *target)
 {
     const rrr_real rounding = (rrr_real)64.0 * RRR_IK_TOL_EPS;
@@ -446,7 +448,7 @@ static rrr_real rrr_ik_accuracy(const rrr_real *target)
     return rounding;
 }
 
-/* What is wrong with the numbers of a target, and a copy of it with an exact rotation in T. */
+/* Checks the numbers of a target and copies it to T, with its rotation made orthonormal. Returns the status of the check. */
 static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref, rrr_real T[3])
 {
     rrr_real sum = (rrr_real)0;
@@ -464,16 +466,16 @@ static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref,
     return RRR_IK_OK;
 }
 
-/* Whether the target is so far away that its coordinates drown the arm. */
+/* Whether the target is so far away that, in its coordinates, the size of the arm is lost in rounding errors. */
 static int rrr_ik_far(const rrr_real *T)
 {
     const rrr_real bound = (rrr_real)1353646.912151731;
     return !(fabs(T[0]) < bound && fabs(T[1]) < bound && fabs(T[2]) < bound);
 }
 
-/* Descent from every branch with its discriminants clamped, from the reference and from a few fixed configurations.
- * Rows that meet the target are kept; if there are none, row 0 is the nearest configuration, its distance is noted and
- * 0 is returned. */
+/* Minimizes the task error from every branch (with negative discriminants set to zero), from the reference and from a few
+ * fixed configurations. Returns the number of solutions that meet the target. If it is 0, solution 0 is the nearest
+ * configuration and out->distance its error: the root of the squared position (m) and rotation (rad times reach) errors. */
 static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutions *out)
 {
     rrr_ik_solutions found;
@@ -517,8 +519,8 @@ static void rrr_ik_take(const rrr_ik_solutions *from, int i, rrr_ik_solutions *o
     out->residual[to] = from->residual[i];
 }
 
-/* Which joints of row i the target leaves open: turned a little and held there, one of them still lets the others meet
- * the target to its own accuracy. */
+/* Joints of solution i that the target leaves free, as bits. A joint is free if the others still meet the target, to the
+ * accuracy of its numbers, after this joint is displaced by a small angle and held there. */
 static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_solutions *found, int i)
 {
     unsigned held = RRR_IK_HELD(found->flags[i]);
@@ -539,7 +541,7 @@ static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_soluti
     return held;
 }
 
-/* The choices of a branch that fall together where these joints are free. */
+/* Bits of the branch number that have no meaning while the joints `held` are free, because those branches coincide. */
 static unsigned rrr_ik_merged_branches(unsigned held)
 {
     unsigned bits = 0u;
@@ -548,9 +550,10 @@ static unsigned rrr_ik_merged_branches(unsigned held)
     return bits;
 }
 
-/* Candidates in which a vector that decides a joint is short. Where the target does not decide the joint, the row with the
- * joint at its reference (with limits: the nearest that brings all joints inside) stands for them, if it meets the target.
- * The vectors are taken for none from ever greater lengths on, until the joints are free that the target leaves open. */
+/* Handles candidates whose joint follows from the direction of a very short vector. Where the target leaves that joint free,
+ * they are replaced by the solution with the joint at its reference (with limits: at the nearest value for which all joints
+ * are inside), if that meets the target. The length below which a vector counts as zero is raised step by step until the
+ * equations treat exactly those joints as free. */
 static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsigned options, rrr_real accuracy, rrr_ik_solutions *found, int rows)
 {
     const rrr_real own = (rrr_real)16 * accuracy * accuracy, tolerance = own > RRR_IK_TOL_ACCEPT ? own : RRR_IK_TOL_ACCEPT;
@@ -588,7 +591,7 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
     (void)options;
 }
 
-/* Whether all candidates can be taken as they are: none is inexact, may be one of a double, or has a joint left open. */
+/* Whether all candidates can be returned without refinement: none is inexact, near a double root, or has a free joint. */
 static int rrr_ik_sound(const rrr_ik_solutions *found, int rows)
 {
     unsigned flags = 0u;
@@ -600,7 +603,7 @@ static int rrr_ik_sound(const rrr_ik_solutions *found, int rows)
     return tight & (flags == 0u);
 }
 
-/* Refines row i of the answer where it needs that; 0 if it does not meet the task or says the same as an earlier one. */
+/* Refines solution i where its residual requires it. Returns 0 if it misses the target or repeats an earlier solution. */
 static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *out, int i)
 {
     const rrr_real error = out->residual[i];
@@ -624,7 +627,7 @@ static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *
     return !rrr_ik_repeated(out, i);
 }
 
-/* Appends candidate i to the answer if it meets the whole task. */
+/* Appends candidate i to the solutions if it meets the target. */
 static void rrr_ik_keep(const rrr_real *T, unsigned options, const rrr_ik_solutions *found, int i, rrr_ik_solutions *out)
 {
     const int to = out->count;
@@ -632,7 +635,8 @@ static void rrr_ik_keep(const rrr_real *T, unsigned options, const rrr_ik_soluti
     out->count += rrr_ik_settle(T, options, out, to);
 }
 
-/* Rows as they are handed out: at the turns asked for, residuals no longer squared. 0 if one lies outside the limits. */
+/* Final form of the solutions: multiples of 2 pi chosen, limits checked, residuals as square roots, branch numbers. Returns 0
+ * if a solution lies outside the limits. */
 static inline int rrr_ik_finish(const rrr_real *ref, unsigned options, rrr_ik_solutions *out)
 {
     int i;
@@ -678,7 +682,7 @@ rrr_ik_status rrr_inverse_kinematics(
     }
     outside = !rrr_ik_finish(q_ref, options, out);
     if (out->count == 0 && !outside) {
-        if (rows > 0) { /* candidates from discriminants a little below zero, perhaps: which one is it? */
+        if (rows > 0) { /* candidates may stem from slightly negative discriminants: find the stage that failed */
             out->stage = 0;
             rows = rrr_ik_branches(T, ref, (rrr_real)0, RRR_IK_TOL_FREE, found, &out->stage);
             out->stage = rows > 0 ? 3 : out->stage;
@@ -758,7 +762,7 @@ const char *rrr_ik_status_string(rrr_ik_status status)
     static const char *const texts[] = {
         "ok", "the target is out of reach", "every solution is outside the joint limits", "a number of the target, of the reference or of the redundancy parameter is not finite",
         "the rotation of the target is not orthonormal and right-handed", "unknown status"};
-    const unsigned number = (unsigned)status; /* enumerations may be unsigned and short */
+    const unsigned number = (unsigned)status; /* the compiler may choose any integer type for an enumeration */
     return texts[number <= 4u ? number : 5u];
 }
 

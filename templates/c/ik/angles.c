@@ -1,9 +1,9 @@
-/* Angles: in (-pi, pi], and arc tangents without branches and tables. Needs tolerances.c. */
+/* Angles: reduction to (-pi, pi], and atan2 without branches and tables. Needs tolerances.c. */
 #include "kernel.h"
-/* x in (-pi, pi] */
+/* Reduces an angle (rad) to (-pi, pi]. */
 LOCAL REAL ik_wrap(REAL x)
 {
-    x -= (REAL)6.283185307179586 * (REAL)((x > (REAL)3.141592653589793) - (x <= (REAL)-3.141592653589793)); /* the usual case */
+    x -= (REAL)6.283185307179586 * (REAL)((x > (REAL)3.141592653589793) - (x <= (REAL)-3.141592653589793)); /* enough for |x| up to 3 pi */
     if (x > (REAL)3.141592653589793 || x <= (REAL)-3.141592653589793) {
         x -= (REAL)6.283185307179586 * FLOOR(x * (REAL)0.15915494309189535 + (REAL)0.5);
     }
@@ -11,7 +11,7 @@ LOCAL REAL ik_wrap(REAL x)
 }
 #if NEEDS_WRIST
 
-/* The angle half a turn away. */
+/* x +- pi in (-pi, pi], for x in (-pi, pi]. */
 LOCAL REAL ik_opposite(REAL x)
 {
     return x > (REAL)0 ? x - (REAL)3.141592653589793 : x + (REAL)3.141592653589793;
@@ -19,20 +19,20 @@ LOCAL REAL ik_opposite(REAL x)
 #endif
 
 #if NEEDS_ATAN2
-/* atan2 to 2.7 ulp, the same bits wherever every step is rounded; a quarter turn at the origin. Without branches and
- * tables, which lets compilers make vectors of it. The angle is none or some eighths of a turn (start) plus or minus (turn)
- * an arc of at most pi/8; nothing but the last sum waits for both. */
+/* atan2(y, x) in rad with an error of at most 2.7 ulp; pi/2 at the origin. Without branches and tables, so that compilers can
+ * vectorize it; the same bits on every machine that rounds each operation. The result is a multiple of pi/4 (start) plus or
+ * minus (turn) an arc of at most pi/8, and the two are computed in parallel up to the last sum. */
 LOCAL_INLINE REAL ik_atan2(REAL y, REAL x)
 {
     const REAL ax = FABS(x), ay = FABS(y);
     const REAL small = ax < ay ? ax : ay, large = ax > ay ? ax : ay;
-    const REAL sense = COPYSIGN((REAL)1, (REAL)0 + y); /* plus for -0 */
+    const REAL sense = COPYSIGN((REAL)1, (REAL)0 + y); /* +1 for y = -0 */
     const REAL front = COPYSIGN((REAL)1, x), flat = -COPYSIGN((REAL)1, ay - ax);
     const REAL half = COPYSIGN((REAL)0.5, (REAL)0.41421356237309503 * large - small), beyond = (REAL)0.5 - half; /* tan(pi/8) */
-    const REAL axis = flat * ((REAL)0.5 + half); /* the arc counts from the x axis (1), from the diagonal or from the y axis (-1) */
+    const REAL axis = flat * ((REAL)0.5 + half); /* the arc is measured from the x axis (1), the diagonal (0) or the y axis (-1) */
     const REAL start = sense * ((REAL)1.5707963267948966 - front * ((REAL)0.7853981633974483 + (REAL)0.7853981633974483 * axis));
     const REAL turn = sense * front * flat;
-    const REAL t = (small - beyond * large) / (large + (REAL)VALUE_TINY + beyond * small); /* no 0 / 0 */
+    const REAL t = (small - beyond * large) / (large + (REAL)VALUE_TINY + beyond * small); /* VALUE_TINY avoids 0 / 0 */
     const REAL s = turn * t, u = t * t, v = u * u, w = v * v;
     const REAL p0 = (REAL)-0.333333333333332 + u * (REAL)0.19999999999953244;
     const REAL p1 = (REAL)-0.14285714280166237 + u * (REAL)0.11111110782140723;

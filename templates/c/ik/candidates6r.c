@@ -1,18 +1,18 @@
-/* The candidate rows of six joints without special structure, also beside a prescribed first or last of seven joints.
+/* Candidate solutions of a general six-joint chain, or of a seven-joint chain whose first or last joint is prescribed.
  * Needs refine.c and general6r.c. */
 #include "kernel.h"
-/* The candidates of every branch. A larger slack clamps discriminants that are below zero. Residuals
- * are still squared, and negative where they are not known yet. A joint whose direction is shorter than `least` is free
- * and takes its value from ref. */
+/* Lists the candidate solutions of all branches in `found` and returns their number; *stage is set to 1 if there are none.
+ * residual holds -1, which means that the caller has to compute it. ref, slack and least have no effect in this solver: it
+ * has no discriminants and no joints that a target leaves free. */
 LOCAL int ik_branches(
     const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL least BAND_PARAMETER, ik_solutions *found, int *stage)
 {
     int rows = 0;
-    /* inverses of what stands before the first joint and after the last one, rows of 3x4 */
+    /* inverses of the constant transforms before the first joint and after the last one, 3 x 4 row by row */
     static const REAL before[12] = DH_BEFORE;
     static const REAL after[12] = DH_AFTER;
 #if LOCKED
-    static const REAL link[12] = LOCKED_LINK; /* likewise between the prescribed joint and the others */
+    static const REAL link[12] = LOCKED_LINK; /* inverse of the transform between the prescribed joint and the others */
 #endif
 #if DH_SHIFTED
     static const REAL shift[6] = DH_SHIFTS;
@@ -66,7 +66,7 @@ LOCAL int ik_branches(
 #endif
         found->flags[i] = multiplicity[i] > 1 ? (unsigned)IK_MULTIPLE : 0u;
         found->branch[i] = 0u;
-        found->residual[i] = (REAL)-1; /* checked and polished by the caller */
+        found->residual[i] = (REAL)-1; /* checked and refined by the caller */
     }
 
     (void)T;

@@ -1,8 +1,8 @@
-/* The nearest configuration to a target out of reach, by descent from many starts. Needs refine.c and rows.c. */
+/* The nearest configuration to a target out of reach, by Gauss-Newton descent from many starts. Needs refine.c and rows.c. */
 #include "kernel.h"
-/* Descent from every branch with its discriminants clamped, from the reference and from a few fixed configurations.
- * Rows that meet the target are kept; if there are none, row 0 is the nearest configuration, its distance is noted and
- * 0 is returned. */
+/* Minimizes the task error from every branch (with negative discriminants set to zero), from the reference and from a few
+ * fixed configurations. Returns the number of solutions that meet the target. If it is 0, solution 0 is the nearest
+ * configuration and out->distance its error: the root of the squared position (m) and rotation (rad times reach) errors. */
 LOCAL int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions *out)
 {
     ik_solutions found;

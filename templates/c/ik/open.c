@@ -1,14 +1,14 @@
-/* Joints that the target leaves open, part 1: which ones, and how far a row is outside the limits. Needs refine.c. */
+/* Joints that the target leaves free, part 1: which joints these are, and how far a solution violates the limits. Needs refine.c. */
 #include "kernel.h"
 #if LIMITED
 
-/* x without whole turns, in [0, 2 pi) */
+/* Reduces an angle (rad) to [0, 2 pi). */
 LOCAL REAL ik_part(REAL x)
 {
     return x - (REAL)6.283185307179586 * FLOOR(x * (REAL)0.15915494309189535);
 }
 
-/* How far the worst joint is outside its limits and a margin, rad or m; 0 if all are inside (at some turn). */
+/* Largest violation of the joint limits, widened by margin (rad or m); 0 if every joint is inside for some multiple of 2 pi. */
 LOCAL REAL ik_outside(const REAL *q, REAL margin)
 {
     REAL worst = (REAL)0;
@@ -37,8 +37,9 @@ LOCAL REAL ik_clamped(REAL x, int j)
     return x > ik_upper[j] ? ik_upper[j] : x;
 }
 
-/* Moves the free joint j to the value nearest to the reference inside its limits and, where another joint has the same axis
- * (only the sum or difference of the two is decided), inside the limits of both. 0 if there is none, or if more joints move. */
+/* Moves the free joint j to the value nearest to its reference inside its limits. Where a second joint has the same axis, so
+ * that the target determines only the sum or difference of the two, both are moved and kept inside their limits. Returns 0 if
+ * no such value exists or if more than two joints would have to move. */
 LOCAL int ik_shift(const REAL *T, REAL *q, int j, const REAL *ref)
 {
     const REAL near = (REAL)4 * IK_TOL_DOUBT;
@@ -52,7 +53,7 @@ LOCAL int ik_shift(const REAL *T, REAL *q, int j, const REAL *ref)
     for (i = 0; i < ERRORS; ++i) {
         alone += FABS(J[i][j]);
     }
-    if (alone < near) { /* nothing else depends on it */
+    if (alone < near) { /* joint j does not move the tip: no other joint has to follow */
         q[j] = x;
         return 1;
     }
@@ -76,7 +77,7 @@ LOCAL int ik_shift(const REAL *T, REAL *q, int j, const REAL *ref)
     {
         const REAL low = ik_lower[partner], width = ik_upper[partner] - low;
         const REAL other = q[partner] + sense * (x - q[j]);
-        if (width < (REAL)6.283185307179586 && ik_part(other - low) > width) { /* its two nearest ends */
+        if (width < (REAL)6.283185307179586 && ik_part(other - low) > width) { /* the partner is outside: move it to either of its limits */
             const REAL up = x + sense * ik_part(low - other), down = x - sense * ik_part(other - low - width);
             const int above = up == ik_clamped(up, j), below = down == ik_clamped(down, j);
             if (!above && !below) {
@@ -104,8 +105,8 @@ LOCAL void ik_take(const ik_solutions *from, int i, ik_solutions *out, int to)
 }
 
 #if REDUNDANT && !LOCKED
-/* Whether all joints but j and one other, which may have the same axis, stand still between two configurations. The arm
- * could also meet the target by another value of the redundancy parameter, which is prescribed: then several move. */
+/* Whether two configurations differ only in joint j and at most one other joint, which may share its axis. If several joints
+ * move, the arm has met the target with another value of the redundancy parameter, which must stay as prescribed. */
 LOCAL int ik_stands(const REAL *from, const REAL *to, int j, REAL most)
 {
     REAL sum = (REAL)0, largest = (REAL)0;
@@ -119,8 +120,8 @@ LOCAL int ik_stands(const REAL *from, const REAL *to, int j, REAL most)
 }
 
 #endif
-/* Which joints of row i the target leaves open: turned a little and held there, one of them still lets the others meet
- * the target to its own accuracy. */
+/* Joints of solution i that the target leaves free, as bits. A joint is free if the others still meet the target, to the
+ * accuracy of its numbers, after this joint is displaced by a small angle and held there. */
 LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i)
 {
     unsigned held = IK_HELD(found->flags[i]);

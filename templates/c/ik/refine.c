@@ -1,12 +1,12 @@
-/* Refinement: forward kinematics, its Jacobian, and damped Gauss-Newton steps, all from a table of transforms. */
+/* Refinement of a solution: forward kinematics, Jacobian and damped Gauss-Newton steps. */
 #include "kernel.h"
-/* Constant transforms of the chain (rows of 3x4) before joint 1, between the joints, and after the last one. */
+/* Constant transforms of the chain before joint 1, between the joints and after the last one: 3 x 4 matrices, row by row. */
 static const REAL ik_fixed[TRANSFORMS][12] = FIXED;
 #if OFFSETS
 static const REAL ik_offset[JOINTS] = OFFSET_VALUES;
 #endif
 
-/* x -> x J(q) F of a rigid transform x (rotation and translation as rows of 3x4). */
+/* x = x f: product of two rigid transforms, stored as 3 x 4 matrices row by row. */
 LOCAL void ik_advance(REAL x[12], const REAL f[12])
 {
     REAL y[12];
@@ -22,10 +22,11 @@ LOCAL void ik_advance(REAL x[12], const REAL f[12])
 }
 
 #if OPENED
-/* Task error e = target - forward kinematics (lengths by the reach) and its Jacobian, without the columns of the joints
- * that are held (bits); returns the squared error. */
+/* Task error e = target - forward kinematics (position over the reach, rotation in rad) and its Jacobian J, with zero columns
+ * for the joints that are held (bits). Returns the squared error |e|^2. */
 #else
-/* Task error e = target - forward kinematics (lengths by the reach) and its Jacobian; returns the squared error. */
+/* Task error e = target - forward kinematics (position over the reach, rotation in rad) and its Jacobian J. Returns the squared
+ * error |e|^2. */
 #endif
 LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS][JOINTS] HELD_PARAMETER)
 {
@@ -72,7 +73,7 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
 #endif
     }
 #if !POSITION
-    { /* the rotation that is missing, as an axis of length angle: E = R_target R' */
+    { /* rotation error as a vector along its axis with the angle (rad) as its length: E = R_target R' */
         REAL E[3][3], s2, c, f;
         int j;
         for (i = 0; i < 3; ++i) {
@@ -88,7 +89,7 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
         if (c < (REAL)VALUE_SMALL_TURN) {
             if (s2 > IK_TOL_EPS) {
                 f = ik_atan2(SQRT(s2), c) / SQRT(s2);
-            } else { /* half a turn about the largest column of E + 1 */
+            } else { /* angle pi: every column of E + 1 is parallel to the axis, the largest one is the most accurate */
                 j = E[0][0] > E[1][1] ? (E[0][0] > E[2][2] ? 0 : 2) : (E[1][1] > E[2][2] ? 1 : 2);
                 for (i = 0; i < 3; ++i) {
                     e[3 + i] = E[i][j] + (i == j ? (REAL)1 : (REAL)0);
@@ -108,7 +109,7 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
         const REAL *z = axis[k];
         const REAL r0 = x[3] - z[3], r1 = x[7] - z[4], r2 = x[11] - z[5];
 #if SLIDES
-        if (((SLIDING >> k) & 1u) != 0u) { /* a displacement counts in reaches */
+        if (((SLIDING >> k) & 1u) != 0u) { /* displacements are in units of the reach */
             for (i = 0; i < 3; ++i) {
                 J[i][k] = z[i];
 #if !POSITION
@@ -142,7 +143,7 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
     return cost;
 }
 
-/* The step d that minimises |J d - e|^2 + damping^2 |d|^2, by Householder reflections. */
+/* Damped Gauss-Newton step: the d that minimizes |J d - e|^2 + damping^2 |d|^2, by Householder reflections. */
 LOCAL void ik_step(REAL J[ERRORS][JOINTS], const REAL e[ERRORS], REAL damping, REAL d[JOINTS])
 {
     REAL A[STACKED][JOINTS], b[STACKED];
@@ -185,20 +186,20 @@ LOCAL void ik_step(REAL J[ERRORS][JOINTS], const REAL e[ERRORS], REAL damping, R
         d[k] = t / A[k][k];
     }
 #if LOCKED && !LOCKED_LAST
-    d[LOCKED_JOINT] = (REAL)0; /* the prescribed joint stays; rounding of the other columns is not to reach it */
+    d[LOCKED_JOINT] = (REAL)0; /* the prescribed joint stays exactly; its computed step may be a rounding error */
 #endif
 }
 
 #if OPENED
-/* At most `steps` Levenberg-Marquardt steps on the task error, damped in proportion to what is left of it (which keeps
- * them fast at singular configurations too). Up to three steps in a row may make it worse: the bottom of a curved valley
- * is followed by stepping off and back. Joints in `held` (bits) stay. Returns the least error found, squared, and its
- * configuration. */
+/* At most `steps` Levenberg-Marquardt steps on the task error. The damping is proportional to the error, which keeps the
+ * convergence fast at singular configurations. Up to three steps in a row may increase the error, because the bottom of a
+ * curved valley is followed by leaving it and coming back. Joints in `held` (bits) do not move. On return q is the best
+ * configuration found; returns its squared error. */
 #else
-/* At most `steps` Levenberg-Marquardt steps on the task error, damped in proportion to what is left of it (which keeps
- * them fast at singular configurations too). Up to three steps in a row may make it worse: the bottom of a curved valley
- * is followed by stepping off and back. Returns the least error found, squared, and its
- * configuration. */
+/* At most `steps` Levenberg-Marquardt steps on the task error. The damping is proportional to the error, which keeps the
+ * convergence fast at singular configurations. Up to three steps in a row may increase the error, because the bottom of a
+ * curved valley is followed by leaving it and coming back. On return q is the best configuration found; returns its
+ * squared error. */
 #endif
 LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAMETER)
 {
@@ -214,7 +215,7 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
         for (i = 0; i < JOINTS; ++i) {
             most = FABS(d[i]) > most ? FABS(d[i]) : most;
         }
-        for (i = 0; i < JOINTS; ++i) { /* never more than a radian or a reach at once */
+        for (i = 0; i < JOINTS; ++i) { /* limit the step to one radian or one reach */
 #if SLIDES
             x[i] += d[i] / most * (((SLIDING >> i) & 1u) != 0u ? IK_TOL_REACH : (REAL)1);
 #else
@@ -223,7 +224,7 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
         }
         cost = ik_error(T, x, e, J HELD);
         if (cost < best) {
-            const int stuck = cost > (REAL)VALUE_STUCK * best && damping > (REAL)1; /* the least-squares answer */
+            const int stuck = cost > (REAL)VALUE_STUCK * best && damping > (REAL)1; /* at the minimum, which is not zero */
             for (i = 0; i < JOINTS; ++i) {
                 q[i] = x[i];
             }

@@ -1,8 +1,8 @@
-/* Joints that the target leaves open, part 2, for one function ik_candidates that lists candidate rows: the row with the
- * joint at its reference stands for all others. Needs open.c and rows.c. */
+/* Joints that the target leaves free, part 2: of the continuum of solutions the one with the free joint at its reference is
+ * returned. Works on the candidates of one function ik_candidates. Needs open.c and rows.c. */
 #include "kernel.h"
 
-/* The choices of a branch that fall together where these joints are free. */
+/* Bits of the branch number that have no meaning while the joints `held` are free, because those branches coincide. */
 LOCAL unsigned ik_merged(unsigned held)
 {
     unsigned bits = 0u;
@@ -14,8 +14,8 @@ LOCAL unsigned ik_merged(unsigned held)
 }
 #if LIMITED
 
-/* The row of a branch with the free joint j at x (or the nearest that works) and other free joints inside their limits:
- * how far its worst joint is outside, 10 if there is no such row. */
+/* Computes the solution q of a branch with the free joint j at the value x and the other free joints inside their limits
+ * where possible. Returns the largest violation of the limits (rad or m), or 10 if the branch has no such solution. */
 LOCAL REAL ik_with(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, unsigned held, unsigned branch, int j, REAL x, REAL *q)
 {
     ik_solutions trial;
@@ -35,14 +35,15 @@ LOCAL REAL ik_with(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, un
                     (void)ik_shift(T, q, k, ref);
                 }
             }
-            return ik_outside(q, (REAL)0.5 * IK_TOL_LIMIT); /* the final refinement may move a row by some rounding */
+            return ik_outside(q, (REAL)0.5 * IK_TOL_LIMIT); /* half the margin: the final refinement may still change q by rounding */
         }
     }
     return (REAL)10;
 }
 
-/* Where several joints move with the free joint j: steps away from the reference in both directions to the nearest value that
- * takes all joints inside their limits, which is then found by bisection; dips between two steps are looked into. */
+/* Finds the value of the free joint j nearest to its reference for which all joints are inside their limits, where several
+ * joints move with j. Steps away from the reference in both directions until the limits hold, then bisects. A minimum of the
+ * violation between two steps is examined by ternary search. Returns 0 if there is no such value. */
 LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, unsigned held, unsigned branch, int j, REAL *q)
 {
     const REAL start = ik_clamped(ref[j], j), h = (REAL)0.04908738521234052;
@@ -95,7 +96,7 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
     return best >= (REAL)0;
 }
 
-/* Takes the free joints of a row to the values nearest to the reference that bring every joint inside its limits. */
+/* Moves the free joints of solution w to the values nearest to the reference for which every joint is inside its limits. */
 LOCAL void ik_fit(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, REAL tolerance, ik_solutions *wide, int w)
 {
     const unsigned held = IK_HELD(wide->flags[w]);
@@ -124,9 +125,10 @@ LOCAL void ik_fit(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, REA
 }
 #endif
 
-/* Candidates in which a vector that decides a joint is short. Where the target does not decide the joint, the row with the
- * joint at its reference (with limits: the nearest that brings all joints inside) stands for them, if it meets the target.
- * The vectors are taken for none from ever greater lengths on, until the joints are free that the target leaves open. */
+/* Handles candidates whose joint follows from the direction of a very short vector. Where the target leaves that joint free,
+ * they are replaced by the solution with the joint at its reference (with limits: at the nearest value for which all joints
+ * are inside), if that meets the target. The length below which a vector counts as zero is raised step by step until the
+ * equations treat exactly those joints as free. */
 LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned options, REAL accuracy, ik_solutions *found, int rows)
 {
     const REAL own = (REAL)16 * accuracy * accuracy, tolerance = own > IK_TOL_ACCEPT ? own : IK_TOL_ACCEPT;

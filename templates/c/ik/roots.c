@@ -1,13 +1,13 @@
-/* The roots of the choices of a closed form: square roots, equations linear in cosine and sine, quadratic and quartic
- * ones; unit vectors, and the angle nearest to a reference at which an inequality holds. Needs angles.c. */
+/* Equations of the closed forms: square roots, a cos x + b sin x = k, quadratic and quartic equations; scaling to unit
+ * length, and the angle nearest to a reference for which an inequality holds. Needs angles.c. */
 #include "kernel.h"
 #if NEEDS_ROOT || NEEDS_LINEAR || NEEDS_COSINE || NEEDS_QUADRATIC
 
 #if BANDED
-/* The real roots of w^2 = w2: two, one at a double root (w2 within -slack size of zero), or none; w >= 0.
- * A double root is moved apart by the band, because its halves may be distinct on the true arm. */
+/* Solves w^2 = w2 for w >= 0 and returns the number of real roots: 2, 1 for a double root (-slack size <= w2 <= 0), or 0.
+ * A double root is split into two by the band, because on the true arm there may be two distinct roots. */
 #else
-/* The real roots of w^2 = w2: two, one at a double root (w2 within -slack size of zero), or none; w >= 0. */
+/* Solves w^2 = w2 for w >= 0 and returns the number of real roots: 2, 1 for a double root (-slack size <= w2 <= 0), or 0. */
 #endif
 LOCAL int ik_root(REAL w2, REAL size, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags)
 {
@@ -29,7 +29,7 @@ LOCAL int ik_root(REAL w2, REAL size, REAL slack BAND_PARAMETER, REAL *w, unsign
 #endif
 #if NEEDS_COSINE
 
-/* cos(e) = k: w = sin(e) >= 0, w^2 = w2. A double root takes k to the nearer of -1 and 1. */
+/* Solves cos(e) = k for w = sin(e) >= 0, where w^2 = w2. Returns the number of roots; for a double root k becomes -1 or 1. */
 LOCAL int ik_cosine(REAL *k, REAL w2, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags)
 {
     const int n = ik_root(w2, (REAL)1, slack BAND, w, flags);
@@ -39,9 +39,10 @@ LOCAL int ik_cosine(REAL *k, REAL w2, REAL slack BAND_PARAMETER, REAL *w, unsign
 #endif
 #if NEEDS_LINEAR
 
-/* a cos(x) + b sin(x) = k: on return cos(x) = a k -+ b w and sin(x) = b k +- a w, w >= 0. w2 >= 0 is a better expression of
- * a^2 + b^2 - k^2. Every x solves 0 = 0: then x is the reference. `open` is flagged where that
- * may be so, `none` where it is. */
+/* Solves a cos(x) + b sin(x) = k and returns the number of roots. On return cos(x) = a k -+ b w and sin(x) = b k +- a w with
+ * w >= 0. A w2 >= 0 is a more accurate value of a^2 + b^2 - k^2; a negative one is ignored. Where a, b and k vanish, every x
+ * is a solution and x becomes ref: flag `none` is set there, flag `open` where that is the case within the accuracy of the
+ * target. */
 LOCAL int ik_linear(REAL *a, REAL *b, REAL *k, REAL w2, REAL unit, REAL ref, REAL least, unsigned open, unsigned none, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags)
 {
     const REAL h2 = *a * *a + *b * *b;
@@ -59,7 +60,7 @@ LOCAL int ik_linear(REAL *a, REAL *b, REAL *k, REAL w2, REAL unit, REAL ref, REA
             return 1;
         }
     }
-    { /* the root does not wait for the quotient */
+    { /* square root and quotient are independent, so that the processor can overlap them */
         const REAL i = (REAL)1 / h2;
         const int n = ik_root(w2 >= (REAL)0 ? w2 : h2 - *k * *k, h2, slack BAND, w, flags);
         *w *= i;
@@ -92,7 +93,7 @@ LOCAL unsigned ik_unit(REAL *c, REAL *s, REAL least, unsigned open, unsigned non
 #endif
 #if NEEDS_QUARTIC || NEEDS_POWER4
 
-/* One Aberth iteration after the other on four roots z of sum k_j z^j (complex; re, im), at most 40. */
+/* Finds the four complex roots z of sum k_j z^j (real parts r, imaginary parts i) by at most 40 Aberth iterations. */
 LOCAL void ik_aberth(const REAL kr[5], const REAL ki[5], REAL zr[4], REAL zi[4])
 {
     int it, j, m;
@@ -138,8 +139,10 @@ LOCAL void ik_aberth(const REAL kr[5], const REAL ki[5], REAL zr[4], REAL zi[4])
 #endif
 #if NEEDS_QUARTIC
 
-/* k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0: up to four angles with their branch numbers (sign of the slope,
- * then rank). Roots z = exp(ix) of a quartic; a pair off the circle by less than the slack counts as a double root. */
+/* Solves k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0 and returns the number of roots, at most four: angles x in
+ * ascending order with cosines c, sines s and branch numbers g (bit 0: the slope is negative, bit 1: the second root of that
+ * slope). The roots are the z = exp(ix) of a complex quartic; two that miss the unit circle by less than the slack count as a
+ * double root. */
 LOCAL int ik_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL slack, REAL *c, REAL *s, REAL *x, unsigned *g)
 {
     const REAL size = FABS(k0) + FABS(k1) + FABS(k2) + FABS(k3) + FABS(k4);
@@ -162,7 +165,7 @@ LOCAL int ik_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL slack, RE
     ki[3] = -ki[1];
     kr[2] = k0;
     ki[2] = (REAL)0;
-    for (i = 0; i < 4; ++i) { /* four directions, two of them inside the circle */
+    for (i = 0; i < 4; ++i) { /* starting points in four directions, inside and outside the unit circle */
         static const REAL start[4][2] = {
             {(REAL)0.79, (REAL)0.57}, {(REAL)-0.63, (REAL)0.81}, {(REAL)-0.91, (REAL)-0.48}, {(REAL)0.55, (REAL)-0.89}};
         zr[i] = start[i][0];
@@ -178,7 +181,7 @@ LOCAL int ik_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL slack, RE
         }
         cosine = zr[i] / SQRT(m2);
         sine = zi[i] / SQRT(m2);
-        for (j = 0; j < 2; ++j) { /* Newton steps on the circle */
+        for (j = 0; j < 2; ++j) { /* Newton steps along the unit circle */
             REAL step;
             f = k0 + cosine * (k1 + (REAL)2 * k3 * cosine) + sine * (k2 + (REAL)2 * k4 * cosine) - k3;
             d = -k1 * sine + k2 * cosine + (REAL)2 * k4 * (cosine * cosine - sine * sine) - (REAL)4 * k3 * cosine * sine;
@@ -211,7 +214,8 @@ LOCAL int ik_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL slack, RE
 #endif
 #if NEEDS_POWER4
 
-/* k0 + k1 x + k2 x^2 + k3 x^3 + k4 x^4 = 0 for lengths of the size of unit: up to four real roots, ascending. */
+/* Solves k0 + k1 x + k2 x^2 + k3 x^3 + k4 x^4 = 0 and returns the number of real roots x, ascending, with their branch numbers
+ * g (bit 0: the slope is negative, bit 1: the second root of that slope). unit (m) is the natural size of x. */
 LOCAL int ik_power4(
     REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL unit, REAL slack, REAL *x, unsigned *g, unsigned *flags)
 {
@@ -264,14 +268,14 @@ LOCAL int ik_power4(
 #endif
 #if NEEDS_QUADRATIC
 
-/* k0 + k1 x + k2 x^2 = 0 for lengths of the size of unit: the larger root is branch 0. */
+/* Solves k0 + k1 x + k2 x^2 = 0 and returns the number of real roots x; g = 0 for the larger one. unit (m): natural size of x. */
 LOCAL int ik_quadratic(REAL k0, REAL k1, REAL k2, REAL unit, REAL slack BAND_PARAMETER, REAL *x, unsigned *g, unsigned *flags)
 {
     const REAL size = k1 * k1 + FABS((REAL)4 * k0 * k2);
     const REAL w2 = k1 * k1 - (REAL)4 * k0 * k2;
     REAL w;
     int n;
-    if (FABS(k2) * unit <= IK_TOL_EPS * FABS(k1)) { /* degenerates to a line at this pose */
+    if (FABS(k2) * unit <= IK_TOL_EPS * FABS(k1)) { /* at this pose the equation is linear */
         if (!(FABS(k1) > (REAL)0)) {
             return 0;
         }
@@ -295,7 +299,7 @@ LOCAL int ik_quadratic(REAL k0, REAL k1, REAL k2, REAL unit, REAL slack BAND_PAR
 #endif
 #if NEEDS_FEASIBLE
 
-/* The angle nearest to ref with lower <= mean + a cos(x) + b sin(x) <= upper. */
+/* The angle x nearest to ref with lower <= mean + a cos(x) + b sin(x) <= upper; ref itself if there is none. */
 LOCAL REAL ik_feasible(REAL ref, REAL mean, REAL a, REAL b, REAL lower, REAL upper)
 {
     const REAL h = SQRT(a * a + b * b), now = mean + a * COS(ref) + b * SIN(ref);

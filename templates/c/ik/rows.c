@@ -1,8 +1,8 @@
-/* Rows of an answer: whole turns and limits, distances, order, and rows that come twice. Needs angles.c. */
+/* The list of solutions: multiples of 2 pi and joint limits, sorting by distance, removal of duplicates. Needs angles.c. */
 #include "kernel.h"
 #if LIMITED
-/* The next whole number up from x >= 0. Adding and taking away a number whose last digit is 1 rounds, in vectors too,
- * but not where the compiler may rearrange arithmetic (-ffast-math) or keeps more digits than asked. */
+/* Rounds x >= 0 up to an integer. Adding and subtracting a number whose last binary digit is 1 rounds to an integer and can be
+ * vectorized; it fails where the compiler may reorder arithmetic (-ffast-math) or computes in a higher precision. */
 LOCAL REAL ik_whole(REAL x)
 {
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)
@@ -15,12 +15,13 @@ LOCAL REAL ik_whole(REAL x)
 #endif
 }
 
-/* Joint limits; a joint without has wide ones. */
+/* Joint limits (rad or m); very large values for a joint without limits. */
 LOCAL const REAL ik_lower[JOINTS] = LOWER;
 LOCAL const REAL ik_upper[JOINTS] = UPPER;
 #endif
 
-/* Takes angles to the turn nearest to the reference (with limits: to the nearest turn inside); 0 if outside. */
+/* Adds multiples of 2 pi to the angles to come nearest to the reference and inside the limits, if there are any. Returns 0 if
+ * a joint is outside its limits for every multiple. */
 LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
 {
 #if LIMITED
@@ -35,7 +36,7 @@ LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
 #endif
     }
 #if LIMITED
-    for (i = 0; i < JOINTS; ++i) { /* no branches: most rows are outside, and no processor foresees which */
+    for (i = 0; i < JOINTS; ++i) { /* no branches, which would be mispredicted: most solutions violate some limit */
         const REAL low = ik_lower[i] - IK_TOL_LIMIT, high = ik_upper[i] + IK_TOL_LIMIT;
 #if SLIDES
         const REAL turn = (((SLIDING >> i) & 1u) != 0u) ? (REAL)0 : (REAL)6.283185307179586;
@@ -55,7 +56,7 @@ LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
     return inside;
 }
 
-/* Largest difference of two rows; displacements in reaches. */
+/* Largest difference of a joint between two configurations: rad, displacements in units of the reach. */
 LOCAL REAL ik_apart(const REAL *a, const REAL *b)
 {
     REAL most = (REAL)0;
@@ -92,7 +93,7 @@ LOCAL void ik_exchange(ik_solutions *out, int i, int j)
 LOCAL void ik_move(const ik_solutions *from, int i, ik_solutions *out, int to)
 {
 #if ONE_ROW
-    (void)from; /* the only row stays where it is */
+    (void)from; /* the only solution is in its place already */
     (void)i;
     (void)out;
     (void)to;
@@ -109,7 +110,7 @@ LOCAL void ik_move(const ik_solutions *from, int i, ik_solutions *out, int to)
 #endif
 }
 
-/* Nearest row first: squared distance from the reference, insertion sort. */
+/* Sorts the solutions by their squared distance from the reference, nearest first (insertion sort). */
 LOCAL void ik_sort(const REAL *ref, ik_solutions *out)
 {
     REAL away[ROWS];
@@ -133,7 +134,7 @@ LOCAL void ik_sort(const REAL *ref, ik_solutions *out)
     }
 }
 
-/* Whether row i of the answer says the same as an earlier one; that one is then a multiple root. */
+/* Whether solution i repeats an earlier one, which is then flagged as a multiple root. */
 LOCAL int ik_repeated(ik_solutions *out, int i)
 {
     int j;

@@ -1,8 +1,8 @@
-/* From candidates to the rows of an answer: refined where they need it, each once, as they are handed out. Needs refine.c
- * and rows.c. */
+/* From candidates to the solutions that are returned: refinement where necessary, removal of duplicates, joint limits.
+ * Needs refine.c and rows.c. */
 #include "kernel.h"
 #if SOUND
-/* Whether all candidates can be taken as they are: none is inexact, may be one of a double, or has a joint left open. */
+/* Whether all candidates can be returned without refinement: none is inexact, near a double root, or has a free joint. */
 LOCAL int ik_sound(const ik_solutions *found, int rows)
 {
     unsigned flags = 0u;
@@ -15,7 +15,7 @@ LOCAL int ik_sound(const ik_solutions *found, int rows)
 }
 #endif
 
-/* Refines row i of the answer where it needs that; 0 if it does not meet the task or says the same as an earlier one. */
+/* Refines solution i where its residual requires it. Returns 0 if it misses the target or repeats an earlier solution. */
 LOCAL int ik_settle(const REAL *T, unsigned options, ik_solutions *out, int i)
 {
     const REAL error = out->residual[i];
@@ -30,7 +30,7 @@ LOCAL int ik_settle(const REAL *T, unsigned options, ik_solutions *out, int i)
 #endif
     if (!(error <= IK_TOL_TIGHT && error >= (REAL)0)) {
 #if VIRTUAL
-        if (error > IK_TOL_LOOSE && !(options & IK_RESIDUAL)) { /* far from the whole task */
+        if (error > IK_TOL_LOOSE && !(options & IK_RESIDUAL)) { /* too far from the target to be worth refining */
             return 0;
         }
 #endif
@@ -46,7 +46,7 @@ LOCAL int ik_settle(const REAL *T, unsigned options, ik_solutions *out, int i)
     return !ik_repeated(out, i);
 }
 
-/* Appends candidate i to the answer if it meets the whole task. */
+/* Appends candidate i to the solutions if it meets the target. */
 LOCAL void ik_keep(const REAL *T, unsigned options, const ik_solutions *found, int i, ik_solutions *out)
 {
     const int to = out->count;
@@ -60,7 +60,7 @@ LOCAL void ik_keep(const REAL *T, unsigned options, const ik_solutions *found, i
 }
 
 #if BANDED
-/* Appends the candidates of another search. A row that they find once more is no multiple root for that. */
+/* Appends the candidates of another search. A solution that is found again is not flagged as a multiple root for that. */
 LOCAL void ik_add(const REAL *T, unsigned options, const ik_solutions *found, int rows, ik_solutions *out)
 {
     unsigned flags[ROWS] = {0u};
@@ -78,7 +78,8 @@ LOCAL void ik_add(const REAL *T, unsigned options, const ik_solutions *found, in
 }
 
 #endif
-/* Rows as they are handed out: at the turns asked for, residuals no longer squared. 0 if one lies outside the limits. */
+/* Final form of the solutions: multiples of 2 pi chosen, limits checked, residuals as square roots, branch numbers. Returns 0
+ * if a solution lies outside the limits. */
 LOCAL_INLINE int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, ik_solutions *out)
 {
 #if LIMITED

@@ -1,4 +1,4 @@
-/* The public functions: all configurations of a target, of many targets, and the nearest one. Needs all other kernels. */
+/* The public functions: all solutions for one target or for many, and the nearest configuration. Needs all other kernels. */
 #include "kernel.h"
 ik_status robot_inverse_kinematics(
     const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
@@ -62,7 +62,7 @@ ik_status robot_inverse_kinematics(
     ik_add(T, options, found, rows, out);
 #endif
 #if BANDED
-    if (near != 0u || out->count == 0) { /* near a double root: look for its two halves on the true arm */
+    if (near != 0u || out->count == 0) { /* near a double root: search for two distinct solutions of the true arm */
         static const REAL bands[3] = {(REAL)1, (REAL)VALUE_BAND_2, (REAL)VALUE_BAND_3};
         int k;
         for (k = 0; k < 3; ++k) {
@@ -73,7 +73,7 @@ ik_status robot_inverse_kinematics(
 #endif
     outside = !ik_finish(TARGET_FIRST q_ref, options, out);
     if (out->count == 0 && !outside) {
-        if (rows > 0) { /* candidates from discriminants a little below zero, perhaps: which one is it? */
+        if (rows > 0) { /* candidates may stem from slightly negative discriminants: find the stage that failed */
             out->stage = 0;
             rows = ik_branches(T, ref REDUNDANCY, (REAL)0, IK_TOL_FREE NO_BAND, found, &out->stage);
             out->stage = rows > 0 ? CHECK_STAGE : out->stage;
@@ -161,7 +161,7 @@ const char *ik_status_string(ik_status status)
 {
     static const char *const texts[] = {
         STATUS_TEXTS, "unknown status"};
-    const unsigned number = (unsigned)status; /* enumerations may be unsigned and short */
+    const unsigned number = (unsigned)status; /* the compiler may choose any integer type for an enumeration */
     return texts[number <= LAST_STATUS ? number : UNKNOWN_STATUS];
 }
 

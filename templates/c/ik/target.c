@@ -1,8 +1,8 @@
-/* The numbers of a target: what is wrong with them, and whether it is absurdly far away. Needs tolerances.c. */
+/* Checks of the target: finite numbers, a valid rotation, and a distance that is not absurd. Needs tolerances.c. */
 #include "kernel.h"
 #if !POSITION
-/* By how much the rotation of a target is not orthonormal: products of its first two columns, then its third column
- * against their cross product. Returns the sum of the magnitudes. */
+/* Measures how far the rotation of a target is from orthonormal and right-handed. With x, y, z its columns: *xx = x.x - 1,
+ * *yy = y.y - 1, *xy = x.y. Returns the sum of their magnitudes and of those of the entries of x cross y - z. */
 LOCAL_INLINE REAL ik_defect(const REAL *T, REAL *xx, REAL *yy, REAL *xy)
 {
     const REAL zx = T[4] * T[9] - T[8] * T[5] - T[2];
@@ -16,8 +16,8 @@ LOCAL_INLINE REAL ik_defect(const REAL *T, REAL *xx, REAL *yy, REAL *xy)
 
 #endif
 #if OPENED
-/* How accurate the numbers of a target are taken to be: as its rotation is orthonormal, and never better than some units
- * of rounding. Asked only where a joint may be free, so that other targets do not pay for it. */
+/* Estimates the accuracy of the numbers of a target: the defect of its rotation, but at least a few rounding errors. Called
+ * only where a joint may be free, so that other targets do not pay for it. */
 LOCAL REAL ik_accuracy(const REAL *target)
 {
     const REAL rounding = (REAL)ROUNDING_UNITS * IK_TOL_EPS;
@@ -32,7 +32,7 @@ LOCAL REAL ik_accuracy(const REAL *target)
 }
 
 #endif
-/* What is wrong with the numbers of a target, and a copy of it with an exact rotation in T. */
+/* Checks the numbers of a target and copies it to T, with its rotation made orthonormal. Returns the status of the check. */
 LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, REAL T[TARGET])
 {
 #if REDUNDANT
@@ -73,7 +73,7 @@ LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, R
     return IK_OK;
 }
 
-/* Whether the target is so far away that its coordinates drown the arm. */
+/* Whether the target is so far away that, in its coordinates, the size of the arm is lost in rounding errors. */
 LOCAL int ik_far(const REAL *T)
 {
     const REAL bound = (REAL)FAR_AWAY;
