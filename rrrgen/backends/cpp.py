@@ -106,7 +106,7 @@ def _function(program: Program, dialect: Dialect) -> _Function:
 
 
 def _signature(head: str, inputs: list[str]) -> str:
-    """On one line where that is short, else one argument a line."""
+    """The declaration of the function: on one line if short, otherwise one argument per line."""
     line = f"{head}{', '.join(inputs)}) noexcept"
     if len(line) <= _LONGEST_LINE:
         return line

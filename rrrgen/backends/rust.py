@@ -180,7 +180,7 @@ def _function(program: Program, target: _Rust) -> _Function:
 
 
 def _signature(name: str, inputs: Sequence[str], result: str) -> str:
-    """On one line where that is short, else one argument a line."""
+    """The declaration of the function: on one line if short, otherwise one argument per line."""
     line = f"pub fn {name}({', '.join(inputs)}) -> {result}"
     if len(line) <= _LONGEST_LINE or not inputs:
         return line
@@ -188,7 +188,7 @@ def _signature(name: str, inputs: Sequence[str], result: str) -> str:
 
 
 def _initial(port: Port) -> str:
-    """The output before it is computed."""
+    """The Rust statement that declares an output before it is computed; arrays are set to zero."""
     zeros = "0.0"
     for size in reversed(port.shape):
         zeros = f"[{zeros}; {size}]"

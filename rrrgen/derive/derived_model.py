@@ -56,7 +56,7 @@ class ParametrizedRobot:
 
     @property
     def nominal(self) -> dict[Role, tuple[Fraction, ...]]:
-        """The parameter vectors for which the robot file gives numbers, by the role of their port."""
+        """Numbers of the robot file for parameter vectors, by the role of their port; only those that it states."""
         values = {Role.BASE_PARAMETERS: self.beta_nominal, Role.DRIVE_INERTIA: self.drive_inertia_nominal}
         return {role: numbers for role, numbers in values.items() if numbers is not None}
 
@@ -66,7 +66,7 @@ class ParametrizedRobot:
         return len(self.base_parameters)
 
     def recorded(self, derivation: Derivation, alternatives: dict[str, tuple[Program, ...]]) -> RecordedModel:
-        """The same robot with the ``alternatives`` recorded for every function."""
+        """The recorded model of this robot with ``alternatives``: equivalent programs for every function."""
         return RecordedModel(**self._known(), derivation=derivation, alternatives=alternatives)
 
     def _known(self) -> dict[str, Any]:

@@ -90,7 +90,7 @@ class FrictionModel:
         return self.law.has_load
 
     def _under(self, load: ArrayLike) -> Any:
-        """The parameters under the torques ``load`` (..., n)."""
+        """The parameters with the Coulomb friction raised by the torques ``load`` (..., n)."""
         return self.law.under_load(self._columns, np.abs(np.asarray(load, dtype=float)))
 
     def torque(self, dq: ArrayLike, width: ArrayLike = 0.0, load: ArrayLike = 0.0) -> Array:

@@ -54,7 +54,7 @@ def _along(w: Sequence[Number], values: Sequence[Any]) -> Any:
 
 
 def _at_joints(torques: list[Any], joints: int, surfaces: Surfaces | None) -> list[Any]:
-    """Joint torques from the friction of every surface."""
+    """The joint torques that result from the friction of every joint and motor."""
     if surfaces is None:
         return torques
     return [_along([w[i] for w in surfaces.values()], torques) for i in range(joints)]

@@ -49,7 +49,10 @@ class Weights:
 
 @dataclass(frozen=True)
 class Choice:
-    """A candidate: the index of one of the equivalent programs, and the cut set of its expansion (None: none)."""
+    """A candidate: the index of one of the equivalent programs, and the cut set of its expansion.
+
+    Without a cut set (None) the program is taken as it is.
+    """
 
     variant: int
     cut_set: CutSet | None

@@ -169,7 +169,8 @@ class Clips:
 def _is_cut(x: Array, top: float, run: int, kink: float) -> bool:
     """Whether ``x`` stays at ``top`` for at least ``run`` samples and leaves that plateau with a kink.
 
-    ``kink`` is the required drop, a plateau's length away, in units of the smallest step of ``x``.
+    There is a kink where, one plateau length before or after the plateau, ``x`` is more than ``kink`` times its
+    smallest step below ``top``.
     """
     at = np.concatenate([[False], x == top, [False]])
     edges = np.flatnonzero(np.diff(at.astype(np.int8)))

@@ -64,7 +64,7 @@ class Processing:
         return asdict(self)
 
     def reconstructor(self) -> Reconstructor:
-        """The filter that carries out the method.
+        """The filter that reconstructs the motion by the configured ``method``.
 
         Raises :class:`InputError` if the cut-off of a Butterworth filter or a variance of a Kalman filter is None.
         """

@@ -29,11 +29,11 @@ class _Python:
 
     @property
     def reserved(self) -> frozenset[str]:
-        """Keywords and the names that the module uses itself."""
+        """Keywords of Python and names that the module uses itself."""
         return RESERVED
 
     def literal(self, value: Fraction | int) -> str:
-        """An integer, or the nearest double."""
+        """The text of a number: an integer, or the decimal of the nearest double."""
         whole = value.denominator == 1 and abs(value.numerator) < 2**53
         return str(value.numerator) if whole else decimal(value)
 

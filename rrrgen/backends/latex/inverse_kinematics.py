@@ -31,12 +31,12 @@ class Step:
     note: str = ""
 
     def text(self) -> str:
-        """The line as plain text."""
+        """The equation of this step as plain text."""
         line = f"{self.symbol} = {_plain(self.expression, self.either)}"
         return f"{line}    ({self.note})" if self.note else line
 
     def latex(self) -> str:
-        """The line as LaTeX mathematics, without delimiters."""
+        """The equation of this step as LaTeX mathematics, without delimiters."""
         right = sp.latex(self.expression)
         if self.either is not None:
             right = rf"\pm {sp.latex(self.either)}" if self.expression == 0 else rf"{right} \pm {sp.latex(self.either)}"
@@ -52,7 +52,7 @@ def _plain(expression: sp.Expr, either: sp.Expr | None) -> str:
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """The closed form of one robot: the plan, where it is singular, what the symbols stand for, the steps in order."""
+    """The printed inverse kinematics of one robot: plan, singular configurations, values of symbols, steps."""
 
     plan: SolverPlan
     singularities: tuple[Singularity, ...]
@@ -126,13 +126,13 @@ class TextBuilder:
         self._names = {"x", "y", "z"} if position else {"p_x", "p_y", "p_z"}
 
     def pose(self) -> Rigid:
-        """The target: r_ij and p_x, p_y, p_z."""
+        """The symbols of the target pose: r_ij for the rotation, p_x, p_y, p_z for the position."""
         rows = [[_target(f"r_{i}{j}") for j in (1, 2, 3)] for i in (1, 2, 3)]
         x, y, z = ((row[0], row[1], row[2]) for row in rows)
         return Rigid((x, y, z), self._point("p"))
 
     def point(self) -> Vector:
-        """The target position: x, y, z (p_x, p_y, p_z of a pose)."""
+        """The symbols of the target position: x, y, z, or p_x, p_y, p_z if the target is a pose."""
         return (_target("x"), _target("y"), _target("z")) if self._position else self._point("p")
 
     def _point(self, letter: str) -> Vector:
@@ -157,7 +157,7 @@ class TextBuilder:
         return sp.sqrt(x)
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """``x = atan2(B, A) +- atan2(sqrt(A^2 + B^2 - C^2), C)``."""
+        """Write both angles of ``A cos(x) + B sin(x) = C``: ``atan2(B, A) +- atan2(sqrt(A^2 + B^2 - C^2), C)``."""
         A, B, C = _tidied(A), _tidied(B), _tidied(C)
         if B == 0 and not _carries_target(A):
             A, C = sp.Integer(1), _tidied(C / A)
@@ -176,7 +176,7 @@ class TextBuilder:
         return Turn(sp.cos(raw), sp.sin(raw))
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
-        """``+- sqrt(radicand)``."""
+        """Write ``+- sqrt(radicand)`` as an equation."""
         symbol = self._fresh(f"{hint[0]}_{hint[1:]}" if len(hint) > 1 else hint)
         self.steps.append(Step(symbol, sp.Integer(0), sp.sqrt(_tidied(radicand)), label.name))
         return symbol
@@ -206,11 +206,11 @@ class TextBuilder:
         return raw
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """``atan2(s, c)``."""
+        """Write the angle ``atan2(s, c)`` of a joint as an equation."""
         return self._angle(joint, sp.atan2(_tidied(s), _tidied(c)), None, "")
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """``atan2(v x u, v . u)``."""
+        """Write the angle that rotates ``v`` about z to the direction of ``u``: ``atan2(v x u, v . u)``."""
         c, s = between(v, u)
         return self.turn(joint, s, c)
 
@@ -266,7 +266,7 @@ def _size(x: sp.Expr) -> int:
 
 
 def _tidied(x: Any) -> sp.Expr:
-    """Exact numbers, and the shorter of the expression as it grew and expanded."""
+    """``x`` with exact numbers, expanded unless that makes it longer."""
     value = (
         x if isinstance(x, sp.Basic) else (sp.Rational(repr(float(x))) if float(x) != int(x) else sp.Integer(int(x)))
     )

@@ -14,7 +14,7 @@ class LatexMarkup:
     """Formulas for a display in amsmath."""
 
     def symbol(self, parts: Notation) -> str:
-        """A letter with dots and subscript."""
+        """The markup of a letter with dots and subscript."""
         base = self._letter(parts.base)
         if parts.dots:
             base = rf"\{'d' * parts.dots}ot{{{base}}}"
@@ -76,7 +76,7 @@ class TextMarkup:
     """Formulas in plain text that a terminal shows and a program could read: ``ddq1*c23^2``."""
 
     def symbol(self, parts: Notation) -> str:
-        """The name as one word."""
+        """The name of a symbol as one word."""
         last = parts.subscript[-1] if parts.subscript else ""
         joint = "_" if len(last) > 1 and not last.removesuffix("R").isdigit() else ""
         return "d" * parts.dots + parts.base + "".join(parts.subscript[:-1]) + joint + last

@@ -162,7 +162,7 @@ class RunTimeFriction:
 
     @property
     def laws(self) -> list[str]:
-        """One note per friction law."""
+        """Notes for the header, one per friction law: the joints and motors that it acts at, and its formula."""
         return _laws(tuple(self.values))
 
 
@@ -233,7 +233,7 @@ def friction_parameters(spec: RobotSpec) -> tuple[tuple[str, Fraction], ...]:
 
 
 def surfaces_of(spec: RobotSpec) -> tuple[Surface, ...]:
-    """Where friction acts: as the robot file states it, at all joints if it states none."""
+    """The joints and motors with friction: those of the robot file, or all joints if the file states none."""
     return friction_of(spec) or tuple(
         Surface(joint.name, unit(i, spec.n), FrictionSpec(), unit(i, spec.n)) for i, joint in enumerate(spec.joints)
     )
@@ -290,7 +290,7 @@ def _at_joints(r: Recording, surfaces: Sequence[Surface], torque: Callable[[Surf
 
 
 def _laws(surfaces: Sequence[Surface]) -> list[str]:
-    """One note per friction law: where it acts, and its formula."""
+    """Notes for the header, one per friction law: the joints and motors that it acts at, and its formula."""
     owners: dict[str, list[str]] = {}
     for surface in surfaces:
         owners.setdefault(LINEAR if surface.law is None else surface.law.formula, []).append(surface.name)

@@ -41,7 +41,10 @@ ROUNDS = 30
 
 @dataclass(frozen=True)
 class Dependency:
-    """A relation: the column of ``parameter`` is the sum of factor times column over ``combination`` (empty: zero)."""
+    """A linear relation: the regressor column of ``parameter`` is a combination of other columns.
+
+    ``combination`` maps the other parameters to their factors; it is empty if the column is zero.
+    """
 
     parameter: Parameter
     combination: dict[Parameter, sp.Expr]
@@ -62,7 +65,7 @@ def sampled_rows(model: RobotModel, parameters: list[Parameter], seed: int, stat
 def find_dependencies(
     model: RobotModel, ring: PolynomialRing, candidates: list[Parameter], seed: int
 ) -> list[Dependency]:
-    """The relation of every candidate whose column depends on the columns before it.
+    """The linear relation of every candidate whose column of the regressor depends on the columns before it.
 
     Raises InternalError if a relation fails at independent states.
     """
@@ -82,7 +85,7 @@ def find_dependencies(
 def _solve(
     model: RobotModel, ring: PolynomialRing, parameter: Parameter, support: list[Parameter], seed: int
 ) -> dict[Parameter, sp.Expr]:
-    """The exact factors by which the columns of ``support`` add up to the column of ``parameter``."""
+    """The exact factors with which the columns of ``support`` sum to the column of ``parameter``."""
     if not support:
         return {}
     field = ring.ring.to_field()

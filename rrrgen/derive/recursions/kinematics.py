@@ -98,9 +98,9 @@ def position_to_base(chain: Chain, point: Vector) -> Vector:
 
 
 def _out_of_joint(chain: Chain, i: int, after: int | None, vector: Vector) -> Vector:
-    """A vector of link i in the frame of the link before; the rotation of a block is applied at its last joint.
+    """Express a vector of link i in the frame of the previous link, or of the block if that link shares it.
 
-    ``after`` is the joint behind i on the way to the vector's link.
+    ``after`` is the next joint on the way to the tip. The rotation of a block is applied once, at its last joint.
     """
     joint = chain.joints[i]
     if after is None or not chain.joints[after].parallel:

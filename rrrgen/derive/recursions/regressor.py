@@ -30,7 +30,7 @@ def all_parameters(n: int) -> list[Parameter]:
 
 
 def regressor(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], parameters: Sequence[Parameter]) -> list[list[Any]]:
-    """The rows of Y (n, len(parameters)) for parameters in the canonical link frames."""
+    """The rows of the regressor Y (n, len(parameters)) for parameters in the canonical link frames."""
     columns = columns_passed_down(chain, dq, ddq, [True] * chain.n, parameters)
     return [list(row) for row in zip(*columns, strict=True)]
 
@@ -38,7 +38,7 @@ def regressor(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], parameters: S
 def columns_passed_down(
     chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: Sequence[bool], parameters: Sequence[Parameter]
 ) -> list[list[Any]]:
-    """The columns of Y, each (n,), by moving the wrench of each parameter down the chain."""
+    """The columns of Y, (n,) each: torques of each parameter's inertial wrench, moved joint by joint to the base."""
     motions = forward(chain, dq, ddq, in_link_frame)
     columns = []
     for i, entry in parameters:
@@ -51,7 +51,7 @@ def columns_passed_down(
 def columns_by_axes(
     chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: Sequence[bool], parameters: Sequence[Parameter]
 ) -> list[list[Any]]:
-    """The columns of Y, each (n,), from the power of each parameter's wrench for a unit rate of each joint."""
+    """The columns of Y, (n,) each: entry j is the power of the parameter's wrench at unit rate of joint j alone."""
     motions = forward(chain, dq, ddq, in_link_frame)
     rows = []
     for j in range(len(dq)):
@@ -81,7 +81,7 @@ def virtual_power(
     virtual: Sequence[BlockVelocity],
     parameter: Parameter,
 ) -> Any:
-    """Power of the unit wrench of ``parameter`` for the virtual velocities, which are in the frames of the blocks."""
+    """Power of the unit wrench of ``parameter`` under the link velocities ``virtual``, given in block frames."""
     i, _ = parameter
     F, N = unit_wrench(chain, motions, in_link_frame, parameter)
     v, omega = virtual[i].v, virtual[i].omega

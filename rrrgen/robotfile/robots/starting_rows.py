@@ -72,7 +72,7 @@ def _candidates(joints: str, wrist: bool) -> Iterator[list[int]]:
 
 
 def _standard_rows(joints: str, twists: list[int], wrist: bool) -> tuple[tuple[Row, ...], dict[str, float]]:
-    """Rows in the standard convention with these twists, and the lengths in them."""
+    """Rows in the standard convention with the given ``twists``, and name -> value of the lengths in them (m)."""
     parameters: dict[str, float] = {}
     rows = []
     for i, (joint, alpha) in enumerate(zip(joints, twists, strict=True)):

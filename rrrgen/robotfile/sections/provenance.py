@@ -17,7 +17,7 @@ _KEYS = {key.name: key for key in FIT}
 
 
 def read_provenance(node: Node, faults: FaultList) -> tuple[FitSpec, ...]:
-    """Read the section: one entry per fit; faults are added to ``faults``."""
+    """Read the section ``provenance``: one entry per fit; faults are added to ``faults``."""
     items = read_list(node, "provenance", None, faults) or []
     if len(items) > MAX_FITS:
         faults.error(node, f"provenance has {len(items)} fits", f"at most {MAX_FITS}")
@@ -52,7 +52,7 @@ def _whole_number(node: Node, what: str, faults: FaultList) -> int | None:
 
 
 def _read_hashes(node: Node, what: str, faults: FaultList) -> tuple[int, ...] | None:
-    """Hashes in rising order, several to a line."""
+    """Read a list of lines, each with one or more hexadecimal hashes; all hashes must be in rising order."""
     lines = read_list(node, what, None, faults)
     if lines is None:
         return None

@@ -134,7 +134,7 @@ def _simd_body(program: Program, dialect: Dialect) -> list[str]:
 
 
 def _each(size: int, statement: str) -> list[str]:
-    """``statement`` for every element, as a C loop: unrolled, it would take twice as long to compile."""
+    """A C loop of ``statement`` over every element; unrolled text would take twice as long to compile."""
     if size == 1:
         return [statement.format(0)]
     return [f"for (int element = 0; element < {size}; element++)", f"    {statement.format('element')}"]

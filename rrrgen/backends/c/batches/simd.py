@@ -30,19 +30,19 @@ class SimdDialect(Dialect):
         return f"{self.prefix}_simd"
 
     def literal(self, value: Fraction | int) -> str:
-        """A constant broadcast to all lanes."""
+        """The C expression of a constant broadcast to all lanes."""
         return f"{self.prefix}_simd_all(({self.prefix}_real){decimal(value)})"
 
     def function(self, name: str) -> str:
-        """A function applied lane by lane."""
+        """Name of the C function that applies ``name`` lane by lane."""
         return f"{self.prefix}_simd_{name}"
 
     def select(self, condition: str, yes: str, no: str) -> str:
-        """Lane by lane: ``yes`` where ``condition`` is positive."""
+        """The C expression that takes, lane by lane, ``yes`` where ``condition`` is positive, else ``no``."""
         return f"{self.prefix}_simd_select({condition}, {yes}, {no})"
 
     def sign(self, x: str) -> str:
-        """Lane by lane: -1, 0 or 1."""
+        """The C expression of the sign of each lane: -1, 0 or 1."""
         return f"{self.prefix}_simd_sign({x})"
 
 
@@ -61,7 +61,7 @@ class SimdSinCos:
         return "vectorized inline kernel"
 
     def statements(self, dialect: Dialect, angle: str, sine: str | None, cosine: str | None) -> list[str]:
-        """One call of the kernel for both; the unwanted result is discarded."""
+        """One call of the kernel for both sine and cosine; one that is not wanted is discarded."""
         first, second = sine or f"{cosine}_other", cosine or f"{sine}_other"
         return [
             f"{dialect.real_type} {first}, {second};",

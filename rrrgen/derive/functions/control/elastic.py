@@ -40,7 +40,7 @@ def _over(x: Sequence[Any], y: Sequence[Any]) -> Vector:
 
 
 def _state(r: Recording, name: str, suffix: str, meaning: str) -> Vector:
-    """The input ``name`` (n,), a position or its derivative by time."""
+    """Declare the input ``name`` (n,), a position or one of its time derivatives."""
     return list(r.extra(name, (r.n,), _unit(r, suffix), meaning))
 
 
@@ -55,7 +55,7 @@ def _rotors(r: Recording) -> tuple[Vector, Vector]:
 
 
 def _links(r: Recording, frames: Frames) -> Program:
-    """The torques tau_l of the links alone, in a recording of its own."""
+    """A program of the torques tau_l (n,) of the links alone, without rotors and springs."""
     alone = Recording(r.model, r.parametrization)
     chain = alone.chain_in_gravity("dq", "ddq")
     tau = newton_euler.inverse_dynamics(chain, alone.joints("dq"), alone.joints("ddq"), alone.inertias(), frames(chain))
@@ -117,7 +117,11 @@ def _rotor_motion(r: Recording, links: Program, motion: Sequence[Vector]) -> tup
 
 
 def elastic_inverse_dynamics(r: Recording, links: Program) -> Program:
-    """Record the torques of the rotors and their motion (n,) for a motion of the links, whose torques are ``links``."""
+    """Record the rotor torques tau and motion theta, theta', (n,) each, that produce a given motion of the links.
+
+    ``links`` is a program of the torques tau_l of the links alone; ``tau = J theta'' + tau_l``, ``theta = q +
+    tau_l/K``.
+    """
     motion = [list(r.joints(name)) for name in MOTION[:3]]
     motion.append(_state(r, "d3q", "/s^3", "third derivatives of the joint positions by time"))
     motion.append(_state(r, "d4q", "/s^4", "fourth derivatives of the joint positions by time"))
@@ -138,7 +142,7 @@ def elastic_inverse_dynamics(r: Recording, links: Program) -> Program:
 
 
 def _solver(r: Recording, links: Program, q: Vector, dq: Vector) -> tuple[Factors, Vector]:
-    """The factors of the mass matrix of the links, and their torques c + g."""
+    """The factors of the mass matrix M of the links, and the torques h = c + g (n,) of the links."""
     chain = r.chain_in_gravity("dq")
     factors = factorize(r.builder, composite.mass_matrix(chain, r.inertias()))
     (h,) = _link_torques(r, links, [q, dq, [0] * r.n])
@@ -173,7 +177,7 @@ def elastic_forward_dynamics(r: Recording) -> Program:
 
 
 def _desired(r: Recording) -> list[Vector]:
-    """The desired motion of the links, q_d .. d4q_d."""
+    """Declare the desired motion of the links as inputs: q_d and its first four time derivatives, (n,) each."""
     motion = [list(r.joints(name)) for name in DESIRED[:3]]
     motion.append(_state(r, "d3q_d", "/s^3", "desired third derivatives of the positions"))
     motion.append(_state(r, "d4q_d", "/s^4", "desired fourth derivatives of the positions"))
@@ -196,7 +200,11 @@ def _law(
 
 
 def elastic_feedforward(r: Recording, links: Program) -> Program:
-    """Record feed-forward for the motion of the links, with PD control of the rotors, where encoders are."""
+    """Record feed-forward of a motion of the links, with PD control of the rotors, which the encoders measure.
+
+    ``tau = J theta_d'' + tau_l + kp (theta_d - theta) + kd (theta_d' - theta') + f(dq_d)``, (n,), limited to
+    ``tau_max``, with ``theta_d = q_d + tau_l/K``.
+    """
     theta = _state(r, "theta", "", "measured positions of the rotors, seen at the joints")
     dtheta = _state(r, "dtheta", "/s", "measured velocities of the rotors")
     motion = _desired(r)

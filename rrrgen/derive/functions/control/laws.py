@@ -37,12 +37,12 @@ DESIRED = ("q_d", "dq_d", "ddq_d")
 
 
 def _times(x: Sequence[Any], y: Sequence[Any]) -> Vector:
-    """The products of the elements of two joint vectors."""
+    """The element-wise product of two joint vectors (n,)."""
     return [u * v for u, v in zip(x, y, strict=True)]
 
 
 class _Loop:
-    """The inputs that all tracking laws share, their errors, feedback and integral action, and the limits of torque."""
+    """Common part of the tracking laws: inputs, errors e and e', PID feedback, integral action, torque limits."""
 
     def __init__(self, r: Recording, gains: Sequence[str], further: Sequence[str] = ()) -> None:
         self.r = r
@@ -51,7 +51,7 @@ class _Loop:
         self.e, self.de = subtract(self.q_d, self.q), subtract(self.dq_d, self.dq)
 
     def feedback(self) -> Vector:
-        """``kp e + kd e' + ki z``, (n,)."""
+        """The feedback ``kp e + kd e' + ki z``, (n,), with z the state of the integral action."""
         self.z = self.r.extra("z", (self.r.n,), "", "state of the integral action; zero at the start")
         total = add(_times(self.gains["kp"], self.e), _times(self.gains["kd"], self.de))
         return add(total, _times(self.gains["ki"], self.z))
@@ -95,7 +95,11 @@ PID = ("kp", "kd", "ki")
 
 
 def pd_gravity(r: Recording) -> Program:
-    """Record ``tau = kp e + kd e' + ki z + g(q) + f(dq_d)``, limited, and the next z."""
+    """Record one tick of PID control with compensation of gravity and friction.
+
+    ``tau = kp e + kd e' + ki z + g(q) + f(dq_d)``, (n,), limited to ``tau_max``; also returned is the state z (n,) of
+    the integral action for the next tick.
+    """
     loop = _Loop(r, PID)
     chain = r.chain_in_gravity("dq", *DESIRED)
     feedback = loop.feedback()
@@ -107,7 +111,11 @@ def pd_gravity(r: Recording) -> Program:
 
 
 def feedforward(r: Recording) -> Program:
-    """Record the torques of the desired motion plus PD feedback, limited, and the next z."""
+    """Record one tick of PID control with the torques of the desired motion as feed-forward.
+
+    ``tau = M(q_d) ddq_d + c(q_d, dq_d) + g(q_d) + kp e + kd e' + ki z + f(dq_d)``, (n,), limited to ``tau_max``; also
+    returned is the state z (n,) of the integral action for the next tick.
+    """
     loop = _Loop(r, PID)
     chain = r.chain_at(loop.q_d, "dq", *DESIRED)
     feedback = loop.feedback()
@@ -120,7 +128,11 @@ def feedforward(r: Recording) -> Program:
 
 
 def computed_torque(r: Recording) -> Program:
-    """Record ``tau = M (ddq_d + kp e + kd e' + ki z) + c + g + f(dq_d)``, limited, and the next z. (14.34)"""
+    """Record one tick of computed-torque control (inverse dynamics in the loop). (14.34)
+
+    ``tau = M(q) (ddq_d + kp e + kd e' + ki z) + c(q, dq) + g(q) + f(dq_d)``, (n,), limited to ``tau_max``; also
+    returned is the state z (n,) of the integral action for the next tick.
+    """
     loop = _Loop(r, PID)
     chain = r.chain_in_gravity("dq", *DESIRED)
     a = add(loop.ddq_d, loop.feedback())
@@ -133,7 +145,10 @@ def computed_torque(r: Recording) -> Program:
 
 
 def slotine_li(r: Recording) -> Program:
-    """Record the passivity-based law of Slotine and Li, limited, with one step of the adaptation of beta."""
+    """Record one tick of the adaptive passivity-based law of Slotine and Li (1987).
+
+    Outputs are the torques tau (n,), limited to ``tau_max``, and the base parameters (b,) adapted for the next tick.
+    """
     loop = _Loop(r, ("lam", "k"))
     b, lam = r.builder, loop.gains["lam"]
     v, a = add(loop.dq_d, _times(lam, loop.e)), add(loop.ddq_d, _times(lam, loop.de))
@@ -172,7 +187,10 @@ def slotine_li(r: Recording) -> Program:
 
 
 def impedance(r: Recording) -> Program:
-    """Record the torques (n,) of a spring and a damper between the tip and a desired pose, with gravity, limited."""
+    """Record impedance control of the tip: the torques (n,) of a spring and a damper towards a desired pose.
+
+    ``tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)``, limited to ``tau_max``.
+    """
     chain = r.chain_in_gravity("dq")
     dq = r.joints("dq")
     T_d = r.extra("T_d", (4, 4), "-, m", "desired pose of the tip in the base frame")

@@ -19,7 +19,7 @@ def _outputs(r: Recording) -> list[Port]:
 
 
 def quintic(r: Recording) -> Program:
-    """Record the quintic polynomial between two states of motion, at the time t."""
+    """Record the motion q_d, dq_d, ddq_d (n,) at time t along the quintic polynomial between two states."""
     b, half = r.builder, Fraction(1, 2)
     (t,) = r.extra("t", (), "s", "time since the start")
     (T,) = r.extra("T", (), "s", "duration, > 0")
@@ -56,7 +56,10 @@ def _clamped(b: Builder, x: Value) -> Value:
 
 
 def trapezoidal(r: Recording) -> Program:
-    """Record the fastest straight motion in joint space with all joints in phase, within speeds and accelerations."""
+    """Record the fastest straight motion in joint space with trapezoidal speed, with all joints in phase.
+
+    Outputs are q_d, dq_d, ddq_d (n,) at time t; no joint exceeds its largest speed and acceleration.
+    """
     b = r.builder
     (t,) = r.extra("t", (), "s", "time since the start")
     q0 = r.extra("q_0", (r.n,), r.position_unit, "positions at the start")

@@ -59,7 +59,11 @@ POSITION = _Task("position_", 3, "position", "m/s")
 
 
 def operational_space(task: _Task) -> Recorder:
-    """A recorder of the torques (n,) of operational-space control, limited, and the next z of the integral action."""
+    """A recorder of one tick of operational-space control of the tip (Khatib 1987).
+
+    Outputs are the torques (n,), limited to ``tau_max``, the state z of the integral action for the next tick, and the
+    status, 1 where the tip is damped near a singular configuration.
+    """
 
     def record(r: Recording) -> Program:
         b, count = r.builder, task.rows
@@ -114,7 +118,10 @@ def operational_space(task: _Task) -> Recorder:
 
 
 def _damped_solution(b: Builder, A: Matrix, x: Vector, damping: Value) -> tuple[Vector, Value]:
-    """The solution of ``(A + delta diag(s)) F = x``, and delta, which is zero where A is regular."""
+    """Solve ``(A + delta diag(s)) F = x`` with damping near singular A; returns F and delta, which is >= 0.
+
+    s holds the mean of the diagonal of A over its linear and its angular part; delta is 0 where no pivot of A is small.
+    """
     count = len(A)
     means = [dot([1] * 3, [A[k][k] for k in range(part, part + 3)]) / 3 for part in range(0, count, 3)]
     s = [means[i // 3] for i in range(count)]

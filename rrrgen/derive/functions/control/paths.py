@@ -17,7 +17,10 @@ from rrrgen.program.builder import replay
 
 
 def path_dynamics(r: Recording) -> Program:
-    """Record a = M q', b = M q'' + c(q, q') and g, (n,) each, of tau = a u + b x + g with u = s.. and x = s.^2."""
+    """Record the joint torques along a path q(s), which are linear in u = d2s/dt2 and x = (ds/dt)^2.
+
+    ``tau = a u + b x + g`` with a = M q', b = M q'' + c(q, q') and g, (n,) each; q' and q'' are derivatives by s.
+    """
     r.joints("q")
     slope = r.extra("q_s", (r.n,), f"{r.position_unit} per s", "dq/ds")
     curve = r.extra("q_ss", (r.n,), f"{r.position_unit} per s^2", "d2q/ds2")

@@ -49,7 +49,7 @@ def _about_centre(mass: Any, moments: Sequence[Any]) -> Inertia:
 
 
 def _capsule(radius: Any, half: Any, mass: Any) -> tuple[Any, Any]:
-    """Moments across and along the axis: a cylinder between two halves of a ball."""
+    """Moments of inertia of a capsule, across and along its axis: a cylinder with a half ball at each end."""
     total = volume("capsule", (radius, half))
     cylinder, ball = mass * (total - _ball(radius)) / total, mass * _ball(radius) / total
     along = cylinder * radius**2 / 2 + ball * 2 * radius**2 / 5

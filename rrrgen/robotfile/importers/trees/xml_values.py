@@ -41,19 +41,19 @@ class Values:
         return [number(word) for word in words]
 
     def one(self, element: Element, name: str, default: str | None = None) -> Any:
-        """One number; 0 after a fault."""
+        """Read one number of an attribute; 0 after a fault."""
         found = self.numbers(element, name, 1, default)
         return found[0] if found else number(0)
 
     def float_or_none(self, element: Element | None, name: str) -> float | None:
-        """One number, None for an attribute that is not there."""
+        """Read one number of an attribute as a float; None if the attribute is missing."""
         if element is None or name not in element.attributes:
             return None
         found = self.numbers(element, name, 1)
         return float(found[0]) if found else None
 
     def three(self, element: Element, name: str, default: str | None = "0 0 0") -> list[Any]:
-        """Three numbers; zeros after a fault."""
+        """Read three numbers of an attribute; zeros after a fault."""
         return self.numbers(element, name, 3, default) or [number(0)] * 3
 
     def angle(self, angle: Any) -> Any:
