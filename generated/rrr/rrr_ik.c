@@ -47,7 +47,7 @@ static inline rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
     const rrr_real axis = flat * ((rrr_real)0.5 + half); /* the arc is measured from the x axis (1), the diagonal (0) or the y axis (-1) */
     const rrr_real start = sense * ((rrr_real)1.5707963267948966 - front * ((rrr_real)0.7853981633974483 + (rrr_real)0.7853981633974483 * axis));
     const rrr_real turn = sense * front * flat;
-    const rrr_real t = (small - beyond * large) / (large + (rrr_real)1e-300 + beyond * small); /* VALUE_TINY avoids 0 / 0 */
+    const rrr_real t = (small - beyond * large) / (large + (rrr_real)1e-300 + beyond * small); /* the tiny constant avoids 0 / 0 */
     const rrr_real s = turn * t, u = t * t, v = u * u, w = v * v;
     const rrr_real p0 = (rrr_real)-0.333333333333332 + u * (rrr_real)0.19999999999953244;
     const rrr_real p1 = (rrr_real)-0.14285714280166237 + u * (rrr_real)0.11111110782140723;

@@ -1,4 +1,4 @@
-"""What an answer of a solver looks like, in every language: rows, stages, branch labels, texts."""
+"""Layout of the result of an IK solver in every language: number of solutions, stages, branch labels, status texts."""
 
 from __future__ import annotations
 
@@ -14,38 +14,39 @@ STATUS_TEXTS = (
     "the rotation of the target is not orthonormal and right-handed",
     "the arm has no complete solver: there may be more configurations",
 )
-"""What the statuses of an answer mean, by their numbers."""
+"""Texts of the status codes of the solver, indexed by code."""
 
 
 def parts_of(plan: SolverPlan) -> list[SolverPlan]:
-    """The plan, and the simpler arm nearby that is solved beside it, if there is one."""
+    """``plan`` and, if it has one, the plan of the special arm nearby that is solved as well."""
     return [plan] if plan.companion is None else [plan, plan.companion]
 
 
 def stages(plan: SolverPlan) -> tuple[Stage, ...]:
-    """The choices of a root of ``plan``, which ``stage`` of an answer counts from 1."""
+    """The root selections of ``plan``; the field ``stage`` of a result numbers them from 1."""
     return (root_stage(plan.solving, plan.locked),) if plan.general else plan.equations.stages
 
 
 def most_rows(plan: SolverPlan) -> int:
-    """The rows that an answer has room for."""
+    """The largest number of solutions that a result can hold."""
     return max(part.max_solutions for part in parts_of(plan))
 
 
 def labels(plan: SolverPlan) -> tuple[tuple[str, int, int], ...]:
-    """The parts of a branch number: name, lowest bit, bits."""
+    """The fields of a branch number, each as (name, lowest bit, number of bits)."""
     return (ASPECT,) if plan.general else plan.equations.leaf.labels
 
 
 def opens(plan: SolverPlan) -> tuple[tuple[int, int], ...]:
-    """Joints that the target may leave open, with the bits of the branch label that mean nothing then."""
+    """Joints that some targets leave free: (joint index, mask of the branch bits that have no meaning then)."""
     return () if plan.general else plan.equations.opens
 
 
 def reasons_of(plan: SolverPlan) -> tuple[str, ...]:
-    """One text per stage; then one for rows that fail the check and one for targets out of range.
+    """Texts that say why there is no solution, indexed by the field ``stage`` of a result.
 
-    Where the solver is incomplete, no text claims that there is no configuration; the last one is for the limits.
+    One per root selection, then one for candidates that miss the target and one for targets too far away. Where the
+    solver is incomplete no text claims that there is no solution, and a last one is for solutions outside the limits.
     """
     near = bool(plan.incomplete)
     texts = ["no reason"]

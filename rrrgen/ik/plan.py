@@ -1,4 +1,4 @@
-"""The plan of a solver: the family that solves a chain, what is prescribed, how many solutions, singularities."""
+"""Solver plan: the family of closed forms that solves a chain, its task, number of solutions and singularities."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ Family = Literal[
 
 @dataclass(frozen=True)
 class Singularity:
-    """A set of configurations where branches meet or a joint becomes free; ``expression`` vanishes there."""
+    """A set of singular configurations, where branches meet or a joint is free.
+
+    ``words`` describes the set; ``expression``, if known, is the function of the joints that is zero there.
+    """
 
     words: str
     expression: sp.Expr | None = None
@@ -41,14 +44,17 @@ class Singularity:
 class SolverPlan:
     """The inverse kinematics of one robot.
 
-    ``task`` is what is prescribed: the position of the tip (1 to 3 joints) or its pose. ``solving`` is the chain that
-    is solved: the user's ``chain`` with nearly special geometry made special (rows are then refined on the true chain)
-    and virtual joints added. ``first`` is the place (from 0) of the special triple in its loop, ``commute`` the place
-    and direction in which a prismatic joint was moved past a parallel axis before, ``locked`` the prescribed joint.
-    ``companion`` solves a special arm that is nearly this one: its rows, refined on the true chain, are added because
-    the general equations lose digits there. ``snapped`` says that ``solving`` is a special arm near ``chain``, and
-    ``incomplete`` why configurations may be missing where that is all there is (empty: none are). ``solver`` is the
-    recorded closed form.
+    * ``task``: the target is the position of the tip (1 to 3 joints) or its pose.
+    * ``solving``: the chain whose equations are solved. It is the user's ``chain`` with nearly special geometry made
+      special (solutions are then refined on the true chain) and with virtual joints added.
+    * ``first``: index of the first joint of the spherical or planar triple in the loop.
+    * ``commute``: index and direction in which a prismatic joint was first moved past a parallel axis.
+    * ``locked``: the prescribed joint of a redundant arm.
+    * ``companion``: plan of a special arm close to this one. Its solutions, refined on the true chain, are added,
+      because the general equations lose digits near a special geometry.
+    * ``snapped``: whether ``solving`` is a special arm near ``chain``.
+    * ``incomplete``: why solutions may be missing, where only such a special arm can be solved; empty if none are.
+    * ``solver``: the recorded closed form.
     """
 
     family: Family
@@ -78,7 +84,7 @@ class SolverPlan:
 
     @property
     def general(self) -> bool:
-        """Whether an elimination solves the chain, in numbers: there is no closed form per branch."""
+        """Whether the chain is solved by numerical elimination, without a closed form per branch."""
         return self.family in ("general6r", "general5r1p")
 
     @property

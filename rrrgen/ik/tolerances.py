@@ -11,17 +11,17 @@ from typing import NamedTuple
 # -- what kind of arm it is -------------------------------------------------------------------------------------------
 
 EXACT = 1e-14
-"""What is nearer to zero than this is zero: the rounding of a table, invisible at run time."""
+"""Geometry is set to zero below this magnitude, which is the rounding of a table and has no effect at run time."""
 
 SPECIAL = 1e-9
-"""Geometry nearer than this to a simpler case is solved as that case, and every row is refined on the true chain. The
-first guess is then off by at most 1e-9, which one Newton step removes."""
+"""Geometry closer than this to a simpler case is solved as that case, and every solution is refined on the true chain.
+The first guess is off by at most 1e-9, which one Newton step removes."""
 
 NEARLY = (1e-6, 1e-3, 1e-2)
-"""Up to here the equations of the general case (a quartic, or the elimination for six joints) come near a multiple root
-and lose about eps / distance^2. They are used together with the simpler case, tried in this order, the nearest first:
-a row that either finds, refined on the true chain, counts. Equations that split into quadratics keep their digits and
-need no such help."""
+"""Distances from a simpler case within which the equations of the general case (a quartic, or the elimination for six
+joints) are near a multiple root and have an error of about eps / distance^2. There the simpler case is solved as well,
+with these distances tried in order, and the solutions of both are refined on the true chain. Equations that split into
+quadratics do not lose digits and are solved alone."""
 
 QUARTER = 2e-16
 """An offset whose cosine or sine is this near a whole number is a multiple of a quarter turn: one rounding at 1."""
@@ -30,14 +30,14 @@ ALONG = 1e-12
 """An axis whose direction cosine is this near 1 lies along the normal of a plane: some thousand roundings."""
 
 RANK = 1e-7
-"""A singular value of the Jacobian (lengths in reaches) below this times the largest is zero."""
+"""Singular values of the Jacobian (lengths over the reach) below this times the largest one count as zero."""
 
 DEPENDENT = 1e-7
 """Six joints whose Jacobian has a smallest singular value (lengths in reaches, over the largest) below this move the
 tip in five directions only: prescribing the seventh leaves a pose without a solution or with a continuum."""
 
 NEARLY_DEPENDENT = 1e-3
-"""Below this they nearly do. Usual ratios are 3e-3 to 3e-2."""
+"""Ratio of singular values below which six joints are nearly dependent; usual ratios are 3e-3 to 3e-2."""
 
 # -- whether its equations work ---------------------------------------------------------------------------------------
 
@@ -72,16 +72,17 @@ NOISE = 1e-12
 for values of a determinant of 12 x 12."""
 
 LEAST_NOISE = {"double": NOISE, "float": 4e-6}
-"""The same, at least, for the precision of the emitted code."""
+"""Lower bound of the noise of a polynomial, by the precision of the emitted code."""
 
 MOST_NOISE = 1e-4
-"""More noise would hide roots instead of finding them."""
+"""Upper bound of the noise of a polynomial: with a larger one, distinct roots would be taken for one."""
 
 NOISE_FACTORS = (1.0, 1e3, 1e6)
-"""A pass that seeks what the one before missed takes this much more for a double root."""
+"""Factors on the noise for the successive passes; each looks for double roots that the pass before has missed."""
 
 SHALLOW = 1e-9
-"""A determinant over the product of its row norms below this has more rounding, in proportion to the power 3/4."""
+"""Size of a determinant, over the product of its row norms, below which its rounding error grows: with the power 3/4 of
+the ratio."""
 
 USABLE = 12.0
 """Decimal digits lost in a root at which an elimination is useless."""
@@ -141,7 +142,7 @@ RUNTIME = (
         "rounding", "6755399441055744.0", "12582912.0", "1.5 2^52 (2^23): added and taken away, it rounds to integers"
     ),
 )
-"""Of every solver; the manifest lists them."""
+"""Tolerances of every solver; the manifest lists them."""
 
 ELIMINATION = (
     Tolerance("tiny", "1e-290", "1e-30", "keeps pivots and quotients finite; times a pivot it is still a number"),
@@ -161,7 +162,7 @@ ELIMINATION = (
         "trig_narrowest", "6.103515625e-05", "6.103515625e-05", "2^-14 of an arc: clusters are magnified, not split"
     ),
 )
-"""Of the elimination for six joints, beside those of every solver."""
+"""Additional tolerances of the elimination for six joints."""
 
 
 SEARCH = (

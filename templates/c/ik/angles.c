@@ -32,7 +32,7 @@ LOCAL_INLINE REAL ik_atan2(REAL y, REAL x)
     const REAL axis = flat * ((REAL)0.5 + half); /* the arc is measured from the x axis (1), the diagonal (0) or the y axis (-1) */
     const REAL start = sense * ((REAL)1.5707963267948966 - front * ((REAL)0.7853981633974483 + (REAL)0.7853981633974483 * axis));
     const REAL turn = sense * front * flat;
-    const REAL t = (small - beyond * large) / (large + (REAL)VALUE_TINY + beyond * small); /* VALUE_TINY avoids 0 / 0 */
+    const REAL t = (small - beyond * large) / (large + (REAL)VALUE_TINY + beyond * small); /* the tiny constant avoids 0 / 0 */
     const REAL s = turn * t, u = t * t, v = u * u, w = v * v;
     const REAL p0 = (REAL)-0.333333333333332 + u * (REAL)0.19999999999953244;
     const REAL p1 = (REAL)-0.14285714280166237 + u * (REAL)0.11111110782140723;

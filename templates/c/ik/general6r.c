@@ -1,26 +1,28 @@
-/* Inverse kinematics of six joints without special structure, at most one of them prismatic: an elimination to a
- * trigonometric polynomial of degree eight, whose roots are refined on the pose. Needs trig_roots.c and arcs.c. */
+/* Inverse kinematics of a general six-joint chain, at most one joint prismatic. Variables are eliminated until a trigonometric
+ * polynomial of degree 8 in one angle is left; the solutions of its up to 16 roots are refined on the target pose. Needs
+ * trig_roots.c and arcs.c. */
 #include "kernel.h"
 #define IK_6R_MAX 16
-#define IK_6R_STEPS 6 /* Newton steps on a row; a patient search may take six times as many */
-#define IK_6R_ZONES 8 /* magnified stretches of the circle, and the whole */
-#define IK_6R_PATIENCE 400 /* steps that one elimination spends on rows in doubt */
+#define IK_6R_STEPS 6 /* Newton steps for a solution; six times as many in a patient search, near a singular pose */
+#define IK_6R_ZONES 8 /* the whole circle and the arcs of it that are magnified */
+#define IK_6R_PATIENCE 400 /* total of the patient Newton steps in one elimination */
 #define IK_6R_EPS (REAL)VALUE_EPS
 #define IK_6R_TINY (REAL)VALUE_6R_TINY
-#define IK_6R_DONE (REAL)VALUE_6R_DONE /* error of an entry of the pose below which a row is left alone */
-#define IK_6R_ACCEPT (REAL)VALUE_6R_ACCEPT /* and above which it is dropped */
-#define IK_6R_SAME (REAL)VALUE_6R_SAME /* rows nearer than this are one: forward kinematics cannot tell them apart */
+#define IK_6R_DONE (REAL)VALUE_6R_DONE /* error of an entry of the pose below which a solution is not refined further */
+#define IK_6R_ACCEPT (REAL)VALUE_6R_ACCEPT /* error above which a solution is rejected */
+#define IK_6R_SAME (REAL)VALUE_6R_SAME /* solutions nearer than this are the same one: forward kinematics cannot tell them apart */
 
-/* Rows (cos alpha, sin alpha, a, d), lengths in units of the mean length of a link. */
+/* DH table: cos alpha, sin alpha, a, d of each joint, lengths in units of the length that the solver is scaled by. */
 static const REAL ik_6r_dh[6][4] = DH;
 #if DH_SLIDES
-/* Of the joint that slides: cosine and sine of its constant angle. Where others have a cosine and a sine, it has its displacement and 0. */
+/* Cosine and sine of the constant angle theta of the prismatic joint. In arrays of joint cosines and sines the prismatic joint
+ * has its displacement and 0. */
 static const REAL ik_6r_fixed[2] = DH_TURN;
 #endif
-/* Eliminations to try, best first: first joint of the relabelled loop, direction, which of its joints 3, 4, 5 (0, 1, 2) is
- * kept, shifted, other, and which motion leads to a pose nearby, where roots that coincide come apart. */
+/* Eliminations to try, best first: first joint and direction of the relabelled loop; which of its joints 3, 4, 5 (0, 1, 2) is
+ * kept, shifted and other; and the motion, an index of ik_6r_nudge, to a pose nearby, where coinciding roots separate. */
 static const signed char ik_6r_pass[PASSES][6] = PASS;
-/* What may be noise in their polynomials, relative to the sum of the coefficients. */
+/* Noise level of their polynomials, relative to the sum of the magnitudes of the coefficients. */
 static const REAL ik_6r_noise[PASSES] = PASS_NOISE;
 /* No motion, a small motion in no special direction, and its inverse. */
 static const REAL ik_6r_nudge[3][12] = {
@@ -28,9 +30,9 @@ static const REAL ik_6r_nudge[3][12] = {
     {(REAL)0.9999996152000963, (REAL)-0.0006401438399640401, (REAL)-0.0005998462500384375, (REAL)0.00063985584003604, (REAL)0.99999968000008, (REAL)-0.00048019187995203, (REAL)0.0006001534499616375, (REAL)0.00047980788004803, (REAL)0.9999997048000738, (REAL)0.0006, (REAL)0.00064, (REAL)-0.00048},
     {(REAL)0.9999996152000963, (REAL)0.00063985584003604, (REAL)0.0006001534499616375, (REAL)-0.0006401438399640401, (REAL)0.99999968000008, (REAL)0.00047980788004803, (REAL)-0.0005998462500384375, (REAL)-0.00048019187995203, (REAL)0.9999997048000738, (REAL)-0.0006001212032016992, (REAL)-0.0006393854011136498, (REAL)0.0004806670888572278}
 };
-/* A turn about z by an angle that is no common fraction of pi; its cosine and sine are entries 0 and 3. */
+/* A rotation about z by an angle that is not a simple fraction of pi; its cosine and sine are entries 0 and 3. */
 static const REAL ik_6r_odd[12] = {(REAL)0.28, (REAL)-0.96, (REAL)0.0, (REAL)0.96, (REAL)0.28, (REAL)0.0, (REAL)0.0, (REAL)0.0, (REAL)1.0, (REAL)0.0, (REAL)0.0, (REAL)0.0};
-/* Features that a turn about z leaves alone, and the x members of the pairs that it turns. */
+/* Features that a rotation about z does not change, and the x components of the pairs that it rotates. */
 static const signed char ik_6r_axial[7] = {3, 4, 7, 10, 11, 14, 0};
 static const signed char ik_6r_planar[4] = {1, 5, 8, 12};
 /* The product of features that rigid transforms preserve, p.p' - (1 (p.p)' + (p.p) 1') / 2 + l.w' + w.l' - 2 m.m' +
@@ -58,7 +60,7 @@ static const REAL ik_6r_wave[17][2] = {
     {(REAL)0.9324722294043558, (REAL)-0.3612416661871529}
 };
 
-/* Makes each of n pairs a cosine and a sine; the zero angle where there is no direction. */
+/* Normalizes n pairs to cosine and sine; a pair without a direction becomes the angle zero. */
 LOCAL void ik_6r_unit(int n, REAL cs[][2])
 {
     int i;
@@ -687,8 +689,8 @@ LOCAL int ik_6r_pairs(REAL h[3][6][10], const REAL root[2], int order, REAL pair
     return count;
 }
 
-/* Joints 1, 2 and 6 of the loop from 3, 4 and 5 (t: cosines and sines): joint 2 by least squares over the features that
- * joint 1 leaves alone, then joint 1 from those that it turns, then joint 6 from what is left. */
+/* Computes joints 1, 2 and 6 of the loop from joints 3, 4 and 5 (t: cosines and sines): joint 2 by least squares over the
+ * features that joint 1 does not change, joint 1 from those that it rotates, joint 6 from the remaining rotation. */
 #if DH_SLIDES
 LOCAL void ik_6r_complete(REAL e[6][12], int slide, REAL t[6][2])
 #else
@@ -839,9 +841,10 @@ LOCAL void ik_6r_step(REAL jac[6][6], const REAL r[6], REAL damping, REAL step[6
     }
 }
 
-/* Damped Newton steps on the pose (damping: the squared residual) from a trial row to cs. A patient search (near a singular
- * pose; it has *left more steps to spend) that stalls is kicked off the best row by the square root of its error, the way to the solution where the Jacobian
- * is singular. Returns 0 when the pose is not met, 1 when it is met far from where the steps began, 2 close by. */
+/* Refines a trial solution on the pose by Newton steps damped by the squared residual; the result is cs. A patient search, near
+ * a singular pose, takes up to *left more steps; where it stalls it restarts at a distance of the square root of the error from
+ * the best solution so far, which is the order of the distance to the solution where the Jacobian is singular. Returns 0 if the
+ * pose is not met, 1 if it is met far from the start, 2 if it is met close to the start. */
 LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6][2], REAL cs[6][2])
 {
     REAL best = (REAL)10, begin = (REAL)0, before = (REAL)10;
@@ -895,7 +898,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
     return best < IK_6R_ACCEPT ? 1 + (begin < (REAL)VALUE_6R_CLOSE) : 0;
 }
 
-/* Where row count stands among those before it; count when it is new. */
+/* Index of the earlier solution that equals solution number count; count itself if it is new. */
 LOCAL int ik_6r_place(REAL rows[IK_6R_MAX + 1][6][2], int count)
 {
     int i, k;
@@ -911,14 +914,15 @@ LOCAL int ik_6r_place(REAL rows[IK_6R_MAX + 1][6][2], int count)
     return k;
 }
 
-/* Adds the rows of one root of the kept angle. Returns 0 when a simple root yields no row of its own (the first `old` rows
- * belong to everyone). A row that two simple roots share, or that is the only one of an unresolved root, is a double one. */
+/* Adds the solutions of one root of the kept angle. Returns 0 if a simple root yields no solution of its own; the first `old`
+ * solutions, of earlier eliminations, count for every root. A solution found from two simple roots, or the only one of an
+ * unresolved root, is marked as double. */
 LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][12], REAL h[3][6][10],
     const REAL root[2], int order, int old, int *left, REAL rows[IK_6R_MAX + 1][6][2], int mult[IK_6R_MAX], int *count)
 {
     const int before = *count;
     int attempt, shared = -1, single = 1;
-    for (attempt = order; attempt <= 2 && *count == before && *left > 0; ++attempt) { /* the null space may have two dimensions after all */
+    for (attempt = order; attempt <= 2 && *count == before && *left > 0; ++attempt) { /* on failure retry as a two-dimensional null space */
         REAL pair[3][2][2];
         const int pairs = ik_6r_pairs(h, root, attempt, pair);
         int i, j;
@@ -968,7 +972,7 @@ LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][1
     return order == 1 && shared >= 0;
 }
 
-/* The zone about the middle one of n unresolved roots of another zone; 0 when it would magnify nothing. */
+/* Defines the zone, an arc to be magnified, around n unresolved roots of another zone; 0 if it would not be much narrower. */
 LOCAL int ik_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
 {
     int i;
@@ -989,7 +993,8 @@ LOCAL int ik_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
     return zone[2] < (REAL)0.4 * outer[2];
 }
 
-/* One elimination; adds its rows and returns 1 when its books balance: every root has its row, their number is even. */
+/* One elimination: adds its solutions. Returns 1 if the result is consistent: every root has its solution, and their number
+ * is even. */
 LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL noise,
     REAL rows[IK_6R_MAX + 1][6][2], int mult[IK_6R_MAX], int *count)
 {
@@ -1006,7 +1011,7 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
         REAL root[24][3];
         const int mine = zones;
         int order[24], begin = -1, empty = 1, roots = ik_6r_scan(h, zone[at], noise, root, order);
-        for (k = 0; k < roots; ++k) { /* unresolved roots, joined where they are close, become zones of their own */
+        for (k = 0; k < roots; ++k) { /* clusters of unresolved roots become zones, magnified and solved again */
             int joined = 0;
             if (order[k] == 1 || zone[at][2] < (REAL)VALUE_6R_NARROWEST || zones == IK_6R_ZONES) {
                 continue;
@@ -1021,7 +1026,7 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
                 begin = -1;
             }
         }
-        for (k = 0; k <= roots; ++k) { /* a zone that resolves to nothing leaves its middle: real but for rounding, perhaps */
+        for (k = 0; k <= roots; ++k) { /* of a zone without a real root try the middle: its roots may be complex only by rounding */
             const int middle = k == roots;
             REAL cs[2] = {zone[at][0], zone[at][1]};
             int m, here = middle ? at > 0 && empty : at == 0 || root[k][0] > (REAL)-0.3847; /* tan(x/2) < 1.5 */
@@ -1043,8 +1048,9 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
     return fine && total > 0 && total % 2 == 0;
 }
 
-/* All joint angles (rad, in (-pi, pi]) with Rz(q1)Tz(d1)Tx(a1)Rx(alpha1) .. Rz(q6)Tz(d6)Tx(a6)Rx(alpha6) = t (row-major
- * 4 x 4); a joint that slides has Tz(q)Rz(theta) for Rz(q); mult: 1 regular, 2 a double solution. Returns the number of rows. */
+/* Finds all joint angles (rad, in (-pi, pi]) with Rz(q1)Tz(d1)Tx(a1)Rx(alpha1) .. Rz(q6)Tz(d6)Tx(a6)Rx(alpha6) = t (row-major
+ * 4 x 4); a prismatic joint has Tz(q)Rz(theta) for Rz(q)Tz(d). mult: 1 for a simple, 2 for a double solution. Returns the
+ * number of solutions. */
 LOCAL int ik_solve6r(const REAL t[16], REAL q[IK_6R_MAX][6], int mult[IK_6R_MAX])
 {
     REAL pose[12], rows[IK_6R_MAX + 1][6][2];

@@ -1,4 +1,4 @@
-/* Real roots of a real trigonometric polynomial of degree eight, isolated by Descartes' rule of signs. */
+/* Roots of a real trigonometric polynomial of degree 8, isolated by Descartes' rule of signs and refined by Newton steps. */
 #include "kernel.h"
 /* Roots of p(x) = a[0] + sum_k a[k] cos(k x) + b[k] sin(k x), k = 1 .. 8, on the unit circle.
  * The circle is cut into four arcs; on each, u = tan((x - centre) / 2) turns p (1 + u^2)^8 into a polynomial of
@@ -32,7 +32,7 @@ static const REAL ik_trig8_odd[8][9] = {
     {(REAL)0.0, (REAL)2.509802036926789, (REAL)3.549396079493484, (REAL)2.509802036926789, (REAL)0.0, (REAL)-2.509802036926789, (REAL)-3.549396079493484, (REAL)-2.509802036926789, (REAL)0.0}
 };
 
-/* p and dp/dx of the arc's own polynomial at u = tan(x/2), by Horner's rule in z = exp(i x). */
+/* Values of p and dp/dx at u = tan(x/2), where x counts from the centre of the arc, by Horner's rule in z = exp(i x). */
 LOCAL void ik_trig8_value(const REAL a[9], const REAL b[9], REAL u, REAL out[2])
 {
     const REAL w = (REAL)1 / ((REAL)1 + u * u);
@@ -70,7 +70,7 @@ LOCAL REAL ik_trig8_refine(const REAL a[9], const REAL b[9], REAL u0, REAL u1, R
         if (FABS(step) < FABS(v[1])) {
             step /= v[1];
             u -= step;
-        } else { /* a step out of the arc: bisect */
+        } else { /* the step would leave the arc: bisect */
             step = u1 - u0;
             u = (REAL)0.5 * (u0 + u1);
         }
@@ -81,9 +81,10 @@ LOCAL REAL ik_trig8_refine(const REAL a[9], const REAL b[9], REAL u0, REAL u1, R
     return u < u0 ? u0 : (u > u1 ? u1 : u);
 }
 
-/* Finds the roots as (cos x, sin x, half-width of what could not be resolved, rad); p is known to +- noise. mult: 1 a
- * simple root, 2 a double root or more that do not rise out of the noise (reported once when they cannot be told apart).
- * a and b (b[0] has no say) are turned on the way, and back. Returns the number of rows written, at most 24. */
+/* Finds the roots of p, whose values are known to +- noise. root: cos x, sin x, and half the width (rad) of the interval in
+ * which the root could not be resolved. mult: 1 for a simple root; 2 for a double root or for several roots between which p
+ * does not exceed the noise, reported once. a and b are rotated from arc to arc and end as they began; b[0] is not used.
+ * Returns the number of entries written, at most 24. */
 LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_ROWS][3], int mult[IK_TRIG8_ROWS])
 {
     REAL stack[IK_TRIG8_DEPTH + 2][17], from[IK_TRIG8_DEPTH + 2], width[IK_TRIG8_DEPTH + 2], first = (REAL)0;
