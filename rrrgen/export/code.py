@@ -24,7 +24,7 @@ from rrrgen.runtime.derived_cache import recall
 
 @dataclass(frozen=True)
 class Code:
-    """The C of a robot: ``files`` are headers and sources, ``programs`` their functions."""
+    """Emitted C code of a robot: ``files`` are headers and sources, ``programs`` the functions in them by name."""
 
     model: DerivedModel
     identity: Identity

@@ -162,9 +162,10 @@ class RecordedJoint:
 
 
 def recorded_joint(spec: Any, mapping: Any, joint: str) -> RecordedJoint:
-    """The joint named ``joint`` of the robot ``spec``, which a recording described by ``mapping`` holds.
+    """Look up what the robot file ``spec`` says about ``joint``, the moving joint of a recording.
 
-    The recording may hold the moving joint alone. Raises :class:`InputError` for names and units that do not fit.
+    ``mapping`` describes the recording, which may hold all joints of the robot or only some, ``joint`` among them.
+    Raises :class:`InputError` if names or units of the recording do not match the robot.
     """
     names = [each.name for each in spec.joints]
     if joint not in names:

@@ -31,9 +31,10 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """The response at one amplitude: ``values`` and ``std`` of inertia, damping and stiffness.
+    """Presliding response at one amplitude: ``values`` (3,) of inertia, damping and stiffness, and deviations ``std``.
 
-    ``torque`` rms of the excitation, N m (N); ``counts`` amplitude of the motion in encoder steps; ``position`` mean.
+    ``torque`` is the RMS excitation torque, N m (N), ``counts`` the amplitude of the motion in encoder steps,
+    ``position`` the mean position, rad (m).
     """
 
     torque: float

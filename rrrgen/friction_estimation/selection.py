@@ -20,7 +20,7 @@ MATERIAL = 0.05  # and relative to the held-out loss of the other
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """How a law does on windows left out of its fit, those at rest and at reversals included.
+    """Score of a friction law on windows left out of its fit, those at rest and at velocity reversals included.
 
     ``held_out``: root mean square of the whitened position error, in standard deviations of the noise, large errors
     counted linearly; ``losses`` (S,) per window; ``bic``: ``N ln(mean loss) + k ln N`` of the fit with all windows.
@@ -39,7 +39,9 @@ def fold_of(windows: Windows) -> NDArray[np.int64]:
 
 
 def score(full: Fit, inside: Sequence[Fit], windows: Windows, sigma: float) -> Score:
-    """Score of a law from its fit with everything and those without one fold each, under the noise scale ``sigma``."""
+    """Score a friction law by cross-validation, with the noise standard deviation ``sigma``.
+
+    ``full`` is its fit to all windows, ``inside`` its fits with one fold of the windows left out each."""
     losses, folds = np.empty(len(windows)), fold_of(windows)
     for fold, found in enumerate(inside):
         out = folds == fold

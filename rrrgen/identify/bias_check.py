@@ -32,7 +32,7 @@ MOST_NAMED = 3
 class BiasCheck:
     """Instrumental minus least-squares estimate ``difference`` (r,), with standard deviations ``std`` (r,).
 
-    ``torque`` is the difference in the torques, over the RMS torque.
+    ``torque`` is the RMS difference of the torques predicted by the two estimates, relative to the RMS torque.
     """
 
     names: tuple[str, ...]

@@ -222,9 +222,10 @@ def refitted(
 def _with_friction(
     model: RigidModel, recordings: Sequence[Recording], tuning: Tuning, options: Options, tell: Progress
 ) -> tuple[FullRegressor, Tuning, FrictionFit | None]:
-    """The regressor with the friction laws asked for, their shapes tuned on the fitted part of the data.
+    """Build the regressor with the requested friction laws, their shape parameters fitted to the training data.
 
-    A law other than the linear one describes slow motion too: no rows are left out then.
+    Also returns the tuning to use and the friction fit (None for linear friction only). A nonlinear law also describes
+    slow motion, so samples at low speed are then not left out.
     """
     terms = with_linear_friction(options.terms or DriveTerms.of_spec(model.spec), model.spec)
     every = replace(tuning, processing=replace(tuning.processing, low_speed=()))

@@ -60,7 +60,7 @@ class FrequencyResponse:
 
     @property
     def trusted(self) -> NDArray[np.bool_]:
-        """Per line whether it may be used (L,)."""
+        """Mask (L,) of the spectral lines whose estimate may be used."""
         return np.array([not reason for reason in self.reasons])
 
     def to_json(self) -> dict[str, Any]:

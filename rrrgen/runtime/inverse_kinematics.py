@@ -312,11 +312,13 @@ class InverseKinematics:
 
 
 def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineName = "c") -> InverseKinematics:
-    """Derive, emit, compile and load the inverse kinematics of ``spec``; ``redundancy`` as in :func:`classify.plan`.
+    """Derive, emit, compile and load the inverse kinematics of ``spec``.
 
-    ``backend="numpy"`` evaluates the recorded solver instead, which takes milliseconds a target and no compiler. Raises
-    :class:`rrrgen.errors.DerivationError` with the reason where the chain has no solver, or without a compiler none (an
-    elimination for six joints is solved in C only), and :class:`rrrgen.errors.BuildError` without a C compiler.
+    ``redundancy`` is the number (from 0) of the joint to prescribe in a redundant arm; None lets rrrgen choose.
+    ``backend="numpy"`` evaluates the solver in Python instead: no compiler is needed, but a target takes milliseconds.
+    Raises :class:`rrrgen.errors.DerivationError` with the reason if the chain has no solver, or none in NumPy (the
+    general elimination for six joints exists in C only), and :class:`rrrgen.errors.BuildError` if "c" finds no C
+    compiler.
     """
     if spec.mechanism is not None:
         return _coupled_solver(spec, redundancy, backend)

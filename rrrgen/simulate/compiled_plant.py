@@ -192,7 +192,7 @@ def _friction(
 
 
 def _torque_of(law: FrictionLaw, ops: Any, speed: Any, row: Sequence[Any], z: Any) -> Any:
-    """Friction of one joint in the state ``z``, in sliding without it."""
+    """Friction torque of one joint with the internal state ``z`` of its law; without a state, that of sliding."""
     if z is None or law.state_torque is None:
         return law.torque(ops, speed, row)
     return law.state_torque(ops, z, speed, row)

@@ -39,9 +39,9 @@ def elastic_modes(
 ) -> list[ElasticMode]:
     """Vibration modes visible in the response of ``joint`` (from 0) to the commanded acceleration u of (14.34).
 
-    They are sorted by frequency.
-    ``mass`` is M(q) of the links (n, n), kg m^2. ``loops`` (n,) are the bandwidths in Hz of the critically damped loops
-    that hold the other joints; without them their drives are free. Raises :class:`InputError` without anything elastic.
+    They are sorted by frequency. ``mass`` is M(q) of the links (n, n), kg m^2. ``loops`` (n,) are the bandwidths in Hz
+    of the critically damped loops that hold the other joints; without them their drives are free. Raises
+    :class:`InputError` if neither joints nor base are elastic.
     """
     if joints is None and base is None:
         raise InputError("neither the joints nor the base are flexible: there is no vibration to compute")

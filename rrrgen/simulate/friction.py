@@ -78,7 +78,10 @@ class Friction:
         return self._under(tau, lambda load: self.model.state_torque(z, dq, load))
 
     def _under(self, tau: Array, friction: Callable[[Any], Array]) -> Array:
-        """The ``friction(load)`` for which ``load + friction(load) = tau``."""
+        """Friction torques (n,) that depend on the transmitted load: solves ``load + friction(load) = tau`` for load.
+
+        ``tau`` (n,) are the drive torques; returns ``friction(load)``.
+        """
         free = friction(np.zeros_like(tau))
         if not self.model.has_load:
             return free
@@ -90,7 +93,7 @@ class Friction:
 
 
 def _settled(tau: Array, found: Array, friction: Callable[[Any], Array]) -> Array:
-    """The same by iteration, for loads that depend on each other."""
+    """Friction torques ``f = friction(tau - f)`` by fixed-point iteration, for joints coupled by their loads."""
     for _ in range(MOST_ROUNDS):
         before, found = found, friction(tau - found)
         if np.abs(found - before).max() <= SETTLED * (1.0 + np.abs(tau).max()):

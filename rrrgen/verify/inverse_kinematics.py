@@ -185,11 +185,14 @@ class _Checks:
         return float(self.arm.distance(goals[owner], every).max(initial=0.0))
 
     def _missed(self, q: Array, found: list[Array]) -> NDArray[np.bool_]:
-        """Which configurations are not among the rows of their goal (N,)."""
+        """Mask (N,) of the configurations ``q`` (N, n) that are missing in the solutions ``found`` of their targets."""
         return np.array([not np.any(self.arm.apart(each, x) < APART) for x, each in zip(q, found, strict=True)])
 
     def at_random(self, samples: int) -> None:
-        """Rows against forward kinematics, the seed among them, no row twice."""
+        """Check solutions for ``samples`` targets, each the pose of a random configuration (the seed).
+
+        Every solution must reach its target by forward kinematics, the seed must be among them, and none occur twice.
+        """
         q = self.arm.drawn(samples, self.rng)
         goals = self.arm.poses(q)
         found = self._solved(goals, q)

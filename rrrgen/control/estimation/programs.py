@@ -166,7 +166,7 @@ class _Recorder:
         return [values[port.role] for port in self.derived.programs[function].inputs]
 
     def _forces(self, builder: Builder, inputs: Mapping[str, Any]) -> list[Any]:
-        """The factor of every drive term's direction for a parameter of 1."""
+        """Torque of every drive term along its direction w for a parameter of 1: w ddq, w dq, sgn(w dq) or 1."""
         found: list[Any] = []
         for term, w in zip(self.terms, self.directions, strict=True):
             match term.kind:

@@ -59,7 +59,7 @@ class Shaper:
         return max(self.residual(f, zeta) for f, zeta in zip(vibration.frequencies, vibration.dampings, strict=True))
 
     def run(self, u: Array) -> Array:
-        """The shaped signal (N,), for an input (N,) that had its first value for ever."""
+        """Shape a signal ``u`` (N,); before its first sample it is taken to have its first value. Returns (N,)."""
         before = np.concatenate([np.full(self.length, u[0]), u])
         return sum(
             (w * before[self.length - d : len(before) - d] for d, w in zip(self.delays, self.weights, strict=True)),

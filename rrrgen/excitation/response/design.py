@@ -164,7 +164,7 @@ def _strokes(
     numbers: tuple[int, int],
     samples: int,
 ) -> list[ResponseRun]:
-    """One run, or several back and forth where the joint has no room for one."""
+    """Plan the motion at constant speed as one run, or several back and forth if the joint range is too short."""
     limits = model.spec.joints[i].limits
     lower, upper = (None if v is None else float(v) for v in (limits.lower, limits.upper))
     room = math.inf if lower is None or upper is None else RANGE_SHARE * (upper - lower)

@@ -48,9 +48,11 @@ def simulate(
     stride: int,
     direction: Array | None = None,
 ) -> Array:
-    """Positions (length // stride + 1, C, S) after every ``stride`` sampling periods.
+    """Simulate one joint over S windows for C parameter sets; positions (length // stride + 1, C, S), rad or m.
 
-    The start states are ``q``, ``v`` (C, S), ``theta`` (k, C) are the parameters. With a ``direction`` (S,) the joint
+    The positions are those after every ``stride`` sampling periods. ``q`` and ``v`` (C, S) are the positions and speeds
+    at the start of the windows, ``theta`` (k, C) the parameters of ``candidate``, ``torque`` the recorded torque,
+    ``period`` is the sampling period (s). With a ``direction`` (S,) the joint
     is taken to slide that way all the time, even where a simulation with wrong parameters would stop: then positions
     are smooth functions of the parameters.
     """

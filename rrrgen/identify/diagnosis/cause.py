@@ -186,5 +186,5 @@ class Wording:
 
 
 def _unit_of(table: dict[str, float], factor: float) -> str:
-    """The name of a unit by its factor to SI."""
+    """Name of the unit in ``table`` (name -> factor to SI) that has this ``factor``; "" if there is none."""
     return next((name for name, value in table.items() if math.isclose(value, factor, rel_tol=SAME_UNIT)), "")

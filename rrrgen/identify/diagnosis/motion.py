@@ -1,4 +1,4 @@
-"""Rule: a clock wrong by a factor of 1000, from sampling and motion alone; data of the rules that need no model."""
+"""Diagnosis rule: a clock wrong by a factor of 1000; and the motion data used by all rules that need no model."""
 
 from __future__ import annotations
 

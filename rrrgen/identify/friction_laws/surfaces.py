@@ -29,10 +29,11 @@ BOUNDED = ("viscous", "coulomb", "viscous_p", "viscous_n", "coulomb_p", "coulomb
 
 @dataclass(frozen=True)
 class FrictionSurface:
-    """Friction under ``law`` at the joint or motor whose parameter names end in ``owner``; ``shapes`` of the law.
+    """Friction surface: a joint or motor with the friction ``law`` and its shape parameters ``shapes``.
 
-    ``direction`` w (n,): it slides at ``w dq``, and its friction f adds ``w f`` to the joint torques. The torque of its
-    load is ``carried`` (n,) times the joint torques without friction.
+    With its ``direction`` w (n,), the surface slides at the speed ``w dq``, and its friction f adds ``w' f`` to the
+    joint torques. The load torque that it transmits is ``carried`` (n,) times the joint torques without friction. Its
+    parameter names end in ``owner``.
     """
 
     owner: str

@@ -93,7 +93,10 @@ class Payload:
 
 @dataclass(frozen=True)
 class _Body:
-    """One body, as the model of a physically consistent estimate."""
+    """Model of a single rigid body whose base parameters are its standard parameters.
+
+    It lets the physically consistent estimation, which expects a robot model, estimate a payload.
+    """
 
     n: int = 1
     spec: Any = None

@@ -41,7 +41,12 @@ class _Lines:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """Logarithms [ln f, ln zeta] per mode, and what follows: numerators, ``|P - model|^2/sigma^2`` of all lines."""
+    """Candidate modal model during the search, with its fit to the measured response P.
+
+    ``modes`` (m, 2) holds [ln f, ln zeta] of each mode; the ``numerators`` follow by linear least squares. ``costs``
+    (L,) are the weighted squared errors ``|P - model|^2/sigma^2`` of the L spectral lines. ``delay`` is in samples,
+    ``integrators`` the number of poles at z = 1.
+    """
 
     modes: Array
     numerators: Array
@@ -56,7 +61,7 @@ class _Candidate:
 
     @property
     def scale(self) -> float:
-        """Typical cost of a line, 1 at least: what the model leaves beyond the noise."""
+        """Median cost of a spectral line, at least 1; it is about 1 where the model explains all but the noise."""
         return max(1.0, float(np.median(self.costs)))
 
     def capped(self, scale: float) -> float:

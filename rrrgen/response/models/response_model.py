@@ -147,7 +147,10 @@ def _of_json(found: dict[str, Any]) -> ResponseModel:
 
 
 def poles_to_modes(a: Array, period: float) -> Array:
-    """Rows [Hz, damping] (m, 2) of the pole pairs of ``1 - sum a_i z^-i`` that swing, by frequency."""
+    """Frequency (Hz) and damping ratio (m, 2) of the m complex pole pairs of ``1 - sum a_i z^-i``, by frequency.
+
+    ``a`` are the coefficients of the denominator, ``period`` is the sampling period (s).
+    """
     roots = np.roots(np.concatenate([[1.0], -a]))
     s = np.log(roots[roots.imag > 1e-9]) / period
     modes = np.column_stack([np.abs(s) / (2.0 * np.pi), -s.real / np.abs(s)])
@@ -155,7 +158,10 @@ def poles_to_modes(a: Array, period: float) -> Array:
 
 
 def resonances_of(a: Array, covariance: Array | None, period: float) -> tuple[Resonance, ...]:
-    """The weakly damped pole pairs, with deviations by the covariance (n, n) of ``a``, to first order."""
+    """Resonances: the weakly damped pole pairs of ``1 - sum a_i z^-i``, with standard deviations.
+
+    The deviations follow to first order from the ``covariance`` (n, n) of ``a`` (n,); ``period`` is in s.
+    """
     modes = poles_to_modes(a, period)
     spread = np.full(modes.shape, np.nan)
     if covariance is not None:

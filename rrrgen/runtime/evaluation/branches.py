@@ -130,7 +130,7 @@ class _Path:
     # -- choices ------------------------------------------------------------------------------------------------------
 
     def _choose(self, count: int, numbers: Sequence[int] = (0, 1)) -> int:
-        """The root of this path; its number goes into the branch label."""
+        """Index of the root, of ``count`` ones, that this solution path takes; its number enters the branch label."""
         if count == 0:
             raise _NoRootError
         k = len(self.counts)

@@ -47,9 +47,10 @@ SAME = 1e-7
 
 
 class Coupling:
-    """Maps solutions ``y`` of the rows to the tip to joint positions q.
+    """Converts solutions for the joint angles ``y`` along the chain from base to tip to the independent positions q.
 
-    Raises DerivationError where the rows do not determine q, or too many full turns had to be tried.
+    In a mechanism with coupled joints, ``y = S q`` with a constant matrix S. Raises DerivationError if y does not
+    determine q, or if too many combinations of full turns had to be tried.
     """
 
     def __init__(self, spec: RobotSpec, chain: Chain, *, position: bool) -> None:

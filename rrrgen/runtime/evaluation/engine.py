@@ -43,12 +43,16 @@ class Engine(Protocol):
         given: NDArray[np.float64] | None,
         bits: int,
     ) -> IKBatch:
-        """The solutions of N targets."""
+        """Solve N targets; the arguments are those for one target, with a leading axis of length N.
+
+        ``goals`` are the checked targets, row-major, (N, 16) or (N, 3); ``reference`` and ``given`` the reference
+        configurations and redundancy parameters, None for none; ``bits`` the options.
+        """
         ...
 
 
 def batch_of(answers: Sequence[Answer], rows: int, n: int) -> IKBatch:
-    """The answers in arrays of fixed size: ``rows`` configurations of ``n`` joints for each."""
+    """Pack the answers for several targets into arrays with room for ``rows`` solutions of ``n`` joints each."""
     out = empty_batch(len(answers), rows, n)
     for i, found in enumerate(answers):
         k = out.counts[i] = len(found.q)

@@ -64,9 +64,10 @@ def linear(
     bits: tuple[int, int],
     settings: Settings,
 ) -> Roots:
-    """Solve a cos(x) + b sin(x) = k: a, b, k, w with cos(x) = a k -+ b w and sin(x) = b k +- a w.
+    """Solve ``a cos(x) + b sin(x) = k`` for the angle x.
 
-    Where every x solves it, x is the reference; ``bits`` are flagged where that may be so, and where it is.
+    Returns four numbers a, b, k, w that give both solutions: ``cos(x) = a k -+ b w``, ``sin(x) = b k +- a w``. If every
+    x is a solution, x = ``reference``. ``bits`` are the flags to set if a and b nearly vanish, and if they do.
     """
     a, b, k = equation
     h2, flags = a * a + b * b, 0

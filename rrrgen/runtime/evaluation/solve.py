@@ -129,7 +129,7 @@ class _Call:
         return Answer(UNREACHABLE, (), self._stage, distance)
 
     def _collect(self) -> int:
-        """Collect the solutions that meet the task; returns how many candidates the last equations had."""
+        """Collect the solutions that meet the task; returns the number of candidates of the last set of equations."""
         count = near = 0
         for part in self._parts:
             rows, stage = candidates(part, self._query, self._usual)

@@ -1,4 +1,4 @@
-"""The task error of a row and its refinement, after ``templates/c/ik/refine.c``."""
+"""Task error of an inverse-kinematics solution and its refinement, by the method of ``templates/c/ik/refine.c``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DESCENT = (int(SEARCH["descent_steps"]), SEARCH["descent_damping"])
 
 
 class Task:
-    """What rows of one target must meet: its position, or its pose; lengths count in reaches."""
+    """Task that solutions for one target must meet: its position, or its pose; lengths are relative to the reach."""
 
     def __init__(self, plan: SolverPlan, T: Sequence[float]) -> None:
         self.chain = plan.chain

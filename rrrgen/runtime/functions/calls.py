@@ -66,7 +66,7 @@ class Calls:
         return self._compiled
 
     def _with(self, name: str) -> Model:
-        """The model that has the function ``name``: this one, or that of another group of functions."""
+        """Model whose compiled code has the function ``name``: this one, or one compiled later for more functions."""
         if name in self.derived.programs:
             return self  # type: ignore[return-value]
         from rrrgen.derive.functions.table import GROUPS, functions_of

@@ -344,7 +344,7 @@ class DynamicFunctions(Calls):
         Args:
             dq: joint velocities, (..., n), rad/s or m/s.
             friction: friction parameters, (k,) or (..., k), SI units, in the order of ``friction_parameter_names``.
-            width: speeds over which the sign turns round, one for each joint and motor with friction, (s,) or (..., s),
+            width: speeds below which sgn is smoothed, one for each joint and motor with friction, (s,) or (..., s),
                 rad/s or m/s, or one number for all.
             tau_load: torques without friction, (..., n), N m or N; needed where a law depends on the load.
 

@@ -138,7 +138,7 @@ class ElasticFunctions(ControlLaws):
             rotor_inertia: inertias of the rotors, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             stiffness: stiffnesses, (n,) or (..., n), N m/rad or N/m; by default those of the robot file.
             friction: friction parameters, (k,) or (..., k), SI units; by default those of the robot file.
-            width: speeds over which the sign of friction turns round, (s,), (..., s) or one number, rad/s or m/s.
+            width: speeds below which the sign in friction laws is smoothed, (s,), (..., s) or one number, rad/s or m/s.
             tau_max: largest torques, (n,) or (..., n), N m or N; by default the limits of the robot file.
 
         Returns:
@@ -189,7 +189,7 @@ class ElasticFunctions(ControlLaws):
             rotor_inertia: inertias of the rotors, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             stiffness: stiffnesses, (n,) or (..., n), N m/rad or N/m; by default those of the robot file.
             friction: friction parameters, (k,) or (..., k), SI units; by default those of the robot file.
-            width: speeds over which the sign of friction turns round, (s,), (..., s) or one number, rad/s or m/s.
+            width: speeds below which the sign in friction laws is smoothed, (s,), (..., s) or one number, rad/s or m/s.
             tau_max: largest torques, (n,) or (..., n), N m or N; by default the limits of the robot file.
             with_status: return ``(result, status)`` instead of raising LinAlgError.
 

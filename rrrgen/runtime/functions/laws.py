@@ -64,7 +64,7 @@ class ControlLaws(DynamicFunctions):
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
             friction: friction parameters, (k,) or (..., k), SI units; by default those of the robot file.
-            width: speeds over which the sign of friction turns round, (s,), (..., s) or one number, rad/s or m/s.
+            width: speeds below which the sign in friction laws is smoothed, (s,), (..., s) or one number, rad/s or m/s.
             tau_max: largest torques, (n,) or (..., n), N m or N; by default the limits of the robot file.
             Ts: the period, (...), s.
 
@@ -111,7 +111,7 @@ class ControlLaws(DynamicFunctions):
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
             friction: friction parameters, (k,) or (..., k), SI units; by default those of the robot file.
-            width: speeds over which the sign of friction turns round, (s,), (..., s) or one number, rad/s or m/s.
+            width: speeds below which the sign in friction laws is smoothed, (s,), (..., s) or one number, rad/s or m/s.
             tau_max: largest torques, (n,) or (..., n), N m or N; by default the limits of the robot file.
             Ts: the period, (...), s.
 
@@ -158,7 +158,7 @@ class ControlLaws(DynamicFunctions):
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
             friction: friction parameters, (k,) or (..., k), SI units; by default those of the robot file.
-            width: speeds over which the sign of friction turns round, (s,), (..., s) or one number, rad/s or m/s.
+            width: speeds below which the sign in friction laws is smoothed, (s,), (..., s) or one number, rad/s or m/s.
             tau_max: largest torques, (n,) or (..., n), N m or N; by default the limits of the robot file.
             Ts: the period, (...), s.
 
@@ -207,7 +207,7 @@ class ControlLaws(DynamicFunctions):
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
             friction: friction parameters, (k,) or (..., k), SI units; by default those of the robot file.
-            width: speeds over which the sign of friction turns round, (s,), (..., s) or one number, rad/s or m/s.
+            width: speeds below which the sign in friction laws is smoothed, (s,), (..., s) or one number, rad/s or m/s.
             tau_max: largest torques, (n,) or (..., n), N m or N; by default the limits of the robot file.
             gamma: adaptation gains, (b,) or (..., b); zero for parameters to keep.
             beta_min: lower bounds of beta, (b,) or (..., b), SI units.
@@ -275,7 +275,7 @@ class ControlLaws(DynamicFunctions):
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
             friction: friction parameters, (k,) or (..., k), SI units; by default those of the robot file.
-            width: speeds over which the sign of friction turns round, (s,), (..., s) or one number, rad/s or m/s.
+            width: speeds below which the sign in friction laws is smoothed, (s,), (..., s) or one number, rad/s or m/s.
 
         Returns:
             The named tuple (p, u), (..., n) each: ``p = M dq`` and ``u = C' dq - g - f(dq)``.
@@ -310,7 +310,7 @@ class ControlLaws(DynamicFunctions):
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
             friction: friction parameters, (k,) or (..., k), SI units; by default those of the robot file.
-            width: speeds over which the sign of friction turns round, (s,), (..., s) or one number, rad/s or m/s.
+            width: speeds below which the sign in friction laws is smoothed, (s,), (..., s) or one number, rad/s or m/s.
             p_last: momentum at the last tick, (..., n), N m s or N s.
             u_last: torques u at the last tick, (..., n), N m or N.
             r_last: estimate of the last tick, (..., n), N m or N; zero at the start.

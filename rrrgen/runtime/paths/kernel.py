@@ -37,7 +37,7 @@ class TimingKernel:
         return self.ffi.cast(self._pointer, array.ctypes.data)
 
     def _path(self, arrays: Sequence[Array]) -> Any:
-        """The path as C takes it; it lives as long as ``arrays``."""
+        """C structure of a path that points into ``arrays``, which must outlive it."""
         path = self.ffi.new(f"{self.robot}_path *")
         path.points = len(arrays[0])
         for name, array in zip(("s", "q", "q_s", "q_ss"), arrays, strict=True):
@@ -73,7 +73,7 @@ class TimingKernel:
         return int(status), int(where[0]), ds_dt, t
 
     def text(self, status: int) -> str:
-        """What a status means."""
+        """Text that explains a status code."""
         text: bytes = self.ffi.string(getattr(self.lib, f"{self.robot}_timing_status_string")(status))
         return text.decode()
 
@@ -89,7 +89,7 @@ class TimingKernel:
 
 
 def _declarations(p: str, n: int, further: int, real: Real) -> str:
-    """What cffi must know of the header."""
+    """C declarations of the header for cffi."""
     vectors = f"const {real} *, " * further
     return f"""
         typedef struct {{ int points; const {real} *s; const {real} *q; const {real} *q_s;
