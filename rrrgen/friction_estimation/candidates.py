@@ -109,9 +109,9 @@ class Candidate:
 
 
 def candidates(gravity: int) -> tuple[Candidate, ...]:
-    """Every law that is tried, from the simplest to the richest.
+    """Friction laws to try, from the fewest parameters to the most.
 
-    An offset beside the gravity torque and both Coulomb levels of the asymmetric law could not be told apart.
+    The asymmetric law has no torque offset: with gravity and a Coulomb level per direction it is not identifiable.
     """
     return (
         Candidate(LAWS["coulomb_viscous"], gravity, ("offset",)),

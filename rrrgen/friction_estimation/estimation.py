@@ -141,7 +141,7 @@ def estimate_friction(
 
 
 class _OutputError:
-    """Output error of all laws over the windows of sliding; bristles of LuGre over those with rest and reversals."""
+    """Fits all laws by output error to sliding windows, and LuGre bristles to those with rest and reversals."""
 
     def __init__(self, laws: Sequence[Candidate], data: JointData, tell: Progress) -> None:
         self.laws, self.tell = laws, tell

@@ -224,8 +224,7 @@ def _with_friction(
 ) -> tuple[FullRegressor, Tuning, FrictionFit | None]:
     """Build the regressor with the requested friction laws, their shape parameters fitted to the training data.
 
-    Also returns the tuning to use and the friction fit (None for linear friction only). A nonlinear law also describes
-    slow motion, so samples at low speed are then not left out.
+    Nonlinear laws also describe slow motion, so the returned tuning then keeps samples at low speed.
     """
     terms = with_linear_friction(options.terms or DriveTerms.of_spec(model.spec), model.spec)
     every = replace(tuning, processing=replace(tuning.processing, low_speed=()))

@@ -29,7 +29,7 @@ MOST_POINTS = 20_000
 
 @dataclass(frozen=True)
 class TorqueCurves:
-    """Measured and modelled torques (N, n), N m (N), at the instants ``t`` (N,), s; ``use`` (N, n): rows in use.
+    """Measured and modelled torques (N, n), N m (N), at the instants ``t`` (N,), s; ``use`` (N, n): samples used.
 
     ``spread`` (N, n) is the standard deviation of the measured torque about the model, ``own`` (N, n) the part of it
     that the parameters cause; None if unknown.

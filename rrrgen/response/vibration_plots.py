@@ -88,7 +88,7 @@ def _step(axis: Any, vibrations: Sequence[Vibration], shaper: Shaper) -> None:
 
 
 def _swing(u: Array, frequency: float, damping: float, period: float) -> Array:
-    """A mode of unit static response, sampled, driven by ``u`` (N,)."""
+    """Response (N,) of a vibration mode of static gain 1 to the input ``u`` (N,), sampled with ``period`` (s)."""
     from scipy.signal import lfilter
 
     p = pole(frequency, damping, period)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class _Compiled:
-    """The emitted C through cffi."""
+    """Inverse-kinematics engine that calls the emitted C through cffi."""
 
     def __init__(self, plan: SolverPlan, rows: int, ffi: Any, lib: Any, name: str) -> None:
         self._n, self._rows, self._locked = plan.chain.n, rows, plan.locked is not None

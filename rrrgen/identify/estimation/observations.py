@@ -91,9 +91,9 @@ class RowMaker:
         return np.concatenate([np.broadcast_to(start, (lead, len(start))), states])
 
     def following(self, window: Window) -> tuple[int, Array] | None:
-        """Known state of friction for the window after ``window`` in the same stretch: sample, and directions (m,).
+        """Friction state handed to the window after ``window`` in the same stretch: sample number and directions (m,).
 
-        Filtered positions are exact from the reach of the reconstruction on, so the state is known from there on.
+        The state is taken at the end of ``window``, because the first filtered positions of the next one are inexact.
         """
         if self.sliding is None:
             return None

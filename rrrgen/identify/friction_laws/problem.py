@@ -99,7 +99,7 @@ class Problem:
         return cls(tuple(found), decimate)
 
     def under_load(self, regressor: Regressor, theta: Array) -> Problem:
-        """The same rows with friction under the load ``regressor(q, dq, ddq) theta``."""
+        """Copy of the problem whose friction depends on the load torques ``regressor(q, dq, ddq) theta``."""
         found = []
         for each in self.stretches:
             parts = range(0, len(each.q), LOAD_BLOCK)

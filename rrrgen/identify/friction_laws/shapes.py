@@ -74,7 +74,7 @@ class _Search:
         return np.concatenate([w * columns[self.use[:, j], j] for j, w in enumerate(self.weights)])
 
     def left(self, columns: Array) -> Array:
-        """What the fixed columns do not explain of ``columns``."""
+        """Residual of ``columns`` after least squares on the fixed columns."""
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
     def shaped(self, logs: Array) -> tuple[FrictionSurface, ...]:

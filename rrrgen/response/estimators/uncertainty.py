@@ -1,4 +1,4 @@
-"""From the variance of a complex estimate to the circle that holds the truth."""
+"""Confidence circles of complex estimates, from their variance."""
 
 from __future__ import annotations
 

@@ -13,11 +13,12 @@ LONG_ORDER = 2  # times the order: the ARX model whose residuals stand for e at 
 
 
 def armax(start_from: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
-    """The model with the smallest one-step errors e on the rows [start, stop), C of the order of A.
+    """Fit an ARMAX model ``A y = B u + C e`` that minimizes the one-step prediction errors e on samples [start, stop).
 
+    ``u`` and ``y`` (N,) are input and output, ``start_from`` gives orders and first estimate; C has the order of A.
     Begins with least squares on estimated e (Hannan-Rissanen) and refines by Levenberg-Marquardt steps: the derivatives
     of e are past outputs, inputs and errors filtered by 1/C. Zeros of C outside the unit circle are reflected. The
-    equation that is returned holds A and B; e is for its uncertainty.
+    returned equation holds A and B, and e for its uncertainty.
     """
     order, size, delay = len(start_from.a), len(start_from.b), start_from.delay
     part_y, part_u = y[start:stop], u[start:stop]

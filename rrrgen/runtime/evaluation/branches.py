@@ -186,7 +186,7 @@ class _Path:
     # -- single answers -----------------------------------------------------------------------------------------------
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """The one angle ``atan2(s, c)``; the reference where both vanish."""
+        """Cosine and sine of the unique angle ``atan2(s, c)``; of the reference angle if s and c both vanish."""
         turn = self._directed(joint, float(c), float(s))
         self._angle(joint, turn)
         return turn

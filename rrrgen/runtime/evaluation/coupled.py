@@ -144,9 +144,9 @@ def _turns_until_alike(rows: sp.Matrix, step: sp.Matrix, turning: list[int], tur
 
 
 class CoupledEngine:
-    """Joint positions of a mechanism, from the solutions of its chain of rows by another ``engine``.
+    """Inverse kinematics of a mechanism with coupled joints, by the ``engine`` that solves its chain without couplings.
 
-    ``rows`` is the largest number of solutions, ``unfit`` the number of the reason that no solution fits the coupling.
+    ``rows`` is the largest number of solutions, ``unfit`` the status code if no solution satisfies the couplings.
     """
 
     def __init__(self, engine: Engine, rows: int, coupling: Coupling, unfit: int) -> None:
