@@ -80,7 +80,7 @@ class Statements:
         self._computed(index)
 
     def _worth_a_name(self) -> list[bool]:
-        """For every node whether its value gets a local, which operands and results then share."""
+        """For every node, whether its value gets a local variable: if it is read more than once or has a label."""
         labels = self.program.labels
         return [
             readers + wanted > 1 or (readers == 1 and index in labels)

@@ -201,6 +201,10 @@ def _law(data: Mapping[str, Any]) -> FrictionLaw:
 def coulomb_viscous(
     viscous: Sequence[float], coulomb: Sequence[float], offset: Sequence[float] | None = None
 ) -> FrictionModel:
-    """``tau_f = viscous dq + coulomb sgn(dq) + offset``, one number per joint each. Source: (14.11)."""
+    """A model of viscous and Coulomb friction, ``tau_f = viscous dq + coulomb sgn(dq) + offset``. Source: (14.11).
+
+    Each argument has one number per joint, (n,): ``viscous`` in N m s/rad (N s/m), ``coulomb`` and ``offset`` in N m
+    (N); the offset is zero by default.
+    """
     zeros = np.zeros(len(viscous)) if offset is None else offset
     return FrictionModel(LAWS["coulomb_viscous"], np.column_stack([viscous, coulomb, zeros]))

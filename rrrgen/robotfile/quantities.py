@@ -167,7 +167,7 @@ def _units_hint(target: Quantity) -> str:
 
 
 def _is_ambiguous(node: Scalar, value: Value, what: str, target: Quantity, unit: Unit, scope: Scope) -> bool:
-    """Report a value without a unit that measures something else or could be read in more than one way."""
+    """Whether a value without a unit has the wrong dimension or two possible readings; if so, a fault is added."""
     faults = scope.faults
     if value.dimension is not None and not value.open_names and value.dimension != target.dimension:
         message = f"{what} is {target.name}, but this is {quantity_name(value.dimension)}"

@@ -128,7 +128,7 @@ def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
 
 
 def _unit_noise(period: float, log_ratio: float) -> KalmanMatrices:
-    """The filter with ``var eta = 1`` and ``lambda = 10^log_ratio``."""
+    """The Kalman filter of one joint with ``var eta = 1`` and ``var xi = 10^(2 log_ratio) / period^6``."""
     return kalman_matrices(period, 1.0, 10.0 ** (2.0 * log_ratio) / period**6)
 
 

@@ -271,7 +271,7 @@ def _argument(port: Port) -> str:
 
 
 def _table(port: Port) -> str:
-    """The table from which an input is read; inputs of one name may have several sizes."""
+    """The name of the C table that holds the values of an input; it contains the size where that can vary."""
     if port.role in TABLES:
         return TABLES[port.role]
     return port.name if port.name in GIVEN else f"{port.name}_{port.size}"

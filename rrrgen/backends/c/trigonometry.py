@@ -116,7 +116,7 @@ class InlineSinCos:
 
 
 def kernel_values(dialect: Dialect) -> dict[str, object]:
-    """The variables of the kernel's template."""
+    """The variables of the template of the sine and cosine kernel: names, coefficients, range, error bound."""
     real = dialect.real
     return {
         "prefix": dialect.prefix,

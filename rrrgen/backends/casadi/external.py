@@ -74,7 +74,7 @@ def external_sources(
 
 
 def definitions(robot: str, public: str, program: Program, kinds: Sequence[str]) -> list[Definition]:
-    """One of the functions of :func:`external_sources`, with its derivatives."""
+    """The C definitions of one public function and of its derivatives ``kinds``, ready for the template."""
     base = routine(program, f"{robot}_casadi_{public}")
     return [_definition(robot, item, program if item is base else None) for item in (base, *derivatives(base, kinds))]
 

@@ -25,7 +25,7 @@ _FUNCTIONS = {Op.SQRT: "ca.sqrt", Op.ABS: "ca.fabs", Op.EXP: "ca.exp", Op.TANH: 
 
 
 class _Python:
-    """The language of the module: Python statements over CasADi's symbols."""
+    """Python as a target language: assignments of expressions over CasADi's symbols."""
 
     @property
     def reserved(self) -> frozenset[str]:

@@ -19,7 +19,7 @@ RESERVED = KEYWORDS | ROBOT_RESERVED | frozenset(_LOCAL) | frozenset(keyword.kwl
 
 @dataclass(frozen=True)
 class Listing:
-    """``statements`` in order, then one expression per element of every output."""
+    """The text of a program: ``statements`` in order, then one expression per element of every output."""
 
     statements: tuple[str, ...]
     results: tuple[tuple[str, ...], ...]

@@ -24,7 +24,7 @@ CSE_LIMIT = 400  # operations of a quantity beyond which common subexpressions g
 
 @dataclass(frozen=True)
 class Equation:
-    """``letter[indices] = value``; without indices the value may be a matrix."""
+    """One printed equation, ``letter[indices] = value``; without indices the value may be a matrix."""
 
     letter: str
     indices: tuple[int, ...]

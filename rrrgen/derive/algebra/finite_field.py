@@ -23,7 +23,7 @@ class Residue:
 
     @staticmethod
     def of(number: Operand) -> Residue:
-        """The image of an integer or a fraction."""
+        """The element of the prime field that represents an integer or a fraction."""
         if isinstance(number, Residue):
             return number
         if type(number) is int:

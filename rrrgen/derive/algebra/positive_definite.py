@@ -26,9 +26,9 @@ Rows = list[list[Value]]
 
 @dataclass(frozen=True)
 class Factors:
-    """``M = L D L'``: L (unit lower triangular), D and its reciprocals, and the status, 1 if a pivot is not positive.
+    """The factorization ``M = L D L'`` of a symmetric matrix: L (unit lower triangular), D and its reciprocals.
 
-    With status 1 the factors are finite but meaningless from the first pivot on that is not positive.
+    ``status`` is 1 if a pivot is not positive; the factors are then finite but meaningless from that pivot on.
     """
 
     builder: Builder
@@ -51,7 +51,7 @@ class Factors:
         return [b.select(self.status, 0, value) for value in x]
 
     def negative_inverse(self) -> Rows:
-        """``-inv(M)`` (n, n), zero if the status is 1; negative because derivatives of the solution contain -inv(M)."""
+        """The matrix ``-inv(M)`` (n, n), zero if the status is 1; the derivatives of forward dynamics need it."""
         b, n = self.builder, len(self.L)
         scales = [b.select(self.status, 0, b.neg(value)) for value in self.reciprocals]
         X = self._inverse_of_L()

@@ -171,7 +171,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def friction_with(r: Recording) -> Program:
-    """Record the friction torques (n,) for parameters given at run time, under the laws of the robot file."""
+    """Record the friction torques (n,) under the laws of the robot file, with their parameters as an input."""
     dq = r.joints("dq")
     friction = RunTimeFriction.declared(r, smooth=False)
     return r.builder.program(
@@ -184,7 +184,10 @@ def friction_with(r: Recording) -> Program:
 
 
 def smooth_friction(r: Recording) -> Program:
-    """Record ``friction_with`` with tanh(s / width) in place of sgn(s), for controllers and optimisation."""
+    """Record smooth friction torques (n,): sgn(s) in the friction laws is replaced by tanh(s / width).
+
+    The parameters of the laws are an input. Meant for controllers and optimisation, which need derivatives.
+    """
     dq = r.joints("dq")
     friction = RunTimeFriction.declared(r, smooth=True)
     return r.builder.program(

@@ -28,13 +28,13 @@ Parameters = Sequence[Sequence[Any]]
 
 
 def through_projection(r: Recording, phi: Parameters) -> list[Any]:
-    """``K phi`` (b,) by the rows of K at nominal geometry."""
+    """The base parameters ``K phi`` (b,) as the product of the matrix K, at nominal geometry, and phi."""
     flat = [value for link in phi for value in link]
     return [dot([r.constant(factor) for factor in row], flat) for row in r.parametrization.projection]
 
 
 def by_regrouping(r: Recording, phi: Parameters) -> list[Any]:
-    """``K phi`` (b,) by moving the inertia of each link to the link before, from the tip to the base."""
+    """The base parameters ``K phi`` (b,) by moving each link's inertia to the previous link, from tip to base."""
     basis, change = r.parametrization.basis, r.parametrization.change
 
     def placement(X: RigidTransform) -> Placement:

@@ -126,7 +126,7 @@ def _terms(row: list[Any]) -> tuple[int, int]:
 
 
 def _image(value: Any, images: list[Residue]) -> Residue:
-    """The image of a polynomial in the finite field, with the generators replaced by ``images``."""
+    """The value in the finite field of a polynomial, with ``images`` as the values of its generators."""
     if not isinstance(value, Polynomial):
         return Residue.of(value)
     total = 0

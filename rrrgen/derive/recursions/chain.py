@@ -275,7 +275,7 @@ class ResidueConstants:
         return (one - square) / (one + square), (t + t) / (one + square)
 
     def __call__(self, expression: sp.Expr) -> Residue | int:
-        """The image of ``expression`` in the field."""
+        """The element of the finite field that represents ``expression``."""
         if expression.is_Rational:
             value = plain(Fraction(int(expression.p), int(expression.q)))
             return value if type(value) is int else Residue.of(value)

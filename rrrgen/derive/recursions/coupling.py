@@ -76,7 +76,10 @@ class UnitAngles:
         return [f for j, f in factors if j == k and (f / unit).denominator == 1 and abs(f / unit) <= LARGEST_MULTIPLE]
 
     def angle(self, turning: Turning, unit: Callable[[int], tuple[Any, Any]]) -> tuple[Any, Any]:
-        """Cosine and sine of ``turning``; ``unit(i)`` gives those of the independent angle i."""
+        """Cosine and sine of the angle ``turning``, a sum of multiples of joint positions.
+
+        ``unit(i)`` gives the cosine and sine of the independent angle i.
+        """
         c: Any = 1
         s: Any = 0
         for k, factor in turning:
@@ -111,14 +114,14 @@ def _multiple_angle(c: Any, s: Any, times: int) -> tuple[Any, Any]:
 
 
 def over_joints(coupling: Sequence[Sequence[Any]] | None, rates: Sequence[Any]) -> Sequence[Any]:
-    """``S rates``: the rates of all joints from those of q."""
+    """``S rates``: the rates of all joints from the rates of q (n,); S is ``coupling``."""
     if coupling is None:
         return rates
     return [_dot(row, rates) for row in coupling]
 
 
 def over_coordinates(coupling: Sequence[Sequence[Any]] | None, forces: Sequence[Any]) -> list[Any]:
-    """``S' forces``: the forces on q from those on all joints."""
+    """``S' forces``: the generalized forces on q (n,) from those on all joints; S is ``coupling``."""
     if coupling is None:
         return list(forces)
     return [_dot([row[k] for row in coupling], forces) for k in range(len(coupling[0]))]

@@ -70,7 +70,10 @@ def pass_down(chain: Chain, in_link_frame: Sequence[bool], wrenches: Sequence[Wr
 
 
 def composite_wrenches(chain: Chain, in_link_frame: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Wrench]:
-    """For each joint, the sum of the wrenches of all links beyond it, about its origin, in the frame of its link."""
+    """For each joint, the sum of the inertial wrenches of its link and all links beyond, at the joint's origin.
+
+    Each sum is about the origin of the joint's link, in the frame in which that link is expressed.
+    """
     totals: list[Wrench] = [([0, 0, 0], [0, 0, 0])] * chain.n
     for i in reversed(range(chain.n)):
         F, N = totals[i] = _sum(totals[i], wrenches[i])

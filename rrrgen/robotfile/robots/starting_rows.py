@@ -1,4 +1,4 @@
-"""Denavit-Hartenberg rows to start a robot file from: an arm that can move in as many ways as it has joints."""
+"""Denavit-Hartenberg rows to start a robot file from, chosen such that the Jacobian has full rank."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def simd_functions(programs: Mapping[str, Program], dialect: Dialect) -> str:
 
 
 def simd_signature(program: Program, dialect: Dialect) -> str:
-    """``static void <name>_simd_<function>(const <name>_simd *q, ..., <name>_simd *tau)``."""
+    """The C declaration ``static void <name>_simd_<function>(const <name>_simd *q, ..., <name>_simd *tau)``."""
     simd = f"{dialect.prefix}_simd"
     ports = [f"const {simd} *{port.name}" if port.shape else f"{simd} {port.name}" for port in program.inputs]
     ports += [f"{simd} *{port.name}" for port in _without_status(program).outputs]

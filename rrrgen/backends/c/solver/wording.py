@@ -27,7 +27,7 @@ def branch_text(labels: tuple[tuple[str, int, int], ...]) -> str:
 
 
 def explanation(plan: SolverPlan) -> list[str]:
-    """The comment of the function that solves, in lines."""
+    """The lines of the comment in front of the C function that solves the inverse kinematics."""
     text = (
         f"Family: {plan.title}; at most {plan.max_solutions} solutions. `target` is "
         + ("the position (m)" if plan.task == "position" else "the row-major 4x4 pose (m)")

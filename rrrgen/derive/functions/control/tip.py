@@ -22,7 +22,7 @@ def rotation_error(R: Matrix, R_d: Matrix) -> Vector:
 
 
 def limited(b: Builder, tau: Sequence[Any], tau_max: Sequence[Any]) -> tuple[Vector, Vector]:
-    """``tau`` (n,) within +- ``tau_max`` (n,), and for every joint 1 where it was beyond, else 0."""
+    """Limit ``tau`` (n,) to +- ``tau_max`` (n,); also returns 1 for every joint that was beyond its limit, else 0."""
     above = [b.sub(b.abs(t), limit) for t, limit in zip(tau, tau_max, strict=True)]
     held = [b.select(over, b.mul(b.sign(t), limit), t) for over, t, limit in zip(above, tau, tau_max, strict=True)]
     return held, [b.select(over, 1, 0) for over in above]

@@ -229,7 +229,7 @@ def _screw_x(angle: sp.Expr, length: sp.Expr) -> sp.Matrix:
 
 
 def _base(file: Assignments, table: dict[str, list[Entry]], first: int) -> sp.Matrix:
-    """Pose of frame 0, fixed frames before the first joint, and that joint's gamma and b."""
+    """The pose of the base: of frame 0, times fixed frames and gamma and b before the first joint."""
     base = _pose_of_frame_0(file)
     for j in range(first):
         base = base * _step(table, j)

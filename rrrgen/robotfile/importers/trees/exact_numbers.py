@@ -74,7 +74,7 @@ def _cos_sin(angle: Any) -> tuple[Any, Any]:
 
 
 def roll_pitch_yaw(roll: Any, pitch: Any, yaw: Any) -> Array:
-    """``Rz(yaw) Ry(pitch) Rx(roll)`` (3, 3)."""
+    """The rotation matrix (3, 3) of roll, pitch and yaw angles (rad), ``Rz(yaw) Ry(pitch) Rx(roll)``."""
     return rotation((0, 0, 1), yaw) @ rotation((0, 1, 0), pitch) @ rotation((1, 0, 0), roll)
 
 
@@ -104,7 +104,7 @@ def exact_angle(angle: Any) -> sp.Expr:
 
 
 def exact_length(length: Any) -> sp.Expr:
-    """``length`` as a short decimal, as one times sqrt(2), sqrt(3) or sqrt(6), or rounded to 25 digits."""
+    """``length`` as a short decimal, if need be times sqrt(2), sqrt(3) or sqrt(6); else rounded to 25 digits."""
     for root in (1, 2, 3, 6):
         short = _rounded(length / HIGH.sqrt(root), SHORT)
         if abs(number(short) * HIGH.sqrt(root) - length) <= EQUAL:
