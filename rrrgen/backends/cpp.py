@@ -26,7 +26,7 @@ class CppBackend:
     """Prints ``<name>.hpp``."""
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], str]]:
-        """The header, which is all there is to do."""
+        """A single task, which prints the header."""
         return [partial(_header, model, identity, real)]
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[str]) -> dict[str, str]:

@@ -33,7 +33,7 @@ class Target(Protocol):
 
     @property
     def reserved(self) -> frozenset[str]:
-        """Words that no local may be called."""
+        """Names that local variables must not have, such as keywords of the language."""
         ...
 
     def literal(self, value: Fraction | int) -> str:

@@ -45,7 +45,7 @@ class RustBackend:
     folder: str = "rust"
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], str]]:
-        """The source, which is all there is to do."""
+        """A single task, which prints the source file."""
         return [partial(_source, model, identity, real)]
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[str]) -> dict[str, str]:
@@ -77,7 +77,7 @@ class _Rust:
 
     @property
     def reserved(self) -> frozenset[str]:
-        """Keywords, and names of the crate and of the prelude."""
+        """Names that local variables must not have: Rust keywords, names of crate and prelude."""
         return _RESERVED
 
     def literal(self, value: Fraction | int) -> str:

@@ -1,4 +1,4 @@
-"""The interface of a pass."""
+"""The interface of optimization passes."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ def longest_bridge(period: float, max_gap: float | None) -> float:
 class Clips:
     """Levels at which torque channels saturate: the signal stays exactly at its extreme, reached and left with a kink.
 
-    A declared limit of the channel counts as such a level from 99.5 % of it on.
+    If the mapping declares a limit of a channel, values from 99.5 % of that limit on also count as saturated.
     """
 
     RUN = 5  # equal samples in a row that make a plateau
@@ -127,7 +127,7 @@ class Clips:
         self.clipped, self.missing = np.zeros(n, int), np.zeros(n, int)
 
     def add(self, rows: RawRows) -> None:
-        """Add the torques of the next rows."""
+        """Include the torques of the next rows in the statistics."""
         if not self.channels:
             return
         tau = rows.signals["torque"]

@@ -110,13 +110,17 @@ class DrivesSpec:
 
     @cached_property
     def joint_from_motor(self) -> sp.ImmutableMatrix:
-        """S (n x n) of ``dq = S dq_m``."""
+        """The matrix S (n, n) from motor speeds to joint speeds, ``dq = S dq_m``."""
         gears = sp.diag(*(1 / motor.gear_ratio for motor in self.motors))
         return sp.ImmutableMatrix(sp.Matrix(self.joint_from_drive) * gears)
 
     @cached_property
     def motor_from_joint(self) -> sp.ImmutableMatrix:
-        """The inverse of S: row k is the direction ``w`` (n,) of motor k, ``dq_m = w dq``, ``tau = w' tau_m``."""
+        """The matrix (n, n) from joint speeds to motor speeds, the inverse of :attr:`joint_from_motor`.
+
+        Row k is the direction ``w`` (n,) of motor k: its speed is ``w dq``, and its torque tau_m adds ``w' tau_m`` at
+        the joints.
+        """
         return sp.ImmutableMatrix(self.joint_from_motor.inv(method="LU"))
 
 

@@ -45,7 +45,10 @@ def _on_cores(function: Callable[[T], R], items: Iterable[T], jobs: int) -> Iter
 
 
 def _on_cluster(function: Callable[[T], R], items: Iterable[T], cluster: str) -> Iterator[R]:
-    """Submit each item inside its task, not as scattered data, so that no item is lost with a worker."""
+    """Apply ``function`` to every item on a Dask cluster and yield the results in order.
+
+    Each item is submitted inside its task, not as scattered data, so that no item is lost with a worker.
+    """
     with cluster_client(cluster) as client:
         waiting: deque[Any] = deque()
         run = uuid.uuid4().hex

@@ -28,7 +28,7 @@ class CTarget:
 
     @property
     def reserved(self) -> frozenset[str]:
-        """Keywords, functions of the C library, macros of common compilers."""
+        """Names that local variables must not have: C keywords, library functions, common macros."""
         return RESERVED
 
     def literal(self, value: Fraction | int) -> str:

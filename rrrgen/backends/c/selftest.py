@@ -235,9 +235,9 @@ def _is_positive(programs: Mapping[str, Program], states: dict[str, Array], para
 
 
 def _specializations(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
-    """Functions with a nominal specialization: both calls in C, and name and size of every result.
+    """For each function with a nominal specialization: both calls in C, and name and size of every result.
 
-    Functions with a status are left out for the reason that :data:`BY_IDENTITY` states.
+    Functions with a status are left out, because their values are as uncertain as M is ill-conditioned.
     """
     specializations = []
     for name, program in model.programs.items():

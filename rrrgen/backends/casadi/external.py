@@ -110,7 +110,7 @@ class _ExternalC:
 
     @property
     def reserved(self) -> frozenset[str]:
-        """Keywords, library functions, and the arguments that CasADi passes."""
+        """Names that local variables must not have: C keywords, library functions, arguments."""
         return RESERVED
 
     def literal(self, value: Fraction | int) -> str:

@@ -29,7 +29,7 @@ class _Python:
 
     @property
     def reserved(self) -> frozenset[str]:
-        """Keywords of Python and names that the module uses itself."""
+        """Names that local variables must not have: Python keywords, names in the module."""
         return RESERVED
 
     def literal(self, value: Fraction | int) -> str:

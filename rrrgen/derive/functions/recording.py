@@ -147,9 +147,9 @@ class Recording:
         return program_chain(self.model, self.builder, self.constant, self.joints("q"))
 
     def chain_in_gravity(self, *rates: str) -> Chain:
-        """The chain of a function that feels gravity; ``rates`` are its further joint vectors.
+        """The chain at the input q, for a function that depends on gravity; ``rates`` are its further joint vectors.
 
-        Where gravity is an input of the functions, it is declared after all joint vectors.
+        If gravity is an input of the functions, it is declared after all joint vectors.
         """
         if not self.model.spec.gravity_input:
             return self.chain()
@@ -157,7 +157,10 @@ class Recording:
         return program_chain(self.model, self.builder, self.constant, q, self.gravity())
 
     def chain_at(self, q: Sequence[Value], *rates: str) -> Chain:
-        """The chain at positions ``q`` (n,) that are not the input q, in gravity; ``rates`` are its further vectors."""
+        """The chain at positions ``q`` (n,) other than the input q, for a function that depends on gravity.
+
+        ``rates`` are the function's further joint vectors; if gravity is an input, it is declared after them.
+        """
         if not self.model.spec.gravity_input:
             return program_chain(self.model, self.builder, self.constant, q)
         for name in rates:

@@ -60,7 +60,7 @@ class Arcs:
 
     @property
     def calls(self) -> list[str]:
-        """The operations after the loops, as named in the table of counts: "arc" (arc tangent) and "opposite"."""
+        """Names of the operations after the loops: "arc" per arc tangent, "opposite" per angle turned by pi."""
         copied = [slot.count for slot, formula in self._copies if formula.startswith("ik_opposite")]
         return ["arc"] * self._taken + ["opposite"] * sum(copied)
 

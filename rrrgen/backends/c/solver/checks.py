@@ -1,8 +1,8 @@
 """Checks of the emitted inverse kinematics for the self-test that runs on the target.
 
-Golden targets are the poses of scattered configurations; the rows that must come back for them are those of the
-derivation evaluated in Python's floats, one branch at a time. Where there is no such evaluation (the roots of a
-polynomial, nearly special arms) the configuration itself must come back.
+The targets are the poses of scattered configurations. The solutions that must be found for them are computed with the
+derivation in Python's floats, one branch at a time. Where that is not possible (the roots of a polynomial, nearly
+special arms), the configuration itself must be found.
 """
 
 from __future__ import annotations

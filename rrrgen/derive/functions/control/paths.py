@@ -1,4 +1,4 @@
-"""Recorder of the dynamics along a geometric path q(s), linear in s'' and s'^2.
+"""Recorder of the dynamics along a geometric path q(s), linear in d2s/dt2 and (ds/dt)^2.
 
 With dots for time and primes for derivatives by s, ``dq = q' s.`` and ``ddq = q' s.. + q'' s.^2``; the velocity torques
 are quadratic in the velocities, so that along the path

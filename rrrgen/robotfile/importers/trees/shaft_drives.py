@@ -1,4 +1,4 @@
-"""Shafts that move several joints of a chain as the coupled drives of a robot file."""
+"""Converts shafts that move several joints of a chain into the coupled drives of a robot file."""
 
 from __future__ import annotations
 

@@ -139,7 +139,10 @@ def _links(chain: SerialChain, table: DenavitHartenberg, faults: FaultList) -> t
 
 
 def link_in_frame(inertia: Inertia | None, frame: Array) -> LinkSpec:
-    """A link from its inertia and the pose (4, 4) of its link frame in the same frame; massless for None."""
+    """The link with this ``inertia``, converted to the link frame ``frame`` (4, 4); massless if it is None.
+
+    Inertia and the pose of the link frame are given in one common frame.
+    """
     if inertia is None:
         return LinkSpec(sp.S.Zero, (sp.S.Zero,) * 3, (sp.S.Zero,) * 6, "com")
     moved = inertia.moved(inverse(frame))
