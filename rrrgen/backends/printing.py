@@ -47,7 +47,7 @@ class Statements:
         self._angles = _joint_sums(program, set(self._trigonometry))
 
     def write(self) -> None:
-        """Visit every node."""
+        """Print the definitions of all nodes in the order of the program."""
         self._named = self._worth_a_name()
         for index in range(len(self.program.nodes)):
             self._visit(index)

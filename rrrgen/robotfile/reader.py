@@ -155,7 +155,7 @@ def _read_name(node: Node | None, scope: Scope) -> str:
 
 
 def _read_units(node: Node | None, faults: FaultList) -> FileUnits:
-    """The units of bare numbers; those that the file fails to state are missing, which is reported once, here."""
+    """Read the key ``units``, the units of bare numbers; report once if it does not state one of them."""
     values = read_section(node, "units", "units", faults, ROBOT_FILE) if node is not None else None
     written = {key: read_text(value, key, faults) for key, value in (values or {}).items()}
     if node is not None and _swapped(written):

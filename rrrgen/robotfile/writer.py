@@ -244,7 +244,10 @@ def _row(spec: RobotSpec, i: int) -> tuple[JointSpec, str, dict[str, sp.Expr]]:
 
 
 def _float_text(value: float, target: Quantity, unit: Unit) -> str:
-    """Shortest reading text: whole degrees or millimetres, else the float's own digits, with a unit where in doubt."""
+    """A text that reads back as exactly ``value``: in degrees or the unit of the file if few decimals do.
+
+    Otherwise the float's own digits, with the SI unit where a bare number would be in another unit or ambiguous.
+    """
     plain = repr(value).removesuffix(".0")
     candidates = [UNITS["deg"]] if target.dimension == ANGLE else []
     for other in candidates + ([unit] if unit.name != target.si_unit else []):

@@ -80,7 +80,7 @@ def definitions(robot: str, public: str, program: Program, kinds: Sequence[str])
 
 
 def external_files(robot: str, definitions: Sequence[Definition], header: Sequence[str]) -> dict[str, str]:
-    """The files of :func:`external_sources` from what :func:`definitions` returns."""
+    """The header and C file of CasADi's external functions, from their ``definitions``."""
     patterns: dict[tuple[int, ...], int] = {}
 
     def numbered(matrices: Iterable[Matrix]) -> str:

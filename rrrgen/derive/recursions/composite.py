@@ -17,7 +17,10 @@ from rrrgen.derive.recursions.inertia import PseudoInertia
 
 
 def offset(chain: Chain, i: int) -> Vector:
-    """The vector from the origin of the joint before to that of joint i, both of one block, in its frame (m)."""
+    """The vector (3,), m, from the origin of the previous joint to that of joint i, in the frame of their block.
+
+    Both joints must belong to one block of parallel axes.
+    """
     joint = chain.joints[i]
     before = chain.joints[joint.parent]
     return add(rotate_z(before.c, before.s, joint.p), [0, 0, joint.slide])
@@ -40,7 +43,7 @@ def composites(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[PseudoIn
 
 
 def _at_joint_before(joint: ChainJoint, J: PseudoInertia) -> PseudoInertia:
-    """The composite ``J`` of a joint that begins a block, about the origin of the link before and in its frame."""
+    """The composite ``J`` of the first joint of a block, moved to the origin and frame of the previous link."""
     slide = Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 0, joint.slide])
     at_foot = J if joint.revolute else J.moved(slide)
     return at_foot.moved(Placement(joint.R, joint.p))

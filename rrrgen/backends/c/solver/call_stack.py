@@ -35,7 +35,7 @@ _ARRAY = re.compile(r"\w+((?:\[[^\]]+\])+)")
 
 @dataclass(frozen=True)
 class _Function:
-    """What one emitted function declares and whom it calls."""
+    """One emitted C function: the bytes of the local arrays it declares, and the functions it calls."""
 
     arrays: int
     calls: tuple[str, ...]
