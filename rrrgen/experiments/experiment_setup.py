@@ -214,9 +214,10 @@ def _controller(experiment: Experiment, model: Any, reference: Motion, duration:
 
 
 def _moved(experiment: Experiment, model: Any, M: Array) -> tuple[Array, Array]:
-    """Mass matrices (m, n, n) that act on the controller at low frequency, and within a sample.
+    """Mass matrices (m, n, n) that the drives accelerate: at low frequencies, and within one controller sample.
 
-    They differ for flexible joints: within a sample only the rotors respond.
+    ``M`` are those of the rigid robot at m poses. The two differ for flexible joints: within a sample only the rotors
+    respond, at low frequencies also the links.
     """
     from rrrgen.simulate.plant import without_drives
 

@@ -31,7 +31,7 @@ class SlidingSamples:
     tau: Array
 
     def rigid_columns(self, gravity: int) -> list[Array]:
-        """Columns of inertia and gravity."""
+        """Regressor columns of inertia and of the ``gravity`` (0 to 2) gravity coefficients."""
         return (
             [self.ddq, *[np.cos(self.q), np.sin(self.q)][:gravity]]
             if gravity != 1

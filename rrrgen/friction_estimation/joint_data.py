@@ -96,7 +96,9 @@ class JointData:
         return self._tiled(self.usable)
 
     def sliding_windows(self) -> Windows:
-        """Windows in which the joint slides one way: without stick, positions are smooth in the parameters."""
+        """Windows in which the joint slides in one direction without sticking.
+
+        There the simulated positions are smooth functions of the parameters."""
         found = self._tiled(self.sliding)
         return replace(found, direction=np.sign(found.v0))
 

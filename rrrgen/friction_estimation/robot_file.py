@@ -18,7 +18,8 @@ LEAST = 1e-9  # of a parameter that has to be positive and was estimated as 0
 def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate, rest: Presliding | None = None) -> RobotSpec:
     """A copy of ``spec`` whose joint named ``joint`` has the law ``chosen``; all else stays as it is.
 
-    The bristles of a LuGre law are those measured at ``rest`` where their deviation is the smaller one.
+    Stiffness and damping of LuGre bristles are replaced by the values of ``rest``, a presliding measurement, if those
+    have the smaller standard deviations.
     """
     law = chosen.candidate.law
     values = dict(

@@ -90,7 +90,9 @@ def check_bias(found: Identification, period: float) -> BiasCheck:
 
 @dataclass(frozen=True, eq=False)
 class Paired:
-    """Rows ``W`` (N, n, p), ``tau`` (N, n) of a stretch with their instruments ``Z`` (N, n, p), and those in use."""
+    """Regression rows ``tau = W theta`` of a stretch with their instruments ``Z``.
+
+    ``W`` and ``Z`` are (N, n, p), ``tau`` is (N, n); the mask ``use`` (N, n) marks the rows to fit."""
 
     W: Array
     Z: Array
@@ -141,7 +143,7 @@ def _joined(parts: Sequence[Rows]) -> Rows:
 
 
 def _pairs(rows: Rows, period: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and, for each, the row one period later, or earlier at the end."""
+    """Indices of rows, and for each the index of the row one ``period`` (s) later; at the end one period earlier."""
     count = len(rows.t)
     shift = round(period / float(np.median(np.diff(rows.t)))) if count > 1 else 0
     if shift < 1 or count <= shift:

@@ -25,10 +25,10 @@ FINENESS = 200
 
 @dataclass(frozen=True)
 class Notch:
-    """One filter: coefficients ``g [1, c_1, c_2]`` and ``[1, d_1, d_2]`` in powers of z^-1, ``period`` in s.
+    """Second-order notch filter with the sampling ``period`` (s).
 
-    ``width`` is the damping ratio of its poles, ``peak`` what is left of the amplification ``1/(2 zeta)`` of the mode
-    at the worst posture.
+    Numerator ``g [1, c_1, c_2]`` and denominator ``[1, d_1, d_2]`` are in ascending powers of z^-1. ``width`` is the
+    damping ratio of the poles, ``peak`` the factor that remains of the mode's amplification at the worst posture.
     """
 
     numerator: tuple[float, float, float]

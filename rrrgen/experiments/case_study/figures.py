@@ -54,7 +54,7 @@ def write_figures(run: RunFolder, study: CaseStudy) -> None:
 
 
 def _in_ranges(figure: Figure) -> Figure:
-    """The axes of the chapter's Bode plot, as far as the curves lie within them."""
+    """Widen the axis ranges of ``figure`` to include those of the chapter's Bode plot; returns the figure."""
     for axis, (low, high) in zip(figure.axes, (MAGNITUDES, PHASES), strict=True):
         own = axis.get_ylim()
         axis.set_ylim(min(low, own[0]), max(high, own[1]))

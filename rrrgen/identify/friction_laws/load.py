@@ -1,8 +1,8 @@
-"""Friction that depends on the load: the load is that of the model being estimated, found by a fixed point.
+"""Friction that depends on the load torque: estimates load and friction parameters by fixed-point iteration.
 
-For a known load the Coulomb friction per torque of the load is one more linear parameter. The load is the torque of
-rigid body and drive inertia with the parameters of the round before. Friction depends little on it, so that a few
-rounds settle it.
+The load is the torque of rigid body and drive inertia. For a known load, the Coulomb friction per load torque is one
+more linear parameter; so each round computes the load with the parameters of the round before. Friction depends only
+weakly on the load, so that a few rounds converge.
 """
 
 from __future__ import annotations

@@ -210,9 +210,10 @@ def _starts(search: _Search, groups: Sequence[tuple[str, str]], common: Array) -
 
 
 def _scales(problem: Problem, surfaces: Sequence[FrictionSurface]) -> Array:
-    """Scale of every shape: the RMS speed of all surfaces of like motion, its inverse for weights of the speed.
+    """Typical magnitude of every shape parameter, from the RMS sliding speed of all ``surfaces``.
 
-    The speed of a motor is divided by its gear, so that all surfaces share one scale.
+    It is in proportion to that speed, or to its inverse for a parameter that multiplies the speed. The mean is taken
+    of motor speeds divided by the gear ratio, so that joints and motors share one scale.
     """
     gears = [float(np.linalg.norm(each.direction)) for each in surfaces]
     rms = math.sqrt(np.mean([(problem.speed(each) / gear) ** 2 for each, gear in zip(surfaces, gears, strict=True)]))

@@ -1,7 +1,7 @@
 """A payload on a known arm: mass, centre of mass and inertia from one recording.
 
-What the torques exceed those of the robot file by is linear in the standard parameters of the payload, a body fixed to
-the last link: ``tau - tau_robot = W_n phi``, with W_n the columns of the last link in the standard regressor. The
+The payload is a body fixed to the last link. The measured torques less those of the robot without it are linear in its
+standard parameters phi: ``tau - tau_robot = W_n phi``, with W_n the last link's columns of the standard regressor. The
 estimate is physically consistent (14.9). Friction may have changed since the arm was identified, with temperature and
 load; corrections of viscous friction, Coulomb friction and offset are therefore estimated with it.
 """

@@ -1,4 +1,4 @@
-"""From recordings to frequency responses: the methods, their bands, and what several realisations add."""
+"""Estimates frequency responses from recordings: choice of method, confidence bands, averages over realisations."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ class _Path:
         return (T[0], T[1], T[2]) if len(T) == 3 else (T[3], T[7], T[11])
 
     def name(self, hint: str, x: S) -> S:
-        """``x`` itself."""
+        """Return ``x`` unchanged: numbers need no name, unlike recorded expressions."""
         return x
 
     def names(self, hint: str, v: Vector) -> Vector:

@@ -70,7 +70,7 @@ class FreeJoints:
         return [row for row in rows if held and held_joints(row) == held and not (row.branch ^ wide.branch) & other]
 
     def _merged(self, held: int) -> int:
-        """The choices of a branch that fall together where these joints are free."""
+        """Flags of the branch choices that lead to the same solution where these joints are free."""
         return sum(mask for joint, mask in self._opens if (held >> joint) & 1)
 
     def _loose(self, row: Row) -> int:

@@ -369,7 +369,7 @@ class DynamicFunctions(Calls):
 
     @property
     def friction_parameters(self) -> Array:
-        """The friction parameters of the robot file, (k,), SI units, in the order of their names; 0 if it is silent."""
+        """Friction parameters (k,) of the robot file, SI units, in the order of their names; 0 if the file has none."""
         return read_only(np.array([float(value) for _, value in friction_parameters(self.spec)]))
 
     def friction_step(
