@@ -1,4 +1,4 @@
-"""Chooses the solver of a chain: the cheapest family whose equations give back the configurations of a few poses."""
+"""Choice of the solver of a chain: the cheapest family whose equations reproduce the configurations of random poses."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 TRIALS = 3
-"""Random poses on which a plan must find the configuration it was made from."""
+"""Number of random configurations that a plan must find again from their poses."""
 
 SPLITS = 13
-"""Plans up to this cost consist of quadratics."""
+"""Largest cost of a plan whose equations are at most quadratic."""
 
 _MECHANISM = (
     "joints follow others or branch off; `rrrgen ik` and `ik` in Python solve the chain of rows to the tip and keep "
@@ -31,13 +31,13 @@ _MECHANISM = (
 )
 
 UNSOLVED = 1000
-"""The cost of having no plan."""
+"""Cost reported where no plan exists; larger than the cost of every plan."""
 
 
 def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
-    """The inverse kinematics of ``spec``; ``redundancy`` (from 0) prescribes that joint of a redundant arm.
+    """Plan the inverse kinematics of ``spec``; ``redundancy`` (from 0) prescribes that joint of a redundant arm.
 
-    The plan of a chain that cannot be solved has family ``"none"`` and the reason.
+    For a chain that cannot be solved, the plan has the family ``"none"`` and its ``reason`` says why.
     """
     if spec.mechanism is not None:
         return _none(numeric_chain(chain_to_tip(spec)), _MECHANISM)
@@ -46,15 +46,15 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
 
 @lru_cache(maxsize=16)
 def _planned(chain: Chain, redundancy: int | None) -> SolverPlan:
-    """The plan of a chain, computed once for all that ask for it: sources, self-test, manifest."""
+    """Plan a chain, with a cache: sources, self-test and manifest ask for the same plan."""
     return plan_chain(chain, redundancy)
 
 
 def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
-    """The plan of a chain in normal form.
+    """Plan the inverse kinematics of a chain in normal form.
 
-    The chain is first solved as it is. Where that takes a quartic or more, or fails, simpler arms near by are looked
-    for; see :mod:`rrrgen.ik.tolerances`.
+    The chain is first planned as it is. Where that needs a quartic or more, or fails, the geometry is set to that of a
+    simpler arm within tolerances of up to 1e-2 of the reach, and the simpler arm is planned instead or in addition.
     """
     cost, general = _best(chain, snapped(chain, EXACT), redundancy)
     if cost <= SPLITS:
@@ -77,7 +77,7 @@ def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
 
 
 def _best(chain: Chain, special: Chain, redundancy: int | None) -> tuple[int, SolverPlan]:
-    """The cheapest plan for ``special`` that works, with its cost."""
+    """Find the cheapest plan for the chain ``special`` that passes the trials: (cost, plan)."""
     position_rank, pose_rank = generic_ranks(special)
     options: Iterable[tuple[int, SolverPlan]]
     if redundancy is None and chain.n <= 3 and position_rank == chain.n:
@@ -105,7 +105,7 @@ def _pose_plans(chain: Chain) -> list[tuple[int, SolverPlan]]:
 
 
 def _virtual_chains(chain: Chain) -> Iterator[tuple[Chain, int]]:
-    """Chains filled up to six (or, for pure orientation, three) joints with virtual ones at the tip or the base."""
+    """Extend a chain to six joints (to three, if it has one or two) by virtual joints at its tip or its base."""
     wanted = 3 if chain.n < 3 else 6
     count = wanted - chain.n
     offsets = (0.0, 0.37 * chain.reach)

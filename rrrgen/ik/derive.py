@@ -1,4 +1,4 @@
-"""Derives the equations of a plan: calls the derivation of its family with an interpreter or the recorder."""
+"""Derivation of the equations of a plan: the derivation of its family is run on a builder, such as the recorder."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from rrrgen.ik.solutions.reduced import derive_lift, derive_orientation, derive_
 from rrrgen.ik.solutions.spherical import derive_spherical
 
 ARM_ANGLE = 100
-"""``SolverPlan.locked`` of an arm that is prescribed by its arm angle instead of a joint."""
+"""Value of ``SolverPlan.locked`` for an arm whose redundancy parameter is the arm angle instead of a joint."""
 
 
 def record(plan: SolverPlan) -> Solver:
-    """The equations of ``plan``, recorded once for every interpreter.
+    """Record the equations of ``plan`` as a :class:`Solver`, which every builder can replay.
 
-    InternalError or ZeroDivisionError where they degenerate on its chain.
+    Raises InternalError or ZeroDivisionError where the equations degenerate on the chain of the plan.
     """
     recorder = Recorder()
     derive(recorder, plan)
@@ -34,9 +34,9 @@ def record(plan: SolverPlan) -> Solver:
 
 
 def record_exactly(plan: SolverPlan, chain: Chain) -> Solver | None:
-    """The recorded equations of ``plan`` with the exact numbers and symbols of ``chain``, a twin of its chain.
+    """Record the equations of ``plan`` with the exact numbers and symbols of ``chain``, the same arm as its own chain.
 
-    None where a decision of the derivation needs numbers instead of symbols, or falls otherwise than with numbers.
+    None where a decision of the derivation needs numbers, or is taken otherwise with symbols than with numbers.
     """
     recorder = Recorder(Pool(_exact))
     try:
@@ -48,14 +48,14 @@ def record_exactly(plan: SolverPlan, chain: Chain) -> Solver | None:
 
 
 def _exact(x: Any) -> Any:
-    """A number as SymPy has it: the decimal that a float reads as."""
+    """Convert to an exact SymPy number: a float to the shortest decimal that reads as that float."""
     import sympy as sp
 
     return x if isinstance(x, sp.Basic) else sp.Rational(repr(float(x)))
 
 
 def derive(b: Builder, plan: SolverPlan, chain: Chain | None = None) -> None:
-    """Derive the equations of ``plan`` with the interpreter ``b``, for its own chain or for an exact twin of it."""
+    """Derive the equations of ``plan`` on the builder ``b``, with the exact numbers of ``chain`` if it is given."""
     solving = chain or plan.solving
     reach = plan.solving.reach
     if plan.family == "position":
@@ -72,9 +72,9 @@ def derive(b: Builder, plan: SolverPlan, chain: Chain | None = None) -> None:
 
 
 def solving_loop(b: Builder, chain: Chain, locked: int | None, commute: tuple[int, int] | None = None) -> Loop:
-    """The loop that is solved: the chain closed by the target, without the prescribed joint.
+    """Build the loop that is solved: the chain closed by the target, without the prescribed joint ``locked``.
 
-    ``commute``: the place of a prismatic joint that is moved past its parallel neighbour, and the direction.
+    ``commute``: index of a prismatic joint to exchange with a neighbour of parallel axis, and the direction (+1 or -1).
     """
     loop = close(b, chain)
     if locked is not None:
@@ -103,7 +103,7 @@ def _derive_loop(b: Builder, plan: SolverPlan, loop: Loop, reach: float) -> None
 
 
 def derive_position(b: Builder, chain: Chain, reach: float) -> None:
-    """The position of the tip by three joints: base J1 L1 J2 L2 J3 tip = p."""
+    """Derive three joints from the position p of the tip: base J1 L1 J2 L2 J3 tip = p. ``reach`` is in m."""
     base, tip = rigid(chain.base), rigid(chain.tip)
     target: Vector = b.names("p", rotate(transposed(base.R), minus(b.point(), base.t)))
     first, second = (Crossing.of(link) for link in chain.links)

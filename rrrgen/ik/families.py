@@ -1,4 +1,4 @@
-"""The families of closed forms: where each applies, what it costs, and whether its equations work on this chain."""
+"""The families of closed forms: which ones apply to a chain, at what cost, and whether their equations work on it."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def _structured_plans(chain: Chain, loop: Loop, locked: int | None, commute: tup
 
 
 def _lifts(frame: Frame) -> bool:
-    """Whether the joint beside a planar triple slides along the normal."""
+    """Whether the joint besides the planar triple is prismatic with its axis along the normal."""
     if frame.loop.joints[0].revolute:
         return False
     trail = frame.trail.rigid().R
@@ -126,7 +126,7 @@ def _lifts(frame: Frame) -> bool:
 
 
 def arm_angle_plans(chain: Chain) -> Options:
-    """The arm angle of seven-joint arms with spherical shoulder and wrist."""
+    """Plan for a seven-joint arm with spherical shoulder and wrist, whose redundancy parameter is the arm angle."""
     loop = structure(chain, None)
     if is_elbow7(loop):
         title = "spherical shoulder and wrist with one elbow, prescribed by the arm angle"
@@ -135,17 +135,17 @@ def arm_angle_plans(chain: Chain) -> Options:
 
 
 def structure(chain: Chain, locked: int | None) -> Loop:
-    """The loop for decisions that look at constant links only."""
+    """Build the loop at an arbitrary pose, for decisions that depend on the constant links only."""
     import numpy as np
 
-    # any pose will do; an irregular one keeps accidental zeros out
+    # any pose will do; an irregular one avoids accidental zeros
     T = chain.forward(0.1 + 0.37 * np.arange(1, 1 + max(j.index for j in chain.joints) + 1))
     builder = FloatBuilder(T, [0.0] * (chain.n + 1), [], redundancy=0.6180339)
     return solving_loop(builder, chain, locked)
 
 
 def works(plan: SolverPlan, trials: int) -> bool:
-    """Whether the recorded equations of ``plan`` give back the configurations of a few random poses."""
+    """Whether the recorded equations of ``plan`` find ``trials`` random configurations again from their poses."""
     import numpy as np
 
     chain, rng = plan.solving, np.random.default_rng(11)
@@ -174,7 +174,7 @@ def works(plan: SolverPlan, trials: int) -> bool:
 
 
 def _eliminates(chain: Chain, locked: int | None) -> bool:
-    """Whether some elimination for six joints is regular on this chain; its judges have tried it on sample poses."""
+    """Whether some elimination for six joints is usable on this chain, as judged on sample poses."""
     try:
         tables_of(chain, locked)
     except DerivationError:
@@ -203,7 +203,7 @@ def _same(chain: Chain, row: list[float], q: Any) -> bool:
 
 
 def equipped(plan: SolverPlan) -> SolverPlan | None:
-    """``plan`` with its equations, number of rows and singularities; nothing where they degenerate on its chain."""
+    """Add equations, number of solutions and singularities to ``plan``; None where the equations degenerate."""
     if plan.general:
         words = "det J(q) = 0" + (", J without the prescribed joint" if plan.locked is not None else "")
         words += ": two or more of the up to sixteen rows meet"

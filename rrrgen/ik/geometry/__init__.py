@@ -1,1 +1,1 @@
-"""The chain as inverse kinematics sees it: rigid transforms, loops, special positions of axes."""
+"""Geometry for inverse kinematics: the chain in normal form, its closed loop, rigid transforms, special geometry."""

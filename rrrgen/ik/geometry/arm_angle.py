@@ -8,9 +8,10 @@ from rrrgen.ik.geometry.chain import Chain
 
 
 def arm_angle(chain: Chain, q: Any) -> float:
-    """psi (rad) of a seven-joint configuration ``q``, as :func:`rrrgen.ik.solutions.elbow7.derive_elbow7` counts it.
+    """Arm angle psi (rad) of a seven-joint configuration ``q``: rotation of the elbow about the line shoulder-wrist.
 
-    0 where the arm is straight, or where shoulder and wrist lie on the one direction without a reference.
+    It counts from the stereographic reference of :mod:`rrrgen.ik.solutions.elbow7`. It is 0 where the arm is straight,
+    or where the line from shoulder to wrist has the single direction without a reference.
     """
     import numpy as np
 

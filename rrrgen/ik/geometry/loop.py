@@ -1,7 +1,7 @@
 """The closed loop of a chain: ``J1 L1 J2 L2 ... Jm Lm = 1``, with the target folded into the last link.
 
-Any joint may be called the first and the loop may be walked in either direction; both leave the problem the same. So a
-spherical or planar triple in front, in the middle or at the end of an arm is one case.
+The numbering may begin at any joint and run in either direction without changing the problem. Therefore a spherical or
+planar triple at the base, in the middle or at the tip of an arm is solved by the same equations.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rrrgen.ik.recording.builder import Builder, Turn
 
 @dataclass(frozen=True)
 class Closing:
-    """A link that depends on the target: a product of transforms, applied one by one."""
+    """A link that depends on the target: a product of transforms, applied to a vector one after the other."""
 
     factors: tuple[Rigid, ...]
 
@@ -50,11 +50,11 @@ class Closing:
         return v
 
     def inverse(self) -> Closing:
-        """The same link walked backwards."""
+        """The inverse of the link: the inverse factors in reverse order."""
         return Closing(tuple(factor.inverse() for factor in reversed(self.factors)))
 
     def rigid(self) -> Rigid:
-        """The product."""
+        """The product of the factors as one transform."""
         result = self.factors[0]
         for factor in self.factors[1:]:
             result = result @ factor
@@ -75,7 +75,7 @@ def turned(link: AnyLink, v: Vector) -> Vector:
 
 
 def backwards(joint: Joint) -> Joint:
-    """The joint seen from the other side: raw variable -x."""
+    """The inverse of a joint as a joint: its raw variable is -x."""
     return replace(joint, sign=-joint.sign, offset=-joint.offset)
 
 
@@ -90,28 +90,28 @@ class Loop:
     links: tuple[AnyLink, ...]
 
     def started(self, k: int) -> Loop:
-        """The loop with joint ``k`` in front."""
+        """The same loop numbered from joint ``k``."""
         return Loop(self.joints[k:] + self.joints[:k], self.links[k:] + self.links[:k])
 
     def reversed(self) -> Loop:
-        """The loop walked backwards; the last joint comes first."""
+        """The same loop in the opposite direction: the last joint comes first, links are inverted."""
         links = [link.inverse() for link in self.links]
         return Loop(tuple(backwards(j) for j in reversed(self.joints)), (*reversed(links[:-1]), links[-1]))
 
     @property
     def types(self) -> str:
-        """The joint types in order."""
+        """The joint types in order, for example ``"RRRPRR"``."""
         return "".join("R" if joint.revolute else "P" for joint in self.joints)
 
 
 def close(b: Builder, chain: Chain) -> Loop:
-    """The loop of ``chain`` and the target pose of ``b``: the last link is tip T^-1 base."""
+    """Close ``chain`` to a loop with the target pose T of the builder ``b``: the last link is tip T^-1 base."""
     closing = Closing((rigid(chain.tip), b.pose().inverse(), rigid(chain.base)))
     return Loop(chain.joints, (*(Crossing.of(link) for link in chain.links), closing))
 
 
 def lock(b: Builder, loop: Loop, k: int) -> Loop:
-    """The loop without joint ``k``, which stands where the caller prescribes."""
+    """Remove joint ``k``, whose value the caller prescribes: its transform becomes part of the link before it."""
     joint = loop.joints[k]
     value = b.given(joint)
     middle = screw(value.c, value.s) if isinstance(value, Turn) else screw(1, 0, value)
@@ -128,7 +128,7 @@ def _factors(link: AnyLink) -> tuple[Rigid, ...]:
 
 
 def straightened(loop: Loop) -> Loop:
-    """The same loop with the turns at the ends of constant links taken into the angles of revolute joints."""
+    """Move the rotations about z at the ends of constant links into the offsets of the neighbouring revolute joints."""
     joints, links = list(loop.joints), list(loop.links)
     for i, link in enumerate(links):
         if not isinstance(link, Crossing):
@@ -150,9 +150,9 @@ def _plain(end: tuple[S, S, S]) -> bool:
 
 
 def commuted(loop: Loop, i: int, direction: int) -> Loop | None:
-    """The loop with prismatic joint ``i`` moved past its parallel revolute neighbour; nothing where it cannot be.
+    """Exchange prismatic joint ``i`` with a neighbouring revolute joint of parallel axis; None where not possible.
 
-    Tz commutes with Rz, and with every link between parallel axes up to its sign.
+    Tz commutes with Rz and, up to its sign, with every link between parallel axes.
     """
     if direction < 0:
         m = len(loop.joints)
@@ -182,14 +182,14 @@ Motion = Turn | S
 
 
 def move(motion: Motion, v: Vector, *, direction: bool = False) -> Vector:
-    """The image of a point (or a direction) under a joint: a turn about z, or a displacement along it."""
+    """Transform a point (or a direction) by a joint: a rotation about z, or a translation along z."""
     if isinstance(motion, Turn):
         return rotate_z(motion.c, motion.s, v)
     return v if direction else plus(v, (0, 0, motion))
 
 
 def unwind(steps: list[tuple[Motion | None, Rotation | None]], name: Callable[[str, S], S]) -> list[Turn | Rotation]:
-    """Rotations of a path ``J L J L ...`` with turns about the same axis merged into one."""
+    """The rotations of a sequence ``J L J L ...``, with consecutive rotations about z merged into one."""
     merged: list[Turn | Rotation] = []
     for motion, rotation in steps:
         if isinstance(motion, Turn):
@@ -211,7 +211,7 @@ def _identity(R: Rotation) -> bool:
 
 
 def rotated_back(path: list[Turn | Rotation], v: Vector) -> Vector:
-    """The direction ``v`` seen from the far end of a path."""
+    """Components of the direction ``v`` in the frame at the end of the sequence: the inverse rotations are applied."""
     for part in path:
         v = rotate_z(part.c, -part.s, v) if isinstance(part, Turn) else rotate(transposed(part), v)
     return v

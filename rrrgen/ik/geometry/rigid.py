@@ -1,6 +1,7 @@
 """Vectors, rotations and rigid transforms over any scalar: emitted code, CasADi, SymPy or floats.
 
-Structural zeros are skipped before a product is formed, so the same formula is short where the robot is simple.
+Zeros by construction (of the geometry, not of a single pose) are skipped before a product is formed, so that the same
+formula gives short code for a simple robot.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ def is_zero(x: S) -> bool:
 
 
 def is_one(x: S) -> bool:
-    """Whether ``x`` is one by construction."""
+    """Whether ``x`` is one by construction (not merely at some pose)."""
     if isinstance(x, Scalar):
         return x.is_const and bool(x.value == 1)
     if hasattr(x, "is_one"):
@@ -48,7 +49,7 @@ def total(*terms: S) -> S:
 
 
 def product(*factors: S) -> S:
-    """The product, 0 as soon as one factor is zero by construction, without factors of one."""
+    """The product of the factors, simplified: 0 if a factor is zero by construction, factors of one omitted."""
     if any(is_zero(factor) for factor in factors):
         return 0
     kept = [factor for factor in factors if not is_one(factor)]
@@ -114,7 +115,7 @@ def rotate_z(c: S, s: S, v: Vector) -> Vector:
 
 
 def rotate_x(c: S, s: S, v: Vector) -> Vector:
-    """Rx v."""
+    """Rx v for the angle with cosine ``c`` and sine ``s``."""
     return (
         v[0],
         total(product(c, v[1]), -product(s, v[2])),
@@ -124,12 +125,12 @@ def rotate_x(c: S, s: S, v: Vector) -> Vector:
 
 @dataclass(frozen=True)
 class Rigid:
-    """x -> R x + t."""
+    """A rigid transform x -> R x + t with rotation matrix ``R`` (rows) and translation ``t``."""
 
     R: Rotation
     t: Vector
     undo: Rigid | None = field(default=None, compare=False, repr=False)
-    """The transform that this one is the inverse of, so that inverting twice costs nothing."""
+    """The transform of which this one is the inverse, if any; inverting again returns it without computation."""
 
     def apply(self, v: Vector) -> Vector:
         """The image of the point ``v``."""
@@ -149,21 +150,22 @@ class Rigid:
 
 
 def rigid(matrix: Matrix) -> Rigid:
-    """A 3x4 matrix as a transform."""
+    """Convert a 3 x 4 matrix to a transform."""
     R = tuple(tuple(row[:3]) for row in matrix)
     return Rigid((R[0], R[1], R[2]), (matrix[0][3], matrix[1][3], matrix[2][3]))
 
 
 def screw(c: S, s: S, d: S = 0) -> Rigid:
-    """Rz Tz."""
+    """The transform Rz Tz: rotation about z (cosine ``c``, sine ``s``) and translation ``d`` along z."""
     return Rigid(((c, -s, 0), (s, c, 0), (0, 0, 1)), (0, 0, d))
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """A constant link in the symmetric form ``Rz Tz . Tx(a) Rx(alpha) . Tz Rz``; closed under inversion.
+    """A constant link in the symmetric form ``Rz Tz . Tx(a) Rx(alpha) . Tz Rz``, whose inverse has the same form.
 
-    ``near`` = (cos, sin, d) stands before the crossing from axis to axis, ``far`` after it.
+    ``Tx(a) Rx(alpha)`` leads from one joint axis to the next along their common normal. ``near`` = (cos, sin, d) is the
+    rotation about and translation along the first axis before it, ``far`` that about the second axis after it.
     """
 
     near: tuple[S, S, S]
@@ -174,12 +176,12 @@ class Crossing:
 
     @staticmethod
     def of(link: Link) -> Crossing:
-        """The link as it stands in the chain."""
+        """Convert a link ``Rz(theta) Tz(d) Tx(a) Rx(alpha)`` of the chain."""
         return Crossing((link.ct, link.st, link.d), link.a, link.ca, link.sa, (1, 0, 0))
 
     @staticmethod
     def planar(T: Rigid) -> Crossing | None:
-        """A constant transform between parallel axes; nothing where the axes are not parallel."""
+        """Convert a constant transform between parallel axes; None where the axes are not parallel."""
         if not (is_zero(T.R[0][2]) and is_zero(T.R[1][2])):
             return None
         flip = 1 if T.R[2][2] > 0 else -1
@@ -193,7 +195,7 @@ class Crossing:
         return Crossing((c, s, T.t[2]), a, flip, 0, far)
 
     def inverse(self) -> Crossing:
-        """The same link walked backwards."""
+        """The inverse of the link."""
 
         def undo(end: tuple[S, S, S]) -> tuple[S, S, S]:
             return (end[0], -end[1], -end[2])
@@ -201,7 +203,7 @@ class Crossing:
         return Crossing(undo(self.far), -self.a, self.ca, -self.sa, undo(self.near))
 
     def core(self) -> Rigid:
-        """``Tx(a) Rx(alpha)``."""
+        """The transform ``Tx(a) Rx(alpha)`` along the common normal of the axes, without the two ends."""
         return Rigid(((1, 0, 0), (0, self.ca, -self.sa), (0, self.sa, self.ca)), (self.a, 0, 0))
 
     def rigid(self) -> Rigid:
