@@ -28,7 +28,7 @@ class Notch:
     """Second-order notch filter with the sampling ``period`` (s).
 
     Numerator ``g [1, c_1, c_2]`` and denominator ``[1, d_1, d_2]`` are in ascending powers of z^-1. ``width`` is the
-    damping ratio of the poles, ``peak`` the factor that remains of the mode's amplification at the worst posture.
+    damping ratio of the poles, ``peak`` the amplification by the mode that remains at the worst posture.
     """
 
     numerator: tuple[float, float, float]
