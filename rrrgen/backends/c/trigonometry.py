@@ -39,7 +39,7 @@ class LibmSinCos:
         return "sin and cos of the C library"
 
     def statements(self, dialect: Dialect, angle: str, sine: str | None, cosine: str | None) -> list[str]:
-        """One declaration for each that is wanted."""
+        """The declarations of ``sine`` and ``cosine``, with a call of the C library for each that is not None."""
         wanted = [(name, function) for name, function in ((sine, "sin"), (cosine, "cos")) if name is not None]
         return [f"const {dialect.real_type} {name} = {dialect.function(f)}({angle});" for name, f in wanted]
 
@@ -105,7 +105,7 @@ class InlineSinCos:
         return f"{kernel}; the C library beyond, and with -ffast-math"
 
     def statements(self, dialect: Dialect, angle: str, sine: str | None, cosine: str | None) -> list[str]:
-        """One call for both; one that is not wanted is discarded, and its computation with it."""
+        """One call of the kernel for both sine and cosine; compilers drop the computation of one that is not wanted."""
         first, second = sine or f"{cosine}_other", cosine or f"{sine}_other"
         lines = [
             f"{dialect.real_type} {first}, {second};",

@@ -83,7 +83,10 @@ class PseudoInertia:
 
 
 def from_standard(phi: tuple[Any, ...] | list[Any]) -> PseudoInertia:
-    """The pseudo-inertia of the standard parameters ``phi`` (10,), in the order of ``STANDARD``, in the same frame."""
+    """The pseudo-inertia of a link with the standard parameters ``phi`` (10,), in the order of ``STANDARD``.
+
+    Both are in the axes of one frame and about its origin.
+    """
     m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz = phi
     half = Fraction(1, 2)
     return PseudoInertia(

@@ -1,1 +1,1 @@
-"""The kernel that times a path, printed for one robot."""
+"""The emitted C of time-optimal path timing: a numerical kernel adapted to one robot."""
