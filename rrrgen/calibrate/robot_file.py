@@ -80,8 +80,8 @@ def _same_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
 def _twisted(T: Array, spec: RobotSpec, nominal: Array, first: bool) -> Array:
     """Base or tool without the nominal twist that geometry has made a part of it."""
     if first:
-        twist = np.linalg.solve(_matrix(spec.base, spec), nominal)
-        return np.asarray(T @ np.linalg.inv(twist))
+        turned = np.linalg.solve(_matrix(spec.base, spec), nominal)
+        return np.asarray(T @ np.linalg.inv(turned))
     twist = nominal @ np.linalg.inv(_matrix(spec.tool, spec))
     return np.asarray(np.linalg.solve(twist, T))
 

@@ -203,7 +203,7 @@ def _controller(experiment: Experiment, model: Any, reference: Motion, duration:
     else:
         inertia = np.mean(np.diagonal(whole, axis1=1, axis2=2), axis=0)
         gains = pd_gains(inertia, control.bandwidth, control.damping)
-    fastest = np.linalg.eigvals(np.linalg.solve(felt, np.diag(gains.kd)[None])).real.max()
+    fastest = float(np.max(np.linalg.eigvals(np.linalg.solve(felt, np.diag(gains.kd)[None])).real))
     if fastest * experiment.period > LARGEST_DAMPING:
         raise InputError(
             f"PD control at {1.0 / experiment.period:g} Hz is not stable along this motion: in its lightest direction "

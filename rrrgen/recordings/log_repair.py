@@ -162,9 +162,9 @@ def _check_clock(mapping: LogMapping, rows: RawRows) -> None:
 def _sorted(rows: RawRows, findings: Findings) -> RawRows:
     """Sort the rows by time (stably); of several rows at the same instant the first is kept."""
     steps = np.diff(rows.t)
-    if len(steps) == 0 or steps.min() > 0:
+    if len(steps) == 0 or np.min(steps) > 0:
         return rows
-    findings.add("rows out of order", int(np.sum(steps < 0)), -float(min(0.0, steps.min())))
+    findings.add("rows out of order", int(np.sum(steps < 0)), -min(0.0, float(np.min(steps))))
     rows = rows.part(np.argsort(rows.t, kind="stable"))
     again = np.flatnonzero(np.diff(rows.t) == 0) + 1
     if len(again):

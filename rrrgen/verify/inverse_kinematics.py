@@ -182,7 +182,7 @@ class _Checks:
         every = np.concatenate(found)
         if not np.all(np.isfinite(every)):
             return float("nan")
-        return float(self.arm.distance(goals[owner], every).max(initial=0.0))
+        return float(np.max(self.arm.distance(goals[owner], every), initial=0.0))
 
     def _missed(self, q: Array, found: list[Array]) -> NDArray[np.bool_]:
         """Mask (N,) of the configurations ``q`` (N, n) that are missing in the solutions ``found`` of their targets."""
@@ -200,9 +200,8 @@ class _Checks:
         sharp = self.arm.sharpness(goals, q) > SHARP
         missed = self._missed(q, found) & sharp
         note = f"seed lost at q = {np.round(q[np.argmax(missed)], 6).tolist()}" if missed.any() else ""
-        self._share(
-            "share of seeds not found", OWN_CHAIN, int(sharp.sum()), missed.sum() / max(sharp.sum(), 1), 0.0, note
-        )
+        tried, lost = int(sharp.sum()), int(missed.sum())
+        self._share("share of seeds not found", OWN_CHAIN, tried, lost / max(tried, 1), 0.0, note)
         twice = sum(
             bool(np.any(self.arm.apart(each[i], each[:i]) < 1e-7)) for each in found for i in range(1, len(each))
         )

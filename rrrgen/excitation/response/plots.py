@@ -19,7 +19,7 @@ def plot_response_excitation(design: ResponseDesign, unit: str = "rad/s²") -> F
     n = run.n[: design.signal_period]
     amplitude = 2.0 * np.abs(np.fft.rfft(n)) / len(n)
     frequency = np.fft.rfftfreq(len(n), design.period)
-    excited = amplitude > 1e-3 * amplitude.max()
+    excited = amplitude > 1e-3 * np.max(amplitude)
     figure, axes = new_figure(2, 1, height=4.4)
     axes[0].plot(design.period * np.arange(len(n)), n, linewidth=0.6)
     axes[0].set_title(
@@ -30,6 +30,6 @@ def plot_response_excitation(design: ResponseDesign, unit: str = "rad/s²") -> F
     )
     style_axes(axes[0], "t [s]", f"n [{unit}]")
     axes[1].semilogx(frequency[excited], amplitude[excited], ".", markersize=2.5)
-    axes[1].set_ylim(0.0, 1.2 * amplitude.max())
+    axes[1].set_ylim(0.0, 1.2 * float(np.max(amplitude)))
     style_axes(axes[1], "frequency [Hz]", f"amplitude of n [{unit}]")
     return figure

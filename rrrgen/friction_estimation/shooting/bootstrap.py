@@ -18,7 +18,7 @@ RESAMPLES = 400
 def resampled(found: Fit, blocks: NDArray[np.int64], seed: int) -> Array:
     """Parameters (k, resamples) of one Gauss-Newton step from the fit, on blocks drawn with replacement."""
     groups = np.unique(blocks, return_inverse=True)[1]
-    count, f = int(groups.max()) + 1, len(found.free)
+    count, f = int(np.max(groups)) + 1, len(found.free)
     H, g = np.zeros((count, f, f)), np.zeros((count, f))
     np.add.at(H, groups, found.normal)
     np.add.at(g, groups, found.gradient)

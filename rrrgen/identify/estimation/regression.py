@@ -223,10 +223,10 @@ def _reweighted(blocks: Iterable[Rows], theta: Array, sigma: Array, limit: float
 def _scored(blocks: Iterable[Rows], expand: Callable[[Array], Array], estimate: Estimate) -> Estimate:
     """Copy of ``estimate`` whose errors are those of the unweighted rows."""
     theta = expand(estimate.x)
-    squares = torque = 0.0
+    squares, torque = np.zeros(len(estimate.counts)), 0.0
     for rows in blocks:
         residual = np.where(rows.use, rows.tau - rows.W @ theta, 0.0)
-        squares = squares + np.sum(residual**2, axis=0)
+        squares += np.sum(residual**2, axis=0)
         torque = torque + float(np.sum(np.where(rows.use, rows.tau, 0.0) ** 2))
     return replace(
         estimate,
@@ -273,8 +273,9 @@ def correlated_covariance(
         keep = max(0, len(scores) - lags - 1)
         tail, tail_segment = scores[keep:], segment[keep:]
     S = _long_run_covariance(products)
+    inverse: Array
     if limit is not None:
-        inverse = np.linalg.pinv(slope, hermitian=True)
+        inverse = np.asarray(np.linalg.pinv(slope, hermitian=True), dtype=np.float64)
     else:
         inverse = estimate.covariance / estimate.variance if estimate.variance > 0 else estimate.covariance
     return np.asarray(inverse @ S @ inverse)

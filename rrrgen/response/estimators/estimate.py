@@ -137,7 +137,7 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
         raise InputError("realisations must be excited at the same frequencies; are these postures? (recordings: ...)")
     R = len(found)
     P = np.array([each.P for each in found])
-    mean = P.mean(axis=0)
+    mean: Complex = np.mean(P, axis=0, dtype=np.complex128)
     total = np.sum(np.abs(P - mean) ** 2, axis=0) / (R - 1)
     noise = np.mean([each.variance for each in found], axis=0)
     typical = float(chi2.ppf(0.5, 2 * (R - 1))) / (2 * (R - 1))

@@ -128,7 +128,7 @@ def _around_harmonics(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex
 
 def excited_lines(magnitude: Array, name: str) -> NDArray[np.int64]:
     """Numbers of the lines (0 left out) at which there is an excitation."""
-    largest = float(magnitude[1:].max()) if len(magnitude) > 1 else 0.0
+    largest = float(np.max(magnitude[1:])) if len(magnitude) > 1 else 0.0
     if not largest > 0.0:
         raise DerivationError(f"{name}: the column of the excitation is constant, so there is no response to it")
     lines = np.flatnonzero(magnitude > EXCITED * largest)

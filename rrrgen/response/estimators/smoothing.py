@@ -87,7 +87,7 @@ def _window(
 ) -> tuple[Complex, Array, Array, Array]:
     """For windows (L, 2m+1): value in the middle, its variance, the squared bias by order 4, the variance of that."""
     position = (f - f[:, m : m + 1]) / (f[:, -1:] - f[:, :1]) * 2.0
-    if float(np.ptp(position, axis=0).max()) < EVENLY:
+    if float(np.max(np.ptp(position, axis=0))) < EVENLY:
         position = position[:1]  # one set of weights for all windows
     low, high = (np.linalg.pinv(position[:, :, None] ** np.arange(order + 1))[:, 0] for order in (ORDER, FINE_ORDER))
     common = spread.mean(axis=1)  # the variance of a single line is known less well than that of its neighbourhood

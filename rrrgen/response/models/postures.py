@@ -34,8 +34,8 @@ class ModeOverPostures:
     def to_json(self) -> dict[str, Any]:
         """The range over the postures, and every posture's own."""
         return {
-            "frequency": [float(self.frequencies.min()), float(self.frequencies.max())],
-            "damping": [float(self.dampings.min()), float(self.dampings.max())],
+            "frequency": [float(np.min(self.frequencies)), float(np.max(self.frequencies))],
+            "damping": [float(np.min(self.dampings)), float(np.max(self.dampings))],
             "postures": {name: vars(each) for name, each in self.found.items()},
         }
 
