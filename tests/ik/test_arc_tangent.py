@@ -68,7 +68,7 @@ def test_bound(arcs):
 
 
 def test_bound_stands_in_the_comment():
-    assert f"atan2 to {BOUND} ulp" in sources(robot("rrr"))["rrr_ik.c"]
+    assert f"with an error of at most {BOUND} ulp" in sources(robot("rrr"))["rrr_ik.c"]
 
 
 @pytest.mark.parametrize(
