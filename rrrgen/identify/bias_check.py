@@ -42,7 +42,10 @@ class BiasCheck:
 
     @property
     def significant(self) -> tuple[int, ...]:
-        """The parameters whose difference is significant, the clearest first."""
+        """Numbers (from 0) of the parameters whose two estimates differ by more than CLEAR standard deviations.
+
+        They are ordered by that ratio, the largest first.
+        """
         ratio = np.abs(self.difference) / np.maximum(self.std, np.finfo(float).tiny)
         return tuple(int(i) for i in np.argsort(-ratio) if ratio[i] > CLEAR)
 

@@ -21,7 +21,8 @@ SHORTEST_STRETCH = 32  # samples: shorter stretches between holes are left out
 class Clock:
     """Sampling period, jitter and holes of a recording, accumulated chunk by chunk.
 
-    The period is averaged over runs of RUN steps, because jitter cancels over many steps.
+    The time stamps arrive in chunks; the period is their mean difference over runs of RUN samples, over which jitter
+    cancels. ``mapping`` says how the recording states its time.
     """
 
     RUN = 32

@@ -30,7 +30,10 @@ _CONVENTION = {
 
 
 def as_text(model: DerivedModel, width: int | None = None) -> str:
-    """The description as text without closed forms; lines are folded to ``width`` characters where it is given."""
+    """What `rrrgen show` prints of a robot before its closed forms: conventions, tables, base parameters, operations.
+
+    Lines are folded to ``width`` characters; None leaves them as long as they are.
+    """
     spec = model.spec
     lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec, width), ""]
     lines += ["Denavit-Hartenberg table, exact and in both units at the nominal parameters"]

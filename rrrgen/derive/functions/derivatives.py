@@ -182,7 +182,12 @@ def _in_block(joint: ChainJoint, motion: LinkMotion, wrench: Wrench) -> Wrench:
 
 
 def _derivative_wrench(revolute: bool, body: Body, zdot: Vector, axis: Vector, lift: Vector, total: Wrench) -> Wrench:
-    """The wrench of the field K_j on the composite body, plus the derivative of its wrench ``total`` by q_j."""
+    """Derivative by q_j of the inertial wrench of all bodies beyond joint j, at the origin of joint j.
+
+    It is the wrench of the acceleration field K_j (see the module) acting on the mass of the composite ``body``, plus
+    the change of its inertial wrench ``total`` as the joint turns or moves it. ``zdot`` (3,) is z_j', ``axis`` (3,) is
+    z_j'', ``lift`` (3,) is z_j x a_j.
+    """
     J, A, P = body.J, body.dyad.A, body.dyad.P
     h = [J.hx, J.hy, J.hz]
     F, N = total

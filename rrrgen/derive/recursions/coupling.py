@@ -26,7 +26,11 @@ dynamics, which is at most 4 in every block: they count as independent.
 
 
 def block_turnings(model: RobotModel) -> list[Turning]:
-    """For each joint, how its absolute angle within its block depends on q: pairs (index k, factor of q_k)."""
+    """Angle through which each joint has turned about the common direction of its block, as a linear function of q.
+
+    A block is a run of joints with parallel axes, so the angles of its revolute joints add up. Returns for each joint
+    the pairs (index k, factor of q_k) of that sum.
+    """
     found: list[Turning] = []
     for i, joint in enumerate(model.joints):
         before = found[joint.parent] if joint.parallel else ()

@@ -190,7 +190,11 @@ def _strokes(
 
 
 def _start(position: float, lower: float | None, upper: float | None, direction: float, travel: float) -> float:
-    """Where a stroke begins: at the stated position if the path from there stays in the range, else centred in it."""
+    """Position, rad or m, from which the joint starts a run of constant mean speed that covers the distance ``travel``.
+
+    It is the stated ``position`` if the whole run then stays between ``lower`` and ``upper``; otherwise the run is
+    centred in that range. ``direction`` is +1 or -1.
+    """
     end = position + direction * travel
     inside = (lower is None or min(position, end) >= lower) and (upper is None or max(position, end) <= upper)
     if inside or lower is None or upper is None:

@@ -123,7 +123,10 @@ def _rounded(value: Any, digits: int) -> sp.Rational:
 
 
 def without_noise(value: Any) -> Any:
-    """``value`` rounded to nine digits behind the point where that changes it by less than 1e-12."""
+    """Remove round-off from a number of a file: ``value`` with nine decimals if that changes it by at most 1e-12.
+
+    Otherwise ``value`` is returned as it is.
+    """
     short = number(_rounded(value, 9))
     return short if abs(short - value) <= NOISE else value
 
