@@ -1,4 +1,8 @@
-"""Ctrl-C during a solver run: CasADi and IPOPT treat it as a failed evaluation and continue; here it is raised."""
+"""Ctrl-C while CasADi works: where its solver or its Python code swallows the interruption, it is raised again here.
+
+IPOPT takes an interruption for a failed evaluation and goes on from another point. The Python code of CasADi catches
+every exception in some places (``vertcat`` and the conversion of arrays, for instance), the interruption among them.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,7 @@ def reraised_interrupts() -> Iterator[None]:
     """Raise KeyboardInterrupt at the end of the block if Ctrl-C was pressed in it, even if its code swallowed that.
 
     The previous signal handler is still called at once. Has no effect outside the main thread, which alone receives
-    signals, or if the signal is ignored or handled outside Python.
+    signals, or if the signal is ignored or handled outside Python. Blocks may be nested; also usable as a decorator.
     """
     before: Any = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):
@@ -31,6 +35,10 @@ def reraised_interrupts() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        try:
+            signal.signal(signal.SIGINT, before)
+        except BaseException:  # a signal that waited is handled before the handler is replaced: replace it again
+            signal.signal(signal.SIGINT, before)
+            raise
         if heard:
             raise KeyboardInterrupt

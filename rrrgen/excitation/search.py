@@ -87,12 +87,14 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
     return FourierTrajectory(q0, a * gains[:, None], b * gains[:, None], problem.base_frequency)
 
 
+@reraised_interrupts()
 def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
     """Search from the random start of ``seed``; a pure function of its arguments, so that it can run on any machine.
 
     Raises InputError if the columns of the regressor are linearly dependent at random states.
     """
-    program = ExcitationProgram(problem)
+    with reraised_interrupts():
+        program = ExcitationProgram(problem)
     _require_independent_columns(program.functions, seed)
     trajectory = random_start(problem, seed)
     start = check_trajectory(problem, trajectory, problem.design_instants)
@@ -133,6 +135,7 @@ def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory)
     return {(quantity.name, quantity.joint): set(chosen) for quantity in quantities}
 
 
+@reraised_interrupts()
 def _exchange(
     program: ExcitationProgram, trajectory: FourierTrajectory, instants: dict[tuple[str, int], set[int]]
 ) -> None:
@@ -149,6 +152,7 @@ def _exchange(
         instants[name, i].update(int(k + d) % M for k in np.flatnonzero(peaks) for d in (-beside, 0, beside))
 
 
+@reraised_interrupts()  # the solver takes Ctrl-C for a failed evaluation and would return a perturbed result
 def _solve(
     program: ExcitationProgram,
     stage: str,
@@ -179,8 +183,7 @@ def _solve(
     objective = program.objective(stage, p, eigenvalue)
     nlp = {"x": program.x, "f": objective, "g": casadi.vertcat(*constraints.values)}
     solver = casadi.nlpsol("excitation", "ipopt", nlp, options)
-    with reraised_interrupts():  # the solver takes Ctrl-C for a failed evaluation and would return a perturbed result
-        solution = solver(x0=program.variables(trajectory), lbg=constraints.lower, ubg=constraints.upper)
+    solution = solver(x0=program.variables(trajectory), lbg=constraints.lower, ubg=constraints.upper)
     statistics = solver.stats()
     if statistics["return_status"] == "User_Requested_Stop":
         raise KeyboardInterrupt  # the result of an interrupted search must not be used

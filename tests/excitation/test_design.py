@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -371,6 +372,26 @@ def ctrl_c():
     for timer in timers:
         timer.cancel()
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize("call", ["vertcat", "DM", "nlpsol", "inv"])
+def test_an_interruption_that_casadi_swallows_is_raised(monkeypatch, ctrl_c, call) -> None:
+    """The Python code of CasADi catches every exception in places; the search must not go on behind one."""
+    heard: list[int] = []
+    original, problem = getattr(casadi, call), pendulum_problem()
+
+    def swallow(*arguments, **options):
+        with suppress(BaseException):
+            if not heard:
+                heard.append(1)
+                signal.raise_signal(signal.SIGINT)
+        return original(*arguments, **options)
+
+    monkeypatch.setattr(casadi, call, swallow)
+    with pytest.raises(KeyboardInterrupt):
+        solve_start(problem, 0)
+    assert heard
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_no_interruption_is_lost_inside_the_solver(ctrl_c) -> None:
