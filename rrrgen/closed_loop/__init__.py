@@ -1,1 +1,1 @@
-"""Identification by closed-loop output error: simulates controller and robot together and fits the torques."""
+"""Identification by closed-loop output error: fits simulated torques of controller and robot to recorded torques."""

@@ -75,7 +75,7 @@ def loads_controller(text: str, file: str = "controller.yaml") -> LoopController
 
 
 class _ControllerReader(Reader):
-    """Reads one controller file."""
+    """Reads one controller file; faults are collected and reported together."""
 
     period = 0.0
 

@@ -58,14 +58,14 @@ class ClosedLoopEstimate:
     bias: BiasCheck | None
 
     def lines(self, joints: Sequence[str]) -> list[str]:
-        """Check of the controller and scores as text."""
+        """Lines of text for the report: the check of the controller and the scores of the model."""
         found = [self.replay.line(joints)]
         found += [] if self.bias is None else self.bias.lines()
         found += [score.line(joints) for score in (self.start, self.fit, self.held_out, self.test) if score is not None]
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """Check of the controller and scores as plain data for ``closed_loop.json``."""
+        """Plain data for ``closed_loop.json``: the check of the controller and the scores of the model."""
         return {
             "schema": SCHEMA,
             "controller_error": list(self.replay.errors),
@@ -92,8 +92,8 @@ def closed_loop_estimate(
 
     ``tests`` are recordings used for scoring only, not for the fit.
 
-    Raises InputError where controller and recordings do not fit each other, DerivationError where the simulated loop
-    diverges from the start.
+    ``options`` are those of the identification; ``progress`` is called with messages. Raises InputError if controller
+    and recordings do not fit together, DerivationError if the simulated loop diverges at the initial parameters.
     """
     tell: Tell = progress or (lambda done, total, message: None)
     assert found.regressor is not None
@@ -147,10 +147,10 @@ def closed_loop_estimate(
 
 
 def _shaped(friction: FrictionFit, z: Array, covariance: Array, count: int) -> FrictionFit:
-    """Put the fitted shape parameters and their standard deviations into the laws of ``friction``.
+    """Copy of ``friction`` with the fitted shape parameters of its laws and their standard deviations.
 
-    ``z`` are the fitted free parameters and ``covariance`` their covariance; the first ``count`` of them are not
-    shapes, the others are logarithms of shapes.
+    ``z`` (k,) are the fitted unknowns, ``covariance`` (k, k) is their covariance. The first ``count`` are the
+    parameters that the torque is linear in, the others the logarithms of the shape parameters.
     """
     logs = z[count:]
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))[count:]

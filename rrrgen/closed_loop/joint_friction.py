@@ -1,8 +1,8 @@
 """Closed-loop output error of one joint: refines the inertia, gravity and friction that `rrrgen friction` estimated.
 
-The first estimate, by multiple shooting, simulates short windows that each start from the measured state and use the
-recorded torque. Here controller and joint are simulated over the whole recording from the reference alone, through
-standstill and reversals, as the model will be used.
+That estimate is by multiple shooting: it simulates short windows that each start from the measured state and use the
+recorded torque. The refinement simulates controller and joint over the whole recording from the reference alone,
+through standstill and reversals, as the model will be used.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from rrrgen.recordings.log_stream import Part
 from rrrgen.recordings.logs import Log
 from rrrgen.signals.processing import Processing
 
-STEP = 1e-3  # of finite differences, relative to a parameter, or absolute for a logarithm
-SMALLEST = 0.05  # parameter magnitude used for that relative step where the parameter is smaller
+STEP = 1e-3  # step of finite differences, relative to the parameter, or absolute for a logarithm
+SMALLEST = 0.05  # smallest parameter magnitude to which the step is relative
 SIMULATED = ("coulomb_viscous", "asymmetric", "stribeck", "neural")
 """Friction laws that can be simulated here: those without an internal state."""
 
@@ -42,7 +42,7 @@ Tell = Callable[[int, int, str], None]
 class JointEquations:
     """Equation of motion of one joint, ``J ddq = tau - gravity - tau_f``, with the friction law of ``candidate``.
 
-    The parameters are those of the candidate in its order, without the delay.
+    The parameters are those of the candidate in its order, except the time delay, which the controller states.
     """
 
     candidate: Candidate
@@ -51,7 +51,7 @@ class JointEquations:
 
     @property
     def size(self) -> int:
-        """Number of parameters without the delay, which the controller states."""
+        """Number of parameters of the equation of motion; the time delay is not among them."""
         return len(self.candidate.names) - 1
 
     @property
@@ -60,7 +60,7 @@ class JointEquations:
         return np.ones((1, 1))
 
     def programs(self) -> tuple[Program, ...]:
-        """Programs of the equation of motion: ``terms`` gives inertia and gravity torque, ``friction`` the torque.
+        """Programs of the equation of motion: ``terms`` gives inertia and gravity torque, ``friction`` the friction.
 
         ``friction`` takes the sliding speed and, separately, the direction of sliding (+1 or -1).
         """
@@ -105,8 +105,9 @@ class _LawParameters:
 class LoopRefinement:
     """Friction estimate refined by closed-loop output error, with the evidence for it.
 
-    ``replay`` is the check of the controller, ``before`` and ``after`` the scores of the simulated loop before and
-    after the refinement, ``first`` the parameters before it (name -> value).
+    ``replay`` compares the controller's torques, computed from the measured motion, with the recorded ones. ``before``
+    and ``after`` are the scores of the simulated loop before and after the refinement, ``first`` the parameters before
+    it (name -> value).
     """
 
     estimate: FrictionEstimate
@@ -116,12 +117,12 @@ class LoopRefinement:
     first: dict[str, float]
 
     def lines(self) -> list[str]:
-        """Check and scores as text."""
+        """Lines of text for the report: the check of the controller and the scores before and after."""
         names = [self.estimate.data.name]
         return [self.replay.line(names), self.before.line(names), self.after.line(names)]
 
     def to_json(self) -> dict[str, Any]:
-        """Check, scores and the parameters before the refinement as plain data."""
+        """Plain data for JSON: the check of the controller, the scores, and the parameters before the refinement."""
         return {
             "controller_error": self.replay.errors[0],
             "before": as_json(self.before),
@@ -136,10 +137,11 @@ def refine(
     controller: LoopController,
     progress: Tell | None = None,
 ) -> LoopRefinement:
-    """Refine the chosen law of ``found``, an estimate from ``log``, by the loop with ``controller``.
+    """Refine a friction estimate of one joint by closed-loop output error.
 
-    Only the controller of the joint counts. Raises InputError for a controller without it or a law with a state,
-    DerivationError where the simulated loop diverges.
+    ``found`` is the estimate, whose chosen law is refined, from the recording ``log``. ``controller`` may describe
+    several joints; only the controller of this joint is used. ``progress`` is called with messages. Raises InputError
+    if ``controller`` lacks the joint or the law has a state, DerivationError if the simulated loop diverges.
     """
     name, law = found.data.name, found.chosen
     if law.name not in SIMULATED:
@@ -175,7 +177,10 @@ def _score(data: str, loop: CompiledLoop, theta: Array, recordings: Sequence[Loo
 
 
 def _refined(law: LawEstimate, theta: Array, covariance: Array, period: float) -> LawEstimate:
-    """``law`` with the refined parameters ``theta``; standard deviations from ``covariance`` by the delta method."""
+    """Copy of ``law`` with the refined parameters ``theta`` (k,); ``period`` (s) is that of the controller.
+
+    Standard deviations follow from ``covariance``, that of the optimizer's variables, by the delta method.
+    """
     whole = np.append(theta, law.theta[-1])
     values = reported(law.candidate, whole, period)
     logs = law.candidate.is_logarithmic[:-1]

@@ -1,8 +1,8 @@
 """Simulation of controller and robot in closed loop, in compiled C: from robot parameters to motion and torques.
 
-The torque is held constant between controller samples. The motion is integrated with the midpoint rule; dry friction is
-set-valued, and each time step solves for the friction torque that holds a joint at rest. So sgn(dq) needs no smoothing
-and the instants of velocity reversals need not be located.
+The torque is held constant between controller samples. The motion is integrated with the midpoint rule. Dry friction is
+set-valued at rest: each time step solves for the friction torque, within its limits, that keeps a joint at rest. So
+sgn(dq) needs no smoothing and the instants of velocity reversals need not be located.
 """
 
 from __future__ import annotations

@@ -168,7 +168,7 @@ def _ratio(controller: float, recording: float) -> tuple[int, int]:
 
 
 class _Grid:
-    """Interpolates the samples of a recording on a time grid that is ``stride`` times as fine."""
+    """Interpolates the ``count`` samples of a recording on a time grid that is ``stride`` times as fine."""
 
     def __init__(self, count: int, stride: int) -> None:
         self.stride, self.count = stride, count

@@ -24,9 +24,9 @@ from rrrgen.errors import DerivationError
 ITERATIONS = 25
 BLOCK = 1.0  # s: torque errors may be correlated within a block of this length, not beyond it
 SETTLED = 1e-4  # relative decrease of the cost in one iteration below which the search ends
-RELATIVE_STEP = 1e-3  # of finite differences, relative to the parameter
-STD_STEP = 0.1  # of finite differences, relative to the standard deviation of the parameter
-SHAPE_STEP = 1e-2  # of finite differences, absolute, for the logarithm of a shape parameter
+RELATIVE_STEP = 1e-3  # step of finite differences, relative to the parameter
+STD_STEP = 0.1  # step of finite differences, relative to the standard deviation of the parameter
+SHAPE_STEP = 1e-2  # step of finite differences, absolute, for the logarithm of a shape parameter
 LARGEST_LOG_STEP = 0.7  # largest change of a logarithm in one iteration: a factor of two
 RETRIES = 3  # difference steps tried, each a tenth of the last, while the loop diverges at the shifted parameters
 

@@ -39,7 +39,7 @@ class LoopScore:
     position: tuple[float, ...]
 
     def line(self, joints: Sequence[str]) -> str:
-        """The score as a line of text."""
+        """The score as a line of text for the report; ``joints`` are the joint names."""
         own = ", ".join(f"{name} {100 * value:.3g} %" for name, value in zip(joints, self.joint_relative, strict=True))
         apart = ", ".join(f"{value:.3g}" for value in self.position)
         joint = f" ({own})" if len(joints) > 1 else ""
@@ -63,7 +63,7 @@ class Replay:
     delay: float | None = None
 
     def line(self, joints: Sequence[str]) -> str:
-        """The check as a line of text."""
+        """The result of the check as a line of text for the report; ``joints`` are the joint names."""
         own = ", ".join(f"{name} {100 * error:.3g} %" for name, error in zip(joints, self.errors, strict=True))
         text = f"controller computed from the measured motion: relative torque error {own}"
         if max(self.smooth) <= GOOD_REPLAY:
@@ -138,5 +138,5 @@ def loop_score(
 
 
 def as_json(score: LoopScore | None) -> dict[str, Any] | None:
-    """A score as plain data."""
+    """Convert a score to plain data for JSON; None stays None."""
     return None if score is None else dict(vars(score))

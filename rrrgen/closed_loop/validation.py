@@ -27,17 +27,21 @@ from rrrgen.signals.processing import Processing
 
 @dataclass(frozen=True)
 class ClosedLoopValidation:
-    """Result of a validation in closed loop: ``replay``, the check of the controller, and ``score`` of the loop."""
+    """Result of a validation in closed loop.
+
+    ``replay`` compares the controller's torques, computed from the measured motion, with the recorded ones; ``score``
+    holds the errors of the simulated loop.
+    """
 
     replay: Replay
     score: LoopScore
 
     def lines(self, joints: Sequence[str]) -> list[str]:
-        """Check and score as text."""
+        """Lines of text for the report: the check of the controller and the score of the loop."""
         return [self.replay.line(joints), self.score.line(joints)]
 
     def to_json(self) -> dict[str, Any]:
-        """Check and score as plain data."""
+        """Plain data for JSON: the check of the controller and the score of the loop."""
         return {"controller_error": list(self.replay.errors), "score": as_json(self.score)}
 
 

@@ -2,8 +2,8 @@
 
 Each tick solves a quadratic program whose only constraints are bounds on dq: minimize
 ``sum_i w_i (J dq - V)_i^2 + damping^2 |dq - dq_ref|^2``. The bounds follow from the limits of position, speed and
-acceleration; damping alone would limit neither speeds nor accelerations near singular configurations. It only makes the
-solution unique.
+acceleration. The damping makes the solution unique; alone it would limit neither speeds nor accelerations near singular
+configurations.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ BLOCKS = 5
 
 
 def steps(n: int) -> int:
-    """Largest number of active-set changes of one joint at a time, for a robot of ``n`` joints."""
+    """Limit on the iterations of the active-set method, each of which frees or binds one of the ``n`` joints."""
     return 8 + 4 * n
 
 

@@ -13,7 +13,7 @@ from rrrgen.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """A path q(s), sampled at N points.
+    """A path q(s) in joint space, sampled at N points of the path parameter s.
 
     ``s`` (N,) rises, in any unit; ``q`` (N, n) are the joint positions, rad or m, ``q_s`` and ``q_ss`` (N, n) their
     first and second derivatives by s. Raises :class:`rrrgen.errors.InputError` for arrays that do not fit together.
@@ -76,7 +76,7 @@ def spline_path(waypoints: ArrayLike, points: int = 1000) -> Path:
 
 
 def _curvatures(knots: Array, values: Array) -> Array:
-    """Second derivatives (k, n) of the natural cubic spline at its knots."""
+    """Second derivatives (k, n) at the ``knots`` (k,) of the natural cubic spline through ``values`` (k, n)."""
     h = np.diff(knots)
     A = np.eye(len(knots))
     slopes = np.diff(values, axis=0) / h[:, None]

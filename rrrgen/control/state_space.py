@@ -1,7 +1,7 @@
-"""Modal state space of a difference equation: one block per mode, so that it also runs in single precision.
+"""Modal state-space form of a difference equation: one block per mode, precise enough for single precision.
 
-The companion form of a difference equation holds a few large numbers that nearly cancel where poles lie close to one
-another, as all slow ones do at a high sampling rate. In blocks of its own every mode keeps its relative precision.
+The companion form of a difference equation has large coefficients that nearly cancel where poles lie close together, as
+all slow poles do at a high sampling rate. With a block of its own, each mode keeps its relative precision.
 """
 
 from __future__ import annotations
@@ -13,14 +13,17 @@ import numpy as np
 
 from rrrgen.arrays import Array
 
-SAME_POLE = 1e-3  # poles nearer to each other share a block: apart, their parts of the output would nearly cancel
-DOUBLE_POLE = 1e-5  # from 1: by so much does rounding split the two poles of a joint that moves freely
-HORIZON = 2000  # samples over which the states of a block are brought to the size of the output
+SAME_POLE = 1e-3  # poles nearer to each other share a block: in separate blocks their outputs would nearly cancel
+DOUBLE_POLE = 1e-5  # distance from 1 to which rounding splits the double pole of a joint that moves freely
+HORIZON = 2000  # samples of the pulse response over which the states of a block are scaled to its output
 
 
 @dataclass(frozen=True)
 class StateSpace:
-    """``x_{k+1} = A x_k + B u_k``, ``y_k = C x_k + D u_k``: A (n, n), B (n,), C (n,), D a number."""
+    """Single-input, single-output model in discrete time: ``x_{k+1} = A x_k + B u_k``, ``y_k = C x_k + D u_k``.
+
+    ``A`` (n, n), ``B`` (n,), ``C`` (n,), and a number ``D``.
+    """
 
     A: Array
     B: Array
@@ -28,7 +31,7 @@ class StateSpace:
     D: float
 
     def run(self, u: Array) -> Array:
-        """The outputs (N,) for the inputs ``u`` (N,) from the state 0."""
+        """Outputs (N,) for the inputs ``u`` (N,), started from the state zero."""
         x, y = np.zeros(len(self.B)), np.empty(len(u))
         for k, value in enumerate(u):
             y[k] = self.C @ x + self.D * value
@@ -41,7 +44,9 @@ class StateSpace:
 
 
 def realize(numerator: Array, denominator: Array) -> StateSpace:
-    """The state space of ``(c_0 + c_1 z^-1 + ..)/(1 + d_1 z^-1 + ..)``, block-diagonal with one block per mode.
+    """State-space model of ``(c_0 + c_1 z^-1 + ..)/(1 + d_1 z^-1 + ..)``, block-diagonal with one block per mode.
+
+    ``numerator`` holds c_0, c_1, .. and ``denominator`` 1, d_1, ...
 
     Blocks are ordered by the distance of their poles from 1, slow ones first; a pair of complex poles r e^(+-j w) has
     the block ``r [[cos w, sin w], [-sin w, cos w]]``. States are scaled to the size of the output.
@@ -53,9 +58,7 @@ def realize(numerator: Array, denominator: Array) -> StateSpace:
     A[:, 0] -= d[1:]
     B, C, D = c[1:] - d[1:] * c[0], np.eye(n)[0], float(c[0])
     blocks = []
-    while len(
-        A
-    ):  # the poles anew each time: a block may take others along than those that were near one another before
+    while len(A):  # poles computed anew each time: a split may remove more poles than the cluster that was asked for
         (A, B, C), block = _split(A, B, C, _clusters(np.linalg.eigvals(A))[0])
         blocks.append(_scaled(*_rotated(*block)))
     total, start = np.zeros((n, n)), 0
@@ -69,7 +72,10 @@ _Block = tuple[Array, Array, Array]
 
 
 def _clusters(poles: Any) -> list[Any]:
-    """Poles in groups that are closed under conjugation and lie apart from one another."""
+    """Group the ``poles`` (n,): poles nearer than SAME_POLE, and conjugate pairs, are in the same group.
+
+    Groups are ordered by the distance of their nearest pole from 1.
+    """
     rest = list(poles[np.argsort(np.abs(poles - 1.0))])
     found = []
     while rest:
@@ -83,7 +89,11 @@ def _clusters(poles: Any) -> list[Any]:
 
 
 def _split(A: Array, B: Array, C: Array, poles: Any) -> tuple[_Block, _Block]:
-    """The model without the given poles, and the block that has them."""
+    """Decouple the modes with the given ``poles`` from the model ``A``, ``B``, ``C`` by a change of its states.
+
+    Returns (A, B, C) of the remaining model, then (A, B, C) of the block with the given poles. If rounding leaves them
+    inseparable from the others, the remaining model is empty and the block is the whole.
+    """
     from scipy.linalg import schur, solve_sylvester
 
     size = len(poles)
@@ -98,7 +108,7 @@ def _split(A: Array, B: Array, C: Array, poles: Any) -> tuple[_Block, _Block]:
 
     T, Q, found = schur(A, output="real", sort=chosen)
     size = int(found)
-    if size in (0, len(A)):  # poles so near to one another that the reordering does not tell them apart
+    if size in (0, len(A)):  # poles so close together that the reordering of the Schur form cannot separate them
         return (np.zeros((0, 0)), empty, empty), (A, B, C)
     X = solve_sylvester(T[:size, :size], -T[size:, size:], -T[:size, size:])
     left, right = Q[:, :size], Q[:, :size] @ X + Q[:, size:]
@@ -108,7 +118,11 @@ def _split(A: Array, B: Array, C: Array, poles: Any) -> tuple[_Block, _Block]:
 
 
 def _rotated(A: Array, B: Array, C: Array) -> _Block:
-    """A pair of complex poles as a scaled rotation; two poles at 1 exactly there."""
+    """Bring a block ``A``, ``B``, ``C`` of two states to a normal form; other blocks are returned as they are.
+
+    A pair of complex poles a +- jb becomes ``A = [[a, b], [-b, a]]``; two poles within DOUBLE_POLE of 1 are set to
+    exactly 1, with an upper triangular A.
+    """
     from scipy.linalg import schur
 
     if len(A) != 2:
@@ -126,7 +140,10 @@ def _rotated(A: Array, B: Array, C: Array) -> _Block:
 
 
 def _scaled(A: Array, B: Array, C: Array) -> _Block:
-    """States in units in which they are as large as the block's output, and as one another, after a pulse."""
+    """Scale the states of a block ``A``, ``B``, ``C``: their pulse responses get the RMS of the block's output.
+
+    A block whose response overflows or vanishes is returned as it is.
+    """
     x, states = B, []
     for _ in range(HORIZON):
         states.append(x)

@@ -12,12 +12,13 @@ from rrrgen.program import Builder, Port, Program, Role, Value
 
 
 def fourier_program(joints: int, harmonics: int) -> Program:
-    """Position, velocity and acceleration of all joints from the time and the coefficients.
+    """Program for position, velocity and acceleration of all joints under a finite Fourier series.
 
     ``q_i = q0_i + sum_j (a_ij sin w_j t - b_ij cos w_j t)/w_j``, ``w_j = 2 pi j f0``. Inputs ``t`` (s), ``f0`` (Hz) and
-    ``coefficients`` (joints, 1 + 2 harmonics), rows ``[q0, a_1.., b_1..]``; outputs ``q``, ``dq``, ``ddq``. One sine
-    and one cosine in all: the harmonics follow by halving, so that rounding grows with the logarithm of their number.
-    Keep ``t`` within a cycle, t mod 1/f0, where it would grow large. Source: (14.24).
+    ``coefficients`` (joints, 1 + 2 harmonics), rows ``[q0, a_1.., b_1..]``; outputs ``q``, ``dq``, ``ddq`` (joints,).
+    The program calls sin and cos once; the multiples of the angle follow by addition theorems, each from two about half
+    as large, so that rounding grows with the logarithm of ``harmonics``. In a long run pass t mod 1/f0 for ``t``, to
+    keep its precision. Source: (14.24).
     """
     builder = Builder()
     t = builder.input(Port("t", (), "s", "", "time, best within one cycle"))[0]
@@ -32,7 +33,7 @@ def fourier_program(joints: int, harmonics: int) -> Program:
 def fixed_fourier_program(
     q0: Sequence[float], a: Sequence[Sequence[float]], b: Sequence[Sequence[float]], base_frequency: float
 ) -> Program:
-    """The trajectory of :func:`fourier_program` with its coefficients folded in, as a function of time alone.
+    """Program for a finite Fourier series with fixed coefficients: the motion as a function of time alone.
 
     ``q0`` (n,) in rad or m, ``a`` and ``b`` (n, harmonics) in rad/s or m/s, ``base_frequency`` in Hz. Input ``t`` (s);
     outputs ``q``, ``dq``, ``ddq`` (n,). Raises InputError for inconsistent shapes. Source: (14.24).
@@ -77,7 +78,10 @@ def _recorded(
 
 
 def _harmonics(builder: Builder, angle: Value, count: int) -> tuple[dict[int, Any], dict[int, Any]]:
-    """sin and cos of 1..count times the angle, each by the addition theorem from two multiples about half as large."""
+    """Sines and cosines of the multiples 1..``count`` of an angle, each as multiple -> value.
+
+    Each follows by the addition theorem from two multiples about half as large.
+    """
     sines: dict[int, Any] = {1: builder.sin(angle)}
     cosines: dict[int, Any] = {1: builder.cos(angle)}
     for j in range(2, count + 1):

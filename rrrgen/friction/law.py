@@ -1,8 +1,9 @@
-"""The interface of friction laws: torque, state and load dependence of one joint's friction, in any arithmetic.
+"""The interface of friction laws: torque, state and load dependence of the friction of one joint.
 
-``ops`` supplies sgn, exp and tanh as ``ops.sign``, ``ops.exp``, ``ops.tanh``: a program builder, NumPy, or CasADi.
-Speeds ``dq`` are in rad/s (m/s), torques in N m (N), with sgn(0) = 0. No law uses |dq| other than as ``dq sgn(dq)``, so
-that replacing sgn by tanh(./eps) alone makes all of them smooth.
+A law is written once and evaluated on numbers, arrays or symbols: its argument ``ops`` supplies sgn, exp and tanh as
+``ops.sign``, ``ops.exp``, ``ops.tanh`` for NumPy, CasADi or a program builder. Speeds ``dq`` are in rad/s (m/s),
+torques in N m (N), and sgn(0) = 0. Laws use |dq| only as ``dq sgn(dq)``, so that replacing sgn(x) by tanh(x/eps) makes
+every law smooth.
 """
 
 from __future__ import annotations
@@ -19,7 +20,10 @@ COULOMB, LOAD = "coulomb", "load_ratio"
 
 
 class LawParameter(NamedTuple):
-    """One coefficient of a law: its name, its unit for a revolute joint, what it is."""
+    """One coefficient of a friction law: ``name``, ``unit`` at a revolute joint, ``meaning`` in words.
+
+    ``positive`` marks a coefficient that must be above zero.
+    """
 
     name: str
     unit: str
@@ -29,19 +33,22 @@ class LawParameter(NamedTuple):
 
 @dataclass(frozen=True)
 class FrictionLaw:
-    """A friction law of one joint.
+    """A friction law of one joint: the friction torque as a function of the speed dq and the parameters p.
 
-    ``torque(ops, dq, p)`` is the law (in sliding, where it has a state); ``columns(ops, dq)`` are the factors of the
-    parameters where the law is linear in them. A law with a ``rate`` has one state z per joint:
-    ``dz/dt = rate(ops, z, dq, p)``, ``tau = state_torque(ops, z, dq, p)``, and ``step(ops, z, dq, p, period)`` gives z
-    and the torque after a period. ``passivity(p)`` is a margin that is not negative where the law is surely passive.
+    ``name`` is that of robot files, ``formula`` the law as text, ``equation`` its source, ``parameters`` describes p.
+    ``torque(ops, dq, p)`` is the torque, in steady sliding if the law has a state. ``columns(ops, dq)`` are the partial
+    derivatives of the torque by the parameters if the law is linear in all of them. A law with a ``rate`` has a state z
+    (a deflection): ``dz/dt = rate(ops, z, dq, p)``, torque ``state_torque(ops, z, dq, p)``;
+    ``step(ops, z, dq, p, period)`` returns z and the torque after a period. ``passivity(p)`` is a margin: where it is
+    not negative, the law is passive.
 
-    A *separable* law is linear in all parameters but its ``shapes``: ``factors(ops, dq, s, shapes)`` are the factors of
-    the others, in their order, with s = sgn(dq), or z / ``shapes[-1]`` if the law has a state.
+    A *separable* law is linear in all parameters except those named in ``shapes``. ``factors(ops, dq, s, shapes)`` are
+    the derivatives by the linear ones, in their order, for given values of the shapes, with s = sgn(dq), or
+    z / ``shapes[-1]`` if the law has a state.
 
-    A *load-dependent* law has the parameter ``load_ratio``, the last of the linear ones: the torque of the load, which
-    is that of the rigid body at the joint without friction, raises the Coulomb friction by its magnitude times the
-    ratio. :meth:`under_load` gives the parameters at a load; the functions above and ``factors`` leave the ratio out.
+    A *load-dependent* law has ``load_ratio`` as its last linear parameter: the Coulomb friction is raised by this ratio
+    times the magnitude of the torque that the joint carries without friction. :meth:`under_load` returns the parameters
+    for such a torque; the functions above take these and do not see the ratio.
     """
 
     name: str
@@ -59,11 +66,11 @@ class FrictionLaw:
 
     @property
     def has_load(self) -> bool:
-        """Whether the Coulomb friction depends on the torque of the load."""
+        """Whether the Coulomb friction depends on the torque that the joint carries (parameter ``load_ratio``)."""
         return any(p.name == LOAD for p in self.parameters)
 
     def under_load(self, p: Sequence[Any], size: Any) -> Sequence[Any]:
-        """The parameters ``p`` with the Coulomb friction raised by a load torque of magnitude ``size``, N m (N)."""
+        """The parameters ``p`` with the Coulomb friction raised for a load torque of magnitude ``size``, N m (N)."""
         if not self.has_load:
             return p
         names = [each.name for each in self.parameters]
@@ -72,23 +79,23 @@ class FrictionLaw:
 
     @property
     def linear(self) -> tuple[LawParameter, ...]:
-        """The parameters in which the torque is linear, all that are not ``shapes``."""
+        """The parameters in which the torque is linear: all except those named in ``shapes``."""
         return tuple(p for p in self.parameters if p.name not in self.shapes)
 
     def split(self, p: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-        """The values of the linear parameters and those of the shapes, from all parameters ``p`` in order."""
+        """Split the values ``p`` of all parameters into those of the linear ones and those of the ``shapes``."""
         known = dict(zip((each.name for each in self.parameters), p, strict=True))
         return [known[each.name] for each in self.linear], [known[name] for name in self.shapes]
 
     def joined(self, linear: Sequence[Any], shapes: Sequence[Any]) -> tuple[Any, ...]:
-        """All parameters in order, from the values of the linear ones and those of the shapes."""
+        """Values of all parameters in the order of ``parameters``, from the linear ones and the shapes."""
         known = dict(zip((each.name for each in self.linear), linear, strict=True))
         known |= dict(zip(self.shapes, shapes, strict=True))
         return tuple(known[each.name] for each in self.parameters)
 
 
 def linear_torque(columns: Callable[[Any, Any], list[Any]]) -> Callable[[Any, Any, Sequence[Any]], Any]:
-    """The torque of a law that is linear in all its parameters, from their factors ``columns(ops, dq)``."""
+    """Torque function of a law that is linear in all parameters: ``torque(ops, dq, p) = columns(ops, dq) . p``."""
 
     def torque(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
         total: Any = 0
@@ -108,10 +115,11 @@ def separable(
     shapes: tuple[str, ...] = (),
     presliding: bool = False,
 ) -> FrictionLaw:
-    """Build a friction law from the ``factors`` of its linear parameters; ``shapes`` are the nonlinear ones.
+    """Build a separable friction law: torque = ``factors(ops, dq, s, shapes)`` . (linear parameters).
 
-    With ``presliding``, the last shape is the distance s0 over which friction builds up when the motion reverses, and z
-    obeys ``dz/dt = dq - |dq| z / s0`` (Dahl 1968), so that z = s0 sgn(dq) in sliding.
+    ``shapes`` names the nonlinear parameters, ``s`` is sgn(dq). With ``presliding`` the law has a state z, s is z/s0,
+    and the last shape is the distance s0 over which friction builds up when the motion reverses:
+    ``dz/dt = dq - |dq| z / s0`` (Dahl 1968), so that z = s0 sgn(dq) in steady sliding.
     """
 
     def total(ops: Any, dq: Any, s: Any, p: Sequence[Any]) -> Any:
@@ -143,9 +151,10 @@ def separable(
 
 
 def forgotten(ops: Any, relaxation: Any, period: Any) -> Any:
-    """The share ``1 - exp(-relaxation period)`` by which a state relaxes in one period.
+    """Fraction ``1 - exp(-relaxation period)`` by which a state approaches its equilibrium in one period.
 
-    Computed as 2t/(1+t) with t = tanh(relaxation period / 2), which loses no digits where the product is small.
+    ``relaxation`` is the rate in 1/s, ``period`` in s. The fraction is computed as 2t/(1+t) with
+    t = tanh(relaxation period / 2), which loses no digits where the product is small.
     """
     t = ops.tanh(relaxation * period / 2)
     return 2 * t / (1 + t)

@@ -1,6 +1,9 @@
-"""The friction laws of one joint, (14.11)-(14.14) and others of the literature, each written once for every arithmetic.
+"""The friction laws of one joint: (14.11)-(14.14) and others of the literature.
 
-What a law consists of, and what ``ops`` supplies, is said in :mod:`rrrgen.friction.law`.
+Each is written once and evaluated on numbers, arrays or symbols: ``ops`` supplies ``ops.sign``, ``ops.exp`` and
+``ops.tanh`` for NumPy, CasADi or a program builder. ``dq`` is the speed in rad/s (m/s), ``p`` the parameters in the
+order that the law lists, ``s`` stands for sgn(dq). Torques are in N m (N).
+Equation numbers (14.x): Kostic, de Jager, Steinbuch, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
 """
 
 from __future__ import annotations
@@ -17,7 +20,10 @@ def coulomb_viscous_columns(ops: Any, dq: Any) -> list[Any]:
 
 
 def asymmetric_columns(ops: Any, dq: Any) -> list[Any]:
-    """``[dq+, dq-, s+, s-]``: speed and its sign, each split into its positive and its negative part."""
+    """Factors of friction that differs by direction: ``[max(dq, 0), min(dq, 0), max(s, 0), min(s, 0)]``, s = sgn dq.
+
+    The parameters are the viscous coefficients for either direction, then the Coulomb torques.
+    """
     s = ops.sign(dq)
     speed, both = dq * s, s * s
     return [(speed + dq) / 2, (dq - speed) / 2, (both + s) / 2, (s - both) / 2]
@@ -32,7 +38,7 @@ def _asymmetric_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> lis
 
 
 def _decay(ops: Any, dq: Any, speed: Any) -> Any:
-    """The decay ``exp(-|dq| / speed)`` of an excess of friction with the speed."""
+    """Factor ``exp(-|dq| / speed)`` by which additional friction at low speed decays; ``speed`` in rad/s (m/s)."""
     return ops.exp(-(dq * ops.sign(dq)) / speed)
 
 
@@ -53,7 +59,10 @@ def _dahl_exponential_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) 
 
 
 def stribeck_level(ops: Any, dq: Any, excess: Any, coulomb: Any, speed: Any) -> Any:
-    """Stribeck curve ``gamma = alpha0 exp(-(dq/v_s)^2) + alpha1``, N m, of sliding friction. Source: (14.12)."""
+    """Stribeck curve of sliding friction: ``gamma = alpha0 exp(-(dq/v_s)^2) + alpha1``, N m (N). Source: (14.12).
+
+    ``excess`` is alpha0, ``coulomb`` alpha1 and ``speed`` v_s.
+    """
     ratio = dq / speed
     return excess * ops.exp(-(ratio * ratio)) + coulomb
 
@@ -86,7 +95,10 @@ def _lugre_torque(ops: Any, z: Any, dq: Any, p: Sequence[Any]) -> Any:
 
 
 def _lugre_step(ops: Any, z: Any, dq: Any, p: Sequence[Any], period: Any) -> tuple[Any, Any]:
-    """Deflection and torque after a period at constant speed, exact, so that no period makes the law unstable."""
+    """Bristle deflection and torque of the LuGre law after ``period`` (s) at constant speed.
+
+    The solution is exact for constant speed and therefore stable for any period.
+    """
     sigma0, sigma1, excess, coulomb, viscous, speed = p
     level = stribeck_level(ops, dq, excess, coulomb, speed) * ops.sign(dq) / sigma0
     following = z + (level - z) * forgotten(ops, _lugre_relaxation(ops, dq, p), period)
@@ -94,7 +106,7 @@ def _lugre_step(ops: Any, z: Any, dq: Any, p: Sequence[Any], period: Any) -> tup
 
 
 def _lugre_passivity(p: Sequence[Any]) -> Any:
-    """Passivity margin of the LuGre law, ``alpha2 - sigma1 alpha0/alpha1``. Source: after (14.13)."""
+    """Passivity margin of the LuGre law, ``alpha2 - sigma1 alpha0/alpha1``: passive if >= 0. Source: after (14.13)."""
     _, sigma1, excess, coulomb, viscous, _ = p
     return viscous - sigma1 * excess / coulomb
 
@@ -112,7 +124,7 @@ def _neural_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[An
 
 
 def _logistic(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
-    """The logistic law, with ``1/(1 + exp(-x)) = (1 + tanh(x/2))/2``, which cannot overflow."""
+    """Torque of the logistic friction law, with ``1/(1 + exp(-x)) = (1 + tanh(x/2))/2``, which cannot overflow."""
     span, steepness, shift = p
     half = steepness / 2
     return span / 2 * (ops.tanh(half * (dq + shift)) - ops.tanh(half * shift))
@@ -253,7 +265,7 @@ LOGISTIC = FrictionLaw(
 
 
 def neural_law(units: int = 3) -> FrictionLaw:
-    """The neural law (14.14) with ``units`` hyperbolic tangents (the chapter has three)."""
+    """The neural-network friction law (14.14), a sum of ``units`` hyperbolic tangents; the source has three."""
     names = [LawParameter(f"f{k + 1}", "N m", "output weight") for k in range(units)]
     names += [LawParameter(f"w{k + 1}", "s/rad", "input weight") for k in range(units)]
     return FrictionLaw(

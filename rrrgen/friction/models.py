@@ -1,7 +1,6 @@
-"""Friction models: a law with the parameters of every joint, evaluated with NumPy, read from YAML or JSON.
+"""Friction models: a friction law with the parameters of every joint, evaluated with NumPy, read from YAML or JSON.
 
-The laws themselves are those of :mod:`rrrgen.friction.laws`, from which programs for C and CasADi are recorded
-too; here they run over arrays.
+Equation numbers (14.x): Kostic, de Jager, Steinbuch, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
 """
 
 from __future__ import annotations
@@ -86,11 +85,11 @@ class FrictionModel:
 
     @property
     def has_load(self) -> bool:
-        """Whether friction depends on the torques of the load."""
+        """Whether the friction depends on the torques that the joints carry without friction."""
         return self.law.has_load
 
     def _under(self, load: ArrayLike) -> Any:
-        """The parameters with the Coulomb friction raised by the torques ``load`` (..., n)."""
+        """Parameters, one array (..., n) each, with the Coulomb friction raised for the torques ``load`` (..., n)."""
         return self.law.under_load(self._columns, np.abs(np.asarray(load, dtype=float)))
 
     def torque(self, dq: ArrayLike, width: ArrayLike = 0.0, load: ArrayLike = 0.0) -> Array:
@@ -103,9 +102,10 @@ class FrictionModel:
         return np.asarray(self.law.torque(ops, speeds, self._under(load)) + 0.0 * speeds)
 
     def columns(self, dq: ArrayLike) -> Array:
-        """Regressor columns of a linear law, (..., n, n k), parameters joint by joint as in :attr:`names`.
+        """Regressor columns Y_f (..., n, n k) of a linear law: the friction torques are ``Y_f p_f``.
 
-        They stand *beside* the rigid-body columns: ``[R, Y_f] [p; p_f] = tau``. Raises InputError for other laws.
+        p_f (n k,) are the parameters joint by joint, in the order of :attr:`names`; ``dq`` (..., n) are the speeds.
+        Raises InputError for a law that is not linear in its parameters.
         """
         if self.law.columns is None:
             raise InputError(f"friction law '{self.law.name}' is not linear in its parameters")
@@ -124,22 +124,28 @@ class FrictionModel:
         return np.asarray(self.law.rate(NUMPY, np.asarray(z), np.asarray(dq), self._columns))
 
     def state_torque(self, z: ArrayLike, dq: ArrayLike, load: ArrayLike = 0.0) -> Array:
-        """Torque (..., n) in the states ``z`` at speeds ``dq``; laws without a state ignore ``z``. Source: (14.13)."""
+        """Friction torques (..., n) for the states ``z`` (..., n) at speeds ``dq`` (..., n). Source: (14.13).
+
+        Laws without a state ignore ``z``.
+        """
         if self.law.state_torque is None:
             return self.torque(dq, load=load)
         return np.asarray(self.law.state_torque(NUMPY, np.asarray(z), np.asarray(dq), self._under(load)))
 
     def step(self, z: ArrayLike, dq: ArrayLike, period: float, load: ArrayLike = 0.0) -> tuple[Array, Array]:
-        """State after ``period`` s at constant speed, and the torque; stable for every period. Source: (14.13)."""
+        """States z and torques, (..., n) each, after ``period`` (s) at constant speeds ``dq``. Source: (14.13).
+
+        The state equation is solved exactly for constant speed, which is stable for any period.
+        """
         if self.law.step is None:
             return np.zeros_like(np.asarray(z, dtype=float)), self.torque(dq, load=load)
         following, torque = self.law.step(NUMPY, np.asarray(z), np.asarray(dq), self._under(load), period)
         return np.asarray(following), np.asarray(torque)
 
     def directed(self, dq: ArrayLike, direction: ArrayLike, load: ArrayLike = 0.0) -> Array:
-        """The torque with sgn(dq) replaced by ``direction``, (..., n).
+        """Friction torques (..., n) with sgn(dq) replaced by ``direction`` (..., n), each -1, 0 or +1.
 
-        At rest friction may take any value between those for -1 and for +1: its break-away torques.
+        At rest the results for -1 and +1 are the break-away torques, between which friction can take any value.
         """
         speeds = np.asarray(dq, dtype=float)
         ops = FixedDirection(np.asarray(direction, dtype=float))
@@ -148,8 +154,8 @@ class FrictionModel:
     def passivity_margin(self) -> Array:
         """Passivity margin of each joint, (n,), N m s/rad (N s/m): the law is passive where it is not negative.
 
-        LuGre: ``alpha2 - sigma1 alpha0/alpha1``. Zero for laws without such a condition, which are passive if their
-        torque opposes every motion. Source: after (14.13).
+        LuGre: ``alpha2 - sigma1 alpha0/alpha1``. Zero for laws without such a condition; they are passive if their
+        torque opposes the motion at every speed. Source: after (14.13).
         """
         return np.zeros(self.n) if self.law.passivity is None else np.asarray(self.law.passivity(self._columns))
 
@@ -178,13 +184,13 @@ class FrictionModel:
 
 
 class FixedDirection(_NumPy):
-    """NumPy operations in which sgn(dq) is a given direction, whatever the speed."""
+    """NumPy operations in which sgn(dq) is replaced by given ``signs``, one per joint, whatever the speed."""
 
     def __init__(self, signs: Array) -> None:
         self.signs = signs
 
     def sign(self, x: Array) -> Array:  # type: ignore[override]
-        """The given direction."""
+        """The given signs, in place of sgn(``x``)."""
         return self.signs
 
 

@@ -1,4 +1,9 @@
-"""Friction of all joints as programs: what the emitted C, CasADi and NumPy functions are printed from."""
+"""Programs that compute the friction of all joints; the C, CasADi and NumPy functions are printed from them.
+
+The optional argument ``surfaces`` serves robots whose motors are coupled, where friction acts at joints and at motor
+shafts: it maps the name of each to its direction w (joints,), with the speed ``w dq`` and the joint torques ``w' f``.
+Equation numbers (14.x): Kostic, de Jager, Steinbuch, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +16,19 @@ from rrrgen.program import Builder, Port, Program, Role, Value
 from rrrgen.program.builder import Number
 
 Surfaces = Mapping[str, Sequence[Number]]
-"""Where friction acts among coupled drives, by name of joint or motor: the direction ``w`` (joints,) of each, with the
-speed ``w dq`` and the joint torques ``w' f``."""
+"""The joints and motor shafts at which friction acts, by name, each with its direction ``w`` (joints,) in joint space:
+the sliding speed is ``w dq``, and friction f contributes the joint torques ``w' f``."""
 
 
 def _ports(
     builder: Builder, law: FrictionLaw, joints: int, names: Sequence[str], surfaces: Surfaces | None = None
 ) -> tuple[list[list[Any]], list[Any]]:
-    """The vector inputs ``names`` in order, speeds as those of the surfaces; then the parameters row by row.
+    """Declare the inputs of a friction program: the vectors ``names`` ("dq", "z") and the parameters ``friction``.
 
-    A load-dependent law has one more input, the torques ``tau_load`` that each joint or motor carries; the parameters
-    are those under this load.
+    Returns the vectors in the order of ``names``, where dq holds the sliding speed at each of the ``surfaces``, and the
+    parameters, one list per joint or surface. For a load-dependent law the program also gets the input ``tau_load``,
+    the torques that each joint or motor carries without friction, and the parameters returned are those under this
+    load.
     """
     count, frame = (joints, "joint") if surfaces is None else (len(surfaces), "joint or motor")
     described = {
@@ -54,7 +61,10 @@ def _along(w: Sequence[Number], values: Sequence[Any]) -> Any:
 
 
 def _at_joints(torques: list[Any], joints: int, surfaces: Surfaces | None) -> list[Any]:
-    """The joint torques that result from the friction of every joint and motor."""
+    """Joint torques (joints,) ``sum_k w_k' f_k`` of the friction ``torques`` f_k at the ``surfaces``.
+
+    Without surfaces friction acts at the joints, and the torques are returned as they are.
+    """
     if surfaces is None:
         return torques
     return [_along([w[i] for w in surfaces.values()], torques) for i in range(joints)]
@@ -67,10 +77,10 @@ def _torque_port(joints: int) -> Port:
 
 
 def friction_program(law: FrictionLaw, joints: int, surfaces: Surfaces | None = None) -> Program:
-    """Friction torques (joints,) from ``dq`` (joints,) and the parameters ``friction`` (joints, k).
+    """Program for the friction torques (joints,) from ``dq`` (joints,) and the parameters ``friction`` (joints, k).
 
-    With ``surfaces`` there is a row of parameters for each of them instead of each joint. A law with a state is taken
-    in sliding, dz/dt = 0. Source: (14.11)-(14.14).
+    With ``surfaces`` the parameters have one row per surface instead of one per joint. A law with a state is evaluated
+    in steady sliding, dz/dt = 0. Source: (14.11)-(14.14).
     """
     builder = Builder()
     (speeds,), rows = _ports(builder, law, joints, ["dq"], surfaces)
@@ -85,8 +95,9 @@ def friction_program(law: FrictionLaw, joints: int, surfaces: Surfaces | None = 
 
 
 def friction_columns_program(law: FrictionLaw, joints: int) -> Program:
-    """The columns (joints, k*joints) that a linear law adds to a regressor; parameters stand joint by joint.
+    """Program for the regressor columns Y_f (joints, k joints) of a linear law: friction torques ``Y_f p_f``.
 
+    p_f (k joints,) are the parameters, joint by joint. The input is ``dq`` (joints,).
     Raises InputError for a law that is not linear in its parameters.
     """
     if law.columns is None:
@@ -105,10 +116,10 @@ def friction_columns_program(law: FrictionLaw, joints: int) -> Program:
 
 
 def friction_step_program(law: FrictionLaw, joints: int, surfaces: Surfaces | None = None) -> Program:
-    """One period of a law with a state: from ``dq``, ``z`` and the period ``Ts`` to the next z and the torque.
+    """Program that advances a law with a state by one period: from ``dq``, ``z`` and ``Ts`` (s) to next z and torques.
 
-    With ``surfaces`` each of them has a state and a row of parameters instead of each joint. Exact for a constant
-    speed, so that no period makes it unstable. Source: (14.13).
+    With ``surfaces`` there is a state and a row of parameters per surface instead of per joint. The step is exact for
+    constant speed and therefore stable for any period. Source: (14.13).
     Raises InputError for a law without a state.
     """
     if law.step is None:
@@ -129,7 +140,7 @@ def friction_step_program(law: FrictionLaw, joints: int, surfaces: Surfaces | No
 
 
 def friction_rate_program(law: FrictionLaw, joints: int) -> Program:
-    """The state equation of a law with a state: from ``dq`` and ``z`` to dz/dt and the torque. Source: (14.13).
+    """Program for the state equation of a law with a state: from ``dq`` and ``z`` to dz/dt and torques, (14.13).
 
     Raises InputError for a law without a state.
     """

@@ -13,10 +13,10 @@ from rrrgen.friction.models import Array, FrictionModel, coulomb_viscous
 
 
 class MixedFriction:
-    """Friction of n joints or motors, each under a law of its own, ``models[i]`` of one joint, plus ``offset`` (n,).
+    """Friction of n joints or motors, each with a law of its own: ``models[i]`` for joint i, plus ``offset`` (n,), N m.
 
-    The methods are those of :class:`FrictionModel`; speeds (..., n) in rad/s (m/s), torques (..., n) in N m (N),
-    ``load`` (..., n) the torques without friction. Joints whose law has no state have the state 0.
+    Speeds ``dq`` are (..., n) in rad/s (m/s), torques (..., n) in N m (N); ``load`` (..., n) are the torques that the
+    joints carry without friction. The state z of a joint whose law has none is 0.
     """
 
     def __init__(self, models: Sequence[FrictionModel], offset: ArrayLike) -> None:
@@ -31,7 +31,7 @@ class MixedFriction:
         return np.asarray(self._each("torque", (dq, widths, self._spread(load, dq))) + self.offset)
 
     def directed(self, dq: ArrayLike, direction: ArrayLike, load: ArrayLike = 0.0) -> Array:
-        """The torque with sgn(dq) replaced by ``direction``, (..., n)."""
+        """Friction torques (..., n) with sgn(dq) replaced by ``direction`` (..., n), each -1, 0 or +1."""
         return np.asarray(self._each("directed", (dq, direction, self._spread(load, dq))) + self.offset)
 
     def rate(self, z: ArrayLike, dq: ArrayLike) -> Array:
@@ -55,17 +55,17 @@ class MixedFriction:
 
 
 def robot_friction(spec: Any) -> FrictionModel | MixedFriction | None:
-    """The friction that a robot file states at its joints (missing numbers count as 0), None where it states none."""
+    """Friction at the joints as a robot file states it, None if it states none; parameters left out count as 0."""
     return stated_friction([joint.friction for joint in spec.joints])
 
 
 def motor_friction(spec: Any) -> FrictionModel | MixedFriction | None:
-    """The friction that a robot file states at the shafts of coupled motors; None where it states none."""
+    """Friction at the shafts of coupled motors as a robot file states it, None if it states none."""
     return None if spec.drives is None else stated_friction([motor.friction for motor in spec.drives.motors])
 
 
 def stated_friction(given: Sequence[Any]) -> FrictionModel | MixedFriction | None:
-    """The friction of several joints from their ``FrictionSpec``, None where none is stated."""
+    """Friction of several joints from their ``FrictionSpec`` (None for a joint without), None if no joint has one."""
     if all(friction is None for friction in given):
         return None
     rows = np.array([[_stated(f, key) for key in ("viscous", "coulomb", "offset")] for f in given])

@@ -1,1 +1,1 @@
-"""Measured recordings in foreign formats: described by a mapping, read, repaired, and delivered in SI at the joints."""
+"""Measured recordings in many file formats: read as a mapping file states, repaired, converted to SI at the joints."""

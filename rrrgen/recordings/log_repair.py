@@ -25,11 +25,14 @@ MAX_LATENESS = 10.0  # periods: a larger step back in time means another clock, 
 
 @dataclass(frozen=True)
 class RawRows:
-    """Recorded rows in SI: ``t`` (N,) in s and ``signals``, (N, n) each, at the joints or motors as recorded."""
+    """Recorded rows in SI: ``t`` (N,) in s and ``signals``, (N, n) each, at the joints or motors as recorded.
+
+    ``first`` is the index of the first row in the recording.
+    """
 
     t: Array
     signals: dict[Signal, Array]
-    first: int  # index of the first row in the recording
+    first: int
 
     def part(self, chosen: NDArray[np.intp] | slice) -> RawRows:
         """The ``chosen`` rows (indices or a slice)."""
@@ -143,7 +146,7 @@ def _joined(a: RawRows, b: RawRows) -> RawRows:
 
 
 def _check_clock(mapping: LogMapping, rows: RawRows) -> None:
-    """Refuse a step back in time by more than MAX_LATENESS periods: it means another clock, not a late message."""
+    """Raise :class:`InputError` if time steps back by over MAX_LATENESS periods: a clock reset, not a late message."""
     steps = np.diff(rows.t)
     forward = steps[steps > 0]
     if len(steps) == 0:
@@ -179,7 +182,10 @@ def _sorted(rows: RawRows, findings: Findings) -> RawRows:
 
 
 def _after(mapping: LogMapping, rows: RawRows, emitted: float) -> float:
-    """Refuse rows that belong before the rows already delivered, the last of which was at ``emitted`` (s)."""
+    """Raise :class:`InputError` unless all sorted ``rows`` are later than ``emitted`` (s); returns ``emitted``.
+
+    ``emitted`` is the instant of the last row already delivered: an earlier row can no longer be sorted in.
+    """
     if len(rows.t) and rows.t[0] <= emitted:
         raise table_fault(
             mapping.files[0].path,
@@ -190,7 +196,7 @@ def _after(mapping: LogMapping, rows: RawRows, emitted: float) -> float:
 
 
 class _Unwrap:
-    """Unwraps encoders that start over after a period; keeps its state from block to block."""
+    """Unwraps encoders that start over after a period, such as one turn; its state persists from block to block."""
 
     def __init__(self, mapping: LogMapping, findings: Findings) -> None:
         channels = mapping.channels("position")

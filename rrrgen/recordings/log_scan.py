@@ -13,7 +13,7 @@ from rrrgen.recordings.readers.tables import table_fault
 from rrrgen.recordings.repairs import Findings
 
 JITTER = 0.01  # periods: with larger jitter, the recording is resampled at uniform instants
-HOLE = 1.5  # periods: a longer step counts as a hole
+HOLE = 1.5  # periods: a longer step counts as a hole (missing samples)
 LONGEST_BRIDGE = 5.0  # periods: a longer hole splits the recording, unless the mapping file sets max_gap
 SHORTEST_STRETCH = 32  # samples: shorter stretches between holes are left out
 

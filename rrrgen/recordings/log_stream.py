@@ -1,4 +1,4 @@
-"""A recording as a stream of uniformly sampled stretches, in constant memory.
+"""A recording as a stream of uniformly sampled, uninterrupted stretches, read in constant memory.
 
 A first pass finds the period, the jitter and the levels at which torques are clipped; every further pass delivers the
 samples.

@@ -167,7 +167,11 @@ class LogMapping:
         return np.array([joint.zero for joint in self.joints])
 
     def _diagonal(self, on_motor: Any) -> Array:
-        """The gear ratios (diagonal) with 1 for the joints that are recorded at the joint side."""
+        """Diagonal matrix (n, n) of the gear ratios, with 1 for joints that are recorded on the joint side.
+
+        ``on_motor`` (n,) flags the joints recorded on the motor side. Raises :class:`InputError` if the transmission
+        couples any joints.
+        """
         assert self.transmission is not None
         coupled = self.transmission - np.diag(np.diag(self.transmission))
         if np.any(coupled):

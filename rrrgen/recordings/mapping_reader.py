@@ -78,7 +78,7 @@ def loads_mapping(text: str, file: str = "log.yaml") -> LogMapping:
 
 
 class _Reader(SourceReader):
-    """Reads one mapping file."""
+    """Reads one mapping file; ``faults`` collects what is wrong with it, paths in it are relative to ``folder``."""
 
     def __init__(self, faults: FaultList, folder: Path) -> None:
         super().__init__(faults, folder, KEYS_OF_OTHER_FILES)
@@ -196,7 +196,10 @@ class _Reader(SourceReader):
         )
 
     def factor(self, part: dict[str, Node], signal: Signal, unit: str, what: str, node: Node) -> float:
-        """The factor from column units to SI: encoder resolution, torque constant, rated torque, or the unit itself."""
+        """Factor that converts a column of a ``signal`` to SI, from the keys ``part`` that describe its channel.
+
+        It comes from an encoder resolution, a torque constant, a rated torque, or the name of the ``unit``.
+        """
         if unit.startswith(log_units.COUNTS):
             if "counts_per_turn" in part:
                 counts = self.number(part["counts_per_turn"], f"{what}.counts_per_turn")

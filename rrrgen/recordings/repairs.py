@@ -41,9 +41,10 @@ MESSAGES = {
 
 @dataclass(frozen=True)
 class Finding:
-    """One kind of fault found in a recording: how often, and how it was repaired (``message``).
+    """One kind of fault found in a recording, how often it occurred and how it was repaired.
 
-    ``rows`` is the number of rows affected in the worst channel, ``share`` that number over all rows read.
+    ``kind`` names the fault, ``count`` is the number of faults, ``message`` describes fault and repair. ``rows`` is the
+    number of rows affected in the worst channel, ``share`` that number divided by all rows read.
     ``channels`` lists the affected samples by joint; it is empty if whole rows are affected.
     """
 
@@ -111,7 +112,11 @@ class Repairs:
 
 @dataclass
 class Findings:
-    """Faults counted by kind while a recording is read, with the worst case of each; ``read`` counts the rows."""
+    """Faults counted while a recording is read; each dict maps the kind of fault to a figure.
+
+    ``counts`` holds the number of faults, ``worst`` the largest one in the unit of its message, ``rows`` the number of
+    rows affected and ``channels`` (n,) the faults by joint. ``read`` is the number of rows read.
+    """
 
     counts: dict[str, int] = field(default_factory=dict)
     worst: dict[str, float] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Reads what mapping and response files have in common: recorded files, time, columns by name or number."""
+"""Reads the keys that mapping files and response files share: recorded files, time, columns by name or number."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ TIME_KEYS = ("rate", "period", "file", "column", "unit")
 
 
 class SourceReader(Reader):
-    """Reads the keys that describe recordings; ``files`` by their names, paths relative to ``folder``."""
+    """Reads the keys of a YAML file that describe recorded files, their time and their columns.
+
+    ``files`` are the recorded files by name, with paths relative to ``folder``; faults are added to ``faults``.
+    """
 
     def __init__(self, faults: FaultList, folder: Path, elsewhere: Mapping[str, str] | None = None) -> None:
         super().__init__(faults, elsewhere)
@@ -52,7 +55,7 @@ class SourceReader(Reader):
             self.faults.error(node, "files names no file")
 
     def read_time(self, node: Node | None) -> TimeSource:
-        """The instants: a rate, a period, or a column."""
+        """Read where the sampling instants come from: a rate (Hz), a period (s), or a column of a file."""
         part = (self.values(node, "time", TIME_KEYS) or {}) if node is not None else {}
         given = [key for key in ("rate", "period", "column") if key in part]
         if node is not None and len(given) != 1:
@@ -76,7 +79,7 @@ class SourceReader(Reader):
         )
 
     def file_of(self, node: Node | None, what: str, where: Node | None) -> str:
-        """The name of a file; where there is only one it need not be named."""
+        """Read the name of a recorded file; None stands for the only one. A fault is located at ``where``."""
         if node is None:
             if len(self.files) > 1:
                 self.faults.error(where, f"{what} needs the key 'file'", f"one of {', '.join(self.files)}")
@@ -84,13 +87,13 @@ class SourceReader(Reader):
         return self.choice(node, f"{what}.file", tuple(self.files))
 
     def column(self, node: Node, what: str) -> str | int:
-        """A column by its name, or by its number counted from 1."""
+        """Read a column, given by its name or by its number counted from 1; ``what`` describes it in messages."""
         text = self.text(node, what)
         quoted = isinstance(node, Scalar) and node.quoted
         return int(text) if text.isdecimal() and not quoted else text
 
     def separator(self, node: Node | None) -> str | None:
-        """The sign between columns, by itself or by its name."""
+        """Read the separator of columns: the character itself or its name, such as "tab"; None if ``node`` is None."""
         if node is None:
             return None
         words = {"tab": "\t", "space": " ", "comma": ",", "semicolon": ";", "\\t": "\t"}

@@ -44,10 +44,10 @@ Status = Literal["clearing", "running", "interrupted", "failed", "finished"]
 class RunFolder:
     """One run on disk; a context manager that records whether the run finished, failed or was interrupted.
 
-    ``command`` is the name of the command, ``inputs`` maps a role to a file or folder, ``settings`` and ``seed`` are
-    all else that the results depend on. If the folder holds a run of the same command, inputs (by content), settings
-    and seed of the same version of rrrgen, it is resumed. For any other run :class:`InputError` is raised, unless
-    ``fresh`` asks to clear the folder and start over.
+    ``path`` is the folder, ``command`` the name of the command, ``inputs`` maps a name such as "robot" to a file or
+    folder, ``settings`` and ``seed`` are all else that the results depend on. If the folder already holds a run with
+    the same command, contents of inputs, settings, seed and version of rrrgen, that run is resumed. If it holds another
+    run, :class:`InputError` is raised, unless ``fresh`` is set, which clears the folder and starts over.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ class RunFolder:
         return save_figure(figure, self.path / "figures" / name)
 
     def _difference(self, before: Mapping[str, Any]) -> str:
-        """How the run already in the folder differs from this one, for the message."""
+        """Text for an error message: how the run recorded in the folder, ``before``, differs from this one."""
         versions = before.get("versions")
         made_by = versions.get("rrrgen", "") if isinstance(versions, Mapping) else ""
         if made_by != VERSION and all(before.get(key) == self.record[key] for key in ("command", "inputs", "settings")):

@@ -1,4 +1,4 @@
-"""Parallel decimation: one low-pass filter applied alike to torque and regressor, followed by downsampling."""
+"""Parallel decimation: torques and regressor pass the same low-pass filter and are then downsampled."""
 
 from __future__ import annotations
 
@@ -78,9 +78,10 @@ def _taps(factor: int) -> Array:
 
 @lru_cache(maxsize=4)
 def _band(factor: int) -> Array:
-    """Banded filter matrix of BLOCK consecutive outputs: one matrix product replaces many vector products.
+    """Banded matrix that maps an input window to BLOCK consecutive filter outputs, for decimation by ``factor``.
 
-    Streams are filtered in thousands of chunks, and the matrix takes longer to compute than a chunk to filter.
+    Filtering becomes one matrix product. The matrix is cached, because computing it takes longer than filtering one of
+    the many chunks of a long recording.
     """
     taps = _taps(factor)
     band = np.zeros((BLOCK, len(taps) + (BLOCK - 1) * factor))

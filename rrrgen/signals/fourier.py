@@ -46,7 +46,7 @@ def fourier_basis(t: ArrayLike, harmonics: int, base_frequency: float, derivativ
 
 
 def intersample_peak_factor(harmonics: int, samples_per_period: int) -> float:
-    """Bound on the maximum of a trigonometric polynomial over its largest sample: ``1/cos(pi N/M)``.
+    """Bound on the maximum of a trigonometric polynomial divided by its largest sample: ``1/cos(pi N/M)``.
 
     ``N`` is its degree, ``M`` the number of equispaced samples per period; infinite for ``M <= 2N``, where aliasing
     allows any maximum.
@@ -103,7 +103,10 @@ class FourierTrajectory:
 
     @classmethod
     def from_coefficients(cls, coefficients: ArrayLike, base_frequency: float) -> FourierTrajectory:
-        """Build the trajectory from ``coefficients`` (1 + 2N, n) as returned by the property, and a frequency in Hz."""
+        """Build the trajectory from ``coefficients`` (1 + 2N, n), columns ``[q0, a_1..a_N, b_1..b_N]``, one per joint.
+
+        ``base_frequency`` is in Hz.
+        """
         X = np.asarray(coefficients, dtype=float)
         N = (X.shape[0] - 1) // 2
         return cls(X[0], X[1 : N + 1].T, X[N + 1 :].T, base_frequency)
@@ -119,7 +122,7 @@ class FourierTrajectory:
         return self.derivative(t, 0), self.derivative(t, 1), self.derivative(t, 2)
 
     def times(self, sample_period: float, cycles: float = 1.0) -> Floats:
-        """Sampling instants (s) of ``cycles`` periods at ``sample_period`` (s), without the end (= start)."""
+        """Instants (s) every ``sample_period`` (s) over ``cycles`` periods of the motion, without the end point."""
         count = round(cycles * self.period / sample_period)
         return np.arange(count) * sample_period
 

@@ -27,10 +27,11 @@ MEASURED = np.array([1.0, 0.0, 0.0])
 
 @dataclass(frozen=True)
 class KalmanMatrices:
-    """The constants of (14.28)-(14.30) for one joint, in physical units.
+    """Constants of the steady-state Kalman filter of one joint, for the state ``x = [e, de, dde]`` in rad (m) and s.
 
-    ``E`` (3, 3) and ``g`` (3,) of (14.29), the filter gain ``k`` (3,) of (14.30), and the error covariances (3, 3)
-    before (``predicted``) and after (``updated``) a measurement, both divided by ``var eta``. ``period`` is Ts in s.
+    The model is ``x(k+1) = E x(k) + g xi(k)`` with ``E`` (3, 3), ``g`` (3,), (14.29). ``k`` (3,) is the filter gain,
+    (14.30). ``predicted`` and ``updated`` (3, 3) are the error covariances before and after a measurement, divided by
+    the variance of the measurement noise, ``var eta``. ``period`` is Ts in s.
     """
 
     period: float
@@ -42,7 +43,7 @@ class KalmanMatrices:
 
     @property
     def innovation(self) -> float:
-        """Variance of the innovation divided by ``var eta``: ``c P c' + 1``."""
+        """Variance of the innovation divided by ``var eta``: ``c P c' + 1``, c = [1, 0, 0], P = ``predicted``."""
         return float(self.predicted[0, 0]) + 1.0
 
     @property
@@ -52,9 +53,9 @@ class KalmanMatrices:
 
 
 def kalman_matrices(period: float, var_eta: float, var_xi: float) -> KalmanMatrices:
-    """The steady-state Kalman filter of one joint, (14.30): gain ``k = P c' / (c P c' + 1)``.
+    """Compute the steady-state Kalman filter of one joint: gain ``k = P c' / (c P c' + 1)``, c = [1, 0, 0], (14.30).
 
-    P is the predicted error covariance over ``var eta``, the solution of the discrete algebraic Riccati equation.
+    P is the predicted error covariance divided by ``var eta``, the solution of the discrete algebraic Riccati equation.
     ``period`` is Ts in s, ``var_eta`` the variance of the position noise in rad^2 (m^2), ``var_xi`` that of the jerk in
     (rad/s^3)^2 ((m/s^3)^2). Raises :class:`InputError` for a period or variance that is not positive.
     """
@@ -79,7 +80,7 @@ def kalman_matrices(period: float, var_eta: float, var_xi: float) -> KalmanMatri
 
 
 def _predicted_covariance(ratio: float) -> Array:
-    """Predicted covariance (3, 3) over ``var eta`` of the scaled model with ``lambda = ratio``.
+    """Predicted error covariance (3, 3), divided by ``var eta``, of the scaled model with ``lambda = ratio``.
 
     The state is scaled further by powers of ``rho = lambda^(1/3)``, the order of the distance of the poles from 1, so
     that the Riccati equation stays well conditioned however small lambda is.
@@ -103,7 +104,11 @@ def _predicted_covariance(ratio: float) -> Array:
 
 
 def _iterated_covariance(E: Array, g: Array) -> Array:
-    """The covariance by structured doubling, which works even if the closed-loop poles are close to the unit circle."""
+    """Solve the Riccati equation for the predicted covariance (3, 3) by the structured doubling algorithm.
+
+    The model is ``x(k+1) = E x(k) + g xi(k)``, ``y = [1, 0, 0] x``, with unit variances. The algorithm also converges
+    if closed-loop poles are close to the unit circle.
+    """
     A: Array = E.T.copy()
     G: Array = np.outer(MEASURED, MEASURED)
     H: Array = np.outer(g, g)

@@ -60,7 +60,7 @@ class Processing:
                 raise InputError(f"{name} belongs to the method {' or '.join(methods)}, not to {self.method}")
 
     def settings(self) -> dict[str, Any]:
-        """All settings by name, for the records of a run."""
+        """All settings as name -> value, to be recorded with the results of a run."""
         return asdict(self)
 
     def reconstructor(self) -> Reconstructor:
@@ -122,7 +122,10 @@ def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[s
 
 
 def _settle_method(entries: dict[str, Node], found: dict[str, Any], faults: FaultList) -> None:
-    """Infer the method from the settings if it is not named; a setting of another method is a fault."""
+    """Complete the settings ``found`` by the method of reconstruction, inferred from them if the file does not name it.
+
+    A setting that belongs to another method is added to ``faults``, located by ``entries``.
+    """
     methods_of = {
         name: METHODS_OF_SETTING[field]
         for name in entries

@@ -102,7 +102,7 @@ class CentralDifferences:
         return Reconstruction(np.asarray(t, float), q, dq, ddq, "central differences")
 
     def memory(self, period: float) -> int:
-        """Two samples on either side, since the repeated central difference spans five."""
+        """Number of samples on either side that influence a result: 2, since two central differences span five."""
         return 2
 
 

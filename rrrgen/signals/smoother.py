@@ -22,11 +22,12 @@ LOWEST_RATIO, HIGHEST_RATIO = -10.0, 1.0  # log10 of lambda: range searched for 
 
 @dataclass(frozen=True)
 class KalmanSmoother:
-    """Steady-state Kalman reconstruction (14.30)-(14.31), by default followed by the fixed-interval smoother.
+    """Reconstruction of joint motion by the steady-state Kalman filter (14.30)-(14.31), by default also smoothed.
 
-    ``var_eta`` is the variance of the position noise (rad^2), ``var_xi`` that of the jerk of the deviation
-    ((rad/s^3)^2); one value for all joints, or one per joint. ``smooth=False`` gives the causal filter, as it runs in
-    real time. The recording is extended at both ends by point reflection at its end samples.
+    The smoother is the fixed-interval one. ``var_eta`` is the variance of the position noise (rad^2), ``var_xi`` that
+    of the jerk of the deviation ((rad/s^3)^2); one value for all joints, or one per joint. ``smooth=False`` gives the
+    causal filter, as it runs in real time. The recording is extended at both ends by point reflection at its end
+    samples.
     """
 
     var_eta: float | tuple[float, ...]
@@ -74,7 +75,7 @@ def quantisation_variance(resolution: float) -> float:
 
 
 def innovations(matrices: KalmanMatrices, e: Array) -> Array:
-    """Innovations ``y(k) - c x_hat(k)`` (N - 1,) of one joint, from the second sample on.
+    """Innovations ``e(k) - e_hat(k)`` (N - 1,) of one joint: measured minus predicted, from the second sample on.
 
     ``e`` (N,) is the measured position or deviation, rad (m). If the noise model is right, the innovations are white
     with variance ``matrices.innovation * var eta``.
@@ -166,7 +167,7 @@ def _states(matrices: KalmanMatrices, e: Array, smooth: bool) -> Array:
 
 
 def _forward(matrices: KalmanMatrices, y: Array) -> tuple[Array, Array]:
-    """Filtered states (N, 3) and innovations (N,); the filter starts on the line through the first two samples.
+    """Run the Kalman filter over ``y`` (N,): states (N, 3) and innovations (N,), from the line through two samples.
 
     The recursion runs on the difference s between the states and ``[y(k), (y(k) - y(k-1))/Ts, 0]``, which obeys
     ``s(k) = F s(k-1) + (k - [1, 1/Ts, 0]) a(k)`` with a the second difference of y. Differences of measured values are

@@ -1,4 +1,7 @@
-"""The largest gain with which the gradient estimator is stable along a motion, and the gain to use."""
+"""Gain of the gradient estimator ``p_next = p - gain Y' (Y p - tau)``: its stability bound along a motion, its default.
+
+The gain is ``alpha Ts`` of (14.23), with the sampling period Ts in s; Y is the regressor, p the estimated parameters.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,10 @@ USUAL_SHARE = 0.1
 
 
 def gain_bound(regression: Regression, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> float:
-    """The bound ``2/max |Y|_2^2`` on ``alpha Ts`` of (14.23) along a motion (N, n).
+    """Largest stable gain along a motion: ``2 / max_k |Y(q_k, dq_k, ddq_k)|_2^2``, spectral norms of the regressor.
 
-    Raises :class:`InputError` where the motion does not load the parameters at all.
+    ``q``, ``dq``, ``ddq`` (N, n) are joint positions, velocities and accelerations, rad (m), per s and per s^2. Raises
+    :class:`InputError` if Y is zero or not finite all along the motion. Source: (14.23).
     """
     import numpy as np
 
@@ -31,9 +35,9 @@ def gain_bound(regression: Regression, q: ArrayLike, dq: ArrayLike, ddq: ArrayLi
 
 
 def chosen_gain(stated: float | None, bound: float | None) -> float:
-    """``alpha Ts``: the ``stated`` one if it is below the ``bound``, else a tenth of the bound.
+    """Gain to use: the ``stated`` one, or a tenth of the ``bound`` of :func:`gain_bound` if none is stated.
 
-    Raises :class:`InputError` for a gain that is not below the bound, or if there is neither.
+    Raises :class:`InputError` for a stated gain that is not between 0 and the bound, or if both are None.
     """
     if stated is None and bound is None:
         raise InputError("the gradient estimator needs a gain: state one, or a motion from which it is chosen")

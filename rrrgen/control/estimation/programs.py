@@ -1,7 +1,7 @@
-"""The model-dependent part of the online estimators as programs: regressor rows, and one step of the gradient method.
+"""Programs of the online estimators that depend on the robot: regressor rows, and one step of the gradient method.
 
-The parameters are those of the identification regressor: the base parameters, then the drive inertias and the friction
-that the robot file states, less those whose values are fixed.
+The estimated parameters are the base parameters, then the drive inertias and friction parameters that the robot file
+states, without those whose values the caller fixes.
 """
 
 from __future__ import annotations
@@ -30,10 +30,12 @@ MEANINGS = {
 
 @dataclass(frozen=True)
 class Regression:
-    """What is estimated online: the ``names`` of p parameters, their nominal values, and how they load the joints.
+    """Linear regression ``Y p = y`` of a robot's torques y on the p parameters that are estimated online.
 
-    ``nominal`` (p,) are the values of the robot file, None without links. ``rows`` computes the regressor Y (n, p), the
-    torques y (n,) less the part of fixed parameters, and which joints move (n,); ``gradient`` is one step of (14.23).
+    ``robot`` is the robot's name, ``joints`` the number n of joints, ``names`` (p,) are the parameters. ``nominal``
+    (p,) are their values in the robot file, None if it states no masses of links. The program ``rows`` computes Y
+    (n, p), the torques y (n,) minus those of the fixed parameters, and a flag per joint that is 1 where it moves (n,).
+    The program ``gradient`` is one step of the gradient method (14.23).
     """
 
     robot: str
@@ -45,7 +47,7 @@ class Regression:
 
 
 def regression(derived: DerivedModel, fixed: Mapping[str, float] | None = None) -> Regression:
-    """The online regression of a robot, with the parameters ``fixed`` (name -> value) taken as known.
+    """Build the linear regression of a robot for online estimation; ``fixed`` (name -> value) are known parameters.
 
     Raises :class:`InputError` for a name that is no parameter of this robot, a value that is no number, or if nothing
     is left to estimate.
@@ -72,7 +74,7 @@ def regression(derived: DerivedModel, fixed: Mapping[str, float] | None = None) 
 
 
 class _Recorder:
-    """Records the programs of one regression."""
+    """Records the programs ``rows`` and ``gradient`` of one :class:`Regression`."""
 
     def __init__(
         self, derived: DerivedModel, terms: Sequence[DriveTerm], every: Sequence[str], fixed: Mapping[str, Fraction]
@@ -166,7 +168,11 @@ class _Recorder:
         return [values[port.role] for port in self.derived.programs[function].inputs]
 
     def _forces(self, builder: Builder, inputs: Mapping[str, Any]) -> list[Any]:
-        """Torque of every drive term along its direction w for a parameter of 1: w ddq, w dq, sgn(w dq) or 1."""
+        """Torques that the drive inertias and friction parameters cause at the value 1, one number per parameter.
+
+        Each acts along a direction w in joint space, a unit vector unless motors are coupled: ``w ddq`` for an inertia,
+        ``w dq`` for viscous friction, ``sgn(w dq)`` for Coulomb friction, 1 for an offset.
+        """
         found: list[Any] = []
         for term, w in zip(self.terms, self.directions, strict=True):
             match term.kind:
@@ -183,7 +189,10 @@ class _Recorder:
     def _torques(
         self, builder: Builder, inputs: Mapping[str, Any], values: Mapping[str, Any], forces: list[Any]
     ) -> list[Any]:
-        """Torques for the parameter ``values``, by inverse dynamics."""
+        """Joint torques (n,) by inverse dynamics plus friction, for the parameter ``values`` (name -> value).
+
+        ``forces`` are the torques per unit of the drive inertias and friction parameters, from :meth:`_forces`.
+        """
         beta = [values[parameter.name] for parameter in self.derived.base_parameters]
         Ia = [values.get(term.name, 0) for term in inertia_terms(self.derived.spec)]
         (torques,) = replay(
@@ -198,7 +207,10 @@ class _Recorder:
         return torques
 
     def _moves(self, builder: Builder, inputs: Mapping[str, Any], rest: Any) -> list[Any]:
-        """1 for each joint on which no joint or motor slower than ``rest`` acts with friction, else 0."""
+        """Flags (n,): 0 for a joint at rest, else 1.
+
+        A joint is at rest if its own speed, or that of a coupled motor whose friction acts on it, is below ``rest``.
+        """
         surfaces = friction_surfaces(self.derived.spec)
         directions = surfaces.values() if surfaces is not None else [unit(i, self.n) for i in range(self.n)]
         found: list[Any] = [1] * self.n
@@ -226,7 +238,10 @@ def _dot(weights: Sequence[Any], values: Sequence[Any]) -> Any:
 
 
 def _safe_step(builder: Builder, gain: Any, rr: Any, ee: Any) -> tuple[Any, Any]:
-    """The gain to use, and whether ``gain rr < 2 ee`` failed, with ``rr = |Y' e|^2`` and ``ee = |e|^2``."""
+    """Gain of one step, reduced to ``ee / rr`` if it breaks the stability condition ``gain rr < 2 ee``; 1 if reduced.
+
+    ``rr = |Y' e|^2`` and ``ee = |e|^2``, with the torque errors e of this sample. Returns the gain and the flag.
+    """
     excess = gain * rr - 2 * ee
     largest = builder.div(ee, builder.select(excess, rr, 1))
     return builder.select(excess, largest, gain), builder.select(excess, 1, 0)

@@ -1,4 +1,4 @@
-"""C code of the online estimators: the programs of the regression with the caller's state around them."""
+"""C code of the online estimators, recursive least squares and the gradient method; the caller holds their state."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ NEGLIGIBLE = {"double": 1e-24, "float": 1e-12}
 
 @dataclass(frozen=True)
 class EstimatorSettings:
-    """The start and the tuning of an online estimator with p parameters and n joints.
+    """Initial values and tuning of an online estimator of p parameters for a robot of n joints.
 
-    - ``start`` (p,): first parameters; those of the robot file if None, 0 without links.
-    - ``spread`` (p,): their standard deviations, for recursive least squares; if None ten times the largest nominal
-      parameter for all, 10 without links.
+    - ``start`` (p,): initial parameters; if None those of the robot file, or 0 if it states no link masses.
+    - ``spread`` (p,): their standard deviations, for recursive least squares; if None, each is ten times the largest
+      parameter of the robot file, or 10 if it states no link masses.
     - ``noise`` (n, n): covariance of the torque noise, (N m)^2; 0.1 N m at every joint if None.
-    - ``forgetting``: factor of recursive least squares, in (0, 1]; 1 forgets nothing.
-    - ``gain``: alpha Ts of the gradient method.
-    - ``rest``: speed in rad/s (m/s) below which a joint is left out, because its friction is not known.
+    - ``forgetting``: forgetting factor of recursive least squares, in (0, 1]; 1 weights all samples alike.
+    - ``gain``: gain ``alpha Ts`` of the gradient method, (14.23).
+    - ``rest``: speed in rad/s (m/s) below which a joint's equation is skipped, because friction at rest is unknown.
     """
 
     start: tuple[float, ...] | None = None
@@ -52,7 +52,7 @@ class EstimatorSettings:
     rest: float = DEFAULT_REST
 
     def completed(self, regression: Regression) -> Tuning:
-        """The numbers of an estimator, every default filled in; raises :class:`InputError` for impossible ones."""
+        """These settings with every default filled in; raises :class:`InputError` that lists all invalid ones."""
         p, n = len(regression.names), regression.joints
         typical = max((abs(value) for value in regression.nominal or ()), default=0.0) or 1.0
         found = Tuning(
@@ -73,7 +73,10 @@ class EstimatorSettings:
 
 @dataclass(frozen=True)
 class Tuning:
-    """The settings of :class:`EstimatorSettings` as numbers."""
+    """Complete settings of an online estimator; the fields are those of :class:`EstimatorSettings`.
+
+    Only ``gain`` may be None, because recursive least squares has none.
+    """
 
     start: tuple[float, ...]
     spread: tuple[float, ...]
@@ -83,7 +86,7 @@ class Tuning:
     rest: float
 
     def faults(self, p: int, n: int) -> list[str]:
-        """What is impossible about these numbers for p parameters and n joints, in words."""
+        """Messages about settings that are invalid for ``p`` parameters and ``n`` joints; empty if all are valid."""
         usable = {
             f"the start needs {p} finite values": len(self.start) == p and all(map(math.isfinite, self.start)),
             f"the standard deviations at the start are {p} values, finite and not negative": len(self.spread) == p
@@ -99,7 +102,7 @@ class Tuning:
 
 
 def _is_covariance(rows: Sequence[Sequence[float]], n: int) -> bool:
-    """Whether ``rows`` are a symmetric, positive definite (n, n) matrix, by elimination."""
+    """Whether ``rows`` form a symmetric, positive definite matrix (n, n), judged by the pivots of its elimination."""
     if len(rows) != n or any(len(row) != n or not all(map(math.isfinite, row)) for row in rows):
         return False
     if any(rows[i][j] != rows[j][i] for i in range(n) for j in range(i)):
@@ -115,9 +118,11 @@ def _is_covariance(rows: Sequence[Sequence[float]], n: int) -> bool:
 
 
 def estimator_files(regression: Regression, kind: Kind, settings: EstimatorSettings, real: Real) -> dict[str, str]:
-    """``<robot>_<kind>.h`` and ``.c``, C99 and C++: state of the caller, start and update.
+    """Header and source of an online estimator in C, as file name -> text: ``<robot>_<kind>.h`` and ``.c``.
 
-    Raises :class:`InputError` for impossible settings, or a gradient estimator without a gain.
+    They define the state struct that the caller holds, a function that initializes it and one that updates it with a
+    sample. ``kind`` is "rls" or "gradient", ``real`` the C type of all numbers. Raises :class:`InputError` for invalid
+    settings, or for a gradient estimator without a gain.
     """
     prefix = f"{regression.robot}_{kind}"
     chosen = settings.completed(regression)
@@ -130,7 +135,7 @@ def estimator_files(regression: Regression, kind: Kind, settings: EstimatorSetti
 
 
 def _values(regression: Regression, kind: Kind, chosen: Tuning, dialect: Dialect) -> dict[str, object]:
-    """The variables of the templates."""
+    """Values of the variables in the C templates of the estimator ``kind``, by name."""
 
     def literal(value: float) -> str:
         return dialect.literal(Fraction(value))

@@ -15,10 +15,10 @@ LEAST_DAMPING = 1e-4  # below it a measured damping cannot be told from none
 
 @dataclass(frozen=True)
 class Vibration:
-    """One mode in every posture: ``frequencies`` (Hz) and ``dampings`` (ratios), as many of both.
+    """One vibration mode measured in several postures of the robot.
 
-    ``frequency`` and ``damping``, for which filters are designed, are the middle of the frequencies and the geometric
-    mean of the dampings.
+    ``frequencies`` (k,) in Hz and ``dampings`` (k,), damping ratios, hold one value per posture. Filters are designed
+    for ``frequency``, the middle of the range of frequencies, and ``damping``, the geometric mean of the ratios.
     """
 
     frequencies: tuple[float, ...]
@@ -32,23 +32,26 @@ class Vibration:
 
     @property
     def frequency(self) -> float:
-        """Frequency of the mode, Hz."""
+        """Frequency for which filters are designed, Hz: ``(min + max)/2`` over the postures."""
         return 0.5 * (min(self.frequencies) + max(self.frequencies))
 
     @property
     def damping(self) -> float:
-        """Damping ratio of the mode."""
+        """Damping ratio for which filters are designed: geometric mean over the postures, each at least 1e-4."""
         return float(np.exp(np.mean(np.log(np.maximum(self.dampings, LEAST_DAMPING)))))
 
 
 def pole(frequency: float, damping: float, period: float) -> complex:
-    """``exp(s T)``, ``s = w (-zeta + j sqrt(1 - zeta^2))``, of a mode of ``frequency`` (Hz); ``period`` T in s."""
+    """Discrete-time pole of a mode: ``exp(s T)`` with ``s = w (-zeta + j sqrt(1 - zeta^2))``.
+
+    ``w = 2 pi frequency`` (Hz), zeta is the ``damping`` ratio, T the sampling ``period`` in s.
+    """
     omega = 2.0 * np.pi * frequency
     return complex(np.exp(omega * period * (-damping + 1j * np.sqrt(1.0 - damping**2))))
 
 
 def below_sampling(vibrations: Sequence[Vibration], period: float) -> None:
-    """Raise :class:`InputError` if a vibration has a frequency too high for the sampling ``period`` (s)."""
+    """Raise :class:`InputError` if a vibration has a frequency of half the sampling rate 1/``period`` (s) or more."""
     for each in vibrations:
         if max(each.frequencies) >= 0.5 / period:
             raise InputError(
@@ -58,7 +61,10 @@ def below_sampling(vibrations: Sequence[Vibration], period: float) -> None:
 
 
 def grid_around(vibrations: Sequence[Vibration], period: float, points: int = 800) -> Array:
-    """Frequencies (points,) in Hz for figures: from a third of the lowest vibration to twice the highest."""
+    """Frequencies (points,) in Hz for figures, spaced logarithmically.
+
+    They range from a third of the lowest frequency of the vibrations to twice the highest, at most 0.49/``period`` (s).
+    """
     low = min(min(each.frequencies) for each in vibrations) / 3.0
     high = min(2.0 * max(max(each.frequencies) for each in vibrations), 0.49 / period)
     return np.asarray(np.geomspace(low, high, points))

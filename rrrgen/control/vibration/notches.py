@@ -1,7 +1,8 @@
 """Notch filters: cancel the lightly damped poles of vibration modes and replace them by well damped ones.
 
 ``H(z) = g prod_i (1 - 2 r_i cos(w_i) z^-1 + r_i^2 z^-2)/(1 - 2 R_i cos(W_i) z^-1 + R_i^2 z^-2)`` with H(1) = 1, whose
-zeros are the sampled poles of the mode, so that the sampled peak is gone exactly at the designed posture.
+zeros r_i e^(+-j w_i) are the sampled poles of mode i, so that they cancel exactly in a posture whose mode has the
+frequency and damping of the design. The poles R_i e^(+-j W_i) have the same frequency and the damping ratio ``width``.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from rrrgen.control.state_space import StateSpace, realize
 from rrrgen.control.vibration.modes import Vibration, below_sampling, pole
 from rrrgen.errors import InputError
 
-LEAST_WIDTH = 0.1  # damping ratio of the poles: narrower filters ring themselves
+LEAST_WIDTH = 0.1  # damping ratio of the poles: a narrower filter would ring itself
 WIDEST = 1.0
-PEAK = 3.0  # amplification that may be left, about 10 dB
+PEAK = 3.0  # largest amplification by a mode that may remain after the filter, about 10 dB
 FINENESS = 200
 
 
@@ -27,8 +28,9 @@ FINENESS = 200
 class Notch:
     """Second-order notch filter with the sampling ``period`` (s).
 
-    Numerator ``g [1, c_1, c_2]`` and denominator ``[1, d_1, d_2]`` are in ascending powers of z^-1. ``width`` is the
-    damping ratio of the poles, ``peak`` the amplification by the mode that remains at the worst posture.
+    ``numerator`` ``g [1, c_1, c_2]`` and ``denominator`` ``[1, d_1, d_2]`` are in ascending powers of z^-1. ``width``
+    is the damping ratio of the filter's poles. ``peak`` is the amplification by the vibration mode that remains after
+    the filter, ``|H| / (2 zeta)`` at the mode's frequency, in the worst posture.
     """
 
     numerator: tuple[float, float, float]
@@ -38,24 +40,25 @@ class Notch:
     period: float
 
     def response(self, frequency: Array) -> Any:
-        """Complex response at ``frequency`` (L,) in Hz."""
+        """Complex frequency response H (L,) at ``frequency`` (L,) in Hz."""
         z = np.exp(-2j * np.pi * np.asarray(frequency) * self.period)
         powers = np.polynomial.polynomial.polyval
         return powers(z, self.numerator) / powers(z, self.denominator)
 
     def state_space(self) -> StateSpace:
-        """The filter as a model in state space, precise in float too."""
+        """The filter in the modal state-space form, which keeps its precision in single-precision C."""
         return realize(np.array(self.numerator), np.array(self.denominator))
 
 
 def design_notches(
     vibrations: Sequence[Vibration], period: float, peak: float = PEAK, width: float | None = None
 ) -> list[Notch]:
-    """A notch per vibration for the sampling ``period`` in s.
+    """Design one notch filter for each of the ``vibrations``, for the sampling ``period`` in s.
 
-    ``width`` is the damping ratio of the poles. Without it each notch is as narrow, and so costs as little phase below
-    its frequency, as the postures allow: at none of them more than ``peak`` of the amplification ``1/(2 zeta)`` is
-    left, ``|H| <= 2 zeta peak``, if a width up to 1 can do that.
+    ``width`` is the damping ratio of the filters' poles. If it is None, each filter gets the smallest width with which
+    the amplification that remains, ``|H| / (2 zeta)``, is at most ``peak`` in every posture, or 1 if no width achieves
+    that: a narrow notch costs least phase below its frequency. Raises :class:`InputError` for a vibration above half
+    the sampling rate or a width outside (0, 1].
     """
     below_sampling(vibrations, period)
     if width is not None and not 0.0 < width <= WIDEST:
@@ -87,6 +90,6 @@ def _factor(root: complex) -> tuple[float, float, float]:
 
 
 def phase_lag(notches: Sequence[Notch], frequency: float) -> float:
-    """Phase in degrees that the notches together cost at ``frequency`` in Hz, e.g. at the crossover of a loop."""
+    """Phase lag in degrees of all notches in series at ``frequency`` in Hz, such as the crossover of a control loop."""
     total = np.prod([each.response(np.array([frequency]))[0] for each in notches])
     return float(-np.degrees(np.angle(total)))

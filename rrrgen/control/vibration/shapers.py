@@ -2,8 +2,9 @@
 
 The residual vibration after the impulses ``A_i`` at ``t_i``, relative to that of one impulse of the same sum, is
 ``V(w, zeta) = exp(-zeta w t_m) |sum_i A_i exp(w t_i (zeta - j sqrt(1 - zeta^2)))|``. ZV (zero vibration, two impulses)
-makes it zero at the mode, ZVD also its derivative by w (three), EI (extra-insensitive, three) lets it be V_tol at the
-mode and zero at either side, which is the widest range below V_tol that three impulses reach.
+makes V zero at the mode's frequency w. ZVD (three impulses) also makes the derivative of V by w zero. EI (extra-
+insensitive, three impulses) has V = V_tol at the mode and V = 0 at one frequency on either side, which gives the widest
+range of frequencies with V below V_tol that three impulses allow.
 
 Sources: N. Singer, W. Seering, Preshaping command inputs to reduce system vibration, 1990; W. Singhose, W. Seering,
 N. Singer, Residual vibration reduction using vector diagrams to generate shaped inputs, 1994.
@@ -23,15 +24,16 @@ from rrrgen.errors import InputError
 
 KINDS = ("zv", "zvd", "ei")
 TOLERANCE = 0.05
-MOST_DAMPING = 0.4  # beyond, a vibration is gone before a shaper's last impulse
+MOST_DAMPING = 0.4  # damping ratio: above it a vibration decays before a shaper's last impulse
 STEPS_IN_DAMPING = 8
 
 
 @dataclass(frozen=True)
 class Shaper:
-    """``y_k = sum_i w_i u_{k - delay_i}`` with the weights and whole delays (samples) of its taps, sum 1.
+    """An input shaper as a FIR filter: ``y_k = sum_i weights_i u_{k - delays_i}``, for one or several modes in series.
 
-    ``kinds`` names the shaper of every mode, ``period`` is that of the sampling in s.
+    ``delays`` (in samples) and ``weights`` (sum 1) are those of its taps. ``kinds`` names the type of shaper of each
+    mode ("zv", "zvd", "ei"); ``period`` is the sampling period in s.
     """
 
     kinds: tuple[str, ...]
@@ -41,25 +43,25 @@ class Shaper:
 
     @property
     def length(self) -> int:
-        """Delay of the last tap in samples, by which the shaped reference ends later than the original."""
+        """Delay of the last tap in samples; the shaped reference ends this much later than the original."""
         return self.delays[-1]
 
     def response(self, frequency: Array) -> Any:
-        """Complex response at ``frequency`` (L,) in Hz."""
+        """Complex frequency response (L,) at ``frequency`` (L,) in Hz."""
         z = np.exp(-2j * np.pi * np.asarray(frequency) * self.period)
         return np.sum(np.array(self.weights)[:, None] * z ** np.array(self.delays)[:, None], axis=0)
 
     def residual(self, frequency: float, damping: float) -> float:
-        """Residual vibration V of a mode (Hz, ratio), relative to that without shaper."""
+        """Residual vibration V of a mode of ``frequency`` (Hz) and ``damping`` ratio, as a share of that unshaped."""
         p = pole(frequency, damping, self.period)
         return float(abs(np.sum(np.array(self.weights) * p ** (self.length - np.array(self.delays)))))
 
     def worst_residual(self, vibration: Vibration) -> float:
-        """The largest residual vibration over the postures of a mode."""
+        """Largest residual vibration V of a mode over its postures, divided by that without shaper."""
         return max(self.residual(f, zeta) for f, zeta in zip(vibration.frequencies, vibration.dampings, strict=True))
 
     def run(self, u: Array) -> Array:
-        """Shape a signal ``u`` (N,); before its first sample it is taken to have its first value. Returns (N,)."""
+        """Shape a signal ``u`` (N,) and return the result (N,); before its start, u is taken as constant."""
         before = np.concatenate([np.full(self.length, u[0]), u])
         return sum(
             (w * before[self.length - d : len(before) - d] for d, w in zip(self.delays, self.weights, strict=True)),
@@ -68,7 +70,11 @@ class Shaper:
 
 
 def impulses(kind: str, damping: float, tolerance: float = TOLERANCE) -> tuple[Array, Array]:
-    """Instants (m,) in periods of the undamped mode, 1/f, and amplitudes (m,) with the sum 1, of one shaper."""
+    """Instants and amplitudes, (m,) each, of the impulses of the shaper ``kind`` for a mode with a ``damping`` ratio.
+
+    Instants are multiples of 1/f, with the undamped frequency f of the mode; amplitudes have the sum 1. ``tolerance``
+    is V_tol of the kind "ei".
+    """
     if kind not in KINDS:
         raise InputError(f"'{kind}' is no shaper; allowed are {', '.join(KINDS)}")
     if not 0.0 <= damping <= MOST_DAMPING or not 0.0 < tolerance < 0.5:
@@ -85,8 +91,9 @@ def impulses(kind: str, damping: float, tolerance: float = TOLERANCE) -> tuple[A
 def _extra_insensitive(damping: float, tolerance: float) -> tuple[Array, Array]:
     """Extra-insensitive (EI) shaper: the exact solution without damping, continued to the given ``damping`` (ratio).
 
-    The unknowns are A_1, A_3, t_2, t_3 and the two frequencies without vibration, relative to that of the mode. The
-    equations: no vibration at the two (two equations each), V = V_tol at the mode, and a maximum of V there.
+    The six unknowns are A_1, A_3, t_2, t_3 and the two frequencies with V = 0, as multiples of the mode's. The six
+    equations: V = 0 at these two frequencies (real and imaginary part), V = V_tol and dV/dw = 0 at the mode.
+    Returns instants and amplitudes, (3,) each.
     """
     from scipy.optimize import fsolve
 
@@ -94,7 +101,7 @@ def _extra_insensitive(damping: float, tolerance: float) -> tuple[Array, Array]:
     x = np.array([0.25 * (1.0 + tolerance), 0.25 * (1.0 + tolerance), 0.5, 1.0, apart, 2.0 - apart])
 
     def vibration(x: Array, ratio: float, zeta: float) -> complex:
-        """``sum A_i exp(s (t_m - t_i))`` of a mode at ``ratio`` times the frequency of the design."""
+        """Complex residual vibration ``sum_i A_i exp(s (t_m - t_i))`` at ``ratio`` times the design frequency."""
         s = 2.0 * np.pi * ratio * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
         A = np.array([x[0], 1.0 - x[0] - x[1], x[1]])
         return complex(np.sum(A * np.exp(s * (x[3] - np.array([0.0, x[2], x[3]])))))
@@ -116,11 +123,11 @@ def _extra_insensitive(damping: float, tolerance: float) -> tuple[Array, Array]:
 def design_shaper(
     vibrations: Sequence[Vibration], period: float, kind: str = "auto", tolerance: float = TOLERANCE
 ) -> Shaper:
-    """The shaper of all ``vibrations``, one after the other, for a sampling ``period`` in s.
+    """Design input shapers for all ``vibrations`` and combine them in series, for a sampling ``period`` in s.
 
-    "auto" takes for every mode the shortest kind whose residual stays below ``tolerance`` in all its postures, and EI
-    where none does. Impulses between two samples are shared by both so that the mode sees what it would have seen in
-    between: a zero of vibration stays one.
+    ``kind`` "auto" takes for each mode ZV, the shortest, if its residual vibration is below ``tolerance`` in all
+    postures, otherwise EI. An impulse between two samples is replaced by one at each of them, with weights that
+    excite the mode alike, so that a zero of the residual vibration stays zero.
     """
     below_sampling(vibrations, period)
     if not vibrations:
@@ -144,9 +151,10 @@ def _shortest(vibration: Vibration, period: float, tolerance: float) -> str:
 
 
 def _sampled(kind: str, vibration: Vibration, period: float, tolerance: float) -> Array:
-    """Weights (N,) at whole samples of the impulses of one mode, sum 1.
+    """Weights (N,) of the taps, one per sample, of the shaper ``kind`` for one mode; their sum is 1.
 
-    An impulse A at the fraction a after a sample becomes ``w_0 + w_1 p^-1 = A p^-a`` at the pole p of the mode.
+    An impulse A at the fraction a of a period after a sample is replaced by w_0 at this sample and w_1 at the next,
+    with ``w_0 + w_1 p^-1 = A p^-a`` at the discrete-time pole p of the mode.
     """
     times, amplitudes = impulses(kind, vibration.damping, tolerance)
     inverse = 1.0 / pole(vibration.frequency, vibration.damping, period)

@@ -99,17 +99,20 @@ class _Column:
 
 
 class _ArrayTable:
-    """A container of named arrays."""
+    """Base of tables over a container of named arrays: the file ``path`` and the names of its ``columns``."""
 
     path: Path
     columns: tuple[str, ...]
 
     def array(self, name: str) -> Any:
-        """The array of that name, or None."""
+        """The array called ``name``, None if the container has none."""
         raise KeyError(name)
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
-        """Blocks of the wanted columns, which must be equally long."""
+        """Iterate over blocks (up to ``size`` rows, columns) of the ``wanted`` columns.
+
+        Raises :class:`InputError` if the columns differ in length.
+        """
         found = []
         for column in wanted:
             name, index = indexed_name(str(column))
@@ -148,11 +151,11 @@ class NpyTable(_ArrayTable):
             self.columns = tuple(str(i + 1) for i in range(width))
 
     def array(self, name: str) -> Any:
-        """The array as ``data``."""
+        """The array of the file under the name ``data``, None for any other ``name``."""
         return self.data if name == "data" and not self.data.dtype.names else None
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
-        """Blocks of the wanted columns."""
+        """Iterate over blocks (up to ``size`` rows, columns) of the ``wanted`` columns."""
         if self.data.dtype.names:
             places = [self.columns[named_column(self.path, name, self.columns)] for name in wanted]
             for start in range(0, self.data.shape[0], size):
@@ -194,7 +197,7 @@ class _ArrayFile:
         check_array(path, self.shape, self.dtype, bytes_of(path) - self.offset)
 
     def rows(self, start: int, count: int) -> NDArray[Any]:
-        """``count`` rows from ``start`` on."""
+        """Read ``count`` rows of the array from row ``start`` on."""
         count = min(count, self.shape[0] - start)
         width = self.shape[1] if len(self.shape) == 2 else 1
         if self.fortran and width > 1:
@@ -202,7 +205,7 @@ class _ArrayFile:
         return self._piece(start * width, count * width).reshape((count, *self.shape[1:]))
 
     def row_part(self, row: int, start: int, count: int) -> NDArray[Any]:
-        """Part of one row of an array of two dimensions."""
+        """Read ``count`` entries of one ``row`` of a two-dimensional array, from entry ``start`` on."""
         count = min(count, self.shape[1] - start)
         if not self.fortran:
             return self._piece(row * self.shape[1] + start, count).astype(float)
@@ -295,7 +298,7 @@ class Hdf5Table(_ArrayTable):
         self.columns = tuple(self.places)
 
     def array(self, name: str) -> Any:
-        """The dataset, still on disk."""
+        """The dataset called ``name``, still on disk, or None."""
         with foreign_reader(self.path, HDF5):
             return self.file[self.places[name]] if name in self.places else None
 
@@ -315,7 +318,7 @@ class ParquetTable:
             check_rows(path, file.metadata.num_rows)
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
-        """Blocks of the wanted columns; an empty entry is NaN."""
+        """Iterate over blocks (up to ``size`` rows, columns) of the ``wanted`` columns; an empty entry is NaN."""
         import pyarrow
         import pyarrow.parquet
 
@@ -337,7 +340,7 @@ class ParquetTable:
 
 
 def read_array_header(stream: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Read the header of an array in NumPy's format: shape, whether in Fortran order, and type."""
+    """Read the header of an array in NumPy's format: its shape, whether it is in Fortran order, and its type."""
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, fortran, dtype = read(stream)

@@ -51,7 +51,7 @@ class BagTable:
             raise table_fault(self.path, f"no message on {self.topic}")
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
-        """Blocks of the wanted columns, message by message."""
+        """Iterate over blocks (up to ``size`` rows, columns) of the ``wanted`` columns, one row per message."""
         asked = [self._split(str(name)) for name in wanted]
         block: list[list[float]] = []
         with self._reader() as reader:

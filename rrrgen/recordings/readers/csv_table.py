@@ -186,12 +186,12 @@ class CsvTable:
             at = line.find(cells[place]) + 1
             raise table_fault(self.path, f"'{text[:40]}' is not a number", hint, number, at, line) from None
 
-    # -- finding out ---------------------------------------------------------------------------------------------
+    # -- detecting the format ------------------------------------------------------------------------------------
 
     _keep_last = False
 
     def _separator(self, head: list[str]) -> str:
-        """The separator that splits the last lines of the sample into the same number (> 1) of cells."""
+        """Detect the separator in the first lines ``head``: it splits the last of them into equally many cells, > 1."""
         if self.source.separator:
             return self.source.separator
         body = head[len(head) // 2 :]
@@ -207,7 +207,7 @@ class CsvTable:
         )
 
     def _header_lines(self, head: list[str]) -> int:
-        """Number of leading lines with an entry that is not a number."""
+        """Number of header lines: the leading lines of ``head`` that have an entry which is not a number."""
         for count, line in enumerate(head):
             cells = [cell.strip().strip('"') for cell in self._cells(line)]
             if all(cell.lower() in MISSING or _NUMBER.fullmatch(cell) for cell in cells) and any(cells):

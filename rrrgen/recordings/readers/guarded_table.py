@@ -51,7 +51,10 @@ class GuardedTable:
 
 
 class _Process:
-    """A reading process assigned to one file; ``free`` once it has sent its last answer."""
+    """A child process that reads one file at a time and answers requests for its contents.
+
+    ``free`` is True once it has sent the last answer to a request, so that it can serve another file.
+    """
 
     def __init__(self) -> None:
         path = [os.path.abspath(folder) for folder in sys.path]
@@ -81,7 +84,7 @@ class _Process:
         """Send a request and return the first answer to it."""
         assert self._source is not None
         source = {**asdict(self._source), "path": os.path.abspath(self._source.path)}
-        with contextlib.suppress(BrokenPipeError, OSError):  # it has ended, as the missing answer tells
+        with contextlib.suppress(BrokenPipeError, OSError):  # the process has ended: the missing answer reports it
             self._to.write(json.dumps({"source": source, **request}).encode() + b"\n")
             self._to.flush()
         return self.answer()
@@ -127,7 +130,7 @@ class _Process:
         return self._source.path
 
     def _named(self, entry: list[Any]) -> list[Any]:
-        """The fields of a reported fault, with the path of the file as the caller wrote it."""
+        """Fields ``entry`` of a fault that the process reported, with the path of the file as the caller wrote it."""
         return [str(self._path) if entry[0] == os.path.abspath(self._path) else entry[0], *entry[1:]]
 
     def _ended(self) -> InputError:
@@ -154,7 +157,7 @@ _idle: dict[int, list[_Process]] = {}
 
 @contextlib.contextmanager
 def _borrowed(source: FileSource) -> Iterator[_Process]:
-    """A process that reads ``source``; afterwards it is kept for the next file if it has answered completely."""
+    """Context with a process that reads ``source``; if it has answered completely, it is kept for the next file."""
     waiting = _idle.setdefault(os.getpid(), [])
     process = waiting.pop() if waiting else _Process()
     if not process.alive():

@@ -64,7 +64,7 @@ def _answer(request: dict[str, Any], source: FileSource, opened: _Opened, watch:
         _send(answers, {"missing": [error.purpose, error.package, error.extra]})
     except BrokenPipeError:
         raise
-    except Exception as error:  # a fault of the reader's own code, to be reported as one
+    except Exception as error:  # a fault of rrrgen's own code, reported as such
         _send(answers, {"internal": f"{type(error).__name__}: {error}"})
 
 
@@ -130,7 +130,7 @@ class _Memory:
         self._base = self._taken()
 
     def allow(self, more: int) -> None:
-        """Allow ``more`` bytes beyond what Python and its libraries had taken at the start."""
+        """Limit the address space to ``more`` bytes beyond what Python and its libraries had taken at the start."""
         if sys.platform == "win32":
             return
         import resource
