@@ -15,7 +15,7 @@ from rrrgen.parallel_map import Tell, parallel_map
 if TYPE_CHECKING:
     from rrrgen.backends import Identity, Language, Real
     from rrrgen.backends.c.trigonometry import Trig
-    from rrrgen.backends.interface import Backend
+    from rrrgen.backends.interface import Backend, Check
     from rrrgen.derive.closed_forms.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.output.writer import Contents
@@ -70,6 +70,7 @@ def emit(
     any_gravity: DerivedModel | None = None,
     tell: Tell | None = None,
     further: Mapping[str, str] | None = None,
+    checks: Sequence[Check] = (),
 ) -> dict[str, Contents]:
     """The files that ``rrrgen generate`` writes, as relative path -> contents; nothing is written.
 
@@ -83,6 +84,7 @@ def emit(
         any_gravity: the model of the same robot with gravity as an input, to be written beside it, or None.
         tell: called as ``tell(done, total, message)`` as the work proceeds.
         further: C files to be built and listed with those of the model.
+        checks: their part of the self-test.
 
     Raises:
         BackendError: a language cannot express a function.
@@ -94,7 +96,7 @@ def emit(
     from rrrgen.output.writer import MANIFEST
 
     identity = identify(model.spec)
-    backends = _backends(model.spec, real, trig, languages)
+    backends = _backends(model.spec, real, trig, languages, checks)
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     every: list[Callable[[], Any]] = [partial(_inverse_kinematics_data, model.spec, real), *chain.from_iterable(tasks)]
     data, *printed = parallel_map(lambda task: task(), every, jobs, tell, "printing sources")
@@ -144,7 +146,9 @@ def _assembled(
     return files
 
 
-def _backends(spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[Language]) -> list[Backend]:
+def _backends(
+    spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[Language], checks: Sequence[Check]
+) -> list[Backend]:
     """The backends for C and CasADi, then those for ``languages``."""
     from rrrgen.backends.c.backend import CBackend
     from rrrgen.backends.casadi.sources import CasadiBackend
@@ -153,18 +157,21 @@ def _backends(spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[Langu
 
     further: dict[Language, Callable[[], Backend]] = {"cpp": CppBackend, "rust": RustBackend}
     return [
-        CBackend(trig, partial(_inverse_kinematics, spec, real)),
+        CBackend(trig, partial(_beside, spec, real, checks)),
         CasadiBackend(),
         *(further[language]() for language in dict.fromkeys(languages)),
     ]
 
 
-def _inverse_kinematics(spec: RobotSpec, real: Real) -> tuple[dict[str, str], str]:
-    """The C files of the inverse kinematics, and the text of its checks in the self-test."""
+def _beside(spec: RobotSpec, real: Real, checks: Sequence[Check]) -> tuple[dict[str, str], Sequence[Check]]:
+    """The C files of the inverse kinematics, and what the self-test checks besides the model: that and ``checks``."""
     from rrrgen.backends.c.solver.checks import selftest
     from rrrgen.backends.c.solver.files import sources
+    from rrrgen.backends.interface import Check
 
-    return sources(spec, real), selftest(spec, real)
+    text = selftest(spec, real)
+    own = [Check("inverse_kinematics", f"{spec.name}_ik.h", text)] if text else []
+    return sources(spec, real), [*checks, *own]
 
 
 def _inverse_kinematics_data(spec: RobotSpec, real: Real) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -26,6 +27,20 @@ class Text(NamedTuple):
     def within(self, strength: int) -> str:
         """The characters, in parentheses unless they bind at least as tightly as ``strength``."""
         return self.code if self.strength >= strength else f"({self.code})"
+
+
+@dataclass(frozen=True)
+class Check:
+    """A part of the self-test for functions that are not printed from programs.
+
+    ``text`` is the C of ``static int <function>(void)``, which reports and returns 1 after a failure, 0 otherwise, and
+    tests what ``header`` declares. Where ``digested``, its argument is ``uint64_t *bits``, the digest of all results.
+    """
+
+    function: str
+    header: str
+    text: str
+    digested: bool = False
 
 
 class Target(Protocol):

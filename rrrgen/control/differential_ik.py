@@ -8,12 +8,14 @@ configurations.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from fractions import Fraction
 
 from rrrgen.backends import Real
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.functions import Extension, function_files
 from rrrgen.backends.comments import columns
+from rrrgen.program import Port, Status
 
 DAMPING = 0.02
 """Default damping (m, rad): small compared with the singular values of the Jacobian at regular configurations."""
@@ -42,6 +44,49 @@ def steps(n: int) -> int:
     return 8 + 4 * n
 
 
+@dataclass(frozen=True)
+class Declaration:
+    """What wrappers in other languages must know about a C function that is printed from no program."""
+
+    name: str
+    inputs: tuple[Port, ...]
+    data_outputs: tuple[Port, ...]
+    summary: str
+    formula: str
+    status: Status
+
+
+def declaration(n: int) -> Declaration:
+    """Arguments and status of ``differential_ik`` for a robot of ``n`` joints, in the order of the C function."""
+    speed, largest = "rad/s | m/s", "INFINITY for none"
+    inputs = (
+        Port("q", (n,), "rad | m", "", "joint positions"),
+        Port("dq_last", (n,), speed, "", "joint speeds of the last tick, as this function returned them"),
+        Port("J", (6, n), "m, -", "", "Jacobian of the tip or of a point, row-major"),
+        Port("V", (6,), "m/s, rad/s", "", "wanted velocity, linear, then angular, in the axes of J"),
+        Port("weight", (6,), "", "", "of the rows, >= 0; zero leaves a row out"),
+        Port("dq_ref", (n,), speed, "", "joint speeds to prefer where V leaves a choice; zero for none"),
+        Port("damping", (), "m, rad", "", f"> 0, such as {DAMPING:g}"),
+        Port("q_min", (n,), "rad | m", "", "smallest positions; -INFINITY for none"),
+        Port("q_max", (n,), "rad | m", "", f"largest positions; {largest}"),
+        Port("dq_max", (n,), speed, "", f"largest speeds, >= 0; {largest}"),
+        Port("ddq_max", (n,), "rad/s^2 | m/s^2", "", f"largest accelerations, >= 0; {largest}"),
+        Port("Ts", (), "s", "", "period"),
+    )
+    meaning = (
+        "1: a joint is too fast for its limits and slows down; 2: the active set was not found; 3: an input is not a "
+        "number, a weight is negative, or damping is not positive"
+    )
+    return Declaration(
+        "differential_ik",
+        inputs,
+        (Port("dq", (n,), speed, "", "joint speeds for this tick"),),
+        "Joint speeds for a velocity of the tip, within speeds, accelerations and positions.",
+        "minimize  sum over k of weight_k (J dq - V)_k^2 + damping^2 |dq - dq_ref|^2  within the limits",
+        Status(1, "LIMITS", "no joint speeds within all limits", meaning),
+    )
+
+
 def differential_ik_files(robot: str, n: int, real: Real) -> dict[str, str]:
     """Header and source of the C function ``<robot>_differential_ik`` for a robot of ``n`` joints, name -> text."""
     prefix = f"{robot}_differential_ik"
@@ -50,22 +95,9 @@ def differential_ik_files(robot: str, n: int, real: Real) -> dict[str, str]:
     def literal(value: float | Fraction) -> str:
         return dialect.literal(Fraction(value))
 
-    arguments = columns(
-        [
-            ("in", "q", "rad | m", "joint positions"),
-            ("in", "dq_last", "per s", "joint speeds of the last tick, as this function returned them"),
-            ("in", "J", "m, -", "Jacobian (6 x n) of the tip or of a point, row-major"),
-            ("in", "V", "m/s, rad/s", "wanted velocity, linear, then angular, in the axes of J"),
-            ("in", "weight", "", "of the rows, >= 0; zero leaves a row out"),
-            ("in", "dq_ref", "per s", "joint speeds to prefer where V leaves a choice; zero for none"),
-            ("in", "damping", "m, rad", f"> 0, such as {DAMPING:g}"),
-            ("in", "q_min, q_max", "rad | m", "limits of the positions; -INFINITY and INFINITY for none"),
-            ("in", "dq_max", "per s", "largest speeds, >= 0; INFINITY for none"),
-            ("in", "ddq_max", "per s^2", "largest accelerations, >= 0; INFINITY for none"),
-            ("in", "Ts", "s", "period"),
-            ("out", "dq", "per s", "joint speeds for this tick"),
-        ]
-    )
+    declared = declaration(n)
+    rows = [(way, port) for way, ports in (("in", declared.inputs), ("out", declared.data_outputs)) for port in ports]
+    arguments = columns([(way, port.name, port.unit, port.meaning) for way, port in rows])
     values: dict[str, object] = {
         "n": n,
         "steps": steps(n),

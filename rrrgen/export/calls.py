@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from rrrgen.backends.comments import plain, wrapped
+from rrrgen.control.differential_ik import Declaration
 from rrrgen.export.code import Code
 from rrrgen.program import Port, Program
 from rrrgen.resources import render
@@ -31,10 +32,11 @@ def loops(code: Code) -> dict[str, str]:
 
 def described_functions(code: Code) -> list[dict[str, Any]]:
     """Describe every emitted function for the templates: inputs, defaults from the robot file, texts and results."""
-    return [_described(code, program) for program in code.programs.values()]
+    functions: list[Program | Declaration] = [*code.programs.values(), *code.declared]
+    return [_described(code, function) for function in functions]
 
 
-def _described(code: Code, program: Program) -> dict[str, Any]:
+def _described(code: Code, program: Program | Declaration) -> dict[str, Any]:
     known = _nominal(code)
     defaults = {port.name: known[port.role] for port in program.inputs if port.role in known}
     order = sorted(program.inputs, key=lambda port: port.name in defaults)

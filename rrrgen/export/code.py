@@ -2,29 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
 from rrrgen.backends import Identity, Real
-from rrrgen.backends.c.backend import Files
+from rrrgen.backends.c.backend import CBackend, Files
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.solver.files import sources as solver_sources
-from rrrgen.backends.c.sources import header_and_sources
-from rrrgen.backends.c.trigonometry import sincos_strategy
 from rrrgen.backends.description import programs_of
+from rrrgen.control.beside import files_beside
+from rrrgen.control.differential_ik import Declaration, declaration
 from rrrgen.derive.derived_model import DerivedModel
+from rrrgen.derive.functions.table import GROUPS
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.output.manifest import identify
 from rrrgen.pipeline import derive
 from rrrgen.program import Program
+from rrrgen.robotfile.keys import EMIT
 from rrrgen.robotfile.robot_spec import RobotSpec
 from rrrgen.runtime.derived_cache import recall
 
 
 @dataclass(frozen=True)
 class Code:
-    """Emitted C code of a robot: ``files`` are headers and sources, ``programs`` the functions in them by name."""
+    """Emitted C code of a robot: ``files`` are headers and sources, ``programs`` the functions in them by name.
+
+    ``declared`` are functions in files of their own, ``<name>_<function>.h`` and ``.c``, which no program describes;
+    ``further`` are the words of :data:`rrrgen.robotfile.keys.EMIT` that the code holds besides the model.
+    """
 
     model: DerivedModel
     identity: Identity
@@ -32,6 +39,8 @@ class Code:
     files: Files
     programs: dict[str, Program]
     plan: SolverPlan
+    declared: tuple[Declaration, ...] = ()
+    further: tuple[str, ...] = ()
 
     @property
     def sources(self) -> list[str]:
@@ -59,18 +68,30 @@ class Code:
             "sources": self.sources,
             "headers": self.headers,
             "programs": self.programs,
+            "declared": self.declared,
+            "further": {word: EMIT[word] for word in self.further},
             "solver": self.plan if self.plan.solvable else None,
             "drives": len(self.model.drive_inertia_nominal or ()),
         }
 
 
-def emitted_code(spec: RobotSpec, real: Real = "double") -> Code:
+def emitted_code(spec: RobotSpec, real: Real = "double", further: Sequence[str] = ()) -> Code:
     """Emit the C code of ``spec``, inverse kinematics included; the symbolic derivation is cached.
 
-    ``real`` is the C number type, "double" or "float".
+    ``real`` is the C number type, "double" or "float". ``further`` are words of :data:`rrrgen.robotfile.keys.EMIT`:
+    groups of functions, and "gravity" for the model with gravity as an input beside it; other words change nothing.
     """
+    groups = ("model", *(group for group in GROUPS if group in further))
+    model, identity = _derived(spec, groups)
+    dialect, c = Dialect(spec.name, real), CBackend()
+    files = c.sources(model, identity, real) | solver_sources(spec, real)
+    files |= files_beside(spec.name, spec.n, real, groups)
+    declared = (declaration(spec.n),) if "control" in groups else ()
+    if "gravity" in further:
+        files |= c.sources(*_derived(spec.in_any_gravity(), groups), real)
+    return Code(model, identity, dialect, files, programs_of(model), make_plan(spec), declared, tuple(further))
+
+
+def _derived(spec: RobotSpec, groups: tuple[str, ...]) -> tuple[DerivedModel, Identity]:
     identity = identify(spec)
-    model = recall(spec, identity, partial(derive, groups=("model",)))
-    dialect = Dialect(spec.name, real)
-    files = header_and_sources(model, identity, dialect, sincos_strategy("inline"))
-    return Code(model, identity, dialect, files | solver_sources(spec, real), programs_of(model), make_plan(spec))
+    return recall(spec, identity, partial(derive, groups=groups), groups), identity

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, replace
 
 from rrrgen.errors import DerivationError, InputError
@@ -39,26 +39,48 @@ def export_robot(
         hint = did_you_mean(target, known) or f"targets are {', '.join(known)}"
         raise InputError(f"there is no target '{target}'; {hint}")
     exporter, options = known[target], options or ExportOptions()
+    _refuse_words(exporter, options.further)
     if spec.mechanism is not None and not exporter.mechanisms:
         targets_of = ", ".join(name for name, each in known.items() if each.mechanisms)
         raise DerivationError(
             f"{spec.name}: joints that follow others and branches are not exported to {target}, but to {targets_of}"
         )
     _refuse_unused(exporter, options)
-    notes: tuple[str, ...] = ()
+    wanted = {*spec.emit, *options.further}
+    options = replace(options, further=tuple(word for word in exporter.further if word in wanted))
+    notes = tuple(_unheld(exporter, spec))
     if beta is not None or exporter.needs_bodies:
         from rrrgen.export.physical_links import with_physical_links
 
-        spec, notes = with_physical_links(spec, beta)
+        spec, changed = with_physical_links(spec, beta)
+        notes += changed
     found = exporter.write(spec, options)
     return replace(found, notes=(*notes, *found.notes))
 
 
 def _refuse_unused(exporter: Exporter, options: ExportOptions) -> None:
     """Raise InputError if the user gives an option that ``exporter`` does not use."""
-    usual = ExportOptions()
+    usual = ExportOptions(further=options.further)
     for field in fields(options):
         if field.name not in exporter.options and getattr(options, field.name) != getattr(usual, field.name):
             takers = [each.name for each in exporters().values() if field.name in each.options]
             option = "--platform" if field.name == "platforms" else f"--{field.name}"
             raise InputError(f"{exporter.name} has no use for {option}; targets that have: {', '.join(takers)}")
+
+
+def _refuse_words(exporter: Exporter, further: tuple[str, ...]) -> None:
+    """Raise InputError for a word of ``--with`` that ``exporter`` cannot hold."""
+    for word in further:
+        if word not in exporter.further:
+            takers = [each.name for each in exporters().values() if word in each.further]
+            able = f"targets that can: {', '.join(takers)}" if takers else "'rrrgen generate --with' writes it"
+            own = f"; it takes {', '.join(exporter.further)}" if exporter.further else ""
+            raise InputError(f"{exporter.name} cannot hold '{word}'{own}; {able}")
+
+
+def _unheld(exporter: Exporter, spec: RobotSpec) -> Iterator[str]:
+    """Yield a note on what the robot file asks to emit and a package of code cannot hold."""
+    left = [word for word in spec.emit if word not in exporter.further]
+    if left and exporter.further:
+        words = ", ".join(left)
+        yield f"the robot file also asks for {words}: not in this package, but in what 'rrrgen generate' writes"

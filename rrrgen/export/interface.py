@@ -21,10 +21,15 @@ class Exported:
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """User options: ``real``, the number type of the C code, and ``platforms`` to build for (empty: this machine)."""
+    """User options.
+
+    ``real`` is the number type of the C code, ``platforms`` those to build for (empty: this machine), ``further`` what
+    the package holds besides the model: words of :data:`rrrgen.robotfile.keys.EMIT`.
+    """
 
     real: Real = "double"
     platforms: tuple[str, ...] = ()
+    further: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,8 @@ class Exporter:
     represent the robot. If ``one_file``, the result is one file, which the user may name; otherwise a folder. If
     ``needs_bodies``, every link must be a rigid body of positive mass; links that are not are replaced by physical ones
     with the same base parameters. ``options`` names the fields of :class:`ExportOptions` that the target uses.
-    ``mechanisms`` says whether it supports joints coupled to others and branching chains.
+    ``mechanisms`` says whether it supports joints coupled to others and branching chains. ``further`` are the words of
+    :data:`rrrgen.robotfile.keys.EMIT` that the package can hold.
     """
 
     name: str
@@ -45,3 +51,4 @@ class Exporter:
     needs_bodies: bool = False
     options: tuple[str, ...] = ()
     mechanisms: bool = False
+    further: tuple[str, ...] = ()

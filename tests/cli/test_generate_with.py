@@ -47,13 +47,16 @@ def test_nothing_more_is_written_unless_it_is_asked_for(tmp_path):
 
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_gravity_and_control(tmp_path, real):
-    output = generate(tmp_path, PENDULUM, "--with", "gravity,control", "--real", real)
-    for prefix, others in (("swing", ["swing_ik.c"]), ("swing_any_gravity", [])):
+    output = generate(tmp_path, PENDULUM, "--with", "gravity,control,trajectory", "--real", real)
+    beside = ["swing_ik.c", "swing_differential_ik.c", "swing_fourier.c"]
+    for prefix, others in (("swing", beside), ("swing_any_gravity", [])):
         sources = [f"{prefix}{part}.c" for part in ("", "_nominal", "_derivatives", "_selftest")]
         command = ["gcc", *STRICT, *sources, *others, "-o", prefix, "-lm"]
         subprocess.run(command, cwd=output, check=True)
         report = subprocess.run([output / prefix], capture_output=True, text=True, check=True).stdout
         assert "p = M dq" in report
+        assert ("differential IK: no better speeds" in report) == (prefix == "swing")
+        assert ("Fourier series: at quarters" in report) == (prefix == "swing")
     manifest = json.loads((output / "manifest.json").read_text())
     assert "momentum_terms" in manifest["functions"]
     inputs = manifest["any_gravity"]["functions"]["inverse_dynamics"]["inputs"]

@@ -23,6 +23,9 @@ links:
   - {mass: 2.5, com: [-0.2, 0, 0], inertia: {about: com, xx: 0.001125, yy: 0.0339, zz: 0.0339}}
 """
 
+WITH_CONTROL = ("control", "observer")
+"""What the packages of the tests hold besides the model; alike in all of them, so that it is derived once."""
+
 
 @cache
 def arm() -> RobotSpec:

@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from export.arm import arm
+from export.arm import WITH_CONTROL, arm
 from export.rrr_library import STRICT, run
 from rrrgen.export.exporting import export_robot
 from rrrgen.export.interface import ExportOptions
@@ -46,7 +46,8 @@ include(zephyr/CMakeLists.txt)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("embedded")
-    for name, text in export_robot(arm(), "embedded", options=ExportOptions(real="float")).files.items():
+    options = ExportOptions(real="float", further=(*WITH_CONTROL, "cpp", "gravity", "timing"))
+    for name, text in export_robot(arm(), "embedded", options=options).files.items():
         (place / name).parent.mkdir(parents=True, exist_ok=True)
         (place / name).write_text(text, encoding="utf-8")
     return place
@@ -57,6 +58,17 @@ def test_it_compiles_for_a_microcontroller(folder):
     target = ["-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
     for source in (folder / "src").glob("*.c"):
         run("arm-none-eabi-gcc", "-std=c99", "-fsyntax-only", *target, *STRICT, source)
+
+
+def test_it_holds_what_was_asked_for(folder):
+    header = (folder / "src" / "arm.h").read_text(encoding="utf-8")
+    assert "arm_computed_torque(" in header
+    assert "arm_momentum_observer(" in header
+    names = {path.name for path in (folder / "src").iterdir()}
+    assert {"arm_differential_ik.c", "arm_timing.c", "arm_any_gravity.c", "arm.hpp"} <= names
+    assert "arm_timing.c" in (folder / "zephyr" / "CMakeLists.txt").read_text(encoding="utf-8")
+    options = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-x", "c++"]
+    run("g++", *options, folder / "src" / "arm.hpp")
 
 
 def test_the_sketch_compiles(folder):

@@ -9,10 +9,11 @@ import shutil
 import numpy as np
 import pytest
 
-from export.arm import arm
+from export.arm import WITH_CONTROL, arm
 from export.rrr_library import STRICT, run
 from export.test_export import ours
 from rrrgen.export.exporting import export_robot
+from rrrgen.export.interface import ExportOptions
 
 Q, DQ, DDQ = np.array([0.3, -0.8]), np.array([0.5, 0.25]), np.array([-1.0, 2.0])
 
@@ -33,6 +34,17 @@ x = arm.inverse_kinematics(T(1:3, 4), q, 2);
 assert(x(:, 1), q, 1e-9);
 [x, flags, branch, status, text] = arm.inverse_kinematics([9; 9; 0]);
 assert(isempty(x) && status == 1 && ! isempty(strfind(text, 'out of reach')));
+gains = {400*[1;1], 40*[1;1], [0;0], [0;0]};
+[tracked, z] = arm.computed_torque(q, dq, q + 0.01, dq, ddq, gains{:}, [0.01;0.01], [Inf;Inf], 1e-3);
+assert(tracked, arm.inverse_dynamics(q, dq, ddq + 4) + arm.smooth_friction(dq, [0.01;0.01]), 1e-9);
+Jq = arm.jacobian(q); any_speed = [Inf; Inf];
+limits = {[1;1;1;0;0;0], [0;0], 1e-6, -any_speed, any_speed};
+assert(arm.differential_ik(q, [0;0], Jq, Jq*dq, limits{:}, any_speed, any_speed, 1e-3), dq, 1e-6);
+[slow, status] = arm.differential_ik([q q], [9 0; 9 0], Jq, Jq*dq, limits{:}, [1;1], [1e4;1e4], 1e-3);
+assert(status, [0 0]);
+[slow, status] = arm.differential_ik([q q], [9 0; 9 0], Jq, Jq*dq, limits{:}, [1;1], [1;1], 1e-3);
+assert(status, [1 0]);
+assert(slow(:, 1), [9; 9] - 1e-3, 1e-12);
 function refused(call, id)
   try
     call();
@@ -66,7 +78,7 @@ end
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("matlab")
-    for name, text in export_robot(arm(), "matlab").files.items():
+    for name, text in export_robot(arm(), "matlab", options=ExportOptions(further=WITH_CONTROL)).files.items():
         (place / name).parent.mkdir(parents=True, exist_ok=True)
         (place / name).write_text(text, encoding="utf-8")
     return place
@@ -100,7 +112,7 @@ def check_blocks(blocks: list[str], header: str) -> None:
 
 def test_matrices_of_simulink_go_by_columns(folder):
     source = folder / "src"
-    files = [each.name for each in source.glob("*.c") if not re.search(r"_mex|_calls|_ik", each.name)]
+    files = [each.name for each in source.glob("*.c") if not re.search(r"_mex|_calls|arm_ik", each.name)]
     run("gcc", "-std=c99", *STRICT, "-O0", "-fPIC", "-shared", *files, "-lm", "-o", "simulink.so", cwd=source)
     library, J = ctypes.CDLL(str(source / "simulink.so")), np.zeros((2, 6))
     library.arm_sl_jacobian(*(ctypes.c_void_p(each.ctypes.data) for each in (Q, J)))

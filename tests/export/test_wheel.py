@@ -7,13 +7,15 @@ import re
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from export.arm import arm
+from export.arm import TEXT, WITH_CONTROL, arm
 from export.test_export import ours
+from rrrgen.cli.main import run
 from rrrgen.errors import InputError
 from rrrgen.export.exporting import export_robot
 from rrrgen.export.interface import ExportOptions
@@ -37,10 +39,26 @@ assert robot.JOINT_NAMES == ("shoulder", "elbow") and robot.TAU_MAX[0] == 60 and
 found = robot.inverse_kinematics(T[0, :3, 3], q[0], nearest=True)
 assert found.status == 0 and np.allclose(found.q[0], q[0])
 assert "out of reach" in robot.inverse_kinematics([9, 9, 0]).text
+e, inf = np.ones(2), np.full(2, np.inf)
+gains = (400 * e, 40 * e, 0 * e, 0 * e)
+tracked, z = robot.computed_torque(q, dq, q + 0.01, dq, ddq, *gains, 0.01 * e, inf, 1e-3)
+exact = robot.inverse_dynamics(q, dq, ddq + 4) + robot.smooth_friction(dq, 0.01 * e)
+assert np.allclose(tracked, exact, rtol=1e-10) and np.allclose(z, 1e-5)
+start = robot.momentum_observer_start(q, dq, width=0.01 * e)
+assert np.allclose(start.p, np.einsum("kij,kj->ki", terms.M, dq))
+J = robot.jacobian(q[0])
+weight = [1, 1, 1, 0, 0, 0]
+free = (q[0], 0 * e, J, J @ dq[0], weight, 0 * e, 1e-6, -inf, inf)
+assert np.allclose(robot.differential_ik(*free, inf, inf, 1e-3), dq[0], atol=1e-6)
+slow, status = robot.differential_ik(*free[:1], 9 * e, *free[2:], e, e, 1e-3, with_status=True)
+assert status == 1 and np.allclose(slow, 9 - 1e-3)
+ddq_0, failed = robot.forward_dynamics(q, dq, tau, 0 * beta, 0 * Ia, with_status=True)
+assert failed.shape == (4,) and failed.all() and ddq_0.shape == (4, 2)
 for wrong, error in (
     (lambda: robot.gravity(np.zeros(3)), ValueError),
     (lambda: robot.gravity(q + 0j), ValueError),
     (lambda: robot.forward_dynamics(q, dq, tau, 0 * beta, 0 * Ia), np.linalg.LinAlgError),
+    (lambda: robot.differential_ik(*free[:1], 9 * e, *free[2:], e, e, 1e-3), np.linalg.LinAlgError),
 ):
     try:
         wrong()
@@ -58,7 +76,7 @@ except ImportError:
 
 @pytest.fixture(scope="module")
 def files():
-    return export_robot(arm(), "wheel").files
+    return export_robot(arm(), "wheel", options=ExportOptions(further=WITH_CONTROL)).files
 
 
 def environment(folder: Path) -> Path:
@@ -111,3 +129,22 @@ def test_options_that_make_no_sense_are_refused():
         export_robot(arm(), "wheel", options=ExportOptions(platforms=("linux-x86-64",)))
     with pytest.raises(InputError, match=r"urdf has no use for --platform; targets that have: .*wheel"):
         export_robot(arm(), "urdf", options=ExportOptions(platforms=("linux-x86_64",)))
+
+
+def test_packages_hold_what_is_asked_for_and_say_what_they_cannot(capsys, tmp_path):
+    with pytest.raises(InputError, match=r"fmu cannot hold 'control'; targets that can: embedded, matlab, ros2, wheel"):
+        export_robot(arm(), "fmu", options=ExportOptions(further=("control",)))
+    with pytest.raises(
+        InputError, match=r"wheel cannot hold 'timing'; it takes control, .*targets that can: embedded, ros2"
+    ):
+        export_robot(arm(), "wheel", options=ExportOptions(further=("timing",)))
+    with pytest.raises(InputError, match=r"ros2 cannot hold 'rust'; .*generate --with' writes it"):
+        export_robot(arm(), "ros2", options=ExportOptions(further=("rust",)))
+    asked = replace(arm(), emit=("trajectory", "rust"))
+    found = export_robot(asked, "ros2")
+    assert "arm_quintic" in found.files["model/arm.h"]
+    assert any("rust: not in this package" in note for note in found.notes)
+    file = tmp_path / "arm.yaml"
+    file.write_text(TEXT, encoding="utf-8")
+    assert run(["export", str(file), "--to", "embedded", "--with", "control,tracking", "-o", str(tmp_path)]) == 2
+    assert "'tracking' is not known" in capsys.readouterr().err

@@ -12,6 +12,7 @@ from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.sources import header_and_sources
 from rrrgen.backends.c.timing.files import timing_files
 from rrrgen.backends.c.trigonometry import Trig, sincos_strategy
+from rrrgen.backends.interface import Check
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
@@ -19,20 +20,20 @@ if TYPE_CHECKING:
 Files = dict[str, str]
 
 
-def _nothing() -> tuple[Files, str]:
-    return {}, ""
+def _nothing() -> tuple[Files, Sequence[Check]]:
+    return {}, ()
 
 
 @dataclass(frozen=True)
 class CBackend:
     """Prints header, sources and self-test; ``trig`` is the source of sines and cosines.
 
-    ``beside`` returns further C files of the robot and the text of their checks in the self-test. It is called in the
-    process that prints the self-test, since both need NumPy.
+    ``beside`` returns further C files of the robot and checks for the self-test. It is called in the process that
+    prints the self-test, since both need NumPy.
     """
 
     trig: Trig = "inline"
-    beside: Callable[[], tuple[Files, str]] = _nothing
+    beside: Callable[[], tuple[Files, Sequence[Check]]] = _nothing
 
     def files(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
         """``<name>.h``, ``<name>.c`` with the sources beside it, and ``<name>_selftest.c``."""
@@ -40,13 +41,14 @@ class CBackend:
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], Files]]:
         """Two tasks: header and sources, and the self-test."""
-        return [partial(self._sources, model, identity, real), partial(self._selftest, model, identity, real)]
+        return [partial(self.sources, model, identity, real), partial(self._selftest, model, identity, real)]
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[Files]) -> Files:
         """The union of the files of all tasks."""
         return {name: text for files in results for name, text in files.items()}
 
-    def _sources(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
+    def sources(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
+        """Header and sources without the self-test."""
         dialect = Dialect(model.spec.name, real)
         files = header_and_sources(model, identity, dialect, sincos_strategy(self.trig))
         if "path_dynamics" in model.programs:

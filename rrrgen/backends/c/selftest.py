@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rrrgen.backends import Identity
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import function_name
+from rrrgen.backends.interface import Check
 from rrrgen.derive.functions.friction_functions import friction_parameters
 from rrrgen.model.drive_terms import inertia_terms
 from rrrgen.model.standard_parameters import standard_parameters
@@ -83,10 +84,10 @@ class Golden:
     arithmetic: bool  # no function of the C library but the square root: the bits are the same everywhere
 
 
-def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: str = "") -> dict[str, str]:
+def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: Sequence[Check] = ()) -> dict[str, str]:
     """``<name>_selftest.c``, a program that prints a line per check and exits with 0, or with 1 if one fails.
 
-    ``checks`` is the C text of ``static int inverse_kinematics(void)``, for a robot with ``<name>_ik.h``.
+    ``checks`` are those of functions in headers of their own, such as the inverse kinematics.
     """
     states = _states(model.spec)
     parameters = _parameters(model)
@@ -112,6 +113,7 @@ def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: 
         positive=_is_positive(model.programs, states, parameters),
         specializations=_specializations(model, dialect),
         checks=checks,
+        solves=any(check.function == "inverse_kinematics" for check in checks),
     )
     return {f"{dialect.prefix}_selftest.c": text}
 

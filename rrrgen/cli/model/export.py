@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rrrgen.cli.arguments import read_with_warnings, real_option, robot_argument
+from rrrgen.cli.arguments import read_with_warnings, real_option, robot_argument, words
 from rrrgen.errors import Fault, InputError
+from rrrgen.robotfile.keys import EMIT
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
+    from rrrgen.export.interface import Exporter
 
 
 class _WithTargets(click.Command):
@@ -24,7 +26,7 @@ class _WithTargets(click.Command):
         from rrrgen.export.platforms import PLATFORMS
 
         with formatter.section("Targets"):
-            formatter.write_dl([(each.name, each.meaning) for each in exporters().values()])
+            formatter.write_dl([(each.name, _described(each)) for each in exporters().values()])
         with formatter.section("Platforms"):
             formatter.write_text(", ".join(PLATFORMS))
 
@@ -41,6 +43,15 @@ class _WithTargets(click.Command):
 )
 @real_option
 @click.option(
+    "--with",
+    "further",
+    callback=words(EMIT),
+    multiple=True,
+    metavar="WORD,...",
+    help="What a package of code holds besides the model and what the robot file asks for under emit, such as "
+    "control,observer; each target names what it takes.",
+)
+@click.option(
     "--platform",
     "platforms",
     multiple=True,
@@ -49,7 +60,14 @@ class _WithTargets(click.Command):
 )
 @click.option("--force", is_flag=True, help="Overwrite a file.")
 def export(
-    robot: str, target: str, output: Path | None, beta: Path | None, real: Real, platforms: tuple[str, ...], force: bool
+    robot: str,
+    target: str,
+    output: Path | None,
+    beta: Path | None,
+    real: Real,
+    further: tuple[str, ...],
+    platforms: tuple[str, ...],
+    force: bool,
 ) -> None:
     """Write files of a robot for another program, or a package that other programs load.
 
@@ -60,7 +78,7 @@ def export(
     Examples:
       rrrgen export panda.yaml --to urdf
       rrrgen export rrr --to mjcf -o rrr.xml
-      rrrgen export rrr --to wheel
+      rrrgen export rrr --to wheel --with control,observer
       rrrgen export rrr --to fmu --platform linux-x86_64 --platform windows-x86_64
     """
     from rrrgen.export.exporting import export_robot, exporters
@@ -68,7 +86,7 @@ def export(
     from rrrgen.output.writer import write, write_file
 
     spec = read_with_warnings(robot)
-    options = ExportOptions(real, platforms)
+    options = ExportOptions(real, platforms, further)
     found = export_robot(spec, target, _read_beta(beta) if beta is not None else None, options)
     if exporters()[target].one_file:
         ((name, contents),) = found.files.items()
@@ -82,6 +100,11 @@ def export(
     for note in found.notes:
         click.echo(f"{path}: {note}", err=True)
     click.echo(f"{path} written")
+
+
+def _described(exporter: Exporter) -> str:
+    """What the target is, and the words that it takes after ``--with``."""
+    return exporter.meaning + (f"; --with {','.join(exporter.further)}" if exporter.further else "")
 
 
 def _read_beta(path: Path) -> dict[str, float]:

@@ -101,7 +101,7 @@ def generate(
       rrrgen generate rrr -o firmware --with control,observer --tuning runs/motion/results/tuning.json
       rrrgen generate rrr -o firmware --estimator rls --fix p4=0 --fix p15=0 --torque-noise 0.2,0.1,0.05
     """
-    from rrrgen.control.differential_ik import differential_ik_files
+    from rrrgen.control.beside import checks_beside, files_beside
     from rrrgen.output import writer as emit
 
     start = time.perf_counter()
@@ -114,11 +114,11 @@ def generate(
         tell(0, 0, "deriving")
         model = pipeline.derive(spec, jobs, groups, tell)
         code = controller_files(model, real, experiment)
-        if "control" in wanted:
-            code |= differential_ik_files(spec.name, spec.n, real)
+        code |= files_beside(spec.name, spec.n, real, groups, trig)
         any_gravity = pipeline.derive(spec.in_any_gravity(), jobs, groups, tell) if "gravity" in wanted else None
         casadi = with_casadi and not only_check
-        files = pipeline.emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code)
+        checks = checks_beside(spec.name, groups)
+        files = pipeline.emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks)
     if verbose:
         _report_passes(model)
     if only_check:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 
+from rrrgen.backends import Real
+from rrrgen.backends.cpp import CppBackend
 from rrrgen.backends.description import title
-from rrrgen.export.code import emitted_code
+from rrrgen.export.code import Code, emitted_code
 from rrrgen.export.interface import Contents, Exported, Exporter, ExportOptions
 from rrrgen.resources import render
 from rrrgen.robotfile.robot_spec import RobotSpec
@@ -22,13 +24,20 @@ _RENDERED = {
 
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
-    code = emitted_code(spec, options.real)
+    code = emitted_code(spec, options.real, options.further)
     values = {**code.naming, "title": title(spec), "nominal": code.model.beta_nominal is not None}
     files: dict[str, Contents] = {f"src/{name}": text for name, text in code.files.items()}
+    if "cpp" in options.further:
+        files |= {f"src/{name}": text for name, text in _cpp(code, options.real).items()}
     for name, template in _RENDERED.items():
         files[name] = render(f"embedded/{template}.j2", **values)
     files["library.json"] = json.dumps(_platformio(spec, str(values["version"])), indent=2) + "\n"
     return Exported(files)
+
+
+def _cpp(code: Code, real: Real) -> dict[str, str]:
+    cpp = CppBackend()
+    return cpp.assemble(code.model, code.identity, [task() for task in cpp.tasks(code.model, code.identity, real)])
 
 
 def _platformio(spec: RobotSpec, version: str) -> dict[str, object]:
@@ -49,4 +58,5 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     options=("real",),
+    further=("control", "cpp", "elastic", "gravity", "observer", "points", "timing", "trajectory"),
 )

@@ -14,8 +14,8 @@ from rrrgen.resources import render
 from rrrgen.robotfile.robot_spec import RobotSpec
 
 
-def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
-    code = emitted_code(spec)
+def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
+    code = emitted_code(spec, further=options.further)
     name, values = spec.name, _values(code)
     files: dict[str, Contents] = {f"src/{file}": text for file, text in (code.files | loops(code)).items()}
     files[f"src/{name}_mex.c"] = render("matlab/mex.c.j2", **values)
@@ -69,4 +69,5 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     mechanisms=True,
+    further=("control", "elastic", "observer", "points", "trajectory"),
 )

@@ -22,8 +22,8 @@ _PLUGINS = {
 _FILES = ("package.xml", "CMakeLists.txt", "README.md", "config/parameters.yaml", "src/parameters.hpp")
 
 
-def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
-    code = emitted_code(spec)
+def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
+    code = emitted_code(spec, further=options.further)
     values = _values(code)
     files: dict[str, Contents] = {f"model/{name}": text for name, text in code.files.items()}
     for name in _FILES:
@@ -63,4 +63,5 @@ EXPORTER = Exporter(
     "ROS 2 package with plugins of inverse_dynamics_solver, kinematics_interface and MoveIt kinematics",
     _write,
     one_file=False,
+    further=("control", "elastic", "gravity", "observer", "points", "timing", "trajectory"),
 )

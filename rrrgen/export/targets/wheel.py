@@ -22,7 +22,7 @@ _HASH_DIGITS = 12  # of the model's hash, in the version of the package
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
     chosen = platforms(options.platforms)
-    code = emitted_code(spec, options.real)
+    code = emitted_code(spec, options.real, options.further)
     values = _values(code)
     files: dict[str, Contents] = {}
     for platform in chosen:
@@ -81,4 +81,5 @@ EXPORTER = Exporter(
     one_file=False,
     mechanisms=True,
     options=("real", "platforms"),
+    further=("control", "elastic", "observer", "points", "trajectory"),
 )

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rrrgen.control.differential_ik import DAMPING
-from rrrgen.program import Port
+from rrrgen.control.differential_ik import DAMPING, declaration
 from rrrgen.runtime.arguments import prepare
 from rrrgen.runtime.functions.tip import TipFunctions
 
@@ -70,9 +69,7 @@ class DifferentialFunctions(TipFunctions):
         limits = self._all_limits((q_min, q_max, dq_max, ddq_max))
         rest = np.zeros(self.n) if dq_ref is None else dq_ref
         values = [q, dq_last, J, V, np.ones(6) if weight is None else weight, rest, damping, *limits, Ts]
-        names = ("q", "dq_last", "J", "V", "weight", "dq_ref", "damping", "q_min", "q_max", "dq_max", "ddq_max", "Ts")
-        shapes: dict[str, tuple[int, ...]] = {"J": (6, self.n), "V": (6,), "weight": (6,), "damping": (), "Ts": ()}
-        ports = [Port(name, shapes.get(name, (self.n,))) for name in names]
+        ports = declaration(self.n).inputs
         batch, arrays = prepare("differential_ik", ports, values, self.engine.dtype)
         whole = [np.broadcast_to(array, (*batch, *port.shape)) for array, port in zip(arrays, ports, strict=True)]
         rows = [np.ascontiguousarray(each.reshape(-1, *port.shape)) for each, port in zip(whole, ports, strict=True)]
