@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
+from rrrgen.cli.colour import fault_text
+
 if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
 
@@ -83,7 +85,7 @@ def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:
     """Read the description of ``robot`` and print its warnings on stderr. Raises InputError for a faulty file."""
     spec = read_robot(robot, strict)
     for fault in spec.faults:
-        click.echo(str(fault), err=True)
+        click.echo(fault_text(fault), err=True)
     return spec
 
 
@@ -113,4 +115,5 @@ def terminal_width() -> int | None:
 
 def print_json(content: Any) -> None:
     """Print ``content`` on stdout as indented JSON."""
-    click.echo(json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False))
+    readable = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"
+    click.echo(json.dumps(content, indent=2, ensure_ascii=not readable, allow_nan=False))

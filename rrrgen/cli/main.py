@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import gc
+import io
 import os
 import signal
 import sys
@@ -13,6 +14,7 @@ from typing import Any, NoReturn
 
 import click
 
+from rrrgen.cli.colour import Context, failed, fault_text, preference, say_error, usage_text
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.errors import InputError, InternalError, RrrgenError, storage_error
 from rrrgen.extras import missing_extra
@@ -41,6 +43,8 @@ Shell completion:
 class LazyGroup(click.Group):
     """A command group that imports a command only when it is called; the one-line helps come from the table."""
 
+    context_class = Context
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The names of all commands, in the order of the table."""
         return list(COMMANDS)
@@ -54,6 +58,7 @@ class LazyGroup(click.Group):
         if not isinstance(command, click.Command):
             raise InternalError(f"{COMMANDS[cmd_name][0]} is no command")
         command.name = cmd_name  # click names it after its function, which cannot be called "import"
+        command.context_class = Context
         return command
 
     def resolve_command(
@@ -92,6 +97,7 @@ def cli() -> None:
 def main(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: click.Command = cli) -> NoReturn:
     """Run the command line and exit; ``command`` may be another click command with the same error handling."""
     _unwind_when_terminated()
+    _print_anything()
     code = run(args, prog_name, command)
     if "generate" in (sys.argv[1:] if args is None else args)[:1]:
         # Programs are many objects, and the garbage collection at exit takes 0.2 s. Not for other commands, which may
@@ -106,32 +112,43 @@ def _unwind_when_terminated() -> None:
         signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
 
 
+def _print_anything() -> None:
+    """Write characters that an output cannot encode, as on Windows where it is a file, as their escapes."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
 def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: click.Command = cli) -> int:
     """Run the command line and return the exit code; errors are printed on stderr."""
     try:
-        result = command.main(args=args, prog_name=prog_name, standalone_mode=False)
+        result = command.main(args=args, prog_name=prog_name, standalone_mode=False, color=preference())
         return result if isinstance(result, int) else 0
     except click.ClickException as error:
-        error.show()
+        say_error(usage_text(error))
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
-        click.echo("interrupted", err=True)
+        say_error("interrupted")
         return INTERRUPTED
     except InputError as error:
         for fault in error.faults:
-            click.echo(str(fault) if fault.file else f"rrrgen: {fault}", err=True)
+            say_error(fault_text(fault) if fault.file else _message(str(fault)))
         return error.exit_code
     except RrrgenError as error:
-        click.echo(f"rrrgen: {error}", err=True)
+        say_error(_message(str(error)))
         return error.exit_code
     except Exception as error:  # anything else is a fault of rrrgen, and says so
         known = missing_extra(error) or (
             storage_error(error.filename or "the output", error) if isinstance(error, OSError) else None
         )
         if known:
-            click.echo(f"rrrgen: {known}", err=True)
+            say_error(_message(str(known)))
             return known.exit_code
         return _internal(error)
+
+
+def _message(text: str) -> str:
+    return f"{failed('rrrgen:')} {text}"
 
 
 def _internal(error: Exception) -> int:
@@ -141,5 +158,5 @@ def _internal(error: Exception) -> int:
         traceback.print_exc()
     place = traceback.extract_tb(error.__traceback__)[-1]
     fault = InternalError(f"{type(error).__name__}: {error} (in {place.name}, {os.path.basename(place.filename)})")
-    click.echo(f"rrrgen: {fault}\nSet RRRGEN_DEBUG=1 to see the whole traceback.", err=True)
+    say_error(_message(f"{fault}\nSet RRRGEN_DEBUG=1 to see the whole traceback."))
     return fault.exit_code

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.cli.arguments import print_json
+from rrrgen.cli.colour import doubtful
 from rrrgen.cli.identification.workflow import described_files
 from rrrgen.cli.progress import progress_bar
 
@@ -103,7 +104,10 @@ def simulate_response_runs(
         paths = write_responses(folder.path / "results", design, signals, controller, prismatic)
     clipped = {each.run.name: each.clipped for each in signals if each.clipped}
     for name, count in clipped.items():
-        click.echo(f"warning: {name}: {count} torques are clipped, so the loop is not linear; lower the rms", err=True)
+        click.echo(
+            f"{doubtful('warning:')} {name}: {count} torques are clipped, so the loop is not linear; lower the rms",
+            err=True,
+        )
     if as_json:
         names = [each.run.name for each in signals]
         print_json(

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from rrrgen.cli.arguments import json_option, print_json
+from rrrgen.cli.colour import failed
 from rrrgen.cli.identification.workflow import jobs_options, output_option
 from rrrgen.cli.progress import progress_bar
 from rrrgen.extras import require
@@ -66,6 +67,6 @@ def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: 
                 f"{row['computed']['frequency']:.2f} Hz"
             )
     for failure in study.failures:
-        click.echo(f"not reached: {failure}")
+        click.echo(f"{failed('not reached:')} {failure}")
     click.echo(f"results and figures in {output}")
     return 1 if study.failures else 0

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.colour import verdict
 from rrrgen.cli.experiments.closed_loop import read_loop, score_loop
 from rrrgen.cli.identification.workflow import (
     chosen_processing,
@@ -159,10 +160,10 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         for line in () if loop is None else loop.lines(recordings[0].joints):
             click.echo(line)
         own = f" ({100 * common.share:.0f} % of its windows of samples were fitted)" if common.looked and known else ""
-        verdict = "passed" if result.passed else "FAILED: " + "; ".join(result.failures)
+        said = "passed" if result.passed else "FAILED: " + "; ".join(result.failures)
         if split.kind != "none":
             click.echo(f"data: {result.split}")
-        click.echo(f"scored on {result.label}{own}; {verdict}")
+        click.echo(f"scored on {result.label}{own}; {verdict(said, result.passed)}")
         if result.label == UNKNOWN and not told:
             click.echo("the robot file does not tell what it was fitted to: say it with --fitted-on LOG, or none")
     return 0 if result.passed else 1

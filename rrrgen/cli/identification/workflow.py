@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from rrrgen.cli.colour import with_warning
+
 if TYPE_CHECKING:
     from rrrgen.experiments.experiment_file import Experiment
     from rrrgen.identify.diagnosis.cause import Cause
@@ -162,7 +164,7 @@ def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:
         for line in [] if as_json else each.lines():
             click.echo(line)
         for line in each.warnings():
-            click.echo(line, err=True)
+            click.echo(with_warning(line), err=True)
 
 
 def print_causes(causes: Iterable[Cause], as_json: bool = False) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from rrrgen.cli.arguments import complete_robot, json_option, print_json, read_robot
+from rrrgen.cli.colour import failed, fault_text, passed
 from rrrgen.errors import Fault, InputError
 
 
@@ -43,8 +44,8 @@ def _check(file: str, strict: bool, quiet: bool) -> dict[str, Any]:
     ok = bool(summary)
     if not quiet:
         for fault in faults:
-            click.echo(str(fault), err=True)
-        click.echo(f"{file}: ok ({summary})" if ok else f"{file}: {_count(faults)}")
+            click.echo(fault_text(fault), err=True)
+        click.echo(f"{file}: {passed('ok')} ({summary})" if ok else f"{file}: {failed(_count(faults))}")
     return {"file": file, "ok": ok, "summary": summary, "faults": [_plain(fault) for fault in faults]}
 
 

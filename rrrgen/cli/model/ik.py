@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument, terminal_width
+from rrrgen.cli.colour import doubtful
 from rrrgen.text_table import text_table
 
 if TYPE_CHECKING:
@@ -139,6 +140,6 @@ def _print(spec: RobotSpec, solver: InverseKinematics, found: IKResult) -> None:
         click.echo("\n".join(text_table(rows, terminal_width())))
     if not len(found):
         distance = f", {found.distance:.6g} m from reach" if found.distance > 0 else ""
-        click.echo(f"no solution: {found.status}{': ' + found.reason if found.reason else ''}{distance}")
+        click.echo(f"{doubtful('no solution')}: {found.status}{': ' + found.reason if found.reason else ''}{distance}")
     if solver.plan.incomplete:
         click.echo(f"there may be more: {solver.plan.incomplete}")

@@ -7,6 +7,7 @@ from typing import Literal
 
 import click
 
+from rrrgen.cli.colour import fault_text
 from rrrgen.errors import Fault, InputError
 
 
@@ -83,7 +84,7 @@ def import_robot(
         raise InputError([Fault(str(path), 0, 0, "the file exists already", hint="--force overwrites it")])
     write_file(path, found.text)
     for note in found.notes:
-        click.echo(str(note), err=True)
+        click.echo(fault_text(note), err=True)
     if found.chain is not None:
         from rrrgen.verify.references.imported_source import compare_with_source
 

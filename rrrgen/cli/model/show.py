@@ -18,6 +18,7 @@ from rrrgen.cli.arguments import (
     robot_argument,
     terminal_width,
 )
+from rrrgen.cli.colour import with_headings
 from rrrgen.cli.html import html_option, read_motions, write_html
 
 if TYPE_CHECKING:
@@ -128,7 +129,8 @@ def show(
     else:
         from rrrgen.cli.model.description import as_text
 
-        click.echo(_as_plain("" if functions else as_text(pipeline.derive(spec), terminal_width()), forms, inverse))
+        text = "" if functions else with_headings(as_text(pipeline.derive(spec), terminal_width()))
+        click.echo(_as_plain(text, forms, inverse))
 
 
 def _show_programs(robot: str, functions: tuple[str, ...], recorded: bool, as_json: bool) -> None:

@@ -14,12 +14,14 @@ from rrrgen.cli.arguments import (
     robot_argument,
     terminal_width,
 )
+from rrrgen.cli.colour import verdict, with_failures
 from rrrgen.cli.html import html_option, write_html
 from rrrgen.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
     from rrrgen.runtime.engines import EngineName
+    from rrrgen.verify.report import Report
 
 
 @click.command()
@@ -70,5 +72,11 @@ def verify(
         report = compare(pipeline.compile(spec, backend, real), samples, seed, libraries=libraries, tell=tell)
     if html is not None:
         write_html(html, pipeline.derive(spec), report)
-    click.echo(report.to_json() if as_json else report.to_text(terminal_width()), nl=False)
+    click.echo(report.to_json() if as_json else _coloured(report), nl=False)
     return 0 if report.ok else 1
+
+
+def _coloured(report: Report) -> str:
+    """The table with its failures, and the verdict in the last line, in colour."""
+    *table, last = report.to_text(terminal_width()).splitlines()
+    return "\n".join([*map(with_failures, table), verdict(last, report.ok)]) + "\n"

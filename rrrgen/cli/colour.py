@@ -1,0 +1,103 @@
+"""Colour on a terminal: faults, verdicts and headings; a pipe or a file gets the same text without it.
+
+``NO_COLOR`` turns colour off, ``FORCE_COLOR`` turns it on for pipes too, and a terminal that calls itself dumb gets
+none. Texts are laid out before they are coloured, since the marks of a terminal have a length but no width.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+
+import click
+
+from rrrgen.errors import Fault
+
+SEVERITY = {"error": "red", "warning": "yellow"}
+
+
+def preference() -> bool | None:
+    """Whether the user wants colour; None: on every stream that is a terminal.
+
+    An empty variable counts as not set. ``NO_COLOR`` wins over ``FORCE_COLOR``.
+    """
+    if os.environ.get("NO_COLOR"):
+        return False
+    if os.environ.get("FORCE_COLOR"):
+        return True
+    return False if os.environ.get("TERM") == "dumb" else None
+
+
+def say_error(text: str) -> None:
+    """Print an error on stderr; usable where no command is running any more, and click has forgotten the preference."""
+    click.echo(text, err=True, color=preference())
+
+
+def fault_text(fault: Fault) -> str:
+    """The fault with its severity and the mark below its place in colour."""
+    head, *others = str(fault).split("\n")
+    colour = SEVERITY[fault.severity]
+    said = f": {fault.severity}: "
+    if fault.file and said in head:
+        place, _, message = head.partition(said)
+        head = f"{click.style(place, bold=True)}: {click.style(fault.severity + ':', fg=colour, bold=True)} {message}"
+    if fault.source_line:
+        others[1] = click.style(others[1], fg=colour, bold=True)
+    return "\n".join([head, *others])
+
+
+def usage_text(error: click.ClickException) -> str:
+    """What click prints for wrong usage, with its "Error:" in colour."""
+    shown = io.StringIO()
+    error.show(file=shown)
+    return shown.getvalue().rstrip("\n").replace("Error:", failed("Error:"), 1)
+
+
+def passed(text: str) -> str:
+    """``text`` as good news."""
+    return click.style(text, fg="green")
+
+
+def failed(text: str) -> str:
+    """``text`` as bad news."""
+    return click.style(text, fg="red", bold=True)
+
+
+def doubtful(text: str) -> str:
+    """``text`` as something to look at."""
+    return click.style(text, fg="yellow")
+
+
+def verdict(text: str, ok: bool) -> str:
+    """``text`` as good or bad news."""
+    return passed(text) if ok else failed(text)
+
+
+def with_headings(text: str) -> str:
+    """``text`` with its headings in bold: lines at the margin above indented ones."""
+    return re.sub(r"^(?! )(.+)(?=\n )", lambda line: click.style(line[1], bold=True), text, flags=re.M)
+
+
+def with_warning(text: str) -> str:
+    """``text`` with the word that it begins with, "warning:", in colour."""
+    return re.sub("^warning:", lambda word: doubtful(word[0]), text)
+
+
+def with_failures(text: str) -> str:
+    """``text`` with the word FAIL wherever it stands as bad news."""
+    return re.sub(r"\bFAIL\b", lambda word: failed(word[0]), text)
+
+
+class Formatter(click.HelpFormatter):
+    """Help texts with their headings in bold."""
+
+    def write_heading(self, heading: str) -> None:
+        """Write the heading of a section."""
+        self.write(f"{'':>{self.current_indent}}{click.style(heading + ':', bold=True)}\n")
+
+
+class Context(click.Context):
+    """The context of every command: its help has headings in bold."""
+
+    formatter_class = Formatter
