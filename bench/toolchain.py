@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rrrgen.cache import cache_directory, digest
 from rrrgen.errors import BuildError
-from rrrgen.runtime.build import find_compiler
+from rrrgen.runtime.compiler import find_compiler
 
 FLAGS = ("-O3", "-march=native")
 """For every contender. Contraction to fused multiply-adds stays as the compiler has it by default: on, for all."""
@@ -65,11 +65,11 @@ class Toolchain:
 
 def find_toolchain(flags: Sequence[str] = FLAGS) -> Toolchain:
     """``$CC`` (or the first C compiler found) and the C++ compiler of the same make. Raises BuildError without C."""
-    cc = find_compiler()
+    cc = find_compiler().command
     make = Path(cc[0]).name
     partners = {"gcc": "g++", "clang": "clang++", "cc": "c++"}
     cxx = shutil.which(partners.get(make, make.replace("gcc", "g++").replace("clang", "clang++")))
-    return Toolchain(tuple(cc), None if cxx == cc[0] else cxx, tuple(flags))
+    return Toolchain(cc, None if cxx == cc[0] else cxx, tuple(flags))
 
 
 def run(command: Sequence[str], seconds: float = 3600.0) -> str:

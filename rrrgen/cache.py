@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from functools import cache
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 from rrrgen.errors import StorageError, storage_error
@@ -70,6 +71,8 @@ def _wanted_directory() -> Path:
         return Path(chosen).expanduser().absolute()
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches" / "rrrgen"
+    if sys.platform == "win32" and (local := os.environ.get("LOCALAPPDATA")):
+        return Path(local) / "rrrgen" / "Cache"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache").expanduser().absolute() / "rrrgen"
 
 
@@ -80,13 +83,19 @@ def prune(most: int = 500) -> None:
             if path.is_dir():
                 shutil.rmtree(path, ignore_errors=True)
             else:
-                path.unlink(missing_ok=True)
+                _discard(path)
     entries = [path for path in cache_directory().iterdir() if path.is_file()]
     if len(entries) <= most:
         return
     ages = sorted((_last_use(path), path) for path in entries)
     for _, path in ages[: len(entries) - most * 3 // 4]:
-        path.unlink(missing_ok=True)
+        _discard(path)
+
+
+def _discard(path: Path) -> None:
+    """Delete a file, unless it is gone already or, on Windows, loaded by a process."""
+    with contextlib.suppress(OSError):
+        path.unlink()
 
 
 def touch(path: Path) -> None:
@@ -148,20 +157,23 @@ def recall(name: str) -> bytes | None:
 
 def keep_library(stem: str, data: bytes) -> Path:
     """Cache a shared library and return its path; the checksum is in the file name, since the file must not change."""
-    path = cache_directory() / f"{stem}.{hashlib.sha256(data).hexdigest()[:32]}.so"
-    store(path, data)
+    path = cache_directory() / f"{stem}.{hashlib.sha256(data).hexdigest()[:32]}{EXTENSION_SUFFIXES[-1]}"
+    try:
+        store(path, data)
+    except PermissionError:  # Windows: another process has built the same library and loaded it
+        if not path.exists():
+            raise
     return path
 
 
 def recall_library(stem: str) -> Path | None:
     """The path of a cached library, or None. Damaged ones are deleted: loading a truncated one would crash."""
-    for path in sorted(cache_directory().glob(f"{glob.escape(stem)}.*.so")):
+    for path in sorted(cache_directory().glob(f"{glob.escape(stem)}.*{EXTENSION_SUFFIXES[-1]}")):
         content = _content(path)
         if content is not None and hashlib.sha256(content).hexdigest()[:32] == path.name.split(".")[-2]:
             touch(path)
             return path
-        with contextlib.suppress(OSError):
-            path.unlink()
+        _discard(path)
     return None
 
 

@@ -99,7 +99,7 @@ def emit(
     backends = _backends(model.spec, real, trig, languages, checks)
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     every: list[Callable[[], Any]] = [partial(_inverse_kinematics_data, model.spec, real), *chain.from_iterable(tasks)]
-    data, *printed = parallel_map(lambda task: task(), every, jobs, tell, "printing sources")
+    data, *printed = parallel_map(_run, every, jobs, tell, "printing sources")
     files = _assembled(model, identity, backends, tasks, printed)
     models = [model] if any_gravity is None else [model, any_gravity]
     for other in models[1:]:
@@ -110,6 +110,11 @@ def emit(
     if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
         files |= {f"casadi/{name}": data for each in models for name, data in casadi.serialized(each).items()}
     return files
+
+
+def _run(task: Callable[[], Any]) -> Any:
+    """The result of a task; a function with a name, because other processes may have to find it."""
+    return task()
 
 
 def _further_model(
@@ -127,7 +132,7 @@ def _further_model(
     backends += [CppBackend()] if "cpp" in languages else []
     backends += [RustBackend("rust_any_gravity")] if "rust" in languages else []
     tasks = [backend.tasks(model, identity, real) for backend in backends]
-    printed = parallel_map(lambda task: task(), list(chain.from_iterable(tasks)), jobs, tell, "printing sources")
+    printed = parallel_map(_run, list(chain.from_iterable(tasks)), jobs, tell, "printing sources")
     return _assembled(model, identity, backends, tasks, printed)
 
 

@@ -1,4 +1,4 @@
-"""Tasks in forked processes. Every test is a process of its own: one that has further threads must not fork."""
+"""Tasks in forked and in new processes. Every test is a process of its own: one with further threads must not fork."""
 
 from __future__ import annotations
 
@@ -139,3 +139,116 @@ def test_every_finished_task_is_told_with_the_number_of_those_done(jobs):
         assert sorted(told[::3]) == list(range(1, 11))
         assert set(told[1::3]) == {{10}} and told[2::3] == b"s" * 10
         """)
+
+
+TASKS = """
+import os, signal, time
+
+def square(k):
+    time.sleep(0.02)
+    print("noise on the standard output")
+    return k * k, os.getpid()
+
+def fails(k):
+    time.sleep(0.02)
+    if k == 5:
+        raise ValueError(f"task {k}")
+    return k
+
+def dies(first, k):
+    time.sleep(0.02)
+    if os.getpid() != first:
+        os._exit(3)
+    return k
+
+def sleeps(k):
+    time.sleep(30)
+"""
+
+FRESH = """
+import sys
+from functools import partial
+sys.path.insert(0, {folder!r})  # new processes find modules where this one does
+import rrrgen.parallel_map
+import tasks
+rrrgen.parallel_map.may_fork = lambda: False
+"""
+
+
+@pytest.fixture
+def fresh(tmp_path):
+    """Run a script, without a guard of its main module, whose processes must be new ones."""
+    (tmp_path / "tasks.py").write_text(TASKS, encoding="utf-8")
+
+    def script(text: str) -> subprocess.CompletedProcess[str]:
+        file = tmp_path / "script.py"
+        file.write_text(OPENING + FRESH.format(folder=str(tmp_path)) + textwrap.dedent(text), encoding="utf-8")
+        return subprocess.run([sys.executable, str(file)], capture_output=True, text=True, check=False, timeout=60)
+
+    return script
+
+
+def test_new_processes_share_the_tasks(fresh):
+    done = fresh("""
+        told = []
+        results = parallel_map(tasks.square, range(60), 3, lambda *step: told.append(step), "squaring")
+        assert [square for square, _ in results] == [k * k for k in range(60)]
+        assert len({process for _, process in results}) == 3
+        assert told == [(k, 60, "squaring") for k in range(1, 61)]
+        again = parallel_map(tasks.square, range(60), 3)  # the same processes, which have imported everything
+        assert {process for _, process in again} == {process for _, process in results}
+        """)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_what_new_processes_cannot_do_is_done_here(fresh):
+    done = fresh("""
+        assert parallel_map(lambda k: os.getpid(), range(6), 3) == [first] * 6
+        assert parallel_map(partial(tasks.dies, first), range(6), 3) == list(range(6))
+        try:
+            parallel_map(tasks.fails, range(8), 3)
+        except ValueError as error:
+            assert str(error) == "task 5"
+        else:
+            raise AssertionError
+        assert not alive()
+        """)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_an_interrupt_ends_new_processes(fresh):
+    done = fresh("""
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        try:
+            parallel_map(tasks.sleeps, range(3), 3)
+        except KeyboardInterrupt:
+            assert not alive()
+            print("interrupted")
+        """)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+
+
+def test_a_robot_is_generated_by_new_processes(fresh):
+    """The same bytes as by one process; every kind of task can be pickled, and new processes did some."""
+    done = fresh("""
+        from collections import Counter
+        from rrrgen import load_spec
+        from rrrgen.parallel_map import fresh
+        from rrrgen.pipeline import derive, emit
+
+        received = Counter()
+        result = fresh._Worker.result
+        def counted(self, index):
+            received[self._popen.pid] += 1
+            return result(self, index)
+        fresh._Worker.result = counted
+        spec = load_spec("pendulum")
+        model = derive(spec, 2)
+        simplified = sum(received.values())
+        files = emit(model, jobs=2, languages=("cpp", "rust"))
+        assert simplified and sum(received.values()) > simplified
+        assert files == emit(derive(spec, 1), languages=("cpp", "rust"))
+        """)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -14,6 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 import click
 
 from rrrgen.cli.arguments import json_option, print_json, terminal_width
+from rrrgen.cli.colour import doubtful, passed
 from rrrgen.version import VERSION
 
 TOOLS = {
@@ -66,7 +67,7 @@ def _print(findings: Sequence[Finding]) -> None:
     indent = " " * (width + 10)
     columns = max(terminal_width() or 100, width + 40)
     for finding in findings:
-        mark = click.style("ok     ", fg="green") if finding.ok else click.style("missing", fg="yellow")
+        mark = passed("ok     ") if finding.ok else doubtful("missing")
         first, *others = textwrap.wrap(finding.found, columns - len(indent), break_long_words=False)
         click.echo(f"{mark} {finding.name:{width}}  {first}")
         for line in others:
@@ -76,7 +77,7 @@ def _print(findings: Sequence[Finding]) -> None:
 
 
 def _system() -> Iterator[Finding]:
-    from rrrgen.runtime.build import processor
+    from rrrgen.runtime.compiler import processor
 
     python = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     yield Finding("rrrgen", VERSION, True, "")
@@ -89,16 +90,17 @@ def _system() -> Iterator[Finding]:
 def _compiler() -> Finding:
     """The compiler of the runtime, tried out."""
     from rrrgen.errors import RrrgenError
-    from rrrgen.runtime.build import build_extension, find_compiler
+    from rrrgen.runtime.build import build_extension
+    from rrrgen.runtime.compiler import find_compiler
 
     use = "compiled models in Python, verify, ik"
     try:
-        command = find_compiler()
+        compiler = find_compiler()
         _, library = build_extension(PROBE, "double probe(double x);", "probe")
         works = library.probe(1.5) == 3.0
     except RrrgenError as error:
         return Finding("C compiler", str(error), False, f"needed for {use}")
-    return Finding("C compiler", f"{command[0]}: {_version([*command, '--version'])}", works, use)
+    return Finding("C compiler", f"{compiler.command[0]}: {_version(compiler.version_command())}", works, use)
 
 
 def _tools() -> Iterator[Finding]:
@@ -114,7 +116,7 @@ def _version(command: list[str]) -> str:
         said = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=60, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
         return f"does not run ({error})"
-    lines = said.stdout.splitlines()
+    lines = (said.stdout or said.stderr).splitlines()
     return lines[0] if lines else "says no version"
 
 

@@ -66,7 +66,8 @@ class CompiledLoop:
 
     def __init__(self, equations: Equations, controller: LoopController) -> None:
         from rrrgen.backends.c.functions import Extension, function_files
-        from rrrgen.runtime.build import NATIVE, build_extension
+        from rrrgen.runtime.build import build_extension
+        from rrrgen.runtime.compiler import NATIVE
 
         self.equations, self.controller = equations, controller
         W = ", ".join(repr(float(w)) for w in equations.directions.ravel())

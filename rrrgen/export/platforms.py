@@ -15,7 +15,7 @@ from pathlib import Path
 
 from rrrgen.errors import BuildError, InputError
 from rrrgen.extras import require
-from rrrgen.runtime.build import FLAGS, SHARED, ZIG, find_compiler
+from rrrgen.runtime.compiler import FLAGS, ZIG, find_compiler
 from rrrgen.yamltext.suggest import did_you_mean
 
 
@@ -93,11 +93,17 @@ def shared_library(files: Mapping[str, str], platform: Platform) -> bytes:
 
 def _command(platform: Platform) -> list[str]:
     """Compiler command with flags: strict floating point, and no paths of the building machine in the binary."""
-    flags = [*FLAGS, "-shared", "-DRRRGEN_SHARED", "-g0", "-s"]
+    position = [] if platform.suffix == ".dll" else ["-fPIC"]
+    flags = [*FLAGS, "-shared", "-DRRRGEN_SHARED", "-g0", "-s", *position]
     if platform.zig:
-        position = [] if platform.suffix == ".dll" else ["-fPIC"]
-        return [sys.executable, *ZIG, "-target", platform.zig, *flags, *position]
-    return [*find_compiler(), *flags, *SHARED.get(sys.platform, SHARED["linux"])[0]]
+        return [sys.executable, *ZIG, "-target", platform.zig, *flags]
+    compiler = find_compiler()
+    if compiler.microsoft:
+        raise BuildError(
+            "libraries for other programs are built by gcc, clang or zig, not by cl: name one in CC, or name the "
+            "platform with --platform, for which the package ziglang builds (pip install 'rrrgen[cross]')"
+        )
+    return [*compiler.command, *flags]
 
 
 def _libraries(platform: Platform) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from rrrgen.derive.derived_model import DerivedModel, PassReport, RecordedModel
 from rrrgen.derive.functions.from_programs import SOURCES, as_nominal, by_chain_rule, with_forward_dynamics
@@ -59,7 +60,7 @@ class Optimizer:
         chain = [name for name in ("inverse_dynamics", *SOURCES) if name in variants]
         groups = [chain, *([name] for name in variants if name not in chain)]
         groups.sort(key=lambda names: -sum(count_operations(variants[name][0]).total for name in names))
-        found = parallel_map(lambda names: self._in_turn(recorded, names), groups, jobs, tell, "simplifying functions")
+        found = parallel_map(partial(self._in_turn, recorded), groups, jobs, tell, "simplifying functions")
         return {name: one for group in found for name, one in group.items()}
 
     def _in_turn(self, recorded: RecordedModel, names: Sequence[str]) -> dict[str, _Optimized]:

@@ -72,7 +72,8 @@ def _functions(
     """The functions of ``programs``, which ``sources`` define, by name, and cffi's interface to them."""
     from rrrgen.backends.c.batches.loops import declarations
     from rrrgen.backends.c.signature import function_name
-    from rrrgen.runtime.build import NATIVE, build_extension
+    from rrrgen.runtime.build import build_extension
+    from rrrgen.runtime.compiler import NATIVE
 
     ffi, lib = build_extension(sources, declarations(programs.values(), dialect), dialect.prefix, NATIVE)
     return ffi, {name: getattr(lib, function_name(program, dialect)) for name, program in programs.items()}
@@ -81,10 +82,12 @@ def _functions(
 def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:
     """The loops over states of ``programs``, built as an extension of their own."""
     from rrrgen.backends.c.batches.loops import loop_declarations, loop_files, loop_name
-    from rrrgen.runtime.build import CONTRACT, NATIVE, build_extension
+    from rrrgen.runtime.build import build_extension
+    from rrrgen.runtime.compiler import CONTRACT, NATIVE, find_compiler
 
-    sources = {name: text for name, text in code.items() if name.endswith(".h")}
-    sources |= loop_files(programs.values(), dialect)
+    simd = not find_compiler().microsoft
+    sources = {name: text for name, text in code.items() if name.endswith(".h") or not simd}
+    sources |= loop_files(programs.values(), dialect, simd)
     declared = loop_declarations(programs.values(), dialect)
     _, lib = build_extension(sources, declared, f"{dialect.prefix}-batches", (*NATIVE, *CONTRACT))
     return {name: getattr(lib, loop_name(program, dialect)) for name, program in programs.items()}

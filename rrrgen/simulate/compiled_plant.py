@@ -48,7 +48,8 @@ class CompiledIntegrator:
 
     def __init__(self, plant: Plant, program: Program, fastest: float) -> None:
         from rrrgen.backends.c.functions import Extension, function_files
-        from rrrgen.runtime.build import NATIVE, build_extension
+        from rrrgen.runtime.build import build_extension
+        from rrrgen.runtime.compiler import NATIVE
 
         self.plant, self.fastest = plant, fastest
         sizes = {"size": program.inputs[0].size, "n": program.inputs[1].size}

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from rrrgen import extras
 from rrrgen.cli.doctor import doctor
 from rrrgen.cli.main import main
-from rrrgen.runtime import build
+from rrrgen.runtime import compiler
 
 
 def findings(capsys) -> tuple[int, dict[str, dict]]:
@@ -30,7 +30,7 @@ def test_a_working_compiler_is_tried_out(capsys):
 def test_without_a_compiler_it_says_how_to_get_one(monkeypatch, capsys):
     monkeypatch.setenv("PATH", "/nonexistent")
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr(build, "installed", lambda _: False)
+    monkeypatch.setattr(compiler, "installed", lambda _: False)
     code, found = findings(capsys)
     assert code == 5
     assert not found["C compiler"]["ok"]

@@ -98,6 +98,8 @@ def test_exit_codes_are_documented_alike():
     for text in (EPILOG, README):
         listed = " ".join(re.search(r"[Ee]xit codes: ([^.]*)\.", text)[1].split())
         assert {int(number) for number in re.findall(r"(?:^|, )(\d+) ", listed)} == codes
+    table = (ROOT / "docs/installation.md").read_text(encoding="utf-8")
+    assert {int(number) for number in re.findall(r"^\| (\d+) \|", table, re.M)} == codes
 
 
 def test_functions_are_completed():

@@ -14,6 +14,7 @@ import rrrgen
 from rrrgen.cache import cache_directory, digest, keep_library, prune, store, touch
 from rrrgen.errors import BuildError
 from rrrgen.runtime import build as build_module
+from rrrgen.runtime import compiler
 from rrrgen.runtime.build import build_extension
 
 SOURCES = {
@@ -130,7 +131,7 @@ def test_what_the_compiler_refuses_is_shown(cache):
 def test_without_a_compiler_the_message_says_what_to_install(cache, monkeypatch):
     monkeypatch.setenv("PATH", "/nonexistent")
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr(build_module, "installed", lambda _: False)
+    monkeypatch.setattr(compiler, "installed", lambda _: False)
     with pytest.raises(BuildError, match=r"(?s)C compiler.*was not found.*apt install gcc.*backend='numpy'") as caught:
         build_extension(SOURCES, CDEF, "twice")
     assert caught.value.exit_code == 5
@@ -140,7 +141,7 @@ def test_without_a_compiler_of_the_system_the_one_from_pypi_is_used(cache, monke
     pytest.importorskip("ziglang", reason="the optional compiler from PyPI is not installed")
     monkeypatch.setenv("PATH", "/nonexistent")
     monkeypatch.delenv("CC", raising=False)
-    assert build_module.find_compiler()[:3] == [sys.executable, "-m", "ziglang"]
+    assert compiler.find_compiler().command[:3] == (sys.executable, "-m", "ziglang")
     _, lib = build_extension(SOURCES, CDEF, "twice")
     assert lib.twice(1.5) == 3.0
 
@@ -155,7 +156,7 @@ def test_a_compiler_named_by_cc_is_used_or_missed(cache, monkeypatch):
 
 
 def test_without_python_headers_the_message_says_what_to_install(cache, monkeypatch):
-    monkeypatch.setattr(build_module.sysconfig, "get_path", lambda _: "/nonexistent")
+    monkeypatch.setattr(compiler.sysconfig, "get_path", lambda _: "/nonexistent")
     with pytest.raises(BuildError, match="apt install python3-dev"):
         build_extension(SOURCES, CDEF, "twice")
 

@@ -29,6 +29,7 @@ class PolynomialRing:
         pairs: Sequence[tuple[sp.Expr, sp.Expr]] = (),
         roots: Sequence[sp.Expr] = (),
     ) -> None:
+        self._arguments = tuple(symbols), tuple(pairs), tuple(roots)
         self.generators: list[sp.Expr] = [*symbols, *(g for pair in pairs for g in pair), *roots]
         names = [f"g{k}" for k in range(len(self.generators))] or ["g0"]
         self.ring = ring(names, sp.QQ)[0]
@@ -39,6 +40,9 @@ class PolynomialRing:
             self._squares[self.index[sine]] = 1 - self._gens[self.index[cosine]] ** 2
         for root in roots:
             self._squares[self.index[root]] = self.ring(sp.QQ.from_sympy(sp.expand(root**2)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return PolynomialRing, self._arguments  # SymPy's rings cannot be pickled
 
     def generator(self, expression: sp.Expr) -> Polynomial:
         """The generator that stands for ``expression``."""
@@ -109,6 +113,12 @@ class Polynomial:
     def __init__(self, ring_: PolynomialRing, poly: PolyElement) -> None:
         self.ring = ring_
         self.poly = poly
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _from_terms, (
+            self.ring,
+            [(powers, Fraction(int(c.numerator), int(c.denominator))) for powers, c in self.poly.terms()],
+        )
 
     def _of(self, other: Operand) -> PolyElement:
         if isinstance(other, Polynomial):
@@ -199,3 +209,9 @@ def to_expression(value: Operand) -> sp.Expr:
         return value.expression()
     value = Fraction(value)
     return sp.Rational(value.numerator, value.denominator)
+
+
+def _from_terms(ring_: PolynomialRing, terms: Sequence[tuple[tuple[int, ...], Fraction]]) -> Polynomial:
+    """The polynomial with these exponents and coefficients, as pickled."""
+    coefficients = {powers: sp.QQ(value.numerator, value.denominator) for powers, value in terms}
+    return Polynomial(ring_, ring_.ring.from_dict(coefficients))

@@ -22,7 +22,8 @@ class TimingKernel:
     def __init__(self, robot: str, path_dynamics: Program, friction_with: Program, real: Real) -> None:
         from rrrgen.backends.c.dialect import Dialect
         from rrrgen.backends.c.functions import function_files
-        from rrrgen.runtime.build import NATIVE, build_extension
+        from rrrgen.runtime.build import build_extension
+        from rrrgen.runtime.compiler import NATIVE
 
         title = f"dynamics along a path and friction of {robot}"
         files = function_files(robot, title, [path_dynamics, friction_with], real)

@@ -16,22 +16,26 @@ def loop_name(program: Program, dialect: Dialect) -> str:
     return f"{dialect.prefix}_loop_{program.name}"
 
 
-def loop_files(programs: Iterable[Program], dialect: Dialect) -> dict[str, str]:
+def loop_files(programs: Iterable[Program], dialect: Dialect, simd: bool = True) -> dict[str, str]:
     """``<name>_loops.h`` and ``.c``: one loop per program.
+
+    Without ``simd``, for compilers without vector types, a loop calls the function of one state.
 
     Each input comes with a step, in elements from one state to the next: 0 repeats one value for all states. Outputs
     are dense. The status of a program, where it has one, is stored per state in the array ``status``.
     """
     programs = list(programs)
     header, source = [], [f'#include "{dialect.prefix}_loops.h"', ""]
-    source += [simd_functions({program.name: program for program in programs}, dialect)]
-    taken = {port.size for program in programs for port in program.inputs}.intersection(SIZES)
-    given = {port.size for program in programs for port in program.data_outputs}.intersection(SIZES)
-    source += [transfers(taken, given, dialect.prefix, dialect.real_type, dialect.real)]
+    if simd:
+        source += [simd_functions({program.name: program for program in programs}, dialect)]
+        taken = {port.size for program in programs for port in program.inputs}.intersection(SIZES)
+        given = {port.size for program in programs for port in program.data_outputs}.intersection(SIZES)
+        source += [transfers(taken, given, dialect.prefix, dialect.real_type, dialect.real)]
     for program in programs:
         signature = _loop_signature(program, dialect)
         header.append(f"{signature};")
-        source += [signature, "{", *(f"    {line}" for line in _loop_body(program, dialect)), "}", ""]
+        body = _loop_body(program, dialect) if simd else _scalar_body(program, dialect)
+        source += [signature, "{", *(f"    {line}" for line in body), "}", ""]
     guard = f"{dialect.macro}_LOOPS_H"
     top = [f"#ifndef {guard}", f"#define {guard}", "", f'#include "{dialect.prefix}.h"', ""]
     return {
@@ -78,6 +82,16 @@ def _loop_body(program: Program, dialect: Dialect) -> list[str]:
         *(f"    {line}" for line in _simd_body(program, dialect)),
         "}",
     ]
+
+
+def _scalar_body(program: Program, dialect: Dialect) -> list[str]:
+    """A loop that calls the function of one state."""
+    inputs = (f"{port.name} + k*{port.name}_step" for port in program.inputs)
+    arguments = [place if port.shape else f"*({place})" for place, port in zip(inputs, program.inputs, strict=True)]
+    outputs = [f"{port.name} + k*{port.size}" for port in program.data_outputs]
+    call = f"{function_name(program, dialect)}({', '.join([*arguments, *outputs])});"
+    taken = f"status[k] = (int){call}" if program.status else call
+    return ["for (long long k = 0; k < count; k++)", f"    {taken}"]
 
 
 def _few_states(program: Program, dialect: Dialect) -> list[str]:

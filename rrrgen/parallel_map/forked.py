@@ -1,9 +1,4 @@
-"""A parallel map over forked processes: deriving and printing are plain Python, which uses one core per process.
-
-A forked process shares everything computed so far and sends back only its results. Forking is safe only while no other
-thread may hold a lock; so it happens only in a process known to have a single thread (Linux), and tasks run serially
-elsewhere.
-"""
+"""The tasks of a parallel map in forked processes, which share everything computed so far and send back results."""
 
 from __future__ import annotations
 
@@ -11,7 +6,6 @@ import contextlib
 import os
 import pickle
 import signal
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any, BinaryIO, NoReturn, TypeVar
 
@@ -22,41 +16,15 @@ INDEX_BYTES = 2
 """Bytes of a task index in the queue, which is a pipe; its buffer of 64 KiB holds 32768 indices."""
 
 
-MAX_JOBS = 6
-"""More processes do not shorten the generation of a robot: its longest task takes a third of the total time."""
+def forked_map(
+    function: Callable[[Task], Result], tasks: Sequence[Task], others: int, tell: Callable[[int], None] | None
+) -> dict[int, Result]:
+    """Results by task index, computed by this process and ``others``; those of processes that failed are missing.
 
-
-def usual_jobs() -> int:
-    """Default number of processes: the cores available to this process, at most :data:`MAX_JOBS`."""
-    return min(MAX_JOBS, len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1)
-
-
-Tell = Callable[[int, int, str], None]
-"""``tell(done, total, message)``: how many tasks of how many are done, and of what kind they are."""
-
-
-def parallel_map(
-    function: Callable[[Task], Result],
-    tasks: Sequence[Task],
-    jobs: int,
-    tell: Tell | None = None,
-    message: str = "",
-) -> list[Result]:
-    """``[function(task) for task in tasks]``, computed by up to ``jobs`` processes that start tasks in the given order.
-
-    Results must pickle. A task whose process failed or was killed is repeated in this process, so that its error
-    reaches the caller. ``tell(done, total, message)`` is called after every task, in the process that did it.
+    ``tell(k)`` is called in the process that did the k-th task to be done, counted from 1.
     """
-    others = min(jobs, len(tasks)) - 1
-    if others < 1 or not _has_one_thread():
-        results = []
-        for k, task in enumerate(tasks):
-            results.append(function(task))
-            if tell is not None:
-                tell(k + 1, len(tasks), message)
-        return results
     if tell is not None:
-        function = _telling(function, len(tasks), tell, message)
+        function = _telling(function, len(tasks), tell)
     queue = _queue(len(tasks))
     children: list[_ChildProcess] = []
     try:
@@ -70,27 +38,20 @@ def parallel_map(
         os.close(queue)
         for child in children:
             child.end()
-    return [done[k] if k in done else function(task) for k, task in enumerate(tasks)]
+    return done
 
 
-def _telling(function: Callable[[Task], Result], total: int, tell: Tell, message: str) -> Callable[[Task], Result]:
+def _telling(function: Callable[[Task], Result], total: int, tell: Callable[[int], None]) -> Callable[[Task], Result]:
     """``function`` that reports progress after each call: how many calls have ended in all processes."""
     numbers = _queue(total)
 
     def told(task: Task) -> Result:
         result = function(task)
         if number := os.read(numbers, INDEX_BYTES):
-            tell(int.from_bytes(number, "little") + 1, total, message)
+            tell(int.from_bytes(number, "little") + 1)
         return result
 
     return told
-
-
-def _has_one_thread() -> bool:
-    try:
-        return len(os.listdir("/proc/self/task")) == 1
-    except OSError:
-        return False
 
 
 def _queue(count: int) -> int:
