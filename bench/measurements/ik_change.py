@@ -20,6 +20,7 @@ import click
 import numpy as np
 
 from bench.templates import render
+from rrrgen.backends.c.solver.passes import PASSES, Pass
 from rrrgen.robotfile import bundled_names, load_spec
 from rrrgen.verify.references.chain import Array, chain_of
 from rrrgen.verify.references.newton_euler import NewtonEuler
@@ -43,7 +44,7 @@ def main(arguments: Sequence[str]) -> None:
             click.echo(compared(robot, Path(folder), after, Path(place)))
 
 
-def write(robot: str, folder: Path) -> None:
+def write(robot: str, folder: Path, passes: Sequence[Pass] = PASSES) -> None:
     """Write the inverse kinematics of a bundled robot, planned anew."""
     from rrrgen.backends.c.solver.files import emit
     from rrrgen.ik.classify import plan_chain
@@ -51,7 +52,7 @@ def write(robot: str, folder: Path) -> None:
 
     spec = load_spec(robot)
     folder.mkdir(parents=True, exist_ok=True)
-    for file, text in emit(spec, plan_chain(numeric_chain(spec))).files.items():
+    for file, text in emit(spec, plan_chain(numeric_chain(spec)), passes=passes).files.items():
         if file.endswith((".c", ".h")):
             (folder / file).write_text(text, encoding="utf-8")
 
@@ -72,6 +73,14 @@ def compared(robot: str, before: Path, after: Path, place: Path) -> str:
         f"{robot:9} {counts[0]:9.1f} -> {counts[1]:9.1f} instructions a call ({counts[1] / counts[0] - 1:+.1%}); "
         f"{rows[0]} -> {rows[1]} rows, {differ} of {len(lines[0])} targets differ"
     )
+
+
+def machine_code(robot: str, folder: Path) -> int:
+    """Bytes of the text section, gcc -O2."""
+    program = folder / "solver.o"
+    subprocess.run(["gcc", "-O2", "-w", f"-I{folder}", "-c", folder / f"{robot}_ik.c", "-o", program], check=True)
+    said = subprocess.run(["size", program], capture_output=True, text=True, check=True).stdout
+    return int(said.splitlines()[1].split()[0])
 
 
 def _targets(robot: str) -> Array:

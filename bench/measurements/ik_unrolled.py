@@ -10,7 +10,6 @@ body for each. The page of the architecture quotes it as the reason why choices 
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -18,7 +17,7 @@ from pathlib import Path
 
 import click
 
-from bench.measurements.ik_change import compared, write
+from bench.measurements.ik_change import compared, machine_code, write
 
 ROOTS = 2
 LOOP = re.compile(r"for \(int (i\w+) = 0; \1 < ([nm]\w+(?:\[[^;]*\])?); \+\+\1\)")
@@ -36,17 +35,9 @@ def main(robots: Sequence[str]) -> None:
             copy = rf'_Pragma("GCC unroll {ROOTS}") for (int \1 = 0; \1 < {ROOTS} && \1 < \2; ++\1)'
             text, count = LOOP.subn(copy, file.read_text(encoding="utf-8"))
             file.write_text(text, encoding="utf-8")
-            sizes = [_machine_code(robot, folder) for folder in (unrolled, now)]
+            sizes = [machine_code(robot, folder) for folder in (unrolled, now)]
             line = compared(robot, unrolled, now, Path(place))
             click.echo(f"{line}; {count} loops; {sizes[0]} -> {sizes[1]} bytes of code")
-
-
-def _machine_code(robot: str, folder: Path) -> int:
-    """Bytes of the text section."""
-    program = folder / "solver.o"
-    subprocess.run(["gcc", "-O2", "-w", f"-I{folder}", "-c", folder / f"{robot}_ik.c", "-o", program], check=True)
-    said = subprocess.run(["size", program], capture_output=True, text=True, check=True).stdout
-    return int(said.splitlines()[1].split()[0])
 
 
 if __name__ == "__main__":

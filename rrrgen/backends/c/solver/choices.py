@@ -1,14 +1,11 @@
-"""Writes a recorded inverse kinematics as C: straight-line blocks between loops over the roots of its equations.
-
-Each value is computed in the outermost loop in which it is known.
-"""
+"""Writes a recorded inverse kinematics as C: a nest of loops over the roots of its equations, which passes improve."""
 
 from __future__ import annotations
 
 from math import hypot
 
+from rrrgen.backends.c.solver.loop_nest import ARC, Arc
 from rrrgen.backends.c.solver.scaffold import Scaffold
-from rrrgen.backends.c.solver.statements import Statement
 from rrrgen.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import S, Vector, dot, minus, square, total
@@ -28,12 +25,9 @@ class CBuilder(Scaffold):
         tag = self._tag(joint)
         if a.is_const and b.is_const:
             return self._fixed_pair(joint, a.value, b.value, k, label, tag, radicand)
-        level = max(a.level, b.level, k.level)
         w2 = "(REAL)-1" if radicand is None else "{4}"
         extra = () if radicand is None else (self.pool.of(radicand),)
-        level = max([level, *(node.level for node in extra)])
-        self._add(
-            level,
+        a, b, k, w, n = self._add(
             (
                 f"REAL a{tag} = {{0}}, b{tag} = {{1}}, k{tag} = {{2}}, w{tag};",
                 f"unsigned f{tag} = 0u;",
@@ -41,14 +35,14 @@ class CBuilder(Scaffold):
                 f"least, {self._open_bit(joint)}, {self._free_bits(joint)}, {self._slack}, &w{tag}, &f{tag});",
             ),
             (a, b, k, self.reference(joint), *extra),
+            defines=tuple(f"{letter}{tag}" for letter in "abkwn"),
             calls=("linear" if radicand is None else "linear_given",),
             rare=(3,),
         )
         self._needs.add("linear")
-        a, b, k = (self.pool.var(f"{letter}{tag}", level) for letter in "abk")
         self._flags.append(f"f{tag}")
-        w = self._loop(tag, level, label, f"v{tag}")
-        return self._angle(joint, self._turned(tag, a * k - b * w, b * k + a * w), level)
+        v = self._loop(tag, n, w, label, f"v{tag}")
+        return self._angle(joint, self._turned(tag, a * k - b * v, b * k + a * v))
 
     def _fixed_pair(
         self, joint: Joint, a: float, b: float, k: Scalar, label: Label, tag: str, radicand: S | None
@@ -60,31 +54,35 @@ class CBuilder(Scaffold):
         ca, sa = a / h, b / h
         k = k / h
         better = None if radicand is None else self.pool.of(radicand) / (h * h)
-        level = k.level if better is None else max(k.level, better.level)
-        cosine = self.pool.var(f"k{tag}", level)
+        cosine, w = self._add(
+            (f"REAL k{tag} = {{0}}, w{tag};",),
+            (k,),
+            defines=(f"k{tag}", f"w{tag}"),
+            beside=() if better is None else (better,),
+        )
         w2 = (1 - cosine) * (1 + cosine) if better is None else better
-        self._add(level, (f"REAL k{tag} = {{0}}, w{tag};",), (k,))
-        self._add(
-            level,
+        (n,) = self._add(
             (
                 f"unsigned f{tag} = 0u;",
                 f"const int n{tag} = ik_cosine(&k{tag}, {{0}}, {self._slack}, &w{tag}, &f{tag});",
             ),
-            (w2,),
+            (w2, cosine),
+            defines=(f"n{tag}",),
             calls=("cosine",),
         )
         self._needs.add("cosine")
         self._flags.append(f"f{tag}")
-        w = self._loop(tag, level, label, f"v{tag}")
-        return self._angle(joint, self._turned(tag, ca * cosine - sa * w, sa * cosine + ca * w), level)
+        v = self._loop(tag, n, w, label, f"v{tag}")
+        return self._angle(joint, self._turned(tag, ca * cosine - sa * v, sa * cosine + ca * v))
 
-    def _loop(self, tag: str, level: int, label: Label, name: str) -> Scalar:
-        """Open a loop over both signs of the C variable ``w<tag>``; the signed value gets the name ``name``."""
-        inner = self._open(tag, f"n{tag}", 2, level)
+    def _loop(self, tag: str, n: Scalar, w: Scalar, label: Label, name: str) -> Scalar:
+        """Open a loop over the ``n`` signs of ``w``; returns the signed value, which gets the name ``name``."""
+        i = self._open(tag, n, 2)
         first, second = ("", "-") if label.positive > 0 else ("-", "")
-        self._add(inner, (f"const REAL {name} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",), ())
         self._branch.append((f"(unsigned)i{tag}", 1))
-        return self.pool.var(name, inner)
+        return self._add(
+            (f"const REAL {name} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",), (i, w), defines=(name,)
+        )[0]
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
         """Both square roots of ``radicand``, in a loop over their signs.
@@ -94,28 +92,25 @@ class CBuilder(Scaffold):
         """
         node, big = self.pool.of(radicand), self.pool.of(size) + (SIZE_OF_NOTHING * unit) * unit
         tag = self._fresh_tag(hint)
-        level = max(node.level, big.level)
-        self._add(
-            level,
+        w, n = self._add(
             (
                 f"REAL w{tag};",
                 f"unsigned f{tag} = 0u;",
                 f"const int n{tag} = ik_root({{0}}, {{1}}, {self._slack}, &w{tag}, &f{tag});",
             ),
             (node, big),
+            defines=(f"w{tag}", f"n{tag}"),
             calls=("root_constant" if big.is_const else "root",),
         )
         self._needs.add("root")
         self._flags.append(f"f{tag}")
-        return self._loop(tag, level, label, hint)
+        return self._loop(tag, n, w, label, hint)
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
         """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
         tag = self._tag(joint)
         nodes = tuple(self.pool.of(x) for x in k)
-        level = max(node.level for node in nodes)
-        self._add(
-            level,
+        *arrays, n = self._add(
             (
                 f"REAL c{tag}_[4], s{tag}_[4], x{tag}_[4];",
                 f"unsigned g{tag}[4];",
@@ -123,18 +118,19 @@ class CBuilder(Scaffold):
                 f"c{tag}_, s{tag}_, x{tag}_, g{tag});",
             ),
             nodes,
+            defines=(f"c{tag}_", f"s{tag}_", f"x{tag}_", f"n{tag}"),
             calls=("quartic",),
         )
         self._needs.update(("quartic", "near"))
-        inner = self._open(tag, f"n{tag}", 4, level)
-        self._add(
-            inner,
+        i = self._open(tag, n, 4)
+        c, s, x = self._add(
             (f"const REAL c{tag} = c{tag}_[i{tag}], s{tag} = s{tag}_[i{tag}], x{tag} = x{tag}_[i{tag}];",),
-            (),
+            (*arrays, i),
+            defines=(f"c{tag}", f"s{tag}", f"x{tag}"),
         )
         self._branch.append((f"g{tag}[i{tag}]", 2))
-        self._values[joint.index] = self._user(joint, self.pool.var(f"x{tag}", inner))
-        return Turn(self.pool.var(f"c{tag}", inner), self.pool.var(f"s{tag}", inner))
+        self._values[joint.index] = self._user(joint, x)
+        return Turn(c, s)
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
         """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``."""
@@ -142,27 +138,25 @@ class CBuilder(Scaffold):
         if len(nodes) == 2:
             return self.slide(joint, -nodes[0] / nodes[1])
         tag = self._tag(joint)
-        level = max(node.level for node in nodes)
         most = len(nodes) - 1
         kind = "quadratic" if most == 2 else "power4"
         slack = self._slack if most == 2 else "slack"
         slots = ", ".join(f"{{{i}}}" for i in range(len(nodes)))
-        self._add(
-            level,
+        roots, n = self._add(
             (
                 f"REAL x{tag}_[{most}];",
                 f"unsigned g{tag}[{most}], f{tag} = 0u;",
                 f"const int n{tag} = ik_{kind}({slots}, {self._real(unit)}, {slack}, x{tag}_, g{tag}, &f{tag});",
             ),
             nodes,
+            defines=(f"x{tag}_", f"n{tag}"),
             calls=(kind,),
         )
         self._needs.update((kind, "near"))
         self._flags.append(f"f{tag}")
-        inner = self._open(tag, f"n{tag}", most, level)
-        self._add(inner, (f"const REAL x{tag} = x{tag}_[i{tag}];",), ())
+        i = self._open(tag, n, most)
+        (x,) = self._add((f"const REAL x{tag} = x{tag}_[i{tag}];",), (roots, i), defines=(f"x{tag}",))
         self._branch.append((f"g{tag}[i{tag}]", 1 if most == 2 else 2))
-        x = self.pool.var(f"x{tag}", inner)
         self._values[joint.index] = self._user(joint, x)
         return x
 
@@ -171,18 +165,18 @@ class CBuilder(Scaffold):
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
         """The single angle ``atan2(s, c)``; the reference angle of the joint where both vanish."""
         tag = self._tag(joint)
-        sn, cn = self.pool.of(s), self.pool.of(c)
-        level = max(sn.level, cn.level)
-        lines = self._directed(joint, tag, level, "{2}")
-        self._add(
-            level,
-            (f"REAL c{tag} = {{1}}, s{tag} = {{0}};", *lines),
-            (sn, cn, self.reference(joint)),
-            calls=("unit",),
-            rare=(2,),
+        arc = self._unscaled(joint, tag)
+        turn = Turn(
+            *self._add(
+                (f"REAL c{tag} = {{1}}, s{tag} = {{0}};", *self._directed(joint, tag, "{2}", arc)),
+                (self.pool.of(s), self.pool.of(c), self.reference(joint)),
+                defines=(f"c{tag}", f"s{tag}"),
+                calls=("unit",) if arc is None else ("unit", "arc"),
+                rare=(2,),
+                arc=arc,
+            )
         )
-        turn = Turn(self.pool.var(f"c{tag}", level), self.pool.var(f"s{tag}", level))
-        return turn if joint.index in self._arcs.joints else self._angle(joint, turn)
+        return turn if arc is not None else self._angle(joint, turn)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
         """The angle about z that rotates ``v`` to the direction of ``u``; the reference if one of them is along z.
@@ -195,7 +189,6 @@ class CBuilder(Scaffold):
         size = self.name(f"size{tag}", before * after)
         direction = [self.pool.of(x) for x in between(v, u)]
         bounds = () if feasible is None else tuple(self.pool.of(x) for x in feasible)
-        level = max(node.level for node in (size, *direction, *bounds))
         reference = "{3}"
         if feasible is not None:
             reference = "ik_feasible({3}, {4}, {5}, {6}, {7}, {8})"
@@ -203,8 +196,7 @@ class CBuilder(Scaffold):
         bit, scale = self._open_bit(joint), "" if unit == 1.0 else f" * {self._real(unit)}"
         doubt, free = f"(IK_TOL_DOUBT{scale})", f"(least{scale})"
         self._flags.append(f"f{tag}")
-        self._add(
-            level,
+        a, b, f = self._add(
             (
                 f"REAL a{tag} = {{0}}, b{tag} = {{1}};",
                 f"const unsigned f{tag} = {{2}} > {doubt} * {doubt} ? 0u : "
@@ -215,11 +207,11 @@ class CBuilder(Scaffold):
                 "}",
             ),
             (*direction, size, self.reference(joint), *bounds),
+            defines=(f"a{tag}", f"b{tag}", f"f{tag}"),
             rare=tuple(range(3, 4 + len(bounds))),
         )
-        a, b, g = (self.pool.var(f"{letter}{tag}", level) for letter in "abg")
-        whole = (f"const REAL g{tag} = (f{tag} & (unsigned)IK_FREE) != 0u ? (REAL)1 : (REAL)1 / {{0}};",)
-        self._items.append(Statement(level, whole, (size,), g, ("inverse",)))
+        inverse = f"(f{tag} & (unsigned)IK_FREE) != 0u ? (REAL)1 : (REAL)1 / {{0}}"
+        g = self._defined(f"g{tag}", inverse, (size, f), ("inverse",))
         turn = self._turned(tag, a * g, b * g)
         self._angle(joint, Turn(a, b) if joint.index in self._joints else turn)
         self._residual.append(self.pool.of(square((before - after, total(v[2], -u[2]), 0)) / (unit * unit)))
@@ -229,27 +221,28 @@ class CBuilder(Scaffold):
         """Name the length of ``v`` perpendicular to z, ``sqrt(x^2 + y^2)``."""
         return self.name(hint, self.pool.sqrt(self.pool.of(square((v[0], v[1], 0)))))
 
-    def _directed(self, joint: Joint, tag: str, level: int, reference: str) -> tuple[str, ...]:
-        """C lines that scale (c, s) to a unit vector; where both vanish, it is that of the reference angle.
+    def _unscaled(self, joint: Joint, tag: str) -> Arc | None:
+        """The arc tangent of a joint without offset, of a direction (c, s) that is yet to be scaled to a unit vector.
 
-        A joint without offset stores (c, s) unscaled for its arc tangent, which then need not wait for the square root
-        and the division.
+        It need not wait for the square root and the division. None for other joints.
         """
-        keep = ""
-        if joint.index in self._joints and not joint.offset:
-            slot = self._arcs.joints[joint.index] = self._arcs.slot(self._loops[:level])
-            sign = "-" if joint.sign < 0 else ""
-            keep = f"cosine[{slot.text()}] = c{tag}; sine[{slot.text()}] = {sign}s{tag};"
+        if joint.index not in self._joints or joint.offset:
+            return None
+        angle = self._values[joint.index] = self._angle_variable(joint)
+        return Arc(angle, f"c{tag}", f"{'-' if joint.sign < 0 else ''}s{tag}")
+
+    def _directed(self, joint: Joint, tag: str, reference: str, arc: Arc | None) -> tuple[str, ...]:
+        """C lines that scale (c, s) to a unit vector; where both vanish, it is that of the reference angle."""
         self._needs.add("unit")
         self._flags.append(f"f{tag}")
         return (
-            *([keep] if keep else []),
+            *([] if arc is None else [ARC]),
             f"const unsigned f{tag} = ik_unit(&c{tag}, &s{tag}, least, "
             f"{self._open_bit(joint)}, {self._free_bits(joint)});",
             f"if ((f{tag} & (unsigned)IK_FREE) != 0u) {{",
             f"    const REAL x{tag} = {reference};",
             f"    c{tag} = COS(x{tag}); s{tag} = SIN(x{tag});",
-            *([f"    {keep}"] if keep else []),
+            *([] if arc is None else [f"    {ARC}"]),
             "}",
         )
 
@@ -266,8 +259,8 @@ class CBuilder(Scaffold):
         if not joint.revolute:
             return raw
         tag = self._tag(joint)
-        self._add(0, (f"const REAL c{tag} = COS({{0}}), s{tag} = SIN({{0}});",), (raw,), calls=("angle",))
-        return Turn(self.pool.var(f"c{tag}"), self.pool.var(f"s{tag}"))
+        line = f"const REAL c{tag} = COS({{0}}), s{tag} = SIN({{0}});"
+        return Turn(*self._add((line,), (raw,), defines=(f"c{tag}", f"s{tag}"), calls=("angle",)))
 
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
@@ -277,56 +270,54 @@ class CBuilder(Scaffold):
         e4, e5 = signs
         nodes = tuple(self.pool.of(x) for x in (e5 * M[0][2], e5 * M[1][2], -e4 * e5 * M[2][2]))
         mx = (self.name("mx", M[0][0]), self.name("my", M[1][0]), self.name("mz", M[2][0]))
-        level = max(node.level for node in (*nodes, *mx))
-        reference = self.reference(joints[0])
-        self._add(
-            level,
+        arc = self._unscaled(joints[0], first)
+        c4, s4, c5, s5, f = self._add(
             (
                 f"REAL c{first} = {{0}}, s{first} = {{1}};",
                 f"const REAL s{middle} = SQRT(c{first} * c{first} + s{first} * s{first}), c{middle} = {{2}};",
-                *self._directed(joints[0], first, level, "{3}"),
+                *self._directed(joints[0], first, "{3}", arc),
             ),
-            (*nodes, reference),
-            calls=("length", "unit"),
+            (*nodes, self.reference(joints[0])),
+            defines=(f"c{first}", f"s{first}", f"c{middle}", f"s{middle}", f"f{first}"),
+            calls=("length", "unit") if arc is None else ("length", "unit", "arc"),
             rare=(3,),
+            arc=arc,
         )
         self._needs.add("wrist")
-        c4, s4, c5, s5 = (self.pool.var(text, level) for text in (f"c{first}", f"s{first}", f"c{middle}", f"s{middle}"))
         column0 = (self.name("ux", c4 * c5), self.name("uy", s4 * c5), e4 * s5)
         column1 = (e4 * e5 * s4, -(e4 * e5) * c4, 0)
         c6, s6 = self._turned(last, self.pool.of(dot(column0, mx)), self.pool.of(dot(column1, mx)))
         built = tuple(total(c6 * u, s6 * v) for u, v in zip(column0, column1, strict=True))
         self.residual((), minus(built, mx))
-        self._add(level, (f"const int n{first}f = (f{first} & (unsigned)IK_FREE) == 0u ? 2 : 1;",), ())
-        return self._flipped(joints, (Turn(c4, s4), Turn(c5, s5), Turn(self.pool.of(c6), self.pool.of(s6))), first)
+        line = f"const int n{first}f = (f{first} & (unsigned)IK_FREE) == 0u ? 2 : 1;"
+        (n,) = self._add((line,), (f,), defines=(f"n{first}f",))
+        turns = (Turn(c4, s4), Turn(c5, s5), Turn(self.pool.of(c6), self.pool.of(s6)))
+        return self._flipped(joints, turns, f"{first}f", n)
 
     def _flipped(
-        self, joints: tuple[Joint, Joint, Joint], turns: tuple[Turn, Turn, Turn], first: str
+        self, joints: tuple[Joint, Joint, Joint], turns: tuple[Turn, Turn, Turn], tag: str, n: Scalar
     ) -> tuple[Turn, Turn, Turn]:
         """A wrist and its other solution: both outer joints half a turn on, the middle one reversed."""
-        level, middle = max(self._level(turn) for turn in turns), joints[1]
+        middle = joints[1]
+        real = [joint for joint in joints if joint.index in self._joints]
         for joint, turn in zip(joints, turns, strict=True):
-            if joint.index in self._joints and joint.index not in self._arcs.joints:
-                self._arcs.joints[joint.index] = self._written(level, self._loops[:level], users_turn(joint, turn))
+            if joint in real and joint.index not in self._values:
+                self._angle(joint, turn)
         x4, x5, x6 = turns
-        reversed5 = Turn(x5.c, -x5.s)
-        other = self._written(level, self._loops[:level], users_turn(middle, reversed5)) if middle.offset else None
-        inner = self._open(f"{first}f", f"n{first}f", 2, level, sure=True)
-        choice = f"i{first}f"
-        self._branch.append((f"(unsigned){choice}", 1))
-        for joint in joints:
-            slot = self._arcs.joints.get(joint.index)
-            if slot is None:
-                continue
-            if joint is middle and other is not None:
-                slot.choice, slot.step = choice, other.first - slot.first
+        other = None
+        if middle in real and middle.offset:
+            other = self._arc(middle, users_turn(middle, Turn(x5.c, -x5.s)))
+        i = self._open(tag, n, 2, sure=True)
+        self._branch.append((f"(unsigned){i.text}", 1))
+        for joint in real:
+            if joint is middle:
+                self._flip(joint, i, other, "" if other is not None else "-{}")
             else:
-                self._arcs.copy(slot, choice, "-{}" if joint is middle else "ik_opposite({})")
-        virtual = [joint for joint in joints if joint.index not in self._joints]
-        if not virtual and all(index in self._values or index in self._arcs.joints for index in self._joints):
+                self._flip(joint, i, None, "ik_opposite({})")
+        virtual = [joint for joint in joints if joint not in real]
+        if not virtual and all(index in self._values for index in self._joints):
             return turns
-        self._add(inner, (f"const REAL g{first}f = {choice} == 0 ? (REAL)1 : (REAL)-1;",), ())
-        g = self.pool.var(f"g{first}f", inner)
+        (g,) = self._add((f"const REAL g{tag} = {i.text} == 0 ? (REAL)1 : (REAL)-1;",), (i,), defines=(f"g{tag}",))
         flipped = (Turn(g * x4.c, g * x4.s), Turn(x5.c, g * x5.s), Turn(g * x6.c, g * x6.s))
         for joint, turn in zip(joints, flipped, strict=True):
             if joint in virtual:

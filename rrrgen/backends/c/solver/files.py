@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from rrrgen.backends.c.solver.call_stack import stack_bounds
 from rrrgen.backends.c.solver.choices import CBuilder
 from rrrgen.backends.c.solver.counting import SolverOperations, sum_of
 from rrrgen.backends.c.solver.kernels import KernelDialect, Settings, kernel, specialize
+from rrrgen.backends.c.solver.passes import PASSES, Pass
 from rrrgen.backends.c.solver.settings import reopening, settings
 from rrrgen.backends.c.solver.statements import CBody
 from rrrgen.backends.c.solver.wording import branch_text, explanation, opening
@@ -93,12 +95,12 @@ def _public(spec: RobotSpec) -> list[str]:
     return [f"{spec.name}_{name}" for name in FUNCTIONS]
 
 
-def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double") -> Emitted:
+def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double", passes: Sequence[Pass] = PASSES) -> Emitted:
     """The emitted files of ``plan`` with their stack and operations; DerivationError if the robot has no solver."""
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
     dialect = Dialect(spec.name, real)
-    bodies = [_body(plan, part, dialect) for part in parts_of(plan)]
+    bodies = [_body(plan, part, dialect, passes) for part in parts_of(plan)]
     counts = [body.operations for body in bodies if body is not None]
     operations = sum_of(counts) if len(counts) == len(bodies) else None  # those of a companion too
     source, rows = _source(plan, bodies, dialect)
@@ -109,7 +111,7 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double") -> Emitted:
     return Emitted(plan, files, rows, public, operations)
 
 
-def _body(plan: SolverPlan, part: SolverPlan, dialect: Dialect) -> CBody | None:
+def _body(plan: SolverPlan, part: SolverPlan, dialect: Dialect, passes: Sequence[Pass]) -> CBody | None:
     """The C body that lists the candidate solutions of ``part``, or None if a numerical kernel lists them.
 
     ``part`` is ``plan`` itself or its companion, a simpler arm that is nearly this one.
@@ -125,7 +127,7 @@ def _body(plan: SolverPlan, part: SolverPlan, dialect: Dialect) -> CBody | None:
         banded=plan.snapped or plan.companion is not None,
     )
     part.equations.play(builder)
-    return builder.body()
+    return builder.body(passes)
 
 
 CANDIDATES = (

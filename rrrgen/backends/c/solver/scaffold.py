@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rrrgen.backends.c.solver.arcs import RESERVED, Arcs, Slot, kept_count
-from rrrgen.backends.c.solver.counting import CALLS, sum_of
-from rrrgen.backends.c.solver.statements import CBody, Loop, Statement, position, printed
+from rrrgen.backends.c.solver.loop_nest import ARC, STOP, Arc, Flip, Item, Leaf, Loop, LoopNest, Statement
+from rrrgen.backends.c.solver.passes import Pass
+from rrrgen.backends.c.solver.passes.arcs import RESERVED
+from rrrgen.backends.c.solver.statements import CBody, printed
 from rrrgen.backends.interface import Target
 from rrrgen.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
@@ -21,6 +22,8 @@ VIRTUAL_END = 100
 
 class Scaffold:
     """Collects the C statements of an inverse kinematics in loops over its roots; :meth:`body` prints them.
+
+    Every statement is recorded inside all loops opened so far; passes move it from there.
 
     A *virtual* joint is one that the derivation adds to the chain and that stands at zero in every solution.
     """
@@ -42,10 +45,9 @@ class Scaffold:
         self.length = length
         self._joints = {joint.index: joint for joint in joints}
         self._position_only = position_only
-        self._items: list[Statement] = []
+        self._items: list[Item] = []
         self._loops: list[Loop] = []
         self._values: dict[int, Scalar] = {}
-        self._arcs = Arcs()
         self._flags: list[str] = []
         self._branch: list[tuple[str, int]] = []  # expression, bits
         self._residual: list[Scalar] = []
@@ -79,10 +81,7 @@ class Scaffold:
         node = self.pool.of(x)
         if node.is_plain:
             return node
-        text = self._fresh(hint)
-        variable = self.pool.var(text, node.level)
-        self._items.append(Statement(node.level, (f"const REAL {text} = {{0}};",), (node,), variable))
-        return variable
+        return self._defined(self._fresh(hint), "{0}", (node,))
 
     def names(self, hint: str, v: Vector) -> Vector:
         """Define a C constant for each coordinate of ``v`` (3,): ``<hint>x``, ``<hint>y`` and ``<hint>z``."""
@@ -99,31 +98,43 @@ class Scaffold:
         self._taken -= {f"c{tag}", f"s{tag}"}
         return Turn(self.name(f"c{tag}", c), self.name(f"s{tag}", s))
 
-    def _angle(self, joint: Joint, turn: Turn, outside: int | None = None) -> Turn:
-        """Store the cosine and sine of a joint's angle, from which the arc tangent is taken after all loops.
+    def _angle(self, joint: Joint, turn: Turn) -> Turn:
+        """Set a joint to the angle with the cosine and sine of ``turn``, or with a common multiple of them.
 
-        A virtual joint must stand at zero: its distance from zero is added to the residual. ``outside`` is the loop
-        level at which the joint's own equation is solved; the loop opened last then runs over the roots of that
-        equation.
+        A virtual joint must stand at zero: its distance from zero is added to the residual.
         """
         users = users_turn(joint, turn)
-        level = self._level(turn)
         if joint.index in self._joints:
-            loops = self._loops[:level] if outside is None else [*self._loops[:outside], self._loops[-1]]
-            self._arcs.joints[joint.index] = self._written(level, loops, users)
+            self._values[joint.index] = self._arc(joint, users)
         elif joint.index < VIRTUAL_END:
             self._residual.append(self.pool.of(total(square((1 - users.c, users.s, 0)))))
         return turn
 
-    def _written(self, level: int, loops: Sequence[Loop], users: Turn) -> Slot:
-        """Reserve an array slot for the angle of ``users``, and store its cosine and sine there."""
-        slot = self._arcs.slot(loops)
-        at = slot.text()
-        self._add(level, (f"cosine[{at}] = {{0}};", f"sine[{at}] = {{1}};"), tuple(map(self.pool.of, users)))
-        return slot
+    def _arc(self, joint: Joint, users: Turn) -> Scalar:
+        """Define the angle of a joint by the arc tangent of ``users``, the cosine and sine of the user's angle."""
+        arc = Arc(self._angle_variable(joint), "{0}", "{1}")
+        self._add((ARC,), (self.pool.of(users.c), self.pool.of(users.s)), calls=("arc",), arc=arc)
+        return arc.angle
 
-    def _level(self, turn: Turn) -> int:
-        return max(self.pool.of(turn.c).level, self.pool.of(turn.s).level)
+    def _flip(self, joint: Joint, choice: Scalar, other: Scalar | None, formula: str = "") -> None:
+        """Set ``joint``, which has an angle already, to that angle or to another one, by the loop variable ``choice``.
+
+        The other angle is the variable ``other``, or ``formula`` of the first.
+        """
+        source, variable = self._values[joint.index], self._angle_variable(joint)
+        second = "{2}" if other is not None else formula.format("{1}")
+        operands = (choice, source) if other is None else (choice, source, other)
+        self._add(
+            (f"const REAL {variable.text} = {{0}} == 0 ? {{1}} : {second};",),
+            operands,
+            defines=(variable.text,),
+            calls=("opposite",) if formula.startswith("ik_opposite") else (),
+            flip=Flip(choice.text, source, other, formula),
+        )
+        self._values[joint.index] = variable
+
+    def _angle_variable(self, joint: Joint) -> Scalar:
+        return self.pool.var(self._fresh(f"q{joint.index + 1}"))
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
         """Add lengths (m) and cosines that vanish at a true solution; candidates where they do not are dropped."""
@@ -136,62 +147,48 @@ class Scaffold:
 
     # -- printing -----------------------------------------------------------------------------------------------------
 
-    def body(self) -> CBody:
-        """The branch function's body; every joint must have been given a value."""
-        missing = [j + 1 for j in self._joints if j not in self._values and j not in self._arcs.joints]
+    def body(self, passes: Sequence[Pass]) -> CBody:
+        """The branch function's body after ``passes``; every joint must have been given a value."""
+        nest = self.nest()
+        for step in passes:
+            nest = step(nest)
+        text, operations = printed(nest, self._target, self._taken)
+        together = {"arcs"} if nest.after else set()
+        return CBody(text, frozenset(self._needs | together), operations)
+
+    def nest(self) -> LoopNest:
+        """The statements in their loops, as the derivation gave them, and the candidate that they end in."""
+        missing = [j + 1 for j in self._joints if j not in self._values]
         if missing:
             raise InternalError(f"no value for joints {missing}")
-        deepest = len(self._loops)
         for index, value in self._values.items():
             if index not in self._joints and index < VIRTUAL_END:
                 self._residual.append(value * value)  # a virtual joint must stand at zero
         known = self._trusted and self._residual
-        error = self.pool.of(total(*self._residual)) if known else self.pool.of(-1.0)
         self._needs |= set() if known else {"unknown"}
-        error = self.name("error", error)
-        before, behind = self._arcs.finished(self._loops)
-        self._needs |= {"arcs"} if behind else set()
-        leaf: list[str] = []
-        operands: list[Scalar] = []
-        for j in sorted(self._values):
-            where = f"found->q[rows][{j}]" if j in self._joints else ""
-            if where:
-                leaf.append(f"{where} = {{{len(operands)}}};")
-                operands.append(self._values[j])
-        flags = " | ".join(self._flags) or "0u"
-        leaf.append(f"found->flags[rows] = {flags};")
+        error = self.name("error", self.pool.of(total(*self._residual)) if known else self.pool.of(-1.0))
         branch, bit = [], 0
         for text, bits in self._branch:
             branch.append(f"({text} << {bit})" if bit else text)
             bit += bits
-        leaf.append(f"found->branch[rows] = {' | '.join(branch) or '0u'};")
-        leaf.append(f"found->residual[rows] = {{{len(operands)}}};")
-        operands.append(error)
-        leaf.append("++rows;")
-        self._add(deepest, tuple(leaf), tuple(operands))
-        loops, counted = printed(self._items, self._loops, self._target, self._taken)
-        text = "\n".join([*(f"    {line}" for line in before), loops, *(f"    {line}" for line in behind)])
-        arcs = [CALLS[name] for name in self._arcs.calls]
-        return CBody(text, frozenset(self._needs), sum_of([counted, *arcs]))
+        joints = tuple((j, self._values[j]) for j in sorted(self._joints))
+        flags = " | ".join(self._flags) or "0u"
+        leaf = Leaf(len(self._loops), joints, flags, " | ".join(branch) or "0u", error)
+        return LoopNest(tuple(self._loops), (*self._items, leaf))
 
     # -- loops, flags and names ---------------------------------------------------------------------------------------
 
-    def _open(self, tag: str, count: str, most: int, level: int, *, sure: bool = False) -> int:
-        """Open a C loop over the roots of one equation and return its depth.
+    def _open(self, tag: str, count: Scalar, most: int, *, sure: bool = False) -> Scalar:
+        """Open a C loop over the roots of one equation; returns its loop variable.
 
-        ``count`` is the C variable with the number of roots, ``most`` its largest value, ``level`` the depth at which
-        it is computed. Unless at least one root is ``sure`` to exist, code is added that records at which equation the
-        search failed.
+        ``count`` is the C variable with the number of roots, ``most`` its largest value. Unless at least one root is
+        ``sure`` to exist, code is added that records at which equation the search failed.
         """
-        if not sure:
-            k = len(self._loops) + 1
-            failed = "return 0; " if level == 0 else ""
-            self._add(level, (f"if ({count} == 0) {{ *stage = *stage < {k} ? {k} : *stage; {failed}}}",), ())
-        loop = Loop(f"i{tag}", count, most, level)
-        if level > 0:
-            self._add(level, (f"{kept_count(loop)}[{' + '.join(position(self._loops[:level])[0])}] = {count};",), ())
-        self._loops.append(loop)
-        return len(self._loops)
+        k = len(self._loops)
+        failed = f"if ({{0}} == 0) {{ *stage = *stage < {k + 1} ? {k + 1} : *stage; {STOP}}}"
+        self._add(() if sure else (failed,), (count,), opens=k)
+        self._loops.append(Loop(f"i{tag}", count.text, most, k))
+        return self.pool.var(f"i{tag}")
 
     def _open_bit(self, joint: Joint) -> str:
         """The C text of the flag for a joint close to a singularity at which it becomes free; 0 for a virtual joint."""
@@ -207,14 +204,30 @@ class Scaffold:
 
     def _add(
         self,
-        level: int,
         lines: tuple[str, ...],
         operands: tuple[Scalar, ...],
         *,
+        defines: tuple[str, ...] = (),
+        optional: bool = False,
+        beside: tuple[Scalar, ...] = (),
         calls: tuple[str, ...] = (),
         rare: tuple[int, ...] = (),
-    ) -> None:
-        self._items.append(Statement(level, lines, operands, calls=calls, rare=rare))
+        arc: Arc | None = None,
+        flip: Flip | None = None,
+        opens: int | None = None,
+    ) -> tuple[Scalar, ...]:
+        """Add a :class:`Statement` inside all open loops; returns the variables that it defines."""
+        variables = tuple(map(self.pool.var, defines))
+        every = variables if arc is None else (*variables, arc.angle)
+        self._items.append(
+            Statement(len(self._loops), lines, operands, every, optional, beside, calls, rare, arc, flip, opens)
+        )
+        return variables
+
+    def _defined(self, text: str, formula: str, operands: tuple[Scalar, ...], calls: tuple[str, ...] = ()) -> Scalar:
+        """The C constant ``text``, left out where nothing uses it; ``{0}``, ... in ``formula`` are operands."""
+        line = f"const REAL {text} = {formula};"
+        return self._add((line,), operands, defines=(text,), calls=calls, optional=True)[0]
 
     def _user(self, joint: Joint, raw: Scalar) -> Scalar:
         """The user's joint value for the value ``raw`` of the derivation: without offset, in (-pi, pi] for an angle."""
@@ -222,10 +235,7 @@ class Scaffold:
         bare = raw if joint.sign > 0 else -raw
         if not joint.revolute or (q is bare and raw.op is Op.INPUT and raw.text[0] == "x"):
             return q
-        text = self._fresh(f"q{joint.index + 1}")
-        wrapped = self.pool.var(text, q.level)
-        self._items.append(Statement(q.level, (f"const REAL {text} = ik_wrap({{0}});",), (q,), wrapped, ("wrap",)))
-        return wrapped
+        return self._defined(self._fresh(f"q{joint.index + 1}"), "ik_wrap({0})", (q,), ("wrap",))
 
     def _real(self, x: float) -> str:
         return f"(REAL){x!r}"

@@ -1,4 +1,4 @@
-"""Statements of emitted C between loops: every value is computed once, as far outside as it can be."""
+"""Prints a loop nest as C: the values between two loops are a program, printed once, in the order of their use."""
 
 from __future__ import annotations
 
@@ -7,46 +7,13 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import prod
 
-from rrrgen.backends.c.solver.counting import SolverOperations, block_operations, sum_of
+from rrrgen.backends.c.solver.counting import CALLS, SolverOperations, block_operations, sum_of
+from rrrgen.backends.c.solver.loop_nest import ARC, STOP, Leaf, LoopNest, Statement, Value, collect, opening
 from rrrgen.backends.interface import Target
 from rrrgen.backends.names import Names
 from rrrgen.backends.printing import Statements
 from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.program import Node, Op, Port, Program
-
-
-@dataclass(frozen=True)
-class Loop:
-    """One loop over the roots of a choice; ``level`` is the number of loops that its count depends on."""
-
-    variable: str
-    count: str
-    most: int
-    level: int
-
-
-def position(loops: Sequence[Loop]) -> tuple[list[str], int]:
-    """The array index of one pass through nested loops, as C terms to be added, and the number of all passes."""
-    terms = []
-    for k, loop in enumerate(loops):
-        stride = prod(inner.most for inner in loops[k + 1 :])
-        terms.append(loop.variable if stride == 1 else f"{stride} * {loop.variable}")
-    return terms, prod(loop.most for loop in loops)
-
-
-@dataclass
-class Statement:
-    """Lines of C at one depth of loops; ``{0}``, ``{1}``, ... in them are replaced by the text of the operands."""
-
-    level: int
-    lines: tuple[str, ...]
-    operands: tuple[Scalar, ...]
-    defines: Scalar | None = None
-    """The one variable of a plain definition, which can be left out where nothing uses it."""
-    calls: tuple[str, ...] = ()
-    """The kernels that are called, by their names in :mod:`rrrgen.backends.c.solver.counting`."""
-    rare: tuple[int, ...] = ()
-    """The operands that are read only where a joint is free."""
 
 
 @dataclass(frozen=True)
@@ -58,38 +25,35 @@ class CBody:
     operations: SolverOperations
 
 
-def opening(loop: Loop, count: str = "") -> str:
-    """The line that opens a loop."""
-    return f"for (int {loop.variable} = 0; {loop.variable} < {count or loop.count}; ++{loop.variable}) {{"
-
-
 class _Blocks:
     """Sorts statements and the values that they need into one block for each depth of loops.
 
-    A value belongs to the block of its own level, at the place where it is needed first; ``exported`` are those that
-    deeper blocks read.
+    A value belongs to the block where it is needed first; ``exported`` are those that deeper blocks read.
     """
 
-    def __init__(self, items: Sequence[Statement], depth: int) -> None:
-        self.values: list[list[Scalar]] = [[] for _ in range(depth + 1)]
-        self.items: list[list[tuple[int, Statement]]] = [[] for _ in range(depth + 1)]
+    def __init__(self, nest: LoopNest) -> None:
+        depths = len(nest.loops) + 1
+        self.values: list[list[Scalar]] = [[] for _ in range(depths)]
+        self.items: list[list[tuple[int, Statement | Leaf]]] = [[] for _ in range(depths)]
         self.exported: set[int] = set()
-        self._seen: set[int] = set()
-        for item in items:
+        self._places: dict[int, int] = {}
+        for item in nest.items:
             for operand in item.operands:
-                self._need(operand, item.level)
-            self.items[item.level].append((len(self.values[item.level]), item))
+                self._need(operand, item.depth)
+            if not isinstance(item, Value):
+                self.items[item.depth].append((len(self.values[item.depth]), item))
 
-    def _need(self, node: Scalar, level: int) -> None:
+    def _need(self, node: Scalar, depth: int) -> None:
         if node.is_plain:
             return
-        if node.level < level:
-            self.exported.add(id(node))
-        if id(node) not in self._seen:
-            self._seen.add(id(node))
+        place = self._places.get(id(node))
+        if place is None:
+            self._places[id(node)] = depth
             for arg in node.args:
-                self._need(arg, node.level)
-            self.values[node.level].append(node)
+                self._need(arg, depth)
+            self.values[depth].append(node)
+        elif place < depth:
+            self.exported.add(id(node))
 
 
 class _Recorded:
@@ -175,29 +139,27 @@ class _Lines(Statements):
         self._visited = max(self._visited, count)
 
 
-def printed(
-    items: Sequence[Statement], loops: Sequence[Loop], target: Target, taken: Iterable[str]
-) -> tuple[str, SolverOperations]:
-    """The C text of the statements nested in their loops, and the operations of one evaluation.
+def printed(nest: LoopNest, target: Target, taken: Iterable[str]) -> tuple[str, SolverOperations]:
+    """The C text of ``nest``, and the operations of one evaluation.
 
-    Definitions that nothing uses are left out. ``taken`` are names that new variables must not have.
+    ``taken`` are names that new variables must not have.
     """
-    live = _live(items)
-    blocks, regular = _Blocks(live, len(loops)), _regular(live)
+    blocks, regular = _Blocks(nest), _regular(nest)
     names = Names(target.reserved, taken)
     outside: dict[int, str] = {}
-    lines: list[str] = []
-    counts: list[SolverOperations] = []
-    for depth in range(len(loops) + 1):
+    lines = [f"    {line}" for line in nest.before]
+    counts = [CALLS[name] for name in nest.calls]
+    for depth in range(len(nest.loops) + 1):
         indent = "    " * (depth + 1)
         block, printer = _block(blocks, depth, outside, target, names)
         lines += [indent + line for line in printer.lines]
-        calls = [call for _, item in blocks.items[depth] for call in item.calls]
+        calls = [call for _, item in blocks.items[depth] if isinstance(item, Statement) for call in item.calls]
         evaluated = block.restricted(node for node in blocks.values[depth] if id(node) in regular)
-        counts.append(block_operations(evaluated, calls, prod(loop.most for loop in loops[:depth])))
-        if depth < len(loops):
-            lines.append(indent + opening(loops[depth]))
-    lines += ["    " * (depth + 1) + "}" for depth in reversed(range(len(loops)))]
+        counts.append(block_operations(evaluated, calls, prod(loop.most for loop in nest.loops[:depth])))
+        if depth < len(nest.loops):
+            lines.append(indent + opening(nest.loops[depth]))
+    lines += ["    " * (depth + 1) + "}" for depth in reversed(range(len(nest.loops)))]
+    lines += [f"    {line}" for line in nest.after]
     return "\n".join(lines), sum_of(counts)
 
 
@@ -207,7 +169,7 @@ def _block(
     """Print the block at one depth of loops; the names of values that deeper blocks read are added to ``outside``."""
     block = _Recorded(depth, outside)
     values, done = blocks.values[depth], 0
-    uses: list[tuple[int, Statement, tuple[int, ...]]] = []
+    uses: list[tuple[int, Statement | Leaf, tuple[int, ...]]] = []
     for count, item in blocks.items[depth]:
         for node in values[done:count]:
             block.add(node)
@@ -221,39 +183,34 @@ def _block(
     for count, item, operands in uses:
         printer.advance(count)
         texts = [printer.texts[index].code for index in operands]
-        printer.lines += [_fill(line, texts) for line in item.lines]
+        printer.lines += [_fill(line, texts) for line in _lines(item)]
     printer.advance(len(block))
     outside.update({key: printer.texts[index].code for key, index in exported.items()})
     return block, printer
 
 
-def _regular(items: Sequence[Statement]) -> set[int]:
+def _regular(nest: LoopNest) -> set[int]:
     """The ids of the values that are needed when no joint is free; operands marked ``rare`` are not followed."""
     found: set[int] = set()
-    for item in items:
+    for item in nest.items:
+        if isinstance(item, Value):
+            continue  # counts where a statement reads it
         for k, operand in enumerate(item.operands):
-            if k not in item.rare:
-                _collect(operand, found)
+            if isinstance(item, Leaf) or k not in item.rare:
+                collect(operand, found)
     return found
 
 
-def _collect(node: Scalar, found: set[int]) -> None:
-    if id(node) not in found:
-        found.add(id(node))
-        for arg in node.args:
-            _collect(arg, found)
-
-
-def _live(items: Sequence[Statement]) -> list[Statement]:
-    """The statements without definitions of variables that no later statement uses."""
-    used: set[int] = set()
-    kept = []
-    for item in reversed(items):
-        if item.defines is None or id(item.defines) in used:
-            kept.append(item)
-            for operand in item.operands:
-                _collect(operand, used)
-    return kept[::-1]
+def _lines(item: Statement | Leaf) -> list[str]:
+    """The lines of ``item``; an arc tangent that it takes is declared where it stands first."""
+    if isinstance(item, Leaf):
+        return list(item.lines)
+    lines = [line.replace(STOP, "" if item.depth else "return 0; ") for line in item.lines]
+    if item.arc is None:
+        return lines
+    taken = f"{item.arc.angle.text} = ik_atan2({item.arc.sine}, {item.arc.cosine});"
+    first = lines.index(ARC)
+    return [line.replace(ARC, f"REAL {taken}" if k == first else taken) for k, line in enumerate(lines)]
 
 
 def _fill(line: str, operands: list[str]) -> str:

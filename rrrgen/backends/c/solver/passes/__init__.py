@@ -1,0 +1,24 @@
+"""Passes over the loop nest of an inverse kinematics, in the order in which they run."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from rrrgen.backends.c.solver.loop_nest import LoopNest
+from rrrgen.backends.c.solver.passes.arcs import TakeArcsTogether
+from rrrgen.backends.c.solver.passes.hoisting import Hoist
+from rrrgen.backends.c.solver.passes.unused import DropUnused
+
+
+class Pass(Protocol):
+    """A step from a loop nest to one that finds the same candidates with less work, or to the nest itself.
+
+    Passes are frozen dataclasses: their fields are their options.
+    """
+
+    def __call__(self, nest: LoopNest) -> LoopNest:
+        """The rewritten nest."""
+        ...
+
+
+PASSES: tuple[Pass, ...] = (DropUnused(), Hoist(), TakeArcsTogether())

@@ -1,0 +1,47 @@
+"""Hoisting: every statement and every value is computed in the outermost loop in which its operands are known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from rrrgen.backends.c.solver.loop_nest import Dependence, Item, LoopNest, Statement, Value
+from rrrgen.ik.recording.scalar import Scalar
+
+
+@dataclass(frozen=True)
+class Hoist:
+    """Moves statements, and the values that they read, out of the loops on which they do not depend.
+
+    The order of the derivation is kept at every depth. The end of the innermost loop stays where it is.
+    """
+
+    def __call__(self, nest: LoopNest) -> LoopNest:
+        """``nest`` with every item at the least depth; values that move out of a statement become items."""
+        loops = list(nest.loops)
+        dependence = Dependence(loops)
+        items: list[Item] = []
+        seen: set[int] = set()
+        for item in nest.items:
+            depth = item.depth
+            if isinstance(item, Statement):
+                depth = dependence.depth((*item.operands, *item.beside))
+                dependence.read(item)
+                if item.opens is not None:
+                    loops[item.opens] = replace(loops[item.opens], level=depth)
+            for operand in item.operands:
+                items += _moved(operand, depth, dependence, seen)
+            items.append(replace(item, depth=depth))
+        return replace(nest, loops=tuple(loops), items=tuple(items))
+
+
+def _moved(value: Scalar, depth: int, dependence: Dependence, seen: set[int]) -> Iterator[Value]:
+    """The parts of ``value``, first needed at ``depth``, that are known further outside."""
+    if value.is_plain or id(value) in seen:
+        return
+    seen.add(id(value))
+    own = dependence.depth((value,))
+    for arg in value.args:
+        yield from _moved(arg, own, dependence, seen)
+    if own < depth:
+        yield Value(own, value)

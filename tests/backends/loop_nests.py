@@ -1,0 +1,40 @@
+"""Small loop nests for the tests of the passes over them, and what they print."""
+
+from __future__ import annotations
+
+from rrrgen.backends.c.printer import CTarget
+from rrrgen.backends.c.solver.counting import SolverOperations
+from rrrgen.backends.c.solver.kernels import KernelDialect
+from rrrgen.backends.c.solver.loop_nest import ARC, Arc, Leaf, Loop, LoopNest, Statement
+from rrrgen.backends.c.solver.statements import printed
+from rrrgen.backends.c.trigonometry import LibmSinCos
+from rrrgen.ik.recording.scalar import Pool, Scalar
+
+TWO, FOUR = Loop("i", "n", 2, 0), Loop("j", "m", 4, 1)
+
+
+def text(nest: LoopNest) -> list[str]:
+    """The lines of the nest, without the indentation of the function's body."""
+    return [line[4:] for line in _printed(nest)[0].splitlines()]
+
+
+def counted(nest: LoopNest) -> SolverOperations:
+    return _printed(nest)[1]
+
+
+def _printed(nest: LoopNest) -> tuple[str, SolverOperations]:
+    return printed(nest, CTarget(KernelDialect("robot", "double"), LibmSinCos()), ())
+
+
+def opened(pool: Pool, depth: int, index: int, name: str) -> Statement:
+    """The statement that reads how many roots the loop number ``index`` has."""
+    return Statement(depth, (f"if ({{0}} == 0) {{ failed({index}); {{stop}}}}",), (pool.var(name),), opens=index)
+
+
+def arc(pool: Pool, depth: int, name: str, cosine: Scalar, sine: Scalar) -> Statement:
+    angle = pool.var(name)
+    return Statement(depth, (ARC,), (cosine, sine), (angle,), calls=("arc",), arc=Arc(angle, "{0}", "{1}"))
+
+
+def leaf(depth: int, error: Scalar, *joints: tuple[int, Scalar]) -> Leaf:
+    return Leaf(depth, joints, "0u", "0u", error)
