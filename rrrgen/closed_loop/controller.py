@@ -87,6 +87,11 @@ class LoopController:
         )
 
     @property
+    def records_what_acts(self) -> bool:
+        """Whether the recorded torque of every joint is the one that moves it."""
+        return all(joint.acts == joint.torque for joint in self.joints)
+
+    @property
     def settling(self) -> int:
         """Number of samples until the transients of all filters have settled; poles on the unit circle are ignored."""
         longest = 1

@@ -13,7 +13,7 @@ from rrrgen.closed_loop.controller import LoopController
 from rrrgen.closed_loop.equations import LoopEquations
 from rrrgen.closed_loop.instruments import simulated_bias_check
 from rrrgen.closed_loop.loop import CompiledLoop, Run
-from rrrgen.closed_loop.loop_recording import LoopRecording, loop_recordings
+from rrrgen.closed_loop.loop_recording import LoopRecording, assumptions, loop_recordings
 from rrrgen.closed_loop.output_error import LoopFit, OutputError, Parameters
 from rrrgen.closed_loop.scores import LoopScore, Replay, as_json, loop_score, replayed
 from rrrgen.errors import DerivationError
@@ -41,7 +41,7 @@ class ClosedLoopEstimate:
     controller. ``start`` is the score of the inverse-dynamics estimate from which the fit started; ``fit``,
     ``held_out`` and ``test`` are those of the resulting model on the fitted samples, the samples left out, and separate
     recordings. ``bias`` compares inverse dynamics with instrumental variables from the simulated loop; None if the
-    simulated motion is too far from the recorded one.
+    simulated motion is too far from the recorded one. ``notes`` are sentences on what was assumed.
     """
 
     identification: Identification
@@ -56,10 +56,11 @@ class ClosedLoopEstimate:
     runs: tuple[Run, ...]
     iterations: int
     bias: BiasCheck | None
+    notes: tuple[str, ...] = ()
 
     def lines(self, joints: Sequence[str]) -> list[str]:
         """Lines of text for the report: the check of the controller and the scores of the model."""
-        found = [self.replay.line(joints)]
+        found = [self.replay.line(joints), *self.notes]
         found += [] if self.bias is None else self.bias.lines()
         found += [score.line(joints) for score in (self.start, self.fit, self.held_out, self.test) if score is not None]
         return found
@@ -143,6 +144,7 @@ def closed_loop_estimate(
         runs=tuple(runs),
         iterations=fit.iterations,
         bias=simulated_bias_check(found, own, runs, controller.names, options),
+        notes=(*assumptions(own, "the recordings that are fitted"), *assumptions(unseen, "the test recordings")),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,10 +15,13 @@ from rrrgen.closed_loop.controller import LoopController
 from rrrgen.errors import InputError
 from rrrgen.identify.estimation.observations import Recording, reconstruct
 from rrrgen.recordings.log_stream import Part, joined
+from rrrgen.recordings.mapping import Signal
 from rrrgen.signals.processing import Processing
 
 RATE_TOLERANCE = 0.01  # relative difference from a whole ratio of the two sampling periods
 SHORTEST = 20  # samples after the warm-up
+NEEDED: tuple[Signal, ...] = ("reference", "reference_velocity")
+"""Inputs that a recording must have where its controller uses them; a missing feed-forward torque counts as zero."""
 BOUND = 3.0  # times the range of the motion: a simulated loop farther than this from its reference has diverged
 
 
@@ -30,7 +33,8 @@ class LoopRecording:
     ``every``-th sample; every ``stride``-th sample was recorded, and those between are interpolated. ``delay``, from
     encoder to torque, is in samples; ``records`` says which torque was stored. The first ``warm`` samples are a
     warm-up, in which only the controller runs; the simulation then starts at the positions and speeds ``start`` (2n,).
-    ``span`` is the time range (s) of the whole recording.
+    ``span`` is the time range (s) of the whole recording. ``lacks_feedforward`` tells that the controller uses a
+    feed-forward torque that was not recorded; it is zero then.
     """
 
     t: Array
@@ -48,6 +52,7 @@ class LoopRecording:
     warm: int
     start: Array
     span: tuple[float, float]
+    lacks_feedforward: bool = False
 
     def __len__(self) -> int:
         return len(self.t)
@@ -94,11 +99,7 @@ def loop_recordings(
     """
     found = []
     for recording in recordings:
-        if tuple(recording.joints) != controller.names:
-            raise InputError(
-                f"the controller has the joints {', '.join(controller.names)}, the recording "
-                f"{', '.join(recording.joints)}: name them alike, in the same order"
-            )
+        require_joints(controller, recording.joints)
         stretches: dict[int, list[Part]] = {}
         for part in recording.parts():
             stretches.setdefault(part.segment, []).append(part)
@@ -116,16 +117,7 @@ def _stretch(
 ) -> LoopRecording | None:
     if part.tau is None:
         raise InputError("the recording has no torques: the simulated loop could not be compared with it")
-    missing = [
-        name
-        for name in ("reference", "reference_velocity", "feedforward")
-        if getattr(part, name) is None and controller.uses(name)
-    ]
-    if missing:
-        raise InputError(
-            f"the controller uses '{missing[0]}', which the recording does not have: give the mapping file a column "
-            f"'{missing[0]}' for every joint"
-        )
+    require_inputs(controller, {name for name in NEEDED if getattr(part, name) is not None})
     every, stride = _ratio(controller.period, recording.period)
     reference = part.q if part.reference is None else part.reference
     nothing = np.zeros_like(part.q)
@@ -152,7 +144,34 @@ def _stretch(
         warm=warm * stride,
         start=np.concatenate([motion.q[warm], motion.dq[warm]]),
         span=recording.span,
+        lacks_feedforward=part.feedforward is None and controller.uses("feedforward"),
     )
+
+
+def require_joints(controller: LoopController, joints: Sequence[str]) -> None:
+    """Raise InputError if the ``joints`` of a recording are not those of the ``controller`` in its order."""
+    if tuple(joints) != controller.names:
+        raise InputError(
+            f"the controller has the joints {', '.join(controller.names)}, the recording {', '.join(joints)}: "
+            "name them alike, in the same order"
+        )
+
+
+def require_inputs(controller: LoopController, recorded: Container[str]) -> None:
+    """Raise InputError if ``controller`` uses one of the inputs NEEDED that is not in ``recorded``."""
+    missing = [name for name in NEEDED if name not in recorded and controller.uses(name)]
+    if missing:
+        raise InputError(
+            f"the controller uses '{missing[0]}', which the recording does not have: give the mapping file a column "
+            f"'{missing[0]}' for every joint"
+        )
+
+
+def assumptions(recordings: Sequence[LoopRecording], data: str) -> list[str]:
+    """What is assumed on ``recordings``, named ``data``, as lines of text: a feed-forward torque that is missing."""
+    if not any(recording.lacks_feedforward for recording in recordings):
+        return []
+    return [f"note: no feed-forward torque is recorded in {data}: it is taken as zero there"]
 
 
 def _ratio(controller: float, recording: float) -> tuple[int, int]:

@@ -13,7 +13,7 @@ from rrrgen.arrays import Array
 from rrrgen.closed_loop.controller import LoopController
 from rrrgen.closed_loop.equations import LoopEquations
 from rrrgen.closed_loop.loop import CompiledLoop
-from rrrgen.closed_loop.loop_recording import LoopRecording, loop_recordings
+from rrrgen.closed_loop.loop_recording import LoopRecording, assumptions, loop_recordings
 from rrrgen.closed_loop.scores import LoopScore, Replay, as_json, loop_score, replayed
 from rrrgen.errors import InputError
 from rrrgen.identify.estimation.full_regressor import FullRegressor
@@ -30,15 +30,23 @@ class ClosedLoopValidation:
     """Result of a validation in closed loop.
 
     ``replay`` compares the controller's torques, computed from the measured motion, with the recorded ones; ``score``
-    holds the errors of the simulated loop.
+    holds the errors of the simulated loop. ``notes`` are sentences on what was assumed.
     """
 
     replay: Replay
     score: LoopScore
+    notes: tuple[str, ...] = ()
 
     def lines(self, joints: Sequence[str]) -> list[str]:
         """Lines of text for the report: the check of the controller and the score of the loop."""
-        return [self.replay.line(joints), self.score.line(joints)]
+        return [self.replay.line(joints), *self.notes, self.score.line(joints)]
+
+    def failures(self, relative_error: float) -> tuple[str, ...]:
+        """The limit ``relative_error`` of the torques of the simulated loop as text where it is exceeded."""
+        found = self.score.relative_error
+        if found <= relative_error:
+            return ()
+        return (f"relative error of the simulated loop {100 * found:.3g} % exceeds {100 * relative_error:.3g} %",)
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON: the check of the controller and the score of the loop."""
@@ -88,4 +96,4 @@ def validate_loop(
     )
     if score is None:
         raise InputError("no sample is left to score the simulated loop")
-    return ClosedLoopValidation(replayed(loop, own), score)
+    return ClosedLoopValidation(replayed(loop, own), score, tuple(assumptions(own, "the recordings")))

@@ -92,6 +92,34 @@ def test_another_controller_is_told(drive, fitted):
         validate_loop(model, unstable, recordings, Processing("differences"))
 
 
+def test_a_feedforward_torque_may_be_recorded_in_the_test_alone(drive, fitted, tmp_path):
+    """Forces are often applied in the validation only: the recording that is fitted has no column of them."""
+    folder, _, controller, log, test = drive
+    bare = folder / "without.yaml"
+    bare.write_text("".join(line for line in log.read_text().splitlines(True) if "feedforward" not in line))
+    robot = fitted[0] / "results/robot.yaml"
+    done = run("validate", robot, "--log", bare, "--controller", controller, "-o", tmp_path / "bare")
+    assert done.exit_code == 0, done.output
+    assert "no feed-forward torque is recorded" in done.output
+    limited = ("--relative-error", 1e-7)
+    done = run("validate", robot, "--log", test, "--controller", controller, *limited, "-o", tmp_path / "test")
+    assert "the limit holds for the simulated loop" in done.output
+    assert "; FAILED: relative error of the simulated loop" in done.output  # not of inverse dynamics without pulses
+
+
+def test_a_controller_that_does_not_fit_is_refused_before_the_fit(drive, tmp_path):
+    _, robot, _, log, _ = drive
+    other = tmp_path / "controller.yaml"
+    for text, message in (
+        (CONTROLLER.replace("reference: 160", "reference_velocity: 160"), "the controller uses 'reference_velocity'"),
+        (CONTROLLER.replace("name: slide", "name: slider"), "the controller has the joints slider"),
+    ):
+        other.write_text(text)
+        done = run("identify", robot, "--log", log, "--controller", other, "-o", tmp_path / "out")
+        assert message in str(done.exception)
+        assert not (tmp_path / "out").exists()
+
+
 def test_what_does_not_fit_is_refused(drive, fitted):
     folder, _, _, log, _ = drive
     bare = folder / "bare.yaml"

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rrrgen.identify.options import Options
     from rrrgen.identify.scoring.split import Split
     from rrrgen.recordings.log_stream import LogStream
+    from rrrgen.recordings.mapping import LogMapping
     from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.runs.run_folder import RunFolder
     from rrrgen.runtime.model import Model
@@ -25,14 +26,22 @@ if TYPE_CHECKING:
 
 
 def read_loop(
-    path: Path | None, tests: tuple[Path, ...], spec: RobotSpec, skip_truncated: bool
+    path: Path | None,
+    tests: tuple[Path, ...],
+    spec: RobotSpec,
+    recorded: Sequence[LogMapping],
+    skip_truncated: bool,
 ) -> tuple[LoopController | None, list[LogStream], dict[str, Path]]:
-    """The controller, the recordings that are scored only, and all files read, by role."""
+    """The controller, the recordings that are scored only, and all files read, by role.
+
+    Refuses a controller whose joints or inputs are not those of ``recorded`` and the tests.
+    """
     if path is None:
         if tests:
             raise click.UsageError("--test scores the simulated loop: give its --controller, too")
         return None, [], {}
     from rrrgen.closed_loop.controller_file import load_controller
+    from rrrgen.closed_loop.loop_recording import NEEDED, require_inputs, require_joints
     from rrrgen.recordings.log_stream import LogStream
     from rrrgen.recordings.logs import check_robot, open_log
 
@@ -40,6 +49,9 @@ def read_loop(
     mappings = [open_log(each, skip_truncated=skip_truncated) for each in tests]
     for mapping in mappings:
         check_robot(mapping, spec)
+    for mapping in (*recorded, *mappings):
+        require_joints(controller, mapping.names)
+        require_inputs(controller, {name for name in NEEDED if mapping.has(name)})
     files = input_files("", tests, mappings, "test") | {"controller": path}
     return controller, [LogStream(mapping) for mapping in mappings], files
 

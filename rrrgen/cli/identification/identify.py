@@ -139,7 +139,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     mappings = [open_log(path, skip_truncated=skip) for path in logs]
     for mapping in mappings:
         check_robot(mapping, spec)
-    controller, tests, more_inputs = read_loop(options["controller"], options["tests"], spec, skip)
+    controller, tests, more_inputs = read_loop(options["controller"], options["tests"], spec, mappings, skip)
     processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
     columns, standard = _parse_fixed(options["fix"])
     chosen = Options(
