@@ -6,23 +6,23 @@
 /* Tolerances: relative to the reach for lengths, absolute for angles. */
 #define RRR_IK_TOL_REACH (rrr_real)1.3536469121517312
 #define RRR_IK_TOL_EPS (rrr_real)2.220446049250313e-16
-#define RRR_IK_TOL_FREE (rrr_real)1e-13 /* a direction shorter than this is none: the joint is free */
-#define RRR_IK_TOL_DOUBT (rrr_real)1e-5 /* a direction shorter than this may be none, as accurate as the target is */
+#define RRR_IK_TOL_FREE (rrr_real)1e-13 /* a vector shorter than this has no direction: the joint that turns it is free */
+#define RRR_IK_TOL_DOUBT (rrr_real)1e-5 /* a vector shorter than this may be zero but for the error of the target */
 #define RRR_IK_TOL_MERGE (rrr_real)1e-13 /* square of the half angle between roots that may be one */
-#define RRR_IK_TOL_SAME (rrr_real)5e-7 /* rows nearer than this are one */
+#define RRR_IK_TOL_SAME (rrr_real)5e-7 /* solutions nearer than this are one */
 #define RRR_IK_TOL_SLACK (rrr_real)1e-5 /* a discriminant this far below zero is still tried */
-#define RRR_IK_TOL_CIRCLE (rrr_real)1.6e-11 /* square of the distance from the unit circle of a double root */
-#define RRR_IK_TOL_TIGHT (rrr_real)1e-26 /* squared error above which a row is refined */
-#define RRR_IK_TOL_ACCEPT (rrr_real)1.6e-25 /* squared error above which a row is dropped */
+#define RRR_IK_TOL_CIRCLE (rrr_real)1.6e-11 /* squared distance from the unit circle at which a complex root still counts as real */
+#define RRR_IK_TOL_TIGHT (rrr_real)1e-26 /* squared error above which a solution is refined */
+#define RRR_IK_TOL_ACCEPT (rrr_real)1.6e-25 /* squared error above which a solution is dropped */
 #define RRR_IK_TOL_DONE (rrr_real)1e-31
 #define RRR_IK_TOL_ORTHONORMAL (rrr_real)1e-7
 #define RRR_IK_TOL_LIMIT (rrr_real)1e-10
-#define RRR_IK_PUBLIC 15u /* the flags that are handed out */
-#define RRR_IK_NEAR 16u /* inner flag: a root of this row may be double */
-#define RRR_IK_OPEN 768u /* inner flags, 256 << joint: the vector that decides the joint is short; 65536 << joint: free */
-#define RRR_IK_HELD(flags) (((flags) >> 16) & 0x7fu) /* the joints that are free */
-#define RRR_IK_GONE 32u /* inner flag: another row stands for this one */
-#define RRR_IK_FIXED 64u /* inner flag: refined already, with the free joint held */
+#define RRR_IK_PUBLIC 15u /* mask of the flags that the caller sees; the others are internal */
+#define RRR_IK_NEAR 16u /* internal flag: a root of this solution may be double */
+#define RRR_IK_OPEN 768u /* internal flags, 256 << joint: the vector that determines the joint is short; 65536 << joint: it is free */
+#define RRR_IK_HELD(flags) (((flags) >> 16) & 0x7fu) /* bit mask of the joints that are free */
+#define RRR_IK_GONE 32u /* internal flag: dropped, because another solution replaces this one */
+#define RRR_IK_FIXED 64u /* internal flag: refined already, with the free joint kept at its value */
 
 /* Reduces an angle (rad) to (-pi, pi]. */
 static rrr_real rrr_ik_wrap(rrr_real x)
@@ -35,8 +35,8 @@ static rrr_real rrr_ik_wrap(rrr_real x)
 }
 
 /* atan2(y, x) in rad with an error of at most 2.7 ulp; pi/2 at the origin. Without branches and tables, so that compilers can
- * vectorize it; the same bits on every machine that rounds each operation. The result is a multiple of pi/4 (start) plus or
- * minus (turn) an arc of at most pi/8, and the two are computed in parallel up to the last sum. */
+ * vectorize it; the same bits on every machine that rounds each operation. The result is start + turn * arc: start is a multiple
+ * of pi/4, turn is +1 or -1 and the arc at most pi/8; start and arc are computed in parallel. */
 static inline rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
 {
     const rrr_real ax = fabs(x), ay = fabs(y);
@@ -57,6 +57,7 @@ static inline rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
     return start + (s + s * u * ((p0 + v * p1) + w * ((p2 + v * p3) + w * p4)));
 }
 
+/* atan2 of count pairs of sine and cosine; the loop is written so that compilers vectorize it. */
 static void rrr_ik_arcs(int count, const rrr_real *RRR_RESTRICT sine, const rrr_real *RRR_RESTRICT cosine, rrr_real *RRR_RESTRICT angle)
 {
     int i;
@@ -88,8 +89,8 @@ static int rrr_ik_cosine(rrr_real *k, rrr_real w2, rrr_real slack, rrr_real *w, 
 
 /* Solves a cos(x) + b sin(x) = k and returns the number of roots. On return cos(x) = a k -+ b w and sin(x) = b k +- a w with
  * w >= 0. A w2 >= 0 is a more accurate value of a^2 + b^2 - k^2; a negative one is ignored. Where a, b and k vanish, every x
- * is a solution and x becomes ref: flag `none` is set there, flag `open` where that is the case within the accuracy of the
- * target. */
+ * is a solution and x = ref is returned; the flag `none` is set then. The flag `open` is set where a and b are so small that they
+ * may be zero but for the error of the target. `unit` is the natural size of a, b and k. */
 static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr_real unit, rrr_real ref, rrr_real least, unsigned open, unsigned none, rrr_real slack, rrr_real *w, unsigned *flags)
 {
     const rrr_real h2 = *a * *a + *b * *b;
@@ -274,9 +275,9 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
     return best;
 }
 
-/* The candidates of every branch. A larger slack clamps discriminants that are below zero. Residuals
- * are still squared, and negative where they are not known yet. A joint whose direction is shorter than `least` is free
- * and takes its value from ref. */
+/* The candidates of every branch. Discriminants down to -slack count as zero. Residuals are still
+ * squared here, and negative where they are not known yet. A joint is free, and takes its value from ref, where the vector
+ * whose direction gives its angle is shorter than `least`. */
 static int rrr_ik_branches(
     const rrr_real *T, const rrr_real *ref, rrr_real slack, rrr_real least, rrr_ik_solutions *found, int *stage)
 {
@@ -508,6 +509,7 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
     return kept;
 }
 
+/* Copies solution i of one list to place `to` of another. */
 static void rrr_ik_take(const rrr_ik_solutions *from, int i, rrr_ik_solutions *out, int to)
 {
     int k;
@@ -519,8 +521,8 @@ static void rrr_ik_take(const rrr_ik_solutions *from, int i, rrr_ik_solutions *o
     out->residual[to] = from->residual[i];
 }
 
-/* Joints of solution i that the target leaves free, as bits. A joint is free if the others still meet the target, to the
- * accuracy of its numbers, after this joint is displaced by a small angle and held there. */
+/* Finds the joints of solution i that the target leaves free; returns them as a bit mask. A joint is free if, after it is turned
+ * by a small angle and held there, the other joints still meet the target to within `accuracy` (the error of its numbers). */
 static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_solutions *found, int i)
 {
     unsigned held = RRR_IK_HELD(found->flags[i]);
@@ -550,10 +552,10 @@ static unsigned rrr_ik_merged_branches(unsigned held)
     return bits;
 }
 
-/* Handles candidates whose joint follows from the direction of a very short vector. Where the target leaves that joint free,
- * they are replaced by the solution with the joint at its reference (with limits: at the nearest value for which all joints
- * are inside), if that meets the target. The length below which a vector counts as zero is raised step by step until the
- * equations treat exactly those joints as free. */
+/* Replaces candidates in which the target leaves a joint free, but whose equations have computed its value from the direction of a
+ * very short vector, mostly from rounding errors. The replacement is the solution with that joint at its reference (with limits: at
+ * the nearest value for which all joints are inside), if it meets the target. It is computed by the same equations, with the
+ * length `least` below which a vector counts as zero raised tenfold at a time until they treat exactly those joints as free. */
 static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsigned options, rrr_real accuracy, rrr_ik_solutions *found, int rows)
 {
     const rrr_real own = (rrr_real)16 * accuracy * accuracy, tolerance = own > RRR_IK_TOL_ACCEPT ? own : RRR_IK_TOL_ACCEPT;

@@ -1270,7 +1270,7 @@ static int nominal_specializations(void)
     return failed;
 }
 
-/* The inverse kinematics: rows of golden targets, of singular ones, and of ones that cannot be reached. */
+/* Tests of the inverse kinematics: solutions of targets with known results, of singular ones, and of ones out of reach. */
 static const int turning[N] = {1, 1, 1};
 static const real golden_configurations[3][N] = {
     {R(0.953125), R(2.46875), R(-1.984375)},
@@ -1278,7 +1278,7 @@ static const real golden_configurations[3][N] = {
     {R(-0.828125), R(-0.78125), R(1.375)}
 };
 static const int golden_counts[3] = {4, 4, 4};
-static const int golden_complete[3] = {1, 1, 1}; /* whether these are all rows */
+static const int golden_complete[3] = {1, 1, 1}; /* 1 where the configurations listed are all solutions */
 static const real golden_rows[3][4][N] = {
     {
         {R(0.953125), R(-0.49846903), R(1.984375)},
@@ -1304,7 +1304,7 @@ static const real singular_configurations[2][N] = {
     {R(0.0), R(0.78125), R(1.5625)}
 };
 
-/* The target of a configuration. */
+/* Computes the target that a configuration meets: its forward kinematics. */
 static void target_of(const real *position, real *target)
 {
     real T[16];
@@ -1314,7 +1314,7 @@ static void target_of(const real *position, real *target)
     target[2] = T[11];
 }
 
-/* Whether two configurations are the same but for whole turns. */
+/* Whether two configurations are the same up to multiples of 2 pi. */
 static int same(const real *a, const real *b, real tolerance)
 {
     int i;
@@ -1330,7 +1330,7 @@ static int same(const real *a, const real *b, real tolerance)
     return 1;
 }
 
-/* Every row put into the forward kinematics. */
+/* Checks every solution by forward kinematics. */
 static void rows_meet(check *c, const rrr_ik_solutions *found, const real *target)
 {
     int i;

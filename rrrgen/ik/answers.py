@@ -18,7 +18,10 @@ STATUS_TEXTS = (
 
 
 def parts_of(plan: SolverPlan) -> list[SolverPlan]:
-    """``plan`` and, if it has one, the plan of the special arm nearby that is solved as well."""
+    """List the plans whose solutions make up a result: ``plan`` and, if it has one, its companion.
+
+    The companion solves an arm of slightly different, simpler geometry; see :class:`SolverPlan`.
+    """
     return [plan] if plan.companion is None else [plan, plan.companion]
 
 
@@ -38,7 +41,10 @@ def labels(plan: SolverPlan) -> tuple[tuple[str, int, int], ...]:
 
 
 def opens(plan: SolverPlan) -> tuple[tuple[int, int], ...]:
-    """Joints that some targets leave free: (joint index, mask of the branch bits that have no meaning then)."""
+    """Joints that some targets leave undetermined, each as (joint index, mask).
+
+    ``mask`` holds the bits of the branch number that have no meaning while the joint is free.
+    """
     return () if plan.general else plan.equations.opens
 
 

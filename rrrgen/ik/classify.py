@@ -23,7 +23,7 @@ TRIALS = 3
 """Number of random configurations that a plan must find again from their poses."""
 
 SPLITS = 13
-"""Largest cost of a plan whose equations are at most quadratic."""
+"""Largest cost of a plan whose equations are at most quadratic. Costs rank plans and have no unit; lower is better."""
 
 _MECHANISM = (
     "joints follow others or branch off; `rrrgen ik` and `ik` in Python solve the chain of rows to the tip and keep "
@@ -46,15 +46,19 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
 
 @lru_cache(maxsize=16)
 def _planned(chain: Chain, redundancy: int | None) -> SolverPlan:
-    """Plan a chain, with a cache: sources, self-test and manifest ask for the same plan."""
+    """Plan a chain as :func:`plan_chain` does, and remember the plans of the last 16 chains.
+
+    The writers of the sources, of the self-test and of the manifest all ask for the plan of the same chain.
+    """
     return plan_chain(chain, redundancy)
 
 
 def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
     """Plan the inverse kinematics of a chain in normal form.
 
-    The chain is first planned as it is. Where that needs a quartic or more, or fails, the geometry is set to that of a
-    simpler arm within tolerances of up to 1e-2 of the reach, and the simpler arm is planned instead or in addition.
+    The chain is first planned as it is. Where that needs a quartic or a polynomial of higher degree, or fails, small
+    lengths and sines (up to 1e-2, lengths relative to the reach) are set to zero, and the resulting simpler arm is
+    planned instead of the chain, or in addition to it.
     """
     cost, general = _best(chain, snapped(chain, EXACT), redundancy)
     if cost <= SPLITS:
@@ -77,7 +81,11 @@ def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
 
 
 def _best(chain: Chain, special: Chain, redundancy: int | None) -> tuple[int, SolverPlan]:
-    """Find the cheapest plan for the chain ``special`` that passes the trials: (cost, plan)."""
+    """Find the cheapest plan for the chain ``special`` that finds random configurations again: (cost, plan).
+
+    ``special`` is ``chain``, or a simpler arm close to it. Where no plan works, the result is (UNSOLVED, a plan of the
+    family "none" with the reason).
+    """
     position_rank, pose_rank = generic_ranks(special)
     options: Iterable[tuple[int, SolverPlan]]
     if redundancy is None and chain.n <= 3 and position_rank == chain.n:
@@ -128,7 +136,7 @@ def _redundant_plans(chain: Chain, redundancy: int | None) -> list[tuple[int, So
 
 
 def generic_ranks(chain: Chain) -> tuple[int, int]:
-    """Ranks of the position and of the pose Jacobian at random configurations."""
+    """Largest ranks, over three random configurations, of the Jacobians of the tip position and of the tip pose."""
     import numpy as np
 
     rng = np.random.default_rng(7)
@@ -160,7 +168,7 @@ def _dependent(chain: Chain, rank: int, redundancy: int | None) -> str:
 
 
 def _only_nearby(general: SolverPlan) -> str:
-    """Why rows may be missing where no complete solver exists and an arm near by is solved instead."""
+    """Text that says why solutions may be missing: a simpler arm close to the true one is solved instead of it."""
     return (
         "the arm has no complete solver; the configurations of a special arm that is nearly this one are refined on "
         f"it, and those that only this arm has are not found ({general.reason})"

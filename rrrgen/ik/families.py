@@ -57,9 +57,10 @@ def pose_plans(chain: Chain, locked: int | None = None) -> Options:
 
 
 def _general_plans(chain: Chain, locked: int | None) -> Options:
-    """The elimination for six joints that move the tip in six directions.
+    """Plan for six joints without special geometry, solved by variable elimination; none where they are dependent.
 
-    Preferred are six revolute joints, the last of seven as the prescribed one, and joints that are far from dependent.
+    The cost is lower for six revolute joints than with a prismatic one; on a seven-joint arm lower where the last joint
+    is prescribed than the first, and lower where the Jacobian of the other six is far from singular.
     """
     steepness = 1.0 if locked is None else _steepness(chain, locked)
     if steepness < DEPENDENT:
@@ -72,7 +73,11 @@ def _general_plans(chain: Chain, locked: int | None) -> Options:
 
 
 def _steepness(chain: Chain, locked: int) -> float:
-    """Median ratio of the smallest to the largest singular value of the Jacobian without the prescribed joint."""
+    """Measure how independent the joints besides ``locked`` are: between 0 (dependent) and 1.
+
+    The result is the median, over nine random configurations, of the ratio of the smallest to the largest singular
+    value of the pose Jacobian without column ``locked``; lengths are divided by the reach.
+    """
     import numpy as np
 
     rng = np.random.default_rng(5)
@@ -117,7 +122,7 @@ def _structured_plans(chain: Chain, loop: Loop, locked: int | None, commute: tup
 
 
 def _lifts(frame: Frame) -> bool:
-    """Whether the joint besides the planar triple is prismatic with its axis along the normal."""
+    """Whether the fourth joint is a lift: prismatic, along the normal of the plane in which the other three move."""
     if frame.loop.joints[0].revolute:
         return False
     trail = frame.trail.rigid().R
@@ -145,7 +150,10 @@ def structure(chain: Chain, locked: int | None) -> Loop:
 
 
 def works(plan: SolverPlan, trials: int) -> bool:
-    """Whether the recorded equations of ``plan`` find ``trials`` random configurations again from their poses."""
+    """Whether the equations of ``plan`` are usable: random configurations are found again from their poses.
+
+    ``trials`` configurations are drawn. For an elimination its own test on sample poses decides.
+    """
     import numpy as np
 
     chain, rng = plan.solving, np.random.default_rng(11)
@@ -161,7 +169,8 @@ def works(plan: SolverPlan, trials: int) -> bool:
                 q[joint.index] = 0.0
         T = chain.forward(q)
         given = parameter(plan, q)
-        elsewhere = rng.uniform(-1.4, 1.4, size)  # a joint whose angle is taken from the reference would be found too
+        # the reference differs from q: otherwise a joint that is only copied from the reference would seem solved
+        elsewhere = rng.uniform(-1.4, 1.4, size)
         rows = every_branch(
             plan.equations.play,
             lambda script, T=T, away=elsewhere, given=given: FloatBuilder(  # type: ignore[misc]
@@ -183,7 +192,10 @@ def _eliminates(chain: Chain, locked: int | None) -> bool:
 
 
 def parameter(plan: SolverPlan, q: Any) -> float:
-    """The redundancy parameter of a configuration."""
+    """The redundancy parameter of the configuration ``q``.
+
+    It is the value of the prescribed joint (rad or m), or the arm angle (rad); 0 for an arm that has none.
+    """
     from rrrgen.ik.geometry.arm_angle import arm_angle
 
     if plan.locked is None:
@@ -206,7 +218,7 @@ def equipped(plan: SolverPlan) -> SolverPlan | None:
     """Add equations, number of solutions and singularities to ``plan``; None where the equations degenerate."""
     if plan.general:
         words = "det J(q) = 0" + (", J without the prescribed joint" if plan.locked is not None else "")
-        words += ": two or more of the up to sixteen rows meet"
+        words += ": two or more of the up to sixteen solutions meet"
         return replace(plan, max_solutions=MAX_SOLUTIONS, singularities=(Singularity(words),))
     try:
         solver = record(plan)
@@ -216,7 +228,7 @@ def equipped(plan: SolverPlan) -> SolverPlan | None:
 
 
 def reason(chain: Chain, rank: int, redundancy: int | None = None) -> str:
-    """Why no family fits a chain whose joints move the tip in ``rank`` independent directions."""
+    """Text that says why no closed form fits a chain whose joints move the tip in ``rank`` independent directions."""
     if redundancy is not None:
         return f"with joint {redundancy + 1} prescribed, the others fit none of the families"
     if rank < chain.n:

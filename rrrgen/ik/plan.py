@@ -42,19 +42,26 @@ class Singularity:
 
 @dataclass(frozen=True)
 class SolverPlan:
-    """The inverse kinematics of one robot.
+    """How the inverse kinematics of one robot is solved: the family of equations, the chain they hold for, the results.
 
+    * ``family``, ``title``: the kind of solver, as an identifier and in words.
     * ``task``: the target is the position of the tip (1 to 3 joints) or its pose.
     * ``solving``: the chain whose equations are solved. It is the user's ``chain`` with nearly special geometry made
       special (solutions are then refined on the true chain) and with virtual joints added.
+    * ``max_solutions``: the largest number of solutions of one target.
     * ``first``: index of the first joint of the spherical or planar triple in the loop.
-    * ``commute``: index and direction in which a prismatic joint was first moved past a parallel axis.
-    * ``locked``: the prescribed joint of a redundant arm.
+    * ``commute``: (index, direction +1 or -1) of a prismatic joint that is exchanged with its neighbour of parallel
+      axis before the equations are derived; None if none is.
+    * ``locked``: index of the prescribed joint of a redundant arm, or ``ARM_ANGLE``; ``redundancy`` describes that
+      parameter in words.
+    * ``virtual``: number of virtual joints that ``solving`` has beyond those of the robot.
     * ``companion``: plan of a special arm close to this one. Its solutions, refined on the true chain, are added,
       because the general equations lose digits near a special geometry.
     * ``snapped``: whether ``solving`` is a special arm near ``chain``.
     * ``incomplete``: why solutions may be missing, where only such a special arm can be solved; empty if none are.
-    * ``solver``: the recorded closed form.
+    * ``singularities``: the configurations where solutions meet or a joint is free.
+    * ``reason``: why there is no solver, for the family "none".
+    * ``solver``: the recorded closed form; None for an elimination.
     """
 
     family: Family

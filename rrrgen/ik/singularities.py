@@ -1,7 +1,7 @@
-"""Where branches meet: in words for every family, and as factors of the Jacobian's determinant where three joints move
-a point.
+"""Singular configurations of an arm, in words and, where three joints move a point, as factors of det(dp/dq).
 
-At such a configuration two rows of an answer become one (flag MULTIPLE) or a joint is free (flag FREE).
+At a singular configuration two solutions become one (the solver sets the flag MULTIPLE), or the target leaves a joint
+undetermined (flag FREE).
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 TERMS = 8
-"""Factors with more terms stay polynomials in sines and cosines: collecting sums of angles takes long."""
+"""Largest number of terms of a factor that is rewritten with sums of angles, as in cos(q2 + q3). That search takes
+long; longer factors stay polynomials in sines and cosines."""
 
 _MEANING = {
     "shoulder": "the shoulder's two solutions for {joint} meet: the target point is as near to the first axis as the "
@@ -38,7 +39,7 @@ _MEANING = {
 
 
 def described(plan: SolverPlan, stages: Sequence[Stage]) -> SolverPlan:
-    """``plan`` with its singularities in words, one per choice of a root."""
+    """Copy ``plan`` with its singularities described in words, one for each root selection in ``stages``."""
     names = {joint.index: joint.name or f"joint {joint.index + 1}" for joint in plan.solving.joints}
     found = []
     for stage in stages:
@@ -48,10 +49,10 @@ def described(plan: SolverPlan, stages: Sequence[Stage]) -> SolverPlan:
 
 
 def singular_sets(spec: RobotSpec, plan: SolverPlan) -> tuple[Singularity, ...]:
-    """The singularities of ``plan`` with symbols where there are any.
+    """The singularities of ``plan`` as functions of the joints that are zero there, or in words where none is known.
 
-    For a position task the factors of det(dp/dq), for a spherical wrist on three joints those of the arm (with the
-    wrist's centre as its tip) and the sine of the middle wrist joint.
+    For a position task they are the factors of det(dp/dq). For six joints that end in a spherical wrist they are the
+    factors of det(dp/dq) of the first three joints, with p the wrist centre, and the sine of the middle wrist joint.
     """
     chain, _ = symbolic_chain(spec, plan)
     arm: Chain | None = None
@@ -78,9 +79,10 @@ def singular_sets(spec: RobotSpec, plan: SolverPlan) -> tuple[Singularity, ...]:
 
 
 def determinant(arm: Chain) -> sp.Expr:
-    """det(dp/dq) of a three-joint chain whose tip is a point, simplified, up to the rotation of the base.
+    """Determinant of the Jacobian dp/dq (3 x 3) of a three-joint chain, p the position of its tip, in factored form.
 
-    For the reference robot: -a2 a3 sin(q3) (a2 cos q2 + a3 cos(q2 + q3)).
+    The constant transform of the base is left out, because its rotation does not change the determinant. For the RRR
+    arm of the examples the result is -a2 a3 sin(q3) (a2 cos q2 + a3 cos(q2 + q3)).
     """
     q = [sp.Symbol(f"q_{joint.index + 1}", real=True) for joint in arm.joints]
     moves = [_motion(joint.revolute, joint.sign * x + joint.offset) for joint, x in zip(arm.joints, q, strict=True)]
@@ -107,9 +109,10 @@ def _matrix(rows: object) -> sp.Matrix:
 
 
 def _simplified(value: sp.Expr, angles: list[sp.Symbol]) -> sp.Expr:
-    """Factored, with sin^2 = 1 - cos^2 used where that makes the product shorter, and sums of angles collected.
+    """Factor a trigonometric polynomial in two ``angles`` and collect sums of angles in each factor.
 
-    A product of factors hides when too many squares are replaced, so every choice of angles is tried.
+    Before factoring, sin^2 may be replaced by 1 - cos^2. A factorization is found only for some choices of the angles
+    where that is done, so the first, the second, both and neither are tried, and the shortest result is returned.
     """
     cosines, sines = sp.symbols(f"c:{len(angles)}"), sp.symbols(f"s:{len(angles)}")
     there = {sp.cos(x): c for x, c in zip(angles, cosines, strict=True)}
@@ -128,14 +131,14 @@ def _simplified(value: sp.Expr, angles: list[sp.Symbol]) -> sp.Expr:
 
 
 def _collected(factor: sp.Expr) -> sp.Expr:
-    """A factor with sums of angles, where it is short enough for that search."""
+    """Rewrite ``factor`` with sums of angles if that is shorter; one of more than ``TERMS`` terms is left as it is."""
     if len(sp.Add.make_args(factor)) > TERMS:
         return factor
     return min((factor, sp.trigsimp(factor)), key=sp.count_ops)
 
 
 def _factors(value: sp.Expr) -> list[sp.Expr]:
-    """The factors that depend on a joint, without powers and constants."""
+    """The factors of ``value`` that depend on a joint, each to the power 1 and with a positive leading sign."""
     found = []
     for factor in sp.Mul.make_args(value):
         base = factor.base if isinstance(factor, sp.Pow) else factor

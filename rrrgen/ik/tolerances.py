@@ -11,65 +11,78 @@ from typing import NamedTuple
 # -- what kind of arm it is -------------------------------------------------------------------------------------------
 
 EXACT = 1e-14
-"""Geometry is set to zero below this magnitude, which is the rounding of a table and has no effect at run time."""
+"""Lengths (over the reach), sines and cosines of the geometry below this count as zero: they are rounding errors of the
+numbers in the DH table, and removing them changes no result."""
 
 SPECIAL = 1e-9
-"""Geometry closer than this to a simpler case is solved as that case, and every solution is refined on the true chain.
-The first guess is off by at most 1e-9, which one Newton step removes."""
+"""Lengths (over the reach), sines and cosines below this are set to zero to obtain a simpler arm with simpler
+equations. Every solution of the simpler arm is then refined on the true arm; it is off by about 1e-9, which one Newton
+step removes."""
 
 NEARLY = (1e-6, 1e-3, 1e-2)
-"""Distances from a simpler case within which the equations of the general case (a quartic, or the elimination for six
-joints) are near a multiple root and have an error of about eps / distance^2. There the simpler case is solved as well,
-with these distances tried in order, and the solutions of both are refined on the true chain. Equations that split into
-quadratics do not lose digits and are solved alone."""
+"""Magnitudes tried in turn: lengths (over the reach), sines and cosines below them are set to zero to obtain a simpler
+arm, which is solved in addition. Reason: on an arm at the distance ``delta`` from a simpler one, the equations of the
+general case (a quartic, or the elimination for six joints) are near a multiple root and lose accuracy, to an error of
+about eps / delta^2. The solutions of both arms are refined on the true one. Equations that split into quadratics do not
+lose digits and are solved alone."""
 
 QUARTER = 2e-16
-"""An offset whose cosine or sine is this near a whole number is a multiple of a quarter turn: one rounding at 1."""
+"""A cosine or sine this near -1, 0 or 1 is replaced by that integer, so that multiples of pi/2 have exact values; the
+bound is one rounding error of a double near 1."""
 
 ALONG = 1e-12
-"""An axis whose direction cosine is this near 1 lies along the normal of a plane: some thousand roundings."""
+"""An axis is parallel to the normal of a plane if the magnitude of its direction cosine is this near 1; the bound
+allows for some thousand rounding errors."""
 
 RANK = 1e-7
 """Singular values of the Jacobian (lengths over the reach) below this times the largest one count as zero."""
 
 DEPENDENT = 1e-7
-"""Six joints whose Jacobian has a smallest singular value (lengths in reaches, over the largest) below this move the
-tip in five directions only: prescribing the seventh leaves a pose without a solution or with a continuum."""
+"""Ratio of the smallest to the largest singular value of the Jacobian of six joints (lengths over the reach) below
+which they move the tip in only five directions. Such six joints of a seven-joint arm cannot be solved for a prescribed
+seventh: a pose then has either no solution or a continuum of them."""
 
 NEARLY_DEPENDENT = 1e-3
-"""Ratio of singular values below which six joints are nearly dependent; usual ratios are 3e-3 to 3e-2."""
+"""Ratio of the smallest to the largest singular value of the Jacobian below which six joints are nearly dependent, and
+another joint is prescribed where possible; usual ratios are 3e-3 to 3e-2."""
 
 # -- whether its equations work ---------------------------------------------------------------------------------------
 
 FOUND = 1e-5
-"""How near the configuration that made a trial pose must be found; double roots cost half the digits."""
+"""Largest distance (rad, or lengths over the reach) between the random configuration whose pose is a trial's target and
+the solution that must find it again. It is of the order of the square root of the rounding error, because a double root
+is known to half the digits only."""
 
 NO_DIRECTION = 1e-12
-"""In trials a vector shorter than this has no direction: some thousand roundings of a product of unit vectors."""
+"""Length (in units of the vector's natural size) below which a vector has no direction, in the compiler's trials of its
+equations; some thousand rounding errors."""
 
 BELOW_ZERO = 1e-9
-"""In trials a discriminant (over its size) may be this far below zero and count as a double root. Trial poses can be
-reached, so that only rounding takes one there."""
+"""How far below zero a discriminant, relative to the size of its terms, may fall and still count as a double root, in
+the compiler's trials. The poses of the trials are reachable, so only rounding makes a discriminant negative."""
 
 NO_CONDITION = 1e-5
-"""In trials an equation without its joint holds where its right side is below this: the root of BELOW_ZERO, rounded
-up."""
+"""Largest right side C, in units of its natural size, for which ``0 cos(x) + 0 sin(x) = C`` counts as satisfied by
+every x, in the compiler's trials; of the order of the square root of BELOW_ZERO."""
 
 COMPLEX = 1e-6
-"""In trials a root of a quartic this far from the circle, or from the real axis in reaches, is a real double one: half
-of the digits of NumPy's roots, and a factor of sixty."""
+"""Largest distance of a complex root of a quartic from the unit circle (for an angle), or of its imaginary part from 0
+in reaches (for a displacement), for which it counts as real, in the compiler's trials. Rounding moves the two copies of
+a double root apart by the square root of eps, 1.5e-8; the rest is a margin of sixty."""
 
 SIZE_OF_NOTHING = 1e-6
-"""A discriminant is compared with its size plus this times the square of the unit, so that both may vanish."""
+"""Share of unit^2 (``unit``: the natural size of the quantity) that is added to the size of a discriminant before the
+two are compared, so that the comparison also holds where both are zero."""
 
 # -- eliminations for six joints --------------------------------------------------------------------------------------
 
 SPURIOUS = 1e-9
-"""Coefficients above degree 8, or a value at a solution, larger than this share of the polynomial are no noise."""
+"""Largest share of the polynomial's coefficients that those above degree 8, or its value at a known solution, may have.
+Both are zero for a usable elimination; more than this cannot be rounding."""
 
 NOISE = 1e-12
-"""What the solver takes for noise in a polynomial, relative to the sum of its coefficients: some thousand roundings
-for values of a determinant of 12 x 12."""
+"""Rounding noise of the values of a polynomial, relative to the sum of the magnitudes of its coefficients. The values
+are 12 x 12 determinants, whose computation adds up some thousand rounding errors."""
 
 LEAST_NOISE = {"double": NOISE, "float": 4e-6}
 """Lower bound of the noise of a polynomial, by the precision of the emitted code."""
@@ -78,32 +91,39 @@ MOST_NOISE = 1e-4
 """Upper bound of the noise of a polynomial: with a larger one, distinct roots would be taken for one."""
 
 NOISE_FACTORS = (1.0, 1e3, 1e6)
-"""Factors on the noise for the successive passes; each looks for double roots that the pass before has missed."""
+"""Factors on the noise for successive passes of the solver. With more noise two close roots count as one double root,
+so each pass finds double roots that the pass before has missed."""
 
 SHALLOW = 1e-9
-"""Size of a determinant, over the product of its row norms, below which its rounding error grows: with the power 3/4 of
-the ratio."""
+"""Size of a determinant, over the product of its row norms, below which its relative rounding error is larger: by the
+factor (SHALLOW / size)^(3/4)."""
 
 USABLE = 12.0
-"""Decimal digits lost in a root at which an elimination is useless."""
+"""Number of decimal digits lost in a root from which on an elimination is not used: a double has sixteen."""
 
 # -- the self-test of the emitted code --------------------------------------------------------------------------------
 
 SHARP = 0.03
-"""Least singular value of the Jacobian (rad, reaches) at every row of a golden target: far from where rows meet."""
+"""Least singular value of the Jacobian (rad, lengths over the reach) that every solution of a target of the self-test
+must have, so that the expected solutions are well conditioned: no two of them are close to merging."""
 
 SAME_GOLDEN = 1e-6
-"""Golden rows (rad, m) nearer than this are one: far more than the rounding of sharp ones."""
+"""Expected solutions of the self-test whose joints differ by less than this (rad, m) are the same solution; rounding of
+well conditioned solutions is far smaller."""
 
 MEETS = 1e-9
-"""A row whose forward kinematics (rad, m or parts of the arm's size) is this near the target meets it."""
+"""Largest difference between an entry of the target pose and of the forward kinematics of a solution that meets the
+target (rad; lengths in m, or in sizes of the arm where it is larger than 1 m)."""
 
 
 # -- emitted code -----------------------------------------------------------------------------------------------------
 
 
 class Tolerance(NamedTuple):
-    """A threshold of emitted code: its name, its C literal in both precisions, and where the values come from."""
+    """A threshold of emitted code: its name, its C literal in double and in single precision, and its meaning.
+
+    ``reason`` says what is compared with the threshold and, where it is not plain, why the value was chosen.
+    """
 
     name: str
     double: str
@@ -112,54 +132,87 @@ class Tolerance(NamedTuple):
 
 
 RUNTIME = (
-    Tolerance("eps", "2.220446049250313e-16", "1.1920929e-07", "from 1 to the next number"),
-    Tolerance("free", "1e-13", "2e-6", "a unit direction is known no better: below it there is none"),
+    Tolerance("eps", "2.220446049250313e-16", "1.1920929e-07", "machine epsilon: from 1 to the next larger number"),
     Tolerance(
-        "doubt", "1e-5", "1e-2", "a direction this short may be none, if the target is as inaccurate as is accepted"
+        "free",
+        "1e-13",
+        "2e-6",
+        "a shorter vector, in units of its natural size, has no direction: the joint that turns it is free",
     ),
-    Tolerance("turn", "0.01", "0.01", "a joint that the target does not decide to this angle (rad) is free"),
-    Tolerance("merge", "1e-13", "2e-6", "(same / 2)^2 rounded up: roots that may be one"),
     Tolerance(
-        "same", "5e-7", "2e-3", "rows nearer are one: angles at a double root are good to the root of the precision"
+        "doubt",
+        "1e-5",
+        "1e-2",
+        "a shorter vector may be zero but for the error of a target that is just accurate enough to be accepted",
+    ),
+    Tolerance("turn", "0.01", "0.01", "a joint is free if turning it by this angle (rad) still meets the target"),
+    Tolerance("merge", "1e-13", "2e-6", "squared half angle below which two roots may be one: (same / 2)^2 rounded up"),
+    Tolerance(
+        "same",
+        "5e-7",
+        "2e-3",
+        "solutions whose joints differ less are one: at a double root angles have half the digits",
     ),
     Tolerance("slack", "1e-5", "1e-3", "how far below zero a discriminant may fall and still give a candidate"),
     Tolerance(
         "circle", "1.6e-11", "1e-4", "squared distance from the unit circle of a double root, known to half the digits"
     ),
     Tolerance(
-        "tight", "1e-26", "1e-11", "squared error above which rows are refined: some hundred roundings of the pose"
+        "tight", "1e-26", "1e-11", "squared error above which a solution is refined: some hundred roundings of the pose"
     ),
     Tolerance(
-        "accept", "1.6e-25", "1e-9", "squared error above which rows are dropped: a target less out of reach is reached"
+        "accept", "1.6e-25", "1e-9", "squared error above which a candidate is dropped: it does not meet the target"
     ),
     Tolerance("band", "1e-5", "1e-4", "squared half angle by which double roots of a nearby arm are moved apart"),
-    Tolerance("loose", "1e-4", "1e-3", "squared error beyond which a row of a virtual six-joint arm is not refined"),
-    Tolerance("done", "1e-31", "1e-13", "squared error that refinement cannot improve: rounding of the pose"),
-    Tolerance("orthonormal", "1e-7", "1e-4", "largest defect of R' R - 1 and of the handedness that is repaired"),
-    Tolerance("limit", "1e-10", "1e-5", "how far beyond a limit a joint still counts as inside: rounding of an arc"),
-    Tolerance("tiny", "1e-300", "1e-30", "below every length that matters; keeps quotients finite"),
     Tolerance(
-        "rounding", "6755399441055744.0", "12582912.0", "1.5 2^52 (2^23): added and taken away, it rounds to integers"
+        "loose", "1e-4", "1e-3", "squared error beyond which a candidate of an arm with virtual joints is not refined"
+    ),
+    Tolerance("done", "1e-31", "1e-13", "squared error that refinement cannot improve: rounding of the pose"),
+    Tolerance(
+        "orthonormal",
+        "1e-7",
+        "1e-4",
+        "largest error of a rotation (R' R - 1, handedness) that is repaired, not refused",
+    ),
+    Tolerance("limit", "1e-10", "1e-5", "how far beyond a limit a joint still counts as inside: rounding of an angle"),
+    Tolerance("tiny", "1e-300", "1e-30", "far below every length of an arm; added to denominators to avoid 0 / 0"),
+    Tolerance(
+        "rounding",
+        "6755399441055744.0",
+        "12582912.0",
+        "1.5 2^52 (float: 1.5 2^23); adding and subtracting it rounds to an integer",
     ),
 )
-"""Tolerances of every solver; the manifest lists them."""
+"""Tolerances of every solver; the manifest lists them. Errors are those of the task: position over the reach, rotation
+in rad."""
 
 ELIMINATION = (
-    Tolerance("tiny", "1e-290", "1e-30", "keeps pivots and quotients finite; times a pivot it is still a number"),
-    Tolerance("done", "1.4e-14", "4e-06", "error of an entry of the pose (mean link lengths) not worth a further step"),
-    Tolerance("accept", "9e-13", "3e-05", "a row with a larger error is dropped"),
+    Tolerance("tiny", "1e-290", "1e-30", "added to denominators to avoid 0 / 0; large enough not to underflow"),
+    Tolerance("done", "1.4e-14", "4e-06", "error of the pose (lengths scaled) at which refinement stops: its rounding"),
+    Tolerance("accept", "9e-13", "3e-05", "error of the pose above which a candidate is dropped"),
     Tolerance(
         "same",
         "3e-06",
         "0.01",
-        "rows nearer (sum over sines and cosines) are one: forward kinematics sees no difference",
+        "solutions nearer (sum of the differences of sines and cosines) are one: their poses agree up to rounding",
     ),
-    Tolerance("shape", "1e-2", "1e-2", "how far a null vector may be from the product of two half angles"),
-    Tolerance("close", "1e-3", "1e-3", "error of the pose at the start from which a row counts as found where it was"),
-    Tolerance("narrowest", "1e-3", "1e-3", "a stretch of the circle this narrow (tangent of half) is not magnified"),
-    Tolerance("trig_done", "1.5e-10", "3e-06", "a Newton step this short leaves its square, for roots are simple"),
     Tolerance(
-        "trig_narrowest", "6.103515625e-05", "6.103515625e-05", "2^-14 of an arc: clusters are magnified, not split"
+        "shape", "1e-2", "1e-2", "largest distance of a null vector from a product of powers of two half-angle tangents"
+    ),
+    Tolerance(
+        "close", "1e-3", "1e-3", "a solution belongs to the root it was refined from if the first error is below this"
+    ),
+    Tolerance(
+        "narrowest", "1e-3", "1e-3", "an arc of the circle (tangent of a quarter of it) this narrow is not magnified"
+    ),
+    Tolerance(
+        "trig_done", "1.5e-10", "3e-06", "Newton step at which a root is final: the error left is of the step's square"
+    ),
+    Tolerance(
+        "trig_narrowest",
+        "6.103515625e-05",
+        "6.103515625e-05",
+        "2^-14: an interval of roots narrower than this share of an arc is not split again, but magnified",
     ),
 )
 """Additional tolerances of the elimination for six joints."""
@@ -170,20 +223,27 @@ SEARCH = (
         "starts", "6", "6", "descents that begin at the reference and at fixed configurations, beside all branches"
     ),
     Tolerance("spread", "2.0", "2.0", "amplitude of the fixed configurations about the reference (rad or m)"),
-    Tolerance("descent_steps", "200", "200", "at most, in a descent or from an arm nearby: bounds the time"),
-    Tolerance("descent_damping", "0.1", "0.1", "its first damping: ten times that of a candidate, which is close"),
-    Tolerance("steps", "12", "12", "for a candidate: a double root halves the error in each, a simple one squares it"),
-    Tolerance("damping", "0.01", "0.01", "times the error: the first damping, and the least that steps come down to"),
-    Tolerance("most_damping", "1e6", "1e6", "steps damped more than this change no digit"),
-    Tolerance("stuck", "0.999999999", "0.999999999", "an error that falls less under damping is the least there is"),
-    Tolerance("diverged", "1e4", "1e4", "squared error (rad, reaches) from which no step is followed further"),
-    Tolerance("beyond", "1e6", "1e6", "squared error of rows that are not handed out as inexact ones either"),
-    Tolerance("small_turn", "0.9", "0.9", "cosine above which a missing rotation is taken by its sine, as steps do"),
-    Tolerance("newton", "0.01", "0.01", "longest Newton step on a root of a quartic: Aberth's iteration found it"),
-    Tolerance("band_2", "1e-3", "1e-3", "the second band in parts of the first; the geometry is off by 1e-6 to 1e-2"),
-    Tolerance("band_3", "1e-6", "1e-6", "the third one"),
+    Tolerance("descent_steps", "200", "200", "most steps of a descent, or of refining a solution of a nearby arm"),
+    Tolerance("descent_damping", "0.1", "0.1", "first damping of a descent, which begins far from a solution"),
+    Tolerance(
+        "steps", "12", "12", "most steps for a candidate: each halves the error at a double root, squares it elsewhere"
+    ),
+    Tolerance("damping", "0.01", "0.01", "first and least damping for a candidate, as a multiple of the error"),
+    Tolerance("most_damping", "1e6", "1e6", "damping above which steps are below rounding: the search ends"),
+    Tolerance("stuck", "0.999999999", "0.999999999", "ratio of errors above which damped steps have reached a minimum"),
+    Tolerance("diverged", "1e4", "1e4", "squared error (rad, reaches) above which a step is taken back"),
+    Tolerance(
+        "beyond", "1e6", "1e6", "squared error above which a solution is dropped even where inexact ones are kept"
+    ),
+    Tolerance(
+        "small_turn", "0.9", "0.9", "cosine of the rotation error above which its sine is used in place of the angle"
+    ),
+    Tolerance("newton", "0.01", "0.01", "longest Newton step on a root of a quartic that Aberth's iteration has found"),
+    Tolerance("band_2", "1e-3", "1e-3", "factor on `band` in the second attempt; nearby arms differ by 1e-6 to 1e-2"),
+    Tolerance("band_3", "1e-6", "1e-6", "factor on `band` in the third attempt"),
 )
-"""How rows are refined, and how the nearest configuration to a target out of reach is looked for."""
+"""Constants of the refinement of solutions, and of the search for the configuration nearest to an unreachable
+target."""
 
 
 def runtime(real: str) -> dict[str, str]:

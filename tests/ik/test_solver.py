@@ -11,7 +11,7 @@ from rrrgen.ik.families import parameter
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch
 
 RRR = """\
-inverse kinematics of 3 joints: at most 4 rows
+inverse kinematics of 3 joints: at most 4 solutions
   px, py, pz = target
   pz_2 = pz - 0.56
   for each of up to 2 roots of pair(-py, px, 0.259), shoulder: c1, s1

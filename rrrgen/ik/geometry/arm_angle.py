@@ -10,8 +10,9 @@ from rrrgen.ik.geometry.chain import Chain
 def arm_angle(chain: Chain, q: Any) -> float:
     """Arm angle psi (rad) of a seven-joint configuration ``q``: rotation of the elbow about the line shoulder-wrist.
 
-    It counts from the stereographic reference of :mod:`rrrgen.ik.solutions.elbow7`. It is 0 where the arm is straight,
-    or where the line from shoulder to wrist has the single direction without a reference.
+    psi is zero where the elbow lies on the side of a reference direction, the stereographic one that
+    :mod:`rrrgen.ik.solutions.elbow7` defines. The result is 0 where psi is undefined: where the arm is straight, or
+    where the line from shoulder to wrist has the single direction for which there is no reference direction.
     """
     import numpy as np
 

@@ -1,12 +1,14 @@
-"""The chain as inverse kinematics sees it: one normal form for both Denavit-Hartenberg conventions.
+"""The serial chain in the form that inverse kinematics uses, the same for both Denavit-Hartenberg conventions.
+
+The pose of the tip is a product of joint transforms J and constant transforms K and L:
 
     T = K_0 J_1(x_1) L_1 J_2(x_2) L_2 ... L_{n-1} J_n(x_n) K_n
     J = Rz(x) or Tz(x),   L_i = Rz(theta) Tz(d) Tx(a) Rx(alpha)
 
-``x_i = sign_i q_i + offset_i`` is the *raw* joint variable: the offset of the table is part of it, so a revolute joint
-has theta = 0 in its link and a prismatic one d = 0. ``K_0`` and ``K_n`` hold base, tool and what is left of the first
-and last row. The transform is exact: the geometry is evaluated at the nominal values from SymPy numbers, so a right
-angle gives cos = 0 and not 6e-17.
+``x_i = sign_i q_i + offset_i`` is the *raw* joint variable. It contains the offset of the DH table, so the link after a
+revolute joint has theta = 0 and the link after a prismatic joint d = 0. ``K_0`` is the base transform together with the
+constants of the first row of the table that come before joint 1; ``K_n`` holds the constants after joint n and the
+tool. The numbers come from exact SymPy values of the nominal geometry, so a right angle gives cos = 0 and not 6e-17.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 Number = Any
-"""A float, or an exact SymPy expression where the closed form is printed for reading."""
+"""A float for computation, or an exact SymPy expression for formulas that people read."""
 
 Matrix = tuple[tuple[Number, ...], ...]
 """A homogeneous transform, 3 rows of 4; the last row (0, 0, 0, 1) is not stored."""
@@ -53,7 +55,11 @@ class Link:
 
 @dataclass(frozen=True)
 class Joint:
-    """Joint ``index`` (from 0) of the user's robot; a ``virtual`` joint (index >= n) must come out at zero."""
+    """A joint: its ``index`` (from 0) in the user's robot, its kind, limits (rad or m) and name.
+
+    Its raw variable is ``sign q + offset``. An index >= n marks a virtual joint, added to complete the equations: only
+    solutions where its value is zero are solutions of the robot.
+    """
 
     index: int
     revolute: bool
@@ -66,7 +72,11 @@ class Joint:
 
 @dataclass(frozen=True)
 class Chain:
-    """A serial chain in normal form; ``links[i]`` joins ``joints[i]`` and ``joints[i+1]``."""
+    """A serial chain in the form of this module: ``base``, the ``joints`` with ``links`` between them, and ``tip``.
+
+    ``links[i]`` is the constant transform between ``joints[i]`` and ``joints[i+1]``; ``base`` (K_0) comes before the
+    first joint and ``tip`` (K_n) after the last one.
+    """
 
     name: str
     base: Matrix
@@ -86,7 +96,7 @@ class Chain:
 
     @property
     def reach(self) -> float:
-        """The length that tolerances are relative to: sum of |a| and |d| of the links and of the tool (m).
+        """Length (m) that tolerances are relative to: the sum of |a| and |d| over the links and the tool.
 
         A chain without any length (all axes through the tip) has reach 1.
         """
@@ -96,11 +106,11 @@ class Chain:
 
     @property
     def scale(self) -> float:
-        """The reach plus the distance of the first joint from the base frame: the size of coordinates (m)."""
+        """Bound (m) on the tip's coordinates in the base frame: the reach plus the first joint's distance from it."""
         return self.reach + float(sum(float(self.base[i][3]) ** 2 for i in range(3)) ** 0.5)
 
     def forward(self, q: Any) -> Any:
-        """The tip pose (4, 4) of joint values ``q`` (n,): the reference that rows are checked against in Python."""
+        """Forward kinematics: the tip pose (4, 4) in the base frame at the joint values ``q`` (n,), rad or m."""
         import numpy as np
 
         T = np.eye(4)
@@ -120,7 +130,7 @@ class Chain:
         return T
 
     def jacobian(self, q: Any) -> Any:
-        """The geometric Jacobian (6, n) at the tip, base frame, linear rows first."""
+        """The geometric Jacobian (6, n) of the tip in the base frame at ``q`` (n,): linear velocity, then angular."""
         import numpy as np
 
         T = np.eye(4)
@@ -174,9 +184,10 @@ def _twisted(link: Link, twist: Twist) -> Link:
 
 
 def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> Chain:
-    """The chain of ``spec`` with exact SymPy entries, at the nominal values or with the parameters as symbols.
+    """Convert a robot description to a chain of exact SymPy numbers.
 
-    A link ends with the twist behind its joint or, in the modified convention, with that before the next one.
+    The geometric parameters take their nominal values or, with ``nominal=False``, remain symbols. A link ends with the
+    Tx(a) Rx(alpha) of its own row of the DH table or, in the modified convention, with that of the next row.
     """
 
     def value(expression: sp.Expr) -> sp.Expr:
@@ -198,12 +209,12 @@ def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> Chain:
 
 
 def numeric_chain(spec: RobotSpec) -> Chain:
-    """The chain of ``spec`` at its nominal values, in floats rounded once from the exact numbers."""
+    """Convert a robot description at its nominal geometry to a chain of floats, rounded once from exact numbers."""
     return in_floats(exact_chain(spec))
 
 
 def in_floats(chain: Chain) -> Chain:
-    """``chain`` with every number as a float."""
+    """Convert every number of ``chain`` to a float."""
 
     def number(x: Number) -> float:
         return float(sp.N(x, 30)) if isinstance(x, sp.Basic) else float(x)

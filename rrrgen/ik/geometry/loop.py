@@ -33,18 +33,21 @@ from rrrgen.ik.recording.builder import Builder, Turn
 
 @dataclass(frozen=True)
 class Closing:
-    """A link that depends on the target: a product of transforms, applied to a vector one after the other."""
+    """The link of the loop that contains the target pose, kept as a product of its ``factors``.
+
+    A vector is transformed by one factor after the other, which takes fewer operations than forming the product.
+    """
 
     factors: tuple[Rigid, ...]
 
     def apply(self, v: Vector) -> Vector:
-        """The image of a point."""
+        """Transform the point ``v``."""
         for factor in reversed(self.factors):
             v = factor.apply(v)
         return v
 
     def turn(self, v: Vector) -> Vector:
-        """The image of a direction."""
+        """Rotate the direction ``v``, without the translation."""
         for factor in reversed(self.factors):
             v = rotate(factor.R, v)
         return v
@@ -65,17 +68,17 @@ AnyLink = Crossing | Closing
 
 
 def apply(link: AnyLink, v: Vector) -> Vector:
-    """The image of a point under a link."""
+    """Transform the point ``v`` by ``link``."""
     return link.apply(v) if isinstance(link, Closing) else link.rigid().apply(v)
 
 
 def turned(link: AnyLink, v: Vector) -> Vector:
-    """The image of a direction under a link."""
+    """Rotate the direction ``v`` by ``link``, without its translation."""
     return link.turn(v) if isinstance(link, Closing) else rotate(link.rigid().R, v)
 
 
 def backwards(joint: Joint) -> Joint:
-    """The inverse of a joint as a joint: its raw variable is -x."""
+    """The same joint passed in the opposite direction: its transform is the inverse, so its raw variable is -x."""
     return replace(joint, sign=-joint.sign, offset=-joint.offset)
 
 
@@ -182,14 +185,21 @@ Motion = Turn | S
 
 
 def move(motion: Motion, v: Vector, *, direction: bool = False) -> Vector:
-    """Transform a point (or a direction) by a joint: a rotation about z, or a translation along z."""
+    """Transform a point (or a direction) by the motion of a joint: a rotation about z, or a translation along z.
+
+    ``motion`` is the cosine and sine of the angle, or the displacement.
+    """
     if isinstance(motion, Turn):
         return rotate_z(motion.c, motion.s, v)
     return v if direction else plus(v, (0, 0, motion))
 
 
 def unwind(steps: list[tuple[Motion | None, Rotation | None]], name: Callable[[str, S], S]) -> list[Turn | Rotation]:
-    """The rotations of a sequence ``J L J L ...``, with consecutive rotations about z merged into one."""
+    """List the rotations of a sequence of joints and links, with consecutive rotations about z merged into one.
+
+    ``steps`` holds (motion of the joint or None, rotation of the link or None); ``name`` stores an intermediate value
+    under a readable name.
+    """
     merged: list[Turn | Rotation] = []
     for motion, rotation in steps:
         if isinstance(motion, Turn):

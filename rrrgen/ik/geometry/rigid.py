@@ -13,7 +13,7 @@ from rrrgen.ik.geometry.chain import Link, Matrix
 from rrrgen.ik.recording.scalar import Scalar
 
 S = Any
-"""A scalar: Scalar, float, SymPy expression or CasADi SX."""
+"""A number of any kind that has + - * /: a recorded :class:`Scalar`, a float, a SymPy expression or a CasADi SX."""
 
 Vector = tuple[S, S, S]
 Rotation = tuple[Vector, Vector, Vector]  # rows
@@ -164,8 +164,9 @@ def screw(c: S, s: S, d: S = 0) -> Rigid:
 class Crossing:
     """A constant link in the symmetric form ``Rz Tz . Tx(a) Rx(alpha) . Tz Rz``, whose inverse has the same form.
 
-    ``Tx(a) Rx(alpha)`` leads from one joint axis to the next along their common normal. ``near`` = (cos, sin, d) is the
-    rotation about and translation along the first axis before it, ``far`` that about the second axis after it.
+    ``Tx(a) Rx(alpha)`` leads from one joint axis to the next along their common normal; ``ca`` and ``sa`` are the
+    cosine and sine of alpha. ``near`` = (cos, sin, d) is the rotation about and the translation along the first axis,
+    before that step; ``far`` is the same for the second axis, after it.
     """
 
     near: tuple[S, S, S]

@@ -1,4 +1,4 @@
-"""Snaps nearly special geometry to the special case, in floats and, with the same zeros, in exact numbers."""
+"""Replacement of nearly special geometry by the special one: small lengths, sines and cosines become exactly zero."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rrrgen.ik.geometry.chain import Chain, Link, Number
 
 
 def snapped(chain: Chain, tolerance: float) -> Chain:
-    """``chain`` with lengths, sines and cosines nearer to zero than ``tolerance`` (times the reach) set to zero."""
+    """Set the lengths below ``tolerance`` times the reach, and sines and cosines below ``tolerance``, to zero."""
     least = tolerance * chain.reach
     return replace(chain, links=tuple(_snap(link, least, tolerance) for link in chain.links))
 
@@ -31,7 +31,10 @@ def _direction(c: float, s: float, tolerance: float) -> tuple[float, float]:
 
 
 def exact_like(exact: Chain, decided: Chain) -> Chain:
-    """``exact`` with 0 and +-1 wherever the numeric chain ``decided`` has them: the closed form that was chosen."""
+    """Copy the zeros and ones of the numeric chain ``decided`` into ``exact``, the same arm in exact numbers.
+
+    The closed form was chosen for the zeros of ``decided``, so the exact chain must have the same ones.
+    """
 
     def number(x: Number, value: float) -> Number:
         return sp.Integer(int(value)) if value in (0.0, 1.0, -1.0) else x

@@ -1,4 +1,4 @@
-"""The chain with symbols for its lengths and odd angles, for closed forms that are read."""
+"""Chains with symbols or exact numbers in place of floats, for closed forms that are printed as formulas."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 
 def symbolic_chain(spec: RobotSpec, plan: SolverPlan) -> tuple[Chain, tuple[tuple[sp.Symbol, sp.Expr], ...]]:
-    """The chain with a symbol for every DH value that is not special, and what the symbols stand for."""
+    """The chain with symbols for its DH values, and the table (symbol, value).
+
+    Special values, such as 0 and multiples of 90 degrees, stay numbers, because the closed form was chosen for them.
+    """
     values: list[tuple[sp.Symbol, sp.Expr]] = []
     signed = {
         parameter_symbol(name): sp.Symbol(name, positive=True) if value > 0 else sp.Symbol(name, real=True)
@@ -52,6 +55,6 @@ def symbolic_chain(spec: RobotSpec, plan: SolverPlan) -> tuple[Chain, tuple[tupl
 
 
 def number_chain(spec: RobotSpec, plan: SolverPlan) -> Chain:
-    """The chain with exact numbers, where it has no virtual joints."""
+    """The chain that ``plan`` solves, in exact numbers; in floats where it has virtual joints."""
     exact = exact_chain(spec)
     return plan.solving if plan.solving.n != exact.n else exact_like(exact, plan.solving)

@@ -1,4 +1,7 @@
-"""Virtual joints: an arm with four or five joints becomes one with six whose added joints must come out at zero."""
+"""Virtual joints: joints that are added to an arm with too few, so that the equations for six (or three) joints apply.
+
+Only solutions in which every virtual joint has the value zero are solutions of the arm itself.
+"""
 
 from __future__ import annotations
 

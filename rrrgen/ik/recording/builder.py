@@ -42,7 +42,10 @@ class Label:
 
 
 def between(v: Vector, u: Vector) -> Turn:
-    """Cosine and sine of the angle about z from ``v`` to ``u``, times the lengths of their projections on z = 0."""
+    """Cosine and sine of the angle about z from ``v`` to ``u``, not normalized.
+
+    Both are multiplied by the product of the lengths of the projections of ``v`` and ``u`` on the plane z = 0.
+    """
     return Turn(
         total(product(u[0], v[0]), product(u[1], v[1])),
         total(product(u[1], v[0]), -product(u[0], v[1])),
@@ -63,7 +66,7 @@ def _whole(x: float) -> float:
 
 
 class Builder(Protocol):
-    """Interface of the interpreters of a derivation.
+    """The operations of a derivation, which every interpreter implements: recorder, float evaluation, printers.
 
     Lengths and angles are in the units of the chain. ``unit`` is the natural size of a quantity, relative to which it
     may count as zero. The *reference* is the joint value that the caller supplies where the target leaves a joint free.
@@ -114,7 +117,7 @@ class Builder(Protocol):
         """Set ``joint`` to the value ``x``: a displacement, or an angle that follows from others."""
 
     def given(self, joint: Joint) -> Turn | S:
-        """The value of the joint that the caller prescribes, the redundancy parameter."""
+        """The value of the prescribed joint (the redundancy parameter), as cosine and sine or as a displacement."""
 
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]

@@ -66,7 +66,7 @@ class FloatBuilder:
         return joint.sign * known + float(joint.offset)
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """The scripted one of the two angles with ``A cos(x) + B sin(x) = C``."""
+        """Solve ``A cos(x) + B sin(x) = C``; of the two angles the one that ``script`` selects."""
         h = hypot(A, B)
         if h <= NO_DIRECTION * unit:
             if abs(C) > NO_CONDITION * unit:
@@ -84,13 +84,13 @@ class FloatBuilder:
         return Turn(cos(x), sin(x))
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
-        """The scripted one of the two square roots of ``radicand``."""
+        """Of the two square roots of ``radicand`` the one that ``script`` selects."""
         if radicand < -BELOW_ZERO * (size + SIZE_OF_NOTHING * unit**2):
             raise NoRoot
         return (1, -1)[self._choose(2)] * label.positive * sqrt(max(radicand, 0.0))
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """The scripted one of the angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
+        """Solve ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``; the root that ``script`` selects."""
         import numpy as np
 
         k0, kc, ks, k2c, k2s = (float(x) for x in k)
@@ -101,7 +101,7 @@ class FloatBuilder:
         return Turn(cos(x), sin(x))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
-        """The scripted one of the displacements with ``k0 + k1 x + k2 x^2 + ... = 0``."""
+        """Solve ``k0 + k1 x + k2 x^2 + ... = 0`` for a displacement; the root that ``script`` selects."""
         import numpy as np
 
         roots = np.roots([float(x) for x in reversed(k)])
@@ -113,11 +113,11 @@ class FloatBuilder:
         return x
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """The one angle ``atan2(s, c)``; the reference where both vanish."""
+        """The angle ``atan2(s, c)``; the joint's value in ``reference`` where both vanish."""
         return self._directed(joint, Turn(c, s), NO_DIRECTION)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z."""
+        """The angle about z that turns ``v`` onto ``u``; the value in ``reference`` where one of them lies along z."""
         return self._directed(joint, between(v, u), (NO_DIRECTION * unit) ** 2)
 
     def _directed(self, joint: Joint, direction: Turn, least: float) -> Turn:
@@ -140,7 +140,9 @@ class FloatBuilder:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """The scripted solution of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M``, (e4, e5) = ``signs``."""
+        """Solve ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M``, (e4, e5) = ``signs``; of the two solutions
+        the one that ``script`` selects.
+        """
         e4, e5 = signs
         flip = (1, -1)[self._choose(2)]
         s4, c4 = flip * e5 * M[1][2], flip * e5 * M[0][2]
@@ -155,7 +157,7 @@ class FloatBuilder:
         return Turn(c4, s4), Turn(c5, s5), Turn(cos(x6), sin(x6))
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """Do nothing: the caller compares every solution with forward kinematics."""
+        """Ignore the quantities: the caller checks every solution by forward kinematics instead."""
 
 
 def every_branch(run: Callable[[FloatBuilder], None], make: Callable[[list[int]], FloatBuilder]) -> list[list[float]]:

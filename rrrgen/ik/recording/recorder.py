@@ -68,7 +68,7 @@ class Recorder:
     # -- choices ------------------------------------------------------------------------------------------------------
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """Both angles with ``A cos(x) + B sin(x) = C``."""
+        """Record the equation ``A cos(x) + B sin(x) = C`` with its two roots."""
         a, b, c = self._nodes(A, B, C)
         if a.is_const and b.is_const and a.value == b.value == 0:
             raise InternalError(f"the equation of joint {joint.index + 1} does not contain it")
@@ -78,21 +78,21 @@ class Recorder:
         return Turn(*results)
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
-        """Both square roots of ``radicand``."""
+        """Record the choice between the two square roots of ``radicand``."""
         node, big = self._nodes(radicand, size)
         results = self._variables([hint], self._opened())
         self._steps.append(steps.SignedRoot(results, hint, node, big, joint, label, unit))
         return results[0]
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
+        """Record the equation ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0`` with up to four roots."""
         k0, k1, k2, k3, k4 = self._nodes(*k)
         results = self._turn(joint, self._opened())
         self._steps.append(steps.Quartic(results, joint, (k0, k1, k2, k3, k4), label))
         return Turn(*results)
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
-        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``; degree 1 is recorded without a choice."""
+        """Record the equation ``k0 + k1 x + k2 x^2 + ... = 0`` with up to four roots; one of degree 1 as a quotient."""
         nodes = self._nodes(*k)
         if len(nodes) == 2:
             return self.slide(joint, -nodes[0] / nodes[1])
@@ -103,14 +103,14 @@ class Recorder:
     # -- single answers -----------------------------------------------------------------------------------------------
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """The one angle ``atan2(s, c)``; the reference where both vanish."""
+        """Record the angle ``atan2(s, c)``; where both vanish it is the caller's reference value of the joint."""
         nodes = self._nodes(s, c)
         results = self._turn(joint, _deepest(nodes))
         self._steps.append(steps.Direction(results, joint, *nodes))
         return Turn(*results)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z."""
+        """Record the angle about z that turns ``v`` onto ``u``; the caller's reference where one lies along z."""
         vx, vy, vz, ux, uy, uz = self._nodes(*v, *u)
         bounds = None
         if feasible is not None:
@@ -136,7 +136,7 @@ class Recorder:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """Both solutions of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``."""
+        """Record ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M``, (e4, e5) = ``signs``, with two solutions."""
         ax, ay, az, bx, by, bz = self._nodes(*(row[0] for row in M), *(row[2] for row in M))
         level = self._opened()
         turns = [self._turn(joint, level) for joint in joints]
@@ -154,7 +154,7 @@ class Recorder:
         return tuple(self.pool.of(x) for x in values)
 
     def _opened(self) -> int:
-        """Open one more choice of a root; returns the level of the values that depend on it."""
+        """Begin one more root selection, nested in those before it; returns the level of values that depend on it."""
         self._level += 1
         return self._level
 

@@ -96,7 +96,7 @@ class Pool:
         self._number = number
 
     def of(self, x: Operand) -> Scalar:
-        """Convert ``x``, a number or a node, to a node."""
+        """Return the node of the number ``x``; an ``x`` that is a node already is returned as it is."""
         if isinstance(x, Scalar):
             return x
         return self._node(Op.CONST, (), value=self._number(x))

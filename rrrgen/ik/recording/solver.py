@@ -23,7 +23,7 @@ from rrrgen.program import Op
 
 @dataclass(frozen=True)
 class Leaf:
-    """The composition of a candidate solution.
+    """Where a candidate solution finds its joint values, its branch number and its residual among the steps.
 
     ``values`` holds for each joint of the user the index of the step that sets it, ``labels`` the fields of the branch
     number (name, lowest bit, bits), ``checks`` the indices of the steps whose quantities make up the residual.
@@ -64,7 +64,10 @@ class Solver:
 
     @cached_property
     def opens(self) -> tuple[tuple[int, int], ...]:
-        """Joints that some targets leave free: (joint index, mask of the branch bits that have no meaning then)."""
+        """Joints that some targets leave undetermined, each as (joint index, mask).
+
+        ``mask`` holds the bits of the branch number that have no meaning while the joint is free.
+        """
         found: dict[int, int] = {}
         choice = 0
         for step in self.steps:
@@ -84,7 +87,10 @@ class Solver:
 
     @property
     def outline(self) -> tuple[tuple[object, ...], ...]:
-        """The kinds, joints and choices of the steps without their values; equal for two records of the same arm."""
+        """The kind, joints and root selection of every step, without its values.
+
+        Two recordings of the same arm, one with numbers and one with symbols, have equal outlines.
+        """
         return tuple(
             (step.kind, tuple(joint.index for joint in step.joints), step.stage)
             for step in self.steps

@@ -1,6 +1,6 @@
 """Readable text of a recorded solver, for people and for the comparison of solvers in tests.
 
-    inverse kinematics of 3 joints: at most 4 rows
+    inverse kinematics of 3 joints: at most 4 solutions
       px, py, pz = target
       for each of up to 2 roots of pair(-py, px, 0.259), shoulder: c1, s1
         ux = px*c1 + py*s1
@@ -26,7 +26,7 @@ parentheses."""
 
 def text_of(n: int, steps: Sequence[Step], rows: int) -> str:
     """Print the ``steps`` of an arm with ``n`` joints and at most ``rows`` solutions; ends with a line feed."""
-    return "\n".join([f"inverse kinematics of {n} joints: at most {rows} rows", *_Writer(steps).lines()]) + "\n"
+    return "\n".join([f"inverse kinematics of {n} joints: at most {rows} solutions", *_Writer(steps).lines()]) + "\n"
 
 
 class _Writer:

@@ -17,7 +17,7 @@ from rrrgen.ik.recording.builder import Builder, Feasible, Label, Turn
 from rrrgen.ik.recording.scalar import Scalar
 
 Read = Callable[[Scalar], S]
-"""The value of a recorded scalar in another interpreter."""
+"""Function that returns the value of a recorded scalar in the interpreter that repeats the steps."""
 
 Scalars = tuple[Scalar, ...]
 Triple = tuple[Scalar, Scalar, Scalar]
@@ -57,7 +57,7 @@ class Step(ABC):
 
     @property
     def may_be_free(self) -> Joint | None:
-        """The joint that the target may leave open at this step."""
+        """The joint that some targets leave undetermined at this step; None if there is none."""
         return None
 
     @abstractmethod
@@ -75,7 +75,7 @@ class Target(Step):
     kind: ClassVar[str] = "target"
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         if len(self.results) == 3:
             return b.point()
         pose = b.pose()
@@ -96,7 +96,7 @@ class Named(Step):
         return (self.value,)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         return (b.name(self.hint, read(self.value)),)
 
 
@@ -108,7 +108,7 @@ class _Decision(Step):
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """The joints whose values this step decides."""
+        """The joints whose values this step sets."""
         return (self.joint,)
 
 
@@ -134,16 +134,16 @@ class Pair(_Decision):
 
     @property
     def stage(self) -> Stage:
-        """The choice of a root, if this step makes one."""
+        """The root selection that this step makes."""
         return Stage(self.joint.index, self.label.name)
 
     @property
     def may_be_free(self) -> Joint | None:
-        """The joint that the target may leave open at this step."""
+        """The joint that some targets leave undetermined at this step; None if there is none."""
         return None if self.fixed else self.joint
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         A, B, C = map(read, self.equation)
         radicand = None if self.radicand is None else read(self.radicand)
         return tuple(b.pair(self.joint, A, B, C, label=self.label, unit=self.unit, radicand=radicand))
@@ -168,11 +168,11 @@ class SignedRoot(Step):
 
     @property
     def stage(self) -> Stage:
-        """The choice of a root, if this step makes one."""
+        """The root selection that this step makes."""
         return Stage(self.joint.index, self.label.name)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         radicand, size = read(self.radicand), read(self.size)
         return (b.signed_root(self.hint, radicand, size=size, joint=self.joint, label=self.label, unit=self.unit),)
 
@@ -192,11 +192,11 @@ class Quartic(_Decision):
 
     @property
     def stage(self) -> Stage:
-        """The choice of a root, if this step makes one."""
+        """The root selection that this step makes."""
         return Stage(self.joint.index, self.label.name, 4, 2)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         k0, k1, k2, k3, k4 = map(read, self.k)
         return tuple(b.quartic(self.joint, (k0, k1, k2, k3, k4), label=self.label))
 
@@ -217,12 +217,12 @@ class Polynomial(_Decision):
 
     @property
     def stage(self) -> Stage:
-        """The choice of a root, if this step makes one."""
+        """The root selection that this step makes."""
         most = len(self.k) - 1
         return Stage(self.joint.index, self.label.name, most, 1 if most == 2 else 2)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         return (b.polynomial(self.joint, tuple(map(read, self.k)), label=self.label, unit=self.unit),)
 
 
@@ -241,11 +241,11 @@ class Direction(_Decision):
 
     @property
     def may_be_free(self) -> Joint:
-        """The joint that the target may leave open at this step."""
+        """The joint that some targets leave undetermined at this step; None if there is none."""
         return self.joint
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         return tuple(b.turn(self.joint, read(self.s), read(self.c)))
 
 
@@ -266,11 +266,11 @@ class Onto(_Decision):
 
     @property
     def may_be_free(self) -> Joint:
-        """The joint that the target may leave open at this step."""
+        """The joint that some targets leave undetermined at this step; None if there is none."""
         return self.joint
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         bounds = None if self.feasible is None else Feasible(*map(read, self.feasible))
         return tuple(b.onto(self.joint, _vector(self.v, read), _vector(self.u, read), unit=self.unit, feasible=bounds))
 
@@ -288,7 +288,7 @@ class Slide(_Decision):
         return (self.value,)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         return (b.slide(self.joint, read(self.value)),)
 
 
@@ -299,7 +299,7 @@ class Given(_Decision):
     kind: ClassVar[str] = "given"
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         value = b.given(self.joint)
         return tuple(value) if isinstance(value, Turn) else (value,)
 
@@ -321,21 +321,21 @@ class Wrist(Step):
 
     @property
     def joints(self) -> tuple[Joint, ...]:
-        """The joints whose values this step decides."""
+        """The joints whose values this step sets."""
         return self.three
 
     @property
     def stage(self) -> Stage:
-        """The choice of a root, if this step makes one."""
+        """The root selection that this step makes."""
         return Stage(self.three[1].index, "wrist")
 
     @property
     def may_be_free(self) -> Joint:
-        """The joint that the target may leave open at this step."""
+        """The joint that some targets leave undetermined at this step; None if there is none."""
         return self.three[0]
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         (ax, ay, az), (bx, by, bz) = (_vector(column, read) for column in self.columns)
         turns = b.wrist(self.three, ((ax, 0, bx), (ay, 0, by), (az, 0, bz)), self.signs)
         return tuple(value for turn in turns for value in turn)
@@ -355,7 +355,7 @@ class Residual(Step):
         return (*self.lengths, *self.cosines)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Ask the interpreter ``b`` for the same step; returns the values of ``results``."""
+        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
         b.residual(tuple(map(read, self.lengths)), tuple(map(read, self.cosines)))
         return ()
 

@@ -36,13 +36,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-POSES = 40  # sample poses; the score is a quantile over them
-SAMPLES = 25  # of the determinant: its 12 rows allow degree 12 (25 coefficients), of which those above 8 must vanish
+POSES = 40  # number of random sample poses on which an elimination is scored
+SAMPLES = 25  # values of the 12 x 12 determinant: a polynomial of degree <= 12 (25 coefficients) passes through them
 
 
 @dataclass(frozen=True)
 class Elimination:
-    """One way to eliminate variables: a labelling of the loop, the roles of its joints 3, 4, 5, and its quality.
+    """One variable elimination: a labelling of the loop, the roles of its joints 3, 4, 5, and how accurate it is.
 
     Labelling: the loop is numbered from joint ``start`` (0 .. 5) in the sense of ``direction`` (+1 or -1).
     Roles, each 0, 1 or 2 for joints 3, 4 and 5 of the labelling: ``kept`` is the unknown of the polynomial; the
@@ -140,7 +140,10 @@ def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float, 
 
 
 def shallowness(depth: float) -> float:
-    """Factor on the noise of the polynomial where its determinant is small: max(1, SHALLOW / 10^depth)^0.75."""
+    """Factor by which the noise of the polynomial grows where its determinant is small.
+
+    It is max(1, SHALLOW / 10^depth)^0.75, with ``depth`` as in :class:`Elimination`.
+    """
     return float(max(1.0, SHALLOW / 10**depth) ** 0.75)
 
 
@@ -195,7 +198,7 @@ def _stretch(f: Array) -> Array:
 
 
 def _features(e: Array) -> Array:
-    """The action (poses, 15, 15) of rigid transforms (poses, 4, 4) on the features of a line."""
+    """Matrices, shape (poses, 15, 15), by which rigid transforms ``e`` (poses, 4, 4) act on the features of a line."""
     R, t = e[:, :3, :3], e[:, :3, 3]
     out = np.zeros((len(e), 15, 15))
     tt, tR = (t * t).sum(axis=-1), np.einsum("ni,nij->nj", t, R)

@@ -47,11 +47,11 @@ class Form:
         return self + other.times(-1)
 
     def times(self, factor: S) -> Form:
-        """Multiply by a number."""
+        """Multiply the function by the constant ``factor``."""
         return Form(self.turning, tuple(product(factor, x) for x in self.k))
 
     def plus(self, constant: S) -> Form:
-        """Add a number."""
+        """Add the number ``constant`` to the function."""
         return Form(self.turning, (total(self.k[0], constant), *self.k[1:]))
 
     def squared(self) -> Form:
@@ -116,7 +116,10 @@ class Form:
 
 @dataclass(frozen=True)
 class Moving:
-    """Coordinates of a point ``M J(x) c`` as functions of the joint variable x, with a constant transform ``M``."""
+    """Coordinates of a point carried by a joint, ``M J(x) c``, as functions of the joint variable x.
+
+    ``c`` is the point in the frame after the joint, ``M`` a constant transform, and ``J`` the motion of the joint.
+    """
 
     x: Form
     y: Form

@@ -82,7 +82,7 @@ def general6r_tables(
 
 @cache
 def tables_of(chain: Chain, locked: int | None = None) -> General6RTables:
-    """Compute the tables of ``chain``, or of the six joints beside ``locked`` (the first or last of seven).
+    """Compute the tables of ``chain``, a chain of six joints, or of seven of which ``locked`` (first or last) is given.
 
     Constant angles about the axes of revolute joints are not part of the tables; :func:`shifts` returns them.
     """
@@ -115,9 +115,9 @@ def free_joints(chain: Chain, locked: int | None) -> tuple[tuple[Joint, ...], tu
 
 
 def shifts(chain: Chain, locked: int | None) -> list[float]:
-    """Offsets (rad or m) to add to the six joint values of the elimination to obtain those of the chain.
+    """Offsets (rad or m), one per joint, to add to the joint values that the elimination finds to obtain the chain's.
 
-    They are minus the joint offset and, for a revolute joint, minus the constant rotation of its link about z.
+    Each is minus the offset of the joint and, for a revolute joint, minus the constant rotation of its link about z.
     """
     joints, links = free_joints(chain, locked)
     turns = [turn if joint.revolute else 0.0 for joint, turn in zip(joints, [*_turns(links), 0.0], strict=True)]

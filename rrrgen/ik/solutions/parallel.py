@@ -31,7 +31,7 @@ IDENTITY = screw(1, 0)
 
 @dataclass(frozen=True)
 class Frame:
-    """A loop split at its planar triple: the triple, and the remaining joints with the links around them.
+    """A loop divided into its planar triple and the remaining joints with the links around them.
 
     ``lead`` is the link from the triple to joint a, ``trail`` the one from joint c back to the triple. Both include the
     frames of the triple, so that its normal n is the z axis at both ends.
@@ -103,7 +103,11 @@ def derive_parallel(b: Builder, loop: Loop, k: int, length: float) -> None:
 
 
 def finish_plane(b: Builder, frame: Frame, motions: list[Motion], length: float) -> None:
-    """Derive the joints of the triple from the ``motions`` of the others: (e1 e2 e3)^-1 is the rest of the loop."""
+    """Derive the three joints of the planar triple from the ``motions`` of the other joints.
+
+    The loop closes, so the displacement of the triple in its plane is the inverse of the product of the other
+    transforms; the planar problem for that displacement is solved. ``length`` (m) is the size of the arm.
+    """
     inverse, triple = oriented(frame.triple.reversed())
     start = anchor(triple)
     if inverse:  # the triple runs forward again, and e1 e2 e3 is the inverse of the rest of the loop
@@ -120,7 +124,7 @@ def finish_plane(b: Builder, frame: Frame, motions: list[Motion], length: float)
 def _around(
     frame: Frame, motions: list[Motion], v: Vector, *, backwards: bool = False, direction: bool = False
 ) -> Vector:
-    """Transform a point, or a direction, of the plane of the triple through all the other joints of the loop."""
+    """Transform a point (or a direction) of the plane of the triple by the product of all other joints of the loop."""
     count = len(motions)
     links = [frame.lead, *(_closing(link) for link in frame.loop.links[: count - 1]), frame.trail]
     if backwards:
@@ -139,14 +143,14 @@ def _closing(link: Crossing | Closing) -> Closing:
 
 @dataclass(frozen=True)
 class _Others:
-    """Solver for three revolute joints a, b, c beside the triple."""
+    """Solver for the three joints a, b, c besides the planar triple, where all three are revolute."""
 
     b: Builder
     frame: Frame
     length: float
 
     def solve(self) -> list[Motion]:
-        """Derive the angles of a, b, c; the tests of the module's two equations become residuals."""
+        """Derive the angles of a, b, c. The two equations of the module's docstring are recorded as residuals."""
         b, frame, L = self.b, self.frame, self.length
         joints = frame.loop.joints[:3]
         ab = frame.loop.links[0]
@@ -188,7 +192,11 @@ class _Others:
         return [xa, xb, xc]
 
     def _from_height(self, n_a: Vector, m: Vector, ab: Crossing) -> Turn:
-        """Solve z_b . m1 = z_b . m2 for a, without loss of digits where n comes near z_b (the wrist of a UR arm)."""
+        """Solve z_b . m1 = z_b . m2 for the angle of joint a.
+
+        The radicand of the solution is written so that no digits are lost where n is nearly parallel to z_b, as in the
+        wrist of a UR arm.
+        """
         radicand: S | None = None
         across = total(product(m[0], m[0]), product(m[1], m[1]))
         c2 = 2 * ab.ca * ab.ca
@@ -207,7 +215,7 @@ class _Others:
         )
 
     def _feasible(self, xa: Turn, xc: Turn) -> Feasible | None:
-        """Bounds on b where the target leaves it free, its axis being parallel to those of the triple.
+        """Condition on the angle of joint b at targets that leave it free, its axis being parallel to the triple's.
 
         The distance that the two links of the triple must span depends on cos b and sin b. It has to lie between the
         difference and the sum of their lengths. None where the triple has a prismatic joint.
@@ -241,7 +249,10 @@ def _gap(a: Plane, b: Plane) -> S:
 
 
 def _slide_first(b: Builder, frame: Frame, L: float) -> list[Motion]:
-    """Joint a is prismatic and does not rotate n: the condition on the normal gives c and b, the height gives a."""
+    """Derive joints a, b, c where a is prismatic, so that it does not rotate the normal n of the triple.
+
+    That the other two map n onto itself gives c and b; the height along n then gives the displacement of a.
+    """
     joints = frame.loop.joints[:3]
     n_a = b.names("n", frame.lead.inverse().turn((0, 0, 1)))
     n_c = b.names("o", frame.trail.turn((0, 0, 1)))
@@ -259,16 +270,21 @@ def _slide_first(b: Builder, frame: Frame, L: float) -> list[Motion]:
 
 
 def _sharp(n_c: Vector, bc: Rigid, mb: Vector, across: S) -> S | None:
-    """Radicand of the pair equation that keeps its digits where the two normals nearly coincide.
+    """An accurate expression for A^2 + B^2 - C^2 in the equation A cos x + B sin x = C for joint c.
 
-    It is the squared length ``across`` when the axes are perpendicular; None where no such expression is known.
+    The plain difference loses digits where the normal n nearly coincides with the axis of joint b. Where the axes are
+    perpendicular the difference equals the squared length ``across``, which does not; None where no such expression is
+    known.
     """
     quarter = is_zero(bc.R[2][2]) and is_zero(n_c[2])
     return across if quarter else None
 
 
 def _slide_middle(b: Builder, frame: Frame, L: float) -> list[Motion]:
-    """Joint b is prismatic and does not rotate n: the condition on the normal gives c and a, the height gives b."""
+    """Derive joints a, b, c where b is prismatic, so that it does not rotate the normal n of the triple.
+
+    That the other two map n onto itself gives c and a; the height along n then gives the displacement of b.
+    """
     joints = frame.loop.joints[:3]
     n_a = b.names("n", frame.lead.inverse().turn((0, 0, 1)))
     n_c = b.names("o", frame.trail.turn((0, 0, 1)))

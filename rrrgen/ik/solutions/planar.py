@@ -148,7 +148,7 @@ def _spun(x: Turn, v: Plane) -> Plane:
 
 
 def oriented(triple: Triple) -> tuple[bool, Triple]:
-    """Order the triple so that a revolute joint comes last, where possible: (was reversed, triple)."""
+    """Reverse the triple if that makes its last joint revolute: (whether it was reversed, triple)."""
     if triple.elements[2].joint.revolute or not triple.elements[0].joint.revolute:
         return False, triple
     return True, triple.reversed()
@@ -244,7 +244,7 @@ def _slide_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: fl
 
 
 def _around(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """P R P: the rotation gives x2, the image ``point`` of the origin two linear equations for the displacements."""
+    """P R P: the rotation gives x2; ``point``, where the origin moves to, gives two linear equations for x1 and x3."""
     one, two, three = triple.elements
     x2 = b.turn(two.joint, rotation.s, rotation.c)
     away = _spun(x2, two.at)

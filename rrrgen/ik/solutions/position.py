@@ -68,7 +68,7 @@ class Arm:
 
 
 def backwards(joint: Joint) -> Joint:
-    """The inverse of a joint as a joint: its raw variable is -x."""
+    """The same joint passed in the opposite direction: its transform is the inverse, so its raw variable is -x."""
     return replace(joint, sign=-joint.sign, offset=-joint.offset)
 
 
@@ -77,7 +77,7 @@ UNUSABLE = 9
 
 
 def _cost(arm: Arm) -> int:
-    """Rank the hardest equation in this direction: 0 to 2 no quartic, simplest first; 4 or 5 a quartic; or UNUSABLE."""
+    """Rank the hardest equation of a problem: 0 (simplest) to 2 without a quartic, 4 or 5 with one, or UNUSABLE."""
     first = arm.first
     if not isinstance(first, Crossing):
         return UNUSABLE
@@ -105,7 +105,7 @@ def _cost(arm: Arm) -> int:
 
 
 def simplest(arm: Arm) -> tuple[int, Arm]:
-    """Choose the direction of ``arm`` with the lower cost: (cost, arm in that direction)."""
+    """Choose between ``arm`` and the same problem stated from its other end the one of lower cost: (cost, arm)."""
     forward, backward = _cost(arm), _cost(arm.reversed())
     return (forward, arm) if forward <= backward else (backward, arm.reversed())
 
@@ -156,7 +156,10 @@ def _solve(b: Builder, arm: Arm, length: float) -> dict[int, Turn | S]:
 
 
 def _elbow_sign(arm: Arm) -> int:
-    """Sign of the root that is labelled plus for a shoulder solved first: the arm reaches to the front of axis 1."""
+    """Sign (+1 or -1) of the shoulder's root that is labelled plus: the one where the arm reaches forward from axis 1.
+
+    For arms whose shoulder angle is solved first.
+    """
     second = arm.second
     if isinstance(arm.first, Crossing) and not is_zero(arm.first.sa):
         return -1 if float(arm.first.sa) > 0 else 1
@@ -182,8 +185,8 @@ class _Core:
     def offset_elbow(self, arm: Arm) -> dict[int, Turn | S]:
         """R R R where axes 1 and 2 meet and axes 2 and 3 are parallel: two solutions for x1, two for x3, one for x2.
 
-        The offset of the arm's plane from axis 1 gives x1, the distance |p| gives x3, and x2 follows. All four branches
-        of (14.45) in chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
+        The offset of the arm's plane from axis 1 gives x1, the distance |p| gives x3, and x2 follows. The solution is
+        (14.45) in chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005), with all four of its branches.
         """
         b, joints = self.b, self.joints
         u = Moving.of(backwards(joints[0]), Rigid(*_inverse_core(self.a, self.ca, self.sa)), self.p)
@@ -300,7 +303,7 @@ class _Core:
         return {joint.index: x for joint, x in zip(self.joints, (x1, x2, x3), strict=True)}
 
     def _first_sign(self) -> int:
-        """Sign of the root that is labelled plus where the shoulder angle is found through x3."""
+        """Sign (+1 or -1) of the shoulder's root that is labelled plus, for arms whose joint 3 is solved first."""
         return self.front
 
 

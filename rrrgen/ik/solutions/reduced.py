@@ -68,7 +68,10 @@ def derive_lift(b: Builder, loop: Loop, k: int, length: float) -> None:
 
 
 def upright(b: Builder, frame: Frame, motions: list[Motion]) -> None:
-    """Record the tilt of the target against the plane of the triple as a residual: no joint can change it."""
+    """Record as a residual how far the z axis of the target is tilted against the normal of the plane of the triple.
+
+    No joint can change that tilt, so a target has solutions only where it is zero.
+    """
     v = frame.trail.turn((0, 0, 1))
     for motion in motions:
         v = move(motion, v, direction=True)
@@ -193,7 +196,10 @@ def derive_point(b: Builder, chain: Chain, length: float) -> None:
 
 
 def _best(b: Builder, joint: Joint, equations: list[tuple[Form, float]]) -> Motion:
-    """Solve, of several equations (form, unit) for the same joint, the one whose coefficients depend most on it."""
+    """Solve for ``joint`` the one of several equations that depends most strongly on it.
+
+    ``equations`` holds (form, unit): the function of the joint that must vanish, and the natural size of its terms.
+    """
 
     def slope(entry: tuple[Form, float]) -> float:
         form, unit = entry

@@ -1,4 +1,4 @@
-/* Angles: reduction to (-pi, pi], and atan2 without branches and tables. Needs tolerances.c. */
+/* Angles: reduction to (-pi, pi], and atan2 without branches and tables. */
 #include "kernel.h"
 /* Reduces an angle (rad) to (-pi, pi]. */
 LOCAL REAL ik_wrap(REAL x)
@@ -20,8 +20,8 @@ LOCAL REAL ik_opposite(REAL x)
 
 #if NEEDS_ATAN2
 /* atan2(y, x) in rad with an error of at most 2.7 ulp; pi/2 at the origin. Without branches and tables, so that compilers can
- * vectorize it; the same bits on every machine that rounds each operation. The result is a multiple of pi/4 (start) plus or
- * minus (turn) an arc of at most pi/8, and the two are computed in parallel up to the last sum. */
+ * vectorize it; the same bits on every machine that rounds each operation. The result is start + turn * arc: start is a multiple
+ * of pi/4, turn is +1 or -1 and the arc at most pi/8; start and arc are computed in parallel. */
 LOCAL_INLINE REAL ik_atan2(REAL y, REAL x)
 {
     const REAL ax = FABS(x), ay = FABS(y);
@@ -44,6 +44,7 @@ LOCAL_INLINE REAL ik_atan2(REAL y, REAL x)
 #endif
 #if NEEDS_ARCS
 
+/* atan2 of count pairs of sine and cosine; the loop is written so that compilers vectorize it. */
 LOCAL void ik_arcs(int count, const REAL *RESTRICT sine, const REAL *RESTRICT cosine, REAL *RESTRICT angle)
 {
     int i;

@@ -1,11 +1,19 @@
-/* Inverse kinematics of a general six-joint chain, at most one joint prismatic. Variables are eliminated until a trigonometric
- * polynomial of degree 8 in one angle is left; the solutions of its up to 16 roots are refined on the target pose. Needs
- * trig_roots.c and arcs.c. */
+/* Inverse kinematics of a general six-joint chain, at most one joint prismatic, after M. Raghavan and B. Roth (1990). Variables
+ * are eliminated until a trigonometric polynomial of degree 8 in one angle is left; the solutions that belong to its up to 16
+ * roots are refined on the target pose. Needs trig_roots.c and angles.c.
+ *
+ * Method. The loop of the arm is Z1 E1 Z2 E2 .. Z6 E6 = 1: Zi is the rotation by joint i, the Ei do not depend on the joints.
+ * The axis of joint 6 is a line with 15 features, listed above ik_6r_carry. Computed through joints 5, 4, 3 they equal those
+ * computed from the other side, through joints 1 and 2. Six linear combinations of these equations do not contain joints 1
+ * and 2 (ik_6r_cancel) and are linear in (1, cos, sin) of joints 3, 4 and 5 (ik_6r_pencil). Of these three joints one angle is
+ * kept as the unknown. The other two are called shifted and other: they are eliminated through the tangents of their half
+ * angles, by a 12 x 12 matrix that is singular at a solution (ik_6r_reduce). Its determinant is the polynomial
+ * (ik_6r_scan), and its null vector at a root gives the two eliminated angles (ik_6r_pairs). */
 #include "kernel.h"
 #define IK_6R_MAX 16
-#define IK_6R_STEPS 6 /* Newton steps for a solution; six times as many in a patient search, near a singular pose */
-#define IK_6R_ZONES 8 /* the whole circle and the arcs of it that are magnified */
-#define IK_6R_PATIENCE 400 /* total of the patient Newton steps in one elimination */
+#define IK_6R_STEPS 6 /* most Newton steps for a solution; six times as many in a patient search, which is used near a singular pose */
+#define IK_6R_ZONES 8 /* most zones: the whole circle, and arcs of it that are magnified to separate close roots */
+#define IK_6R_PATIENCE 400 /* most Newton steps of all patient searches of one elimination together */
 #define IK_6R_EPS (REAL)VALUE_EPS
 #define IK_6R_TINY (REAL)VALUE_6R_TINY
 #define IK_6R_DONE (REAL)VALUE_6R_DONE /* error of an entry of the pose below which a solution is not refined further */
@@ -19,10 +27,11 @@ static const REAL ik_6r_dh[6][4] = DH;
  * has its displacement and 0. */
 static const REAL ik_6r_fixed[2] = DH_TURN;
 #endif
-/* Eliminations to try, best first: first joint and direction of the relabelled loop; which of its joints 3, 4, 5 (0, 1, 2) is
- * kept, shifted and other; and the motion, an index of ik_6r_nudge, to a pose nearby, where coinciding roots separate. */
+/* Eliminations to try, best first. The entries are: the joint at which the numbering of the loop begins, and its direction; which
+ * of the joints 3, 4, 5 of that numbering (0, 1, 2) are kept, shifted and other; and an index of ik_6r_nudge, the small motion of
+ * the target at which the elimination is done, because coinciding roots separate at a pose nearby. */
 static const signed char ik_6r_pass[PASSES][6] = PASS;
-/* Noise level of their polynomials, relative to the sum of the magnitudes of the coefficients. */
+/* Rounding noise of the polynomial of each elimination, relative to the sum of the magnitudes of its coefficients. */
 static const REAL ik_6r_noise[PASSES] = PASS_NOISE;
 /* No motion, a small motion in no special direction, and its inverse. */
 static const REAL ik_6r_nudge[3][12] = {
@@ -35,8 +44,9 @@ static const REAL ik_6r_odd[12] = {(REAL)0.28, (REAL)-0.96, (REAL)0.0, (REAL)0.9
 /* Features that a rotation about z does not change, and the x components of the pairs that it rotates. */
 static const signed char ik_6r_axial[7] = {3, 4, 7, 10, 11, 14, 0};
 static const signed char ik_6r_planar[4] = {1, 5, 8, 12};
-/* The product of features that rigid transforms preserve, p.p' - (1 (p.p)' + (p.p) 1') / 2 + l.w' + w.l' - 2 m.m' +
- * 2 (p.l) (p.l)': partner of each feature and factor. */
+/* Bilinear product of the features of two lines that rigid transforms of both preserve (the second line is marked by '):
+ * p.p' - (1 (p.p)' + (p.p) 1') / 2 + l.w' + w.l' - 2 m.m' + 2 (p.l) (p.l)'. Each feature is multiplied by the feature dual[i] of
+ * the other line and by the factor form[i]. */
 static const signed char ik_6r_dual[15] = {4, 1, 2, 3, 0, 12, 13, 14, 8, 9, 10, 11, 5, 6, 7};
 static const REAL ik_6r_form[15] = {(REAL)-0.5, (REAL)1.0, (REAL)1.0, (REAL)1.0, (REAL)-0.5, (REAL)1.0, (REAL)1.0, (REAL)1.0, (REAL)-2.0, (REAL)-2.0, (REAL)-2.0, (REAL)2.0, (REAL)1.0, (REAL)1.0, (REAL)1.0};
 /* cos(2 pi k / 17), sin(2 pi k / 17) */
@@ -128,11 +138,13 @@ LOCAL void ik_6r_slide(REAL x[12], REAL by)
 
 #endif
 #if DH_SLIDES
-/* The loop Z1 E1 Z2 E2 .. Z6 E6 = 1, begun at another joint, in either direction; the pose sits in one of the E. Every
- * angle is counted from an odd direction, so that round values are nothing special. A displacement is followed by its turn. */
+/* Computes E1 .. E6 of the loop Z1 E1 Z2 E2 .. Z6 E6 = 1, numbered from joint `start` in either direction; one of them contains
+ * the target pose. Every angle is counted from a direction that is no simple fraction of pi, so that the tangent of its half is
+ * not infinite at round values such as pi. The displacement of the prismatic joint is followed by its constant rotation. */
 #else
-/* The loop Z1 E1 Z2 E2 .. Z6 E6 = 1, begun at another joint, in either direction; the pose sits in one of the E. Every
- * angle is counted from an odd direction, so that round values are nothing special. */
+/* Computes E1 .. E6 of the loop Z1 E1 Z2 E2 .. Z6 E6 = 1, numbered from joint `start` in either direction; one of them contains
+ * the target pose. Every angle is counted from a direction that is no simple fraction of pi, so that the tangent of its half is
+ * not infinite at round values such as pi. */
 #endif
 LOCAL void ik_6r_loop(const REAL pose[12], int start, int direction, REAL e[6][12])
 {
@@ -177,8 +189,9 @@ LOCAL void ik_6r_cross(const REAL a[3], const REAL b[3], REAL c[3])
     }
 }
 
-/* Features of a line (point p, direction l): 0: 1, 1..3: p, 4: p.p, 5..7: l, 8..10: m = p x l, 11: p.l,
- * 12..14: w = (p.p) l - 2 (p.l) p. A rigid transform acts on them linearly; this applies it to n columns in place. */
+/* Transforms n columns of line features in place by the rigid transform e. The features of the line through the point p with the
+ * direction l are 0: 1, 1..3: p, 4: p.p, 5..7: l, 8..10: m = p x l, 11: p.l, 12..14: w = (p.p) l - 2 (p.l) p; a rigid transform
+ * acts on them linearly. */
 LOCAL void ik_6r_carry(const REAL e[12], int n, REAL f[15][18])
 {
     const REAL *const t = e + 9;
@@ -211,7 +224,8 @@ LOCAL void ik_6r_carry(const REAL e[12], int n, REAL f[15][18])
     }
 }
 
-/* Splits n columns into 3 n: constant, cosine and sine part under a turn about z (sense -1: about -z). */
+/* Replaces each of n columns of features by three: the coefficients of 1, cos x and sin x of the features rotated by x about z
+ * (sense -1: about -z). */
 LOCAL void ik_6r_split(int n, REAL sense, REAL f[15][18])
 {
     int i, j;
@@ -237,7 +251,8 @@ LOCAL void ik_6r_split(int n, REAL sense, REAL f[15][18])
 }
 
 #if DH_SLIDES
-/* Splits n columns into 3 n: the parts 1, x and x^2 under a displacement x along z (sense -1: along -z). */
+/* Replaces each of n columns of features by three: the coefficients of 1, x and x^2 of the features displaced by x along z
+ * (sense -1: along -z). */
 LOCAL void ik_6r_stretch(int n, REAL sense, REAL f[15][18])
 {
     int i, j;
@@ -264,7 +279,8 @@ LOCAL void ik_6r_stretch(int n, REAL sense, REAL f[15][18])
     }
 }
 
-/* Splits n columns into 3 n under the motion of joint `place` of the loop: about z or along z. */
+/* Replaces each of n columns of features by three coefficients of the motion of joint `place` of the loop, a rotation about z or
+ * a displacement along z. */
 LOCAL void ik_6r_part(const signed char pass[6], int place, int n, REAL sense, REAL f[15][18])
 {
     if (place == 2 + pass[4]) {
@@ -275,7 +291,7 @@ LOCAL void ik_6r_part(const signed char pass[6], int place, int n, REAL sense, R
 }
 
 #endif
-/* Column j: the line of a frame's z axis (the hidden sixth axis). */
+/* Writes to column j the features of the z axis of the frame e, which is the axis of joint 6. */
 LOCAL void ik_6r_line(const REAL e[12], int j, REAL f[15][18])
 {
     const REAL *const point = e + 9;
@@ -312,7 +328,8 @@ LOCAL void ik_6r_reflect(const REAL v[8], REAL scale, REAL x[8])
     }
 }
 
-/* m - n orthonormal vectors y that vanish on n vectors a of m entries (the rest zero), by Householder's reflections. */
+/* Finds m - n orthonormal vectors y that are perpendicular to the n vectors a, all of m entries (filled up with zeros to 8), by
+ * Householder reflections. a is overwritten. */
 LOCAL void ik_6r_complement(int m, int n, REAL a[6][8], REAL y[4][8])
 {
     REAL scale[6];
@@ -342,9 +359,10 @@ LOCAL void ik_6r_complement(int m, int n, REAL a[6][8], REAL y[4][8])
     }
 }
 
-/* Six columns that cancel every trace of joints 1 and 2 in the line of joint 6, as features under the preserved product.
- * f: the line as seen through joint 1, its constant, cosine and sine; joint 2 then turns the planar pairs as complex
- * numbers. Four combinations of the axial features do it, and a complex one of the planar pairs. */
+/* Finds six combinations of the line features of joint axis 6 that do not depend on joints 1 and 2, as columns of `row` to be
+ * multiplied by the product that rigid transforms preserve. The columns of f are the coefficients of 1, cos and sin of joint 1 in
+ * the features of that axis. Four of the combinations are of the axial features, which joint 2 does not change. The other two are
+ * the real and the imaginary part of one combination of the planar pairs (x + i y), which joint 2 multiplies by exp(i q2). */
 LOCAL void ik_6r_cancel(REAL f[15][18], REAL row[15][18])
 {
     REAL a[6][8], y[4][8];
@@ -382,11 +400,12 @@ LOCAL void ik_6r_cancel(REAL f[15][18], REAL row[15][18])
     }
 }
 
-/* The six equations in joints 3, 4 and 5, h[kept: 1, cos, sin][row][3 * power of the shifted half angle's tangent + power
- * of the other's, or of the displacement]: the rows that know nothing of joints 1 and 2, applied to the line as seen through 3, 4 and 5. */
+/* Computes the coefficients h[k][row][3 a + b] of the six equations in joints 3, 4 and 5: k is 0, 1, 2 for the factors 1, cos, sin
+ * of the kept angle, a the power of the shifted half angle's tangent, b that of the other one's or of the displacement. They are
+ * the combinations of ik_6r_cancel, applied to the features of axis 6 as computed through joints 5, 4 and 3. */
 LOCAL void ik_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3][6][10])
 {
-    static const signed char stride[3] = {60, 1, 3}; /* of joints 3, 4 and 5 in g */
+    static const signed char stride[3] = {60, 1, 3}; /* distance in g between the coefficients of joint 3, 4 and 5 */
     const int kept = stride[pass[2]], outer = stride[pass[3]], inner = stride[pass[4]];
     REAL f[15][18], row[15][18], g[180], back[12];
     int i, j, k, x;
@@ -464,7 +483,8 @@ LOCAL void ik_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3][6][1
     }
 }
 
-/* Gaussian elimination of the first n columns by row pivots; returns the pivots' signed product. */
+/* Gaussian elimination of the first n columns with partial pivoting. Returns the product of the pivots, with the sign of the row
+ * exchanges. */
 LOCAL REAL ik_6r_lu(REAL a[6][10], int n)
 {
     REAL det = (REAL)1;
@@ -496,9 +516,10 @@ LOCAL REAL ik_6r_lu(REAL a[6][10], int n)
     return det;
 }
 
-/* The equations at the kept angle cs, times 1 and times the shifted half angle: [M0 M1 M2 0; 0 M0 M1 M2] on powers 0 .. 3.
- * Powers 0 and 3 occur in one block row each, which eliminates them: work[0] = [M0 | M1 M2], work[1] = [M2 | M0 M1].
- * work[2] is what remains on powers 1 and 2 (columns 0 .. 5). Returns the product of the pivots. */
+/* Evaluates the 12 x 12 matrix of the elimination at the kept angle cs and reduces it to 6 x 6. The matrix holds the six equations
+ * times 1 and times the tangent t of the shifted half angle, in blocks [M0 M1 M2 0; 0 M0 M1 M2] for the powers t^0 .. t^3. t^0 and
+ * t^3 occur in one block row each and are eliminated: work[0] = [M0 | M1 M2], work[1] = [M2 | M0 M1]. work[2] is the 6 x 6 rest for
+ * t^1 and t^2. Returns the product of the pivots, which times the determinant of the rest is that of the matrix, up to its sign. */
 LOCAL REAL ik_6r_reduce(REAL h[3][6][10], const REAL cs[2], REAL work[3][6][10])
 {
     REAL det;
@@ -527,7 +548,9 @@ LOCAL REAL ik_6r_reduce(REAL h[3][6][10], const REAL cs[2], REAL work[3][6][10])
     return det;
 }
 
-/* The angle x (cs) with tan(x/2) = zone[2] tan(y/2), counted from zone[0..1]; returns cos^2 + zone[2]^2 sin^2 of y/2. */
+/* Maps an angle y of the magnified circle to the angle x of the true circle, given as cosine and sine cs. A zone is an arc: its
+ * centre (cosine zone[0], sine zone[1]) and its scale zone[2], with tan(x/2) = zone[2] tan(y/2) for x counted from the centre.
+ * Returns cos(y/2)^2 + zone[2]^2 sin(y/2)^2. */
 LOCAL REAL ik_6r_magnify(const REAL zone[3], const REAL y[2], REAL cs[2])
 {
     const REAL a = (REAL)0.5 * ((REAL)1 + y[0]), b = (REAL)0.5 * ((REAL)1 - y[0]) * zone[2] * zone[2];
@@ -544,8 +567,9 @@ LOCAL REAL ik_6r_tangent(const REAL x[2], const REAL y[2])
     return (x[0] * y[1] - x[1] * y[0]) / ((REAL)1 + x[0] * y[0] + x[1] * y[1] + IK_6R_EPS * IK_6R_EPS);
 }
 
-/* Samples the 12 x 12 determinant on a circle that a zone magnifies, and finds its roots there. It is a trigonometric
- * polynomial of degree 8 in x; times magnify's weight to the 8th it is one in y, with noise relative to the zone. */
+/* Finds the roots y of the 12 x 12 determinant on the magnified circle of a zone. The determinant is a trigonometric polynomial of
+ * degree 8 in x; times the 8th power of the value that ik_6r_magnify returns it is one of degree 8 in y, which is interpolated from
+ * 17 samples. Its noise is relative to its size on the zone. order: 1 for a simple root, 2 for an unresolved one. */
 LOCAL int ik_6r_scan(REAL h[3][6][10], const REAL zone[3], REAL noise, REAL root[24][3], int order[24])
 {
     REAL value[17], ca[9], sa[9], level = (REAL)0;
@@ -573,7 +597,8 @@ LOCAL int ik_6r_scan(REAL h[3][6][10], const REAL zone[3], REAL noise, REAL root
     return ik_trig_roots_8(ca, sa, level * noise, root, order);
 }
 
-/* Products of two null vectors' low and high parts under the shift by 3 (shifted angle) or by 1 (other angle). */
+/* Inner products of parts of two null vectors. Their entries belong to powers of the two tangents; the low part omits the highest
+ * power of one tangent and the high part the lowest one. by = 3 selects the tangent of the shifted angle, 1 that of the other. */
 LOCAL void ik_6r_shift(const REAL u[12], const REAL v[12], int by, REAL s[4])
 {
     int i;
@@ -590,7 +615,8 @@ LOCAL void ik_6r_shift(const REAL u[12], const REAL v[12], int by, REAL s[4])
     }
 }
 
-/* Shifted and other angle of a null vector (1, x, x^2, x^3) (1, y, y^2); returns how far it is from that shape. */
+/* Computes the shifted and the other angle from a null vector whose entries are the products of (1, x, x^2, x^3) and (1, y, y^2),
+ * with x and y the tangents of the half angles. Returns how far the vector is from that form: 0 for an exact one. */
 LOCAL REAL ik_6r_factor(const REAL w[12], REAL angle[2][2])
 {
     REAL far = (REAL)0;
@@ -607,8 +633,9 @@ LOCAL REAL ik_6r_factor(const REAL w[12], REAL angle[2][2])
     return far;
 }
 
-/* The two product vectors in the span of u and v: their half angles' tangents are the eigenvalues of a 2 x 2 matrix.
- * Returns the eigenvalues' gap, negative when they are complex. */
+/* Finds the two vectors in the span of u and v that have the form of a null vector (see ik_6r_factor), as coefficients mix of u and
+ * v. The tangents of their half angles are the eigenvalues of a 2 x 2 matrix. Returns the gap between the eigenvalues, negative
+ * where they are complex. */
 LOCAL REAL ik_6r_divide(const REAL u[12], const REAL v[12], int by, REAL mix[2][2])
 {
     REAL a[4], b[4], d[4], det, m01, m10, h, disc, root;
@@ -634,7 +661,8 @@ LOCAL REAL ik_6r_divide(const REAL u[12], const REAL v[12], int by, REAL mix[2][
     return disc / ((REAL)1 + h * h + m01 * m01 + m10 * m10);
 }
 
-/* Two vectors that span the null space at a kept angle, as if it had two dimensions; w is their mix if it has one. */
+/* Computes two vectors x that span the null space of the 12 x 12 matrix at a kept angle if its dimension is two, and the
+ * combination w of them that is the null vector if its dimension is one. */
 LOCAL void ik_6r_null(REAL h[3][6][10], const REAL cs[2], REAL x[2][12], REAL w[12])
 {
     REAL work[3][6][10];
@@ -669,7 +697,8 @@ LOCAL void ik_6r_null(REAL h[3][6][10], const REAL cs[2], REAL x[2][12], REAL w[
     }
 }
 
-/* The pairs (shifted, other) of angles at a root: one from a simple null space, two from one that has to be divided. */
+/* Computes the pairs (shifted, other) of eliminated angles at a root: one pair from a null space of dimension one, two from one of
+ * dimension two. Returns their number. */
 LOCAL int ik_6r_pairs(REAL h[3][6][10], const REAL root[2], int order, REAL pair[3][2][2])
 {
     REAL x[2][12], w[12], mix[2][2][2];
@@ -749,8 +778,9 @@ LOCAL void ik_6r_complete(REAL e[6][12], REAL t[6][2])
     }
 }
 
-/* Forward kinematics in joint cosines and sines (or a displacement and 0); r (linear, angular) leads to the pose, jac[k] is the column of joint k.
- * Returns the largest difference between an entry of the pose and of the forward kinematics. */
+/* Computes the pose error r (linear, then angular) from the forward kinematics to the target pose, and the Jacobian; jac[k] is the
+ * column of joint k. cs holds the cosine and sine of each joint, or a displacement and 0. Returns the largest difference between an
+ * entry of the pose and of the forward kinematics. */
 LOCAL REAL ik_6r_residual(const REAL pose[12], REAL cs[6][2], REAL r[6], REAL jac[6][6])
 {
     REAL x[12], err = (REAL)0;
@@ -882,7 +912,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
         for (i = 0; i < 6; ++i) {
             largest = ((REAL)2 * FABS(step[i]) > largest) ? (REAL)2 * FABS(step[i]) : largest;
         }
-        for (i = 0; i < 6; ++i) { /* turn by 2 atan(step / 2): exact to second order, and free of libm */
+        for (i = 0; i < 6; ++i) { /* rotate by 2 atan(step / 2): equal to step up to third order, and needs no sin and cos */
             const REAL t = (REAL)0.5 * step[i] / largest;
             const REAL c = from[i][0], s = from[i][1], w = (REAL)1 / ((REAL)1 + t * t);
             trial[i][0] = (c * ((REAL)1 - t * t) - (REAL)2 * s * t) * w;
@@ -914,15 +944,16 @@ LOCAL int ik_6r_place(REAL rows[IK_6R_MAX + 1][6][2], int count)
     return k;
 }
 
-/* Adds the solutions of one root of the kept angle. Returns 0 if a simple root yields no solution of its own; the first `old`
- * solutions, of earlier eliminations, count for every root. A solution found from two simple roots, or the only one of an
- * unresolved root, is marked as double. */
+/* Adds the solutions of one root of the kept angle. Returns 1 if the root is simple and yields a solution close to it (see
+ * ik_6r_polish) or one of the first `old` solutions, which stem from earlier eliminations; 0 otherwise. A solution found from two
+ * simple roots, or the only one of an unresolved root, is marked as double. */
 LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][12], REAL h[3][6][10],
     const REAL root[2], int order, int old, int *left, REAL rows[IK_6R_MAX + 1][6][2], int mult[IK_6R_MAX], int *count)
 {
     const int before = *count;
     int attempt, shared = -1, single = 1;
-    for (attempt = order; attempt <= 2 && *count == before && *left > 0; ++attempt) { /* on failure retry as a two-dimensional null space */
+    /* attempt 1: null space of one dimension; 2: of two dimensions, also tried if 1 finds nothing */
+    for (attempt = order; attempt <= 2 && *count == before && *left > 0; ++attempt) {
         REAL pair[3][2][2];
         const int pairs = ik_6r_pairs(h, root, attempt, pair);
         int i, j;
@@ -972,13 +1003,14 @@ LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][1
     return order == 1 && shared >= 0;
 }
 
-/* Defines the zone, an arc to be magnified, around n unresolved roots of another zone; 0 if it would not be much narrower. */
+/* Defines a zone (an arc to be magnified) around n unresolved roots of the zone `outer`. Returns 1, or 0 if it would not be much
+ * narrower than `outer`. */
 LOCAL int ik_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
 {
     int i;
     (void)ik_6r_magnify(outer, root[n / 2], zone);
     zone[2] = (REAL)0;
-    for (i = 0; i < n; ++i) { /* both ends of each root, and some more */
+    for (i = 0; i < n; ++i) { /* both ends of the interval in which each root lies, widened by 0.02 rad */
         REAL turn = root[i][2] + (REAL)0.02;
         int k;
         for (k = 0; k < 2; ++k) {
@@ -1026,14 +1058,14 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
                 begin = -1;
             }
         }
-        for (k = 0; k <= roots; ++k) { /* of a zone without a real root try the middle: its roots may be complex only by rounding */
+        for (k = 0; k <= roots; ++k) { /* in a zone without a real root try its centre: its roots may be complex only by rounding */
             const int middle = k == roots;
             REAL cs[2] = {zone[at][0], zone[at][1]};
             int m, here = middle ? at > 0 && empty : at == 0 || root[k][0] > (REAL)-0.3847; /* tan(x/2) < 1.5 */
             if (!middle) {
                 (void)ik_6r_magnify(zone[at], root[k], cs);
             }
-            for (m = mine; m < zones; ++m) { /* a zone of its own will find it better */
+            for (m = mine; m < zones; ++m) { /* a root inside a narrower zone is left to that zone, which resolves it better */
                 here &= FABS(ik_6r_tangent(zone[m], cs)) > (REAL)1.5 * zone[m][2];
             }
             if (here) {

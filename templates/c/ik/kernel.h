@@ -1,46 +1,59 @@
 /*
- * What the kernels of the inverse kinematics share when each is compiled alone. A kernel is C99 and C++; what differs
- * between robots are macros of settings.h, which is written beside the kernels, one line for each:
+ * Declarations of the kernels, the C files from which the inverse kinematics of a robot is put together. With this header
+ * each kernel can also be compiled and tested alone. A kernel is valid C99 and C++. What differs between robots are macros,
+ * defined in settings.h, which rrrgen writes for the robot at hand:
  *
  * options, 1 or 0
  *   POSITION             the target is a position, not a pose
  *   SLIDES               some joint is prismatic
  *   LIMITED              some joint has limits
- *   OFFSETS              some joint has an offset between its value and the angle of its frame
- *   REDUNDANT            the caller prescribes the redundancy parameter, an argument `lock`
- *   LOCKED               which is a joint; LOCKED_FIRST, LOCKED_LAST, LOCKED_SLIDES: the first, the last, a prismatic one
- *   OPENED               the target may leave joints open; BRANCHES_OPEN, NEARBY_OPEN: in which list of candidates;
- *                        MERGES: and choices fall together then
- *   BANDED               the equations are those of an arm nearby, whose double roots may be two: an argument `band`
- *   COMPANION            candidates of an arm nearby are added
- *   VIRTUAL              the arm is solved as one of six joints, some of which must come out at zero
- *   SINGLE               there is one list of candidates, exact for this arm; ONE_ROW: of one row
- *   SOUND                its candidates say themselves whether they can be taken as they are
+ *   OFFSETS              some joint has an offset between its value and the angle (or displacement) of its frame
+ *   REDUNDANT            the caller prescribes the redundancy parameter, passed as the argument `lock`
+ *   LOCKED               the redundancy parameter is the value of a joint. LOCKED_FIRST, LOCKED_LAST: it is the first or the
+ *                        last joint; LOCKED_SLIDES: it is prismatic
+ *   OPENED               some targets leave a joint undetermined (free). BRANCHES_OPEN, NEARBY_OPEN: this may happen in the
+ *                        candidates of ik_branches, of ik_nearby; MERGES: several branches then have the same solution
+ *   BANDED               the solved equations are those of a simpler arm close to this one. Where they have a double root
+ *                        the true arm may have two roots; the argument `band` moves the double root apart
+ *   COMPANION            the equations of the true arm are solved, and those of a simpler arm close to it as well
+ *   VIRTUAL              the arm has too few joints for its equations and is solved with virtual joints added, whose values
+ *                        must be zero in a solution
+ *   SINGLE               ik_branches lists all candidates, from equations that are exact for this arm; ONE_ROW: at most one
+ *   SOUND                ik_branches also computes the residuals, so that accurate candidates need no refinement
  *   ASPECTS              the branch label is the sign of the Jacobian's determinant
- *   INCOMPLETE           configurations may be missing
- *   NEEDS_...            the candidates call the function of that name
- *   DH_SLIDES, DH_SHIFTED   elimination: one of its six joints is prismatic; angles are counted from shifted directions
+ *   INCOMPLETE           solutions may be missing: only a simpler arm close to this one could be solved
+ *   NEEDS_...            the candidate functions call the function of that name, so it must be emitted
+ *   DH_SLIDES, DH_SHIFTED   general six-joint solver: one of its joints is prismatic; its angles differ from those of the
+ *                        robot by the constants DH_SHIFTS
  *
- * words
- *   REAL, RESTRICT, SQRT, FABS, COPYSIGN, SIN, COS, FLOOR, CEIL   the real type, and math.h in its precision
- *   LOCAL, LOCAL_INLINE  the linkage: static in an emitted file, external here
- *   JOINTS, LAST_JOINT, ERRORS, STACKED, ROWS   joints, their last index, entries of the task error, sum of both, rows
- *   TARGET, TARGET_READ, AT_X, AT_Y, AT_Z       numbers of a target, those that are read, the places of its position
- *   SLIDING              bits of the prismatic joints
- *   LOCKED_JOINT, LOCKED_OFFSET, LOCKED_LINK    the prescribed joint, "+ its offset", inverse of the link beside it
- *   TRANSFORMS, FIXED, OFFSET_VALUES, LOWER, UPPER   tables of the chain
+ * numbers, types, tables and pieces of code
+ *   REAL, RESTRICT, SQRT, FABS, COPYSIGN, SIN, COS, FLOOR, CEIL   the real type, and functions of math.h in its precision
+ *   LOCAL, LOCAL_INLINE  linkage: static in an emitted file, external where a kernel is compiled alone
+ *   JOINTS, LAST_JOINT   number of joints n, and n - 1
+ *   ERRORS, STACKED      entries of the task error (3 or 6), and ERRORS + JOINTS
+ *   ROWS                 largest number of solutions
+ *   TARGET, TARGET_READ  length of the array of a target, and how many of its entries are read
+ *   AT_X, AT_Y, AT_Z     indices of the target position in that array
+ *   SLIDING              bit mask of the prismatic joints
+ *   LOCKED_JOINT         index of the prescribed joint; LOCKED_OFFSET: "+ its offset"; LOCKED_LINK: inverse of the constant
+ *                        transform between it and the other joints
+ *   TRANSFORMS, FIXED, OFFSET_VALUES, LOWER, UPPER   constant transforms, offsets and limits of the joints
  *   DH, DH_TURN, DH_SLIDE, DH_BEFORE, DH_AFTER, DH_SHIFTS, FREE_K, LENGTH, PER_LENGTH, PASSES, PASS, PASS_NOISE
- *                        tables of the elimination for six joints
+ *                        tables of the general six-joint solver, described in general6r.c and candidates6r.c
  *   BAND, HELD, LOCK, REDUNDANCY, TARGET ..._PARAMETER, ..._FIRST, ..._K, NO_..., NONE_...
- *                        optional parameters and arguments with the comma that joins them to the others, or nothing
- *   VALUE_...            tolerances, from rrrgen/ik/tolerances.py; VALUE_REACH, ROUNDING_UNITS, FAR_AWAY: sizes of the arm
- *   STEPS                Gauss-Newton steps for a candidate
- *   OPEN_BITS, MERGED_BITS   flags of joints that may be open; statements that collect the choices which fall together
+ *                        optional parameters and arguments, with the comma that separates them from their neighbours; empty
+ *                        for robots that do not need them
+ *   VALUE_...            tolerances, explained in rrrgen/ik/tolerances.py
+ *   VALUE_REACH          length (m) that tolerances are relative to; FAR_AWAY: largest coordinate (m) of a target;
+ *                        ROUNDING_UNITS: accuracy of an exact target, in units of eps
+ *   STEPS                most Gauss-Newton steps for a candidate
+ *   OPEN_BITS, MERGED_BITS   inner flags of the joints that may be free; statements that set the bits of the branch number
+ *                        which have no meaning while a joint is free
  *   FAR_STAGE, CHECK_STAGE, OUTSIDE_STAGE, REASONS, REASON_COUNT, STATUS_TEXTS, LAST_STATUS, UNKNOWN_STATUS
- *                        numbers and texts of stages and statuses
+ *                        numbers and texts of the reasons why there is no solution, and of the statuses
  *
- * Names that begin with ik_, IK_ and robot_ get those of the robot in an emitted file. Words and beginnings of names are
- * replaced as tokens of C: never in strings and comments.
+ * In an emitted file the prefixes ik_, IK_ and robot_ of names are replaced by the robot's own, and the macros above by
+ * their values. Only C tokens are replaced, never the contents of strings and comments.
  */
 #ifndef IK_KERNEL_H
 #define IK_KERNEL_H
@@ -48,12 +61,12 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "constants.h" /* and with it settings.h */
+#include "constants.h" /* includes settings.h */
 
 #define LOCAL
 #define LOCAL_INLINE
 
-/* as in the header of a robot */
+/* the same types as in the emitted header of a robot */
 enum { IK_LIMITS = 1, IK_NEAREST = 2, IK_RESIDUAL = 4 };
 enum { IK_MULTIPLE = 1, IK_FREE = 2, IK_OUTSIDE = 4, IK_INEXACT = 8 };
 typedef enum ik_status {

@@ -1,4 +1,5 @@
-/* Joints that the target leaves free, part 1: which joints these are, and how far a solution violates the limits. Needs refine.c. */
+/* Joints that the target leaves undetermined (free), part 1: finding them, and moving them to their reference inside the joint
+ * limits. Needs refine.c. */
 #include "kernel.h"
 #if LIMITED
 
@@ -8,7 +9,8 @@ LOCAL REAL ik_part(REAL x)
     return x - (REAL)6.283185307179586 * FLOOR(x * (REAL)0.15915494309189535);
 }
 
-/* Largest violation of the joint limits, widened by margin (rad or m); 0 if every joint is inside for some multiple of 2 pi. */
+/* Largest violation (rad or m) of the joint limits, which are widened by margin on both sides; 0 if every joint is inside after
+ * adding some multiple of 2 pi. */
 LOCAL REAL ik_outside(const REAL *q, REAL margin)
 {
     REAL worst = (REAL)0;
@@ -31,6 +33,7 @@ LOCAL REAL ik_outside(const REAL *q, REAL margin)
     return worst;
 }
 
+/* The value nearest to x inside the limits of joint j. */
 LOCAL REAL ik_clamped(REAL x, int j)
 {
     x = x < ik_lower[j] ? ik_lower[j] : x;
@@ -93,6 +96,7 @@ LOCAL int ik_shift(const REAL *T, REAL *q, int j, const REAL *ref)
 }
 #endif
 
+/* Copies solution i of one list to place `to` of another. */
 LOCAL void ik_take(const ik_solutions *from, int i, ik_solutions *out, int to)
 {
     int k;
@@ -105,8 +109,9 @@ LOCAL void ik_take(const ik_solutions *from, int i, ik_solutions *out, int to)
 }
 
 #if REDUNDANT && !LOCKED
-/* Whether two configurations differ only in joint j and at most one other joint, which may share its axis. If several joints
- * move, the arm has met the target with another value of the redundancy parameter, which must stay as prescribed. */
+/* Whether two configurations differ only in joint j and at most one other joint, up to the sum `most` of all further differences.
+ * If more joints differ, the arm meets the target with another value of the redundancy parameter (such as the arm angle), which
+ * must stay as prescribed. */
 LOCAL int ik_stands(const REAL *from, const REAL *to, int j, REAL most)
 {
     REAL sum = (REAL)0, largest = (REAL)0;
@@ -120,8 +125,8 @@ LOCAL int ik_stands(const REAL *from, const REAL *to, int j, REAL most)
 }
 
 #endif
-/* Joints of solution i that the target leaves free, as bits. A joint is free if the others still meet the target, to the
- * accuracy of its numbers, after this joint is displaced by a small angle and held there. */
+/* Finds the joints of solution i that the target leaves free; returns them as a bit mask. A joint is free if, after it is turned
+ * by a small angle and held there, the other joints still meet the target to within `accuracy` (the error of its numbers). */
 LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i)
 {
     unsigned held = IK_HELD(found->flags[i]);

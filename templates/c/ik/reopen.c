@@ -1,5 +1,6 @@
-/* Joints that the target leaves free, part 2: of the continuum of solutions the one with the free joint at its reference is
- * returned. Works on the candidates of one function ik_candidates. Needs open.c and rows.c. */
+/* Joints that the target leaves undetermined (free), part 2: of the continuum of solutions the one with the free joint at its
+ * reference is returned. This file is emitted once for each list of candidates (ik_branches, ik_nearby), whose function is called
+ * ik_candidates here. Needs open.c and rows.c. */
 #include "kernel.h"
 
 /* Bits of the branch number that have no meaning while the joints `held` are free, because those branches coincide. */
@@ -14,8 +15,8 @@ LOCAL unsigned ik_merged(unsigned held)
 }
 #if LIMITED
 
-/* Computes the solution q of a branch with the free joint j at the value x and the other free joints inside their limits
- * where possible. Returns the largest violation of the limits (rad or m), or 10 if the branch has no such solution. */
+/* Computes the solution q of one branch in which the free joint j has the value x; the other free joints are moved inside their
+ * limits where possible. Returns the largest violation of the limits (rad or m), or 10 if the branch has no such solution. */
 LOCAL REAL ik_with(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, unsigned held, unsigned branch, int j, REAL x, REAL *q)
 {
     ik_solutions trial;
@@ -41,9 +42,9 @@ LOCAL REAL ik_with(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, un
     return (REAL)10;
 }
 
-/* Finds the value of the free joint j nearest to its reference for which all joints are inside their limits, where several
- * joints move with j. Steps away from the reference in both directions until the limits hold, then bisects. A minimum of the
- * violation between two steps is examined by ternary search. Returns 0 if there is no such value. */
+/* Finds the value of the free joint j nearest to its reference for which all joints are inside their limits; used where several
+ * joints move together with j. It steps away from the reference in both directions until the limits hold, then bisects the last
+ * step. Where the violation has a minimum between steps, ternary search looks for a value inside. Returns 0 if none is found. */
 LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, unsigned held, unsigned branch, int j, REAL *q)
 {
     const REAL start = ik_clamped(ref[j], j), h = (REAL)0.04908738521234052;
@@ -125,10 +126,10 @@ LOCAL void ik_fit(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, REA
 }
 #endif
 
-/* Handles candidates whose joint follows from the direction of a very short vector. Where the target leaves that joint free,
- * they are replaced by the solution with the joint at its reference (with limits: at the nearest value for which all joints
- * are inside), if that meets the target. The length below which a vector counts as zero is raised step by step until the
- * equations treat exactly those joints as free. */
+/* Replaces candidates in which the target leaves a joint free, but whose equations have computed its value from the direction of a
+ * very short vector, mostly from rounding errors. The replacement is the solution with that joint at its reference (with limits: at
+ * the nearest value for which all joints are inside), if it meets the target. It is computed by the same equations, with the
+ * length `least` below which a vector counts as zero raised tenfold at a time until they treat exactly those joints as free. */
 LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned options, REAL accuracy, ik_solutions *found, int rows)
 {
     const REAL own = (REAL)16 * accuracy * accuracy, tolerance = own > IK_TOL_ACCEPT ? own : IK_TOL_ACCEPT;

@@ -41,8 +41,8 @@ LOCAL int ik_cosine(REAL *k, REAL w2, REAL slack BAND_PARAMETER, REAL *w, unsign
 
 /* Solves a cos(x) + b sin(x) = k and returns the number of roots. On return cos(x) = a k -+ b w and sin(x) = b k +- a w with
  * w >= 0. A w2 >= 0 is a more accurate value of a^2 + b^2 - k^2; a negative one is ignored. Where a, b and k vanish, every x
- * is a solution and x becomes ref: flag `none` is set there, flag `open` where that is the case within the accuracy of the
- * target. */
+ * is a solution and x = ref is returned; the flag `none` is set then. The flag `open` is set where a and b are so small that they
+ * may be zero but for the error of the target. `unit` is the natural size of a, b and k. */
 LOCAL int ik_linear(REAL *a, REAL *b, REAL *k, REAL w2, REAL unit, REAL ref, REAL least, unsigned open, unsigned none, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags)
 {
     const REAL h2 = *a * *a + *b * *b;

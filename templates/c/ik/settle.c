@@ -1,4 +1,4 @@
-/* From candidates to the solutions that are returned: refinement where necessary, removal of duplicates, joint limits.
+/* Conversion of candidates to the solutions that are returned: refinement where necessary, removal of duplicates, joint limits.
  * Needs refine.c and rows.c. */
 #include "kernel.h"
 #if SOUND
@@ -60,7 +60,8 @@ LOCAL void ik_keep(const REAL *T, unsigned options, const ik_solutions *found, i
 }
 
 #if BANDED
-/* Appends the candidates of another search. A solution that is found again is not flagged as a multiple root for that. */
+/* Appends those candidates of a further search that are new. A solution that is found again keeps its flags: it is not a multiple
+ * root for being found twice. */
 LOCAL void ik_add(const REAL *T, unsigned options, const ik_solutions *found, int rows, ik_solutions *out)
 {
     unsigned flags[ROWS] = {0u};

@@ -1,4 +1,4 @@
-/* Checks of the target: finite numbers, a valid rotation, and a distance that is not absurd. Needs tolerances.c. */
+/* Checks of the target: finite numbers, a valid rotation, and a distance at which the arm's size is not lost in rounding. */
 #include "kernel.h"
 #if !POSITION
 /* Measures how far the rotation of a target is from orthonormal and right-handed. With x, y, z its columns: *xx = x.x - 1,

@@ -1,8 +1,9 @@
 /* Roots of a real trigonometric polynomial of degree 8, isolated by Descartes' rule of signs and refined by Newton steps. */
 #include "kernel.h"
 /* Roots of p(x) = a[0] + sum_k a[k] cos(k x) + b[k] sin(k x), k = 1 .. 8, on the unit circle.
- * The circle is cut into four arcs; on each, u = tan((x - centre) / 2) turns p (1 + u^2)^8 into a polynomial of
- * degree 16, whose Bernstein coefficients bound it: Descartes' rule of signs isolates every root, clusters too. */
+ * The circle is divided into four arcs. On each, with u = tan((x - centre) / 2), p (1 + u^2)^8 is a polynomial in u of degree 16.
+ * Its Bernstein coefficients bound its values, and the number of their sign changes bounds the number of its roots (Descartes'
+ * rule), so that bisection isolates every root and every cluster of roots. */
 #define IK_TRIG8_DEPTH 40
 #define IK_TRIG8_SPLITS 384
 #define IK_TRIG8_ROWS 24
@@ -83,8 +84,8 @@ LOCAL REAL ik_trig8_refine(const REAL a[9], const REAL b[9], REAL u0, REAL u1, R
 
 /* Finds the roots of p, whose values are known to +- noise. root: cos x, sin x, and half the width (rad) of the interval in
  * which the root could not be resolved. mult: 1 for a simple root; 2 for a double root or for several roots between which p
- * does not exceed the noise, reported once. a and b are rotated from arc to arc and end as they began; b[0] is not used.
- * Returns the number of entries written, at most 24. */
+ * does not exceed the noise, reported once. The coefficients a and b are changed during the computation and have their old values
+ * at its end; b[0] is not used. Returns the number of entries written, at most 24. */
 LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_ROWS][3], int mult[IK_TRIG8_ROWS])
 {
     REAL stack[IK_TRIG8_DEPTH + 2][17], from[IK_TRIG8_DEPTH + 2], width[IK_TRIG8_DEPTH + 2], first = (REAL)0;

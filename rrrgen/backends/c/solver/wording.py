@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 def branch_text(labels: tuple[tuple[str, int, int], ...]) -> str:
-    """What the bits of a branch number mean; ``labels`` are (name, lowest bit, bits)."""
+    """Text that says what the bits of a branch number mean; ``labels`` are (name, lowest bit, number of bits)."""
     if not labels:
         return "always 0"
     parts = [
         f"bit{'s' if bits > 1 else ''} {bit}{f'-{bit + bits - 1}' if bits > 1 else ''} {name}"
         for name, bit, bits in labels
     ]
-    return ", ".join(parts) + "; a two-way choice is 0 on its plus side"
+    return ", ".join(parts) + "; the bit of a choice between two roots is 0 for the one labelled plus"
 
 
 def explanation(plan: SolverPlan) -> list[str]:
@@ -31,12 +31,13 @@ def explanation(plan: SolverPlan) -> list[str]:
     text = (
         f"Family: {plan.title}; at most {plan.max_solutions} solutions. `target` is "
         + ("the position (m)" if plan.task == "position" else "the row-major 4x4 pose (m)")
-        + " of the tip in the base frame. `q_ref` (may be null: zeros, no turns added) gives free angles at singular "
-        "configurations and the turn to which angles are taken. Every row satisfies forward kinematics. With no row "
+        + " of the tip in the base frame. `q_ref` gives the values of joints that a singular target leaves free; to "
+        "the other angles the multiple of 2 pi is added that brings them nearest to it. It may be null: zeros, and no "
+        "multiples added. Every solution satisfies forward kinematics. Where there is none, "
     )
     if plan.incomplete:
         text += (
-            "`stage` says what was found out, and `distance` how far the target is from the nearest configuration "
+            "`stage` says why none was found, and `distance` how far the target is from the nearest configuration "
             f"that was found. INCOMPLETE: {plan.incomplete}."
         )
     else:
@@ -45,7 +46,11 @@ def explanation(plan: SolverPlan) -> list[str]:
 
 
 def opening(spec: RobotSpec, plan: SolverPlan, real: Real, counted: SolverOperations | None) -> list[str]:
-    """The comment at the head of the header, in lines; ``counted`` are the operations of one call, if known."""
+    """The lines of the comment at the top of the header file.
+
+    ``spec`` and ``plan`` are the robot and its solver, ``real`` the C type; ``counted`` are the operations of one
+    call, if known.
+    """
     lines = [f"{spec.name}_ik.h: inverse kinematics of {spec.name}, joints {' '.join(plan.chain.types)}", ""]
     lines += textwrap.wrap(f"Family: {plan.title}.", 116)
     if plan.incomplete:
@@ -54,7 +59,8 @@ def opening(spec: RobotSpec, plan: SolverPlan, real: Real, counted: SolverOperat
         lines += textwrap.wrap(f"Singular: {singularity.words}", 116)
     if counted is not None:
         lines += textwrap.wrap(
-            f"Operations of one call with all its rows, without the check of the target and the limits: {counted}.", 116
+            f"Operations of one call that returns all solutions, without the checks of target and limits: {counted}.",
+            116,
         )
     lines += [
         "",
@@ -63,7 +69,7 @@ def opening(spec: RobotSpec, plan: SolverPlan, real: Real, counted: SolverOperat
     ]
     lines += textwrap.wrap(
         "No function has state, allocates, or loops without bound; all may be called from several threads at once. "
-        "What stands in rows beyond count has no meaning.",
+        "Entries of the result beyond its count of solutions have no meaning.",
         116,
     )
     lines += textwrap.wrap(STACK_RULE, 116)
