@@ -1,4 +1,4 @@
-"""Backends print programs as files of a language. This module holds the types that all of them share."""
+"""Backends: printers that write programs as source files of a language. This module has the types that they share."""
 
 from __future__ import annotations
 

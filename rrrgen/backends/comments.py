@@ -9,14 +9,14 @@ WIDTH = 112
 
 
 def plain(text: str) -> str:
-    """``text`` on one line and unable to end or nest a comment, continue a line, or form a trigraph."""
+    """Make ``text`` safe for a comment: on one line, without comment marks, line continuations and trigraphs."""
     flat = " ".join(text.split())
     printable = "".join(c if c.isprintable() else "?" for c in flat)
     return printable.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").rstrip("\\")
 
 
 def mathematics(expression: object) -> str:
-    """An expression as it is written in a comment: powers with ^, as in units, since ** is no operator of C or Rust."""
+    """Print an expression for a comment, with ^ for powers, since ** is no operator of C or Rust."""
     return plain(str(expression).replace("**", "^"))
 
 
@@ -26,7 +26,7 @@ def wrapped(text: str) -> list[str]:
 
 
 def columns(rows: Iterable[Sequence[str]], indent: str = "  ", gap: str = "  ") -> list[str]:
-    """``rows`` as left-aligned columns without trailing blanks; the last column is wrapped under itself."""
+    """Format ``rows`` as lines of left-aligned columns without trailing blanks; a long last column is wrapped."""
     table = [[plain(cell) for cell in row] for row in rows]
     if not table:
         return []

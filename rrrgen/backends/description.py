@@ -1,4 +1,4 @@
-"""The facts about a robot that the files of every language state, and the functions they contain."""
+"""Facts about a robot that the emitted files of every language state, and the list of functions that they contain."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def title(spec: RobotSpec) -> str:
 
 
 def facts(model: DerivedModel, identity: Identity) -> dict[str, str]:
-    """Heading -> fact: origin, convention, units, gravity, frames and drives of the robot."""
+    """Facts about the robot by heading: origin of the code, DH convention, units, gravity, frames and drives."""
     spec = model.spec
     gravity = ", ".join(_number(component) for component in spec.gravity)
     felt = f"acceleration ({gravity}) m/s^2 in the base frame"
@@ -68,7 +68,10 @@ def facts(model: DerivedModel, identity: Identity) -> dict[str, str]:
 
 
 def large_angles(programs: Mapping[str, Program], real: Real) -> dict[str, str]:
-    """Heading -> the range of q in which results are exact to round-off; empty if no angles are added before sines."""
+    """The statement (heading -> text) of the range of q in which results are exact to round-off.
+
+    Empty if the functions add no angles before they take sines: the range then has no bound.
+    """
     nodes = [(program.nodes, node) for program in programs.values() for node in program.nodes]
     angles = [within[node.args[0]] for within, node in nodes if node.op in (Op.SIN, Op.COS)]
     if all(angle.op is Op.INPUT for angle in angles):

@@ -60,15 +60,15 @@ class Target(Protocol):
         ...
 
     def call(self, op: Op, argument: str) -> str:
-        """``op``, one of SQRT, ABS, EXP, TANH, applied to ``argument``."""
+        """The call of the function for ``op``, one of SQRT, ABS, EXP, TANH, with ``argument``."""
         ...
 
     def sign(self, x: Text) -> Text:
-        """-1, 0 or 1 after the sign of ``x``, which is a name."""
+        """The expression of the sign of ``x``, -1, 0 or 1; ``x`` is the name of a variable."""
         ...
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
-        """``positive`` where ``condition > 0``, else ``otherwise``."""
+        """The expression that is ``positive`` where ``condition > 0``, else ``otherwise``."""
         ...
 
     def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
@@ -84,7 +84,7 @@ class FunctionTarget(Target, Protocol):
         ...
 
     def unused(self, port: Port) -> str:
-        """The statement by which an input that is not read raises no warning."""
+        """The statement that prevents a compiler's warning about an input that the function does not read."""
         ...
 
     def outcome(self, status: Status, value: Text) -> list[str]:
@@ -100,5 +100,5 @@ class Backend(Protocol):
         ...
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[Any]) -> dict[str, str]:
-        """Relative path -> text, from what the tasks returned, in their order."""
+        """Make the files, relative path -> text, from the ``results`` of the tasks, in the order of the tasks."""
         ...

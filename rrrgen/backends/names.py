@@ -15,7 +15,7 @@ class Names:
         self._serials: dict[str, int] = {}
 
     def temporary(self) -> str:
-        """The next of t1, t2, ..."""
+        """The next unused name of the sequence t1, t2, ..."""
         while True:
             self._temporaries += 1
             name = f"t{self._temporaries}"

@@ -1,4 +1,4 @@
-"""Program -> statements, for every language with infix arithmetic.
+"""Printing of a program as statements of a language with infix arithmetic.
 
 Every node is visited once, in order. A value that is used once and has no name of its own is written into the
 expression that uses it, as long as the line stays readable; everything else becomes a local. The order and association
@@ -101,7 +101,7 @@ class Statements:
         self.lines += self.target.sincos(self.texts[angle].code, names.get(Op.SIN), names.get(Op.COS))
 
     def _trigonometric_name(self, op: Op, angle: int) -> str:
-        """s2 for sin(q2), c23 for cos(q2 + q3), else a name after the angle's own."""
+        """The name of a sine or cosine: s2 for sin(q2), c23 for cos(q2 + q3), otherwise made from the angle's name."""
         letter = "s" if op is Op.SIN else "c"
         code = self.texts[angle].code
         named = _named(letter, self._angles.get(angle))
@@ -189,7 +189,7 @@ class _Body(Statements):
             first = first or place
 
     def _finish(self) -> None:
-        """Outputs that copy an input or a constant, in order, then the status."""
+        """Print the outputs that only copy an input or a constant, in order, then the status."""
         for k, (port, elements) in enumerate(zip(self.program.outputs, self.program.results, strict=True)):
             for element, index in enumerate(elements):
                 if index in self._places and not self.program.is_status(k):
@@ -205,7 +205,7 @@ _SMALLEST_FLOAT, _LARGEST_FLOAT = Fraction(2) ** -126, Fraction(2) ** 127  # nor
 
 @lru_cache(maxsize=4096)  # the same lengths and weights occur in most functions
 def decimal(value: Fraction | int, real: Real = "double") -> str:
-    """A floating literal that reads back to the nearest double: the exact decimal where 17 digits hold it.
+    """Print a constant as a decimal literal that reads back to the nearest double; exact where 17 digits suffice.
 
     Raises BackendError for a constant that does not fit a number of type ``real``.
     """
@@ -238,7 +238,7 @@ def _places_of_outputs(program: Program) -> dict[int, list[tuple[Port, int]]]:
 
 
 def _trigonometry(program: Program) -> dict[int, dict[Op, int]]:
-    """Angle node -> its sine and cosine nodes."""
+    """For each node that is an angle, the nodes of its sine and cosine, by operation."""
     found: dict[int, dict[Op, int]] = {}
     for index, node in enumerate(program.nodes):
         if node.op in (Op.SIN, Op.COS):

@@ -1,6 +1,6 @@
-"""Derivation: from the exact normal form of a robot to programs and closed forms.
+"""Derivation of the functions of a robot, from its exact geometry to programs and closed forms.
 
-Call the functions below from outside; they import the heavy modules when they run.
+Other packages call the functions below, which import the heavy modules only when they run.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 def prepare(spec: RobotSpec) -> Derivation:
-    """The exact chain of ``spec`` and its minimal base parameters, the starting point of every derived function.
+    """Compute the exact chain of ``spec`` and its minimal base parameters, from which every function is derived.
 
     Raises InputError if the base parameters chosen in the robot file are no basis.
     """
@@ -32,7 +32,7 @@ def prepare(spec: RobotSpec) -> Derivation:
 
 
 def parametrized(derivation: Derivation) -> ParametrizedRobot:
-    """The robot of ``derivation`` with its base parameters, named, with expressions, units and nominal values.
+    """List the base parameters of the robot of ``derivation``, with names, expressions, units and nominal values.
 
     Raises DerivationError if a named parameter has no nominal value.
     """
@@ -63,7 +63,7 @@ def parametrized(derivation: Derivation) -> ParametrizedRobot:
 
 
 def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> RecordedModel:
-    """The functions of ``groups`` and the minimal base parameters of ``spec``, before optimization.
+    """Derive the functions of ``groups`` and the minimal base parameters of ``spec``, before optimization.
 
     Raises InputError if the base parameters chosen in the robot file are no basis, DerivationError if a named parameter
     has no nominal value.
@@ -95,7 +95,7 @@ def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> Recorde
 
 
 def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
-    """phi (10 n,) of the links in the robot file; None if it states no links."""
+    """The standard parameters phi (10 n,), SI units, of the links in the robot file; None if it states no links."""
     if spec.links is None:
         return None
     from rrrgen.model.standard_parameters import standard_parameters

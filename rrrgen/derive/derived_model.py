@@ -35,11 +35,11 @@ class Derivation:
 
 @dataclass(frozen=True)
 class ParametrizedRobot:
-    """A robot with its base parameters.
+    """A robot with its base parameters, their relation to the standard parameters, and their nominal values.
 
     ``base_projection`` is K of ``beta = K phi``, shape (b, 10 n), at nominal geometry; ``regrouping`` says for every
-    standard parameter where it went. ``beta_nominal`` (b,) and ``drive_inertia_nominal`` are the values of the robot
-    file, None where it states none.
+    standard parameter whether it is kept, regrouped or without effect. ``beta_nominal`` (b,) and
+    ``drive_inertia_nominal`` are the values of the robot file, None where it states none.
     """
 
     spec: RobotSpec
@@ -56,7 +56,7 @@ class ParametrizedRobot:
 
     @property
     def nominal(self) -> dict[Role, tuple[Fraction, ...]]:
-        """Numbers of the robot file for parameter vectors, by the role of their port; only those that it states."""
+        """The parameter vectors whose values the robot file states, by the role of their port."""
         values = {Role.BASE_PARAMETERS: self.beta_nominal, Role.DRIVE_INERTIA: self.drive_inertia_nominal}
         return {role: numbers for role, numbers in values.items() if numbers is not None}
 
@@ -66,7 +66,7 @@ class ParametrizedRobot:
         return len(self.base_parameters)
 
     def recorded(self, derivation: Derivation, alternatives: dict[str, tuple[Program, ...]]) -> RecordedModel:
-        """The recorded model of this robot with ``alternatives``: equivalent programs for every function."""
+        """Make a recorded model of this robot; ``alternatives`` lists equivalent programs for every function."""
         return RecordedModel(**self._known(), derivation=derivation, alternatives=alternatives)
 
     def _known(self) -> dict[str, Any]:
@@ -81,7 +81,7 @@ class RecordedModel(ParametrizedRobot):
     alternatives: dict[str, tuple[Program, ...]]
 
     def optimized(self, programs: dict[str, Program], passes: tuple[PassReport, ...]) -> DerivedModel:
-        """The derived model of the same robot with the optimized ``programs`` and the reports of the ``passes``."""
+        """Make the derived model of this robot from the optimized ``programs`` and the reports of the ``passes``."""
         return DerivedModel(**self._known(), programs=programs, passes=passes)
 
 

@@ -25,7 +25,7 @@ class DriveInertia:
     directions: Sequence[Sequence[Number]]
 
     def added_to_mass(self, M: Matrix) -> Matrix:
-        """The mass matrix with drive inertia: ``M + sum of Ia_k w_k w_k'``, shape (n, n)."""
+        """Add the drive inertia to the mass matrix ``M`` (n, n) of the links: ``M + sum of Ia_k w_k w_k'``."""
         result = [list(row) for row in M]
         for Ia, w in zip(self.values, self.directions, strict=True):
             moved = [i for i, weight in enumerate(w) if weight]
@@ -35,7 +35,7 @@ class DriveInertia:
         return result
 
     def added_to_torques(self, tau: Sequence[Any], ddq: Sequence[Any]) -> list[Any]:
-        """The joint torques with drive inertia: ``tau + sum of w_k Ia_k (w_k . ddq)``, shape (n,)."""
+        """Add the drive inertia to joint torques ``tau`` (n,): ``tau + sum of w_k Ia_k (w_k . ddq)``."""
         result = list(tau)
         for Ia, w in zip(self.values, self.directions, strict=True):
             force = Ia * along(w, ddq)
@@ -45,11 +45,11 @@ class DriveInertia:
         return result
 
     def added_to_momentum(self, p: Sequence[Any], dq: Sequence[Any]) -> list[Any]:
-        """The generalized momentum with drive inertia: ``p + sum of w_k Ia_k (w_k . dq)``, shape (n,)."""
+        """Add the drive inertia to the generalized momentum ``p`` (n,): ``p + sum of w_k Ia_k (w_k . dq)``."""
         return self.added_to_torques(p, dq)
 
     def added_to_energy(self, kinetic: Any, dq: Sequence[Any]) -> Any:
-        """The kinetic energy (J) with drive inertia: ``kinetic + sum of Ia_k (w_k . dq)^2 / 2``."""
+        """Add the drive inertia to the ``kinetic`` energy (J): ``kinetic + sum of Ia_k (w_k . dq)^2 / 2``."""
         for Ia, w in zip(self.values, self.directions, strict=True):
             rate = along(w, dq)
             kinetic = kinetic + Fraction(1, 2) * Ia * (rate * rate)

@@ -1,4 +1,4 @@
-"""The base parameters as every page prints them: expressions, and the meaning of their symbols.
+"""The list of base parameters for printing in headers, reports and on the screen, with the meaning of their symbols.
 
 All output uses the inertia *tensor* about the origin of the link frame, ``Ixy = -integral of x*y dm``, as does the
 standard regressor. A robot file may be written with positive products of inertia; its expressions are converted when
@@ -50,7 +50,7 @@ class ParameterListing:
 
 
 def listing(model: ParametrizedRobot) -> ParameterListing:
-    """The base parameters of ``model`` for printing in headers, ``show``, reports, the manifest and CasADi modules."""
+    """List the base parameters of ``model`` for headers, ``rrrgen show``, reports, the manifest and CasADi modules."""
     spec = model.spec
     positive = any(link.products == "positive" for link in spec.links or ())
     positive |= spec.basis is not None and spec.basis.products == "positive"

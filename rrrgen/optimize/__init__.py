@@ -1,4 +1,7 @@
-"""From programs to cheaper programs: one pass per module, each with its operations before and after."""
+"""Optimization of programs: passes that reduce the operations of a function, and the order in which they run.
+
+A pass turns a program into an equivalent one; every pass is reported with the operations before and after it.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def optimize(recorded: RecordedModel, jobs: int = 1, tell: Tell | None = None) -> DerivedModel:
-    """The functions of ``recorded`` with as few operations as the passes reach, and a report of each pass.
+    """Optimize every function of ``recorded``; the result holds the optimized programs and a report of each pass.
 
     Functions of the base parameters gain a ``_nominal`` specialization with the numbers of the robot file. ``jobs`` is
     the largest number of processes; the result does not depend on it. ``tell(done, total, message)`` is called as

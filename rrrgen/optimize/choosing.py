@@ -89,7 +89,10 @@ class Cheapest:
     cost: Weights = field(default_factory=Weights)
 
     def choices(self, variants: Sequence[Program]) -> list[Choice]:
-        """The candidates worth trying. A full expansion is the same from every variant, so only one gets it."""
+        """List the candidates to try: every variant as it is, and expansions of the cheapest ones.
+
+        A full expansion is the same from every variant, so it is listed for one variant only.
+        """
         result = [Choice(index, None) for index in range(len(variants))]
         for index in sorted(range(len(variants)), key=lambda k: self.cost(variants[k]))[: self.expanded_variants]:
             total = count_operations(variants[index]).total

@@ -1,4 +1,7 @@
-"""Collecting: ``x a + ... + x b`` within one sum becomes ``x (a + b) + ...`` where nothing else uses the products."""
+"""The pass that takes common factors out of sums: ``x a + ... + x b`` becomes ``x (a + b) + ...``.
+
+It does so only for products that nothing else in the program uses.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,11 @@ from rrrgen.program.ir import uses
 SUMS = (Op.ADD, Op.SUB, Op.NEG)
 
 Factors: TypeAlias = tuple[int, ...]
-"""The nodes whose product is a term: both operands of a product used only here, otherwise the one node itself."""
+"""The factors of one term of a sum, as node indices: both operands of a product that only this sum uses, otherwise the
+one node that is added."""
 
 Term: TypeAlias = tuple[int, Factors]
-"""Sign and factors."""
+"""One term of a sum: its sign, +1 or -1, and its factors."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ class _Collection:
         return self.builder.rewritten(program, [[self.values[k] for k in row] for row in program.results])
 
     def _merged_nodes(self) -> dict[int, int]:
-        """Sums and products used by exactly one sum -> that sum."""
+        """Map each sum or product that is used once, by a sum, to that sum."""
         nodes = self.program.nodes
         return {
             arg: k

@@ -1,4 +1,4 @@
-"""Doubling by addition: ``2 x`` becomes ``x + x``, which is no slower than a product on any processor."""
+"""The pass that replaces ``2 x`` by ``x + x``, which is no slower than a product on any processor."""
 
 from __future__ import annotations
 

@@ -13,8 +13,8 @@ from rrrgen.program.ir import uses
 from rrrgen.program.nodes import Node
 
 _TERMS_BEFORE_COLLECTING = 4
-"""Products may have this many times the terms of a result before equal ones are added up; with 1 and with 16 the
-bundled robots' programs are the same."""
+"""Bound on a product of two polynomials before equal monomials are added up, as a multiple of the largest number of
+terms allowed in a result. With 1 and with 16 the programs of the bundled robots are the same."""
 
 
 class TooLargeError(Exception):
@@ -62,7 +62,7 @@ class Expansion:
                 self._sine_of[self._literal(k)] = self._literal(cosines[node.args[0]])
 
     def _operands_of_functions(self) -> set[int]:
-        """Operands of functions, quotients and selections: each gets a polynomial of its own, as results do."""
+        """The operands of functions, quotients and selections; each gets a polynomial of its own, as outputs do."""
         roots: set[int] = set()
         for node in self.program.nodes:
             if node.op not in (Op.ADD, Op.SUB, Op.MUL, Op.NEG):
@@ -93,7 +93,7 @@ class Expansion:
 
     @property
     def whole(self) -> bool:
-        """Whether the expansion is full: nothing but operands of functions is cut off."""
+        """Whether the expansion is full: it stops at no nodes except the operands of functions."""
         return all(self.literals[literal] in self._roots for literal in self.cuts)
 
     def results(self) -> list[Polynomial]:
@@ -191,7 +191,7 @@ def _sum(x: Polynomial, y: Polynomial, sign: int) -> Polynomial:
 
 
 def _stages(program: Program) -> list[int]:
-    """For each node 0, 1 or 2: constant while the robot moves, dependent on q, dependent on rates too."""
+    """Classify every node: 0 if it is constant while the robot moves, 1 if it depends on q, 2 if on velocities too."""
     stages: list[int] = []
     for node in program.nodes:
         if node.op is Op.INPUT:

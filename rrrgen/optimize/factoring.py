@@ -42,7 +42,7 @@ Weights of 20 to 10 and of 20 to 20 change the operations of all functions of th
 
 
 def term_cost(monomial: Monomial, coefficient: Ratio) -> int:
-    """Number of multiplications in one term."""
+    """Number of multiplications that the term ``coefficient`` times ``monomial`` takes."""
     if not monomial:
         return 0
     numerator, denominator = coefficient
@@ -89,7 +89,7 @@ def without(monomial: Monomial, *literals: int) -> Monomial:
 
 @dataclass(eq=False, slots=True)
 class _Term:
-    """One term of polynomial ``k``, with the divisors it takes part in."""
+    """One term of polynomial ``k``, with the divisors that it contains: ``singles`` and ``pairs``."""
 
     k: int
     monomial: Monomial

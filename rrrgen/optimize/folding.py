@@ -1,4 +1,4 @@
-"""Constant folding: numbers in place of inputs, as in the nominal specializations."""
+"""The pass that replaces inputs by known numbers (constant folding), for functions with the robot file's parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Prints lengths as in the robot file: ``a (x + b y)`` becomes ``a x + (a b) y`` if a b is a length of the file."""
+"""The pass that makes constants of a program equal to lengths of the robot file, so that readers recognize them.
+
+``a (x + b y)`` becomes ``a x + (a b) y`` if the number a b is a length of the file.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 
 @dataclass(frozen=True)
 class SpellLengths:
-    """Multiplies a constant into a sum if that costs no operation and turns a ratio of lengths into a length.
+    """Multiplies a constant into a sum if a constant in the sum then is a length of the robot file, at no extra cost.
 
     ``lengths`` are the magnitudes of the lengths of the robot file, m.
     """
@@ -38,7 +41,7 @@ def lengths_of(spec: RobotSpec) -> frozenset[Fraction]:
 
 
 class _Spelling:
-    """Records a program again and multiplies constants into sums where :class:`SpellLengths` asks for it."""
+    """Records a program again, with constants multiplied into those sums in which a length of the file appears."""
 
     def __init__(self, program: Program, lengths: frozenset[Fraction]) -> None:
         self.program, self.lengths = program, lengths

@@ -1,4 +1,4 @@
-"""The optimizer: which passes run on which function of a robot, in which order."""
+"""The optimizer: runs the passes on every function of a robot, in a fixed order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from rrrgen.parallel_map import Tell, parallel_map
 from rrrgen.program import Program, Role, count_operations, nominal_name
 
 _KINEMATIC = (Role.POSITION, Role.VELOCITY)
-"""The inputs of kinematic functions. In the others constants are products with inertial parameters as a rule."""
+"""The inputs of kinematic functions, whose constants are lengths. Constants of other functions are mostly products with
+inertial parameters."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Optimizer:
         return recorded.optimized(programs, passes)
 
     def _function_by_function(self, recorded: RecordedModel, jobs: int, tell: Tell | None) -> dict[str, _Optimized]:
-        """Optimize functions in parallel tasks; functions that are derived from each other share a task."""
+        """Optimize the functions in up to ``jobs`` processes; functions that are derived from each other share one."""
         variants = recorded.alternatives
         chain = [name for name in ("inverse_dynamics", *SOURCES) if name in variants]
         groups = [chain, *([name] for name in variants if name not in chain)]
@@ -87,7 +88,7 @@ class Optimizer:
     def _specialized(
         self, recorded: RecordedModel, variants: Sequence[Program], choice: Choice, best: Program, log: Log
     ) -> Program | None:
-        """``<function>_nominal``: ``best`` with the base parameters and drive inertias of the robot file folded in.
+        """Replace the base parameters and drive inertias of ``best`` by the numbers of the robot file, and optimize.
 
         None if the function takes no base parameters, or computes some, or the file gives no values.
         """

@@ -371,8 +371,8 @@ class Builder:
 def replay(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[list[Value]]:
     """Record ``program`` into ``builder`` with ``inputs[k]`` (row-major elements) in place of its input port k.
 
-    Returns the elements of each output. This composes programs, specializes them (numbers in place of an input) and
-    simplifies them again.
+    Returns the elements of each output. It is used to call one program from another, to replace inputs by numbers, and
+    to simplify a program again.
     """
     values: list[Value] = []
     for index, node in enumerate(program.nodes):

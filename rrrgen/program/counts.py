@@ -32,11 +32,11 @@ class OperationCount:
 
     @property
     def total(self) -> int:
-        """Multiplications, additions, divisions and square roots together."""
+        """Number of multiplications, additions, divisions and square roots together."""
         return self.mul + self.add + self.div + self.sqrt
 
     def as_dict(self) -> dict[str, int]:
-        """The counts by name, as they stand in the manifest."""
+        """The counts by name, in the form in which the manifest lists them."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -46,7 +46,7 @@ class OperationCount:
 
 
 def count_operations(program: Program) -> OperationCount:
-    """Operations of one evaluation of ``program``."""
+    """Count the operations of one evaluation of ``program``, by kind."""
     tally = Counter(map(itemgetter(0), program.nodes))  # by operation
     angles = {args[0] for op, args, _ in program.nodes if op is Op.SIN or op is Op.COS}
     return OperationCount(

@@ -1,4 +1,6 @@
-"""The text of a program, for reading and for comparing in tests: ports, one definition a line, outputs, operations.
+"""Print a program as text, for reading and for comparing in tests.
+
+The text lists the ports, the definitions (one per line), the outputs and the operation counts:
 
     height: Height of the tip above the base.
       h = d + a sin(q1)

@@ -38,7 +38,7 @@ class Program:
 
     @property
     def function(self) -> str:
-        """Name of the general function: of the one that this program specializes, otherwise its own name."""
+        """Name of the function of which this program is the nominal specialization, or else its own name."""
         return self.specializes or self.name
 
     @property
@@ -55,7 +55,7 @@ class Program:
         return any(port.role is role for port in self.inputs)
 
     def described(self, **changes: object) -> Program:
-        """A copy with the given fields replaced."""
+        """Copy the program with the fields ``changes`` replaced."""
         return replace(self, **changes)  # type: ignore[arg-type]
 
     def dump(self) -> str:

@@ -59,7 +59,7 @@ ARITY = {
     Op("tanh"): 1,
     Op("select"): 3,
 }
-"""Operation -> number of operands."""
+"""Number of operands of each operation."""
 
 
 class Node(NamedTuple):

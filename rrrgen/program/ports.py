@@ -8,7 +8,7 @@ from enum import Enum
 
 
 class Role(Enum):
-    """The quantity a port stands for. Passes, backends and runtime decide by the role; the name is for readers only."""
+    """The physical quantity of a port. Code decides by the role; the name of a port is for readers only."""
 
     POSITION = "position"
     VELOCITY = "velocity"

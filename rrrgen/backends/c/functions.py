@@ -1,4 +1,4 @@
-"""Header and source of functions that are not part of the model: a motion, a filter, friction."""
+"""Printing of C header and source for functions outside a robot's model, such as a motion, a filter or friction."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ PROMISE = (
 
 @dataclass(frozen=True)
 class Extension:
-    """Code around the functions of programs: templates ``c/<template>.h.j2`` and ``.c.j2`` that extend the usual ones.
+    """Handwritten C that is emitted together with printed functions: templates ``c/<template>.h.j2`` and ``.c.j2``.
 
-    ``values`` are the variables of these templates, ``promise`` what the header says of all its functions.
+    ``values`` are the variables of these templates. ``promise`` is the sentence of the header that states what holds
+    for all its functions (memory, threads).
     """
 
     template: str
@@ -42,7 +43,7 @@ def function_files(
     sincos: SinCos | None = None,
     extension: Extension | None = None,
 ) -> dict[str, str]:
-    """``<prefix>.h`` and ``<prefix>.c`` with the C functions ``<prefix>_<program>``; ``title`` heads the header.
+    """Print ``<prefix>.h`` and ``<prefix>.c`` with the C functions ``<prefix>_<program>``; ``title`` heads the header.
 
     As in the code of the model, functions have no state, use no heap, and take the same operations for all data. An
     ``extension`` adds types and functions that programs cannot express.

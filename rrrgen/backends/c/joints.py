@@ -1,4 +1,4 @@
-"""Macros of the header that state the joints of a robot: names, units and limits, as initializers of arrays."""
+"""Macros of the emitted header with the names, units and limits of the joints, as initializers of arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files by which the emitted C is built, found and explained: CMake, pkg-config and a README."""
+"""Files that accompany the emitted C: CMake and pkg-config files to build and find it, and a README."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def sources(names: Iterable[str]) -> list[str]:
 
 
 def _contents(model: DerivedModel, names: list[str], real: Real) -> dict[str, Any]:
-    """Facts that the README depends on: which parts were emitted, and which functions exist."""
+    """The variables of the README's template: which parts were emitted, and which functions exist."""
     name = model.spec.name
     return {
         "title": title(model.spec),

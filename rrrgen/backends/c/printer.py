@@ -53,7 +53,7 @@ class CTarget:
         return Text(self.dialect.select(*texts), CHOICE)
 
     def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
-        """The statements of the strategy for the sine and the cosine of ``angle``."""
+        """The C statements that compute the sine and the cosine of ``angle``."""
         return self.trigonometry.statements(self.dialect, angle, sine, cosine)
 
     def element(self, port: Port, element: int, output: bool = False) -> str:
@@ -63,7 +63,7 @@ class CTarget:
         return f"{port.name}[{element}]"
 
     def unused(self, port: Port) -> str:
-        """A cast to void, which avoids the warning about an unused parameter."""
+        """The statement ``(void)name;``, which avoids the compiler's warning about an unused parameter."""
         return f"(void){port.name};"
 
     def outcome(self, status: Status, value: Text) -> list[str]:

@@ -1,4 +1,8 @@
-"""The self-test that runs on the target: golden values from the reference evaluation, and identities of mechanics."""
+"""The emitted self-test, a C program that checks the emitted functions on the processor that they are built for.
+
+It compares results with golden values, computed by the reference evaluation in Python, and checks identities of
+mechanics.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +32,10 @@ Array = NDArray[np.float64]
 BY_IDENTITY = frozenset(
     {"standard_regressor", "kinematics", "dynamics_terms", "inverse_dynamics_derivatives", "momentum_terms"}
 )
-"""Functions without golden vectors, checked through identities: the standard regressor times phi is the torque, and
-what one evaluation gives together equals what the functions give alone. So are the functions with a status: forward
-dynamics undoes inverse dynamics (its own values are as uncertain as M is ill-conditioned)."""
+"""Functions that are checked by identities instead of golden values: the standard regressor times phi is the torque,
+and functions with several results give the same as the functions of each result. Functions with a status are not
+compared with golden values either: forward dynamics must invert inverse dynamics (its own values are uncertain where M
+is ill-conditioned)."""
 
 TABLES = {
     Role.POSITION: "q",
@@ -45,10 +50,11 @@ TABLES = {
     Role.FRICTION: "friction",
     Role.GRAVITY: "gravity",
 }
-"""The table of the self-test from which an input of this role is read; other inputs have tables of their own."""
+"""Name of the C table from which the self-test reads an input, by the role of the input; inputs of other roles have
+tables of their own."""
 
 STATES = ("q", "dq", "ddq", "e")
-"""The tables with a row per state."""
+"""The C tables of the self-test that have one row per state."""
 
 GIVEN = {
     "mass": [1.5],
@@ -57,7 +63,8 @@ GIVEN = {
     "tool": [0.0, 0.0, -1.0, 0.125, -1.0, 0.0, 0.0, 0.0625, 0.0, 1.0, 0.0, -0.25, 0.0, 0.0, 0.0, 1.0],
     "frame": [0.0, -1.0, 0.0, 0.25, 0.0, 0.0, -1.0, -0.125, 1.0, 0.0, 0.0, 0.0625, 0.0, 0.0, 0.0, 1.0],
 }
-"""The payload of the self-test, a body with its mass off all axes in a frame with permuted axes; a tool alike."""
+"""Values of inputs by name: a payload whose centre of mass lies off all axes, given in a frame with permuted axes, and
+the pose of a tool."""
 
 GRAVITY = [3.0, -5.0, -7.5]
 """Gravity in the self-test of functions with gravity as an input, in no special direction."""
@@ -146,7 +153,7 @@ def _scattered(rows: int, columns: int, seed: int = 1) -> Array:
 
 
 def _parameters(model: DerivedModel) -> dict[str, Array]:
-    """The parameters phi, beta and Ia of the robot file; for plausible links if it states none."""
+    """The parameters phi, beta and Ia of the robot file; made up for plausible links if the file states none."""
     links = model.spec.links
     known = [np.array(standard_parameters(link), float) for link in links or ()]
     phi = np.concatenate(known or _plausible(len(model.spec.rows)))
@@ -168,12 +175,15 @@ def _parameters(model: DerivedModel) -> dict[str, Array]:
 
 
 def _some(port: Port) -> Array:
-    """Numbers below 1 in magnitude for an input of any shape, multiples of 1/64 other than zero."""
+    """Arbitrary values for an input of any shape: multiples of 1/64, below 1 in magnitude, none of them zero."""
     return np.asarray((np.round(31 * _scattered(1, port.size, len(port.name))[0]) * 2 + 1) / 64)
 
 
 def _plausible(n: int) -> list[Array]:
-    """Links of decreasing mass with their centre of mass off all axes: every parameter non-zero, M > 0."""
+    """Standard parameters (10,) of ``n`` made-up links of decreasing mass, all non-zero, with M > 0.
+
+    The centre of mass of each link lies off all axes.
+    """
     rows = []
     for i in range(n):
         m, c = 2.0 - i / n, np.array([0.125, -0.0625, 0.03125])
@@ -229,7 +239,7 @@ def _evaluated(program: Program, states: dict[str, Array], parameters: dict[str,
 
 
 def _is_positive(programs: Mapping[str, Program], states: dict[str, Array], parameters: dict[str, Array]) -> bool:
-    """Whether M > 0 at the states. It need not be: unphysical inertias in a robot file are only a warning."""
+    """Whether M is positive definite at all states; it may not be, as unphysical inertias are only warned about."""
     if "mass_matrix" not in programs:
         return False
     (M,) = _evaluated(programs["mass_matrix"], states, parameters)

@@ -71,11 +71,12 @@ def _failures(programs: Iterable[Program], dialect: Dialect) -> list[tuple[str, 
 NOMINAL, DERIVATIVES = "_nominal", "_derivatives"
 
 BESIDE = {NOMINAL: "functions with the numbers of the robot file", DERIVATIVES: "derivatives"}
-"""Suffix of a separate source file -> its content. A project can leave these out, and compile them in parallel."""
+"""Contents of the separate source files, by the suffix of their names. A project can leave these files out, and compile
+them in parallel."""
 
 
 def source_parts(programs: Iterable[Program]) -> dict[str, list[str]]:
-    """Suffix of a source file ("" for the main one) -> the functions in it."""
+    """The functions of each source file, by the suffix of its name ("" for the main file)."""
     parts: dict[str, list[str]] = {"": []}
     for program in programs:
         specialized = NOMINAL if program.specializes else ""
@@ -90,7 +91,7 @@ def naming(dialect: Dialect, identity: Identity) -> dict[str, object]:
 
 
 def preamble(programs: Iterable[Program], dialect: Dialect, sincos: SinCos) -> str:
-    """The sine and cosine kernel if any function needs it; unused, it would cause a compiler warning."""
+    """The C text of the sine and cosine kernel, if any function calls it; empty otherwise, to avoid a warning."""
     return sincos.preamble(dialect) if any(count_operations(program).sincos for program in programs) else ""
 
 

@@ -1,9 +1,9 @@
-"""Bytes of stack that an emitted function takes in an optimised build: upper bounds by a simple rule.
+"""Upper bounds of the stack (bytes) that an emitted function takes in an optimised build, by a simple rule.
 
-The rule counts the values that are alive at the same time. gcc keeps about one number for each, up to half as many
-again in the longest functions, and for ARM it computes results early that it stores late. clang joins neighbouring
-results to vectors, saves whole vectors, and puts off stores until the neighbours are there, so that its frames depend
-less on the precision and more on the results.
+The rule counts the values that are alive (still needed) at the same time. gcc keeps about one number for each, up to
+half as many again in the longest functions, and for ARM it computes some results early and stores them late. clang
+combines neighbouring results to vectors, saves whole vectors, and delays stores until the neighbours are computed, so
+that its frames depend less on the precision and more on the number of results.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ STACK_RULE = (
     "robots that come with rrrgen and of random ones (gcc 12 and clang 14 on x86-64, gcc 12 for Cortex-M4) none takes "
     "more than nine tenths of its bound; large ones mostly take between a quarter and a half, with vectors of AVX less"
 )
-"""The rule in words, for the head of a header."""
+"""The rule by which the bounds are computed, in words, for the comment at the top of an emitted header."""
 
 _FIXED = 128  # return address and saved registers, the sine kernel where it is called, alignment of vectors
 
@@ -39,7 +39,7 @@ class StackBound:
 
 
 def stack_bound(program: Program, real: Real) -> StackBound:
-    """Bytes of stack of a function by the :data:`STACK_RULE`, rounded up to whole 16 bytes, as stacks are aligned."""
+    """The bound of the stack of a function by the :data:`STACK_RULE`, rounded up to multiples of 16 bytes."""
     size = 8 if real == "double" else 4
     alive = most_alive(program)
     results = len({element for elements in program.results for element in elements})
@@ -50,7 +50,7 @@ def stack_bound(program: Program, real: Real) -> StackBound:
 
 
 def most_alive(program: Program) -> int:
-    """The most values that are needed at the same time, in the order of the program.
+    """The largest number of values that are needed at the same time while the program runs in its order.
 
     A computed value counts from its definition to its last use, an input from its first use on, a constant never.
     """

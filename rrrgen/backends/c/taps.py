@@ -1,4 +1,7 @@
-"""C of a sum of delayed values of one signal: a line of past inputs as a ring, in a state that the caller owns."""
+"""C of a filter that sums delayed values of one signal (such as an input shaper).
+
+The past inputs are kept in a ring buffer, in a state that the caller owns.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +20,11 @@ from rrrgen.version import VERSION
 def tap_files(
     prefix: str, title: str, delays: Sequence[int], weights: Sequence[float], period: float, real: Real
 ) -> dict[str, str]:
-    """``<prefix>.h`` and ``<prefix>.c`` of ``y_k = sum_i weights_i u_{k - delays_i}``: the state, start and step.
+    """Print ``<prefix>.h`` and ``<prefix>.c`` of the filter ``y_k = sum_i weights_i u_{k - delays_i}``.
 
-    ``delays`` are whole samples in rising order, ``period`` (s) is for the documentation, ``title`` heads the header.
-    A step costs a multiplication and an addition per tap, however long the line is.
+    The files define the state, a function that starts it and one that makes a step. ``delays`` are whole samples in
+    rising order, ``period`` (s) is for the documentation, ``title`` heads the header. A step costs a multiplication
+    and an addition per delayed value, however long the delays are.
     """
     dialect = Dialect(prefix, real)
     values = [dialect.literal(Fraction(float(weight))) for weight in weights]

@@ -1,8 +1,8 @@
-"""Programs for CasADi: SX functions, a module that rebuilds them, and C behind CasADi's external interface.
+"""The CasADi backend: SX functions, a Python module that rebuilds them, and C for CasADi's external interface.
 
-Matrices are two-dimensional on this side, ``(rows, columns)`` as the mathematics has them; a stack of matrices of shape
-(k, m, n) becomes the (k*m, n) matrix of the blocks one below the other. CasADi itself is needed by :func:`function` and
-:func:`serialized` only; everything else is text and is the same whichever version of CasADi is installed, or none.
+Matrices are two-dimensional in CasADi, (rows, columns); a stack of matrices of shape (k, m, n) becomes the (k*m, n)
+matrix of the blocks one below the other. CasADi itself is needed by :func:`function` and :func:`serialized` only;
+everything else is text and is the same whichever version of CasADi is installed, or none.
 """
 
 from rrrgen.backends.casadi.branches import branch_function, branch_labels, branch_signs

@@ -25,7 +25,7 @@ from rrrgen.program.differentiate import Tangent, is_zero, pull_back, record, ta
 from rrrgen.program.nodes import Node
 
 ROWS_FACTOR = 4
-"""Approximate cost of a reverse sweep, relative to one of several forward directions computed together."""
+"""Approximate cost of one reverse sweep, in units of one direction of a forward sweep over several directions."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def jacobian(base: Routine) -> Routine:
 
 
 def _columns(base: Routine, builder: Builder, values: Sequence[Sequence[Value]]) -> list[list[Tangent]]:
-    """Gradients of all outputs by one sparse forward sweep; inputs are numbered through."""
+    """Gradients of all outputs by one sparse forward sweep; the inputs of all ports are numbered consecutively."""
     seeds: list[list[Tangent]] = []
     count = 0
     for row in values:

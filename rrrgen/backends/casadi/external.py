@@ -1,4 +1,4 @@
-"""C behind CasADi's external interface: the functions and their derivatives, found by ``casadi.external``.
+"""C for CasADi's external interface: functions and derivatives that ``casadi.external`` finds in a shared library.
 
 For a function ``f`` of the robot ``name`` the symbols are ``<name>_casadi_f``, and ``jac_``, ``fwd1_``, ``adj1_`` and
 ``fwd1_adj1_`` in front of it for its derivatives: the names under which CasADi looks them up. The robot's name is part
@@ -34,7 +34,7 @@ _MATHS = {
 
 
 def derivatives(base: Routine, kinds: Sequence[str]) -> list[Routine]:
-    """Derivatives of ``base``: "jac", "fwd1", "adj1", or several joined by "_", outermost first."""
+    """Derive the ``kinds`` of derivatives of ``base``: "jac", "fwd1", "adj1", or several joined by "_", outer first."""
     found = {"": base}
 
     def derivative(kind: str) -> Routine:
@@ -104,7 +104,7 @@ def external_files(robot: str, definitions: Sequence[Definition], header: Sequen
 
 @dataclass(frozen=True)
 class _ExternalC:
-    """C in CasADi's real type, with the functions that the file defines for one argument."""
+    """C as a target language, in CasADi's real type, with mathematical functions that the emitted file defines."""
 
     robot: str
 
@@ -157,7 +157,7 @@ def _definition(robot: str, item: Routine, source: Program | None) -> Definition
 
 
 def _loads(elements: Sequence[Sequence[str]], written: Listing) -> Iterable[str]:
-    """Reading the inputs that are used; CasADi passes a null pointer for an input that is zero."""
+    """The C lines that read the inputs that are used; CasADi passes a null pointer for an input that is zero."""
     for port, row in enumerate(elements):
         for element, name in enumerate(row):
             if (port, element) in written.used_inputs:

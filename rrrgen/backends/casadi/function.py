@@ -1,4 +1,4 @@
-"""A program as a CasADi ``Function`` over SX."""
+"""Conversion of a program to a CasADi ``Function`` over SX."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def import_casadi() -> Any:
 
 
 def function(program: Program, name: str | None = None, smooth_sign: float | None = None) -> Any:
-    """``program`` as a ``casadi.Function`` over SX whose inputs and outputs carry the names of the ports.
+    """Convert ``program`` to a ``casadi.Function`` over SX; its inputs and outputs have the names of the ports.
 
     Outputs are dense (rows, columns) matrices. ``smooth_sign`` = eps > 0, in the unit of the argument (rad/s for joint
     speeds), replaces sgn(x) by tanh(x / eps), so that gradients see Coulomb friction; without it sgn is exact and its

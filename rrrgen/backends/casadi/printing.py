@@ -1,4 +1,4 @@
-"""Programs as a list of definitions and one expression per result, shared by CasADi's Python and C text."""
+"""Printing of a program as definitions and one expression per result, shared by CasADi's Python and C text."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rrrgen.robotfile.names import KEYWORDS, ROBOT_RESERVED
 
 _LOCAL = ("arg", "res", "iw", "w", "mem", "ca", "gamma", "y0", "y1", "yn", "j0", "j1", "jn")
 RESERVED = KEYWORDS | ROBOT_RESERVED | frozenset(_LOCAL) | frozenset(keyword.kwlist)
-"""What no local may be called, in C or in Python."""
+"""Names that local variables must not have, in C or in Python."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A smooth stand-in for sgn, for solvers that differentiate through Coulomb friction."""
+"""Replacement of sgn by a smooth function, for solvers that differentiate through Coulomb friction."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from rrrgen.program import Builder, Op, Port, Program, Value
 
 
 def has_sign(program: Program) -> bool:
-    """Whether sgn or |.| occurs, so that derivatives jump."""
+    """Whether ``program`` contains sgn or an absolute value, whose derivatives jump."""
     return any(node.op is Op.SIGN for node in program.nodes)
 
 
 def smooth_sign(program: Program) -> Program:
-    """``program`` with sgn(x) replaced by tanh(x / eps) and one more scalar input ``eps`` > 0, in the unit of x.
+    """Replace sgn(x) in ``program`` by tanh(x / eps), with one more scalar input ``eps`` > 0, in the unit of x.
 
     The replacement is off by less than 2 exp(-2 |x| / eps): at |x| = 3 eps it has reached 99.5 % of sgn x. The limit
     eps -> 0 is the exact model, and eps = 0 is not allowed. The name gains ``_smooth``.

@@ -1,4 +1,4 @@
-"""Closed forms as LaTeX and as plain text."""
+"""Printing of closed forms as LaTeX and as plain text."""
 
 from rrrgen.backends.latex.layout import Display, Equation, Form, lay_out, trig_abbreviates
 from rrrgen.backends.latex.notation import GREEK, Notation, Quantity, notation, quantity

@@ -1,4 +1,4 @@
-"""The closed form for reading: every step of the derivation as text and as LaTeX, with symbols for the DH lengths."""
+"""Printing of the inverse kinematics as formulas, in text and LaTeX, with symbols for the lengths of the DH table."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _said(singularity: Singularity) -> str:
 
 
 def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
-    """The closed form of ``spec``; DerivationError where there is none that can be written down."""
+    """Derive the inverse kinematics of ``spec`` as printable formulas; DerivationError for a robot that has none."""
     plan = make_plan(spec, redundancy)
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: {plan.reason}")
@@ -266,7 +266,7 @@ def _size(x: sp.Expr) -> int:
 
 
 def _tidied(x: Any) -> sp.Expr:
-    """``x`` with exact numbers, expanded unless that makes it longer."""
+    """Simplify ``x`` for printing: exact numbers, and the expanded form unless it is longer."""
     value = (
         x if isinstance(x, sp.Basic) else (sp.Rational(repr(float(x))) if float(x) != int(x) else sp.Integer(int(x)))
     )

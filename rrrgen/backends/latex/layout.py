@@ -44,11 +44,15 @@ class Display:
 
 
 Form: TypeAlias = sp.Expr | sp.MatrixBase | SharedForm
-"""What can be laid out: an entry, a matrix, or a matrix with intermediate results that have names already."""
+"""A formula to be printed: one entry, a matrix, or a matrix with named intermediate results."""
 
 
 def lay_out(closed_forms: Mapping[str, Form], cse_limit: int = CSE_LIMIT) -> list[Display]:
-    """One display per quantity, in the order given; ``mass_matrix[1,2]`` names a single entry."""
+    """Arrange closed forms as displays, one per quantity, in the order given.
+
+    Keys are names of functions, or of single entries as in ``mass_matrix[1,2]``. Quantities of more than ``cse_limit``
+    operations are written with common subexpressions.
+    """
     return [_display(name, value, cse_limit) for name, value in closed_forms.items()]
 
 
@@ -73,13 +77,16 @@ def _display(name: str, value: Form, cse_limit: int) -> Display:
 
 
 def _place(name: str) -> tuple[str, tuple[int, ...]]:
-    """``mass_matrix[1,2]`` as function and indices."""
+    """Split a name such as ``mass_matrix[1,2]`` into the function and the indices (1, 2)."""
     match = re.fullmatch(r"([\w.]+)\[(\d+(?:,\d+)*)\]", name)
     return (match[1], tuple(int(index) for index in match[2].split(","))) if match else (name, ())
 
 
 def _shared(entries: list[sp.Expr]) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ...], list[sp.Expr]]:
-    """Common subexpressions; sines and cosines stay whole, so that sums of angles remain readable."""
+    """Extract common subexpressions of ``entries``: (definitions, entries written with them).
+
+    Sines and cosines are not divided, so that sums of angles remain readable.
+    """
     waves = sorted(set().union(*(entry.atoms(sp.sin, sp.cos) for entry in entries)), key=sp.default_sort_key)
     masks = {wave: sp.Symbol(f"wave{k:04d}", real=True) for k, wave in enumerate(waves)}
     back = {mask: wave for wave, mask in masks.items()}
@@ -90,7 +97,7 @@ def _shared(entries: list[sp.Expr]) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ..
 
 
 def trig_abbreviates(closed_forms: Mapping[str, Form]) -> bool:
-    """Whether c2, s23, ... are free to stand for cosines and sines: no symbol has such a name."""
+    """Whether c2, s23, ... may abbreviate cosines and sines, because no symbol of the formulas has such a name."""
     names = {str(symbol) for value in closed_forms.values() for symbol in value.free_symbols}
     return not any(re.fullmatch(r"[cs]_?[1-9]+", name) for name in names)
 

@@ -1,4 +1,4 @@
-r"""How a name of a model is written in mathematics: ``ddq2`` is q with two dots and subscript 2, ``Ixx3`` is I_{xx,3}.
+r"""The mathematical notation of names: ``ddq2`` is q with two dots and the subscript 2, ``Ixx3`` is I_{xx,3}.
 
 Cosines and sines of a sum of joint angles have the short form of the literature, c_{23} = cos(q_2 + q_3), whenever the
 sum has no offset, no factors and single-digit joints; :func:`short_angle` recognises it.
@@ -34,7 +34,7 @@ class Notation:
 
 
 def notation(name: str) -> Notation:
-    """The parts of a symbol's name."""
+    """Split the name of a symbol into letter, dots and subscript, as in ``ddq2`` -> q, two dots, 2."""
     if match := _JOINT.fullmatch(name):
         return Notation("q", (match[2],), len(match[1]))
     if match := _INERTIAL.fullmatch(name):
@@ -52,7 +52,7 @@ def notation(name: str) -> Notation:
 
 
 def short_angle(angle: sp.Expr) -> str | None:
-    """``"23"`` for q2 + q3, None where the short form would be ambiguous."""
+    """The subscript that abbreviates a sum of joint angles: ``"23"`` for q2 + q3; None where it would be ambiguous."""
     joints = []
     for term in sp.Add.make_args(angle):
         match = re.fullmatch(r"q([1-9])", str(term)) if term.is_Symbol else None

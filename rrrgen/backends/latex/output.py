@@ -1,4 +1,4 @@
-"""Closed forms as a LaTeX fragment and as plain text."""
+"""Printing of closed forms as a LaTeX fragment or as plain text."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _ABBREVIATION = r"% c_{ij} = \cos(q_i + q_j), s_{ij} = \sin(q_i + q_j)"
 
 
 def latex_expression(expression: sp.Expr, short_trig: bool = True) -> str:
-    """One expression in LaTeX, without delimiters."""
+    """Print one expression in LaTeX, without delimiters; ``short_trig`` writes c_{23} for cos(q2 + q3)."""
     return Walk(LatexMarkup(), short_trig).write(expression)
 
 
 def plain_expression(expression: sp.Expr, short_trig: bool = True) -> str:
-    """The plain text of one expression."""
+    """Print one expression as plain text; ``short_trig`` writes c23 for cos(q2 + q3)."""
     return Walk(TextMarkup(), short_trig).write(expression)
 
 
@@ -128,7 +128,10 @@ def _pieces(value: sp.Expr, counter: Walk, width: int) -> list[sp.Expr]:
 
 
 def plain(closed_forms: Mapping[str, Form], short_trig: bool = True, cse_limit: int = CSE_LIMIT) -> str:
-    """The closed forms in plain text, entry by entry, ``c23 = cos(q2 + q3)``."""
+    """Print closed forms as plain text, entry by entry; ``short_trig`` writes c23 for cos(q2 + q3).
+
+    Quantities of more than ``cse_limit`` operations are written with common subexpressions.
+    """
     walk = Walk(TextMarkup(), short_trig and trig_abbreviates(closed_forms))
     lines: list[str] = []
     for display in lay_out(closed_forms, cse_limit):

@@ -55,7 +55,7 @@ class Markup(Protocol):
 
 
 def decimal_text(value: sp.Rational) -> str | None:
-    """``value`` as an integer or a decimal fraction; None if p/q is easier to read.
+    """Print ``value`` as an integer or a decimal fraction; None if the fraction p/q is easier to read.
 
     Simple fractions stay fractions; infinite or very long decimal expansions are shown to 12 digits.
     """
@@ -71,7 +71,10 @@ def decimal_text(value: sp.Rational) -> str | None:
 
 
 def _with_decimals_inside(product: sp.Expr) -> sp.Expr:
-    """``0.025*(13*c1 + 11*c12)`` as ``0.325*c1 + 0.275*c12``, which shows the numbers of the robot file."""
+    """Multiply decimal factors into sums, so that the numbers of the robot file appear.
+
+    ``0.025*(13*c1 + 11*c12)`` becomes ``0.325*c1 + 0.275*c12``.
+    """
     number, rest = product.as_coeff_Mul()
     if number.q == 1 or decimal_text(number) is None:
         return product

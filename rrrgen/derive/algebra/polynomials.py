@@ -54,11 +54,14 @@ class PolynomialRing:
         return Polynomial(self, self.ring(sp.QQ(value.numerator, value.denominator)))
 
     def element(self, poly: PolyElement) -> Any:
-        """The normal form of a SymPy ring element; a constant becomes a Fraction."""
+        """Convert a SymPy ring element to a :class:`Polynomial` in normal form; a constant becomes a Fraction."""
         return self.number(0) + Polynomial(self, self.reduce(poly))
 
     def convert(self, expression: sp.Expr) -> Any:
-        """An exact SymPy expression as a polynomial, a rational as a Fraction. Raises KeyError for unknown symbols."""
+        """Convert an exact SymPy expression to a polynomial, or to a Fraction if it is rational.
+
+        Raises KeyError for symbols that are no generators of the ring.
+        """
         if expression.is_Rational:
             return Fraction(int(expression.p), int(expression.q))
         if expression in self.index:
@@ -169,7 +172,7 @@ class Polynomial:
         return self._result(self.poly.diff(self.ring._gens[self.ring.index[generator]]))
 
     def coefficients(self, generators: Iterable[sp.Expr]) -> dict[tuple[int, ...], Any]:
-        """Split by the powers of ``generators``: exponents -> coefficient polynomial."""
+        """Collect the terms by powers of ``generators``: a map from the exponents to the coefficient polynomial."""
         places = [self.ring.index[g] for g in generators]
         parts: dict[tuple[int, ...], dict[tuple[int, ...], Any]] = {}
         for monomial, coefficient in self.poly.terms():
@@ -193,7 +196,7 @@ Operand = Polynomial | int | Fraction
 
 
 def root_factors(expression: sp.Expr) -> list[sp.Expr]:
-    """The square roots of primes whose product is ``expression``: ``[sqrt(2), sqrt(3)]`` for sqrt(6).
+    """Factor a square root of a rational into square roots of primes: ``[sqrt(2), sqrt(3)]`` for sqrt(6).
 
     Empty if the expression is no square root of a rational. Roots of primes are the generators because they satisfy no
     relations except their squares; a generator sqrt(6) would add sqrt(6) = sqrt(2) sqrt(3).

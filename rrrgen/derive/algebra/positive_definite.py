@@ -12,7 +12,7 @@ PIVOT_TOLERANCE = Fraction(1, 2**40)
 
 
 def status_at(output: int) -> Status:
-    """The status of a program that solves with M, at output number ``output``: 1 if a pivot is not positive."""
+    """Describe the status output, number ``output``, of a program that solves with M: 1 if a pivot is not positive."""
     return Status(
         output=output,
         failure="not positive definite",
@@ -51,7 +51,7 @@ class Factors:
         return [b.select(self.status, 0, value) for value in x]
 
     def negative_inverse(self) -> Rows:
-        """The matrix ``-inv(M)`` (n, n), zero if the status is 1; the derivatives of forward dynamics need it."""
+        """The matrix ``-inv(M)`` (n, n) of the derivatives of forward dynamics; zero if the status is 1."""
         b, n = self.builder, len(self.L)
         scales = [b.select(self.status, 0, b.neg(value)) for value in self.reciprocals]
         X = self._inverse_of_L()

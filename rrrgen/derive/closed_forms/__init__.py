@@ -1,1 +1,1 @@
-"""Closed forms: programs with their intermediates expanded and their trigonometry collected."""
+"""Closed forms: formulas of the functions of a robot, with intermediate results expanded and angles collected."""

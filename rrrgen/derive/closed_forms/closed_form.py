@@ -1,4 +1,4 @@
-"""Closed forms: a program with its intermediates expanded and its trigonometry collected.
+"""Closed forms: the formula of a function, with intermediate results expanded and terms in sums of angles collected.
 
 A function is recorded again with the geometry as symbols and expanded into polynomials in sines and cosines. The angles
 of parallel axes are recorded as sums, so terms in cos(q2 + q3) collect without trigonometric identities. Single entries
@@ -37,7 +37,8 @@ lines that take a minute, and takes 130 lines as a recursion.
 """
 
 LONGEST_SHOWN = 200
-"""Nodes of the largest program that notebooks display: an RRR's regressor has 159, a Puma's M, pages long, 305."""
+"""Largest number of nodes of a program whose formula notebooks display: the regressor of an RRR arm has 159; the mass
+matrix of a Puma, whose formula fills pages, has 305."""
 
 
 class ClosedForm:
@@ -236,7 +237,7 @@ class _Expander:
         return self._values[index]
 
     def terms(self, indices: Sequence[int], limit: int) -> int:
-        """How many terms the nodes ``indices`` have when expanded; ends early with a count above ``limit``."""
+        """Count the terms that the nodes ``indices`` have when expanded; stops early with a count above ``limit``."""
         for k in reachable(self.program.nodes, indices):
             factors = [_length(self._values[arg]) for arg in self.program.nodes[k].args if arg in self._values]
             if math.prod(factors) > limit**2:  # the product of so many terms would take seconds
@@ -285,7 +286,7 @@ _ARITHMETIC: dict[Op, Callable[..., Any]] = {
 
 
 def _length(value: Value | Polynomial) -> int:
-    """The number of terms."""
+    """The number of terms of a polynomial; 1 for a number."""
     return len(value.poly) if isinstance(value, Polynomial) else 1
 
 

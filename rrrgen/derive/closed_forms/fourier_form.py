@@ -1,4 +1,4 @@
-"""The shorter of two forms of a polynomial in sines and cosines: powers and products, or sines and cosines of sums.
+"""Printing a trigonometric polynomial in the shorter of two forms: with products of sines and cosines, or of sums.
 
 The second form replaces products of angles of one block of parallel axes by multiple angles, as in
 ``cos(q2) cos(q2+q3) + sin(q2) sin(q2+q3) = cos(q3)``. Angles of different blocks are never mixed.
@@ -62,7 +62,7 @@ def _as_waves(value: Polynomial, block: Pairs) -> sp.Expr:
 
 
 def _times(wave: Wave, angle: sp.Expr, a: Fraction, b: Fraction) -> Wave:
-    """Product with ``a cos(angle) + b sin(angle)``."""
+    """Multiply ``wave`` by ``a cos(angle) + b sin(angle)``."""
     result: Wave = {}
     half = Fraction(1, 2)
     for present, (c, d) in wave.items():

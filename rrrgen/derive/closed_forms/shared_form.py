@@ -42,7 +42,7 @@ def shared_form(
     inputs: Sequence[Sequence[sp.Expr]],
     angles: Mapping[int, sp.Expr],
 ) -> SharedForm:
-    """The nodes ``results`` of ``program`` as a matrix of ``shape``; what is used more than once gets a name.
+    """Write the nodes ``results`` of ``program`` as a matrix of ``shape``, with names for values used more than once.
 
     ``inputs`` holds one symbol per element of every input, ``angles`` the expression of every node that is the argument
     of a sine or cosine. Sines and cosines stay whole: they are part of the notation.

@@ -1,1 +1,1 @@
-"""The public model functions: one recorder per function, and the table of all of them."""
+"""The functions that rrrgen emits: for each a recorder, which derives it as a program, and the table of all of them."""

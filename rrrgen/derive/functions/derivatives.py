@@ -42,7 +42,8 @@ from rrrgen.program.builder import replay
 from rrrgen.program.differentiate import jacobian
 
 TWICE = 2
-"""Factor of the composite bodies' velocities: the derivatives contain ``2 C`` and ``2 z' x rho'``."""
+"""Factor by which the velocities of composite bodies are multiplied: the derivatives contain ``2 C`` and
+``2 z' x rho'``."""
 
 
 def inverse_dynamics_derivatives(r: Recording) -> Program:
@@ -91,7 +92,7 @@ def forward_dynamics_derivatives(r: Recording) -> Program:
 def forward_program(
     r: Recording, status: Any, ddq: list[Any], inverse: Matrix, dtau_dq: Matrix, dtau_dv: Matrix
 ) -> Program:
-    """Forward dynamics with derivatives as a program, from ``inverse = -inv(M)`` and the derivatives of the torques."""
+    """Finish the program of forward dynamics with derivatives, from ``inverse = -inv(M)`` and those of the torques."""
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
     products = [[[dot(row, column) for column in zip(*D, strict=True)] for row in inverse] for D in (dtau_dq, dtau_dv)]
     meaning = "joint accelerations; zero when the status is not ok"
@@ -114,7 +115,7 @@ def forward_program(
 
 
 def differentiated(inverse_dynamics: Program, like: Program) -> Program:
-    """``inverse_dynamics_derivatives`` by automatic differentiation of a program of inverse dynamics.
+    """Derive ``inverse_dynamics_derivatives`` by automatic differentiation of a program of inverse dynamics.
 
     Cheaper than the recursion if that program is short. Ports and description are taken from the program ``like``.
     """
@@ -125,7 +126,7 @@ def differentiated(inverse_dynamics: Program, like: Program) -> Program:
 
 
 def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
-    """``forward_dynamics_derivatives`` from a program of ``inverse_dynamics_derivatives``.
+    """Derive ``forward_dynamics_derivatives`` from a program of ``inverse_dynamics_derivatives``.
 
     That program is evaluated at ddq = 0, for M and the bias torques, and at the solution ddq, for the derivatives.
     """
@@ -150,7 +151,10 @@ def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
 def torques_and_derivatives(
     composition: Composition, dq: Sequence[Any], ddq: Sequence[Any], inertias: Sequence[PseudoInertia]
 ) -> tuple[list[Any], Matrix]:
-    """tau (n,) and dtau/dq (n, n), both without drive inertia; the velocities of ``composition`` must be doubled."""
+    """The joint torques tau (n,) and dtau/dq (n, n), both without drive inertia.
+
+    ``composition`` must have been composed with the velocities doubled (factor 2).
+    """
     chain, n = composition.chain, composition.chain.n
     in_link_frame = choose_frames(chain, range(n))
     motions = forward(chain, dq, ddq, in_link_frame)

@@ -62,12 +62,12 @@ def _gravity_port(r: Recording) -> Port:
 
 
 def link_frames_only(chain: Chain) -> list[bool]:
-    """The choice of frames that expresses every link in its link frame."""
+    """Choose the frame in which each link is computed: here always its link frame (True)."""
     return choose_frames(chain)
 
 
 def block_frames_first(chain: Chain) -> list[bool]:
-    """The choice of frames that expresses every link in the frame of its block, where the recursion allows it."""
+    """Choose the frame in which each link is computed: that of its block of parallel axes where possible (False)."""
     return choose_frames(chain, range(chain.n))
 
 

@@ -25,9 +25,10 @@ LINEAR = "tau_f = fv dq + fc sgn(dq) + offset   (14.11)"
 
 @dataclass(frozen=True)
 class Surface:
-    """Where friction acts: the joint or motor ``name`` with speed ``w dq``, whose friction ``f`` adds ``w f``.
+    """A joint or motor with friction.
 
-    Its load is ``load . tau``, with the joint torques tau of the rigid body.
+    Its speed is ``w . dq`` with w = ``direction`` (n,), and its friction f adds ``w f`` to the joint torques. Its load
+    is ``load . tau``, with tau (n,) the joint torques of the robot without friction.
     """
 
     name: str
@@ -120,8 +121,8 @@ def friction_step(r: Recording) -> Program:
 class RunTimeFriction:
     """Friction under the laws of the robot file with parameters that are an input of the recorded function.
 
-    ``values`` are the parameters at each joint or motor, ``widths`` the speeds over which sgn turns round (None: it is
-    exact).
+    ``values`` are the parameters at each joint or motor. ``widths`` (rad/s or m/s) are the speeds over which a smooth
+    function replaces the jump of sgn; None for the exact sgn.
     """
 
     recording: Recording
@@ -243,9 +244,9 @@ def surfaces_of(spec: RobotSpec) -> tuple[Surface, ...]:
 
 
 def _loads(r: Recording, surfaces: Sequence[Surface], load: Sequence[Any] | None = None) -> dict[Surface, Any]:
-    """Magnitude of the load of every surface whose law depends on it, from the joint torques ``load`` (n,).
+    """Magnitude of the load of every surface whose law depends on the load, from the joint torques ``load`` (n,).
 
-    They are declared as an input if they are not given.
+    Where ``load`` is None, the joint torques are declared as an input.
     """
     loaded = [surface for surface in surfaces if surface.has_load]
     if not loaded:
@@ -256,9 +257,9 @@ def _loads(r: Recording, surfaces: Sequence[Surface], load: Sequence[Any] | None
 
 
 def _given(ops: Any, surface: Surface, speed: Any, values: Sequence[Any], load: Any) -> Any:
-    """Friction of one joint or motor at its ``speed`` with these parameters, by the functions of ``ops``.
+    """Friction of one joint or motor at its ``speed`` with the parameters ``values``.
 
-    ``load`` is the magnitude of the torque of the load.
+    ``ops`` provides the functions sign, exp and tanh; ``load`` is the magnitude of the load torque.
     """
     *own, offset = values
     if surface.law is None:

@@ -19,7 +19,7 @@ SOURCES = {
 
 
 def by_chain_rule(recorded: RecordedModel, function: str, source: Program) -> Program:
-    """``function``, a key of :data:`SOURCES`, derived from ``source``, a program of the function it maps to."""
+    """Derive ``function`` by the chain rule from ``source``, a program of the function that :data:`SOURCES` gives."""
     if function in elastic.FROM_LINKS:
         return elastic.FROM_LINKS[function](recorded.derivation.recording(), source)
     if function == "inverse_dynamics_derivatives":
@@ -28,9 +28,9 @@ def by_chain_rule(recorded: RecordedModel, function: str, source: Program) -> Pr
 
 
 def with_forward_dynamics(derivation: Derivation, programs: Mapping[str, Program]) -> dict[str, Program]:
-    """``forward_dynamics`` from the optimized programs of mass matrix and bias torques.
+    """Make ``forward_dynamics`` from the optimized ``programs`` of the mass matrix and the bias torques.
 
-    Also ``forward_dynamics_nominal`` if those two functions have a nominal specialization.
+    Returns it by name, and also ``forward_dynamics_nominal`` if those two functions have nominal specializations.
     """
     program = forward_dynamics(derivation.recording(), programs["mass_matrix"], programs["bias"])
     found = {"forward_dynamics": program}
@@ -43,6 +43,6 @@ def with_forward_dynamics(derivation: Derivation, programs: Mapping[str, Program
 
 
 def as_nominal(program: Program, function: str, summary: str) -> Program:
-    """``program`` as the nominal specialization of ``function``, ``<function>_nominal``."""
+    """Rename ``program`` to ``<function>_nominal`` and mark it as the nominal specialization of ``function``."""
     words = summary.rstrip(".") + ", with the parameters of the robot file."
     return program.described(name=nominal_name(function), summary=words, specializes=function)

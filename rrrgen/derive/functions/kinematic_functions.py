@@ -29,12 +29,12 @@ def _pose(r: Recording, T: list[list[Any]]) -> Program:
 
 
 def pose_port() -> Port:
-    """The output T of the pose of the tip."""
+    """The output port T (4, 4): the pose of the tip in the base frame."""
     return Port("T", (4, 4), "-, m", BASE, "homogeneous transform of the tip")
 
 
 def jacobian_port(r: Recording) -> Port:
-    """The output J of the Jacobian at the tip."""
+    """The output port J (6, n): the geometric Jacobian of the tip in the base frame."""
     return Port("J", (6, r.n), "m, -", BASE, "rows 1-3 linear, rows 4-6 angular velocity of the tip")
 
 
@@ -55,7 +55,7 @@ def jacobian(r: Recording) -> Program:
 
 
 def link_jacobians(r: Recording) -> Program:
-    """Geometric Jacobians of all link frames."""
+    """Record the geometric Jacobians (n, 6, n) of all link frames in the base frame, linear rows first."""
     chain = r.chain()
     frames = poses.joint_frames(chain)
     matrices = [poses.point_jacobian(chain, frames, k, X.p) for k, X in enumerate(chain.link_frames)]

@@ -269,7 +269,7 @@ def manipulability(task: _Task) -> Recorder:
 
 
 def _rate(columns: Sequence[Vector], weights: Sequence[Vector], k: int, count: int) -> Any:
-    """The sum over i of weights_i . dJ_i/dq_k, for the first ``count`` rows."""
+    """The sum over i of weights_i . dJ_i/dq_k over the first ``count`` rows; ``columns`` are the J_i."""
     total: Any = 0
     v_k, w_k = columns[k][:3], columns[k][3:]
     for i, (column, weight) in enumerate(zip(columns, weights, strict=True)):
@@ -318,4 +318,4 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
 }
 
 MORE_JOINTS_THAN = {"nullspace": POSE.rows, "position_nullspace": POSITION.rows}
-"""Functions that exist for redundant robots only: more joints than this."""
+"""Functions that exist only for redundant robots, those with more joints than this."""

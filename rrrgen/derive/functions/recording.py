@@ -39,7 +39,7 @@ JOINT_PORTS = {
 
 @dataclass(frozen=True)
 class Parametrization:
-    """How base parameters map to pseudo-inertias of the links in canonical frames.
+    """The map from base parameters to pseudo-inertias of the links in their canonical frames.
 
     ``basis`` is the compiler's set, ``change`` its relation to the set of the robot file (None: they are the same).
     ``names`` and ``units`` are those of the public base parameters.
@@ -200,7 +200,7 @@ class Recording:
         return self._declared.get(Role.FRICTION) or self._input(port)
 
     def inertias(self) -> list[PseudoInertia]:
-        """Declare the base parameters as an input and return the pseudo-inertias of the links."""
+        """Declare the base parameters as an input and return the pseudo-inertias of the links that they give."""
         return self.parametrization.inertias(self.model.links, self.beta(), self.constant)
 
     def drive_inertia(self) -> DriveInertia:
@@ -224,4 +224,5 @@ def drive_inertia_meaning(spec: RobotSpec) -> str:
 
 
 Recorder: TypeAlias = Callable[[Recording], Program]
-"""What records one function; several of one function are equivalent, and the cheapest is emitted."""
+"""A function that records one model function. Where a model function has several recorders, their programs are
+equivalent, and the cheapest is emitted."""

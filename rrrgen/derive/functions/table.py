@@ -1,4 +1,4 @@
-"""The tables of the public model functions, in the order of emission; each module ends with its part of them.
+"""The table of all model functions, by group and in the order of emission, put together from those of the modules.
 
 The group "model" is always emitted. The functions of the other groups are needed by some users only, and are derived
 and emitted on request.
@@ -26,7 +26,7 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
     **energy_functions.FUNCTIONS,
     **parameter_functions.FUNCTIONS,
 }
-"""Public function of the group "model" -> recorders of one or more equivalent programs."""
+"""The functions of the group "model", each with the recorders of one or more equivalent programs."""
 
 GROUPS: dict[str, dict[str, tuple[Recorder, ...]]] = {
     "model": FUNCTIONS,
@@ -37,7 +37,7 @@ GROUPS: dict[str, dict[str, tuple[Recorder, ...]]] = {
     "timing": paths.FUNCTIONS,
     "trajectory": motions.FUNCTIONS,
 }
-"""Name of a group -> its functions."""
+"""The functions of each group, by the name of the group."""
 
 MORE_JOINTS_THAN = {
     **point_functions.MORE_JOINTS_THAN,

@@ -54,7 +54,7 @@ class BaseParameter:
 
 @dataclass(frozen=True)
 class Regrouping:
-    """Where one standard parameter went: ``formula`` is its part in the base parameters, ``reason`` says why."""
+    """The fate of one standard parameter: ``formula`` is its part in the base parameters, ``reason`` says why."""
 
     parameter: str
     formula: str
@@ -104,7 +104,7 @@ def constants_ring(model: RobotModel) -> PolynomialRing:
 
 
 def exact_placement(ring: PolynomialRing, X: RigidTransform) -> Placement:
-    """``X`` with entries in ``ring``."""
+    """Convert the entries of the transform ``X`` to elements of ``ring``."""
     return Placement([[ring.convert(X.R[r, c]) for c in range(3)] for r in range(3)], [ring.convert(v) for v in X.p])
 
 
@@ -135,7 +135,7 @@ def base_set(model: RobotModel, seed: int = 1990) -> BaseSet:
 def _name(parameter: Parameter, removed: dict[Parameter, Dependency]) -> str:
     """The name of a base parameter: entry, link, and R for regrouped, as in Khalil and Dombre's ``ZZ1R``.
 
-    The R keeps it apart from the standard parameters.
+    The R distinguishes it from the standard parameter of the same entry and link.
     """
     i, entry = parameter
     twin = removed.get((i, "Jyy"))
@@ -176,7 +176,7 @@ class _Linear:
 
 
 def _regroup(model: RobotModel, ring: PolynomialRing) -> dict[Parameter, list[Any]]:
-    """For every candidate its coefficients over the standard parameters (10 n,), after both regrouping rules."""
+    """Express every candidate as coefficients (10 n,) of the standard parameters, after both regrouping rules."""
     width = 10 * model.links
     phi = [[_Linear(_unit_row(width, 10 * i + k)) for k in range(10)] for i in range(model.links)]
     values = regroup(model, partial(exact_placement, ring), phi)
@@ -186,9 +186,10 @@ def _regroup(model: RobotModel, ring: PolynomialRing) -> dict[Parameter, list[An
 def regroup(
     model: RobotModel, placement: Callable[[RigidTransform], Placement], phi: Sequence[Sequence[Any]]
 ) -> dict[Parameter, Any]:
-    """Candidate -> its value for the standard parameters ``phi`` (n, 10), after both regrouping rules.
+    """Compute the value of every candidate for the standard parameters ``phi`` (n, 10), after both regrouping rules.
 
-    The scalars are of any kind; ``placement`` converts constant transforms to it.
+    The numbers may be of any kind (floats, polynomials, recorded scalars); ``placement`` converts constant transforms
+    to that kind.
     """
     values: dict[Parameter, Any] = {}
     carried: dict[int, PseudoInertia] = {}

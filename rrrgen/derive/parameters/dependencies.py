@@ -36,7 +36,8 @@ STATES = 10
 CHECK_STATES = 3
 
 ROUNDS = 30
-"""Attempts, of :data:`STATES` states each, to find independent simple rows; usually the first succeeds."""
+"""Largest number of attempts, each with :data:`STATES` states, to find rows that are independent and simple; usually
+the first succeeds."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def sampled_rows(model: RobotModel, parameters: list[Parameter], seed: int, stat
 def find_dependencies(
     model: RobotModel, ring: PolynomialRing, candidates: list[Parameter], seed: int
 ) -> list[Dependency]:
-    """The linear relation of every candidate whose column of the regressor depends on the columns before it.
+    """Find the candidates whose column of the regressor depends linearly on the columns before it, with the relation.
 
     Raises InternalError if a relation fails at independent states.
     """
@@ -139,7 +140,10 @@ def _image(value: Any, images: list[Residue]) -> Residue:
 
 
 def _canonical(ring: PolynomialRing, value: Any) -> sp.Expr:
-    """The quotient ``value`` in lowest terms; conjugates make its denominator free of sines and square roots."""
+    """Simplify the quotient ``value``: lowest terms, and a denominator without sines and square roots.
+
+    Numerator and denominator are multiplied by the conjugates of the denominator to make it rational.
+    """
     numerator, denominator = ring.element(value.numer), ring.element(value.denom)
     for conjugate in ring.conjugations():
         if isinstance(denominator, Polynomial):

@@ -1,4 +1,4 @@
-"""The regrouping table: where every standard parameter went (kept, regrouped, or without effect), and why."""
+"""The regrouping table: whether each standard parameter is kept, regrouped with others or without effect, and why."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rrrgen.model.standard_parameters import STANDARD
 def regroupings(
     model: RobotModel, compiler_set: BaseSet, names: Sequence[str], projection: Sequence[Sequence[sp.Expr]]
 ) -> list[Regrouping]:
-    """One entry per standard parameter, link by link.
+    """Make the regrouping table: one entry per standard parameter, link by link.
 
     ``names`` are the base parameters, ``projection`` (b, 10 n) their coefficients over the standard parameters.
     """

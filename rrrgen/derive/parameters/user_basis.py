@@ -52,7 +52,7 @@ class BasisChange:
 
 
 def change_basis(spec: RobotSpec, compiler_set: BaseSet) -> BasisChange:
-    """The exact relation of ``spec.basis`` to the compiler's base parameters, ``compiler_set``.
+    """Compute the exact relation between the robot file's base parameters and the compiler's, ``compiler_set``.
 
     Raises InputError with every fault if it is no basis: a parameter that is nonlinear, dependent on others or without
     effect on the dynamics, or a direction that is not covered.
@@ -204,7 +204,10 @@ def _inverse(ring: PolynomialRing, S: list[list[Any]]) -> tuple[tuple[sp.Expr, .
 
 
 def _unit(row: list[Any]) -> str:
-    """The unit of a user parameter: that of its first standard parameter with a numeric coefficient."""
+    """The unit of a base parameter of the robot file, from its coefficients ``row`` over the standard parameters.
+
+    It is the unit of the first standard parameter whose coefficient is a number.
+    """
     for k, value in enumerate(row):
         if value and not isinstance(value, Polynomial):
             name = STANDARD[k % 10]

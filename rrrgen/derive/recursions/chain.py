@@ -99,7 +99,7 @@ class Chain:
         return over_coordinates(self.coupling, forces)
 
     def form(self, matrix: Matrix) -> Matrix:
-        """``S' matrix S``: a matrix of a quadratic form, such as M, converted from the rates of all joints to dq."""
+        """``S' matrix S``: the matrix of a quadratic form, such as M, converted from the rates of all joints to dq."""
         if self.coupling is None:
             return matrix
         rows = [self.forces(row) for row in matrix]
@@ -152,7 +152,7 @@ def build_chain(
 
 
 def quarter_turns(angle: sp.Expr) -> tuple[int, sp.Expr]:
-    """``(k, 0)`` if ``angle`` equals k quarter turns modulo a full turn, else ``(0, angle)``."""
+    """Recognize quarter turns: ``(k, 0)`` if ``angle`` is k pi/2 modulo 2 pi, k from 0 to 3, else ``(0, angle)``."""
     quotient = angle / HALF_PI
     if quotient.is_Integer:
         return int(quotient) % 4, sp.S.Zero
@@ -232,14 +232,17 @@ def program_chain(
     q: Sequence[Any],
     gravity: Sequence[Any] | None = None,
 ) -> Chain:
-    """The chain over program scalars recorded into ``builder``, for the joint positions ``q`` (n,)."""
+    """The chain in scalars recorded into ``builder``, at the joint positions ``q`` (n,), rad or m.
+
+    ``constant`` converts exact constants; ``gravity`` (3,), m/s^2, replaces that of the robot file.
+    """
 
     def trig(turning: Turning, angle: sp.Expr) -> tuple[Any, Any]:
         total: Any = 0
         for k, factor in turning:
             total = total + (q[k] if factor == 1 else constant(factor) * q[k])
         quarters, rest = quarter_turns(angle)
-        if not turning:  # a block that the coupling keeps from turning
+        if not turning:  # the coupling of the joints makes the angles of this block add up to a constant
             return rotate_quarters(quarters, *(constant(value) for value in cosine_sine(rest)))
         total = total + constant(rest)
         label = "".join(f"{'' if factor == 1 else f'_{factor}_'.translate(_IN_NAMES)}{k + 1}" for k, factor in turning)
@@ -336,7 +339,7 @@ def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain
 def exact_constants(
     model: RobotModel, further: Sequence[sp.Expr] = ()
 ) -> tuple[list[sp.Expr], list[tuple[sp.Expr, sp.Expr]], list[sp.Expr]]:
-    """The ring generators of the constants of ``model`` and of ``further`` ones.
+    """Find the generators of a polynomial ring that contains the constants of ``model`` and the ``further`` ones.
 
     Returns free symbols, (cosine, sine) pairs of constant angles, and square roots of primes.
     """

@@ -50,9 +50,10 @@ def _at_joint_before(joint: ChainJoint, J: PseudoInertia) -> PseudoInertia:
 
 
 def _rotated_z(J: PseudoInertia, c: Any, s: Any) -> PseudoInertia:
-    """The pseudo-inertia rotated about z, with Jyy as (Jxx + Jyy) - Jxx: a rotation about z keeps that sum.
+    """Rotate the pseudo-inertia ``J`` about z by the angle with cosine ``c`` and sine ``s``.
 
-    Written this way, the sum simplifies to its known value when it is needed again.
+    A rotation about z keeps the sum Jxx + Jyy, so the new Jyy is written as that sum minus the new Jxx. Where the sum
+    is needed again, it then simplifies to its known value.
     """
     turned = J.rotated_z(c, s)
     return replace(turned, Jyy=(J.Jxx + J.Jyy) - turned.Jxx)
@@ -66,7 +67,10 @@ def unit_wrench(revolute: bool, J: PseudoInertia) -> tuple[Vector, Vector]:
 
 
 def step_down(chain: Chain, i: int, F: Vector, N: Vector) -> tuple[Vector, Vector]:
-    """The wrench ``F, N`` about the origin of joint i, moved to the joint before; each in the frame of its block."""
+    """Move the wrench ``F, N`` from the origin of joint i to that of the joint before, and express it in that frame.
+
+    The frame of a joint is that of its block of parallel axes.
+    """
     joint = chain.joints[i]
     before = chain.joints[joint.parent]
     if joint.parallel:
@@ -101,7 +105,7 @@ def gravity(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[Any]:
 
 
 def block_vectors(chain: Chain, vector: Vector) -> list[Vector]:
-    """A vector given in the base frame, expressed in the frame of the block of each joint."""
+    """Express a vector (3,) of the base frame in the frame of each joint's block; one vector per joint."""
     result: list[Vector] = []
     for joint in chain.joints:
         if joint.parallel:

@@ -18,10 +18,10 @@ Turning = tuple[tuple[int, sp.Expr], ...]
 """A sum of multiples of joint positions: (index of q, factor) of every term."""
 
 LARGEST_MULTIPLE = 24
-"""Multiples of one angle up to this are written over it.
+"""Largest multiple of an angle whose sine and cosine are written as polynomials in those of the angle itself.
 
-The sine and cosine of a higher multiple satisfy no relation with those of the angle of a degree that occurs in
-dynamics, which is at most 4 in every block: they count as independent.
+Those of a higher multiple are treated as independent variables. That is exact for dynamics, where polynomials in the
+sine and cosine of a block have at most degree 4: too low for a relation between such a multiple and the angle.
 """
 
 
@@ -75,7 +75,7 @@ class UnitAngles:
                 self.count += 1
 
     def _over(self, k: int, place: int, factors: set[tuple[int, Fraction]]) -> list[Fraction]:
-        """The factors of q_k that are whole multiples of the unit ``place``."""
+        """Those of the ``factors`` of q_k that are whole multiples of the independent angle number ``place``."""
         unit = next(unit for unit, own in self._units[k] if own == place)
         return [f for j, f in factors if j == k and (f / unit).denominator == 1 and abs(f / unit) <= LARGEST_MULTIPLE]
 
@@ -132,7 +132,7 @@ def over_coordinates(coupling: Sequence[Sequence[Any]] | None, forces: Sequence[
 
 
 def _dot(weights: Sequence[Any], values: Sequence[Any]) -> Any:
-    """The scalar product; weights that are the numbers 0 or 1 cost no multiplication."""
+    """The scalar product of ``weights`` and ``values``, without multiplications by the numbers 0 and 1."""
     total: Any = 0
     for weight, value in zip(weights, values, strict=True):
         if _is(weight, 0) or _is(value, 0):

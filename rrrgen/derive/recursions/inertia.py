@@ -55,7 +55,7 @@ class PseudoInertia:
         return PseudoInertia(*(J[r][c] for r, c in PLACES))
 
     def moved(self, placement: Placement) -> PseudoInertia:
-        """``T J T'``: the same body in the frame in which its present frame has the pose ``placement``."""
+        """Express the body in another frame, ``T J T'``, where T is the pose of the present frame in that frame."""
         T = [[*row, p] for row, p in zip(placement.R, placement.p, strict=True)] + [[0, 0, 0, 1]]
         return PseudoInertia.of_matrix(product(product(T, self.matrix()), transpose(T)))
 

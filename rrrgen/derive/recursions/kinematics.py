@@ -73,7 +73,7 @@ def forward_kinematics_inwards(chain: Chain) -> Matrix:
 
 
 def carry_to_base(chain: Chain, vector: Vector) -> Vector:
-    """A free vector given in the frame of the link that carries the tip, expressed in base axes."""
+    """Express a free vector of the tip's link frame in base axes."""
     path = chain.paths[chain.tip_link]
     for i, after in reversed(list(zip(path, (*path[1:], None), strict=True))):
         vector = _out_of_joint(chain, i, after, vector)
@@ -81,7 +81,7 @@ def carry_to_base(chain: Chain, vector: Vector) -> Vector:
 
 
 def position_to_base(chain: Chain, point: Vector) -> Vector:
-    """A point given in the frame of the link that carries the tip, expressed in the base frame."""
+    """Express a point given in the tip's link frame in the base frame."""
     path = chain.paths[chain.tip_link]
     for i, after in reversed(list(zip(path, (*path[1:], None), strict=True))):
         joint = chain.joints[i]
@@ -138,5 +138,5 @@ def jacobian_dot_dq(chain: Chain, dq: Sequence[Any]) -> Vector:
 
 
 def to_link_frame(joint: ChainJoint, vector: Vector) -> Vector:
-    """A vector given in the frame of a joint's block, expressed in the frame of the link."""
+    """Express a vector given in the frame of a joint's block in the frame of the link that the joint moves."""
     return rotate_z_back(joint.c, joint.s, vector)

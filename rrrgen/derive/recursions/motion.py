@@ -106,7 +106,10 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: 
 
 
 def _enter(joint: ChainJoint, before: LinkMotion) -> _BlockEntry:
-    """Motion of the block frame that begins at ``joint``. A twist by quarter turns only permutes the entries of U."""
+    """Compute the motion of the frame of the block that begins at ``joint`` from that of the link before it.
+
+    Where the rotation between the two is by quarter turns, it only permutes the entries of U.
+    """
     R = joint.R
     omega, alpha = transposed_times(R, before.omega), transposed_times(R, before.alpha)
     x, y, _ = omega
@@ -133,7 +136,7 @@ def _offset_acceleration(joint: ChainJoint, motion: LinkMotion, p: Vector) -> Ve
 
 
 def _sliding(entry: _BlockEntry, W: Any, A: Any, slide: Any, rate: Any, acceleration: Any) -> Vector:
-    """The acceleration that a displacement d along z adds: U z d + 2 omega x z d' + z d''."""
+    """The acceleration that a displacement d along z adds: ``U z d + 2 (omega x z) d' + z d''``."""
     x, y, _ = entry.omega
     twice = 2 * rate
     return [

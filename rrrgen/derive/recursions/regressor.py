@@ -1,4 +1,4 @@
-"""The regressor: inverse dynamics is linear in the inertial parameters (14.10).
+"""The regressor Y of inverse dynamics, which is linear in the inertial parameters (14.10).
 
     tau = Y(q, dq, ddq) beta
 

@@ -84,7 +84,7 @@ class FloatBuilder:
         return Turn(cos(x), sin(x))
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
-        """Of the two square roots of ``radicand`` the one that ``script`` selects."""
+        """The square root of ``radicand`` with the sign that ``script`` selects."""
         if radicand < -BELOW_ZERO * (size + SIZE_OF_NOTHING * unit**2):
             raise NoRoot
         return (1, -1)[self._choose(2)] * label.positive * sqrt(max(radicand, 0.0))
@@ -140,8 +140,9 @@ class FloatBuilder:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """Solve ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M``, (e4, e5) = ``signs``; of the two solutions
-        the one that ``script`` selects.
+        """Solve ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with (e4, e5) = ``signs``.
+
+        Returns the one of the two solutions that ``script`` selects.
         """
         e4, e5 = signs
         flip = (1, -1)[self._choose(2)]

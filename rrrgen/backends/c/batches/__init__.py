@@ -1,1 +1,1 @@
-"""C for batches: the same programs over SIMD lanes, and the loops that the Python extension calls."""
+"""C that evaluates a function for many states at once: vectorized functions, and the loops that Python calls."""

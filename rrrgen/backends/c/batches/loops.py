@@ -1,4 +1,7 @@
-"""Vectorized loops over many states, for the extension that Python loads; not part of the emitted library."""
+"""C loops that evaluate functions for many states, for the extension module that Python loads.
+
+They are not part of the emitted library.
+"""
 
 from __future__ import annotations
 
@@ -45,13 +48,13 @@ def loop_files(programs: Iterable[Program], dialect: Dialect, simd: bool = True)
 
 
 def loop_declarations(programs: Iterable[Program], dialect: Dialect) -> str:
-    """The declarations of the loops for cffi."""
+    """The C declarations of the loops, in the form that cffi reads."""
     loops = [_loop_signature(program, dialect).replace(dialect.real_type, dialect.real) for program in programs]
     return "\n".join(f"{loop};" for loop in loops)
 
 
 def declarations(programs: Iterable[Program], dialect: Dialect) -> str:
-    """The declarations of the functions for one state for cffi, with plain pointers and without enums."""
+    """The C declarations of the functions for a single state, in the form that cffi reads: plain pointers, no enums."""
     lines = []
     for program in programs:
         inputs = [f"const {dialect.real} *" if port.shape else dialect.real for port in program.inputs]

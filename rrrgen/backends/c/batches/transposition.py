@@ -18,7 +18,11 @@ WIDTHS = (16, 32, 64)
 
 
 def transfers(taken: Iterable[int], given: Iterable[int], prefix: str, real_type: str, real: Real) -> str:
-    """C functions ``<prefix>_simd_in<size>`` for input sizes ``taken``, ``<prefix>_simd_out<size>`` for ``given``."""
+    """Print the C functions that transpose the elements of states, one for each size of an input or output.
+
+    ``<prefix>_simd_in<size>`` loads the states of an input of a size in ``taken``, ``<prefix>_simd_out<size>`` stores
+    those of an output of a size in ``given``.
+    """
     bytes_per_number = 8 if real == "double" else 4
     each = [_gather(size, prefix, real_type, bytes_per_number) for size in sorted(taken)]
     each += [_scatter(size, prefix, real_type, bytes_per_number) for size in sorted(given)]

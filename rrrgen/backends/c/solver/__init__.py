@@ -1,1 +1,2 @@
-"""C of the inverse kinematics: a recorded solver as loops over roots, around the kernels of templates/c/ik."""
+"""The emitted C of the inverse kinematics: loops over the roots of each equation, which call the kernels (numerical C
+functions) of ``templates/c/ik``."""

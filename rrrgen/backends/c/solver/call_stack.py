@@ -1,7 +1,7 @@
-"""Bytes of stack that the emitted inverse kinematics takes with all its callees: an upper bound from its own text.
+"""Upper bounds of the stack (bytes) that the emitted inverse kinematics takes, callees included, found from its C text.
 
-Most of the frames are arrays of stated sizes. The text says which function declares which and calls which; the figure
-is the largest sum along a chain of calls, with a margin for what compilers keep beside the arrays.
+Most of a stack frame is arrays, whose sizes the text states. The bound is the largest sum of arrays along a chain of
+calls, with a margin for what compilers keep beside the arrays.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ STACK_RULE = (
     "the chains measured (gcc 12 and clang 14 on x86-64, gcc 12 for Cortex-M4) none takes more than nine tenths of its "
     "bound; long ones mostly take half of it."
 )
-"""The rule in words, for the head of the header."""
+"""The rule by which the bounds are computed, in words, for the comment at the top of the emitted header."""
 
 _FIXED = 2048
 _EACH = 192  # return address, saved registers and scalars of one function
@@ -58,7 +58,7 @@ def stack_bounds(source: str, name: str, real: str, joints: int, rows: int) -> d
 
 
 def _sizes(name: str, real: str, joints: int, rows: int) -> dict[str, int]:
-    """Bytes of the types of which local arrays and structures are made."""
+    """The size in bytes of each C type of which local arrays and structures consist."""
     size = 8 if real == "double" else 4
     solutions = 8 + size + rows * (joints * size + 4 + 4 + size)  # see the structure in the header
     return {f"{name}_real": size, "int": 4, "unsigned": 4, f"{name}_ik_solutions": -(-solutions // size) * size}
@@ -90,7 +90,7 @@ def _local_bytes(body: str, sizes: dict[str, int], constants: dict[str, str]) ->
 
 
 def _declarators(text: str) -> list[str]:
-    """The names with their sizes in a list of declarations, without initial values; pointers are left out."""
+    """Split a C declaration list such as ``a[3], b = 0, *p`` into names with array sizes, leaving out pointers."""
     depth, plain = 0, ""
     for character in text:  # commas inside parentheses are not those of the list
         depth += (character == "(") - (character == ")")

@@ -1,4 +1,4 @@
-"""Checks of the emitted inverse kinematics for the self-test that runs on the target.
+"""Checks of the emitted inverse kinematics, for the self-test that runs on the processor it is built for.
 
 The targets are the poses of scattered configurations. The solutions that must be found for them are computed with the
 derivation in Python's floats, one branch at a time. Where that is not possible (the roots of a polynomial, nearly

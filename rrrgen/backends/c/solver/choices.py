@@ -15,12 +15,12 @@ from rrrgen.ik.tolerances import SIZE_OF_NOTHING
 
 
 class CBuilder(Scaffold):
-    """Plays a recorded solver and collects C statements, with a loop over the roots of each choice."""
+    """The builder that prints a recorded solver as C statements, with a loop over the roots of each equation."""
 
     # -- choices ------------------------------------------------------------------------------------------------------
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """Both angles with ``A cos(x) + B sin(x) = C``."""
+        """Print the solution of ``A cos(x) + B sin(x) = C`` and a loop over both angles x."""
         a, b, k = self.pool.of(A), self.pool.of(B), self.pool.of(C)
         tag = self._tag(joint)
         if a.is_const and b.is_const:
@@ -47,7 +47,7 @@ class CBuilder(Scaffold):
     def _fixed_pair(
         self, joint: Joint, a: float, b: float, k: Scalar, label: Label, tag: str, radicand: S | None
     ) -> Turn:
-        """A pair whose direction (A, B) is a constant of the robot."""
+        """Print the solution of ``a cos(x) + b sin(x) = k`` with constant a and b, and a loop over both angles."""
         h = hypot(a, b)
         if h == 0.0:
             raise InternalError(f"the equation of joint {joint.index + 1} does not contain it")
@@ -85,10 +85,10 @@ class CBuilder(Scaffold):
         )[0]
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
-        """Both square roots of ``radicand``, in a loop over their signs.
+        """Print the square root of ``radicand`` and a loop over both signs.
 
-        ``size`` is a magnitude with which ``radicand`` is compared: a negative one that is round-off of it counts as
-        zero.
+        ``size`` is the magnitude of the terms of ``radicand``: a negative value that is only rounding of terms of that
+        size counts as zero.
         """
         node, big = self.pool.of(radicand), self.pool.of(size) + (SIZE_OF_NOTHING * unit) * unit
         tag = self._fresh_tag(hint)
@@ -107,7 +107,7 @@ class CBuilder(Scaffold):
         return self._loop(tag, n, w, label, hint)
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
+        """Print the solution of ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``, a loop over its roots."""
         tag = self._tag(joint)
         nodes = tuple(self.pool.of(x) for x in k)
         *arrays, n = self._add(
@@ -133,7 +133,7 @@ class CBuilder(Scaffold):
         return Turn(c, s)
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
-        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``."""
+        """Print the solution of ``k0 + k1 x + k2 x^2 + ... = 0`` and a loop over its (up to four) real roots x."""
         nodes = tuple(self.pool.of(x) for x in k)
         if len(nodes) == 2:
             return self.slide(joint, -nodes[0] / nodes[1])
@@ -163,7 +163,7 @@ class CBuilder(Scaffold):
     # -- single answers -----------------------------------------------------------------------------------------------
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """The single angle ``atan2(s, c)``; the reference angle of the joint where both vanish."""
+        """Print the angle ``atan2(s, c)``; where both vanish it is the caller's reference value of the joint."""
         tag = self._tag(joint)
         arc = self._unscaled(joint, tag)
         turn = Turn(
@@ -179,7 +179,7 @@ class CBuilder(Scaffold):
         return turn if arc is not None else self._angle(joint, turn)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """The angle about z that rotates ``v`` to the direction of ``u``; the reference if one of them is along z.
+        """Print the angle about z that rotates ``v`` to the direction of ``u``; the reference if one is along z.
 
         A rotation about z changes neither the length nor the height of ``v``, so any difference in them is added to the
         residual. The arc tangent uses the unscaled direction; the division is left to values that need cosine and sine.
@@ -265,7 +265,11 @@ class CBuilder(Scaffold):
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """An orthogonal wrist: x5 from the third column of M, x6 from what is left after x4 and x5, then the flip."""
+        """Print both solutions of an orthogonal wrist, ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M``.
+
+        The third column of M gives x4 and x5, and the rotation that remains after them gives x6. The second solution
+        follows from the first (:meth:`_flipped`).
+        """
         first, middle, last = (self._tag(joint) for joint in joints)
         e4, e5 = signs
         nodes = tuple(self.pool.of(x) for x in (e5 * M[0][2], e5 * M[1][2], -e4 * e5 * M[2][2]))

@@ -1,4 +1,4 @@
-"""Counts the operations of an emitted inverse kinematics from the programs between its loops.
+"""Counting the operations of an emitted inverse kinematics, from the straight-line programs between its loops.
 
 Every block between two loops is a :class:`rrrgen.program.Program`, evaluated once per pass of the loops around it; the
 kernels that its statements call (``templates/c/ik/roots.c``) have known operations. The count holds for a target at
@@ -32,7 +32,7 @@ class SolverOperations:
     quartics: int = 0
 
     def as_dict(self) -> dict[str, int]:
-        """The counts by name, as they stand in the manifest."""
+        """The counts by name, in the form in which the manifest lists them."""
         return asdict(self)
 
     def times(self, turns: int) -> SolverOperations:
@@ -61,7 +61,7 @@ CALLS = {
     "angle": SolverOperations(sincos=1),
     "arc": SolverOperations(atan2=1),
 }
-"""What the kernels take that statements call, where nothing is singular."""
+"""Operations of one call of each kernel function, at a target that is not singular."""
 
 
 def block_operations(program: Program, calls: Iterable[str], turns: int) -> SolverOperations:

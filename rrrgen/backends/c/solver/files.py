@@ -42,13 +42,13 @@ class Emitted:
     files: dict[str, str]
     rows: int
     stack: dict[str, int]
-    """Bytes of stack that the functions with solutions take at most, callees included."""
+    """Upper bound of the stack (bytes, callees included) of each function that returns solutions."""
     operations: SolverOperations | None
-    """Of one call with all its rows; None where an elimination solves the chain in numbers."""
+    """Operations of one call that finds all solutions; None where an elimination solves the chain numerically."""
 
 
 FUNCTIONS = ("inverse_kinematics", "inverse_kinematics_batch", "closest", "ik_status_string", "ik_reason")
-"""Public functions of the emitted files, after the robot's name and an underscore."""
+"""Names of the public functions of the emitted files, without the prefix ``<name>_``."""
 
 
 def sources(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, str]:
@@ -134,7 +134,7 @@ CANDIDATES = (
     ("branches", "The candidates of every branch."),
     ("nearby", "The candidates of a simpler arm that is nearly this one."),
 )
-"""Functions that list candidate rows, and the comments that open them: of the plan, and of its companion."""
+"""The C functions that list candidate solutions, with their comments: of the plan itself, and of its companion."""
 
 
 def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> tuple[str, int]:
@@ -178,7 +178,7 @@ def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> t
 
 BEFORE = ("angles", "roots", "refine")
 BEHIND = ("rows", "target", "descend", "open", "settle", "solve")
-"""The kernels of every solver, before the lists of candidates and behind them."""
+"""The kernels that every solver contains: those before the functions that list candidates, and those after them."""
 
 
 def _list(name: str, comment: str, body: CBody, chosen: Settings) -> str:

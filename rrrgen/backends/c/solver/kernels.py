@@ -1,4 +1,4 @@
-"""Numerical kernels: C files that compile alone, adapted to the names and sizes of one robot."""
+"""Adaptation of the kernels, C files with placeholder names that also compile alone, to one robot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _TOKEN = re.compile(
     r"""/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'|\.?\d(?:[eE][+-]|[\w.])*|(?P<name>[A-Za-z_]\w*)""",
     re.DOTALL,
 )
-_GAP = "\0"  # stands before a word that may take the space beside it along
+_GAP = "\0"  # marks a replacement text next to which a space may be removed
 _DIRECTIVE = re.compile(r"#\s*(if|elif|else|endif)\b\s*(.*)")
 _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
 
@@ -23,9 +23,10 @@ _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
 class Settings:
     """How the C text of a kernel is adapted to one robot: which parts are kept, and what names are replaced by.
 
-    ``options`` are the names that ``#if`` asks for; ``words`` replace names as a whole, by text that is not read again;
-    ``prefixes`` replace the beginnings of names. An empty text takes one space beside it along, and one that begins
-    with a comma the space before it, so that optional arguments leave no gap.
+    ``options`` are the values of the names that ``#if`` tests. ``words`` maps whole names to the text that replaces
+    them, in which nothing is replaced again; ``prefixes`` maps beginnings of names. Where a name is replaced by empty
+    text, one space beside it is removed too, and before text that begins with a comma the space in front, so that
+    optional arguments leave no gap.
     """
 
     options: Mapping[str, bool]
@@ -75,7 +76,7 @@ def _replaced(token: re.Match[str], settings: Settings) -> str:
 
 
 def _settled(text: str, options: Mapping[str, bool]) -> Iterator[str]:
-    """The lines that remain after resolving #if; conditions on anything but options stay in the text."""
+    """Yield the lines that remain after resolving the #if lines of options; other conditions stay in the text."""
     kept: list[bool | None] = []  # of each open condition: whether its lines remain; None where it stays in the text
     for line in text.splitlines(keepends=True):
         directive = _DIRECTIVE.match(line)

@@ -17,7 +17,8 @@ from rrrgen.ik.recording.scalar import Pool, Scalar
 from rrrgen.program import Op
 
 VIRTUAL_END = 100
-"""Joint indices from n to here are virtual joints, further ones are arguments (the arm angle)."""
+"""Joint indices from n (the number of joints) to below this belong to virtual joints, from here on to arguments such as
+the arm angle."""
 
 
 class Scaffold:
@@ -69,7 +70,7 @@ class Scaffold:
         return (self.pool.var("T[0]"), self.pool.var("T[1]"), self.pool.var("T[2]"))
 
     def reference(self, joint: Joint) -> Scalar:
-        """The reference value of a joint as the derivation counts it, with sign and offset; q = 0 if virtual."""
+        """The caller's reference value of a joint, as raw variable ``sign q + offset``; q = 0 for a virtual joint."""
         if joint.index not in self._joints:
             return self.pool.of(float(joint.offset))
         return joint.sign * self.pool.var(f"ref[{joint.index}]") + float(joint.offset)
@@ -163,7 +164,7 @@ class Scaffold:
             raise InternalError(f"no value for joints {missing}")
         for index, value in self._values.items():
             if index not in self._joints and index < VIRTUAL_END:
-                self._residual.append(value * value)  # a virtual joint must stand at zero
+                self._residual.append(value * value)  # the value of a virtual joint must be zero
         known = self._trusted and self._residual
         self._needs |= set() if known else {"unknown"}
         error = self.name("error", self.pool.of(total(*self._residual)) if known else self.pool.of(-1.0))
@@ -230,7 +231,10 @@ class Scaffold:
         return self._add((line,), operands, defines=(text,), calls=calls, optional=True)[0]
 
     def _user(self, joint: Joint, raw: Scalar) -> Scalar:
-        """The user's joint value for the value ``raw`` of the derivation: without offset, in (-pi, pi] for an angle."""
+        """Convert the raw joint variable ``raw`` to the user's joint value ``sign (raw - offset)``.
+
+        An angle is reduced to (-pi, pi].
+        """
         q = joint.sign * (raw - float(joint.offset))
         bare = raw if joint.sign > 0 else -raw
         if not joint.revolute or (q is bare and raw.op is Op.INPUT and raw.text[0] == "x"):

@@ -29,7 +29,7 @@ NEEDS = (
     "unit",
     "wrist",
 )
-"""Functions that a list of candidates may call, each behind an option NEEDS_..."""
+"""Kernel functions that the lists of candidates may call; each is emitted only if its option NEEDS_... is set."""
 
 
 def settings(
@@ -42,7 +42,7 @@ def settings(
     reasons: Sequence[str],
     texts: Sequence[str],
 ) -> Settings:
-    """The options, words and prefixes with which the kernels are written for the robot of ``plan``.
+    """Compute the options, words and prefixes that adapt the kernels to the robot of ``plan``.
 
     ``needs`` are the template functions that the candidates call; ``opens`` lists, for each list of candidates, the
     joints that a target can leave free, with their flags; ``rows`` is the largest number of solutions of one call;
@@ -138,7 +138,7 @@ def _dialect(dialect: Dialect) -> dict[str, str]:
 
 
 def _optional(options: dict[str, bool], dialect: Dialect) -> dict[str, str]:
-    """The C text of parameters and arguments that only some robots' functions have; empty text for the others."""
+    """The C text of the parameters and arguments that only some robots' functions have; empty where not needed."""
     real = dialect.real_type
     banded, opened = options["BANDED"], options["OPENED"]
     redundant, aspects = options["REDUNDANT"], options["ASPECTS"]

@@ -26,7 +26,7 @@ class CBody:
 
 
 class _Blocks:
-    """Sorts statements and the values that they need into one block for each depth of loops.
+    """The statements and the values that they need, sorted into one block for each depth of nested loops.
 
     A value belongs to the block where it is needed first; ``exported`` are those that deeper blocks read.
     """
@@ -166,7 +166,10 @@ def printed(nest: LoopNest, target: Target, taken: Iterable[str]) -> tuple[str, 
 def _block(
     blocks: _Blocks, depth: int, outside: dict[int, str], target: Target, names: Names
 ) -> tuple[_Recorded, _Lines]:
-    """Print the block at one depth of loops; the names of values that deeper blocks read are added to ``outside``."""
+    """Print the block at one depth of loops.
+
+    ``outside`` maps the values known from outer blocks to their C names; those that deeper blocks read are added to it.
+    """
     block = _Recorded(depth, outside)
     values, done = blocks.values[depth], 0
     uses: list[tuple[int, Statement | Leaf, tuple[int, ...]]] = []

@@ -1,4 +1,4 @@
-"""C of the time-optimal timing of a path: ``<name>_timing.h`` and ``.c`` beside the model's functions that it calls."""
+"""The emitted C of the time-optimal timing of a path, ``<name>_timing.h`` and ``.c``, which calls model functions."""
 
 from __future__ import annotations
 
@@ -10,24 +10,29 @@ from rrrgen.resources import render
 from rrrgen.version import VERSION
 
 PATH = ("q", "q_s", "q_ss")
-"""The inputs of the path dynamics that the path itself gives."""
+"""The inputs of the function ``path_dynamics`` that the path gives: q and its derivatives by the path parameter s."""
 NUMBERS: dict[Real, dict[str, str]] = {
     "double": {"step": "1e-5", "turn": "1e-12", "slack": "1e-10", "rounding": "1e-13", "unlimited": "1e15"},
     "float": {"step": "1e-2", "turn": "1e-6", "slack": "1e-5", "rounding": "4e-6", "unlimited": "1e15"},
 }
-"""By precision: relative step of the derivative of friction; share of the neighbour's slope that decides the direction
-of a joint at rest; share of a limit that an almost zero inertia may take; rounding; x that counts as no limit."""
+"""Constants of the timing kernel by precision: ``step``, relative step of the numerical derivative of friction;
+``turn``, share of the slope dq/ds at the neighbouring point that is added to the slope at a point, so that a joint that
+rests there has the direction of the segment; ``slack``, share of a torque limit that an almost zero inertia along the
+path may take; ``rounding``, relative rounding error; ``unlimited``, (ds/dt)^2 that stands for no limit."""
 BOUNDLESS = "1e30"
-"""A limit from here on is none; compared with it, INFINITY is right even where a compiler excludes infinities."""
+"""A limit of at least this counts as none. INFINITY compares correctly with it even where a compiler assumes that there
+are no infinities (-ffast-math)."""
 ROUNDS = 5
-"""Times that friction is linearised for one segment, unless it settles earlier."""
+"""Largest number of times that friction is linearised for one segment of the path, unless the result settles
+earlier."""
 
 PASSES = 2
-"""Further backward and forward sweeps with friction linearised along the motion found before."""
+"""Number of further backward and forward sweeps over the path, with friction linearised along the motion found
+before."""
 
 
 def work_size(joints: int, points: int) -> int:
-    """The numbers that the caller's work array must hold."""
+    """Length of the work array that the caller provides, for ``joints`` joints and ``points`` points of the path."""
     return (3 * joints + 2) * points
 
 
@@ -37,7 +42,7 @@ def further_inputs(path_dynamics: Program) -> list[Port]:
 
 
 def timing_files(path_dynamics: Program, dialect: Dialect) -> dict[str, str]:
-    """``<name>_timing.h`` and ``.c``; ``path_dynamics`` is the function of that name of the robot."""
+    """Print ``<name>_timing.h`` and ``.c``; ``path_dynamics`` is the robot's function of that name."""
     n = path_dynamics.inputs[0].size
     further = further_inputs(path_dynamics)
     values = {

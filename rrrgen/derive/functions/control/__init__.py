@@ -1,1 +1,1 @@
-"""Functions for controllers: terms, control laws of joints and tip, momentum observer, contact, motions."""
+"""Functions for controllers: control laws of joints and tip, momentum observer, contact detection, desired motions."""

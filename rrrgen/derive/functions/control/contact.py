@@ -18,7 +18,7 @@ from rrrgen.program import Port, Program, Status
 
 
 def contact(r: Recording) -> Program:
-    """Record the comparison of the external torques r (n,) with thresholds (n,): the ratios, and 1 for a contact."""
+    """Record contact detection: the ratios |r_i| / threshold_i (n,) of external torques r, and 1 if one exceeds 1."""
     b = r.builder
     estimate = r.extra("r", (r.n,), r.torque_unit, "estimated torques of the environment, of the momentum observer")
     threshold = r.extra("threshold", (r.n,), r.torque_unit, "of contact-free motion, of `rrrgen contact-thresholds`")
@@ -53,7 +53,10 @@ FORCE = _Load(3, "external_force", "force without a moment", "N")
 
 
 def external_load(load: _Load) -> Recorder:
-    """A recorder of the wrench or force that the torques r are due to, with its covariance and condition number."""
+    """Make a recorder of the wrench or force at a point that causes the external torques r.
+
+    The function's outputs are the estimate, its covariance and its condition number.
+    """
 
     def record(r: Recording) -> Program:
         b, count = r.builder, load.rows
@@ -92,7 +95,10 @@ def external_load(load: _Load) -> Recorder:
 
 
 def _condition(r: Recording, G: Matrix, P: Matrix) -> Any:
-    """The condition number from G and its inverse P, with linear and angular rows scaled to a mean of one."""
+    """Condition number of G, from G and its inverse P, after scaling.
+
+    The linear and the angular rows and columns are each scaled so that the mean of their diagonal entries is one.
+    """
     total: Any = 0
     count = len(G)
     for part in range(0, count, 3):
@@ -108,4 +114,5 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
 }
 
 MORE_JOINTS_THAN = {"external_wrench": WRENCH.rows - 1, "external_force": FORCE.rows - 1}
-"""A wrench needs six joint torques, a force three."""
+"""Functions that exist only for arms with more joints than this: a wrench is found from at least six joint torques, a
+force from at least three."""

@@ -55,7 +55,7 @@ def _rotors(r: Recording) -> tuple[Vector, Vector]:
 
 
 def _links(r: Recording, frames: Frames) -> Program:
-    """A program of the torques tau_l (n,) of the links alone, without rotors and springs."""
+    """Record a program of the torques tau_l (n,) that the links alone need, without rotors and springs."""
     alone = Recording(r.model, r.parametrization)
     chain = alone.chain_in_gravity("dq", "ddq")
     tau = newton_euler.inverse_dynamics(chain, alone.joints("dq"), alone.joints("ddq"), alone.inertias(), frames(chain))
@@ -63,7 +63,7 @@ def _links(r: Recording, frames: Frames) -> Program:
 
 
 def along_time(program: Program, motion: Sequence[str]) -> Program:
-    """``program`` with one more output: the time derivative of its last output.
+    """Extend ``program`` by one output: the time derivative of its last output.
 
     The input ports ``motion`` are in the order of differentiation, q, dq, ddq, ...; the last of them becomes a new
     input.
@@ -88,7 +88,7 @@ def along_time(program: Program, motion: Sequence[str]) -> Program:
 
 
 def _link_torques(r: Recording, links: Program, motion: Sequence[Vector]) -> list[Vector]:
-    """tau_l and its derivatives by time for ``motion``, q, q', q'' and as many further derivatives.
+    """The torques tau_l of the links and their time derivatives along a ``motion`` q, q', q'' and further derivatives.
 
     ``links`` gives the torques of the links; drive inertia that it takes is left out.
     """
@@ -234,7 +234,7 @@ def elastic_feedback_linearization(r: Recording, links: Program) -> Program:
     factors, h = _solver(r, links, q, dq)
     J, K = _rotors(r)
     ddq = factors.solve(subtract(_times(K, subtract(theta, q)), h))
-    # tau_l' = M q''' + what is left of it for q''' = 0
+    # tau_l' = M q''' + rest, so rest is tau_l' evaluated at q''' = 0
     rest = _link_torques(r, links, [q, dq, ddq, [0] * r.n])[1]
     d3q = factors.solve(subtract(_times(K, subtract(dtheta, dq)), rest))
     v = desired[4]
@@ -261,7 +261,8 @@ FROM_LINKS: dict[str, Callable[[Recording, Program], Program]] = {
     "elastic_feedforward": elastic_feedforward,
     "elastic_feedback_linearization": elastic_feedback_linearization,
 }
-"""Functions that differentiate the torques of the links, which a program gives: it may include drive inertia."""
+"""Functions that are derived by differentiating a program of the torques of the links (which may include drive
+inertia)."""
 
 
 def _recorder(name: str, frames: Frames) -> Recorder:

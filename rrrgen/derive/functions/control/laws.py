@@ -1,4 +1,4 @@
-"""Recorders of control laws: one call per tick computes the torques, saturated, with friction compensated.
+"""Recorders of control laws: one call per control period computes the torques, limited, with friction compensated.
 
 With ``e = q_d - q`` and the state z of the integral action, which the caller owns,
 
@@ -42,7 +42,7 @@ def _times(x: Sequence[Any], y: Sequence[Any]) -> Vector:
 
 
 class _Loop:
-    """Common part of the tracking laws: inputs, errors e and e', PID feedback, integral action, torque limits."""
+    """The common part of the tracking laws: inputs, errors e and e', PID feedback, integral action, torque limits."""
 
     def __init__(self, r: Recording, gains: Sequence[str], further: Sequence[str] = ()) -> None:
         self.r = r
@@ -57,9 +57,9 @@ class _Loop:
         return add(total, _times(self.gains["ki"], self.z))
 
     def limited(self, tau: Vector) -> tuple[Vector, Vector]:
-        """``tau`` with friction at the desired speed, limited; and for each joint 1 at the limit, else 0.
+        """Add friction at the desired speed to ``tau`` (n,) and limit the sum; also returns 1 per limited joint.
 
-        The load of the friction is ``tau``.
+        ``tau`` is the load of friction laws that depend on the load.
         """
         friction = RunTimeFriction.declared(self.r, smooth=True)
         tau = add(tau, friction.torques(self.dq_d, tau))
@@ -67,7 +67,7 @@ class _Loop:
         return limited(self.r.builder, tau, tau_max)
 
     def program(self, name: str, tau: Vector, summary: str, formula: str) -> Program:
-        """The law ``name`` with integral action, from its torques before friction and limits."""
+        """Finish the law ``name``, whose torques before friction and limits are ``tau`` (n,), with integral action."""
         r, b = self.r, self.r.builder
         unlimited = add(tau, RunTimeFriction.declared(r, smooth=True).torques(self.dq_d, tau))
         held, at_limit = self.limited(tau)

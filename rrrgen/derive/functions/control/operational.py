@@ -1,4 +1,4 @@
-"""Recorders of operational-space control: the tip behaves like a mass of one, and the rest moves without disturbing it.
+"""Recorders of operational-space control: the tip accelerates as commanded, and the other motion does not disturb it.
 
 After Khatib (1987), with the errors e_x of the tip and the state z of the integral action,
 
@@ -140,4 +140,5 @@ FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
 }
 
 MORE_JOINTS_THAN = {"operational_space": POSE.rows - 1, "position_operational_space": POSITION.rows - 1}
-"""These functions exist for arms that have at least as many joints as the tip is asked to move in."""
+"""Functions that exist only for arms with more joints than this: controlling a pose takes six joints, a position
+three."""

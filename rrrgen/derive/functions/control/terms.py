@@ -103,7 +103,7 @@ def along_reference(r: Recording, recorder: Recorder, reference: Mapping[Role, S
 
 
 def _declared(r: Recording, *names: str) -> dict[Role, Sequence[Value]]:
-    """The joint vectors ``names`` by their roles, declared as inputs."""
+    """Declare the joint vectors ``names`` as inputs and return them by role."""
     return {JOINT_PORTS[name][0]: r.joints(name) for name in names}
 
 

@@ -11,9 +11,10 @@ from rrrgen.program import Builder
 
 
 def rotation_error(R: Matrix, R_d: Matrix) -> Vector:
-    """The vector sin(angle) axis (3,) of the rotation from ``R`` to ``R_d``, (3, 3) each: half the sum of c_k x c_dk.
+    """The rotation error from the orientation ``R`` to ``R_d``, (3, 3) each, as the vector sin(angle) axis (3,).
 
-    c_k and c_dk are the columns. The direction is exact below 90 degrees; the length falls again beyond.
+    It is half the sum over k of c_k x c_dk, with c_k and c_dk the columns of the matrices. The direction is exact below
+    90 degrees; for larger angles the length decreases again.
     """
     total: Vector = [0, 0, 0]
     for k in range(3):
