@@ -16,9 +16,10 @@ CHUNK = 2000
 
 @dataclass(frozen=True)
 class LimitUse:
-    """Peak of one limited quantity relative to its limit: ``use`` is 1 at the limit, ``instant`` (s) that of the peak.
+    """Peak of one limited quantity relative to its limit.
 
-    ``index`` is the joint, or the axis of a tip coordinate, counted from 0.
+    ``quantity`` is its name, ``index`` the joint, or the axis of a tip coordinate, counted from 0. ``use`` is 1 at the
+    limit and above 1 beyond it; ``instant`` (s) is the time of the peak.
     """
 
     quantity: str
@@ -29,11 +30,12 @@ class LimitUse:
 
 @dataclass(frozen=True)
 class ExcitationCheck:
-    """Excitation and use of the limits of one trajectory, on a grid of ``samples`` instants per cycle.
+    """Measures of excitation of one trajectory, and how far it uses the limits, at ``samples`` instants of one cycle.
 
-    ``condition`` is the largest over the smallest singular value of the stacked, weighted regressor (after (14.20)),
-    ``frobenius_condition`` is ``|W|_F |W^+|_F`` and ``log_determinant`` is ``log det(W' W / samples)``;
-    ``singular_values`` are divided by the square root of the number of instants.
+    W is the weighted regressor, stacked over the instants. ``condition`` is its condition number, the largest over the
+    smallest singular value (after (14.20)); ``frobenius_condition`` is ``|W|_F |W^+|_F``; ``log_determinant`` is
+    ``log det(W' W / samples)``; ``singular_values`` (b,) are those of W divided by the square root of ``samples``.
+    ``limits`` holds the peak of every limited quantity.
     """
 
     samples: int
@@ -67,7 +69,7 @@ class ExcitationCheck:
 
 
 class ProblemFunctions:
-    """The CasADi functions of a problem, deserialised, with evaluation over many instants."""
+    """The CasADi functions of an excitation problem (regressor, torque, tip), evaluated over many instants."""
 
     def __init__(self, problem: ExcitationProblem) -> None:
         import casadi
@@ -86,7 +88,10 @@ class ProblemFunctions:
         return np.ascontiguousarray(values.reshape(rows, m, cols).transpose(1, 0, 2))
 
     def weighted(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
-        """The stacked regressor (n m, b) at m states (m, n), times the row weights and column scales of the problem."""
+        """Weighted regressor (n m, b), stacked over m states; ``q``, ``dq``, ``ddq`` are (m, n).
+
+        Rows are multiplied by the weights of the joints, columns by the scales of the parameters.
+        """
         problem = self.problem
         Y = self.over(self.regressor, q, dq, ddq)
         if problem.row_weights is not None:
@@ -96,7 +101,10 @@ class ProblemFunctions:
         return Y.reshape(-1, problem.columns)
 
     def triangular(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
-        """QR factor R (b, b) of the stacked, weighted regressor, computed in chunks; same singular values."""
+        """Triangular factor R (b, b) of the QR decomposition of the weighted regressor, stacked over m states (m, n).
+
+        R has the same singular values as the stacked regressor; it is computed in chunks, in bounded memory.
+        """
         R: Floats = np.zeros((0, self.problem.columns))
         for k in range(0, q.shape[0], CHUNK):
             part = slice(k, k + CHUNK)
@@ -105,7 +113,7 @@ class ProblemFunctions:
 
 
 class LimitedQuantity(NamedTuple):
-    """One limited quantity over time: ``use`` (m,) is 1 at the limit; ``joint`` counts joints, or tip axes, from 0.
+    """One limited quantity over m instants: ``use`` (m,) is 1 at the limit; ``joint`` (or tip axis) counts from 0.
 
     ``polynomial`` is true if the quantity is the absolute value of a trigonometric polynomial of the degree of the
     trajectory, so that its maximum between samples is bounded.
@@ -141,7 +149,11 @@ def _below(name: str, values: Floats, bounds: tuple[float, ...], polynomial: boo
 def _between(
     name: str, values: Floats, lower: tuple[float, ...], upper: tuple[float, ...], polynomial: bool
 ) -> list[LimitedQuantity]:
-    """Use of position bounds: measured from the middle if two-sided; else 1 at the limit and 0 one unit inside."""
+    """Use of lower and upper bounds by ``values`` (m, joints), for each joint that has a bound.
+
+    With two bounds the use is the distance from their middle divided by half the range; with one bound it is 1 at the
+    bound and 0 one unit (rad or m) inside.
+    """
     found = []
     for i, (v, low, high) in enumerate(zip(values.T, lower, upper, strict=True)):
         if np.isfinite(low) and np.isfinite(high):

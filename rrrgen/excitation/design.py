@@ -1,6 +1,7 @@
-"""Design of an exciting trajectory: search from several starts, choice of the best feasible result, and its files.
+"""Design of an exciting trajectory: search from several random starts, choice of the best feasible one, output files.
 
-Source: (14.24) and the excitation measures after (14.20).
+Source: (14.24) and the excitation measures after (14.20) of Kostic, de Jager, Steinbuch, Robotics and Automation
+Handbook, CRC Press 2005, chapter 14.
 """
 
 from __future__ import annotations
@@ -116,7 +117,10 @@ def _violations(limits: Sequence[LimitUse]) -> str:
 
 
 def write_trajectory_csv(path: Path, trajectory: FourierTrajectory, sample_period: float, cycles: float = 1.0) -> None:
-    """Write ``t, q1.., dq1.., ddq1..`` in SI for ``cycles`` periods, every ``sample_period`` s; exact floats."""
+    """Write a trajectory as a CSV table with the columns ``t, q1.., dq1.., ddq1..`` in SI.
+
+    It covers ``cycles`` periods in steps of ``sample_period`` (s); every float reads back exactly.
+    """
     t = trajectory.times(sample_period, cycles)
     q, dq, ddq = trajectory.evaluate(t)
     text = io.StringIO()

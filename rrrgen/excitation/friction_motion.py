@@ -1,7 +1,6 @@
 """The motion of one joint from which its friction is estimated: a fast multisine, then slow reversals.
 
-Fast motion tells inertia and viscous friction, slow motion with reversals stiction and Stribeck speed; either alone
-leaves something undetermined.
+Fast motion determines inertia and viscous friction, slow motion with reversals determines stiction and Stribeck speed.
 """
 
 from __future__ import annotations
@@ -22,18 +21,22 @@ from rrrgen.errors import DerivationError, InputError
 SCHEMA = "rrrgen-friction-motion/1"
 FAST_BAND, SLOW_BAND = (0.1, 5.0), (0.05, 0.2)  # Hz
 FAST_SPACING, SLOW_SPACING = 0.1, 0.05  # Hz
-FAST_SPEED, SLOW_SPEED = 1.2, 0.25  # rad/s rms of a revolute joint
-PRISMATIC = 0.3  # the same speeds of a prismatic joint, m/s per rad/s
-FADE = 1.0  # s
-DRAWS = 40  # sets of random phases, of which the least peaked is kept
-RESERVE = 0.9  # of a limit on motion that is used
-TORQUE_RESERVE = 0.6  # of the torque limit that links without friction may take
-GRID = 1e-3  # s
+FAST_SPEED, SLOW_SPEED = 1.2, 0.25  # rad/s, rms speed of a revolute joint
+PRISMATIC = 0.3  # m, speeds of a prismatic joint (m/s) divided by those of a revolute one (rad/s)
+FADE = 1.0  # s over which a motion fades in and out
+DRAWS = 40  # draws of random phases, of which the one with the smallest peak is kept
+RESERVE = 0.9  # fraction of a limit on the motion that is used
+TORQUE_RESERVE = 0.6  # fraction of the torque limit for the links; the rest is left to friction
+GRID = 1e-3  # s between the instants at which limits are checked
 
 
 @dataclass(frozen=True)
 class Multisine:
-    """A position ``sum a_k cos(2 pi f_k t + phase_k)``, rad (m), over ``duration`` s from ``start``, with fades."""
+    """Sum of cosines as a position, ``sum_k amplitude_k cos(2 pi frequency_k t + phase_k)``, that fades in and out.
+
+    It lasts ``duration`` (s) from the instant ``start`` (s). ``frequency`` is in Hz, ``amplitude`` in rad (m),
+    ``phase`` in rad, one entry for each cosine.
+    """
 
     start: float
     duration: float
@@ -42,7 +45,7 @@ class Multisine:
     phase: tuple[float, ...]
 
     def evaluate(self, t: Array) -> tuple[Array, Array, Array]:
-        """Position, speed and acceleration (N,) each."""
+        """Position, speed and acceleration at the instants ``t`` (N,) in s, each (N,); zero outside the duration."""
         local = np.clip(t - self.start, 0.0, self.duration)
         omega = 2.0 * math.pi * np.array(self.frequency)
         angle = np.multiply.outer(local, omega) + np.array(self.phase)
@@ -88,12 +91,12 @@ class FrictionMotion:
         return found[0], found[1], found[2]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data that :meth:`from_json` reads back."""
+        """The motion as plain data for JSON, which :meth:`from_json` reads back."""
         return {"schema": SCHEMA, **asdict(self)}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> FrictionMotion:
-        """Read what :meth:`to_json` gives; raises InputError for anything else."""
+        """Restore a motion from the data of :meth:`to_json`; raises InputError for other data."""
         try:
             series = ("frequency", "amplitude", "phase")
             parts = tuple(
@@ -106,7 +109,7 @@ class FrictionMotion:
 
 
 def read_friction_motion(path: Path) -> FrictionMotion | None:
-    """The motion in a JSON file, None if the file holds something else."""
+    """Read a friction motion from the JSON file ``path``; None if the file holds something else."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -122,11 +125,12 @@ def design_friction_motion(
     seed: int,
     torque: Callable[[Array, Array, Array], Array] | None = None,
 ) -> FrictionMotion:
-    """A fast multisine and slow reversals of the joint named ``joint`` within the limits of the robot file ``spec``.
+    """Design a fast multisine and slow reversals of the joint named ``joint`` within its limits in the robot file.
 
-    Each takes half of ``duration`` (s). ``torque(q, dq, ddq)`` gives the torques of the links without friction, for the
-    torque limit. Raises InputError for an unknown joint or a duration below 20 s, DerivationError where position limits
-    leave no room.
+    ``spec`` is the robot file. Each of the two motions takes half of ``duration`` (s); ``seed`` is that of the random
+    phases. ``torque(q, dq, ddq)`` returns the joint torques of the links without friction and is used for the torque
+    limit. Raises InputError for an unknown joint or a duration below 20 s, DerivationError if the position limits leave
+    no room for motion.
     """
     names = [each.name for each in spec.joints]
     if joint not in names:
@@ -159,7 +163,10 @@ def design_friction_motion(
 def _multisine(
     rng: np.random.Generator, start: float, duration: float, band: tuple[float, float], spacing: float, speed: float
 ) -> Multisine:
-    """Flat in speed, with the least peaked of some random phases."""
+    """Multisine with equal speed amplitudes at all frequencies of ``band`` (Hz), ``spacing`` (Hz) apart.
+
+    ``speed`` is its RMS speed, rad/s (m/s). Of DRAWS random sets of phases the one with the smallest peak is kept.
+    """
     f = np.arange(band[0], band[1] + 1e-9, spacing)
     amplitude = speed * math.sqrt(2.0 / len(f)) / (2.0 * math.pi * f)
     t = start + np.arange(0.0, duration, 5.0 * GRID)
@@ -171,7 +178,7 @@ def _multisine(
 
 
 def _middle(limits: Any) -> float:
-    """Centre of the range of a joint; 0 where it has none."""
+    """Middle of the position range of a joint, rad (m); 0 if it is unlimited."""
     if limits.lower is not None and limits.upper is not None:
         return 0.5 * (float(limits.lower) + float(limits.upper))
     low = -math.inf if limits.lower is None else float(limits.lower)
@@ -180,7 +187,10 @@ def _middle(limits: Any) -> float:
 
 
 def _share(part: Multisine, limits: Any, centre: float, joint: str) -> float:
-    """The factor, at most 1, with which a part stays within the limits of the joint."""
+    """Largest factor, at most 1, by which the motion ``part`` can be scaled to stay within the limits of the joint.
+
+    ``centre`` is the position, rad (m), about which the joint named ``joint`` moves.
+    """
     q, dq, ddq = part.evaluate(part.start + np.arange(0.0, part.duration, GRID))
     share = 1.0
     for values, limit in ((dq, limits.velocity), (ddq, limits.acceleration)):

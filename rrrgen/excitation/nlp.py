@@ -52,7 +52,10 @@ class Constraints:
 
 
 class ExcitationProgram:
-    """The nonlinear program; its variables are the Fourier coefficients, scaled by the speed limits, joint by joint."""
+    """Nonlinear program of an excitation ``problem``, built with CasADi symbols.
+
+    Its variables are the Fourier coefficients of the trajectory, joint by joint, scaled by the speed limits.
+    """
 
     def __init__(self, problem: ExcitationProblem) -> None:
         import casadi
@@ -80,7 +83,7 @@ class ExcitationProgram:
         return q, dq, ddq
 
     def _information(self, grid: Floats) -> Any:
-        """The mean information matrix Y'Y over ``grid``, symbolic (b, b); only the lower triangle is computed."""
+        """Mean of the information matrix ``Y' Y`` over the instants ``grid`` (s): symbolic (b, b), lower triangle only."""
         import casadi
 
         problem, b = self.problem, self.problem.columns
@@ -100,7 +103,11 @@ class ExcitationProgram:
         return casadi.reshape(packed[place.ravel().tolist()], b, b)
 
     def objective(self, stage: str, p: int, mean_eigenvalue: float) -> Any:
-        """The smooth objective of a stage: "logdet", "cond" or "sigma_min", with the exponent ``p`` of its norms."""
+        """Symbolic objective to minimize: that of ``stage`` "logdet", "cond" or "sigma_min".
+
+        ``p`` is the exponent of the norms ``|A|_p`` that make it smooth; ``mean_eigenvalue`` is that of the information
+        matrix at the start, to which the regularisation of "logdet" is relative.
+        """
         import casadi
 
         A, b = self.information, self.problem.columns
@@ -113,7 +120,10 @@ class ExcitationProgram:
         return 0.5 * inverse if stage == "sigma_min" else 0.5 * (_log_norm(A, p) + inverse)
 
     def constraints(self, instants: dict[tuple[str, int], set[int]]) -> Constraints:
-        """The limits of every quantity at its own sample numbers ``instants``, then the conditions of rest."""
+        """Constraints of the program: every limit at some sample numbers, then rest at the ends of a cycle if asked.
+
+        ``instants`` maps (name of the quantity, joint or axis) to the sample numbers at which its limit is imposed.
+        """
         problem, n = self.problem, self.n
         limits = problem.limits
         bounds = {
@@ -134,7 +144,7 @@ class ExcitationProgram:
         return collected
 
     def _quantity(self, name: str, i: int, t: Floats) -> Any:
-        """Symbolic values of one limited quantity at the instants ``t``, (m,)."""
+        """Symbolic values (m,) of the limited quantity ``name`` of joint or axis ``i`` at the times ``t`` (m,), s."""
         import casadi
 
         order = {"position": 0, "speed": 1, "acceleration": 2}.get(name)
@@ -145,11 +155,11 @@ class ExcitationProgram:
             return casadi.mtimes(casadi.sparsify(rows), self.x)
         q, dq, ddq = self.motion(t)
         function = self.functions.torque if name == "torque" else self.functions.tip
-        assert function is not None  # the problem was refused otherwise
+        assert function is not None  # an ExcitationProblem with such a limit and no function cannot be built
         return function.map(t.size)(*((q, dq, ddq) if name == "torque" else (q,)))[i, :].T
 
     def _rest(self, collected: Constraints) -> None:
-        """Start and end of a cycle at rest: dq(0) = sum a_j = 0 and ddq(0) = sum w_j b_j = 0 for every joint."""
+        """Add the constraints for rest at start and end of a cycle: dq(0) = sum a_j = 0, ddq(0) = sum w_j b_j = 0."""
         import casadi
 
         order = casadi.DM(np.arange(1, self.N + 1) / self.N)
@@ -170,7 +180,10 @@ class ExcitationProgram:
 
 
 def _log_norm(A: Any, p: int) -> Any:
-    """log |A|_p = log (tr A^p)^(1/p) for p a power of two, by repeated squaring of a matrix kept at trace one."""
+    """Logarithm of the norm ``|A|_p = (tr A^p)^(1/p)`` for ``p`` a power of two.
+
+    A is squared repeatedly and scaled to trace 1 after each squaring, which avoids overflow.
+    """
     import casadi
 
     trace = casadi.trace(A)

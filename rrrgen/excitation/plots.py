@@ -34,7 +34,7 @@ def design_figures(design: ExcitationDesign, unit: str = "rad") -> dict[str, Fig
 def plot_motion(
     trajectory: FourierTrajectory, limits: ExcitationLimits | None = None, samples: int = 2000, unit: str = "rad"
 ) -> Figure:
-    """Position, velocity and acceleration of every joint over one cycle, limits dashed (as Fig. 14.10).
+    """Plot position, velocity and acceleration of every joint over one cycle, limits dashed, as in Fig. 14.10.
 
     ``unit`` names that of the positions: rad, m, or "rad or m" for arms with both.
     """
@@ -101,7 +101,10 @@ def _first_guess(design: ExcitationDesign) -> FourierTrajectory:
 
 
 def plot_convergence(design: ExcitationDesign) -> Figure:
-    """The smooth bound on the condition number, iteration by iteration, of every start; stages follow each other."""
+    """Plot the smooth upper bound on the condition number over the solver's iterations, one curve for each start.
+
+    The stages of a start follow one another.
+    """
     figure, axes = new_figure(1, 1, height=3.6)
     axis = axes[0]
     for start in sorted(design.starts, key=lambda s: s.seed):

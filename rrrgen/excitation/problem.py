@@ -69,7 +69,7 @@ class ExcitationProblem:
     design_instants: int = 0
     max_iterations: int = 80
     start_amplitude: float = 0.9
-    format: int = field(default=1, init=False)  # part of the digest: old checkpoints die with an old solver
+    format: int = field(default=1, init=False)  # part of the digest: a new number invalidates the checkpoints before it
 
     def __post_init__(self) -> None:
         faults = [Fault("excitation", 0, 0, message) for message in _faults(self)]
@@ -81,11 +81,11 @@ class ExcitationProblem:
             object.__setattr__(self, "design_instants", max(10 * self.harmonics, 100))
 
     def to_json(self) -> dict[str, Any]:
-        """All fields as plain data; :meth:`digest` hashes them."""
+        """All fields as plain data for JSON; :meth:`digest` is the hash of this data."""
         return asdict(self)
 
     def digest(self) -> str:
-        """SHA-256 of the whole problem, functions included."""
+        """SHA-256 of the whole problem with its functions, which identifies it in checkpoints."""
         return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
 
     @property

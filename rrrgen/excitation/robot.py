@@ -1,4 +1,4 @@
-"""The excitation problem of a compiled robot: base regressor, limits of its file, nominal torques, tip."""
+"""Builds the excitation problem of a compiled robot: base regressor, limits of its file, nominal torques, tip."""
 
 from __future__ import annotations
 

@@ -36,12 +36,17 @@ STAGES: dict[str, tuple[tuple[str, int], ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class StartResult:
-    """Result of one start: trajectory, check on the grid of the controller, and history of the objective."""
+    """Result of the search from one start.
+
+    ``seed`` is that of the start, ``trajectory`` the result with its ``check`` on the controller's sampling grid.
+    ``history`` holds for each stage its name and the objective, iteration by iteration; ``start_condition`` is the
+    condition number at the start.
+    """
 
     seed: int
     trajectory: FourierTrajectory
     check: ExcitationCheck
-    history: tuple[tuple[str, tuple[float, ...]], ...]  # per stage: its name and the objective, iteration by iteration
+    history: tuple[tuple[str, tuple[float, ...]], ...]
     start_condition: float
 
     @property
@@ -128,7 +133,10 @@ def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None
 
 
 def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory) -> dict[tuple[str, int], set[int]]:
-    """Sample numbers at which limits are imposed first: two per cycle of the highest harmonic, for every quantity."""
+    """Initial sample numbers at which limits are imposed, for every (quantity, joint or axis).
+
+    There are two per cycle of the highest harmonic.
+    """
     count = min(2 * program.N, program.problem.samples_per_period)
     chosen = {int(k) for k in np.linspace(0, program.problem.samples_per_period, count, endpoint=False)}
     quantities = limited_quantities(program.functions, trajectory, np.zeros(1))
@@ -162,7 +170,11 @@ def _solve(
     instants: dict[tuple[str, int], set[int]],
     history: list[tuple[str, tuple[float, ...]]],
 ) -> FourierTrajectory:
-    """Run IPOPT on one stage from ``trajectory``; the gradient is exact, the Hessian a limited-memory estimate."""
+    """Run IPOPT on one stage from ``trajectory``, with exact gradient and limited-memory Hessian; returns the result.
+
+    ``stage`` names the objective, ``p`` is the exponent of its norms and ``eigenvalue`` its scale; limits are imposed
+    at ``instants``. The objective of every iteration is appended to ``history``.
+    """
     import casadi
 
     constraints = program.constraints(instants)

@@ -1,6 +1,7 @@
-"""The friction laws that compete for a recording, with inertia and gravity of the joint: names, bounds, steps.
+"""The friction laws that are fitted to a recording of one joint, with its inertia and gravity: names and bounds.
 
-One joint moves, the others are locked: ``J ddq = tau - gravity cos(q - angle) - tau_f``. Source: (14.15).
+One joint moves, the others are locked: ``J ddq = tau - gravity cos(q - angle) - tau_f``. Source: (14.15) of Kostic, de
+Jager, Steinbuch, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ NEURAL_UNITS = 3
 GRAVITY = ("gravity_cos", "gravity_sin")
 """Coefficients of cos q and sin q in the gravity torque; a prismatic joint has the former alone, a constant force."""
 DELAY = "delay"
-"""Lag of the motion behind the recorded torque, in sampling periods; negative where the torque was recorded late."""
+"""Delay of the motion behind the recorded torque, in sampling periods; negative if the torque was recorded late."""
 
 Bounds = tuple[float, float]
 BOUNDS: dict[str, Bounds] = {
@@ -35,83 +36,96 @@ BOUNDS: dict[str, Bounds] = {
     **{f"w{k + 1}": (0.02, 2e3) for k in range(NEURAL_UNITS)},
 }
 LOGARITHMIC = ("inertia", "stribeck_speed", "sigma0", *(f"w{k + 1}" for k in range(NEURAL_UNITS)))
-"""Parameters estimated by their logarithm: their errors are relative, and they stay positive."""
+"""Parameters whose logarithm is estimated: so they stay positive, and their errors are relative."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A law with the parameters that are estimated along with it, in the order inertia, gravity, law, delay."""
+    """Model of one joint that is fitted to a recording: a friction ``law`` with inertia, gravity and a time delay.
+
+    The parameters theta (k,) are the inertia (kg m^2 or kg), the ``gravity`` coefficients (0, 1 or 2), the parameters
+    of the law except those in ``left_out``, which are zero, and the delay in sampling periods.
+    """
 
     law: FrictionLaw
-    gravity: int  # 0, 1 or 2 coefficients
-    left_out: tuple[str, ...] = ()  # parameters of the law held at zero
+    gravity: int
+    left_out: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
-        """Name of the law."""
+        """Name of the friction law."""
         return self.law.name
 
     @property
     def law_names(self) -> tuple[str, ...]:
-        """The law's parameters that are estimated."""
+        """Names of the law's parameters that are estimated."""
         return tuple(p.name for p in self.law.parameters if p.name not in self.left_out)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All estimated parameters."""
+        """Names (k,) of all estimated parameters: inertia, gravity, law, delay."""
         return ("inertia", *GRAVITY[: self.gravity], *self.law_names, DELAY)
 
     def law_values(self, theta: Sequence[Any] | Array) -> list[Any]:
-        """The law's parameters, in its order, from all parameters ``theta``."""
+        """Values of all parameters of the law, in its order, taken from ``theta`` (k,); those left out are 0."""
         given = dict(zip(self.names, theta, strict=True))
         return [given.get(p.name, 0.0) for p in self.law.parameters]
 
     def torque(self, speed: Array, theta: Sequence[Any] | Array, direction: Any = None) -> Array:
-        """Friction torque, in sliding where the law has a state; ``direction`` stands in for sgn(speed)."""
+        """Friction torque (N,), N m (N), at ``speed`` (N,), rad/s (m/s), for the parameters ``theta`` (k,).
+
+        ``direction`` (-1 or +1, or an array (N,)) replaces sgn(speed). A law with a state is evaluated in steady
+        sliding.
+        """
         sign = np.sign(speed) if direction is None else direction
         torque = self.law.torque(FixedDirection(np.asarray(sign)), speed, self.law_values(theta))
         return np.asarray(torque + 0.0 * speed)
 
     def gravity_torque(self, q: Array, theta: Sequence[Any] | Array) -> Array:
-        """``gravity_cos cos q + gravity_sin sin q``, or a constant force."""
+        """Gravity torque, N m (N), at the positions ``q``: ``gravity_cos cos q + gravity_sin sin q``, same shape as q.
+
+        It is the constant ``gravity_cos`` with one coefficient, as at a prismatic joint, and 0 with none.
+        """
         if self.gravity == 2:
             return np.asarray(theta[1] * np.cos(q) + theta[2] * np.sin(q))
         return np.asarray(theta[1] + 0.0 * q) if self.gravity else 0.0 * q
 
     @property
     def jumps(self) -> bool:
-        """Whether friction jumps at rest, so that the joint can stick."""
+        """Whether the friction torque is discontinuous at zero speed, so that the joint can stick."""
         return self.law.name not in ("neural", "lugre")
 
     @cached_property
     def is_logarithmic(self) -> NDArray[np.bool_]:
-        """Which parameters are estimated by their logarithm."""
+        """Mask (k,) of the parameters whose logarithm is estimated."""
         return np.array([name in LOGARITHMIC for name in self.names])
 
     def to_free(self, theta: Array) -> Array:
-        """Parameters (k, ..) as they are estimated: some by their logarithm."""
+        """Convert parameters ``theta`` (k, ...) to the optimizer's variables: some are replaced by their logarithm."""
         free = np.array(theta, dtype=float)
         logs = self.is_logarithmic[: len(free)]
         free[logs] = np.log(free[logs])
         return free
 
     def from_free(self, free: Array) -> Array:
-        """The inverse of :meth:`to_free` for parameters along the first axis."""
+        """Convert the optimizer's variables ``free`` (k, ...) back to parameters; the inverse of :meth:`to_free`."""
         theta = np.array(free, dtype=float)
         logs = self.is_logarithmic[: len(theta)]
         theta[logs] = np.exp(theta[logs])
         return theta
 
     def clipped(self, theta: Array) -> Array:
-        """Parameters within their bounds."""
+        """The parameters ``theta`` (k,), each moved to the nearest value within its bounds."""
         bounds = [BOUNDS.get(name, (-np.inf, np.inf)) for name in self.names]
         return np.array([np.clip(v, low, high) for v, (low, high) in zip(theta, bounds, strict=True)])
 
 
 def candidates(gravity: int) -> tuple[Candidate, ...]:
-    """Friction laws to try, from the fewest parameters to the most.
+    """The models to fit, from the fewest parameters to the most.
 
-    The asymmetric law has no torque offset: with gravity and a Coulomb level per direction it is not identifiable.
+    Each has ``gravity`` (0, 1 or 2) gravity coefficients. The symmetric Coulomb law is fitted without its torque
+    offset. The asymmetric law has none: beside gravity and a Coulomb torque for each direction, an offset is not
+    identifiable.
     """
     return (
         Candidate(LAWS["coulomb_viscous"], gravity, ("offset",)),

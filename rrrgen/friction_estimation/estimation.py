@@ -1,4 +1,4 @@
-"""Inertia, gravity and friction of one joint from one recording: every law estimated, one chosen."""
+"""Estimates inertia, gravity and friction of one joint from one recording: fits every friction law and chooses one."""
 
 from __future__ import annotations
 
@@ -20,26 +20,29 @@ from rrrgen.friction_estimation.shooting.output_error import Fit, fit, likely_no
 from rrrgen.friction_estimation.shooting.windows import Noise, Windows, make_noise
 
 SCHEMA = "rrrgen-friction/1"
-FIRST_RATIO = 100.0  # of torque noise to encoder noise, before it is estimated
+FIRST_RATIO = 100.0  # assumed ratio of torque noise to encoder noise, until it is estimated
 FIRST_ITERATIONS = 6
-REFITTED = 3  # iterations of a fit without one fold
-BRISTLES = 15  # iterations for stiffness and damping of the bristles
-STIFFNESS_FACTORS = (0.1, 0.3, 3.0, 10.0)  # of the first guess of the bristles' stiffness
+REFITTED = 3  # iterations of a fit that leaves out one fold of the cross-validation
+BRISTLES = 15  # iterations of the fit of the bristles' stiffness and damping
+STIFFNESS_FACTORS = (0.1, 0.3, 3.0, 10.0)  # the bristles' stiffness is also tried at these multiples of its first guess
 LEAST_WINDOWS = 40
-DISCRETE = 2e-4  # relative error of the simulation with steps of a sampling period, which no resampling shows
-UNRELATED = 0.5  # relative error of the torque in sliding that least squares leave at best
-EXTRAPOLATED = 1.0  # s of sliding below the Stribeck speed with which stiction is still an extrapolation
-HARDLY = 0.02  # relative standard deviation of the inertia that is mentioned
-LARGEST_INERTIA_STD = 0.1  # relative: beyond it the motion does not tell the inertia
+DISCRETE = 2e-4  # relative error of a simulation with steps of one sampling period; resampling does not reveal it
+UNRELATED = 0.5  # relative error of the best least-squares fit above which torque and motion count as unrelated
+EXTRAPOLATED = 1.0  # s: with less time of sliding below the Stribeck speed, stiction is an extrapolation
+HARDLY = 0.02  # relative standard deviation of the inertia above which a note warns the user
+LARGEST_INERTIA_STD = 0.1  # relative: above it the recording is refused
 
 Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, eq=False)
 class LawEstimate:
-    """One law: ``values`` and ``std`` by name, in SI; its score; the values of the Kalman filter before refinement.
+    """Estimate of the parameters of one friction law, with the inertia and gravity of the joint.
 
-    ``torque_error`` is the relative error of the torque by inverse dynamics while the joint slides.
+    ``theta`` (k,) are the parameters in the order of ``candidate``. ``values`` and their standard deviations ``std``
+    are the reported ones, name -> value in SI. ``score`` is the error on windows that were not fitted, ``kalman`` the
+    reported values of the Kalman filter, from which the output-error fit started. ``torque_error`` is
+    ``|tau - model| / |tau|`` by inverse dynamics over the samples at which the joint slides.
     """
 
     candidate: Candidate
@@ -57,7 +60,10 @@ class LawEstimate:
 
     @property
     def break_away(self) -> float:
-        """The torque that friction takes at rest, or at the lowest speeds that were recorded; the lesser direction."""
+        """Break-away torque, N m (N): friction at rest, for the direction in which it is smaller.
+
+        The neural law vanishes at rest; for it this is the largest torque at speeds at which its neurons saturate.
+        """
         zero, columns = np.zeros(1), self.theta.tolist()
         if self.candidate.jumps or self.name == "lugre":
             return float(min(abs(self.candidate.torque(zero, columns, s)[0]) for s in (1.0, -1.0)))
@@ -67,7 +73,11 @@ class LawEstimate:
 
 @dataclass(frozen=True, eq=False)
 class FrictionEstimate:
-    """All laws estimated for one joint, and the one chosen."""
+    """Friction estimates of one joint: all ``laws`` fitted to ``data``, and the ``chosen`` one.
+
+    ``noise_ratio`` is the estimated ratio of torque noise to encoder noise, ``windows`` the number of windows into
+    which the recording was cut, and ``notes`` are warnings to the user.
+    """
 
     data: JointData
     laws: tuple[LawEstimate, ...]
@@ -110,12 +120,14 @@ def estimate_friction(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> FrictionEstimate:
-    """Estimate every law from one recording and choose one.
+    """Estimate inertia, gravity and friction of one joint with every law, and choose one law.
 
-    ``gravity`` is the number of gravity coefficients: 2 for a revolute joint, 1 for a prismatic one, 0 where gravity
-    does not act; ``names`` are the laws to try, all of them if empty. Least squares on sliding samples start an
-    extended Kalman filter (14.15), whose result starts the output error over windows. Raises :class:`DerivationError`
-    where the motion does not determine inertia or friction.
+    ``data`` is the recording. ``gravity`` is the number of gravity coefficients: 2 for a revolute joint, 1 for a
+    prismatic one, 0 where gravity does not act. ``names`` are the laws to try, all if empty. ``seed`` is that of the
+    resampling for standard deviations; ``progress(done, total, message)`` is called between steps. Least squares on
+    sliding samples give initial values for an extended Kalman filter (14.15), whose result is the initial value of the
+    output-error fit over short windows. Raises :class:`DerivationError` if the motion does not determine inertia or
+    friction.
     """
     tell = progress or (lambda done, total, message: None)
     tell(0, 0, "start values")
@@ -141,7 +153,11 @@ def estimate_friction(
 
 
 class _OutputError:
-    """Fits all laws by output error to sliding windows, and LuGre bristles to those with rest and reversals."""
+    """Fits all laws by output error: the error of positions simulated over short windows of the recording.
+
+    Inertia, gravity and sliding friction are fitted to windows in which the joint slides; the bristles of the LuGre law
+    are fitted to all windows, with rest and reversals.
+    """
 
     def __init__(self, laws: Sequence[Candidate], data: JointData, tell: Progress) -> None:
         self.laws, self.tell = laws, tell
@@ -157,7 +173,11 @@ class _OutputError:
         return make_noise(len(self.sliding.measured), self.sliding.period * self.sliding.stride, ratio)
 
     def fitted(self, starts: dict[str, tuple[Array, ...]]) -> dict[str, Fit]:
-        """All laws, fitted for a few iterations with an assumed noise, then with that estimated from the errors."""
+        """Fit all laws to the windows; returns the fits by the name of the law.
+
+        ``starts`` holds for each law several initial parameter vectors (k,), of which the best is used. A few
+        iterations with an assumed noise ratio come first; then the ratio is estimated from the errors.
+        """
         first: dict[str, Fit] = {}
         for k, law in enumerate(self._static):
             self.tell(k, 2 * len(self.laws), f"output error, {law.name}")
@@ -176,7 +196,10 @@ class _OutputError:
         return full
 
     def without_folds(self, full: dict[str, Fit]) -> dict[str, list[Fit]]:
-        """The fits of every law without one fold each, from those with everything."""
+        """Refit every law once for each fold of the windows, leaving this fold out, for cross-validation.
+
+        ``full`` holds the fits to all windows, from which the refits start; returns the refits by law name.
+        """
         found: dict[str, list[Fit]] = {law.name: [] for law in self.laws}
         for fold in range(FOLDS):
             sliding, whole = (w.of(fold_of(w) != fold) for w in (self.sliding, self.whole))
@@ -193,7 +216,10 @@ class _OutputError:
     def _bristles(
         self, law: Candidate, sliding: Fit, starts: Sequence[Array], windows: Windows, iterations: int = BRISTLES
     ) -> Fit:
-        """LuGre: the sliding law of ``sliding``, stiffness and damping of the bristles from ``windows``."""
+        """Fit stiffness and damping of the LuGre bristles to ``windows``; all else is taken from the fit ``sliding``.
+
+        ``starts`` are initial parameters (k,) of the LuGre ``law``; the best of them is used.
+        """
         known = dict(zip(sliding.candidate.names, sliding.theta, strict=True))
         bristles = [name for name in law.names if name not in known]
         tried = []
@@ -215,7 +241,11 @@ class _OutputError:
 
 
 def _filtered(laws: Sequence[Candidate], starts: dict[str, Array], data: JointData, tell: Progress) -> dict[str, Array]:
-    """Estimates of the Kalman filter; LuGre has those of its sliding law beside its start values of the bristles."""
+    """Refine the parameters ``starts`` (law name -> (k,)) of all ``laws`` by the extended Kalman filter.
+
+    The filter has no bristle state: the LuGre law gets the result of the Stribeck law, which is its friction in
+    sliding, and keeps the initial stiffness and damping of its bristles.
+    """
     static = [law for law in laws if law.name != "lugre"]
     found = kalman_estimates(
         static,
@@ -262,7 +292,10 @@ def _estimate(
 
 
 def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
-    """Parameters as they are reported: gravity as magnitude and angle, the delay in seconds."""
+    """Parameters as they are reported, name -> value in SI: gravity as magnitude and angle, the delay in seconds.
+
+    ``theta`` (k,) are those of the model ``law``, ``period`` is the sampling period (s).
+    """
     given = dict(zip(law.names, theta.tolist(), strict=True))
     found = {"inertia": given["inertia"]}
     if law.gravity == 2:
@@ -276,14 +309,17 @@ def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
 
 
 def _deviation(values: Array, name: str) -> float:
-    """Standard deviation of resampled values; angles about their mean direction."""
+    """Standard deviation of resampled ``values`` of the parameter ``name``; for an angle about its circular mean."""
     if name == "gravity_angle":
         values = np.angle(np.exp(1j * values) / np.mean(np.exp(1j * values)))
     return float(np.std(values, ddof=1))
 
 
 def _check_start(started: Sequence[tuple[Array, float]], data: JointData) -> None:
-    """Refuse a torque that has nothing to do with the motion, or the wrong sign."""
+    """Raise :class:`DerivationError` if the torque is unrelated to the motion or has the wrong sign.
+
+    ``started`` holds, for every law, the least-squares parameters and the relative torque error.
+    """
     theta, error = min(started, key=lambda each: each[1])
     if error > UNRELATED or theta[0] <= LEAST_INERTIA:
         what = f"inertia, gravity and friction explain {100 * max(0.0, 1.0 - error):.0f} % of the torque"
@@ -294,7 +330,7 @@ def _check_start(started: Sequence[tuple[Array, float]], data: JointData) -> Non
 
 
 def _check(chosen: LawEstimate, data: JointData) -> None:
-    """Refuse a recording from whose motion the inertia cannot be estimated."""
+    """Raise :class:`DerivationError` if the inertia is too uncertain, because the joint accelerates too little."""
     relative = chosen.std["inertia"] / chosen.values["inertia"]
     if not relative < LARGEST_INERTIA_STD:
         raise DerivationError(

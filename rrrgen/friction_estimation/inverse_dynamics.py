@@ -1,4 +1,4 @@
-"""Start values by least squares on the inverse dynamics of sliding samples: ``tau = J ddq + gravity + tau_f``."""
+"""Initial parameter values by least squares on samples at which the joint slides: ``tau = J ddq + gravity + tau_f``."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from rrrgen.friction_estimation.shooting.simulation import Torque
 
 DELAYS = np.arange(-1.5, 6.1, 0.5)  # sampling periods that are tried
 SPEEDS = np.geomspace(0.03, 1.0, 25)  # Stribeck speeds that are tried, relative to the rms speed
-STEEPNESS = np.array([0.7, 2.0, 6.0, 15.0, 40.0, 100.0, 300.0])  # of the neurons, times the rms speed
+STEEPNESS = np.array([0.7, 2.0, 6.0, 15.0, 40.0, 100.0, 300.0])  # tried slopes of the neurons, times the rms speed
 MOST_SAMPLES = 20_000
-LEAST_INERTIA = 1e-9  # kg m^2 (kg), instead of a negative one
-RIDGE = 1e-3  # of a column's norm: keeps nearly dependent columns from large opposite coefficients
+LEAST_INERTIA = 1e-9  # kg m^2 (kg), replaces a negative estimate
+RIDGE = 1e-3  # relative to a column's norm: keeps nearly dependent columns from large opposite coefficients
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class SlidingSamples:
     tau: Array
 
     def rigid_columns(self, gravity: int) -> list[Array]:
-        """Regressor columns of inertia and of the ``gravity`` (0 to 2) gravity coefficients."""
+        """Regressor columns (n,) of the inertia and of the ``gravity`` (0, 1 or 2) gravity coefficients."""
         return (
             [self.ddq, *[np.cos(self.q), np.sin(self.q)][:gravity]]
             if gravity != 1
@@ -40,9 +40,10 @@ class SlidingSamples:
 
 
 def sliding_samples(data: JointData, delay: float) -> SlidingSamples:
-    """Sliding samples with torque and motion filtered alike; ``delay`` in sampling periods.
+    """Select the samples at which the joint slides, after filtering torque and motion with the same low-pass.
 
-    The torque at an instant is the mean of what was held before and after it.
+    The motion lags the torque by ``delay`` sampling periods. The torque at an instant is the mean of the values held
+    before and after it.
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -59,7 +60,7 @@ def sliding_samples(data: JointData, delay: float) -> SlidingSamples:
 
 
 def best_delay(data: JointData, gravity: int) -> float:
-    """The delay of the motion behind the torque, in sampling periods, that leaves the least error."""
+    """Delay of the motion behind the torque, in sampling periods, with the smallest least-squares torque error."""
     errors = []
     for delay in DELAYS:
         samples = sliding_samples(data, float(delay))
@@ -70,7 +71,10 @@ def best_delay(data: JointData, gravity: int) -> float:
 
 
 def start_values(candidate: Candidate, data: JointData, delay: float) -> tuple[Array, float]:
-    """Parameters (k,) of ``candidate``, and the relative error of the torque in sliding."""
+    """Least-squares estimate of the parameters (k,) of ``candidate``, and the relative torque error in sliding.
+
+    ``delay`` of the motion behind the torque is in sampling periods.
+    """
     samples = sliding_samples(data, delay)
     rigid = samples.rigid_columns(candidate.gravity)
     values, error = _law_start(candidate.name, samples, rigid, data.speed)
@@ -87,7 +91,11 @@ def start_values(candidate: Candidate, data: JointData, delay: float) -> tuple[A
 def _law_start(
     law: str, samples: SlidingSamples, rigid: Sequence[Array], scale: float
 ) -> tuple[dict[str, float], float]:
-    """Parameters by name and the norm of the error; nonlinear ones over a grid."""
+    """Least-squares parameters (name -> value) of the friction ``law`` and the norm of the torque error.
+
+    Parameters in which the law is nonlinear are tried on a grid. ``rigid`` are the columns of inertia and gravity,
+    ``scale`` is the RMS speed, rad/s (m/s).
+    """
     s, v = np.sign(samples.dq), samples.dq
     names = ["inertia", "gravity_cos", "gravity_sin"][: len(rigid)]
     if law == "coulomb_viscous":
@@ -117,7 +125,7 @@ def _named(names: Sequence[str], columns: Sequence[Array], tau: Array) -> tuple[
 
 
 def _solve(columns: Sequence[Array], tau: Array) -> tuple[Array, float]:
-    """Ridge regression on scaled columns, and the norm of the residual."""
+    """Ridge regression ``tau = columns x`` on columns of norm 1; returns x, unscaled, and the norm of the residual."""
     A = np.stack(columns, axis=1)
     scale = np.linalg.norm(A, axis=0)
     A = A / np.where(scale > 0.0, scale, 1.0)

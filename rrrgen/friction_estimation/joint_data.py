@@ -20,27 +20,28 @@ from rrrgen.signals.reconstruction import Butterworth
 from rrrgen.verify.references.chain import chain_of
 
 PERIOD = 1e-3  # s; faster recordings are reduced to about this
-CUTOFF = 50.0  # Hz, of the filter that gives start states
+CUTOFF = 50.0  # Hz, of the low-pass filter that gives the states at the start of windows
 SHORTEST = 15.0  # s; 10 s leave the Stribeck speed undetermined in simulations, 30 s are enough
-WINDOW = 0.2  # s
-SLOW_WINDOW = 0.06  # s
-FAST = 0.3  # of the rms speed
-SPACING = 5e-3  # s between compared positions
-BLOCK = 2.0  # s of windows that are held out or resampled together
-LEAST_POINTS = 6  # compared positions of a window
-MARGIN = 8  # samples at the ends of a stretch that only lend their torque
+WINDOW = 0.2  # s, longest window in fast motion
+SLOW_WINDOW = 0.06  # s, longest window in slow motion
+FAST = 0.3  # times the rms speed: faster motion counts as fast
+SPACING = 5e-3  # s between two positions at which simulation and recording are compared
+BLOCK = 2.0  # s: windows within a block are held out or resampled together
+LEAST_POINTS = 6  # compared positions that a window needs
+MARGIN = 8  # samples at the ends of a stretch at which only the torque is used
 LEAST_COUNTS = 200  # encoder steps that the joint has to move
-LEAST_SLIDING = 2.0  # s of sliding in either direction
-PARALLEL = 1e-6  # sine or 1 - cosine of the angle between two directions that count as one
-STILL = 0.02  # of the range of the moving joint: what a locked joint may move
+LEAST_SLIDING = 2.0  # s of sliding that are needed in each direction
+PARALLEL = 1e-6  # sine or 1 - cosine of an angle between directions below which they count as parallel
+STILL = 0.02  # times the range of the moving joint: largest motion of a joint that counts as locked
 
 
 @dataclass(frozen=True, eq=False)
 class JointData:
-    """One joint at the constant ``period`` (s): position ``q`` (N,) in rad (m), torque ``u`` (N,) in N m (N).
+    """Recorded motion and torque of one joint, sampled at the constant ``period`` (s).
 
-    ``u[k]`` acts from sample k to the next. ``stretches`` are the uninterrupted parts (first, last + 1) and
-    ``usable`` (N,) says where the torque is known. ``resolution`` of the encoder, rad (m).
+    ``q`` (N,) is the position in rad (m), ``u`` (N,) the torque in N m (N), where ``u[k]`` acts from sample k to the
+    next. ``usable`` (N,) marks known torques. ``stretches`` are the uninterrupted parts as (first sample, last + 1),
+    ``resolution`` is that of the encoder in rad (m).
     """
 
     name: str
@@ -53,7 +54,7 @@ class JointData:
 
     @cached_property
     def motion(self) -> tuple[Array, Array, Array]:
-        """Zero-phase filtered position, speed and acceleration (N,) each."""
+        """Position, speed and acceleration, (N,) each, from the recorded positions by a zero-phase low-pass filter."""
         cutoff = min(CUTOFF, 0.2 / self.period)
         parts = []
         for first, last in self.stretches:
@@ -92,20 +93,22 @@ class JointData:
         return np.asarray(~binary_dilation(turning, iterations=round(0.03 / self.period)) & self.usable)
 
     def windows(self) -> Windows:
-        """The whole recording in short windows, one after the other, but where the torque is not known."""
+        """Consecutive short windows over the whole recording, except where the torque is unknown."""
         return self._tiled(self.usable)
 
     def sliding_windows(self) -> Windows:
         """Windows in which the joint slides in one direction without sticking.
 
-        There the simulated positions are smooth functions of the parameters."""
+        Positions simulated over such a window are smooth functions of the parameters.
+        """
         found = self._tiled(self.sliding)
         return replace(found, direction=np.sign(found.v0))
 
     def _tiled(self, allowed: NDArray[np.bool_]) -> Windows:
-        """Windows over the allowed samples: at most 0.2 s in fast motion and 0.06 s in slow motion.
+        """Cut the samples with ``allowed`` (N,) True into windows of at most 0.2 s in fast and 0.06 s in slow motion.
 
-        Where friction falls with the speed, slow motion is unstable: errors of a start state grow like e^(60 t).
+        Windows in slow motion are shorter because friction that falls with the speed makes it unstable: an error of the
+        initial state grows like e^(60 t).
         """
         length, stride = self._grid
         inside = np.zeros(len(self.q), np.int8)
@@ -125,7 +128,7 @@ class JointData:
 
     @property
     def _grid(self) -> tuple[int, int]:
-        """Sampling periods of a window, and between two compared positions."""
+        """Length of the longest window and distance of two compared positions, both in sampling periods."""
         length = max(round(WINDOW / self.period), 4)
         stride = max(1, min(round(SPACING / self.period), length // 10))
         return length - length % stride, stride
@@ -151,10 +154,11 @@ class JointData:
 
 @dataclass(frozen=True)
 class RecordedJoint:
-    """What a robot file says about the joint of a recording.
+    """Data of a recorded joint from the robot file.
 
-    ``gravity``: coefficients of its gravity torque, see :func:`rrrgen.friction_estimation.candidates.candidates`;
-    ``resolution`` of its encoder, rad (m), None where not stated; ``units`` of speed and torque.
+    ``gravity`` is the number of coefficients of its gravity torque: 2 for ``a cos q + b sin q``, 1 for a constant
+    force, 0 for none. ``resolution`` is that of its encoder, rad (m), None if the file does not state it; ``units`` are
+    those of its speed and torque.
     """
 
     name: str
@@ -187,9 +191,10 @@ def recorded_joint(spec: Any, mapping: Any, joint: str) -> RecordedJoint:
 
 
 def _gravity_coefficients(spec: Any, joint: int) -> int:
-    """2 for a revolute joint, 1 for a prismatic one, 0 where the axis never feels gravity, whatever joints precede it.
+    """Number of coefficients of the gravity torque of joint number ``joint``: 2 if revolute, 1 if prismatic, or 0.
 
-    Joints before it that are revolute about axes parallel to gravity, or prismatic, do not tilt the axis.
+    It is 0 if gravity causes no torque in any posture: a revolute axis is always vertical, a prismatic one always
+    horizontal. Earlier joints that are prismatic, or revolute about vertical axes, do not tilt the axis.
     """
     chain = chain_of(spec)
     gravity = chain.gravity / max(float(np.linalg.norm(chain.gravity)), 1e-300)
@@ -208,11 +213,11 @@ def _gravity_coefficients(spec: Any, joint: int) -> int:
 
 
 def joint_data(log: Any, joint: str, resolution: float | None = None) -> JointData:
-    """The joint named ``joint`` of a recording (:class:`rrrgen.recordings.logs.Log`).
+    """Extract motion and torque of the joint named ``joint`` from the recording ``log``.
 
-    ``resolution`` of its encoder (rad, m) is taken where the recorded positions show no grid. Raises
-    :class:`InputError` for a recording without the joint or its torque, :class:`DerivationError` where the motion
-    cannot tell friction.
+    ``log`` is a :class:`rrrgen.recordings.logs.Log`. ``resolution`` is that of the encoder, rad (m), used if the
+    recorded positions do not lie on a grid. Raises :class:`InputError` for a recording without the joint or its torque,
+    :class:`DerivationError` if other joints move or the motion does not determine friction.
     """
     if joint not in log.joints:
         raise InputError(f"the recording has no joint '{joint}'; it has {', '.join(log.joints)}")
@@ -246,7 +251,7 @@ def joint_data(log: Any, joint: str, resolution: float | None = None) -> JointDa
 
 
 def resting_record(log: Any, joint: str) -> ResponseRecording:
-    """Torque and position of a joint that is excited below break-away, from the longest stretch of a recording."""
+    """Torque and position of a joint excited below break-away, from the longest uninterrupted stretch of ``log``."""
     if joint not in log.joints or log.tau is None:
         raise InputError(f"a recording of presliding needs position and torque of joint '{joint}'")
     i = log.joints.index(joint)
@@ -256,7 +261,10 @@ def resting_record(log: Any, joint: str) -> ResponseRecording:
 
 
 def encoder_step(q: Array, stated: float | None) -> float:
-    """The encoder's step: the grid on which the positions lie, or what is stated where they lie on none."""
+    """Step of an encoder, rad (m): the spacing of the grid on which the positions ``q`` (N,) lie.
+
+    If they lie on no grid it is ``stated``; if that is None too, a millionth of the range of motion.
+    """
     steps = np.abs(np.diff(q))
     real = steps[steps > 1e-12 * max(1.0, float(np.ptp(q)))]
     if len(real) == 0:
@@ -270,7 +278,10 @@ def encoder_step(q: Array, stated: float | None) -> float:
 
 
 def _others_stand_still(log: Any, moving: int) -> None:
-    """Refuse a recording in which other joints move: their inertia torques would count as this joint's friction."""
+    """Raise :class:`DerivationError` if other joints than number ``moving`` move.
+
+    Their inertia torques would be taken for friction of this joint.
+    """
     ranges = np.ptp(log.q, axis=0)
     for k, name in enumerate(log.joints):
         if k != moving and ranges[k] > max(STILL * ranges[moving], 0.01):
@@ -281,7 +292,7 @@ def _others_stand_still(log: Any, moving: int) -> None:
 
 
 def _check_motion(data: JointData) -> None:
-    """Refuse a motion that does not excite friction in both directions."""
+    """Raise :class:`DerivationError` if the motion does not excite friction in both directions."""
     span = float(np.ptp(data.q))
     if span < LEAST_COUNTS * data.resolution or data.speed <= 3.0 * data.speed_noise:
         raise DerivationError(

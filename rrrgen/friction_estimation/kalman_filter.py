@@ -1,8 +1,9 @@
 """Extended Kalman filter for position, speed, inertia, gravity and friction parameters of one joint.
 
-State ``x = [q, v, p]`` with constant parameters p (some as logarithms) and the acceleration of (14.15). sgn is smoothed
-to tanh, the step is linearly implicit. What keeps the estimates unbiased is process noise on the speed where friction
-jumps: there the model of one sample is wrong by up to the break-away torque.
+The state is ``x = [q, v, p]`` with constant parameters p, some as logarithms; the acceleration is that of (14.15), in
+Kostic, de Jager, Steinbuch, Robotics and Automation Handbook, CRC Press 2005, chapter 14. sgn(v) is smoothed to tanh
+and the integration step is linearly implicit. Where friction jumps, the model of one sample is wrong by up to the
+break- away torque: process noise on the speed accounts for it there and keeps the estimates unbiased.
 """
 
 from __future__ import annotations
@@ -17,22 +18,22 @@ from rrrgen.friction_estimation.candidates import Candidate
 from rrrgen.friction_estimation.joint_data import JointData
 from rrrgen.friction_estimation.shooting.simulation import Torque
 
-WIDTH = 3e-3  # of tanh for sgn, relative to the rms speed
-SLIDING_NOISE = 0.05  # unmodelled torque relative to the level of friction: in sliding,
-REVERSAL_NOISE = 1.6  # and about rest and changes of direction
-SLOW = 0.03  # of the rms speed: about rest
-START_SPEED = 0.1  # of the rms speed: standard deviation at the start, where the filtered speed is poor
-PRIOR = 0.2  # relative standard deviation of the parameters before the filter
-SURPRISE = 4.0  # standard deviations beyond which an innovation counts no more
+WIDTH = 3e-3  # width w of tanh(v/w) in place of sgn(v), relative to the rms speed
+SLIDING_NOISE = 0.05  # standard deviation of unmodelled torque relative to the friction torque, in sliding
+REVERSAL_NOISE = 1.6  # the same near rest and at changes of direction
+SLOW = 0.03  # times the rms speed: slower motion counts as near rest
+START_SPEED = 0.1  # standard deviation of the initial speed relative to the rms speed: the low-pass is poor there
+PRIOR = 0.2  # relative standard deviation of the initial parameters
+SURPRISE = 4.0  # standard deviations at which an innovation is clipped
 LARGEST_LOGARITHM = 50.0
 DIFFERENCE = 1e-6
-FAR = 1.0  # rad (m) between prediction and measurement: the filter has lost the joint
-DIVERGED = 0.7  # of the logarithm of the inertia
+FAR = 1.0  # rad (m) between prediction and measurement beyond which the filter has diverged
+DIVERGED = 0.7  # change of the logarithm of the inertia beyond which the filter has diverged
 REPORT = 2000  # samples between two calls of ``tell``
 
 
 class _Smoothed:
-    """The operations of a law on floats, with a number in place of sgn."""
+    """Operations of a friction law on floats, with sgn(x) replaced by a given number ``direction``."""
 
     exp, tanh = staticmethod(math.exp), staticmethod(math.tanh)
 
@@ -49,9 +50,10 @@ def kalman_estimates(
     data: JointData,
     tell: Callable[[int, int], None] | None = None,
 ) -> list[Array]:
-    """Parameters (k,) of several static laws after one pass over the recording side by side, from ``starts``.
+    """Estimate the parameters (k,) of several laws without a state by one pass of an extended Kalman filter each.
 
-    Where a filter diverges, its start.
+    ``starts`` are the initial parameters (k,) of each law; a law whose filter diverges keeps them. The filters run over
+    the recording ``data`` together. ``tell(done, total)`` is called with the number of samples processed.
     """
     run = _Filters(laws, starts, data)
     total = sum(last - first for first, last in data.stretches)
@@ -69,7 +71,10 @@ def kalman_estimates(
 
 
 class _Filters:
-    """The filters of all laws, their states padded to the same length: x (L, n), P (L, n, n)."""
+    """The Kalman filters of L laws, run together: states x (L, n) and covariances P (L, n, n).
+
+    The states ``[q, v, parameters]`` are padded with zeros to the same length n.
+    """
 
     def __init__(self, laws: Sequence[Candidate], starts: Sequence[Array], data: JointData) -> None:
         self.laws, self.starts, self.data = laws, starts, data
@@ -90,19 +95,22 @@ class _Filters:
         self.width, self.slow = WIDTH * data.speed, SLOW * data.speed
 
     def begin(self, sample: int) -> None:
-        """Start a stretch at its filtered position and speed."""
+        """Reset position and speed at the first ``sample`` of an uninterrupted stretch; the parameters are kept."""
         self.x[:, 0], self.x[:, 1] = (part[sample] for part in self.data.motion[:2])
         self.P[:, :2], self.P[:, :, :2] = 0.0, 0.0
         self.P[:, 0, 0], self.P[:, 1, 1] = self.noise, (START_SPEED * self.data.speed) ** 2
 
     def step(self, u: Array, measured: float) -> None:
-        """Predict over one period under the torque ``u`` (L,) of each law, then correct by the next position."""
+        """Predict one period ahead under the torques ``u`` (L,), then correct by the next ``measured`` position.
+
+        The torques differ between laws because each has its own delay.
+        """
         T, x, P = self.data.period, self.x, self.P
         a, a_q, a_v, a_p, inertia = self._accelerations(u)
         v = x[:, 1].copy()
         implicit = 1.0 / (1.0 - T * np.minimum(a_v, 0.0))
         dv = T * a * implicit
-        row = np.zeros_like(x)  # derivative of the next speed
+        row = np.zeros_like(x)  # derivative of the next speed by the state
         row[:, 0], row[:, 1] = T * a_q * implicit, 1.0 + T * a_v * implicit
         row[:, 2:] = T * a_p * implicit[:, None]
         first = 0.5 * T * row
@@ -130,9 +138,9 @@ class _Filters:
             x[lost, 0] = measured
 
     def _accelerations(self, u: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Acceleration (L,), its derivatives by q, v (L,) and the parameters (L, n - 2), and the inertia (L,).
+        """Acceleration (L,), its derivatives by q (L,), v (L,) and the parameters (L, n - 2), and the inertia (L,).
 
-        Plain floats: per sample and law they are faster than arrays.
+        ``u`` (L,) are the torques. Computed with Python floats, which are faster here than short arrays.
         """
         L, n = self.x.shape
         a, a_q, a_v, a_p, inertia = np.empty(L), np.empty(L), np.empty(L), np.zeros((L, n - 2)), np.empty(L)
@@ -169,7 +177,7 @@ class _Filters:
         return a, a_q, a_v, a_p, inertia
 
     def results(self) -> list[Array]:
-        """Parameters of all laws."""
+        """Estimated parameters (k,) of each law; the initial ones for a filter that diverged."""
         found = []
         for i, (law, start) in enumerate(zip(self.laws, self.starts, strict=True)):
             theta = np.append(law.from_free(self.x[i, 2 : 1 + len(start)]), start[-1])

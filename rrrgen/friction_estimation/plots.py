@@ -16,22 +16,26 @@ if TYPE_CHECKING:
     from rrrgen.friction_estimation.estimation import FrictionEstimate, LawEstimate
 
 CURVE = 600  # points of a curve in either direction
-SHOWN = 10.0  # s of the experiment
-MOST_POINTS = 6000  # of the cloud
-SLOW = 3.0  # Stribeck speeds, or a tenth of the range: what the second panel shows
+SHOWN = 10.0  # s of the experiment that are drawn
+MOST_POINTS = 6000  # largest number of measured points that are drawn
+SLOW = 3.0  # times the Stribeck speed: range of the panel of low speeds (without one, a tenth of the whole range)
 
 
 def plot_friction(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", "N m")) -> Figure:
-    """Friction against speed: the measured cloud, every law, the chosen one in front; whole range and low speeds."""
+    """Plot friction over speed: the measured points and the curve of every law, the chosen one in front.
+
+    One panel shows the whole range, one the low speeds. ``units`` are those of speed and torque.
+    """
     figure, axes = new_figure(1, 2, height=3.6, width=9.0)
     _draw_friction(axes, found, units)
     return figure
 
 
 def plot_experiment(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", "N m")) -> Figure:
-    """Torque and speed about the change from fast to slow motion, with the model's torque, beside friction (Fig. 14.9).
+    """Plot recorded torque and speed around the change from fast to slow motion, beside friction over speed.
 
-    The torque is that of the chosen law by inverse dynamics, at the samples at which the joint slides.
+    The arrangement is that of Fig. 14.9. The torque of the chosen law, by inverse dynamics, is drawn at the samples at
+    which the joint slides. ``units`` are those of speed and torque.
     """
     figure, axes = new_figure(2, 2, height=5.6, width=10.0)
     _draw_friction(axes[[1, 3]], found, units)
@@ -52,7 +56,7 @@ def plot_experiment(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", 
 
 
 def _draw_friction(axes: Any, found: FrictionEstimate, units: tuple[str, str]) -> None:
-    """Friction against speed in two axes: the whole range, and low speeds."""
+    """Draw friction over speed into two axes: the whole range, and low speeds."""
     speed, friction = _cloud(found)
     top = float(np.max(np.abs(speed)))
     slow = min(top, SLOW * found.chosen.values.get("stribeck_speed", top / 30.0))
@@ -72,7 +76,10 @@ def _draw_friction(axes: Any, found: FrictionEstimate, units: tuple[str, str]) -
 
 
 def _cloud(found: FrictionEstimate) -> tuple[Array, Array]:
-    """Speed and measured friction while the joint slides, with inertia and gravity of the chosen law."""
+    """Speeds and measured friction torques at samples at which the joint slides, (N,) each.
+
+    Friction is the recorded torque minus the inertia and gravity torques of the chosen law.
+    """
     law, theta = found.chosen.candidate, found.chosen.theta
     samples = sliding_samples(found.data, float(theta[-1]))
     friction = samples.tau - theta[0] * samples.ddq - law.gravity_torque(samples.q, theta)
@@ -80,7 +87,7 @@ def _cloud(found: FrictionEstimate) -> tuple[Array, Array]:
 
 
 def _curve(law: LawEstimate, limit: float) -> tuple[Array, Array]:
-    """A law up to ``limit`` in both directions, with its jump at rest."""
+    """Speeds from -``limit`` to ``limit`` and the friction torques of ``law`` there, with the jump at zero speed."""
     speed = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, CURVE) * limit])
     columns = list(law.theta)
     forward, backward = (law.candidate.torque(s * speed, columns, s) for s in (1.0, -1.0))

@@ -1,7 +1,9 @@
-"""Stiffness and damping of the bristles below break-away, from frequency responses at several amplitudes, (14.16).
+"""Stiffness and damping of the LuGre bristles below break-away, from frequency responses at several amplitudes.
 
-Linearised at rest the LuGre law is ``q/tau = 1/(J s^2 + (sigma1 + viscous) s + sigma0 + c)``, with c the stiffness of
-gravity at the posture. Micro-slip adds damping in proportion to the amplitude; it is extrapolated to none.
+A joint with LuGre friction, linearised at rest, responds to a torque with ``q/tau = 1/(J s^2 + (sigma1 + viscous) s +
+sigma0 + c)``, where c is the stiffness of gravity at the posture. Micro-slip adds damping in proportion to the
+amplitude; the results are extrapolated to zero amplitude. Source: (14.16) of Kostic, de Jager, Steinbuch, Robotics and
+Automation Handbook, CRC Press 2005, chapter 14.
 """
 
 from __future__ import annotations
@@ -21,20 +23,20 @@ from rrrgen.response.estimators.excitation_period import samples_of
 from rrrgen.response.estimators.local_polynomial import periodic_lines
 from rrrgen.response.response_file import ResponseRecording
 
-LEAST_COUNTS = 12.0  # encoder steps of amplitude below which inertia and damping are not to be trusted
-HIGHEST = 0.4  # of the sampling rate: resonances above it leave the stiffness alone
-BREAK_AWAY = 0.5  # of the break-away torque that the excitation may take
-WIDE = 0.5  # relative standard deviation of a line that is left out
+LEAST_COUNTS = 12.0  # encoder steps of amplitude below which inertia and damping are unreliable
+HIGHEST = 0.4  # times the sampling rate: with a higher resonance only the stiffness is reported
+BREAK_AWAY = 0.5  # largest excitation, relative to the break-away torque
+WIDE = 0.5  # relative standard deviation of the response above which a frequency is left out
 
 Complex = NDArray[np.complexfloating[Any, Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Presliding response at one amplitude: ``values`` (3,) of inertia, damping and stiffness, and deviations ``std``.
+    """Estimates from one recording below break-away: ``values`` (3,) of inertia, damping and stiffness, in SI.
 
-    ``torque`` is the RMS excitation torque, N m (N), ``counts`` the amplitude of the motion in encoder steps,
-    ``position`` the mean position, rad (m).
+    ``std`` (3,) are their standard deviations. ``torque`` is the RMS excitation torque, N m (N), ``counts`` the
+    amplitude of the motion in encoder steps, ``position`` the mean position, rad (m).
     """
 
     torque: float
@@ -46,7 +48,11 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Presliding:
-    """Bristles at rest; ``sigma1`` and ``inertia`` are None where the recordings do not determine them."""
+    """Bristle parameters of the LuGre law measured at rest, each as (value, standard deviation) in SI.
+
+    ``sigma1`` and ``inertia`` are None if the recordings do not determine them. ``resonance`` is the frequency in Hz,
+    ``levels`` are the estimates at each amplitude of the excitation, ``notes`` warnings to the user.
+    """
 
     sigma0: tuple[float, float]
     sigma1: tuple[float, float] | None
@@ -56,7 +62,7 @@ class Presliding:
     notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Value and standard deviation of each, the levels, and notes."""
+        """Plain data for JSON: values and standard deviations by name, the levels, and the notes."""
         told = {"sigma0": self.sigma0, "sigma1": self.sigma1, "inertia": self.inertia}
         return {
             "parameters": {name: None if pair is None else pair[0] for name, pair in told.items()},
@@ -82,12 +88,12 @@ def presliding(
     gravity: tuple[float, float],
     delay: float,
 ) -> Presliding:
-    """Estimate the bristles from recordings of torque and position at different amplitudes.
+    """Estimate stiffness and damping of the bristles from recordings below break-away at different amplitudes.
 
-    ``resolution`` of the encoder, rad (m), counts where the recordings do not show it; ``break_away`` torque,
-    ``viscous`` friction and ``gravity`` coefficients of cos q and sin q come from sliding, as does the ``delay`` (s) of
-    the motion behind the torque. Raises :class:`DerivationError` for an excitation that reaches break-away or does not
-    repeat.
+    ``resolution`` is that of the encoder, rad (m), used if the recorded positions do not lie on a grid. The other
+    arguments come from an estimate with sliding motion: the ``break_away`` torque (N m or N), the ``viscous``
+    coefficient, the ``gravity`` coefficients of cos q and sin q, and the ``delay`` (s) of the motion behind the torque.
+    Raises :class:`DerivationError` if the excitation comes near break-away or is not periodic.
     """
     levels = sorted((_level(each, resolution, break_away, delay) for each in records), key=lambda x: x.torque)
     values, stds = _extrapolated(levels)
@@ -117,7 +123,11 @@ def presliding(
 
 
 def _level(record: ResponseRecording, resolution: float, break_away: float, delay: float) -> Level:
-    """Inertia, damping and stiffness at one amplitude, weighted by the variance of every line."""
+    """Fit inertia, damping and stiffness to the frequency response of one recording.
+
+    Frequencies are weighted by the inverse standard deviation of the response. Raises :class:`DerivationError` for an
+    excitation that comes near the torque ``break_away``, is not periodic, or is hidden by noise.
+    """
     from scipy.optimize import least_squares
 
     torque = record.u - np.mean(record.u)
@@ -161,9 +171,10 @@ def _level(record: ResponseRecording, resolution: float, break_away: float, dela
 
 
 def zero_order_hold(f: Array, period: float, J: float, damping: float, stiffness: float, delay: float) -> Complex:
-    """Response (L,) at ``f`` (Hz) of ``1/(J s^2 + damping s + stiffness)`` under a torque held over ``period`` s.
+    """Frequency response (L,) of ``1/(J s^2 + damping s + stiffness)`` to a torque held over each ``period`` (s).
 
-    Exact; a continuous model with half a period of delay would bias J by 20 % at a fifth of the sampling rate.
+    ``f`` (L,) are frequencies in Hz, ``delay`` is in s. The hold is modelled exactly: a continuous model with half a
+    period of delay would bias J by 20 % at a fifth of the sampling rate.
     """
     from scipy.linalg import expm
 
@@ -179,7 +190,10 @@ def zero_order_hold(f: Array, period: float, J: float, damping: float, stiffness
 
 
 def _extrapolated(levels: Sequence[Level]) -> tuple[Array, Array]:
-    """Inertia as the weighted mean, damping and stiffness along a line to zero amplitude, with deviations (3,)."""
+    """Combine the estimates at all amplitudes: inertia, damping and stiffness (3,) and standard deviations (3,).
+
+    The inertia is a weighted mean; damping and stiffness are extrapolated to zero amplitude by a straight line.
+    """
     values, std = np.array([level.values for level in levels]), np.array([level.std for level in levels])
     weight = 1.0 / np.maximum(std, 1e-12 * np.abs(values)) ** 2
     J = float(np.sum(weight[:, 0] * values[:, 0]) / np.sum(weight[:, 0]))

@@ -1,4 +1,4 @@
-"""The robot file with the friction law that was chosen."""
+"""Puts the chosen friction law into the robot file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rrrgen.friction_estimation.presliding import Presliding
     from rrrgen.robotfile.robot_spec import RobotSpec
 
-LEAST = 1e-9  # of a parameter that has to be positive and was estimated as 0
+LEAST = 1e-9  # value of a parameter that must be positive and was estimated as 0
 
 
 def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate, rest: Presliding | None = None) -> RobotSpec:

@@ -13,17 +13,18 @@ from rrrgen.friction_estimation.shooting.output_error import Fit, window_losses
 from rrrgen.friction_estimation.shooting.windows import Windows
 
 FOLDS = 4
-SIGNIFICANT = 2.0  # standard errors by which a law has to be better on held-out windows
+SIGNIFICANT = 2.0  # standard errors by which a law must be better on held-out windows
 CLEAR = 1.5
-MATERIAL = 0.05  # and relative to the held-out loss of the other
+MATERIAL = 0.05  # fraction of the other law's held-out loss by which it must be better, too
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Score of a friction law on windows left out of its fit, those at rest and at velocity reversals included.
+    """Score of a friction ``law`` with k = ``parameters`` on the S windows, each left out of the fit that is scored.
 
-    ``held_out``: root mean square of the whitened position error, in standard deviations of the noise, large errors
-    counted linearly; ``losses`` (S,) per window; ``bic``: ``N ln(mean loss) + k ln N`` of the fit with all windows.
+    Windows with rest and velocity reversals are included. ``losses`` (S,) are robust squared position errors, whitened,
+    in units of the noise variance; ``held_out`` is their root mean square, in standard deviations of the noise. ``bic``
+    is the Bayesian information criterion ``N ln(mean loss) + k ln N`` of the fit to all windows.
     """
 
     law: str
@@ -34,14 +35,18 @@ class Score:
 
 
 def fold_of(windows: Windows) -> NDArray[np.int64]:
-    """The fold (S,) of every window: blocks in turn, so that each fold has fast and slow motion."""
+    """Number of the cross-validation fold of each window, (S,).
+
+    Consecutive blocks of windows go to the folds in turn, so that each fold has fast and slow motion.
+    """
     return np.asarray(windows.block % FOLDS)
 
 
 def score(full: Fit, inside: Sequence[Fit], windows: Windows, sigma: float) -> Score:
-    """Score a friction law by cross-validation, with the noise standard deviation ``sigma``.
+    """Score a friction law by cross-validation on ``windows``, with the noise standard deviation ``sigma``.
 
-    ``full`` is its fit to all windows, ``inside`` its fits with one fold of the windows left out each."""
+    ``full`` is the fit of the law to all windows; ``inside`` holds one fit per fold, which leaves this fold out.
+    """
     losses, folds = np.empty(len(windows)), fold_of(windows)
     for fold, found in enumerate(inside):
         out = folds == fold
@@ -58,11 +63,13 @@ def score(full: Fit, inside: Sequence[Fit], windows: Windows, sigma: float) -> S
 
 
 def choose(scores: Sequence[Score], blocks: NDArray[np.int64]) -> int:
-    """The law with the fewest parameters that none beats significantly on held-out windows; of equals the least BIC.
+    """Choose a law: the one with the fewest parameters that no other law beats significantly on held-out windows.
 
-    Laws are compared block by block: B beats A if the mean difference of their losses exceeds :data:`SIGNIFICANT`
-    standard errors and :data:`MATERIAL` of the loss of A, or if the loss of A is :data:`CLEAR` times that of B: a few
-    blocks with most of the loss leave no significance in a short recording.
+    Returns its index in ``scores``; among laws with equally many parameters the BIC decides. ``blocks`` (S,) is the
+    number of the block of each window. Law B beats law A if, over blocks, the mean difference of their losses exceeds
+    :data:`SIGNIFICANT` standard errors and :data:`MATERIAL` times the loss of A. It also does if the loss of A is
+    :data:`CLEAR` times that of B: in a short recording a few blocks can hold most of the loss, so that no difference
+    would be significant.
     """
     standing = [i for i, a in enumerate(scores) if not any(_beats(b, a, blocks) for b in scores)]
     return min(standing or range(len(scores)), key=lambda i: (scores[i].parameters, scores[i].bic))

@@ -1,7 +1,8 @@
-"""Design of a response experiment: amplitude, speed without change of direction or repeating quantisation, strokes.
+"""Design of a frequency response experiment: amplitude of the excitation, speed of the joint, and its strokes.
 
 The joint moves at a constant speed above the peak of the speed that the excitation adds, so that friction never changes
-its sign. Where the path exceeds the range of the joint it is cut into strokes back and forth, each of whole periods.
+its sign. The speed is chosen so that encoder quantisation does not repeat from period to period. A path that exceeds
+the range of the joint is split into strokes back and forth, each of whole periods of the excitation.
 """
 
 from __future__ import annotations
@@ -31,9 +32,10 @@ DEFAULT_RESOLUTION = 1e-5
 
 
 def design_response(model: Any, plan: ResponsePlan, rate: float, seed: int = 0) -> ResponseDesign:
-    """The runs of ``plan`` for the compiled robot ``model`` at the sampling ``rate`` (Hz).
+    """Design the runs of the experiment ``plan`` for the compiled robot ``model`` at the sampling ``rate`` (Hz).
 
-    Raises :class:`InputError` if the joint cannot do it: speed, range or torque too small, no whole number of samples.
+    ``seed`` is that of the random phases. Raises :class:`InputError` if the joint cannot execute the plan, because its
+    speed, range or torque is too small, or if a period is no whole number of samples.
     """
     names = tuple(joint.name for joint in model.spec.joints)
     i, samples = plan.joint_index(names), _samples(plan, rate)
@@ -66,7 +68,7 @@ def design_response(model: Any, plan: ResponsePlan, rate: float, seed: int = 0) 
 
 
 def _middle(model: Any) -> tuple[float, ...]:
-    """Zero, or the middle of the range of joints whose range does not contain zero."""
+    """Default posture (n,): position 0 for each joint, or the middle of its range if this does not contain 0."""
     found = []
     for joint in model.spec.joints:
         lower, upper = joint.limits.lower, joint.limits.upper
@@ -76,7 +78,10 @@ def _middle(model: Any) -> tuple[float, ...]:
 
 
 def _check_posture(model: Any, posture: tuple[float, ...], number: int, moving: int) -> None:
-    """Raise InputError for a posture of another robot, or with a standing joint outside its range."""
+    """Raise InputError for a ``posture`` with a wrong number of joints, or with a joint outside its range.
+
+    ``number`` is that of the posture, for the message; the joint ``moving`` (from 0) is not checked.
+    """
     if len(posture) != model.n:
         raise InputError(f"posture {number} has {len(posture)} joint positions, the robot {model.n}")
     for k, (position, joint) in enumerate(zip(posture, model.spec.joints, strict=True)):
@@ -101,7 +106,10 @@ def _samples(plan: ResponsePlan, rate: float) -> int:
 
 
 def _rms(model: Any, plan: ResponsePlan, i: int, posture: tuple[float, ...], crest: float) -> float:
-    """The rms that is stated, or what limits of torque and acceleration allow."""
+    """RMS of the excitation of joint ``i``, rad/s^2 (m/s^2): that of the plan, or what torque and acceleration allow.
+
+    ``crest`` is the peak of the excitation divided by its RMS.
+    """
     if plan.rms is not None:
         if not plan.rms > 0.0:
             raise InputError(f"the rms of the excitation is positive, not {plan.rms:g}")
@@ -118,7 +126,11 @@ def _rms(model: Any, plan: ResponsePlan, i: int, posture: tuple[float, ...], cre
 def _speed(
     model: Any, plan: ResponsePlan, i: int, n: Array, rate: float, kp: float, kd: float, samples: int | None
 ) -> float:
-    """A speed that never changes its sign and moves the joint by no whole number of encoder steps a period."""
+    """Mean speed of joint ``i``, rad/s (m/s), that keeps its sign under the excitation ``n``.
+
+    In one period of the excitation (``samples``) the joint moves by no whole number of encoder steps, so that
+    quantisation does not repeat. ``kp`` (1/s^2) and ``kd`` (1/s) are the loop gains.
+    """
     drive = model.spec.joints[i].drive
     resolution = (drive and drive.encoder_resolution) or DEFAULT_RESOLUTION
     slowest = _added_speed(n, rate, kp, kd)
@@ -146,7 +158,7 @@ def _speed(
 
 
 def _added_speed(n: Array, rate: float, kp: float, kd: float) -> float:
-    """The largest speed that ``n`` adds to a rigid joint in its loop, ``s/(s^2 + kd s + kp) n``."""
+    """Peak of the speed that the excitation ``n`` adds to a rigid joint in its loop, ``s/(s^2 + kd s + kp) n``."""
     s = 2j * np.pi * np.fft.rfftfreq(len(n), 1.0 / rate)
     speed = np.fft.irfft(np.fft.rfft(n) * s / (s**2 + kd * s + kp), len(n))
     return float(np.abs(speed).max())
@@ -164,7 +176,11 @@ def _strokes(
     numbers: tuple[int, int],
     samples: int,
 ) -> list[ResponseRun]:
-    """Plan the motion at constant speed as one run, or several back and forth if the joint range is too short."""
+    """Plan the motion of joint ``i`` at constant ``speed`` as one run, or several back and forth if its range is short.
+
+    ``n`` is the excitation, ``period`` the sampling period (s), ``samples`` the length of an excitation period.
+    ``numbers`` are those of posture and realisation.
+    """
     limits = model.spec.joints[i].limits
     lower, upper = (None if v is None else float(v) for v in (limits.lower, limits.upper))
     room = math.inf if lower is None or upper is None else RANGE_SHARE * (upper - lower)

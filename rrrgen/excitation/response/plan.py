@@ -1,4 +1,4 @@
-"""What is asked of a response experiment, and the runs in which it is done."""
+"""The plan of a frequency response experiment, and its design: the runs in which it is recorded."""
 
 from __future__ import annotations
 
@@ -16,15 +16,19 @@ SCHEMA = "rrrgen-response-excitation/1"
 
 @dataclass(frozen=True)
 class ResponsePlan:
-    """An experiment for the frequency response of one joint, (14.36); the other joints stand.
+    """Plan of an experiment that measures the frequency response of one joint, (14.36), while the others stand still.
 
     - ``joint``: name of the joint, or its number from 1.
-    - ``signal``: one of ``SIGNALS``; ``band`` (Hz); ``period`` (s) of the signal, also the inverse of the distance of
-      its lines; ``periods`` that are recorded after ``settle`` periods in which transients fade.
-    - ``rms`` of the excitation, rad/s^2 (m/s^2), and ``speed`` of the joint, rad/s (m/s); None: chosen.
-    - ``realisations``: experiments with other random phases; ``postures``: joint positions (n,) of each experiment;
-      zero, or the middle of ranges that do not contain zero, if None.
-    - ``bandwidth``: (Hz) of the loop of the joint, and of those of the others; ``damping`` of both.
+    - ``signal``: kind of excitation, one of ``SIGNALS``.
+    - ``band``: lowest and highest excited frequency, Hz.
+    - ``period``: period of the signal, s; the excited frequencies are multiples of 1/period.
+    - ``periods``, ``settle``: number of recorded periods, after ``settle`` periods in which transients decay.
+    - ``rms``: RMS of the excitation, rad/s^2 (m/s^2); None for the largest that the limits allow.
+    - ``speed``: mean speed of the joint, rad/s (m/s); None for one that is chosen.
+    - ``realisations``: number of experiments with different random phases.
+    - ``postures``: joint positions (n,) of each experiment; None for zero, or the middle of a range without zero.
+    - ``bandwidth``: bandwidths in Hz of the position loops of this joint, and of the others.
+    - ``damping``: damping ratio of all loops.
     """
 
     joint: str
@@ -41,7 +45,7 @@ class ResponsePlan:
     damping: float = 1.0
 
     def joint_index(self, names: tuple[str, ...]) -> int:
-        """The joint from 0 among ``names``; raises :class:`InputError` for a joint that the robot does not have."""
+        """Index from 0 of the joint of this plan among the joint ``names``; raises InputError if it is not there."""
         if self.joint in names:
             return names.index(self.joint)
         if self.joint.isdigit() and 1 <= int(self.joint) <= len(names):
@@ -51,9 +55,10 @@ class ResponsePlan:
 
 @dataclass(frozen=True, eq=False)
 class ResponseRun:
-    """One recording: excitation ``n`` (samples,) of a joint that moves from ``start`` (n,) at constant ``speed``.
+    """One run to be recorded: a joint moves at a constant mean ``speed``, rad/s (m/s), and is excited by ``n``.
 
-    The first ``settle`` samples are left out of the response. ``posture`` and ``realisation`` count from 1.
+    ``n`` (samples,) is the excitation, rad/s^2 (m/s^2), ``start`` (joints,) are the initial joint positions. The first
+    ``settle`` samples are not used for the response. ``posture`` and ``realisation`` are their numbers, from 1.
     """
 
     name: str
@@ -67,10 +72,11 @@ class ResponseRun:
 
 @dataclass(frozen=True, eq=False)
 class ResponseDesign:
-    """A designed experiment: joint (from 0), sampling period (s), loop gains (n,), signal and runs.
+    """Designed frequency response experiment of one joint: its loop gains and the runs to be recorded.
 
-    ``signal_period`` is that of the excitation in samples, None for noise. ``kp`` (1/s^2) and ``kd`` (1/s) are the
-    gains of (14.36).
+    ``joint`` counts from 0; ``period`` is the sampling period (s); ``signal`` is the kind of excitation and
+    ``signal_period`` its period in samples, None for noise. ``kp`` (n,) in 1/s^2 and ``kd`` (n,) in 1/s are the gains
+    of the position loops, (14.36).
     """
 
     robot: str
@@ -84,7 +90,7 @@ class ResponseDesign:
     runs: tuple[ResponseRun, ...]
 
     def reference(self, run: ResponseRun, t: Array) -> tuple[Array, Array, Array]:
-        """Position, velocity and acceleration of the reference of ``run`` at times ``t`` (m,), (m, n) each."""
+        """Reference position, velocity and acceleration, (m, n) each, of all joints in ``run`` at times ``t`` (m,), s."""
         direction = np.zeros(len(run.start))
         direction[self.joint] = run.speed
         t = np.asarray(t, dtype=float)
@@ -92,7 +98,7 @@ class ResponseDesign:
         return q, np.broadcast_to(direction, q.shape), np.zeros_like(q)
 
     def to_json(self) -> dict[str, Any]:
-        """The design as plain data for JSON; of a periodic excitation one period."""
+        """The design as plain data for JSON; a periodic excitation is stored as one period."""
         return {
             "schema": SCHEMA,
             "robot": self.robot,
@@ -120,7 +126,7 @@ class ResponseDesign:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> ResponseDesign:
-        """The design that :meth:`to_json` describes; raises :class:`InputError` for other data."""
+        """Restore a design from the data of :meth:`to_json`; raises :class:`InputError` for other data."""
         if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
             raise InputError(f"this is no response excitation of `rrrgen excite --response` (schema {SCHEMA})")
         try:

@@ -1,4 +1,4 @@
-"""Figure of a designed response experiment: the signal and its lines."""
+"""Figure of a designed frequency response experiment: the excitation over time and its spectrum."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def plot_response_excitation(design: ResponseDesign, unit: str = "rad/s²") -> Figure:
-    """One period of the excitation of the first run, in ``unit``, or all of it for noise; and its lines."""
+    """Plot the excitation of the first run, in ``unit``, over one period (noise: over all of it), and its spectrum."""
     run = design.runs[0]
     n = run.n[: design.signal_period]
     amplitude = 2.0 * np.abs(np.fft.rfft(n)) / len(n)

@@ -19,10 +19,11 @@ FEWEST_LINES = 8
 def excitation_signal(
     kind: str, band: tuple[float, float], samples: int, rate: float, rng: np.random.Generator
 ) -> Array:
-    """``samples`` (N,) of the signal ``kind`` at ``rate`` (Hz): one period, or for noise the whole of it.
+    """Excitation signal of a given ``kind`` with RMS 1 and mean 0, (samples,): one period, or all of a noise signal.
 
-    ``band`` (Hz) are its lowest and highest frequency; the lines are the multiples of ``rate/samples`` in it.
-    Raises :class:`InputError` for a band that holds too few lines or exceeds half the rate.
+    ``rate`` is the sampling rate in Hz, ``band`` the lowest and highest excited frequency in Hz. The spectral lines of
+    a periodic signal are the multiples of ``rate/samples`` in the band. ``rng`` draws the random phases. Raises
+    :class:`InputError` for a band that holds too few lines or exceeds half the rate.
     """
     lines = lines_of(band, samples, rate)
     if kind == "noise":
@@ -35,7 +36,10 @@ def excitation_signal(
 
 
 def lines_of(band: tuple[float, float], samples: int, rate: float) -> NDArray[np.int64]:
-    """Numbers of the lines of a period of ``samples`` in ``band`` (Hz); raises InputError where they are too few."""
+    """Numbers k of the spectral lines, frequencies ``k rate/samples`` (Hz), that lie in ``band`` (Hz).
+
+    Raises InputError if there are too few.
+    """
     low, high = band
     if not 0.0 < low < high < 0.5 * rate:
         raise InputError(
@@ -53,14 +57,17 @@ def lines_of(band: tuple[float, float], samples: int, rate: float) -> NDArray[np
 
 
 def odd_lines(lines: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
-    """The odd ``lines`` less one at random of every :data:`GROUP`: what appears there is distortion or noise."""
+    """The odd ones of ``lines``, without one at random of every :data:`GROUP`.
+
+    A response at an even line or at one left out is nonlinear distortion or noise.
+    """
     odd = lines[lines % 2 == 1]
     left_out = [start + int(rng.integers(GROUP)) for start in range(0, len(odd) - GROUP + 1, GROUP)]
     return np.asarray(np.delete(odd, left_out))
 
 
 def multisine(lines: NDArray[np.int64], samples: int, rng: np.random.Generator) -> Array:
-    """Cosines of equal amplitude at ``lines`` with random phases, the draw with the smallest peak of several."""
+    """Random-phase multisine (samples,): cosines of equal amplitude at ``lines``; the draw with the smallest peak."""
     best: Array = np.zeros(samples)
     for _ in range(TRIALS):
         spectrum = np.zeros(samples // 2 + 1, dtype=complex)
@@ -73,7 +80,7 @@ def multisine(lines: NDArray[np.int64], samples: int, rng: np.random.Generator) 
 
 
 def band_noise(lines: NDArray[np.int64], samples: int, rng: np.random.Generator) -> Array:
-    """Gaussian noise, white within the band and nothing outside."""
+    """Gaussian noise (samples,) that is white within the band of ``lines`` and zero outside."""
     spectrum = np.zeros(samples // 2 + 1, dtype=complex)
     spectrum[lines] = rng.normal(size=len(lines)) + 1j * rng.normal(size=len(lines))
     signal = np.fft.irfft(spectrum, samples)
@@ -81,7 +88,7 @@ def band_noise(lines: NDArray[np.int64], samples: int, rng: np.random.Generator)
 
 
 def swept_sine(first: int, last: int, samples: int) -> Array:
-    """A sine whose frequency rises linearly from line ``first`` to ``last`` within the period, closing on itself."""
+    """Periodic swept sine (samples,): its frequency rises linearly from line ``first`` to ``last`` in one period."""
     t = np.arange(samples) / samples
     top = last - (first + last) % 2  # a whole number of cycles in a period
     signal = np.sin(2.0 * np.pi * (first * t + 0.5 * (top - first) * t**2))

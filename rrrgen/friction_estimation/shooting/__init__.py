@@ -1,1 +1,1 @@
-"""Output error over many short windows: simulation, fit, deviations."""
+"""Output-error fit of one joint over many short windows of a recording: simulation, fit, standard deviations."""

@@ -1,7 +1,7 @@
-"""Deviations of the estimates by resampling blocks of windows.
+"""Standard deviations of the estimates by resampling blocks of windows (block bootstrap).
 
-The covariance from the Hessian of a fit takes neighbouring residuals for independent and the law for exact; stretches
-of the recording drawn with replacement show what differs between them.
+The covariance from the Hessian of a fit assumes independent residuals and an exact friction law. Estimates from blocks
+drawn with replacement vary as those from different parts of the recording do, without these assumptions.
 """
 
 from __future__ import annotations
@@ -16,13 +16,17 @@ RESAMPLES = 400
 
 
 def resampled(found: Fit, blocks: NDArray[np.int64], seed: int) -> Array:
-    """Parameters (k, resamples) of one Gauss-Newton step from the fit, on blocks drawn with replacement."""
+    """Draw blocks with replacement and estimate the parameters from each draw; returns (k, resamples).
+
+    ``found`` is the fit to all windows, ``blocks`` (S,) the number of the block of each window, ``seed`` that of the
+    draws. Each estimate is one Gauss-Newton step from the fit.
+    """
     groups = np.unique(blocks, return_inverse=True)[1]
     count, f = int(np.max(groups)) + 1, len(found.free)
     H, g = np.zeros((count, f, f)), np.zeros((count, f))
     np.add.at(H, groups, found.normal)
     np.add.at(g, groups, found.gradient)
-    g -= g.mean(axis=0)  # the search ends near the optimum, not at it
+    g -= g.mean(axis=0)  # the search ends near the optimum, where the gradient is not quite zero
     rng = np.random.default_rng(seed)
     drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=RESAMPLES).astype(float)
     normal, gradient = np.einsum("bg,gjk->bjk", drawn, H), drawn @ g

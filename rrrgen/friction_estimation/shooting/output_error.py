@@ -1,8 +1,8 @@
-"""Output error over many short windows (multiple shooting): parameters, and the start state of every window.
+"""Output-error fit over many short windows (multiple shooting): parameters, and the initial state of every window.
 
-Positions simulated over a window from its start state are compared with the recorded ones. The residual is whitened by
-the covariance of encoder noise and of white torque noise, integrated twice; start states are tied to those of a filter
-by their uncertainty and eliminated window by window.
+Positions simulated over a window from its initial state are compared with the recorded ones. The residuals are whitened
+by the covariance of encoder noise plus white torque noise that the joint integrates twice. The initial states have a
+prior, the state of a low-pass filter with its uncertainty, and are eliminated from the normal equations of each window.
 """
 
 from __future__ import annotations
@@ -17,23 +17,24 @@ from rrrgen.friction_estimation.candidates import Candidate
 from rrrgen.friction_estimation.shooting.simulation import simulate
 from rrrgen.friction_estimation.shooting.windows import Noise, Windows, make_noise
 
-STEP = 1e-4  # of a parameter's scale, for forward differences
+STEP = 1e-4  # step of forward differences, relative to a parameter's scale
 ROBUST = 3.0  # standard deviations at which the loss turns from quadratic to linear
 RATIOS = 10.0 ** np.arange(-1.0, 5.1)
 MOST_ITERATIONS = 25
-ADAPTING = 4  # iterations for start states alone
-LARGEST_STEP = 0.7  # of a logarithm in one iteration
-QUADRATIC = 0.6  # by which the bound on the robust scale falls in every iteration
+ADAPTING = 4  # iterations in which only the initial states are fitted
+LARGEST_STEP = 0.7  # largest change of a logarithm in one iteration
+QUADRATIC = 0.6  # factor by which the lower bound on the robust scale falls in every iteration
 SMALL_GAIN = 1e-4  # relative decrease of the cost at which the search ends
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A law fitted to windows: parameters ``theta`` (k,), start states (2, S).
+    """Result of fitting a law to S windows: parameters ``theta`` (k,) and initial states ``start`` (2, S), q and dq.
 
-    ``cost`` (S,) are the robust losses in units of ``sigma``, the scale of the residuals under ``noise``; ``normal``
-    (S, f, f) and ``gradient`` (S, f) the windows' parts of the normal equations of the f ``free`` parameters, their
-    start states eliminated.
+    ``sigma`` is the robust standard deviation of the residuals whitened by ``noise``; ``cost`` (S,) are the robust
+    losses of the windows in units of its square. ``free`` (f,) are the indices of the fitted parameters; ``normal``
+    (S, f, f) and ``gradient`` (S, f) are the contributions of the windows to their normal equations, after elimination
+    of the initial states.
     """
 
     candidate: Candidate
@@ -56,7 +57,12 @@ def fit(
     start: Array | None = None,
     iterations: int = MOST_ITERATIONS,
 ) -> Fit:
-    """Levenberg-Marquardt from ``theta`` (k,); parameters named in ``held`` keep their values."""
+    """Fit the parameters of ``candidate`` to ``windows`` by the Levenberg-Marquardt method.
+
+    ``theta`` (k,) are the initial values. ``noise`` whitens the residuals. Parameters named in ``held`` keep their
+    values. ``start`` (2, S) are initial states of the windows to begin with, those of the recording's filter if None;
+    ``iterations`` is the largest number.
+    """
     work = _Problem(candidate, windows, noise, held)
     theta = candidate.clipped(theta)
     start = np.stack([windows.q0, windows.v0]) if start is None else start
@@ -65,7 +71,7 @@ def fit(
     for done in range(1, iterations + 1):
         trial, trial_start = work.moved(found, theta, start, damping)
         cost = work.cost(trial, trial_start, found.sigma)
-        if not len(work.free):  # windows are independent of each other: each keeps its better start state
+        if not len(work.free):  # without free parameters windows are independent: each keeps its better initial state
             trial_start = np.where(cost < found.cost, trial_start, start)
             cost = np.minimum(cost, found.cost)
         if np.sum(cost) < np.sum(found.cost):
@@ -87,23 +93,26 @@ def fit(
 
 
 def start_cost(candidate: Candidate, theta: Array, windows: Windows, noise: Noise) -> float:
-    """Robust scale of the residuals at start values: what their fit has to bring down."""
+    """Robust standard deviation of the whitened residuals at ``theta`` (k,), to choose between initial parameters."""
     start = np.stack([windows.q0, windows.v0])
     r = _Problem(candidate, windows, noise, ()).residuals(theta[:, None], start[:, None])
     return _scale(r[:-2, 0][windows.used]) if np.all(np.isfinite(r)) else np.inf
 
 
 def window_losses(candidate: Candidate, theta: Array, windows: Windows, noise: Noise, sigma: float) -> Array:
-    """Robust losses (S,) in units of ``sigma`` for given parameters, the start states adapted to each window."""
+    """Robust losses (S,) of the windows for given parameters ``theta`` (k,), in units of ``sigma`` squared.
+
+    The initial state of each window is fitted first.
+    """
     fitted = fit(candidate, theta, windows, noise, held=candidate.names, iterations=ADAPTING)
     return _Problem(candidate, windows, noise, candidate.names).cost(theta, fitted.start, sigma)
 
 
 def likely_noise(found: Fit, windows: Windows) -> Noise:
-    """The ratio of torque noise to encoder noise under which the position errors of a fit are most likely.
+    """Estimate the ratio of torque noise to encoder noise from the position errors of a fit, by maximum likelihood.
 
-    Minimises ``N ln(sigma) + sum ln L_ii`` over the positions that count, with a robust sigma for each ratio; L is the
-    Cholesky factor of the covariance.
+    Minimises ``N ln(sigma) + sum ln L_ii`` over the N positions used, with a robust sigma for each ratio; L is the
+    Cholesky factor of the covariance of the position errors. Returns the :class:`Noise` with this ratio.
     """
     work = _Problem(found.candidate, windows, found.noise, ())
     errors = windows.measured - work.positions(found.theta[:, None], found.start[:, None, :])[:, 0]
@@ -127,21 +136,24 @@ class _Linear:
 
 
 class _Problem:
-    """Residuals of all windows and their derivatives."""
+    """Least-squares problem of one fit: residuals of all windows and their derivatives."""
 
     def __init__(self, candidate: Candidate, windows: Windows, noise: Noise, held: tuple[str, ...]) -> None:
         self.candidate, self.windows, self.noise = candidate, windows, noise
         self.free = np.array([i for i, name in enumerate(candidate.names) if name not in held], dtype=int)
-        # prior of the start states, in units of the residual
+        # standard deviations of the initial states' prior
         self.prior = np.array([windows.q0_std, windows.v0_std])
 
     def positions(self, theta: Array, start: Array) -> Array:
-        """Simulated positions (m, C, S) for parameters (k, C) and start states (2, C, S)."""
+        """Simulated positions (m, C, S) for parameters ``theta`` (k, C) and initial states ``start`` (2, C, S)."""
         w = self.windows
         return simulate(self.candidate, theta, w.torque, start[0], start[1], w.period, w.stride, w.direction)
 
     def whitened(self, plain: Array, start: Array) -> Array:
-        """Whitened residuals (m + 2, C, S): positions, then start states against their prior, in units of sigma."""
+        """Whitened residuals (m + 2, C, S): m position errors, then the initial states' deviation from their prior.
+
+        ``plain`` (m, C, S) are the errors before whitening, ``start`` (2, C, S) the initial states.
+        """
         w = self.windows
         points, C, S = plain.shape
         first = (self.noise.whitener @ plain.reshape(points, C * S)).reshape(points, C, S) / w.resolution
@@ -153,15 +165,19 @@ class _Problem:
         return self.whitened(self.windows.measured[:, None] - self.positions(theta, start), start)
 
     def cost(self, theta: Array, start: Array, sigma: float) -> Array:
-        """Robust loss of every window (S,)."""
+        """Robust loss of each window, summed over its residuals divided by ``sigma``.
+
+        ``theta`` (k, C) are parameters, ``start`` (2, C, S) initial states.
+        """
         r = self.residuals(theta[:, None], start[:, None])[:, 0]
         return np.asarray(np.sum(_loss(r / sigma), axis=0))
 
     def linearise(self, theta: Array, start: Array, quadratic: float) -> _Linear:
-        """Residuals, weights and normal equations at a point, start states eliminated.
+        """Normal equations of the fit at a point, with the initial states eliminated.
 
-        ``quadratic`` times the root mean square bounds the scale from below: the search begins as plain least squares,
-        since a robust loss far from the optimum takes the informative windows for outliers.
+        The scale of the robust loss is at least ``quadratic`` times the root mean square of the residuals. A large
+        ``quadratic`` at the start of a search makes it ordinary least squares, because far from the optimum a robust
+        loss would treat informative windows as outliers.
         """
         k = len(self.free)
         free = self.candidate.to_free(theta)
@@ -193,7 +209,7 @@ class _Problem:
         return _Linear(sigma, cost, normal, gradient, own, back, settled)
 
     def moved(self, at: _Linear, theta: Array, start: Array, damping: float) -> tuple[Array, Array]:
-        """A damped Gauss-Newton step of parameters and start states."""
+        """Parameters and initial states after one damped Gauss-Newton step from the linearisation ``at``."""
         step = np.zeros(len(self.free))
         if len(step):
             H, g = at.normal.sum(axis=0), at.gradient.sum(axis=0)
@@ -209,12 +225,12 @@ class _Problem:
 
 
 def _scale(r: Array) -> float:
-    """Standard deviation of whitened residuals by their median, not below the rounding of the encoder."""
+    """Robust standard deviation of whitened residuals ``r`` from their median, at least that of encoder rounding."""
     return max(float(np.median(np.abs(r))) / 0.6745, 0.29)
 
 
 def _loss(x: Array) -> Array:
-    """The robust loss soft_l1 of squared residuals: quadratic below ROBUST, linear above."""
+    """Robust loss soft_l1 of the residuals ``x``, in standard deviations: quadratic below ROBUST, linear above."""
     s = (x / ROBUST) ** 2
     return np.asarray(2.0 * ROBUST**2 * (np.sqrt(1.0 + s) - 1.0))
 

@@ -1,7 +1,7 @@
 """Simulation of one joint over many short windows and many parameter vectors at once.
 
-Everything is an array (C, S) of C parameter vectors and S windows. A joint whose friction jumps at rest sticks there
-exactly while the load is below break-away; the instant at which it stops is located within a step.
+All quantities are arrays (C, S) over C parameter vectors and S windows. With a friction law that jumps at zero speed, a
+joint sticks exactly while the load is below break-away; the instant at which it stops is located within a time step.
 """
 
 from __future__ import annotations
@@ -22,14 +22,20 @@ NEURAL_STEPS = 4
 
 @dataclass(frozen=True)
 class Torque:
-    """Recorded torque of the windows: ``samples`` (N,), first sample of each window ``starts`` (S,)."""
+    """Recorded torque over S windows of ``length`` sampling periods.
+
+    ``samples`` (N,) is the torque of the whole recording, ``starts`` (S,) the first sample of each window.
+    """
 
     samples: Array
     starts: NDArray[np.int64]
     length: int
 
     def held(self, step: int, delay: Array) -> Array:
-        """Torque during sampling period ``step`` of every window, delayed by ``delay`` (C, 1) periods; (C, S)."""
+        """Torque (C, S) during sampling period number ``step`` of each window, delayed by ``delay`` (C, 1) periods.
+
+        A fractional delay interpolates between two periods.
+        """
         at = self.starts + step - delay
         low = np.floor(at).astype(np.int64)
         weight = at - low
@@ -74,7 +80,7 @@ def simulate(
 
 
 class _Sliding:
-    """Laws with a jump at rest, in a given direction: midpoint rule."""
+    """Integrator for laws that jump at zero speed, where the direction of sliding is given: midpoint rule."""
 
     def __init__(self, candidate: Candidate, theta: list[Array], period: float, direction: Array) -> None:
         self.candidate, self.theta, self.h, self.direction = candidate, theta, period, direction
@@ -92,7 +98,10 @@ class _Sliding:
 
 
 class _Sticking:
-    """Laws with a jump at rest: midpoint rule in a fixed direction, cut where the joint stops."""
+    """Integrator for laws that jump at zero speed, with sticking.
+
+    A step is the midpoint rule with a constant direction of sliding; it is cut at the instant at which the joint stops.
+    """
 
     def __init__(self, candidate: Candidate, theta: list[Array], period: float) -> None:
         self.candidate, self.theta, self.h, self.J = candidate, theta, period, theta[0]
@@ -125,7 +134,7 @@ class _Sticking:
 
 
 class _Smooth:
-    """Laws without a jump: linearly implicit steps, stable where the slope is steep."""
+    """Integrator for continuous laws: linearly implicit steps, stable for friction that is steep at low speed."""
 
     def __init__(self, candidate: Candidate, theta: list[Array], period: float) -> None:
         self.candidate, self.theta, self.J = candidate, theta, theta[0]
@@ -154,7 +163,7 @@ class _Smooth:
 
 
 class _Bristles:
-    """LuGre: the trapezoidal rule in speed; the deflection exactly for the mean speed of a step."""
+    """Integrator for the LuGre law: trapezoidal rule for the speed, exact bristle deflection at a step's mean speed."""
 
     def __init__(self, candidate: Candidate, theta: list[Array], period: float) -> None:
         self.candidate, self.theta, self.J = candidate, theta, theta[0]

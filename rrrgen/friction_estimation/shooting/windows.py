@@ -14,12 +14,14 @@ from rrrgen.friction_estimation.shooting.simulation import Torque
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """The recording cut into S windows of ``length`` sampling periods, compared every ``stride`` of them.
+    """A recording cut into S short windows over which the joint is simulated.
 
-    ``torque`` holds all samples; ``measured`` (m, S) are the positions, ``q0``, ``v0`` (S,) the start states of a
-    filter, ``q0_std``, ``v0_std`` their standard deviations; ``used`` (m, S) says which positions count, from the start
-    of a window on; ``block`` (S,) numbers longer stretches, for held-out errors and resampling. ``resolution`` is that
-    of the encoder. With ``direction`` (S,) the joint slides that way throughout each window.
+    ``period`` is the sampling period (s), ``torque`` the recorded torque of the windows. Positions are compared every
+    ``stride`` periods: ``measured`` (m, S) are the recorded ones, rad (m), and ``used`` (m, S) marks those that belong
+    to a window, which may be shorter than the longest. ``q0``, ``v0`` (S,) are estimated positions and speeds at the
+    start, with the standard deviations ``q0_std``, ``v0_std``. ``block`` (S,) is the number of the longer stretch that
+    a window belongs to; blocks are held out or resampled as a whole. ``resolution`` is that of the encoder, rad (m).
+    ``direction`` (S,), +1 or -1, is the direction of sliding if it is constant in each window, otherwise None.
     """
 
     period: float
@@ -40,11 +42,11 @@ class Windows:
 
     @property
     def points(self) -> int:
-        """Number of positions that count."""
+        """Number of positions that are compared, over all windows."""
         return int(np.count_nonzero(self.used))
 
     def of(self, chosen: NDArray[Any]) -> Windows:
-        """The windows ``chosen`` (a mask or numbers)."""
+        """The ``chosen`` windows, given by a mask (S,) or by their numbers."""
         torque = replace(self.torque, starts=self.torque.starts[chosen])
         return replace(
             self, torque=torque, measured=self.measured[:, chosen], q0=self.q0[chosen], v0=self.v0[chosen],
@@ -55,10 +57,11 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """``covariance = sigma^2 (I + ratio D)`` of a window's residual, D that of torque noise integrated twice, scaled.
+    """Noise model of the m position errors of a window: ``covariance = sigma^2 (I + ratio D)``.
 
-    ``whitener`` (m, m), lower triangular, makes it ``sigma^2 I``, also of a window's first part alone; ``logarithms``
-    (m,) are those of the inverse of its diagonal.
+    I is encoder noise; D is the covariance of white torque noise integrated twice, 1 at the last position. ``ratio`` is
+    thus torque noise over encoder noise. ``whitener`` (m, m), lower triangular, maps the errors to ones with covariance
+    ``sigma^2 I``; its leading block does so for a shorter window. ``logarithms`` (m,) are ``-ln`` of its diagonal.
     """
 
     ratio: float
@@ -67,7 +70,10 @@ class Noise:
 
 
 def make_noise(points: int, step: float, ratio: float) -> Noise:
-    """Noise of windows with ``points`` samples ``step`` seconds apart; ``ratio`` is relative at the window's end."""
+    """Noise model of windows with ``points`` positions at a distance of ``step`` seconds.
+
+    ``ratio`` is the variance due to torque noise at the end of a window divided by that of the encoder.
+    """
     t = np.arange(points) * step
     early, late = np.minimum.outer(t, t), np.maximum.outer(t, t)
     D = early**2 * (3.0 * late - early) / 6.0  # white noise integrated twice
