@@ -1,4 +1,4 @@
-"""Ctrl-C while CasADi works: where its solver or its Python code swallows the interruption, it is raised again here.
+"""Makes Ctrl-C end work in CasADi: an interruption that its solver or its Python code swallows is raised again.
 
 IPOPT takes an interruption for a failed evaluation and goes on from another point. The Python code of CasADi catches
 every exception in some places (``vertcat`` and the conversion of arrays, for instance), the interruption among them.

@@ -83,7 +83,7 @@ class ExcitationProgram:
         return q, dq, ddq
 
     def _information(self, grid: Floats) -> Any:
-        """Mean of the information matrix ``Y' Y`` over the instants ``grid`` (s): symbolic (b, b), lower triangle only."""
+        """Symbolic mean of the information matrix ``Y' Y`` (b, b) over the times ``grid`` (s), lower triangle only."""
         import casadi
 
         problem, b = self.problem, self.problem.columns

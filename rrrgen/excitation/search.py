@@ -172,8 +172,9 @@ def _solve(
 ) -> FourierTrajectory:
     """Run IPOPT on one stage from ``trajectory``, with exact gradient and limited-memory Hessian; returns the result.
 
-    ``stage`` names the objective, ``p`` is the exponent of its norms and ``eigenvalue`` its scale; limits are imposed
-    at ``instants``. The objective of every iteration is appended to ``history``.
+    ``stage`` names the objective, ``p`` is the exponent of its norms, ``eigenvalue`` the mean eigenvalue of the
+    information matrix at the start; limits are imposed at ``instants``. The objective of every iteration is appended to
+    ``history``.
     """
     import casadi
 

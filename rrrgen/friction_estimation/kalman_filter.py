@@ -3,7 +3,7 @@
 The state is ``x = [q, v, p]`` with constant parameters p, some as logarithms; the acceleration is that of (14.15), in
 Kostic, de Jager, Steinbuch, Robotics and Automation Handbook, CRC Press 2005, chapter 14. sgn(v) is smoothed to tanh
 and the integration step is linearly implicit. Where friction jumps, the model of one sample is wrong by up to the
-break- away torque: process noise on the speed accounts for it there and keeps the estimates unbiased.
+break-away torque: process noise on the speed accounts for it there and keeps the estimates unbiased.
 """
 
 from __future__ import annotations

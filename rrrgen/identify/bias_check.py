@@ -1,10 +1,10 @@
-"""Instrumental variables as a check of bias: the regressor of another period of the same motion.
+"""Checks by instrumental variables whether noise in the motion biases the least-squares estimate.
 
-Noise in the positions makes the regressor noisy, which biases least squares however long the recording is. If the
-motion repeats, the rows Z one period later have the same signal and independent noise: ``x_iv = (Z' W)^-1 Z' tau`` has
-no such bias. With a known controller, Z is the regressor along the simulated loop, which has no noise at all (Janot,
-Vandanjon and Gautier 2014). Its difference from least squares,
-``(Z' W)^-1 (Z - W)' r`` with the residuals r, is compared with its standard deviation.
+Noise in the positions makes the regressor W noisy, which biases least squares however long the recording is. If the
+motion repeats, the regressor Z one period later has the same signal and independent noise, and the estimate
+``x_iv = (Z' W)^-1 Z' tau`` has no such bias. With a known controller, Z is the regressor along the simulated loop,
+which has no noise at all (Janot, Vandanjon and Gautier 2014). The difference of the two estimates,
+``(Z' W)^-1 (Z - W)' r`` with the least-squares residuals r, is compared with its standard deviation.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from rrrgen.identify.identification import Identification
 
 LIKE = 0.3
 """Largest difference of the regressor from that of another period, over its size, for the same motion."""
-LAGS = 20  # of Newey and West, in rows
-CLEAR = 4.0  # standard deviations; of fifty parameters one reaches them by chance in three checks of a thousand
+LAGS = 20  # rows over which scores are taken as correlated (Newey and West)
+CLEAR = 4.0  # standard deviations; one of fifty parameters exceeds them by chance in three checks of a thousand
 MOST_NAMED = 3
 TELLING = 0.1  # difference of the torques, relative, above which estimates that agree only tell that the check is weak
 
@@ -51,7 +51,7 @@ class BiasCheck:
         return tuple(int(i) for i in np.argsort(-ratio) if ratio[i] > CLEAR)
 
     def to_json(self) -> dict[str, Any]:
-        """Differences, deviations and effect as plain data."""
+        """Plain data for JSON: differences of the estimates, standard deviations, effect on the torques."""
         return {
             "difference": dict(zip(self.names, self.difference.tolist(), strict=True)),
             "std": dict(zip(self.names, self.std.tolist(), strict=True)),
@@ -60,7 +60,7 @@ class BiasCheck:
         }
 
     def lines(self) -> list[str]:
-        """The verdict as text."""
+        """Lines of text for the report: whether the estimates differ significantly, and in which parameters."""
         share = f"the torques of the two estimates differ by {100 * self.torque:.2g} %"
         if not self.significant and self.torque > TELLING:
             return [f"instrumental variables: too uncertain here to tell bias from noise in the motion; {share}"]
@@ -107,7 +107,10 @@ class Paired:
 
 
 def compare(found: Identification, x: Array, pairs: Sequence[Paired]) -> tuple[BiasCheck, float]:
-    """Instrumental minus least-squares estimate ``x`` of the rows, and the relative difference of Z from W."""
+    """Compare the instrumental-variable estimate from ``pairs`` with the least-squares estimate ``x`` (r,).
+
+    Returns the check, and the relative difference of the instruments Z from the regressor W.
+    """
     estimate = found.estimate
     assert found.parametrisation is not None
     transform, known = found.parametrisation.T, found.parametrisation.known
@@ -135,7 +138,7 @@ def compare(found: Identification, x: Array, pairs: Sequence[Paired]) -> tuple[B
 
 
 def _stretches(blocks: Iterable[Rows]) -> list[Rows]:
-    """The rows of every uninterrupted stretch as one block."""
+    """Concatenate blocks of rows so that each uninterrupted stretch of the recording is one block."""
     found: dict[int, list[Rows]] = {}
     for rows in blocks:
         if len(rows.segment):
@@ -149,7 +152,7 @@ def _joined(parts: Sequence[Rows]) -> Rows:
 
 
 def _pairs(rows: Rows, period: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices of rows, and for each the index of the row one ``period`` (s) later; at the end one period earlier."""
+    """Indices of instants, and for each the index of the instant one ``period`` (s) later, or earlier near the end."""
     count = len(rows.t)
     shift = round(period / float(np.median(np.diff(rows.t)))) if count > 1 else 0
     if shift < 1 or count <= shift:

@@ -1,4 +1,4 @@
-"""Convergence of the estimates with the number of samples, as in Fig. 14.12."""
+"""Convergence of the estimated parameters with the number of samples, as in Fig. 14.12."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def convergence(
     transform: Callable[[JointFactors], JointFactors] | None = None,
     every: int = 1,
 ) -> Convergence:
-    """Weighted least squares (14.20) from the first k fitted instants, for k = every, 2 every, ...
+    """Estimate the parameters by weighted least squares (14.20) from the first k instants, k = every, 2 every, ...
 
     ``blocks`` are the rows in order of time, ``names`` those of the p parameters, ``weights`` (n,) those of the joints;
     ``transform`` maps the triangular factors of the rows to those of the identifiable parameters.

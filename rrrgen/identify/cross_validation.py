@@ -26,13 +26,16 @@ from rrrgen.signals.processing import Processing
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Held-out errors of every part: ``parts[k]`` holds the score of each estimate on the rows as they are fitted."""
+    """Errors of cross-validation: ``parts[k]`` holds the score of each estimate on part k, which it was not fitted to.
+
+    ``joints`` are the joint names. The scored rows are filtered and selected as the fitted ones are.
+    """
 
     joints: tuple[str, ...]
     parts: tuple[tuple[Score, ...], ...]
 
     def pooled(self, estimate: int) -> tuple[float, Array]:
-        """Relative error of one estimate over all parts, and that of every joint (n,)."""
+        """Relative torque error of estimate number ``estimate`` over all parts, and that of every joint (n,)."""
         squares, size = np.zeros(len(self.joints)), np.zeros(len(self.joints))
         for part in self.parts:
             score = part[estimate]

@@ -76,9 +76,9 @@ class Identification:
       ``scores``: these and the scores on all rows and on unfiltered torques.
     - ``whiteness``: of the residuals of every joint; ``essential``: the reduced model, None if not asked for.
     - ``indefinite``: for each estimate, the share of random poses with an indefinite mass matrix.
-    - ``structural_notes``, ``motion_notes``, ``hardly_determined``: sentences on parameters that the structure of the
-      robot leaves undetermined, that the motion does, and that the data determine poorly; ``weak``: combinations that
-      are hardly excited.
+    - ``structural_notes``, ``motion_notes``: sentences on parameters that the structure of the robot, or the recorded
+      motion, leaves undetermined; ``hardly_determined``: on those that the data determine poorly; ``weak``:
+      combinations that the motion hardly excites.
     - ``delivered``: the parameters of the written model, with their ``units`` and ``meanings``; ``band``: the
       uncertainty of the torques that it predicts.
     - ``friction``: the friction laws other than the linear one, None without any.
@@ -204,9 +204,10 @@ def refitted(
     friction: FrictionFit | None,
     progress: Progress | None = None,
 ) -> Identification:
-    """The identification ``found`` anew, from other rows in the same parameters, such as those of a simulated loop.
+    """Repeat the identification ``found`` with other rows for the same parameters, such as those of a simulated loop.
 
-    ``blocks`` are fitted, ``held_out`` scored; ``friction`` are the laws with other shapes.
+    ``blocks`` are the rows to fit, ``held_out`` those to score only, ``friction`` the laws with changed shapes;
+    ``recordings`` and ``options`` are as for :func:`identify`.
     """
     regressor, chosen = found.regressor, found.parametrisation
     assert regressor is not None and chosen is not None  # noqa: PT018

@@ -79,7 +79,7 @@ def identified_units(
 
 
 def explained_names(names: Sequence[str], columns: Sequence[Column], model: Any) -> tuple[str, ...]:
-    """Lines that explain the ``names``: each kind of parameter once, and every base parameter named by the user."""
+    """Lines that explain the parameter ``names``: each kind of parameter once, and base parameters the user named."""
     used = {word for name in names for word in WORD.findall(name)}
     K = np.asarray(model.base_projection)
     standard = standard_names(K.shape[1] // 10)

@@ -178,7 +178,10 @@ def identified_spec(
 
 
 def _law(surface: FrictionSurface, left: dict[str, float]) -> LawSpec:
-    """The law of a surface with its estimated parameters, which are removed from ``left``."""
+    """Friction law of a joint or motor with its estimated parameters, for the robot file.
+
+    ``left`` maps the names of parameters not yet used to their values; those of this law are removed from it.
+    """
     linear = [left.pop(f"{parameter.name}{surface.owner}") for parameter in surface.definition.linear]
     return LawSpec(surface.law, tuple(float(value) for value in surface.definition.joined(linear, surface.shapes)))
 
@@ -192,7 +195,7 @@ def _identified(
     if owner in laws:
         friction = FrictionSpec(offset=found.get("offset"), law=laws[owner])
     elif friction is not None and friction.law is not None:
-        friction = FrictionSpec(**found)  # the linear law was asked for instead of the stated one
+        friction = FrictionSpec(**found)  # the user asked for the linear law instead of that of the robot file
     elif found:
         friction = replace(friction or FrictionSpec(), **found)
     return friction, left.pop(f"Ia{owner}", None)

@@ -43,12 +43,12 @@ class TorqueCurves:
     own: Array | None = None
 
     def halved(self) -> TorqueCurves:
-        """The curves with every second instant only."""
+        """A copy with every second instant only, to bound the number of points."""
         return TorqueCurves(*(None if part is None else part[::2] for part in self.parts))  # type: ignore[arg-type]
 
     @property
     def parts(self) -> tuple[Any, ...]:
-        """The arrays in order."""
+        """The arrays of all fields, in the order of the fields."""
         return (self.t, self.measured, self.model, self.use, self.spread, self.own)
 
 

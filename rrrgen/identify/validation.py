@@ -57,7 +57,7 @@ class Thresholds:
 
 @dataclass(frozen=True)
 class JointScore:
-    """Torque error at one joint: RMS torque, RMS and largest error, N m (N), and the relative error.
+    """Torque error at one joint: RMS torque, RMS error and largest error, N m (N), and relative error, RMS over RMS.
 
     ``beyond_noise`` is ``sqrt(max(error^2 - noise^2, 0))`` over the RMS torque, None if the noise is unknown;
     ``samples`` is the number of instants scored and ``share`` their share of the recording. ``relative_error_all`` is
@@ -293,9 +293,10 @@ def column_model(regressor: Callable[[Array, Array, Array], Array], theta: Array
 class RobotTorque:
     """Torque model of a compiled robot as its file describes it: inverse dynamics plus friction.
 
-    Friction is computed from the columns of identification, in which the sign of a speed is zero at rest, so that
-    round-off of a reconstructed speed has none. ``sliding`` gives the states of friction laws; without states they are
-    taken in sliding, as are laws that no regressor holds, ``others`` with the direction of each.
+    Friction is computed from regressor columns of ``terms`` and ``surfaces`` with the parameters ``values``. In them
+    the sign of a speed near zero is zero, so that round-off of a reconstructed speed causes no friction. Laws that have
+    no regressor columns are in ``others``, each with its direction (n,) in joint space; they are evaluated in steady
+    sliding, as are laws with a state when no state is given.
     """
 
     model: Any
@@ -306,11 +307,14 @@ class RobotTorque:
 
     @property
     def sliding(self) -> Sliding | None:
-        """The states of the friction laws; None without any."""
+        """Computes the states of the friction laws along a motion; None if no law has a state."""
         return Sliding.of(self.surfaces)
 
     def __call__(self, q: Array, dq: Array, ddq: Array, s: Array | None = None) -> Array:
-        """Joint torques (N, n) at N instants; ``s`` (N, m) are the directions of friction with a state."""
+        """Joint torques (N, n), N m (N), at N instants; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds.
+
+        ``s`` (N, m) are the directions (-1 to 1) of the m friction laws with a state, None for steady sliding.
+        """
         speeds = np.asarray(dq, dtype=float)
         drives = drive_columns(self.terms, speeds, np.asarray(ddq, dtype=float))
         torque = self.model.inverse_dynamics(q, dq, ddq)
@@ -322,7 +326,7 @@ class RobotTorque:
 
 
 def robot_model(model: Any) -> RobotTorque:
-    """Torque model of a compiled robot."""
+    """Build the torque model of a compiled robot, with links, drives and friction of its file."""
     terms = friction_terms(model.spec)
     values = [term.value for term in terms]
     surfaces, others = [], []
@@ -337,7 +341,7 @@ def robot_model(model: Any) -> RobotTorque:
 
 
 def summary(result: Validation) -> list[Mapping[str, Any]]:
-    """One row per joint for the printed table: RMS torque and error (N m or N), relative errors (%), samples scored."""
+    """Rows of the printed table, one per joint: RMS torque and error (N m, N), relative errors (%), samples scored."""
     return [
         {
             "joint": score.joint,

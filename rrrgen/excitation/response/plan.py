@@ -90,7 +90,7 @@ class ResponseDesign:
     runs: tuple[ResponseRun, ...]
 
     def reference(self, run: ResponseRun, t: Array) -> tuple[Array, Array, Array]:
-        """Reference position, velocity and acceleration, (m, n) each, of all joints in ``run`` at times ``t`` (m,), s."""
+        """Reference position, velocity, acceleration of all joints in ``run`` at times ``t`` (m,), s; (m, n) each."""
         direction = np.zeros(len(run.start))
         direction[self.joint] = run.speed
         t = np.asarray(t, dtype=float)

@@ -21,7 +21,7 @@ TABLES = {
     ("torque", True): signal_units.TORQUE,
     ("torque", False): signal_units.FORCE,
 }
-SAME_UNIT = 1e-6  # relative difference of two conversion factors that are the same
+SAME_UNIT = 1e-6  # relative difference below which two conversion factors are the same
 NAMES = {"position": "position", "velocity": "speed", "torque": "torque"}
 
 
@@ -40,7 +40,7 @@ class Cause:
     either: tuple[str, ...] = ()
 
     def because(self, *evidence: str) -> Cause:
-        """A copy with more evidence."""
+        """A copy of this cause with more ``evidence``."""
         return replace(self, evidence=(*self.evidence, *evidence))
 
     def lines(self) -> list[str]:
@@ -76,7 +76,11 @@ def merged(causes: Iterable[Cause]) -> tuple[Cause, ...]:
 
 @dataclass(frozen=True)
 class Wording:
-    """Words the causes for one recording: ``joints`` (names), ``revolute`` (n,), and its mapping if it has one."""
+    """Formulates the causes found in one recording, with the names of its joints, columns and files.
+
+    ``joints`` are the joint names, ``revolute`` (n,) the joint types, ``mapping`` describes the recording's columns if
+    it has a mapping file, ``robot`` is the name of the robot file.
+    """
 
     joints: tuple[str, ...]
     revolute: tuple[bool, ...]
@@ -84,7 +88,7 @@ class Wording:
     robot: str = "robot"
 
     def named(self, joints: Sequence[int]) -> str:
-        """``joint q1``, ``joints q1, q2`` or ``all joints``."""
+        """Text that names some ``joints`` (numbers from 0): ``joint q1``, ``joints q1, q2`` or ``all joints``."""
         if len(joints) == len(self.joints) > 1:
             return "all joints"
         return f"joint{'s' if len(joints) > 1 else ''} {', '.join(self.joints[i] for i in joints)}"
@@ -164,14 +168,17 @@ class Wording:
         return f"the column of joint {self.joints[joint]}" if channel is None else str(channel.column)
 
     def _entry(self, signal: Signal, joint: int, key: str = "", column: str = "") -> str:
-        """``joint q1: position: {column: q_q1, sign: -1}``."""
+        """Text of a mapping file entry to write, such as ``joint q1: position: {column: q_q1, sign: -1}``.
+
+        ``key`` is an additional key with its value, ``column`` replaces the recorded column.
+        """
         channel = self._channel(signal, joint)
         parts = [] if channel is None or self.mapping is None or len(self.mapping.files) < 2 else [channel.file]
         inside = [*(f"file: {part}" for part in parts), f"column: {column or self._column(signal, joint)}"]
         return f"joint {self.joints[joint]}: {signal}: {{{', '.join([*inside, key] if key else inside)}}}"
 
     def _unit(self, signal: Signal, joint: int, factor: float) -> tuple[str, str]:
-        """The unit as it is read, and the one that is ``factor`` times as large, "" where there is none."""
+        """Names of the unit in which a signal is read, and of the unit ``factor`` times as large ("" for none)."""
         table = TABLES[signal, self.revolute[joint]]
         channel = self._channel(signal, joint)
         read = channel.unit if channel is not None and channel.unit else _unit_of(table, 1.0)

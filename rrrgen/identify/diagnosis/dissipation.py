@@ -17,7 +17,7 @@ from rrrgen.identify.diagnosis.trial import AllTerms, Fit
 
 CLEAR = 6.0
 """Standard deviations, of white residuals: twice that for residuals correlated over four samples."""
-SHARE = 0.01  # of the joint's RMS torque: what is smaller says nothing about the sign of the rest
+SHARE = 0.01  # of the joint's RMS torque: smaller friction or inertia torques are not judged
 
 
 def dissipation(regressor: AllTerms, sample: Sample, fit: Fit, words: Wording) -> Iterator[Cause]:

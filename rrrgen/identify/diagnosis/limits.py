@@ -12,11 +12,11 @@ from rrrgen.identify.diagnosis.cause import Cause
 from rrrgen.identify.diagnosis.motion import LAG, Motion
 
 DEGREE = math.pi / 180.0
-SLACK = 0.05  # of the allowed range: overshoot, and limits that are nominal
-FAR = 3.0  # times the allowed range: from there on it is another unit, not another sign or zero
-TOO_FAST = 3.0  # times the limit: drives are not run so far beyond their rated speed
-TOO_STRONG = 10.0  # times the limit: peaks of the torque are three times the nominal one
-THOUSAND = 1000.0**0.5  # times the limit: a factor of 1000 is nearer than none
+SLACK = 0.05  # of the allowed range: tolerated overshoot, since limits are nominal
+FAR = 3.0  # times the allowed range: above it the cause is a wrong unit, below it a wrong sign or zero
+TOO_FAST = 3.0  # times the limit: drives do not run so far beyond their rated speed
+TOO_STRONG = 10.0  # times the limit: peak torques are usually three times the nominal torque
+THOUSAND = 1000.0**0.5  # times the limit: above it a wrong factor of 1000 is more likely than none
 
 
 def limits(motion: Motion) -> Iterator[Cause]:
@@ -60,7 +60,7 @@ def _positions(motion: Motion) -> Iterator[Cause]:
 
 
 def _range(joint: Any) -> tuple[float, float]:
-    """Lowest and highest position allowed; infinite unless both are given."""
+    """Lowest and highest allowed position of a joint, rad (m); infinite unless the robot file states both."""
     lower, upper = joint.limits.lower, joint.limits.upper
     return (-math.inf, math.inf) if lower is None or upper is None else (float(lower), float(upper))
 

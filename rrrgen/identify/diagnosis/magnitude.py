@@ -1,9 +1,12 @@
-"""Rule: the mass that the torques imply, from gravity and from inertia: units of all torques, and of the clock.
+"""Rule: an implausible mass of the arm reveals a wrong unit of all torques, or of time.
 
-A common factor of all torques changes no error: it multiplies every parameter. It shows in the mass itself.
-Against the links of the robot file, where it has them, a factor of 1000 is told apart from 1 at their geometric mean,
-31.6. Without links, the mass over the cube of the reach: 5 to 60 kg/m^3 for arms from the Puma 560 to the Staubli TX40;
-0.01 to 1000 is allowed. A wrong clock leaves gravity as it is and multiplies inertia by the square of its factor.
+A common factor on all torques changes no relative error: it multiplies every parameter. It shows in the mass that the
+torques imply, once by gravity and once by inertia. A wrong clock leaves the mass by gravity unchanged and multiplies
+that by inertia by the square of its factor.
+
+If the robot file has links, the mass is compared with theirs; a ratio above 31.6, the geometric mean of 1 and 1000,
+counts as a factor of 1000. Without links the mass over the cube of the reach is judged: it is 5 to 60 kg/m^3 for arms
+from the Puma 560 to the Staubli TX40, and 0.01 to 1000 is accepted.
 """
 
 from __future__ import annotations
@@ -20,15 +23,16 @@ from rrrgen.identify.diagnosis.trial import AllTerms
 from rrrgen.identify.estimation.consistency import SMALLEST_LENGTH
 
 BETWEEN = 1000.0**0.5
-DENSITY = (0.01, 1000.0)  # kg/m^3; toy models are lighter than arms, nothing is heavier
-SQUARED = 1000.0  # between 1 and the square of 1000: gravity and inertia tell masses of other clocks
-POSES = 60  # of the recording, at which gravity and inertia are compared
-LEVEL = 1e-6  # gravity torques over those of the same mass by inertia: below, gravity acts on no joint
+DENSITY = (0.01, 1000.0)  # kg/m^3, accepted range: toy models are lighter than industrial arms, nothing is heavier
+SQUARED = 1000.0  # ratio of the masses by inertia and by gravity, between 1 and 1000^2, above which the clock is wrong
+POSES = 60  # poses of the recording at which gravity and inertia are compared
+LEVEL = 1e-6  # gravity torque over inertia torque of the same mass, below which gravity acts on no joint
 
 
 def gravity_and_inertia(regressor: AllTerms, sample: Sample, theta: Array) -> tuple[Array, Array]:
-    """Gravity torques and diagonal of M(q), drive inertia included, (K, n) each, at K <= POSES poses of the
-    recording.
+    """Gravity torques and diagonal of the mass matrix at K <= POSES poses of the recording, (K, n) each.
+
+    They follow from the parameters ``theta`` (p,); drive inertia is included.
     """
     q = sample.q[np.linspace(0, len(sample.q) - 1, min(POSES, len(sample.q))).astype(int)]
     beta, zero = theta[: len(regressor.model.base_parameter_names)], np.zeros_like(q)
@@ -58,7 +62,7 @@ def magnitude(spec: Any, regressor: AllTerms, sample: Sample, theta: Array, word
 def _against_links(g: Array, M: Array, g0: Array, M0: Array, words: Wording) -> Iterator[Cause]:
     pull = float(np.sqrt(np.sum(g0**2)))
     by_gravity = float(np.sqrt(np.sum(g**2))) / pull if pull > 0.0 else np.nan
-    # sums, which the heavy joints rule: in a wrist, drives that the file does not state weigh more than the links
+    # sums over joints, dominated by the heavy ones: in a wrist, unstated drive inertia may exceed that of the links
     like = np.array(words.revolute) if any(words.revolute) else np.ones(len(words.joints), bool)
     total, own = float(np.sum(np.abs(np.mean(M, axis=0))[like])), float(np.sum(np.mean(M0, axis=0)[like]))
     if not (total > 0.0 and own > 0.0):
@@ -73,10 +77,13 @@ def _against_links(g: Array, M: Array, g0: Array, M0: Array, words: Wording) -> 
 
 
 def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording) -> Iterator[Cause]:
-    """Judge without nominal links: express gravity and inertia as a mass at full reach, over the cube of the reach."""
+    """Judge the mass of an arm whose file has no links: mass at full reach divided by the cube of the reach, kg/m^3.
+
+    ``g`` and ``M`` (K, n) are the gravity torques and the diagonal of the mass matrix.
+    """
     if spec.mechanism is not None:
-        return  # what a joint carries does not follow from the order of the rows
-    # an offset along the first axis does not take the arm away from it
+        return  # in a tree, the links that a joint carries do not follow from the order of the DH rows
+    # an offset d along the first axis does not add to the distance from it
     sizes = [abs(a) if i == 0 else max(abs(a), abs(d)) for i, (_, _, a, d, _) in enumerate(spec.dh_table())]
     travel = np.ptp(sample.q, axis=0)
     own = np.array([size if words.revolute[i] else max(size, travel[i]) for i, size in enumerate(sizes)])
@@ -99,7 +106,12 @@ def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording
 def _judged(
     gravity: float, inertia: float, allowed: tuple[float, float], told: str, joints: Sequence[int], words: Wording
 ) -> Iterator[Cause]:
-    """Both far off by the same factor: the torques of ``joints``; inertia far off by more: the clock."""
+    """Report a wrong torque unit of ``joints``, or a wrong clock, from the masses implied by gravity and inertia.
+
+    ``gravity`` and ``inertia`` are these masses, divided by the expected mass or by the cube of the reach (kg/m^3);
+    ``gravity`` is NaN if gravity acts on no joint. The clock is wrong if they differ by more than SQUARED, the torques if
+    they lie outside the range ``allowed``. ``told`` is the evidence in words.
+    """
     low, high = allowed
     if np.isnan(gravity):
         clock = inertia > SQUARED * high or inertia < low / SQUARED

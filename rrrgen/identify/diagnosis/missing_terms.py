@@ -1,4 +1,4 @@
-"""Rule: friction, a torque offset or drive inertia that the torques show, but the robot file does not state."""
+"""Rule: friction, torque offset or drive inertia that the torques show, but the robot file does not state."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from rrrgen.arrays import Array
 from rrrgen.identify.diagnosis.cause import Cause, Wording
 from rrrgen.identify.diagnosis.trial import AllTerms, Fit, Trial
 
-CLEAR = 6.0  # standard deviations, as for signs
-FALL = 0.95  # of the joint's residual: a term that explains less than a tenth of its power is no cause of trouble
+CLEAR = 6.0  # standard deviations by which a coefficient differs from zero, as for signs
+FALL = 0.95  # ratio of the joint's residuals with and without a term, below which the term counts
 WORTH = 0.005  # of the joint's RMS torque: smaller residuals need no explanation
 
 
@@ -27,7 +27,8 @@ def missing_terms(
 ) -> Iterator[Cause]:
     """Report terms whose addition to the model lowers the error of a joint significantly.
 
-    ``regressor`` holds all terms at all joints, ``estimated`` names those in the model; ``mix`` corrects the torques.
+    ``regressor`` holds all terms at all joints, ``estimated`` names those in the model. The fit
+    is of the torques ``tau @ mix``, where ``mix`` (n, n) holds the corrections already found.
     """
     names = list(regressor.names)
     inside = [k for k, name in enumerate(names) if name in estimated]

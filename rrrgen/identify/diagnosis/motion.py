@@ -21,7 +21,7 @@ SLOW_PERIOD, SLOW_MOTION = 0.05, 0.1
 """A period above 50 ms (s) with a motion below 0.1 Hz: arms are sampled faster, and move faster."""
 FAST_PERIOD, FAST_MOTION = 5e-5, 200.0
 """A period below 50 us (s) with a motion above 200 Hz: no arm moves so fast."""
-LAG = 10  # samples over which positions are differenced: encoder noise is a tenth of that of single steps
+LAG = 10  # samples over which positions are differenced: a tenth of the encoder noise of single differences
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from rrrgen.arrays import Array
 from rrrgen.identify.diagnosis.cause import Cause, Wording
 from rrrgen.identify.diagnosis.motion import LAG, Motion
 
-AGREES = 0.2  # relative difference of two speeds that are the same: delays and filters of the drive
-SHAPE = 0.8  # squared correlation from which two curves differ by a factor alone
+AGREES = 0.2  # relative difference below which two speeds agree, since drives delay and filter them
+SHAPE = 0.8  # squared correlation above which two curves differ by a factor only
 TURN = 180.0 / math.pi
 FACTORS = (TURN, 1.0 / TURN, 30.0 / math.pi, math.pi / 30.0, 1e3, 1e-3)
 
@@ -51,7 +51,7 @@ def _slopes(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _nearest(ratio: float) -> float:
-    """The known factor between units that is nearest to ``ratio``; 0 if none agrees."""
+    """The conversion factor between two known units that is nearest to ``ratio``; 0 if none agrees within AGREES."""
     return next((factor for factor in FACTORS if abs(ratio / factor - 1.0) <= AGREES), 0.0)
 
 
@@ -61,7 +61,11 @@ def _ratios(words: Wording, joints: list[int], ratio: Array) -> str:
 
 
 def _exchanged(motion: Motion, own: Array, told: Array, shape: Array) -> Iterator[Cause]:
-    """Report pairs of joints whose recorded speeds are exchanged."""
+    """Report pairs of joints whose recorded speeds are exchanged.
+
+    ``own`` (N, n) are the derivatives of the positions, ``told`` (N, n) the recorded speeds, ``shape`` (n,) the squared
+    correlation of the two at each joint.
+    """
     for i in range(len(shape)):
         for k in range(i + 1, len(shape)):
             if shape[i] < 1.0 - SHAPE and shape[k] < 1.0 - SHAPE:

@@ -1,4 +1,4 @@
-"""Applies all rules to all recordings: those without a model before the fit, the others after it."""
+"""Applies all diagnosis rules to all recordings: rules that need no model before the fit, the others after it."""
 
 from __future__ import annotations
 
@@ -58,14 +58,17 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
         sample = sample_of(recording, found.processing)
         if sample is not None and int(np.sum(sample.use)) > len(regressor.names):
             words = wording(model.spec, recording)
-            # a clock that is known to be wrong must not hide what else is
+            # a clock that is already known to be wrong is corrected, so that it does not hide other faults
             sample = sample.slowed(clock_factor(Motion.of(model.spec, words, recording)))
             causes += _of_sample(regressor, sample, words, found)
     return merged(causes)
 
 
 def _of_sample(regressor: AllTerms, sample: Sample, words: Wording, found: Identification) -> list[Cause]:
-    """Test wiring first, then masses, signs and missing terms on the corrected sample, and last unexplained errors."""
+    """Causes found in one sample: wrong signs, units and columns, then implausible parameters, missing terms, errors.
+
+    Wrong signs, units and columns are found first, because the other rules need the corrected sample.
+    """
     names = regressor.names
     estimated = [column.name for column in linear_stand_ins(found.columns)]
     inside = [k for k, name in enumerate(names) if name in estimated]

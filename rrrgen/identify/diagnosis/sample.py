@@ -15,13 +15,16 @@ from rrrgen.signals.processing import Processing
 
 MOST_ROWS = 3000
 """Rows (instants times joints) of a sample: twenty to fifty per parameter, in a few hundredths of a second."""
-MOST_READ = 200_000  # samples of a long recording that are looked at
-WHOLE = 0.999  # gain of the filter below which a sample lies at a border, or next to one that is not valid
+MOST_READ = 200_000  # samples that are read of a long recording
+WHOLE = 0.999  # gain of the filter below which a sample lies at a border or next to an invalid one
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Motion and torque (N, n) at N instants, filtered alike; ``use`` (N, n) False where a joint's row is left out."""
+    """Motion and torque (N, n) at N instants, passed through the same filter.
+
+    ``use`` (N, n) is False where the equation of a joint is left out.
+    """
 
     q: Array
     dq: Array
@@ -35,12 +38,15 @@ class Sample:
         return int(self.q.shape[1])
 
     def moved(self, change: Array, zero: Array) -> Sample:
-        """A copy with positions ``zero + change (q - zero)``, ``change`` (n, n), ``zero`` (n,), and rates to match."""
+        """A copy with the positions ``zero + change (q - zero)`` and the speeds and accelerations that follow.
+
+        ``change`` is (n, n), ``zero`` (n,) in rad (m).
+        """
         q = zero + (self.q - zero) @ change.T
         return replace(self, q=q, dq=self.dq @ change.T, ddq=self.ddq @ change.T)
 
     def slowed(self, factor: float) -> Sample:
-        """A copy of the motion in ``factor`` times the time."""
+        """A copy with time stretched by ``factor``: speeds are divided by it, accelerations by its square."""
         return replace(self, dq=self.dq / factor, ddq=self.ddq / factor**2)
 
 

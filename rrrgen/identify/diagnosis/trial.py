@@ -14,16 +14,19 @@ from rrrgen.identify.estimation.full_regressor import RigidModel
 from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.estimated_terms import Column, DriveTerms
 
-NULL = 1e-9  # of the largest eigenvalue of W'W with columns of unit length: below are what the motion cannot tell
+NULL = 1e-9  # times the largest eigenvalue of W'W with columns of unit length: smaller ones count as zero
 FLOOR = 1e-3  # relative error of a joint below which differences do not count
-PASSES = 3  # of the weights
+PASSES = 3  # iterations of the weights of the joints
 
 Regressor = Callable[[Array, Array, Array], Array]
 
 
 @dataclass(frozen=True)
 class AllTerms:
-    """``W(q, dq, ddq)`` (N, n, p) with the columns ``estimated`` and the drive terms of single joints not in them."""
+    """Regressor ``W(q, dq, ddq)`` (N, n, p) of all terms that a joint may have, in the robot file or not.
+
+    Its columns are those ``estimated`` from the recordings, then all other drive and friction terms of single joints.
+    """
 
     model: RigidModel
     estimated: tuple[Column, ...]
@@ -38,7 +41,7 @@ class AllTerms:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The parameter of every column."""
+        """Name of the parameter of every column, (p,)."""
         return (*self.model.base_parameter_names, *(column.name for column in self.drives))
 
     def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
@@ -57,11 +60,10 @@ class AllTerms:
 
 
 def linear_stand_ins(columns: Sequence[Column]) -> tuple[Column, ...]:
-    """``columns`` with viscous and Coulomb friction in the place of other friction laws.
+    """Replace the columns of other friction laws by those of viscous and Coulomb friction.
 
-    A law with coefficients for either direction has an offset in them.
-
-    A wrong sign or unit is many times larger than the difference between two laws.
+    A law with coefficients for each direction is also replaced by an offset, which it contains. The difference between
+    two laws does not matter here: a wrong sign or unit changes the torques far more.
     """
     found = {column.name: column for column in columns if column.kind != "law"}
     for column in columns:
@@ -76,7 +78,10 @@ def linear_stand_ins(columns: Sequence[Column]) -> tuple[Column, ...]:
 
 @dataclass(frozen=True)
 class Fit:
-    """Relative error of every joint (n,), parameters ``theta`` (p,) and their covariance for white residuals (p, p)."""
+    """Result of a fast fit: relative torque ``error`` of every joint (n,), parameters ``theta`` (p,), ``covariance``.
+
+    The covariance (p, p) of the parameters assumes white residuals.
+    """
 
     error: Array
     theta: Array
@@ -84,7 +89,10 @@ class Fit:
 
     @property
     def score(self) -> float:
-        """Sum of log squared errors: twice the log-likelihood of a row of every joint, up to sign and a constant."""
+        """Sum over joints of ``log(error^2 + FLOOR^2)``: smaller is better.
+
+        Per instant it is minus twice the log-likelihood, up to a constant.
+        """
         return float(np.sum(np.log(self.error**2 + FLOOR**2)))
 
 
@@ -101,7 +109,10 @@ class Trial:
         self.T = np.stack([sample.tau[u].T @ sample.tau[u] for u in use])
 
     def fit(self, mix: Array | None = None, columns: Sequence[int] | None = None) -> Fit:
-        """Fit the torques ``tau @ mix``, with ``mix`` (n, n) the identity by default, by ``columns`` (or all)."""
+        """Fit the parameters of ``columns`` (all by default) to the torques ``tau @ mix``.
+
+        ``mix`` (n, n), the identity by default, exchanges or scales the torques of the joints.
+        """
         n = self.sample.n
         A = np.eye(n) if mix is None else mix
         kept = list(range(self.G.shape[1])) if columns is None else list(columns)
@@ -123,7 +134,10 @@ class Trial:
 
 
 def _solved(G: Array, c: Array) -> tuple[Array, Array]:
-    """Minimum-norm solution of ``G x = c`` in columns scaled to unit length, and the pseudoinverse of G."""
+    """Minimum-norm solution x (p,) of the normal equations ``G x = c``, and the pseudoinverse of G (p, p).
+
+    Columns are scaled to unit length first.
+    """
     size = np.sqrt(np.diag(G))
     safe = np.where(size > 0.0, size, 1.0)
     values, V = np.linalg.eigh(G / np.outer(safe, safe))

@@ -10,7 +10,7 @@ import numpy as np
 from rrrgen.identify.diagnosis.cause import Cause, Wording
 from rrrgen.identify.estimation.statistics import Whiteness
 
-LARGE = 0.3  # of the joint's torque: models of sound recordings leave some percent, light wrists up to 20
+LARGE = 0.3  # relative torque error; sound recordings have some percent, joints of light wrists up to 20 percent
 COLOURED = 1.0
 """Durbin-Watson: 2 for noise, below 1 where neighbouring residuals correlate by more than a half."""
 

@@ -24,26 +24,29 @@ SMALL = 0.03
 """Relative error of every joint below which nothing is tried: the faults sought leave tens of percent."""
 HALVED = 0.5
 SCORE = math.log(4.0)
-EXPLAINED = 0.35  # error that must be left at most at the joints that a change has helped
-TIE = 0.3  # in the score: hypotheses that the data cannot tell apart
+EXPLAINED = 0.35  # largest relative error that may remain at the joints that a correction improves
+TIE = 0.3  # difference of scores below which the data cannot distinguish two hypotheses
 SIGNALS: tuple[Signal, ...] = ("position", "torque")
-CHOICES = 3  # among changes as good, tried one after the other while impossible signs or masses are left
-MOST = 8  # changes, one after the other
+CHOICES = 3  # number of equally good corrections tried in turn, while impossible signs or masses remain
+MOST = 8  # largest number of corrections in one recording
 ANGLES = (math.pi / 180.0, 180.0 / math.pi)
 THOUSANDS = (1e-3, 1e3)
 
 
 @dataclass(frozen=True)
 class Change:
-    """A hypothesis: the true signal is the recorded one times ``matrix`` (n, n), or true time is ``slower`` times
-    it.
+    """A hypothesis about a fault of a recording, and its correction.
+
+    The true ``signal`` is the recorded one times ``matrix`` (n, n); if ``signal`` is None, time is wrong, and the true
+    time is ``slower`` times the recorded one. ``cause`` describes the fault; ``turned`` is the joint (from 0) whose
+    sign is reversed, if any.
     """
 
     cause: Cause
-    signal: Signal | None  # None: the clock
+    signal: Signal | None
     matrix: Array
     slower: float = 1.0
-    turned: int | None = None  # the joint whose sign is turned
+    turned: int | None = None
 
 
 Doubts = Callable[["Corrected"], int]
@@ -51,7 +54,11 @@ Doubts = Callable[["Corrected"], int]
 
 @dataclass(frozen=True)
 class Corrected:
-    """A sample with the accepted corrections applied: torques are ``tau @ mix``; ``causes`` are the faults found."""
+    """A sample after the accepted corrections, and its fit.
+
+    The motion in ``trial`` is corrected; corrected torques are ``tau @ mix`` with ``mix`` (n, n). ``causes`` are the
+    faults found.
+    """
 
     trial: Trial
     mix: Array
@@ -60,7 +67,7 @@ class Corrected:
 
     @property
     def sample(self) -> Sample:
-        """The corrected motion and torques."""
+        """The sample with corrected motion and torques."""
         return replace(self.trial.sample, tau=self.trial.sample.tau @ self.mix)
 
 

@@ -169,8 +169,10 @@ def consistent_estimate(
     fixed: Mapping[int, float] | None = None,
     scored: JointFactors | None = None,
 ) -> ConsistentEstimate:
-    """Solve the semidefinite program of the module for the rows in ``factors``, whose columns are ``columns``.
+    """Estimate physically consistent parameters: least squares with positive definite pseudo-inertias of all links.
 
+    ``factors`` are the triangular factors of the rows, whose columns are ``columns``; ``prior`` is that of the
+    pseudo-inertias.
     ``weights`` (n,) are those of the joints, ``1 / sigma_j``, which make the noise of all rows equal; ``reference`` is
     the unconstrained estimate to which the residual is compared; ``fixed`` maps indices of standard parameters to known
     values; ``scored`` are the rows on which errors are reported if they differ from the fitted ones, as in robust
@@ -207,7 +209,11 @@ def consistent_estimate(
 
 
 class _Program:
-    """The semidefinite program, in pseudo-inertias scaled by the prior: ``P = L X L'`` with ``P0 = L L'``."""
+    """The semidefinite program of the physically consistent estimate.
+
+    Its variables are the pseudo-inertias X scaled by the prior, ``P = L X L'`` with ``P0 = L L'``, and the drive
+    parameters.
+    """
 
     def __init__(self, R: Array, K: Array, columns: Sequence[Column], prior: Prior) -> None:
         self.L = np.linalg.cholesky(prior.P0)
@@ -249,7 +255,10 @@ class _Program:
         raise DerivationError(f"no physically consistent estimate was found: the solver reports '{status}'")
 
     def _near(self, x: Array, strength: float, fixed: Mapping[int, float]) -> Neighbourhood:
-        """Second-order model at the solution ``x``; the Hessian of ``-log det X`` is ``tr(X^-1 E_k X^-1 E_l)``."""
+        """Second-order model of the objective at the solution ``x``, for the covariance.
+
+        The Hessian of ``-log det X`` has the entries ``tr(X^-1 E_k X^-1 E_l)``, with E_k the derivative of X by x_k.
+        """
         m = len(x)
         pull = np.zeros((m, m))
         for j in range(self.n):
@@ -300,7 +309,7 @@ class _Program:
 
 
 def _is_bounded(column: Column) -> bool:
-    """Whether the parameter of a drive must not be negative."""
+    """Whether the drive parameter of a column must not be negative: inertia, viscous and Coulomb friction."""
     return column.kind in NON_NEGATIVE or column.bounded
 
 

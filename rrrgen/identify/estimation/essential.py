@@ -24,7 +24,11 @@ Estimator = Callable[[JointFactors, Sequence[str]], Estimate]
 
 @dataclass(frozen=True)
 class Essential:
-    """Result of the reduction: estimate, indices ``kept``, names ``dropped`` in order, and why it stopped."""
+    """Essential parameters: the ``estimate`` of the reduced model and how it was reached.
+
+    ``kept`` are the indices of the remaining parameters, ``dropped`` the names of the others in the order of removal,
+    ``stopped_by`` the reason why the reduction ended, in words.
+    """
 
     estimate: Estimate
     kept: tuple[int, ...]

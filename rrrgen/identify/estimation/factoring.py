@@ -107,7 +107,7 @@ class _State:
         return Factors(self.fit, self.score)
 
     def _read(self, path: Path) -> None:
-        """Restore the state; one of other data or settings, or a damaged one, is ignored."""
+        """Restore the state from the file ``path``; a damaged file or one of other data or settings is ignored."""
         try:
             with np.load(path, allow_pickle=False) as data:
                 if str(data["digest"]) != self.digest:
@@ -184,7 +184,10 @@ def rows_of_recordings(
 
 @dataclass(frozen=True)
 class FittedRows:
-    """The fitted rows, recomputed in every iteration; the other instants are kept, marked as not in use."""
+    """Iterable of the fitted rows, which are recomputed in every iteration.
+
+    Instants that ``split`` does not assign to the fitted part are kept and marked as not in use.
+    """
 
     observations: Observations
     split: Split
@@ -198,7 +201,10 @@ class FittedRows:
 
 @dataclass(frozen=True)
 class ScoredRows(FittedRows):
-    """The held-out rows, recomputed in every iteration; the other instants are kept, marked as not in use."""
+    """Iterable of the held-out rows, which are recomputed in every iteration.
+
+    Instants that ``split`` does not hold out are kept and marked as not in use.
+    """
 
     def __iter__(self) -> Iterator[Rows]:
         for window in self.observations.windows():

@@ -32,11 +32,12 @@ class RigidModel(Protocol):
 
 @dataclass(frozen=True)
 class FullRegressor:
-    """Regressor ``W(q, dq, ddq)`` (N, n, p): base columns of ``model``, columns of the drive ``terms``, friction laws.
+    """Regressor W (N, n, p) of a robot with drives and friction: ``tau = W(q, dq, ddq) theta``.
 
-    ``tau = W theta`` with the base parameters, the drive parameters and the linear parameters of the friction laws of
-    ``surfaces`` in theta. Laws that depend on the load take it from ``load``, the parameters of the base and drive
-    columns with zeros for friction; without them it is zero. Source: (14.10), (14.11).
+    theta (p,) holds the base parameters of ``model``, the parameters of the drive ``terms``, and the linear parameters
+    of the friction laws of ``surfaces`` (joints and motors). For laws that depend on the load, ``load`` (p,) holds the
+    parameters from which the load torques are computed, with zeros for friction; if it is empty, the load is zero.
+    Source: (14.10), (14.11).
     """
 
     model: RigidModel
@@ -66,13 +67,13 @@ class FullRegressor:
 
     @property
     def sliding(self) -> Sliding | None:
-        """The states of the friction laws; None without any."""
+        """Computes the states of the friction laws along a motion; None if no law has a state."""
         return Sliding.of(self.surfaces)
 
     def __call__(self, q: Array, dq: Array, ddq: Array, s: Array | None = None) -> Array:
-        """W (N, n, p) at N instants; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds.
+        """Evaluate W (N, n, p) at N instants; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds.
 
-        ``s`` (N, m) are the directions of friction with a state; without them it slides.
+        ``s`` (N, m) are the directions (-1 to 1) of the m friction laws with a state; None for steady sliding.
         """
         drives = drive_columns(self.terms.columns(self.model.n), np.asarray(dq, float), np.asarray(ddq, float))
         rigid = np.asarray(self.model.regressor(q, dq, ddq))

@@ -20,7 +20,7 @@ WEAK = 1e-4
 SMALL_PART = 0.1  # parameters below this share of the largest weight of a direction are not named
 NOT_EXCITED = 1e-10
 INDEX = 30.0  # condition index above which Belsley, Kuh and Welsch call a dependence moderate to strong
-HALF = 0.5  # a direction names the parameters that owe it this share of their variance, or have this weight in it
+HALF = 0.5  # a direction is described by the parameters with this share of their variance or this weight in it
 MOST_NAMED = 5
 
 

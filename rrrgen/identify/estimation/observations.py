@@ -1,5 +1,6 @@
-"""From a recording to the rows of the estimation problem: reconstruct, evaluate the regressor, decimate, select.
+"""Turns recordings into rows of the estimation problem: motion reconstruction, regressor, filtering, decimation.
 
+A row is the equation ``tau_j = W_j theta`` of one joint at one instant.
 Rows are produced in blocks, so that a recording may exceed the memory. Every block is computed from a window that is
 longer than it by the memory of the filters on both sides; the result does not depend on where the recording was cut.
 """
@@ -52,7 +53,8 @@ class RowMaker:
 
     ``regressor(q, dq, ddq)`` gives W (N, n, p) with p = ``columns``; ``processing`` holds filters and lowest speeds.
     ``known`` is a torque as a function of the motion that is subtracted from the measured one first, such as friction
-    that is already known, (14.19). ``sliding`` gives the states of friction that the regressor takes, if any.
+    that is already known, (14.19). ``sliding`` computes the friction states that the regressor needs, None if it needs
+    none.
     """
 
     regressor: Regressor

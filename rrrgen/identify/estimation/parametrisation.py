@@ -29,7 +29,7 @@ class Parametrisation:
     free: tuple[int, ...]
 
     def transform(self, factors: JointFactors) -> JointFactors:
-        """The triangular factors of the problem in x, from those in theta."""
+        """Convert triangular factors of the rows for the parameters theta to those for the parameters x."""
         return factors.mapped(self.T, self.known)
 
     def expand(self, x: Array) -> Array:

@@ -22,7 +22,7 @@ RANK_TOLERANCE = 1e-10
 NOISE_FLOOR = 1e-11  # residuals below this share of the torque are round-off and not used as a weight
 HUBER = 1.345  # 95 % efficiency for normal noise
 SETTLED = 1e-8  # relative change of the weights at which their iteration stops
-MOST_PREWHITENED = 0.97  # largest correlation of neighbours removed by prewhitening; closer to 1, 1/(1 - a) is noise
+MOST_PREWHITENED = 0.97  # largest lag-one correlation a removed by prewhitening; nearer to 1, 1/(1 - a) is unreliable
 ROBUST_SETTLED = 1e-5  # change in standard deviations at which the slower, robust iteration stops
 
 
@@ -221,7 +221,10 @@ def _reweighted(blocks: Iterable[Rows], theta: Array, sigma: Array, limit: float
 
 
 def _scored(blocks: Iterable[Rows], expand: Callable[[Array], Array], estimate: Estimate) -> Estimate:
-    """Copy of ``estimate`` whose errors are those of the unweighted rows."""
+    """Copy of ``estimate`` whose torque errors are those on the rows without weights.
+
+    ``expand`` maps the estimated parameters to those of the columns.
+    """
     theta = expand(estimate.x)
     squares, torque = np.zeros(len(estimate.counts)), 0.0
     for rows in blocks:
@@ -303,7 +306,10 @@ def _long_run_covariance(products: Array) -> Array:
 
 
 def _unclipped(rows: Rows, inside: NDArray[np.bool_], weights: Array, project: Array) -> Array:
-    """``sum w_j^2 W_jk' W_jk`` over the rows in use whose residuals are ``inside`` the limit."""
+    """Sum ``sum_jk w_j^2 W_jk' W_jk`` (p, p) over the rows in use whose residuals are ``inside`` (N, n) the limit.
+
+    ``weights`` w (n,) are those of the joints; ``project`` maps the columns of the rows to the p parameters.
+    """
     A = (rows.W * (weights * (rows.use & inside))[..., None]).reshape(-1, rows.W.shape[-1]) @ project
     return np.asarray(A.T @ A)
 

@@ -1,7 +1,7 @@
 """Structural identifiability: rank of the regressor over all motions, and the identifiable combinations of parameters.
 
-The rank is determined from random motions, by the singular values of columns scaled to unit length with a *relative*
-tolerance. It must agree with the number of columns that are independent of those before them.
+The rank is determined from random motions, by the singular values of columns scaled to unit length, with a tolerance
+relative to the largest. It must agree with the number of columns that do not depend linearly on earlier columns.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def structure_of(
     seed: int = 0,
     tolerance: float = RELATIVE_TOLERANCE,
 ) -> Structure:
-    """Identifiable combinations of the columns of ``regressor(q, dq, ddq)``, from random states of ``n`` joints.
+    """Find the identifiable combinations of the parameters of ``regressor(q, dq, ddq)`` from random states of n joints.
 
     ``names`` are those of the columns, ``seed`` that of the random states, ``tolerance`` the relative one of the rank.
     Raises :class:`DerivationError` if the rank is not clear-cut.
@@ -87,7 +87,7 @@ def structure_of(
 
 
 def structure_of_matrix(W: Array, names: Sequence[str], tolerance: float = RELATIVE_TOLERANCE) -> Structure:
-    """Identifiable combinations of the columns of a sampled regressor ``W`` (rows, p).
+    """Find the identifiable combinations of the parameters of a sampled regressor ``W`` (rows, p).
 
     Of dependent columns the first ones are kept. Raises :class:`DerivationError` if the rank is not clear-cut.
     """

@@ -46,7 +46,10 @@ class Rows:
 
 @dataclass(frozen=True)
 class JointFactors:
-    """Triangular factors ``R`` (n, p+1, p+1) of the rows ``[W_j | tau_j]`` of every joint, and ``counts`` (n,)."""
+    """Triangular QR factors ``R`` (n, p+1, p+1) of the rows ``[W_j | tau_j]`` of every joint j.
+
+    ``counts`` (n,) are the numbers of rows.
+    """
 
     R: Array
     counts: NDArray[np.int64]
@@ -66,12 +69,15 @@ class JointFactors:
         return np.asarray(np.sum((self.R[:, :, -1] - self.R[:, :, :-1] @ x) ** 2, axis=1))
 
     def stacked(self, weights: Array | None = None) -> Array:
-        """The factor (p+1, p+1) of the rows of all joints together, those of joint j times ``weights[j]``."""
+        """Triangular factor (p+1, p+1) of the rows of all joints together, those of joint j times ``weights[j]``."""
         w = np.ones(len(self.R)) if weights is None else np.asarray(weights, float)
         return triangular((self.R * w[:, None, None]).reshape(-1, self.R.shape[2]))
 
     def mapped(self, T: Array, known: Array | None = None) -> JointFactors:
-        """The factors of the problem in x with ``theta = T x + known``; T is (p, r), ``known`` (p,) is 0 by default."""
+        """Factors of the same rows for the parameters x (r,), where ``theta = T x + known``.
+
+        ``T`` is (p, r); ``known`` (p,) is 0 by default.
+        """
         p = self.parameters
         known = np.zeros(p) if known is None else np.asarray(known, float)
         change = np.zeros((p + 1, T.shape[1] + 1))
@@ -79,7 +85,10 @@ class JointFactors:
         return JointFactors(np.stack([triangular(R @ change) for R in self.R]), self.counts)
 
     def selected(self, kept: Sequence[int], fixed: Mapping[int, float] | None = None) -> JointFactors:
-        """The factors of the problem in the columns ``kept``; ``fixed`` columns have given values, all others zero."""
+        """Factors of the same rows for the parameters of the columns ``kept``.
+
+        ``fixed`` (column -> value) are known parameters; all others are zero.
+        """
         T = np.eye(self.parameters)[:, list(kept)]
         known = np.zeros(self.parameters)
         for column, value in (fixed or {}).items():
@@ -87,7 +96,7 @@ class JointFactors:
         return self.mapped(T, known)
 
     def merged(self, other: JointFactors) -> JointFactors:
-        """The factors of both sets of rows together."""
+        """Factors of the rows of this object and of ``other`` together."""
         if self.R.shape != other.R.shape:
             raise InputError("factors of different problems cannot be merged")
         pairs = zip(self.R, other.R, strict=True)

@@ -1,1 +1,5 @@
-"""Friction laws in the joint estimation: shapes by variable projection, choice of the law by held-out error."""
+"""Friction laws in the identification of a robot: fit of their nonlinear parameters ("shapes"), choice of the laws.
+
+A shape is a parameter in which a law is not linear, such as the Stribeck speed. All other parameters are estimated with
+those of the links.
+"""

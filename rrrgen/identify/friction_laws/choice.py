@@ -1,9 +1,9 @@
 """Choice of a friction law for every joint and motor by held-out error, within the fitted part of the data.
 
-The fitted part is halved into alternating stretches. A law is tuned on one half and scored on the other, and the other
-way round; the data that the caller holds out are not looked at. Joints of one arm are built alike, and half a recording
-tells little about one joint: they share a law, the simplest within two percent of the smallest error, unless another
-one is significantly better at a joint.
+The fitted part is split into two halves of alternating stretches. Each law is tuned on one half and scored on the
+other, and vice versa; the data that the caller holds out are not used. Joints of one arm are built alike, and half a
+recording says little about one joint. So all share one law, the simplest whose error is within two percent of the
+smallest, except joints at which another law is significantly better.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ CANDIDATES = (
 FITTED_LAWS = tuple(name for name, law in LAWS.items() if law.factors is not None)
 """The laws that can be named."""
 PARTS = 6  # stretches into which the fitted part is cut, alternating between the two halves
-TOLERANCE = 0.02  # a simpler law may have an error larger by this share
-BLOCKS = 24  # of rows, whose errors are compared
+TOLERANCE = 0.02  # share by which the error of a simpler law may be larger
+BLOCKS = 24  # number of blocks of rows over which errors are compared
 SIGNIFICANT = 2.0  # standard errors by which the law of one surface must be better there than the common one
 
 Tell = Callable[[str], None]
@@ -58,9 +58,11 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Candidate:
-    """Errors of one law at all joints: relative torque error in sample, held out, and held out per joint (n,).
+    """Relative torque errors of the model with one friction ``law`` at all joints.
 
-    ``squares`` (blocks, n) are the sums of squared held-out errors over consecutive blocks of rows.
+    ``in_sample`` is the error on the fitted rows, ``held_out`` that on the others, and ``joints`` (n,) the held-out
+    error of each joint. ``squares`` (blocks, n) are the sums of squared held-out errors over consecutive blocks of
+    rows.
     """
 
     law: str
@@ -72,10 +74,12 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class FrictionFit:
-    """Friction laws in the estimation: the law and tuned shapes of every surface, and how they were found.
+    """The friction laws of an identification, with their fitted shape parameters, and how they were chosen.
 
-    ``std`` are the standard deviations of the logarithms of the shapes; ``table`` the candidates compared, empty where
-    the laws were named; ``load`` are the parameters from which loads are computed, if a law depends on them.
+    ``surfaces`` are the joints and motors with a law, ``names`` their names; ``std`` holds for each the standard
+    deviations of the logarithms of its shape parameters. ``joints`` are the joint names; ``table`` the laws compared,
+    empty if the user named the laws; ``load`` the parameters from which load torques are computed, empty if no law
+    depends on the load.
     """
 
     surfaces: tuple[FrictionSurface, ...]
@@ -120,9 +124,10 @@ class FrictionFit:
 
 @dataclass(frozen=True)
 class LawChoice:
-    """Which laws to fit: ``common`` at every joint and motor that states friction, ``named`` at single ones.
+    """The friction laws that the user asks for: ``common`` at every joint and motor with friction, ``named`` at some.
 
-    Either is a name of :data:`FITTED_LAWS` or :data:`AUTO`; ``common`` None keeps what the robot file states.
+    ``named`` holds pairs (joint or motor, law). A law is a name of :data:`FITTED_LAWS`, or :data:`AUTO` to choose one
+    by held-out error; ``common`` None keeps the laws of the robot file.
     """
 
     common: str | None = None
@@ -150,12 +155,12 @@ class LawChoice:
         return cls(common, tuple(named))
 
     def law_of(self, name: str, stated: str) -> str:
-        """The law asked for at the joint or motor ``name``, where the file states ``stated``."""
+        """Law to fit at the joint or motor ``name``; ``stated`` is its law in the robot file."""
         return dict(self.named).get(name, self.common or stated)
 
 
 def _owner_names(spec: Any) -> dict[str, str]:
-    """Names of joints and motors that state friction, with the ending of their parameters."""
+    """Joints and motors for which the robot file states friction: suffix of their parameter names -> name."""
     if spec is None:  # a model of equations alone
         return {}
     endings = {f"{i + 1}": joint.name for i, joint in enumerate(spec.joints)}
@@ -174,8 +179,9 @@ def fit_friction(
     known: KnownTorque | None = None,
     tell: Tell | None = None,
 ) -> FrictionFit | None:
-    """Laws and shapes for the joint estimation, from the fitted part of ``recordings``; None if all friction is linear.
+    """Choose the friction laws and fit their shape parameters to the fitted part of ``recordings``.
 
+    Returns None if all friction is linear in its parameters.
     ``terms`` are the drive terms to estimate, ``choice`` the laws asked for. Raises InputError for recordings without
     rows.
     """
@@ -202,7 +208,7 @@ def fit_friction(
 
 @dataclass(frozen=True, eq=False)
 class _Problems:
-    """The rows of the recordings; columns other than those of friction laws are the same for every choice of laws."""
+    """Builds the rows of the recordings for any choice of friction laws; all other columns are the same for each."""
 
     model: RigidModel
     recordings: Sequence[Recording]
@@ -219,7 +225,10 @@ class _Problems:
 def _surfaces(
     spec: Any, wanted: Mapping[str, str], stated: Mapping[str, FrictionSurface]
 ) -> tuple[FrictionSurface, ...]:
-    """The surfaces under the laws ``wanted`` other than the linear one; shapes of the robot file are starts."""
+    """Joints and motors with a law other than the linear one, by ``wanted`` (suffix of parameter names -> law).
+
+    Those that the robot file states with the same law, in ``stated``, bring their shape parameters as initial values.
+    """
     found = []
     for each in surfaces_with(spec, LINEAR):
         law = wanted[each.owner]
@@ -230,7 +239,10 @@ def _surfaces(
 
 
 def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: Split, tell: Tell) -> list[Candidate]:
-    """Errors of every candidate law at the surfaces left to choose, tuned and scored on alternating halves."""
+    """Errors of every candidate law at the joints and motors whose law is to be chosen.
+
+    Each is tuned on one half of the fitted data and scored on the other, and vice versa.
+    """
     found = []
     for law in CANDIDATES:
         tell(f"friction law {law}, cross-validated")
@@ -285,12 +297,12 @@ def _block_sums(values: Array, chosen: NDArray[np.bool_], use: NDArray[np.bool_]
 def _chosen(
     table: Sequence[Candidate], surfaces: Sequence[FrictionSurface], wanted: Mapping[str, str]
 ) -> dict[str, str]:
-    """The law of every surface left to choose: in general one law for all of them.
+    """Choose the law of every joint and motor ("surface") whose law is open; in general all get a common law.
 
     The error of a surface is that of the joints on which it acts, each relative to its own smallest error. The common
-    law is the simplest within the tolerance of the smallest mean error. A surface keeps the linear law if no other is
-    better there. It takes another one than the common law if the errors of that are smaller, over blocks of rows, by
-    more than :data:`SIGNIFICANT` standard errors.
+    law is the simplest whose mean error is within the tolerance of the smallest. A surface keeps the linear law if no
+    other is better there, and gets another than the common law if this lowers its errors, over blocks of rows, by more
+    than :data:`SIGNIFICANT` standard errors.
     """
     squares = np.array([each.squares for each in table])  # (laws, blocks, n)
     least = np.maximum(np.min(np.sum(squares, axis=1), axis=0), np.finfo(float).tiny)
@@ -313,5 +325,5 @@ def _chosen(
 
 
 def _simplest(squares: Array) -> int:
-    """The first law whose error is within the tolerance of the smallest; ``squares`` are squared errors."""
+    """Index of the first law whose error is within the tolerance of the smallest; ``squares`` (laws,) are squared."""
     return int(np.flatnonzero(squares <= np.min(squares) * (1.0 + TOLERANCE) ** 2)[0])

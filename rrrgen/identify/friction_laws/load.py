@@ -1,8 +1,8 @@
 """Friction that depends on the load torque: estimates load and friction parameters by fixed-point iteration.
 
-The load is the torque of rigid body and drive inertia. For a known load, the Coulomb friction per load torque is one
-more linear parameter; so each round computes the load with the parameters of the round before. Friction depends only
-weakly on the load, so that a few rounds converge.
+The load is the torque of rigid body and drive inertia. For a known load, the ratio of Coulomb friction to load torque
+is one more linear parameter. So each iteration computes the load with the parameters of the iteration before. Friction
+depends only weakly on the load, so that a few iterations converge.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from rrrgen.identify.friction_laws.shapes import Fitted, tune_shapes
 from rrrgen.identify.friction_laws.surfaces import FrictionSurface
 
 ROUNDS = 8
-SETTLED = 1e-4  # relative change of the load at which the rounds end
+SETTLED = 1e-4  # relative change of the load at which the iteration ends
 
 
 def tune_under_load(
     problem: Problem, regressor: FullRegressor, surfaces: Sequence[FrictionSurface], use: NDArray[np.bool_]
 ) -> tuple[Fitted, tuple[float, ...]]:
-    """Tune the shapes of ``surfaces`` on the rows ``use`` (r, n), and find the load if a law depends on it.
+    """Fit the friction shapes of ``surfaces`` to the rows with ``use`` (r, n) True, and find the load torques.
 
-    ``regressor`` has the fixed columns of ``problem``. Also returns their parameters with zeros for friction, which
-    give the load; none if no law depends on it.
+    ``regressor`` has the columns of ``problem`` that do not depend on shapes. Returns the fit and the parameters of
+    these columns, with zeros for friction, from which the load is computed; these are empty if no law depends on it.
     """
     fitted = tune_shapes(problem, surfaces, use)
     if not any(surface.definition.has_load for surface in surfaces):

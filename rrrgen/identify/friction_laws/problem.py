@@ -1,7 +1,7 @@
-"""The rows of a separable least-squares problem: fixed columns, and friction columns that depend on shapes.
+"""Rows of a separable least-squares problem: fixed columns, and friction columns that depend on shape parameters.
 
-Friction is evaluated at every recorded sample, before the decimation filter: filtering the speed first would round off
-the very changes of sign that determine the shapes.
+Friction is evaluated at every recorded sample, before the decimation filter: filtering the speed first would smooth the
+changes of sign that determine the shapes.
 """
 
 from __future__ import annotations
@@ -28,10 +28,12 @@ LOAD_BLOCK = 4000
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """One uninterrupted stretch: motion, load (N, n) and validity at the samples, rows after decimation.
+    """One uninterrupted stretch of a recording: N recorded samples, and r instants after decimation.
 
-    ``W`` (r, n, p) are the fixed columns, ``tau`` (r, n) the torques, ``use`` (r, n) the sound rows, ``t`` (r,) their
-    instants; ``start`` and ``duration`` (s) are those of the recording.
+    ``q``, ``dq``, ``ddq``, ``load`` (N, n) are motion and load torques at the samples, ``valid`` (N, n) marks valid
+    torques, ``first`` is the index of the first sample. ``W`` (r, n, p) are the fixed columns, ``tau`` (r, n) the
+    torques, ``use`` (r, n) marks rows with a valid torque, ``t`` (r,) are their instants, s. ``start`` and ``duration``
+    (s) are those of the whole recording.
     """
 
     q: Array
@@ -48,7 +50,7 @@ class Stretch:
     load: Array | None = None
 
     def columns(self, surface: FrictionSurface, decimate: Decimator) -> Array:
-        """The filtered columns (r, n, k) of the linear parameters of a surface."""
+        """Columns (r, n, k) of the linear friction parameters of a joint or motor ``surface``, after decimation."""
         sliding = Sliding.of((surface,))
         s = None if sliding is None else sliding.states(self.q, sliding.start())[:, 0]
         factors = surface.factors(self.dq, s, self.load)
@@ -69,7 +71,7 @@ class Problem:
 
     @classmethod
     def of(cls, recordings: Sequence[Recording], maker: RowMaker, most: int = MOST_SAMPLES) -> Problem:
-        """The rows of ``maker``, whose regressor has the fixed columns only, of the first ``most`` samples."""
+        """Build the problem from the first ``most`` samples of ``recordings``; ``maker`` makes the fixed columns."""
         found: list[Stretch] = []
         decimate = Decimator(maker.processing.decimate or 1)
         left = most
@@ -134,12 +136,12 @@ class Problem:
         return np.concatenate([s.use & mask[:, None] for s, mask in zip(self.stretches, masks, strict=True)])
 
     def speed(self, surface: FrictionSurface) -> float:
-        """RMS speed of a surface, rad/s (m/s)."""
+        """RMS sliding speed of a joint or motor ``surface``, rad/s (m/s)."""
         squares = [np.sum(along(surface.direction, s.dq) ** 2) for s in self.stretches]
         return float(np.sqrt(np.sum(squares) / sum(len(s.dq) for s in self.stretches)))
 
     def columns(self, surface: FrictionSurface) -> Array:
-        """The columns (r, n, k) of a surface with its shapes."""
+        """Columns (r, n, k) of the linear friction parameters of a joint or motor ``surface``, for its shapes."""
         return np.concatenate([s.columns(surface, self.decimate) for s in self.stretches])
 
 

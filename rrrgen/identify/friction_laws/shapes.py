@@ -1,9 +1,10 @@
-"""Shapes of friction laws by separable least squares (variable projection).
+"""Estimates the shape parameters of friction laws by separable least squares (variable projection).
 
-For given shapes the torques are linear in all other parameters, which are projected out: the residual
-``r = P y`` depends on the shapes alone (Golub and Pereyra 1973), with ``dr = -P dPhi c`` in Kaufman's approximation.
-The shapes of all joints are tuned together first, as one common value; then each may deviate from it. A deviation by a
-factor of two counts as one standard deviation, so that a joint whose data say little keeps the common shape.
+Shapes are the parameters in which a law is not linear, such as the Stribeck speed. For given shapes the torques y are
+linear in all other parameters c, ``y = Phi c``, which are projected out: the residual ``r = P y`` depends on the shapes
+alone (Golub and Pereyra 1973), with ``dr = -P dPhi c`` in Kaufman's approximation. A common value of each shape for all
+joints is fitted first; then each joint may deviate from it. A deviation by a factor of two counts as one standard
+deviation, so that a joint whose data say little keeps the common shape.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ SCALES = {"presliding": 3e-5, "decay_speed": 0.05, "stribeck_speed": 0.05, "w1":
 """Usual values of shapes at an RMS speed of 1 rad/s (m/s); speeds and distances grow with it, weights of it fall."""
 STARTS = (1 / 3, 3.0)
 """Multiples of the usual values at which the search of common shapes starts."""
-RANGE = 300.0  # factor by which a shape may leave its usual value
+RANGE = 300.0  # largest factor by which a shape may differ from its usual value
 PRIOR = math.log(2.0)  # standard deviation of the logarithm of a shape about the common one
-COMMON_PRIOR = math.log(3.0)  # of the common one about its usual value
-STEP = 1e-3  # of the logarithm, for differences
+COMMON_PRIOR = math.log(3.0)  # standard deviation of the logarithm of the common shape about its usual value
+STEP = 1e-3  # step of the logarithm in finite differences
 ITERATIONS = 12
 SETTLED = 1e-3  # change of the logarithms at which the search ends
 RANK = 1e-9  # singular values of the scaled columns below this share of the largest are zero
@@ -36,9 +37,10 @@ WEIGHTS = 2  # passes in which the weights of the joints are renewed
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Joints and motors with fitted friction shapes: residuals (r, n), parameters of all columns, standard deviations.
+    """Joints and motors (``surfaces``) with fitted friction shapes.
 
-    ``std`` holds for every surface the standard deviations of the logarithms of its shapes, prior included.
+    ``residual`` (r, n) are the torque errors of all rows, ``theta`` (p,) the linear parameters of all columns. ``std``
+    holds for every surface the standard deviations of the logarithms of its shapes, prior included.
     """
 
     surfaces: tuple[FrictionSurface, ...]
@@ -48,7 +50,10 @@ class Fitted:
 
 
 class _Search:
-    """Tunes shapes on the rows ``use`` of a problem, with weights (n,) of the joints."""
+    """Search for the shape parameters of ``surfaces`` on the rows with ``use`` (r, n) True of a problem.
+
+    ``logs``, in its methods, are the logarithms of all shapes, surface by surface.
+    """
 
     def __init__(self, problem: Problem, surfaces: Sequence[FrictionSurface], use: NDArray[np.bool_]) -> None:
         self.problem, self.use = problem, use
@@ -61,7 +66,10 @@ class _Search:
         self.renew(None)
 
     def renew(self, logs: Array | None) -> None:
-        """Weights from the residuals at the shapes ``logs``, or of the fixed columns alone; projects these out."""
+        """Recompute the weights of the joints from their residuals, and the basis of the weighted fixed columns.
+
+        The residuals are those at the shapes ``logs``, or of the fixed columns alone if None.
+        """
         residual = self.residual(logs)[0] if logs is not None else self.tau
         count = np.maximum(1, np.sum(self.use, axis=0))
         sigma = np.sqrt(np.sum(np.where(self.use, residual, 0.0) ** 2, axis=0) / count)
@@ -74,11 +82,11 @@ class _Search:
         return np.concatenate([w * columns[self.use[:, j], j] for j, w in enumerate(self.weights)])
 
     def left(self, columns: Array) -> Array:
-        """Residual of ``columns`` after least squares on the fixed columns."""
+        """Part of ``columns`` (rows, k) that is orthogonal to the fixed columns."""
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
     def shaped(self, logs: Array) -> tuple[FrictionSurface, ...]:
-        """The surfaces with the shapes of these logarithms."""
+        """The surfaces with the shapes ``exp(logs)``."""
         shapes: list[list[float]] = [[] for _ in self.surfaces]
         for k, value in zip(self.owner, np.exp(logs), strict=True):
             shapes[k].append(float(value))
@@ -93,7 +101,11 @@ class _Search:
         return self.known[key]
 
     def projected(self, logs: Array) -> tuple[Array, Array, Array, list[Array]]:
-        """Residual, basis of the friction columns, their parameters, and the columns of every surface."""
+        """Project the torques onto all columns at the shapes ``logs``.
+
+        Returns the residual, an orthonormal basis of the friction columns, their parameters, and the columns of every
+        surface.
+        """
         parts = [self.stack(self.columns(k, each)) for k, each in enumerate(self.shaped(logs))]
         A = self.left(np.hstack(parts))
         size = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
@@ -120,10 +132,10 @@ class _Search:
         return r, J
 
     def descend(self, start: Array, to_logs: Array, pull: Array, usual: Array | None = None) -> tuple[Array, Array]:
-        """Levenberg-Marquardt from the logarithms ``start`` over x in ``usual + to_logs x``, x bound to 0 by ``pull``.
+        """Minimise the cost over x, with the logarithms ``usual + to_logs x``, by Levenberg-Marquardt from ``start``.
 
-        ``pull`` are precisions; ``usual`` is ``start`` by default. Returns the logarithms and the covariance of x in
-        units of the noise.
+        ``pull`` are the precisions of a prior of x about 0; ``usual`` is ``start`` by default. Returns the logarithms,
+        and the covariance of x in units of the noise variance.
         """
         logs = start if usual is None else usual
         x: Array = np.asarray(np.linalg.lstsq(to_logs, start - logs, rcond=None)[0])
@@ -164,7 +176,10 @@ class _Search:
 
 
 def tune_shapes(problem: Problem, surfaces: Sequence[FrictionSurface], use: NDArray[np.bool_]) -> Fitted:
-    """Tune the shapes of ``surfaces`` on the rows ``use`` (r, n); shapes that they already have are one more start."""
+    """Fit the shapes of ``surfaces`` to the rows with ``use`` (r, n) True.
+
+    Shapes that the surfaces already have are tried as initial values beside the usual ones.
+    """
     search = _Search(problem, surfaces, use)
     logs: Array = np.zeros(0)
     std: tuple[tuple[float, ...], ...] = tuple(() for _ in surfaces)
@@ -177,7 +192,11 @@ def tune_shapes(problem: Problem, surfaces: Sequence[FrictionSurface], use: NDAr
 
 
 def _tuned(search: _Search, before: Array) -> tuple[Array, tuple[tuple[float, ...], ...]]:
-    """Common shapes from several starts, or from those ``before``, then the deviations of every joint."""
+    """Logarithms of the fitted shapes, and their standard deviations for every surface.
+
+    First the common shapes are fitted, from several initial values or from the logarithms ``before``, then the
+    deviations of every joint from them.
+    """
     names = [name for each in search.surfaces for name in each.definition.shapes]
     laws = [search.surfaces[k].law for k in search.owner]
     groups = list(dict.fromkeys(zip(laws, names, strict=True)))
@@ -186,7 +205,7 @@ def _tuned(search: _Search, before: Array) -> tuple[Array, tuple[tuple[float, ..
         common[i, groups.index(key)] = 1.0
     start: Array = before if len(before) else min(_starts(search, groups, common), key=search.cost)
     residual, _ = search.jacobian(start)
-    # the priors count in rows of unit variance, of which only a share is independent
+    # the priors are relative to the noise of a row; correlated rows carry less information than their number suggests
     variance = float(residual @ residual) / max(1, len(residual)) / _independent_share(search, start)
     if not len(before):
         start, _ = search.descend(start, common, np.full(len(groups), variance / COMMON_PRIOR**2), search.scale)
@@ -200,7 +219,10 @@ def _tuned(search: _Search, before: Array) -> tuple[Array, tuple[tuple[float, ..
 
 
 def _starts(search: _Search, groups: Sequence[tuple[str, str]], common: Array) -> list[Array]:
-    """Logarithms of all shapes at each combination of starting values, and those that the surfaces bring along."""
+    """Initial logarithms of all shapes: each combination of initial values, and the shapes the surfaces already have.
+
+    ``groups`` are the pairs (law, shape) that share a value, ``common`` maps those values to all logarithms.
+    """
     choices = [(1.0,) if name.startswith("w") else STARTS for _, name in groups]
     found = [search.scale + common @ np.log(values) for values in product(*choices)]
     known = [value for each in search.surfaces for value in each.shapes]

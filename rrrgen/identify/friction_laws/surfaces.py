@@ -44,7 +44,7 @@ class FrictionSurface:
 
     @property
     def definition(self) -> FrictionLaw:
-        """The law itself."""
+        """The friction law with its functions."""
         return LAWS[self.law]
 
     @property
@@ -70,8 +70,9 @@ class FrictionSurface:
         )
 
     def factors(self, dq: Array, s: Array | None, load: Array | None = None) -> Array:
-        """The factors (N, k) of the linear parameters at the joint speeds ``dq`` (N, n), with directions ``s`` (N,).
+        """Factors (N, k) by which the k linear parameters enter the friction at the joint speeds ``dq`` (N, n).
 
+        ``s`` (N,) is the direction of friction, -1 to 1.
         Without ``s``, or for a law without a state, s is the sign of the speed, which is 0 up to :data:`STANDSTILL`.
         ``load`` (N, n) are the joint torques without friction, zero if not given.
         """
@@ -87,15 +88,16 @@ class FrictionSurface:
 
 
 def along(direction: Sequence[float], values: Array) -> Array:
-    """``w . values`` (N,) of joint values (N, n)."""
+    """Component ``w . values`` (N,) of the joint ``values`` (N, n) along the ``direction`` w (n,)."""
     return np.asarray(sum(w * values[..., i] for i, w in enumerate(direction) if w))
 
 
 def law_columns(
     surfaces: Sequence[FrictionSurface], dq: Array, s: Array | None = None, load: Array | None = None
 ) -> Array:
-    """The columns (N, n, k) of all surfaces; ``s`` (N, m) are the directions of the m surfaces with a state.
+    """Regressor columns (N, n, k) of all ``surfaces`` at the joint speeds ``dq`` (N, n).
 
+    ``s`` (N, m) are the directions, -1 to 1, of the m surfaces with a state.
     ``load`` (N, n) are the joint torques without friction, for laws that depend on the load.
     """
     n, parts, state = dq.shape[-1], [], 0
@@ -109,18 +111,18 @@ def law_columns(
 
 @dataclass(frozen=True)
 class Sliding:
-    """The directions of friction with a state along a motion, one for every surface whose law has one."""
+    """Computes the direction of friction, -1 to 1, along a motion, for every surface whose law has a state."""
 
     surfaces: tuple[FrictionSurface, ...]
 
     @classmethod
     def of(cls, surfaces: Sequence[FrictionSurface]) -> Sliding | None:
-        """The states of ``surfaces``; None if no law has one."""
+        """Select the ``surfaces`` whose law has a state; None if there is none."""
         moved = tuple(surface for surface in surfaces if surface.has_state)
         return cls(moved) if moved else None
 
     def start(self) -> Array:
-        """Directions (m,) at the beginning of a stretch: unloaded."""
+        """Directions (m,) at the beginning of a stretch: 0, no friction."""
         return np.zeros(len(self.surfaces))
 
     def states(self, q: Array, start: Array) -> Array:
@@ -172,7 +174,7 @@ def stated_surfaces(spec: Any) -> tuple[FrictionSurface, ...]:
 
 
 def surfaces_with(spec: Any, law: str) -> tuple[FrictionSurface, ...]:
-    """The joints and motors for which the robot file states friction, under ``law`` with its shapes yet unknown."""
+    """The joints and motors for which the robot file states friction, with the friction ``law`` and no shapes yet."""
     return tuple(
         FrictionSurface(owner, direction, law, carried=carried)
         for owner, direction, carried, friction in _owners(spec)
@@ -186,7 +188,7 @@ def slides(friction: FrictionSpec | None) -> bool:
 
 
 def _owners(spec: Any) -> list[tuple[str, tuple[float, ...], tuple[float, ...], FrictionSpec | None]]:
-    """Ending of the parameter names, direction, load and friction of every joint and every coupled motor."""
+    """Suffix of the parameter names, direction (n,), load (n,) and friction of every joint and every coupled motor."""
     if spec is None:  # a model of equations alone
         return []
     found = []

@@ -1,1 +1,4 @@
-"""Experiments with a load at the last link: an unknown payload on a known arm, a known one for unknown drive gains."""
+"""Experiments with a payload at the last link.
+
+An unknown payload is estimated on an arm with known parameters; drive gains are estimated with a known payload.
+"""

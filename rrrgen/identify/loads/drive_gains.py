@@ -1,10 +1,10 @@
-"""Unknown drive gains from two recordings, without and with a known payload.
+"""Estimates unknown drive gains from two recordings, without and with a known payload.
 
-Recorded torques or currents I_j are those of the joints divided by an unknown gain: ``g_j I_j = W_j beta + b l_j``,
+The recorded torque or current I_j of joint j is its torque divided by an unknown gain: ``g_j I_j = W_j beta + b l_j``,
 where l_j is the torque that the payload causes and b is 1 in the recording with it, 0 without. All parameters of the
-arm are estimated together with the gains; only the payload sets the scale. Noise is that of the currents, so these
-stand alone on one side: ``I_j = (W_j beta + b l_j) / g_j + e_j`` is fitted by Gauss-Newton, without the bias of a
-least-squares fit that has the currents among its columns.
+arm are estimated together with the gains; only the payload sets the scale. The noise e_j is that of the currents, so
+``I_j = (W_j beta + b l_j) / g_j + e_j`` is fitted by Gauss-Newton. A linear least-squares fit would have the noisy
+currents among its columns and be biased.
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ CERTAIN = 0.2  # relative standard deviation above which a gain is not determine
 
 @dataclass(frozen=True, eq=False)
 class DriveGains:
-    """Gains ``gain`` (n,), true over recorded torque, with standard deviations ``std`` (n,).
+    """Estimated drive gains of n joints: true divided by recorded torque, with standard deviations ``std`` (n,).
 
-    ``relative_error``: of the recorded torques; ``fallen_from``: with all gains 1.
+    ``relative_error`` is that of the model with these gains on the recorded torques, ``fallen_from`` that with all
+    gains 1. ``tuning`` describes the filters.
     """
 
     joints: tuple[str, ...]
@@ -72,7 +73,7 @@ class DriveGains:
 def identify_gains(
     model: Any, empty: Sequence[Recording], loaded: Sequence[Recording], payload: Array, processing: Processing
 ) -> DriveGains:
-    """Gains of the drives of ``model`` from recordings without (``empty``) and with the payload (``loaded``).
+    """Estimate the drive gains of ``model`` from recordings without (``empty``) and with the payload (``loaded``).
 
     ``payload`` (10,) are its standard parameters in the frame of the last link. Raises InputError for recordings that
     do not fit the robot, DerivationError if the payload hardly loads a joint.
@@ -158,5 +159,5 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
 
 
 def _matters(load: Array, current: Array) -> bool:
-    """Whether the payload changes the torque of a joint at all."""
+    """Whether the payload torque ``load`` of a joint is more than round-off, compared with its ``current``."""
     return bool(np.linalg.norm(load) > 1e-6 * np.linalg.norm(current))

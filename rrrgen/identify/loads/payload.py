@@ -1,4 +1,4 @@
-"""A payload on a known arm: mass, centre of mass and inertia from one recording.
+"""Estimates a payload on a known arm: mass, centre of mass and inertia from one recording.
 
 The payload is a body fixed to the last link. The measured torques less those of the robot without it are linear in its
 standard parameters phi: ``tau - tau_robot = W_n phi``, with W_n the last link's columns of the standard regressor. The
@@ -32,18 +32,19 @@ from rrrgen.signals.processing import Processing
 
 NAMES = ("mass", "com_x", "com_y", "com_z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 UNITS = ("kg", "m", "m", "m", *["kg m^2"] * 6)
-PRIOR_RADIUS = 0.1  # m, of gyration, of the prior that decides what the motion does not
+PRIOR_RADIUS = 0.1  # m, radius of gyration of the prior, which determines what the motion does not
 CERTAIN = 0.5  # relative standard deviation of the mass above which there is no estimate
-SHARE = 1e-4  # of the RMS torque: a payload below it is none
+SHARE = 1e-4  # of the RMS torque: a payload with smaller torques counts as none
 
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """A payload in the frame of the last link, before the tool, with standard deviations.
+    """Estimated payload in the frame of the last link, not that of the tool, with standard deviations.
 
     ``values``, ``std`` (10,): mass, centre of mass, inertia tensor about it, in the order of :data:`NAMES`; ``phi``
-    (10,) the standard parameters. ``error_without``, ``error_with``: relative torque errors of the robot file alone and
-    with the payload; ``friction``: corrections of friction by name; ``notes``: what no motion of this arm can tell.
+    (10,): standard parameters. ``error_without``, ``error_with``: relative torque errors of the robot file alone and
+    with the payload. ``friction``: corrections of friction parameters by name. ``notes``: sentences on what no motion
+    of this arm can determine. ``tuning``: the filters.
     """
 
     values: Array
@@ -83,7 +84,7 @@ class Payload:
         }
 
     def carried_by(self, spec: RobotSpec) -> RobotSpec:
-        """``spec`` with the payload as a part of its last link."""
+        """Copy of the robot ``spec`` with the payload added to its last link."""
         assert spec.links is not None
         i = spec.tip_row
         last = np.array([float(value) for value in standard_parameters(spec.links[i])]) + self.phi
@@ -168,7 +169,10 @@ def identify_payload(
 
 
 def _prior(estimate: Estimate, torque: float) -> Prior:
-    """A sphere at the origin of the link frame with the mass of the unconstrained estimate, as far as it has one."""
+    """Prior of the payload: a sphere at the origin of the link frame with the mass of the unconstrained estimate.
+
+    The mass is at least a thousandth of that whose weight at 1 m causes the RMS ``torque`` (N m).
+    """
     mass = max(float(estimate.x[0]), 1e-3 * torque / 9.81, 1e-6)
     return Prior(mass * np.diag([PRIOR_RADIUS**2] * 3 + [1.0])[None])
 

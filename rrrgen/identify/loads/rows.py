@@ -22,7 +22,10 @@ def body_columns(model: RigidModel, q: Array, dq: Array, ddq: Array) -> Array:
 
 
 def inertial(phi: Array) -> Array:
-    """Mass, centre of mass and tensor (xx, yy, zz, xy, xz, yz) about it (10,), from standard parameters (10,)."""
+    """Mass, centre of mass (3) and inertia tensor about it (xx, yy, zz, xy, xz, yz), as (10,), of a body.
+
+    ``phi`` (10,) are its standard parameters.
+    """
     m, first = phi[0], phi[1:4]
     c = first / m
     Ixx, Ixy, Iyy, Ixz, Iyz, Izz = phi[4:]

@@ -1,1 +1,1 @@
-"""Torque errors with the data and filters they refer to: split of the data, choice of the filters, scores."""
+"""Torque errors of models, and the data and filters they refer to: split of the data, choice of filters, scores."""

@@ -20,7 +20,11 @@ BAND = 1.96
 
 @dataclass(frozen=True, eq=False)
 class TorqueBand:
-    """Parameters ``theta`` (p,) of all columns with covariance ``root root'`` (p, p); residuals ``sigma`` (n,), N m."""
+    """Uncertainty of the torques that a model predicts.
+
+    ``theta`` (p,) are the parameters of all columns, ``root root'`` (p, p) is their covariance, ``sigma`` (n,) the
+    standard deviation of the residuals of each joint, N m (N).
+    """
 
     theta: Array
     root: Array
@@ -28,7 +32,10 @@ class TorqueBand:
 
     @classmethod
     def of(cls, theta: Array, to_columns: Array, covariance: Array, sigma: Array) -> TorqueBand:
-        """The band by the ``covariance`` (r, r) of identifiable parameters; ``to_columns`` (p, r) maps to theta."""
+        """Build the band from the ``covariance`` (r, r) of the identifiable parameters.
+
+        ``to_columns`` (p, r) maps these to ``theta`` (p,); ``sigma`` (n,) is that of the residuals.
+        """
         values, V = np.linalg.eigh(0.5 * (covariance + covariance.T))
         return cls(theta, to_columns @ (V * np.sqrt(np.maximum(values, 0.0))), sigma)
 
@@ -41,9 +48,9 @@ class TorqueBand:
         return np.asarray(np.hypot(self.parameters(W), self.sigma))
 
     def coverage(self, blocks: Iterable[Rows]) -> tuple[float, float] | None:
-        """Share of the rows in use inside the 95 % band, and the RMS share of the parameters in its half width.
+        """Share of the rows in use that lie inside the 95 % band, and how much of its width the parameters cause.
 
-        None without rows.
+        The latter is the RMS ratio of the standard deviation from the parameters to the total. None without rows.
         """
         inside = count = 0
         own = all_ = 0.0

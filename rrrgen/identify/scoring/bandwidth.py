@@ -217,7 +217,7 @@ def _cubic(before: Array, after: Array, gap: int) -> Array:
     samples.
     """
     instants = np.arange(float(END_SAMPLES))[:, None] ** np.arange(3)
-    slope = np.linalg.pinv(instants)[1]  # of the parabola, at the first of its samples
+    slope = np.linalg.pinv(instants)[1]  # slope of the parabola at the first of its samples
     start, end = -slope @ before[: -END_SAMPLES - 1 : -1], slope @ after[:END_SAMPLES]
     length = gap + 1
     s = np.arange(1, length)[:, None] / length

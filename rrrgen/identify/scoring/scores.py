@@ -123,7 +123,7 @@ class _Sums:
         self.error += np.sum(np.square(np.where(chosen[..., None], rows.tau[..., None] - rows.W, 0.0)), axis=0)
 
     def score(self, estimate: str, model: int, data: str, torque: str, rows: Selection) -> Score:
-        """The errors of one model."""
+        """The score of model number ``model``, named ``estimate``, from the accumulated sums."""
         count, squares = int(np.sum(self.counts)), self.error[:, model]
         known: dict[str, Any] = {"relative_error": None, "rms": None, "joint_rms": None}
         known["joint_counts"] = tuple(int(v) for v in self.counts)
