@@ -109,8 +109,8 @@ def _judged(
     """Report a wrong torque unit of ``joints``, or a wrong clock, from the masses implied by gravity and inertia.
 
     ``gravity`` and ``inertia`` are these masses, divided by the expected mass or by the cube of the reach (kg/m^3);
-    ``gravity`` is NaN if gravity acts on no joint. The clock is wrong if they differ by more than SQUARED, the torques if
-    they lie outside the range ``allowed``. ``told`` is the evidence in words.
+    ``gravity`` is NaN if gravity acts on no joint. The clock is wrong if they differ by more than SQUARED, the torques
+    if they lie outside the range ``allowed``. ``told`` is the evidence in words.
     """
     low, high = allowed
     if np.isnan(gravity):
