@@ -206,8 +206,7 @@ def refitted(
 ) -> Identification:
     """Repeat the identification ``found`` with other rows for the same parameters, such as those of a simulated loop.
 
-    ``blocks`` are the rows to fit, ``held_out`` those to score only, ``friction`` the laws with changed shapes;
-    ``recordings`` and ``options`` are as for :func:`identify`.
+    ``blocks`` are the rows to fit, ``held_out`` those to score only, ``friction`` the laws with changed shapes.
     """
     regressor, chosen = found.regressor, found.parametrisation
     assert regressor is not None and chosen is not None  # noqa: PT018
