@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.errors import InputError
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.model.estimated_terms import Column
 from rrrgen.program import Builder, Port, Program, Role
@@ -44,20 +43,10 @@ class Directed:
 class LoopEquations:
     """Mass matrix, load torques and friction of a robot, from its full ``regressor``.
 
-    The load torques are all torques for ddq = 0 without friction. Raises InputError for friction laws that have an
-    internal state or depend on the load.
+    The load torques are all torques for ddq = 0 without friction.
     """
 
     regressor: FullRegressor
-
-    def __post_init__(self) -> None:
-        for surface in self.regressor.surfaces:
-            if surface.has_state or surface.definition.has_load:
-                reason = "has a state" if surface.has_state else "depends on the load"
-                raise InputError(
-                    f"the friction law {surface.law} {reason} and cannot be fitted in closed loop; "
-                    "asymmetric_exponential, exponential, stribeck, asymmetric and neural can"
-                )
 
     @property
     def n(self) -> int:
@@ -93,11 +82,36 @@ class LoopEquations:
         kept = dict.fromkeys(tuple(float(w) for w in direction) for direction in found)
         return np.array([[*direction] for direction in kept]).reshape(len(kept), self.n)
 
+    @cached_property
+    def reaches(self) -> tuple[int, ...]:
+        """Places in theta (from 0) of the distance over which friction turns, for each of the m surfaces.
+
+        -1 for a surface whose friction has no state.
+        """
+        found, place = [-1] * len(self.directions), len(self.columns)
+        for surface in self.regressor.surfaces:
+            place += len(surface.definition.shapes)
+            if surface.has_state:
+                found[self._surface(surface.direction)] = place - 1
+        return tuple(found)
+
+    @cached_property
+    def carried(self) -> Array | None:
+        """Matrix (m, n) that maps joint torques without friction to the loads of the surfaces, None without any load.
+
+        Rows of surfaces whose friction does not depend on the load are zero.
+        """
+        found = np.zeros((len(self.directions), self.n))
+        for surface in self.regressor.surfaces:
+            if surface.definition.has_load:
+                found[self._surface(surface.direction)] = surface.carried
+        return found if found.any() else None
+
     def programs(self) -> tuple[Program, ...]:
         """Programs of the equations of motion.
 
-        ``terms(q, dq, theta)`` gives the mass matrix M (n, n) and load torques (n,); ``friction(u, s, theta)`` the
-        friction torques (m,) of the surfaces at sliding speeds u and directions s (+1 or -1).
+        ``terms(q, dq, theta)`` gives the mass matrix M (n, n) and load torques (n,);
+        ``friction(u, d, s, size, theta)`` the friction torques (m,) of the surfaces, see :func:`friction_inputs`.
         """
         return (self._terms(), self._friction()) if len(self.directions) else (self._terms(),)
 
@@ -126,14 +140,13 @@ class LoopEquations:
 
     def _friction(self) -> Program:
         builder, m = Builder(), len(self.directions)
-        u = builder.input(Port("u", (m,), "rad/s | m/s", "", "speeds of the surfaces", Role.VELOCITY))
-        s = builder.input(Port("s", (m,), "", "", "directions in which they slide"))
+        u, d, s, size = friction_inputs(builder, m)
         theta = builder.input(self._port())
         torques: list[Any] = [0] * m
         for k, column in enumerate(self.columns):
             if column.kind in SLIDING:
                 j = self._surface(column.direction)
-                factor: Any = {"viscous": u[j], "coulomb": s[j], "offset": 1}[column.kind]
+                factor: Any = {"viscous": u[j], "coulomb": d[j], "offset": 1}[column.kind]
                 torques[j] = torques[j] + theta[k] * factor
         k = len(self.columns) - sum(len(surface.definition.linear) for surface in self.regressor.surfaces)
         shape = len(self.columns)
@@ -141,7 +154,11 @@ class LoopEquations:
             law, j = surface.definition, self._surface(surface.direction)
             linear, bent = len(law.linear), len(law.shapes)
             values = law.joined(theta[k : k + linear], theta[shape : shape + bent])
-            torques[j] = torques[j] + law.torque(Directed(builder, s[j]), u[j], values)
+            weights, shapes = law.split(law.under_load(values, size[j]))
+            assert law.factors is not None
+            factors = law.factors(Directed(builder, d[j]), u[j], s[j] if surface.has_state else d[j], shapes)
+            for weight, factor in zip(weights, factors, strict=not law.has_load):
+                torques[j] = torques[j] + weight * factor
             k, shape = k + linear, shape + bent
         port = Port("f", (m,), "N m | N", "", "friction of the surfaces")
         return builder.program("friction", [(port, torques)], summary="Friction in given directions.")
@@ -151,6 +168,19 @@ class LoopEquations:
 
     def _surface(self, direction: Sequence[float]) -> int:
         return int(np.flatnonzero((self.directions == np.asarray(direction, float)).all(axis=1))[0])
+
+
+def friction_inputs(builder: Builder, m: int) -> tuple[Any, Any, Any, Any]:
+    """Inputs of a friction program for m surfaces.
+
+    They are the sliding speeds u, the directions d of sliding (+1 or -1), the directions s of friction with a state (-1
+    to 1), and the sizes of the load torques.
+    """
+    speeds = builder.input(Port("u", (m,), "rad/s | m/s", "", "speeds of the surfaces", Role.VELOCITY))
+    directions = builder.input(Port("d", (m,), "", "", "directions in which they slide"))
+    states = builder.input(Port("s", (m,), "", "", "directions of friction with a state"))
+    sizes = builder.input(Port("size", (m,), "N m | N", "", "sizes of their loads"))
+    return speeds, directions, states, sizes
 
 
 def _replayed(program: Program, builder: Builder, known: dict[Role, list[Any]]) -> list[Any]:

@@ -25,6 +25,7 @@ from rrrgen.identify.identification import Identification, refitted
 from rrrgen.identify.options import Options
 
 SCHEMA = "rrrgen-closed-loop/1"
+CARRIED = ("rigid", "inertia")  # kinds of columns whose torques load the friction
 MOST_NUMBERS = 20_000_000
 """Largest number of sensitivity entries kept in memory; longer recordings are decimated to stay below it."""
 
@@ -117,6 +118,10 @@ def closed_loop_estimate(
     friction = (
         None if found.friction is None else _shaped(found.friction, fit.z, work.covariance(fit), parameters.count)
     )
+    if found.regressor.load:
+        theta = np.where([c.kind in CARRIED for c in equations.columns], parameters.theta(fit.z)[: len(chosen.T)], 0.0)
+        own_load = tuple(theta[: len(found.regressor.load)].tolist())
+        found = replace(found, regressor=replace(found.regressor, load=own_load))
     blocks, held = _rows(found, own, fit, parameters.count)
     again = refitted(found, recordings, options, blocks, held, friction, progress)
     delivered = again.theta if again.consistent is None else again.consistent.theta

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.closed_loop.controller import LoopController
-from rrrgen.closed_loop.equations import Directed
+from rrrgen.closed_loop.equations import Directed, friction_inputs
 from rrrgen.closed_loop.loop import CompiledLoop
 from rrrgen.closed_loop.loop_recording import LoopRecording, loop_recordings
 from rrrgen.closed_loop.output_error import OutputError
@@ -48,6 +48,8 @@ class JointEquations:
     candidate: Candidate
 
     n = 1
+    reaches = (-1,)
+    carried = None
 
     @property
     def size(self) -> int:
@@ -75,11 +77,10 @@ class JointEquations:
         outputs += [(Port("load", (1,), "N m | N", "joint", "gravity torque"), [load])]
         terms = builder.program("terms", outputs, summary="Inertia and load of the joint.")
         builder = Builder()
-        u = builder.input(Port("u", (1,), "rad/s | m/s", "", "speed", Role.VELOCITY))
-        s = builder.input(Port("s", (1,), "", "", "direction"))
+        u, d, _, _ = friction_inputs(builder, 1)
         theta = builder.input(Port("theta", (self.size,), "mixed", "", "parameters"))
         values = self.candidate.law_values([*theta, 0])
-        torque: Any = self.candidate.law.torque(Directed(builder, s[0]), u[0], values)
+        torque: Any = self.candidate.law.torque(Directed(builder, d[0]), u[0], values)
         port = Port("f", (1,), "N m | N", "", "friction")
         friction = builder.program("friction", [(port, [torque])], summary="Friction in a given direction.")
         return terms, friction

@@ -48,8 +48,10 @@ class Equations(Protocol):
     """Interface of the equations of motion of n joints with m friction surfaces and ``size`` parameters theta.
 
     ``directions`` (m, n) maps joint speeds to sliding speeds of the surfaces. ``programs()`` returns
-    ``terms(q, dq, theta) -> M, load`` and, if m > 0, ``friction(u, s, theta) -> f``: the friction torques (m,) at
-    sliding speeds u and sliding directions s (+1 or -1).
+    ``terms(q, dq, theta) -> M, load`` and, if m > 0, ``friction(u, d, s, size, theta) -> f``: the friction torques (m,)
+    at sliding speeds u in directions d (+1 or -1). Where friction has a state s, ``reaches`` (m,) is the place in theta
+    of the distance over which it turns, otherwise -1; f is linear in s. ``carried`` (m, n) maps the joint torques
+    without friction to the loads of the surfaces, whose sizes friction may depend on; None if it does not.
     """
 
     @property
@@ -58,6 +60,10 @@ class Equations(Protocol):
     def size(self) -> int: ...  # noqa: D102
     @property
     def directions(self) -> Array: ...  # noqa: D102
+    @property
+    def reaches(self) -> tuple[int, ...]: ...  # noqa: D102
+    @property
+    def carried(self) -> Array | None: ...  # noqa: D102
     def programs(self) -> tuple[Program, ...]: ...  # noqa: D102
 
 
@@ -70,8 +76,12 @@ class CompiledLoop:
         from rrrgen.runtime.compiler import NATIVE
 
         self.equations, self.controller = equations, controller
-        W = ", ".join(repr(float(w)) for w in equations.directions.ravel())
-        values = {"n": equations.n, "m": len(equations.directions), "W": W}
+        carried = np.zeros(0) if equations.carried is None else equations.carried
+        values = {
+            **{"n": equations.n, "m": len(equations.directions), "W": _literals(equations.directions)},
+            **{"states": any(at >= 0 for at in equations.reaches), "place": ", ".join(map(str, equations.reaches))},
+            **{"loads": equations.carried is not None, "carried": _literals(carried)},
+        }
         programs = equations.programs()
         files = function_files(
             "loop", "a simulated closed loop", programs, "double", extension=Extension("loop", values)
@@ -114,3 +124,8 @@ class CompiledLoop:
         )
         diverged = None if ends == samples else int(ends)
         return Run(q, dq, recording.as_recorded(command), recording.held(acting), diverged)
+
+
+def _literals(values: Array) -> str:
+    """The entries of ``values`` as C literals with commas between them."""
+    return ", ".join(repr(float(value)) for value in values.ravel())

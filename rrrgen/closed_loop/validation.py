@@ -56,8 +56,7 @@ class ClosedLoopValidation:
 def stated_equations(model: Any) -> tuple[LoopEquations, Array]:
     """Equations of motion of a compiled robot ``model`` and their parameters theta (p,) from its robot file, SI units.
 
-    The file must state link inertias. Raises InputError for friction laws that are not separable, have an internal
-    state or depend on the load.
+    The file must state link inertias. Raises InputError for friction laws that are not separable.
     """
     spec = model.spec
     equations = LoopEquations(FullRegressor(model, DriveTerms.of_spec(spec), stated_surfaces(spec)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib.resources import files
 
 import pytest
 from click.testing import CliRunner
@@ -13,14 +14,21 @@ from rrrgen.closed_loop.controller_file import load_controller, loads_controller
 from rrrgen.closed_loop.estimation import closed_loop_estimate
 from rrrgen.closed_loop.validation import validate_loop
 from rrrgen.errors import DerivationError, InputError
+from rrrgen.identify.friction_laws.choice import LawChoice
 from rrrgen.identify.identification import identify
 from rrrgen.identify.options import Options
 from rrrgen.recordings.log_stream import LogStream
 from rrrgen.recordings.logs import open_log
 from rrrgen.robotfile import load_spec
 from rrrgen.signals.processing import Processing
-from samples.linear_drive import CONTROLLER, MASS, TRUTH, record, write_drive
+from samples.linear_drive import CONTROLLER, DAHL, MASS, TRUTH, record, write_drive
 
+LAWS = (
+    "{law: dahl_load_dependent, coulomb: 1.5, excess: 0.4, decay_speed: 0.1, viscous: 2, load_ratio: 0.1, "
+    "presliding: 1e-3}",
+    "{law: dahl_load_dependent, coulomb: 1, viscous: 1, load_ratio: 0.12, presliding: 2e-3, decay_speed: 1}",
+    "{law: dahl, coulomb: 0.6, viscous: 0.3, presliding: 2e-3}",
+)
 EXPERIMENT = """
 schema: rrrgen-experiment/1
 virtual_robot: {torque_noise: 0.02, delay: 1}
@@ -148,15 +156,35 @@ def test_instruments_from_the_simulated_loop_tell_bias(drive, tmp_path, resoluti
     assert (mass < 0.98 * MASS) == biased
 
 
+def test_friction_with_a_state_is_simulated_and_found(drive, tmp_path):
+    """Dahl's law: at every reversal the bristles bend before the drive slides."""
+    log = LogStream(open_log(record(tmp_path, "log", 3, 4.0, presliding=DAHL["presliding1"])))
+    model, options = rrrgen.compile(drive[1]), Options(friction=LawChoice("dahl"))
+    found = identify(model, [log], Processing("differences", decimate=5), options)
+    loop = closed_loop_estimate(found, [log], loads_controller(CONTROLLER), options)
+    known = dict(zip(loop.names, loop.theta, strict=True))
+    assert known["m1R"] == pytest.approx(MASS, rel=2e-3)
+    for name, value in DAHL.items():
+        assert known[name] == pytest.approx(value, rel=0.02), name
+    assert loop.fit.relative_error < 2e-3
+
+
 def test_the_virtual_arm_writes_its_controller(tmp_path):
-    """Three coupled joints with a Kalman observer, a delay and noise: the written controller is the simulated one."""
+    """Three coupled joints, a Kalman observer, a delay, noise, friction with a state and of the load in the loop.
+
+    The written controller is the simulated one. The virtual arm computes the load from accelerations, the simulated
+    loop from the torques less friction.
+    """
+    first, *others = (files("rrrgen.robotfile") / "robots/rrr.yaml").read_text().split("    drive:")
+    rows = [f"    friction: {law}\n    drive:{text}" for law, text in zip(LAWS, others, strict=True)]
+    robot = tmp_path / "robot.yaml"
+    robot.write_text(first + "".join(rows))
     (tmp_path / "experiment.yaml").write_text(EXPERIMENT)
-    to = ("--writing", "--experiment", tmp_path / "experiment.yaml", "--duration", 1.5, "-o", tmp_path / "sim")
-    assert run("simulate", "rrr", *to).exit_code == 0
+    to = ("--writing", "--experiment", tmp_path / "experiment.yaml", "--duration", 0.8, "-o", tmp_path / "sim")
+    assert run("simulate", robot, *to).exit_code == 0
     results = tmp_path / "sim/results"
-    model = rrrgen.compile("rrr")
     log = LogStream(open_log(results / "log.yaml"))
     controller = load_controller(results / "log_controller.yaml")
-    found = validate_loop(model, controller, [log], Processing("differences"))
+    found = validate_loop(rrrgen.compile(robot), controller, [log], Processing("differences"))
     assert found.score.relative_error < 0.01
     assert "warning" not in found.lines(log.joints)[0]

@@ -14,6 +14,8 @@ TRUTH = {
     **{"excess1": 6.0, "decay_speed1": 0.02},
 }
 
+DAHL = {"coulomb1": 20.0, "viscous1": 210.0, "presliding1": 2e-5}
+
 ROBOT = """
 schema: rrrgen/1
 name: slider
@@ -59,6 +61,11 @@ def friction(v: float) -> float:
     return float(s * (viscous * speed + coulomb + 6.0 * np.exp(-speed / 0.02)))
 
 
+def bent(s: float, travel: float) -> float:
+    """Direction of Dahl's friction after a travel, in lengths of presliding."""
+    return float(np.sign(travel) + (s - np.sign(travel)) * np.exp(-abs(travel)))
+
+
 def reference(samples: int, seed: int) -> np.ndarray:
     """Strokes of random length with ramps of the speed, some after a rest."""
     rng = np.random.default_rng(seed)
@@ -72,16 +79,25 @@ def reference(samples: int, seed: int) -> np.ndarray:
 
 
 def record(
-    folder: Path, name: str, seed: int, seconds: float = 5.0, pulses: bool = False, resolution: float = 5e-8
+    folder: Path,
+    name: str,
+    seed: int,
+    seconds: float = 5.0,
+    pulses: bool = False,
+    resolution: float = 5e-8,
+    presliding: float = 0.0,
 ) -> Path:
-    """Write the recording ``name`` of a simulated drive to ``folder``; returns its mapping file."""
+    """Write the recording ``name`` of a simulated drive to ``folder``; returns its mapping file.
+
+    With ``presliding`` (m), friction is Dahl's, of DAHL, instead of the asymmetric one.
+    """
     samples, steps = round(seconds / PERIOD), 10
     r = reference(samples, seed)
     force = np.zeros(samples)
     if pulses:
         for k in range(500, samples, 900):
             force[k : k + 200] = 15.0 if k % 1800 < 900 else -15.0
-    q, v, average, last, command = 0.0, 0.0, 0.0, 0.0, 0.0
+    q, v, s, average, last, command = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     rows = np.zeros((samples, 5))
     for k in range(samples):
         reading = round(q / resolution) * resolution
@@ -90,7 +106,11 @@ def record(
         before, average, last = average, 0.5 * (reading + last), reading
         command = KV * (KP * (r[k] - reading) - (average - before) / PERIOD)
         acting, h = GAIN * volts + force[k], PERIOD / steps
-        for _ in range(steps):
+        for _ in range(steps if presliding else 0):
+            q, s = q + 0.5 * h * v, bent(s, 0.5 * h * v / presliding)
+            v += h * (acting - DAHL["coulomb1"] * s - DAHL["viscous1"] * v) / MASS
+            q, s = q + 0.5 * h * v, bent(s, 0.5 * h * v / presliding)
+        for _ in range(0 if presliding else steps):
             if v == 0.0 and -30.0 <= acting <= 26.0:
                 continue
             direction = v or acting
