@@ -32,7 +32,8 @@ def stages(plan: SolverPlan) -> tuple[Stage, ...]:
 
 def most_rows(plan: SolverPlan) -> int:
     """The largest number of solutions that a result can hold."""
-    return max(part.max_solutions for part in parts_of(plan))
+    most = max(part.max_solutions for part in parts_of(plan))
+    return most if plan.coupling is None else most * plan.coupling.count
 
 
 def labels(plan: SolverPlan) -> tuple[tuple[str, int, int], ...]:
@@ -52,7 +53,8 @@ def reasons_of(plan: SolverPlan) -> tuple[str, ...]:
     """Texts that say why there is no solution, indexed by the field ``stage`` of a result.
 
     One per root selection, then one for candidates that miss the target and one for targets too far away. Where the
-    solver is incomplete no text claims that there is no solution, and a last one is for solutions outside the limits.
+    solver is incomplete no text claims that there is no solution, and one more is for solutions outside the limits. A
+    mechanism has a last one, for solutions of its rows that miss the coupling.
     """
     near = bool(plan.incomplete)
     texts = ["no reason"]
@@ -66,4 +68,6 @@ def reasons_of(plan: SolverPlan) -> tuple[str, ...]:
     texts.append("the target is farther than a million reaches: its coordinates drown the arm")
     if near:
         texts.append("every configuration that was found lies outside the joint limits, and there may be others")
+    if plan.coupling is not None:
+        texts.append("no configuration of the rows to the tip keeps the coupling of the joints")
     return tuple(texts)

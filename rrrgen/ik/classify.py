@@ -8,7 +8,10 @@ from functools import lru_cache
 from itertools import product as cartesian
 from typing import TYPE_CHECKING
 
+from rrrgen.errors import DerivationError
 from rrrgen.ik import families
+from rrrgen.ik.coupling import coupling_of
+from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, numeric_chain
 from rrrgen.ik.geometry.snap import snapped
 from rrrgen.ik.geometry.virtual import extended
@@ -25,11 +28,6 @@ TRIALS = 3
 SPLITS = 13
 """Largest cost of a plan whose equations are at most quadratic. Costs rank plans and have no unit; lower is better."""
 
-_MECHANISM = (
-    "joints follow others or branch off; `rrrgen ik` and `ik` in Python solve the chain of rows to the tip and keep "
-    "what fits the coupling, but no code is emitted"
-)
-
 UNSOLVED = 1000
 """Cost reported where no plan exists; larger than the cost of every plan."""
 
@@ -37,11 +35,33 @@ UNSOLVED = 1000
 def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
     """Plan the inverse kinematics of ``spec``; ``redundancy`` (from 0) prescribes that joint of a redundant arm.
 
-    For a chain that cannot be solved, the plan has the family ``"none"`` and its ``reason`` says why.
+    For a chain that cannot be solved, the plan has the family ``"none"`` and its ``reason`` says why. A mechanism is
+    planned as the chain of its rows from base to tip, with a ``coupling``; ``redundancy`` then counts these rows.
     """
     if spec.mechanism is not None:
-        return _none(numeric_chain(chain_to_tip(spec)), _MECHANISM)
+        return _coupled(spec, numeric_chain(chain_to_tip(spec)), redundancy)
     return _planned(numeric_chain(spec), redundancy)
+
+
+def _coupled(spec: RobotSpec, chain: Chain, redundancy: int | None) -> SolverPlan:
+    """Plan a mechanism: the chain of its rows from base to tip, and how these follow its joints."""
+    found = _planned(chain, redundancy)
+    if not found.solvable:
+        return found
+    try:
+        coupling = coupling_of(spec, chain)
+    except DerivationError as error:
+        return _none(chain, str(error))
+    if found.locked is None or found.locked == ARM_ANGLE or coupling.leader(found.locked) is not None:
+        return replace(found, coupling=coupling)
+    if redundancy is not None:
+        return _none(chain, f"{chain.joints[redundancy].name} cannot be prescribed, because it follows several joints")
+    leading = (k for k in range(chain.n) if coupling.leader(k) is not None)
+    plans = (_planned(chain, k) for k in leading)
+    return next(
+        (replace(each, coupling=coupling) for each in plans if each.solvable),
+        _none(chain, "the rows to the tip are redundant, and none that follows one joint can be prescribed"),
+    )
 
 
 @lru_cache(maxsize=16)

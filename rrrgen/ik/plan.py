@@ -10,6 +10,7 @@ from rrrgen.errors import InternalError
 if TYPE_CHECKING:
     import sympy as sp
 
+    from rrrgen.ik.coupling import Coupling
     from rrrgen.ik.geometry.chain import Chain
     from rrrgen.ik.recording.solver import Solver
 
@@ -62,6 +63,7 @@ class SolverPlan:
     * ``singularities``: the configurations where solutions meet or a joint is free.
     * ``reason``: why there is no solver, for the family "none".
     * ``solver``: the recorded closed form; None for an elimination.
+    * ``coupling``: how ``chain`` follows the joint positions q of a mechanism; None where its joints are q.
     """
 
     family: Family
@@ -81,6 +83,12 @@ class SolverPlan:
     singularities: tuple[Singularity, ...] = field(default=())
     reason: str = ""
     solver: Solver | None = field(default=None, compare=False, repr=False)
+    coupling: Coupling | None = None
+
+    @property
+    def n(self) -> int:
+        """The number of joint positions of a solution."""
+        return self.chain.n if self.coupling is None else self.coupling.n
 
     @property
     def equations(self) -> Solver:

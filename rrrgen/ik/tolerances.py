@@ -235,6 +235,7 @@ SEARCH = (
     Tolerance(
         "beyond", "1e6", "1e6", "squared error above which a solution is dropped even where inexact ones are kept"
     ),
+    Tolerance("coupled", "1e-4", "1e-2", "how far (rad, reaches) rows may be off their coupling and are refined on it"),
     Tolerance(
         "small_turn", "0.9", "0.9", "cosine of the rotation error above which its sine is used in place of the angle"
     ),

@@ -13,8 +13,7 @@ from rrrgen.ik.answers import STATUS_TEXTS, labels, most_rows, reasons_of
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.model.mechanism import chain_to_tip
-from rrrgen.runtime.evaluation.coupled import CoupledEngine, Coupling
+from rrrgen.runtime.evaluation.coupled import CoupledEvaluation
 from rrrgen.runtime.evaluation.engine import Answer, Engine, batch_of, empty_batch
 from rrrgen.runtime.evaluation.solve import Evaluation, Wish
 from rrrgen.runtime.ik_arguments import LIMITS, NEAREST, RESIDUAL, options, real_array, real_number
@@ -31,7 +30,7 @@ class _Compiled:
     """Inverse-kinematics engine that calls the emitted C through cffi."""
 
     def __init__(self, plan: SolverPlan, rows: int, ffi: Any, lib: Any, name: str) -> None:
-        self._n, self._rows, self._locked = plan.chain.n, rows, plan.locked is not None
+        self._n, self._rows, self._locked = plan.n, rows, plan.locked is not None
         self._ffi, self._name = ffi, name
         self._solve = getattr(lib, f"{name}_inverse_kinematics")
         self._closest = getattr(lib, f"{name}_closest")
@@ -80,7 +79,9 @@ class _Evaluated:
     """The recorded solver evaluated in Python: slow, but without a compiler."""
 
     def __init__(self, plan: SolverPlan, rows: int) -> None:
-        self._n, self._rows, self._evaluation = plan.chain.n, rows, Evaluation(plan, len(reasons_of(plan)))
+        self._n, self._rows = plan.n, rows
+        coupled = plan.coupling is not None
+        self._evaluation = CoupledEvaluation(plan) if coupled else Evaluation(plan, len(reasons_of(plan)))
 
     def answer(
         self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
@@ -125,16 +126,14 @@ class InverseKinematics:
         plan: the family of the arm with its equations, or why it has no solver.
         engine: solves checked targets: the emitted C, or the evaluation of the recorded solver.
         name: the name of the robot, for messages.
-        coupling: how the joints of the plan follow from q, where they are not q.
     """
 
-    def __init__(self, plan: SolverPlan, engine: Engine, name: str, coupling: Coupling | None = None) -> None:
+    def __init__(self, plan: SolverPlan, engine: Engine, name: str) -> None:
         self.plan = plan
         self.labels = labels(plan)
-        self.max_solutions = most_rows(plan) * (1 if coupling is None else coupling.count)
-        self.n = plan.chain.n if coupling is None else coupling.n
-        self._reasons = (*reasons_of(plan), "no solution of the rows keeps the coupling of the joints")
-        self._coupling = coupling
+        self.max_solutions = most_rows(plan)
+        self.n = plan.n
+        self._reasons = reasons_of(plan)
         self._engine, self._name = engine, name
         self._locked = plan.locked is not None
 
@@ -307,8 +306,8 @@ class InverseKinematics:
 
     def parameter(self, q: ArrayLike) -> float:
         """The redundancy parameter at ``q`` (n,): the prescribed joint (rad or m), or the arm angle (rad)."""
-        joints = real_array("q", q)
-        return parameter(self.plan, joints if self._coupling is None else self._coupling.S @ joints)
+        joints, coupling = real_array("q", q), self.plan.coupling
+        return parameter(self.plan, joints if coupling is None else np.array(coupling.matrix) @ joints)
 
 
 def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineName = "c") -> InverseKinematics:
@@ -320,8 +319,6 @@ def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineN
     general elimination for six joints exists in C only), and :class:`rrrgen.errors.BuildError` if "c" finds no C
     compiler.
     """
-    if spec.mechanism is not None:
-        return _coupled_solver(spec, redundancy, backend)
     plan = make_plan(spec, redundancy)
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
@@ -332,14 +329,6 @@ def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineN
     files = emit(spec, plan).files
     ffi, lib = build_extension(files, _declarations(files[f"{spec.name}_ik.h"]), f"{spec.name}_ik")
     return InverseKinematics(plan, _Compiled(plan, most_rows(plan), ffi, lib, spec.name), spec.name)
-
-
-def _coupled_solver(spec: RobotSpec, redundancy: int | None, backend: EngineName) -> InverseKinematics:
-    """The solver of a mechanism: that of its rows to the tip, and the coupling."""
-    chain = load_solver(chain_to_tip(spec), redundancy, backend)
-    coupling = Coupling(spec, chain.plan.chain, position=chain.plan.task == "position")
-    unfit, rows = len(reasons_of(chain.plan)), chain.max_solutions * coupling.count
-    return InverseKinematics(chain.plan, CoupledEngine(chain._engine, rows, coupling, unfit), spec.name, coupling)
 
 
 def _declarations(header: str) -> str:

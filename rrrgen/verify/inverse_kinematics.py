@@ -43,7 +43,8 @@ Tell = Callable[[int, int, str], None]
 class Arm:
     """Forward kinematics and the geometric Jacobian of a chain, for batches of configurations (N, n)."""
 
-    def __init__(self, chain: Chain, *, position: bool) -> None:
+    def __init__(self, chain: Chain, *, position: bool, redundant: bool = False) -> None:
+        self._moving = chain.n - redundant
         self.revolute, self.n, path = np.array(chain.angles), chain.n, chain.path(chain.tip)
         around = chain.around_joints()
         self.around = [around[i] for i in path]
@@ -103,8 +104,9 @@ class Arm:
         return np.asarray(np.where(self.revolute, turned, np.abs(d) / self.reach).max(axis=-1))
 
     def sharpness(self, goals: Array, q: Array) -> Array:
-        """The smallest singular value of the Jacobian (N,)."""
-        return np.asarray(np.linalg.svd(self.error(goals, q)[1], compute_uv=False)[:, -1])
+        """The smallest singular value of the Jacobian (N,), beside the zero that a redundant joint leaves."""
+        values = np.linalg.svd(self.error(goals, q)[1], compute_uv=False)
+        return np.asarray(values[:, min(values.shape[1], self._moving) - 1])
 
     def drawn(self, count: int, rng: np.random.Generator) -> Array:
         """Random configurations (count, n): angles over a full turn, displacements up to ``STROKE`` (m)."""
@@ -141,7 +143,8 @@ def check_inverse_kinematics(
     except Exception as error:  # a comparison of our own that cannot be made fails
         rows.rows.append(_row("no solver", OWN_CHAIN, samples, np.inf, 0.0, f"{type(error).__name__}: {error}"))
         return
-    checks = _Checks(solver, Arm(chain, position=solver.plan.task == "position"), rng, rows)
+    arm = Arm(chain, position=solver.plan.task == "position", redundant=solver.plan.locked is not None)
+    checks = _Checks(solver, arm, rng, rows)
     try:
         checks.at_random(samples)
         checks.at_singular(max(samples // 4, 10))

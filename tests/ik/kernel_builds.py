@@ -6,11 +6,13 @@ import ctypes
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from rrrgen.backends.c.dialect import Dialect
+from rrrgen.backends.c.solver.mechanisms import mechanism_settings
 from rrrgen.backends.c.solver.settings import NEEDS, reopening, settings
 from rrrgen.ik.answers import STATUS_TEXTS, most_rows, opens, parts_of, reasons_of
 from rrrgen.ik.classify import plan
@@ -20,14 +22,19 @@ KERNELS = sorted(path.name for path in FOLDER.glob("*.c"))
 ELIMINATION = {"general6r.c", "candidates6r.c", "aspect.c", "trig_roots.c"}
 
 
+COUPLED = {"coupling.c", "coupled.c"}
+OF_MECHANISMS = {*COUPLED, "order.c", "refine.c", "finish.c", "batch.c", "closest.c", "texts.c"}
+
+
 def settings_header(spec, real: str = "double") -> str:
-    """The text of settings.h for one robot: options as 0 or 1, words as macros."""
-    found = plan(spec)
+    """The text of settings.h for one robot: options as 0 or 1, words as macros; of a mechanism, those of its q."""
+    planned, dialect = plan(spec), Dialect("robot", real)
+    found = replace(planned, coupling=None)
     parts = parts_of(found)
     may_open = [opens(part) for part in parts]
     chosen = settings(
         found,
-        Dialect("robot", real),
+        dialect,
         needs=frozenset(NEEDS),
         opens=may_open,
         rows=most_rows(found),
@@ -35,21 +42,26 @@ def settings_header(spec, real: str = "double") -> str:
         texts=STATUS_TEXTS,
     )
     chosen = reopening(chosen, "robot_ik", "branches", may_open[0] or [(0, 1)])
+    if planned.coupling is not None:
+        chosen = mechanism_settings(chosen, planned, planned.coupling, dialect)
     lines = ["#ifdef __cplusplus", "#define ROBOT_RESTRICT", "#else", "#define ROBOT_RESTRICT restrict", "#endif"]
     lines += [f"typedef {real} robot_real;", *(f"#define {name} {int(on)}" for name, on in chosen.options.items())]
     for name, text in chosen.words.items():
         if name not in ("LOCAL", "LOCAL_INLINE"):
-            lines.append(f"#define {name} {text.replace('robot_ik_', 'ik_')}".replace("\n", " "))
+            text = text.replace("robot_ik_chain_", "chain_").replace("robot_ik_", "ik_")
+            lines.append(f"#define {name} {text}".replace("\n", " "))
     return "\n".join(lines) + "\n"
 
 
 def prepare(folder: Path, spec, real: str = "double") -> list[str]:
-    """Copy the kernels beside their settings; the files that this robot has a use for."""
+    """Copy the kernels beside their settings; the files that this robot uses, without the chain of a mechanism."""
     for path in FOLDER.glob("*.[ch]"):
         shutil.copy(path, folder)
     (folder / "settings.h").write_text(settings_header(spec, real))
     found = plan(spec)
-    used = [name for name in KERNELS if found.general or name not in ELIMINATION]
+    if found.coupling is not None:
+        return [name for name in KERNELS if name in OF_MECHANISMS]
+    used = [name for name in KERNELS if name not in COUPLED and (found.general or name not in ELIMINATION)]
     return [name for name in used if name not in ("open.c", "reopen.c") or any(map(opens, parts_of(found)))]
 
 

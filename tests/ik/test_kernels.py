@@ -15,18 +15,25 @@ import pytest
 from ik.kernel_builds import KERNELS, build, pointer, prepare, table_of
 from ik.robots import make, robot
 from ik.test_emitted_c import COMPILERS, LIMITS, VARIANTS, WARNINGS, run
+from ik.test_mechanisms import TEXTS
 from rrrgen.backends.c.solver.files import sources
 from rrrgen.backends.c.solver.kernels import Settings, specialize
 from rrrgen.errors import InternalError
 from rrrgen.ik.classify import plan
 from rrrgen.ik.tolerances import runtime
+from rrrgen.robotfile import loads_spec
 
 REAL, INT, UNSIGNED = ctypes.c_double, ctypes.c_int, ctypes.c_uint
 RNG = np.random.default_rng
+MECHANISMS = {
+    name: TEXTS[name.removesuffix("_mechanism")] for name in ("palletiser", "sliding_mechanism", "redundant_mechanism")
+}
 
 
 def arm(name: str):
-    """An arm with limits."""
+    """An arm with limits, or a mechanism of test_mechanisms.py."""
+    if name in MECHANISMS:
+        return loads_spec(MECHANISMS[name])
     return make(name, VARIANTS[name], limits=LIMITS[: len(VARIANTS[name])])
 
 
@@ -42,6 +49,9 @@ def arm(name: str):
         (COMPILERS[1], "incomplete", "double"),
         (COMPILERS[2], "nearly", "double"),
         (COMPILERS[3], "sliding", "float"),
+        (COMPILERS[0], "sliding_mechanism", "float"),
+        (COMPILERS[3], "palletiser", "double"),
+        (COMPILERS[1], "redundant_mechanism", "double"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else value,
 )
@@ -54,7 +64,7 @@ def test_every_kernel_compiles_alone_without_a_warning(command, name, real, tmp_
 
 
 def test_no_kernel_is_left_out(tmp_path):
-    used = {file for name in ("sliding", "nearly") for file in prepare(tmp_path, arm(name))}
+    used = {file for name in ("sliding", "nearly", "palletiser") for file in prepare(tmp_path, arm(name))}
     assert used == set(KERNELS)
 
 
@@ -64,7 +74,7 @@ def turning(tmp_path_factory):
     folder = tmp_path_factory.mktemp("kernels")
     spec = arm("puma")
     prepare(folder, spec)
-    names = ["angles.c", "roots.c", "refine.c", "rows.c", "target.c"]
+    names = ["angles.c", "roots.c", "error.c", "refine.c", "rows.c", "order.c", "target.c"]
     library = build(folder, names)
     for name in ("ik_wrap", "ik_opposite", "ik_atan2", "ik_feasible", "ik_error", "ik_refine", "ik_apart"):
         getattr(library, name).restype = REAL
@@ -260,7 +270,7 @@ def elimination(tmp_path_factory):
     folder = tmp_path_factory.mktemp("elimination")
     spec = make("general", VARIANTS["general"])
     prepare(folder, spec)
-    names = ["angles.c", "refine.c", "trig_roots.c", "general6r.c", "candidates6r.c", "aspect.c"]
+    names = ["angles.c", "error.c", "refine.c", "trig_roots.c", "general6r.c", "candidates6r.c", "aspect.c"]
     library = build(folder, names)
     library.ik_6r_lu.restype = REAL
     return library, plan(spec)

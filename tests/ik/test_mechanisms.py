@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from backends.c_tools import C99, CXX, IDENTITY, SANITIZERS, compile_all, compiler, run, write
+from rrrgen.backends.c.backend import CBackend
+from rrrgen.backends.c.solver.checks import selftest
+from rrrgen.backends.c.solver.files import sources
+from rrrgen.backends.latex.inverse_kinematics import closed_form
 from rrrgen.errors import DerivationError
+from rrrgen.ik.classify import plan
+from rrrgen.pipeline import derive
 from rrrgen.robotfile import load_spec, loads_spec
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.verify.references.chain import chain_of
@@ -33,29 +43,146 @@ def poses(spec, q):
 
 
 def apart(a, b, periods):
-    return np.abs(np.remainder(a - b + np.array(periods) / 2, periods) - np.array(periods) / 2).max()
+    """The largest difference over full turns; a period of 0 is that of a joint without."""
+    turns = np.round((a - b) / np.where(np.array(periods) > 0, periods, np.inf))
+    return np.abs(a - b - turns * periods).max()
 
 
-def test_every_configuration_of_the_palletiser_is_found():
-    spec = load_spec(PALLETISER)
-    solver = load_solver(spec, backend="numpy")
+WRIST = """\
+schema: rrrgen/1
+name: wristed
+convention: standard
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: j1, type: revolute, alpha: 90, a: 0, d: 0.4}
+  - {name: j2, type: revolute, alpha: 0, a: 0.43, d: 0, limits: {lower: -100, upper: 120}}
+  - {name: j3, type: revolute, alpha: -90, a: 0.02, d: 0.1, follows: {j3: 1, j2: -1}}
+  - {name: j4, type: revolute, alpha: 90, a: 0, d: 0.43, follows: {j4: 1/2}}
+  - {name: j5, type: revolute, alpha: -90, a: 0, d: 0}
+  - {name: j6, type: revolute, alpha: 0, a: 0, d: 0.06, follows: {j6: 1, j5: 1}}
+"""
+
+REDUNDANT = """\
+schema: rrrgen/1
+name: redundant
+convention: standard
+units: {angle: deg, length: m}
+gravity: [0, -9.81, 0]
+joints:
+  - {name: a, type: revolute, alpha: 0, a: 0.5, d: 0, follows: {a: 1/2}}
+  - {name: b, type: revolute, alpha: 0, a: 0.4, d: 0}
+  - {name: c, type: revolute, alpha: 0, a: 0.3, d: 0, follows: {c: 1, b: -1}}
+  - {name: d, type: revolute, alpha: 0, a: 0.2, d: 0}
+"""
+
+SLIDING = """\
+schema: rrrgen/1
+name: sliding
+convention: standard
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: lift, type: prismatic, alpha: 0, a: 0, theta: 0, follows: {lift: 2}, limits: {lower: 0, upper: 0.6}}
+  - {name: upper, type: revolute, alpha: 0, a: 0.5, d: 0.1, follows: {upper: 1, lift: 3}}
+  - {name: fore, type: revolute, alpha: 0, a: 0.4, d: 0, follows: {fore: 1, upper: -1}, limits: {upper: 120}}
+"""
+
+MECHANISM = """\
+schema: rrrgen/1
+name: linkage
+convention: standard
+units: {angle: deg, length: m}
+gravity: [0, -9.81, 0]
+joints:
+  - {name: arm, type: revolute, alpha: 0, a: 0.5, d: 0}
+  - {name: crank, type: revolute, alpha: 0, a: -0.15, d: 0, parent: base, limits: {lower: -60, upper: 90}}
+  - {name: rod, type: revolute, alpha: 0, a: 0.5, d: 0, follows: {arm: 1, crank: -1}}
+  - {name: forearm, type: revolute, alpha: 0, a: 0.4, d: 0, parent: arm, follows: {arm: -1, crank: 1/2}}
+tip: forearm
+"""
+
+TEXTS = {"palletiser": PALLETISER.read_text(encoding="utf-8"), "geared": GEARED, "wristed": WRIST}
+TEXTS |= {"redundant": REDUNDANT, "sliding": SLIDING}
+
+
+@pytest.fixture(scope="module")
+def solvers():
+    """Robot file, solver in C and in NumPy of every mechanism of this file, made when first asked for."""
+    made = {}
+
+    def of(name):
+        if name not in made:
+            spec = loads_spec(TEXTS[name])
+            made[name] = spec, load_solver(spec), load_solver(spec, backend="numpy")
+        return made[name]
+
+    return of
+
+
+def options_of(solver, q):
+    return {"redundancy": solver.parameter(q)} if solver.plan.locked is not None else {}
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_c_and_numpy_find_the_configuration_that_made_the_pose_and_agree_in_everything(name, solvers):
+    """In reach and out of it, with limits and without: rows, flags, branches, status, reason, distance."""
+    spec, compiled, evaluated = solvers(name)
+    position = compiled.plan.task == "position"
+    coupling = compiled.plan.coupling
+    q = np.random.default_rng(2).uniform(-3, 3, (6, spec.n)) * np.where(coupling.revolute, 1.0, 0.2)
+    goals = poses(spec, q)
+    for k, (own, goal) in enumerate(zip(q, goals, strict=True)):
+        given = options_of(compiled, own)
+        if k > 4:
+            goal[:3, 3] += [1.9, 2.3, 0.1]
+        for limits in (False, True):
+            found, other = (each.solve(goal, limits=limits, **given) for each in (compiled, evaluated))
+            assert (found.status, found.reason, len(found)) == (other.status, other.reason, len(other))
+            np.testing.assert_array_equal(found.branch, other.branch)
+            np.testing.assert_array_equal(found.flags, other.flags)
+            np.testing.assert_allclose(found.q, other.q, atol=1e-6)
+            assert found.distance == pytest.approx(other.distance, rel=1e-4, abs=1e-9)
+        if k > 4:
+            assert found.status == "unreachable"
+            nearest = compiled.closest(goal, own, limits=False, **given)
+            error = poses(spec, nearest.q)[0][:3, 3] - goal[:3, 3]
+            assert np.linalg.norm(error) < 1.5 * found.distance + 1e-3
+            continue
+        found = compiled.solve(goal, limits=False, **given)
+        reached = poses(spec, found.q)
+        assert np.abs((reached - goal)[:, :3, 3] if position else reached - goal).max() < 1e-12
+        assert min(apart(own, row, np.array(coupling.periods)) for row in found.q) < 1e-9
+        near = compiled.solve(goal, own, sort="nearest", limits=False, **given)
+        np.testing.assert_allclose(near.q[0], own, atol=1e-8)
+
+
+def test_every_configuration_of_the_palletiser_is_found(solvers):
+    spec, solver, _ = solvers("palletiser")
     assert solver.n == 4
-    q = np.random.default_rng(2).uniform(-3, 3, (40, 4))
+    q = np.random.default_rng(2).uniform(-3, 3, (400, 4))
     goals = poses(spec, q)
     found = solver.solve_batch(goals, limits=False)
     for own, goal, rows, count in zip(q, goals, found.q, found.counts, strict=True):
         assert np.abs(poses(spec, rows[:count]) - goal).max() < 1e-12
         assert min(apart(own, row, [2 * np.pi] * 4) for row in rows[:count]) < 1e-9
     assert set(found.counts.tolist()) <= {2, 4}
-    tilted = goals[0].copy()
-    tilted[:3, :3] = tilted[:3, :3] @ [[1, 0, 0], [0, 0.8, -0.6], [0, 0.6, 0.8]]
-    assert solver.solve(tilted).status == "unreachable"
+    rows = solver.plan.coupling.rows([0.2, 0.3, 0.8, 0.1])
+    rows[3] += 0.4  # in the plane of the arm, which the rows reach and their coupling does not
+    tilted = solver.plan.chain.forward(rows)
+    missed = solver.solve(tilted)
+    assert missed.status == "unreachable"
+    assert "keeps the coupling" in missed.reason
+    assert missed.distance > 0.1
+    partly = solver.solve(tilted, residual=True, limits=False)
+    assert len(partly)
+    assert np.all(partly.flags & 8)
+    assert partly.residual.min() == pytest.approx(solver.closest(tilted, limits=False).residual[0], rel=1e-6)
 
 
-def test_limits_of_followers_count():
+def test_limits_of_followers_count(solvers):
     """The forearm may be between -75 and 65 degrees against the upper arm: that is no limit of one drive."""
-    spec = load_spec(PALLETISER)
-    solver = load_solver(spec, backend="numpy")
+    spec, solver, _ = solvers("palletiser")
     inside, outside = np.radians([20, 10, 40, 5]), np.radians([20, -35, 40, 5])
     goals = poses(spec, np.array([inside, outside]))
     assert apart(solver.solve(goals[0]).q[0], inside, [2 * np.pi] * 4) < 1e-9
@@ -65,9 +192,8 @@ def test_limits_of_followers_count():
     assert all(flagged.flags & 4)
 
 
-def test_drives_behind_gears_have_one_configuration_for_every_full_turn_of_the_joints():
-    spec = loads_spec(GEARED)
-    solver = load_solver(spec, backend="numpy")
+def test_drives_behind_gears_have_one_configuration_for_every_full_turn_of_the_joints(solvers):
+    spec, solver, _ = solvers("geared")
     q = np.random.default_rng(4).uniform(-6, 6, (10, 3))
     goals = poses(spec, q)
     periods = [4 * np.pi, 6 * np.pi, 2 * np.pi]
@@ -81,7 +207,80 @@ def test_drives_behind_gears_have_one_configuration_for_every_full_turn_of_the_j
     assert np.abs(near.q[0] - q[0]).max() < 1e-9
 
 
+def test_casadi_gives_the_configuration_of_each_branch_in_joint_positions(solvers):
+    """Where the branch keeps the coupling; NaN elsewhere; and the derivative is that of the drives."""
+    casadi = pytest.importorskip("casadi")
+    from rrrgen.backends.casadi.branches import branch_function, branch_signs
+
+    spec, solver, _ = solvers("palletiser")
+    own = np.array([0.3, 0.4, 0.9, -0.2])
+    goal = poses(spec, own[None])[0]
+    function = branch_function(spec)
+    found = solver.solve(goal, limits=False)
+    rows = {tuple(branch_signs(solver.labels, branch)): q for q, branch in zip(found.q, found.branch, strict=True)}
+    for signs in product((1, -1), repeat=3):
+        q = np.array(function(goal, signs)).ravel()
+        assert np.isfinite(q).all() == (signs in rows)
+        if signs in rows:
+            assert apart(q, rows[signs], 2 * np.pi) < 1e-9
+    T, signs = casadi.SX.sym("T", 4, 4), next(iter(rows))
+    slope = casadi.Function("slope", [T], [casadi.jacobian(function(T, signs), T)])
+    h, q = 1e-6, rows[signs]
+    change = (poses(spec, q + h * np.eye(4)) - poses(spec, q - h * np.eye(4))) / (2 * h)
+    columns = np.array([each.T.ravel() for each in change]).T  # CasADi counts down the columns
+    np.testing.assert_allclose(np.array(slope(goal)) @ columns, np.eye(4), atol=1e-6)
+
+    spec, solver, _ = solvers("geared")
+    function, goal, coupling = branch_function(spec), poses(spec, np.array([[0.3, 0.4, 0.9]]))[0], solver.plan.coupling
+    found = solver.solve(goal, limits=False)
+    for q, branch in zip(found.q, found.branch, strict=True):
+        each = [function(goal[:3, 3], branch_signs(solver.labels, branch), z) for z in np.ndindex(*coupling.counts)]
+        assert min(apart(q, np.array(x).ravel(), np.array(coupling.periods)) for x in each) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["palletiser", "redundant", "sliding"])
+def test_no_compiler_warns_of_the_emitted_code(name, tmp_path):
+    for real, compilers in (
+        ("double", (["clang", *C99], ["g++", *CXX])),
+        ("float", (["gcc", *C99], ["clang++", *CXX])),
+    ):
+        write(sources(loads_spec(TEXTS[name]), real), tmp_path / real)
+        for command in compilers:
+            if shutil.which(command[0]) is not None:
+                run_clean([*command, "-fsyntax-only", f"{name}_ik.c"], tmp_path / real)
+
+
+def run_clean(command, folder):
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr[:3000]
+
+
+def test_the_self_test_of_a_mechanism_passes_under_the_sanitizers(tmp_path):
+    """Of all functions and of the inverse kinematics; more links than joints, so that sizes tell them apart."""
+    compiler("gcc")
+    spec = loads_spec(MECHANISM)
+    model = derive(spec)
+    backend = CBackend(beside=lambda: (sources(spec, "float"), selftest(spec, "float")))
+    folder = write(backend.files(model, IDENTITY, "float"), tmp_path)
+    done = run(compile_all(folder, ["gcc", *C99, *SANITIZERS]))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "ok      inverse kinematics: rows of golden targets" in done.stdout
+
+
+def test_the_closed_form_ends_with_the_joint_positions():
+    text = closed_form(load_spec(PALLETISER)).text()
+    assert "q_3 = y_2 + y_3" in text
+    assert "y_4 = -q_3    (up to full turns; otherwise no solution)" in text
+    assert "q_2 = 3*y_2/2 + 3*pi*z_2    (z_2 = 0 to 1)" in closed_form(loads_spec(GEARED)).text()
+
+
 def test_what_does_not_determine_q_is_refused_with_the_reason():
     text = PALLETISER.read_text(encoding="utf-8").replace("tip: turn", "tip: shoulder")
     with pytest.raises(DerivationError, match="elbow, turn do not move the tip"):
         load_solver(loads_spec(text), backend="numpy")
+    mixed = REDUNDANT.replace("{a: 1/2}", "{a: 1/2, b: 1}")
+    with pytest.raises(DerivationError, match="a cannot be prescribed, because it follows several joints"):
+        load_solver(loads_spec(mixed), 0, backend="numpy")
+    assert plan(loads_spec(mixed)).locked == 3
+    ratios = GEARED.replace("q2: 1/3", "q2: 1/2003")
+    assert "positions of the drives" in plan(loads_spec(ratios)).reason

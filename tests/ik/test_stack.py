@@ -85,7 +85,7 @@ void r_outer(r_ik_solutions *out)
 
 
 def test_the_figure_counts_arrays_structures_and_the_deepest_chain():
-    bounds = stack_bounds(SOURCE, "r", "double", joints=3, rows=2)
+    bounds = stack_bounds(SOURCE, "r", "double", {"ik": (3, 2)})
     arrays = 8 * 2 * 4 + 4 * 3 + 4 * 1  # x, flags, k
     solutions = 4 + 4 + 8 + 2 * (3 * 8 + 4 + 4 + 8)
     assert set(bounds) == {"r_inner", "r_outer"}
@@ -95,4 +95,4 @@ def test_the_figure_counts_arrays_structures_and_the_deepest_chain():
 
 def test_an_array_of_unknown_size_is_a_fault():
     with pytest.raises(InternalError, match=r"\[R_SIZE\]"):
-        stack_bounds("void r_f(void)\n{\n    r_real x[R_SIZE];\n}\n", "r", "float", joints=3, rows=2)
+        stack_bounds("void r_f(void)\n{\n    r_real x[R_SIZE];\n}\n", "r", "float", {"ik": (3, 2)})

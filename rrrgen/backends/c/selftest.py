@@ -109,6 +109,7 @@ def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: 
         identity=identity,
         n=model.spec.n,
         b=len(model.base_parameters),
+        standard="10 * N" if len(model.spec.rows) == model.spec.n else str(10 * len(model.spec.rows)),
         count=len(states["q"]),
         states=tables,
         parameters=vectors,

@@ -11,11 +11,15 @@ from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
 
 if TYPE_CHECKING:
+    from rrrgen.ik.coupling import Coupling
     from rrrgen.ik.plan import SolverPlan
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 MOST_CHOICES = 8
+
+FITS = 1e-7
+"""How far (rad, reaches) the rows of a mechanism may be off their coupling: roundings near a double root."""
 
 
 class CasadiBuilder:
@@ -148,7 +152,10 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
 
     ``target`` is the position (3) or the pose (4x4), m; ``branch_signs`` one entry +1 or -1 per choice, in the order of
     :func:`branch_labels`; ``q`` (n) in (-pi, pi], rad or m. A target that the branch does not reach gives NaN; joint
-    limits are not looked at. Raises DerivationError for chains without a solver, and for those that solve a quartic.
+    limits are not looked at. For a mechanism ``q`` are its joint positions, NaN also where the branch does not keep the
+    coupling of the rows to the tip; where drives stand behind gears, an input ``turns`` (n) follows, the whole numbers
+    of full turns by which the leading rows are moved. Raises DerivationError for chains without a solver, and for those
+    that solve a quartic.
     """
     import casadi
 
@@ -161,7 +168,27 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
     inputs, names = [target, branch], ["target", "branch_signs"]
     if plan.locked is not None:
         inputs, names = [*inputs, parameter], [*names, "redundancy"]
+    if plan.coupling is not None:
+        turns = casadi.SX.sym("turns", plan.n)
+        geared = plan.coupling.count > 1
+        q = _coupled(plan, plan.coupling, q, turns if geared else casadi.SX.zeros(plan.n))
+        inputs, names = ([*inputs, turns], [*names, "turns"]) if geared else (inputs, names)
     return casadi.Function(f"{spec.name}_inverse_kinematics", inputs, [q], names, ["q"])
+
+
+def _coupled(plan: SolverPlan, coupling: Coupling, y: Any, turns: Any) -> Any:
+    """The joint positions of a mechanism whose chain stands at ``y``; NaN where no q keeps the coupling."""
+    import casadi
+
+    turning = casadi.DM([float(plan.chain.joints[p].revolute) for p in coupling.pivots])
+    q = casadi.DM(coupling.inverse) @ (y[list(coupling.pivots)] + 2 * casadi.pi * turning * turns)
+    off = casadi.DM(coupling.matrix) @ q - y
+    most: Any = 0
+    for k, joint in enumerate(plan.chain.joints):
+        # half the chord of an angle: full turns do not count
+        length = casadi.sin(off[k] / 2) * 2 if joint.revolute else off[k] / plan.chain.reach
+        most = casadi.fmax(most, casadi.fabs(length))
+    return casadi.if_else(most < FITS, q, casadi.DM.nan(plan.n))
 
 
 def branch_labels(spec: RobotSpec, redundancy: int | None = None) -> tuple[str, ...]:

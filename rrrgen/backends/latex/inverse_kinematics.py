@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 
 from rrrgen.errors import DerivationError
+from rrrgen.ik.answers import most_rows
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.derive import record_exactly
 from rrrgen.ik.geometry.chain import Joint
@@ -16,8 +17,10 @@ from rrrgen.ik.geometry.symbols import number_chain, symbolic_chain
 from rrrgen.ik.plan import Singularity, SolverPlan
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
 from rrrgen.ik.singularities import singular_sets
+from rrrgen.model.mechanism import chain_to_tip, coupling_to_tip
 
 if TYPE_CHECKING:
+    from rrrgen.ik.coupling import Coupling
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 
@@ -61,7 +64,10 @@ class ClosedForm:
 
     def text(self) -> str:
         """The whole closed form as plain text."""
-        head = [f"inverse kinematics: {self.plan.title}", f"at most {self.plan.max_solutions} solutions"]
+        most = most_rows(self.plan) if self.plan.coupling else self.plan.max_solutions
+        head = [f"inverse kinematics: {self.plan.title}", f"at most {most} solutions"]
+        if self.plan.coupling:
+            head.append("y_i: the displacement of row i between base and tip; q_k: joint position k")
         if self.plan.redundancy:
             head.append(f"redundancy parameter: {self.plan.redundancy}")
         if self.plan.incomplete:
@@ -92,13 +98,38 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
         raise DerivationError(f"{spec.name}: {plan.reason}")
     if plan.general:
         return summary(plan)
-    chain, values = symbolic_chain(spec, plan)
+    rows = chain_to_tip(spec)
+    chain, values = symbolic_chain(rows, plan)
     solver = record_exactly(plan, chain)
     if solver is None:  # write the numbers
-        solver, values = record_exactly(plan, number_chain(spec, plan)) or plan.equations, ()
-    builder = TextBuilder(chain.n, position=plan.task == "position")
+        solver, values = record_exactly(plan, number_chain(rows, plan)) or plan.equations, ()
+    builder = TextBuilder(chain.n, position=plan.task == "position", letter="q" if plan.coupling is None else "y")
     solver.play(builder)
-    return ClosedForm(plan, singular_sets(spec, plan), values, _needed(builder.steps))
+    if plan.coupling is not None:
+        steps = (*_needed(builder.steps, "y_"), *_coupled(coupling_to_tip(spec), plan.coupling))
+        return ClosedForm(plan, plan.singularities, values, steps)
+    return ClosedForm(plan, singular_sets(spec, plan), values, _needed(builder.steps, "q_"))
+
+
+def _coupled(S: sp.Matrix, coupling: Coupling) -> list[Step]:
+    """The joint positions of a mechanism from the displacements y of its rows, and the rows that must fit."""
+    rows, n = list(coupling.pivots), coupling.n
+    y = [sp.Symbol(f"y_{i + 1}", real=True) for i in range(S.rows)]
+    q = [sp.Symbol(f"q_{k + 1}", real=True) for k in range(n)]
+    ranges = {
+        sp.Symbol(f"z_{p + 1}", integer=True): f"z_{p + 1} = 0 to {count - 1}"
+        for p, count in zip(rows, coupling.counts, strict=True)
+        if count > 1
+    }
+    full = {symbol.name: 2 * sp.pi * symbol for symbol in ranges}
+    leading = S.extract(rows, list(range(n))).inv() * sp.Matrix([y[p] + full.get(f"z_{p + 1}", 0) for p in rows])
+    following = S * sp.Matrix(q)
+    found = []
+    for symbol, value in zip(q, leading, strict=True):
+        note = ", ".join(text for each, text in ranges.items() if value.has(each))
+        found.append(Step(symbol, sp.expand(value), None, note))
+    must = "up to full turns; otherwise no solution"
+    return found + [Step(y[i], following[i], None, must) for i in range(S.rows) if i not in rows]
 
 
 def summary(plan: SolverPlan) -> ClosedForm:
@@ -106,12 +137,12 @@ def summary(plan: SolverPlan) -> ClosedForm:
     return ClosedForm(plan, plan.singularities, (), ())
 
 
-def _needed(steps: list[Step]) -> tuple[Step, ...]:
-    """The steps without those that define a name on which no joint value depends."""
+def _needed(steps: list[Step], joints: str) -> tuple[Step, ...]:
+    """The steps without those that define a name on which no joint value, named ``joints`` and a number, depends."""
     wanted: set[sp.Symbol] = set()
     kept: list[Step] = []
     for step in reversed(steps):
-        if step.symbol in wanted or not isinstance(step.symbol, sp.Symbol) or step.symbol.name.startswith("q_"):
+        if step.symbol in wanted or not isinstance(step.symbol, sp.Symbol) or step.symbol.name.startswith(joints):
             kept.append(step)
             wanted |= step.expression.free_symbols | (step.either.free_symbols if step.either is not None else set())
     return tuple(reversed(kept))
@@ -120,8 +151,9 @@ def _needed(steps: list[Step]) -> tuple[Step, ...]:
 class TextBuilder:
     """Interprets a recorded derivation over SymPy and writes its steps as equations."""
 
-    def __init__(self, n: int, *, position: bool) -> None:
+    def __init__(self, n: int, *, position: bool, letter: str = "q") -> None:
         self.steps: list[Step] = []
+        self._letter = letter
         self._position, self._n = position, n
         self._names = {"x", "y", "z"} if position else {"p_x", "p_y", "p_z"}
 
@@ -169,7 +201,7 @@ class TextBuilder:
 
     def _angle(self, joint: Joint, value: sp.Expr, either: sp.Expr | None, note: str) -> Turn:
         offset, sign = _tidied(joint.offset), joint.sign
-        q = sp.Symbol(f"q_{joint.index + 1}", real=True)
+        q = sp.Symbol(f"{self._letter}_{joint.index + 1}", real=True)
         # raw = sign q + offset
         self.steps.append(Step(q, _tidied(sign * (value - offset)), either, note))
         raw = sign * q + offset
@@ -183,22 +215,22 @@ class TextBuilder:
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
         """Write the quartic equation itself, because its roots have no readable formula."""
-        q = sp.Symbol(f"q_{joint.index + 1}", real=True)
+        q = sp.Symbol(f"{self._letter}_{joint.index + 1}", real=True)
         x = joint.sign * q + _tidied(joint.offset)
         terms = (1, sp.cos(x), sp.sin(x), sp.cos(2 * x), sp.sin(2 * x))
         total = sum(sp.Mul(_tidied(value), term, evaluate=True) for value, term in zip(k, terms, strict=True))
-        self.steps.append(Step(sp.Integer(0), total, None, f"up to four roots q_{joint.index + 1}, {label.name}"))
+        self.steps.append(Step(sp.Integer(0), total, None, f"up to four roots {q}, {label.name}"))
         return Turn(sp.cos(x), sp.sin(x))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
         """Write the linear or quadratic formula of a displacement as equations."""
         if len(k) == 2:
             return self.slide(joint, -k[0] / k[1])
-        q = sp.Symbol(f"q_{joint.index + 1}", real=True)
+        q = sp.Symbol(f"{self._letter}_{joint.index + 1}", real=True)
         raw = joint.sign * q + _tidied(joint.offset)
         if len(k) > 3:
             total = sum(value * raw**i for i, value in enumerate(k))
-            self.steps.append(Step(sp.Integer(0), total, None, f"up to four roots q_{joint.index + 1}, {label.name}"))
+            self.steps.append(Step(sp.Integer(0), total, None, f"up to four roots {q}, {label.name}"))
             return raw
         root = sp.sqrt(_tidied(k[1] ** 2 - 4 * k[0] * k[2])) / (2 * k[2])
         middle = _tidied(joint.sign * (-k[1] / (2 * k[2]) - _tidied(joint.offset)))
@@ -216,13 +248,13 @@ class TextBuilder:
 
     def slide(self, joint: Joint, x: S) -> S:
         """Write the equation of a prismatic joint, or of a joint whose angle depends on others."""
-        q = sp.Symbol(f"q_{joint.index + 1}", real=True)
+        q = sp.Symbol(f"{self._letter}_{joint.index + 1}", real=True)
         self.steps.append(Step(q, _tidied(joint.sign * (x - joint.offset))))
         return joint.sign * q + _tidied(joint.offset)
 
     def given(self, joint: Joint) -> Turn | S:
         """The symbol of the joint that the caller prescribes, or of the arm angle psi."""
-        prescribed = sp.Symbol("psi" if joint.index >= self._n else f"q_{joint.index + 1}", real=True)
+        prescribed = sp.Symbol("psi" if joint.index >= self._n else f"{self._letter}_{joint.index + 1}", real=True)
         raw = joint.sign * prescribed + _tidied(joint.offset)
         return Turn(sp.cos(raw), sp.sin(raw)) if joint.revolute else raw
 

@@ -59,17 +59,15 @@ class Evaluation:
 
     def solve(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
         """Every solution for a target of 3 or 16 numbers."""
-        call = self._called(target, q_ref, given, wish)
+        call = self.called(target, q_ref, given, wish)
         return call if isinstance(call, Answer) else call.solve()
 
     def closest(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
         """The configuration nearest to a target."""
-        call = self._called(target, q_ref, given, wish)
+        call = self.called(target, q_ref, given, wish)
         return call if isinstance(call, Answer) else call.closest()
 
-    def _called(
-        self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish
-    ) -> _Call | Answer:
+    def called(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Call | Answer:
         """A call with a checked target, or the answer where something is wrong with it."""
         if not all(map(isfinite, [*target, *(q_ref or ()), given])):
             return Answer(NOT_FINITE)
@@ -80,10 +78,10 @@ class Evaluation:
         if any(abs(x) >= 1e6 * self._chain.scale for x in place):
             return Answer(UNREACHABLE, (), self._far_stage, -1.0)
         query = Query(T, [0.0] * self._chain.n if q_ref is None else q_ref, given)
-        return _Call(self, query, q_ref, accuracy_of(target, self._chain), wish)
+        return Call(self, query, q_ref, accuracy_of(target, self._chain), wish)
 
 
-class _Call:
+class Call:
     """One call: its checked target and its options."""
 
     def __init__(
@@ -91,6 +89,7 @@ class _Call:
     ) -> None:
         self._plan, self._parts, self._most = solver._plan, solver._parts, solver._most
         self._limits, self._banded, self._far_stage = solver._limits, solver._banded, solver._far_stage
+        self.T = query.T
         self._query, self._q_ref, self._accuracy, self._wish = query, q_ref, accuracy, wish
         self._task = Task(solver._plan, query.T)
         self._usual = Settings(TOLERANCE["slack"], TOLERANCE["free"], 0.0 if solver._banded else None)
@@ -106,7 +105,7 @@ class _Call:
             if found:  # candidates from discriminants a little below zero, perhaps: which one is it?
                 rows, self._stage = candidates(self._plan, self._query, replace(self._usual, slack=0.0))
                 self._stage = self._far_stage - 1 if rows else self._stage
-            kept, _, distance = self._descended()
+            kept, _, distance = self.descended()
             self._rows, _ = self._finished(kept, self._query.reference)
             outside = bool(kept)
         if not self._rows:
@@ -117,7 +116,7 @@ class _Call:
 
     def closest(self) -> Answer:
         """The configuration nearest to the target that descent finds."""
-        kept, best, distance = self._descended()
+        kept, best, distance = self.descended()
         rows, _ = self._finished([*kept, best][:1], self._query.reference)
         return Answer(OK if rows else OUTSIDE_LIMITS, tuple(rows), 0, distance)
 
@@ -197,7 +196,7 @@ class _Call:
         units = [1.0 if joint.revolute else self._plan.chain.reach for joint in self._plan.chain.joints]
         return sum(((x - r) / unit) ** 2 for x, r, unit in zip(row.q, reference, units, strict=True))
 
-    def _descended(self) -> tuple[list[Row], Row, float]:
+    def descended(self) -> tuple[list[Row], Row, float]:
         """Rows that descent finds from clamped branches and a few starts, the nearest configuration, its distance."""
         found, _ = candidates(self._parts[-1], self._query, replace(self._usual, slack=1e30))
         reference, locked = self._query.reference, self._plan.locked

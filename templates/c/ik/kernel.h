@@ -22,6 +22,10 @@
  *   SOUND                ik_branches also computes the residuals, so that accurate candidates need no refinement
  *   ASPECTS              the branch label is the sign of the Jacobian's determinant
  *   INCOMPLETE           solutions may be missing: only a simpler arm close to this one could be solved
+ *   COUPLED              the joints are those of a mechanism, which its chain from base to tip follows: functions chain_...
+ *   CHAIN_SLIDES, MIXED  that chain has a prismatic joint; the chain or the mechanism has one
+ *   GEARED               several positions of the joints give one configuration of the chain
+ *   FOLLOWERS_LIMITED    joints that follow others have limits
  *   NEEDS_...            the candidate functions call the function of that name, so it must be emitted
  *   DH_SLIDES, DH_SHIFTED   general six-joint solver: one of its joints is prismatic; its angles differ from those of the
  *                        robot by the constants DH_SHIFTS
@@ -29,6 +33,7 @@
  * numbers, types, tables and pieces of code
  *   REAL, RESTRICT, SQRT, FABS, COPYSIGN, SIN, COS, FLOOR, CEIL   the real type, and functions of math.h in its precision
  *   LOCAL, LOCAL_INLINE  linkage: static in an emitted file, external where a kernel is compiled alone
+ *   SHARED               linkage of the solver for one target: static where a mechanism calls it
  *   JOINTS, LAST_JOINT   number of joints n, and n - 1
  *   ERRORS, STACKED      entries of the task error (3 or 6), and ERRORS + JOINTS
  *   ROWS                 largest number of solutions
@@ -46,6 +51,9 @@
  *   VALUE_...            tolerances, explained in rrrgen/ik/tolerances.py
  *   VALUE_REACH          length (m) that tolerances are relative to; FAR_AWAY: largest coordinate (m) of a target;
  *                        ROUNDING_UNITS: accuracy of an exact target, in units of eps
+ *   CHAIN_JOINTS, CHAIN_ROWS, CHAIN_SLIDING, CHAIN_HELD_PARAMETER, CHAIN_NONE_HELD   the same for the chain of a mechanism
+ *   MATRIX, RATES, INVERSE, PIVOTS, TURNS, COMBINATIONS, PERIODS, FOLLOWERS, FOLLOWER_..., LOCKED_FACTOR, UNFIT_STAGE
+ *                        tables of the coupling, described in coupling.c and coupled.c
  *   STEPS                most Gauss-Newton steps for a candidate
  *   OPEN_BITS, MERGED_BITS   inner flags of the joints that may be free; statements that set the bits of the branch number
  *                        which have no meaning while a joint is free
@@ -87,10 +95,38 @@ typedef struct ik_solutions {
     REAL residual[ROWS];
 } ik_solutions;
 
+#if COUPLED
+typedef struct chain_solutions {
+    int count;
+    int stage;
+    REAL distance;
+    REAL q[CHAIN_ROWS][CHAIN_JOINTS];
+    unsigned flags[CHAIN_ROWS];
+    unsigned branch[CHAIN_ROWS];
+    REAL residual[CHAIN_ROWS];
+} chain_solutions;
+#endif
+
 #ifdef __cplusplus
 extern "C" {
 #endif
 
+#if COUPLED
+/* the solver of the chain: angles.c, error.c, target.c, descend.c, solve.c */
+REAL chain_wrap(REAL x);
+REAL chain_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS][CHAIN_JOINTS] CHAIN_HELD_PARAMETER);
+ik_status chain_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, REAL T[TARGET]);
+int chain_far(const REAL *T);
+int chain_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, chain_solutions *out);
+ik_status chain_solve(
+    const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
+    chain_solutions *RESTRICT out);
+/* coupling.c, coupled.c */
+void ik_follow(const REAL *q, REAL y[CHAIN_JOINTS]);
+void ik_lead(const REAL *y, int turn, REAL q[JOINTS]);
+REAL ik_off(const REAL *y, const REAL *q);
+void ik_couple(const REAL *T, unsigned options, const chain_solutions *found, int i, ik_solutions *out);
+#endif
 /* angles.c */
 REAL ik_wrap(REAL x);
 REAL ik_opposite(REAL x);
@@ -105,7 +141,7 @@ int ik_quartic(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL slack, REAL *c,
 int ik_power4(REAL k0, REAL k1, REAL k2, REAL k3, REAL k4, REAL unit, REAL slack, REAL *x, unsigned *g, unsigned *flags);
 int ik_quadratic(REAL k0, REAL k1, REAL k2, REAL unit, REAL slack BAND_PARAMETER, REAL *x, unsigned *g, unsigned *flags);
 REAL ik_feasible(REAL ref, REAL mean, REAL a, REAL b, REAL lower, REAL upper);
-/* refine.c */
+/* error.c, or coupling.c; refine.c */
 void ik_advance(REAL x[12], const REAL f[12]);
 REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS][JOINTS] HELD_PARAMETER);
 void ik_step(REAL J[ERRORS][JOINTS], const REAL e[ERRORS], REAL damping, REAL d[JOINTS]);
@@ -118,7 +154,7 @@ unsigned ik_aspect(const REAL *T, const REAL *q);
 /* candidates6r.c, or printed from the equations of the robot */
 int ik_branches(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL least BAND_PARAMETER, ik_solutions *found, int *stage);
 int ik_nearby(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL least BAND_PARAMETER, ik_solutions *found, int *stage);
-/* rows.c */
+/* rows.c, or coupling.c; order.c */
 extern const REAL ik_lower[JOINTS];
 extern const REAL ik_upper[JOINTS];
 int ik_place(REAL q[JOINTS], const REAL *ref);
@@ -139,12 +175,12 @@ void ik_take(const ik_solutions *from, int i, ik_solutions *out, int to);
 unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i);
 void ik_reopen_branches(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned options, REAL accuracy, ik_solutions *found, int rows);
 void ik_reopen_nearby(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned options, REAL accuracy, ik_solutions *found, int rows);
-/* settle.c */
+/* settle.c, finish.c */
 int ik_sound(const ik_solutions *found, int rows);
 void ik_keep(const REAL *T, unsigned options, const ik_solutions *found, int i, ik_solutions *out);
 void ik_add(const REAL *T, unsigned options, const ik_solutions *found, int rows, ik_solutions *out);
 int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, ik_solutions *out);
-/* solve.c */
+/* solve.c, or coupled.c; batch.c, closest.c, texts.c */
 ik_status robot_inverse_kinematics(
     const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
     ik_solutions *RESTRICT out);

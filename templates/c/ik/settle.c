@@ -1,5 +1,4 @@
-/* Conversion of candidates to the solutions that are returned: refinement where necessary, removal of duplicates, joint limits.
- * Needs refine.c and rows.c. */
+/* Conversion of candidates to solutions: refinement where necessary, removal of duplicates. Needs refine.c and order.c. */
 #include "kernel.h"
 #if SOUND
 /* Whether all candidates can be returned without refinement: none is inexact, near a double root, or has a free joint. */
@@ -79,37 +78,3 @@ LOCAL void ik_add(const REAL *T, unsigned options, const ik_solutions *found, in
 }
 
 #endif
-/* Final form of the solutions: multiples of 2 pi chosen, limits checked, residuals as square roots, branch numbers. Returns 0
- * if a solution lies outside the limits. */
-LOCAL_INLINE int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, ik_solutions *out)
-{
-#if LIMITED
-    int inside = 1, kept = 0, i;
-    for (i = 0; i < out->count; ++i) {
-        const int fits = ik_place(out->q[i], ref);
-        out->flags[i] |= fits ? 0u : (unsigned)IK_OUTSIDE;
-        inside = inside & fits;
-        if (fits || !(options & IK_LIMITS)) {
-            ik_move(out, i, out, kept++);
-        }
-    }
-    out->count = kept;
-#else
-    int i;
-    (void)options;
-    for (i = 0; ref && i < out->count; ++i) {
-        (void)ik_place(out->q[i], ref);
-    }
-#endif
-    for (i = 0; i < out->count; ++i) {
-        out->residual[i] = SQRT(out->residual[i]);
-#if ASPECTS
-        out->branch[i] = ik_aspect(T, out->q[i]);
-#endif
-    }
-#if LIMITED
-    return inside;
-#else
-    return 1;
-#endif
-}

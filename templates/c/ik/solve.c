@@ -1,6 +1,6 @@
-/* The public functions: all solutions for one target or for many, and the nearest configuration. Needs all other kernels. */
+/* All solutions for one target. Needs all other kernels. */
 #include "kernel.h"
-ik_status robot_inverse_kinematics(
+SHARED ik_status robot_inverse_kinematics(
     const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
     ik_solutions *RESTRICT out)
 {
@@ -100,75 +100,4 @@ ik_status robot_inverse_kinematics(
 #else
     return IK_OK;
 #endif
-}
-
-void robot_inverse_kinematics_batch(
-    size_t count, const REAL *RESTRICT targets, const REAL *RESTRICT q_ref REDUNDANCIES_PARAMETER, unsigned options,
-    REAL *RESTRICT q, int *RESTRICT counts, unsigned *flags, unsigned *branch, int *statuses, REAL *distances)
-{
-    size_t k;
-    for (k = 0; k < count; ++k) {
-        ik_solutions out;
-        const ik_status status = robot_inverse_kinematics(targets + TARGET * k, q_ref REDUNDANCY_K, options, &out);
-        int i, j;
-        counts[k] = out.count;
-        for (i = 0; i < out.count; ++i) {
-            for (j = 0; j < JOINTS; ++j) {
-                q[(k * ROWS + (size_t)i) * JOINTS + (size_t)j] = out.q[i][j];
-            }
-            if (flags) {
-                flags[k * ROWS + (size_t)i] = out.flags[i];
-            }
-            if (branch) {
-                branch[k * ROWS + (size_t)i] = out.branch[i];
-            }
-        }
-        if (statuses) {
-            statuses[k] = (int)status;
-        }
-        if (distances) {
-            distances[k] = out.distance;
-        }
-    }
-}
-
-ik_status robot_closest(
-    const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
-    ik_solutions *RESTRICT out)
-{
-    static const REAL zero[JOINTS] = {(REAL)0};
-    const REAL *const ref = q_ref ? q_ref : zero;
-    REAL T[TARGET];
-    ik_status status = ik_check(target, q_ref REDUNDANCY, T);
-    out->count = 0;
-    out->stage = 0;
-    out->distance = (REAL)0;
-    if (status != IK_OK) {
-        return status;
-    }
-    if (ik_far(T)) {
-        out->stage = FAR_STAGE;
-        out->distance = (REAL)-1;
-        return IK_UNREACHABLE;
-    }
-    (void)ik_descend(T, ref REDUNDANCY, out);
-    out->count = 1;
-    (void)ik_finish(TARGET_FIRST ref, options, out);
-    return out->count == 1 ? IK_OK : IK_OUTSIDE_LIMITS;
-}
-
-const char *ik_status_string(ik_status status)
-{
-    static const char *const texts[] = {
-        STATUS_TEXTS, "unknown status"};
-    const unsigned number = (unsigned)status; /* the compiler may choose any integer type for an enumeration */
-    return texts[number <= LAST_STATUS ? number : UNKNOWN_STATUS];
-}
-
-const char *ik_reason(int stage)
-{
-    static const char *const texts[] = {
-        REASONS
-    };
-    return texts[stage >= 0 && stage < REASON_COUNT ? stage : 0];
 }

@@ -7,6 +7,7 @@ calls, with a margin for what compilers keep beside the arrays.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -41,12 +42,12 @@ class _Function:
     calls: tuple[str, ...]
 
 
-def stack_bounds(source: str, name: str, real: str, joints: int, rows: int) -> dict[str, int]:
+def stack_bounds(source: str, name: str, real: str, solutions: Mapping[str, tuple[int, int]]) -> dict[str, int]:
     """Upper bounds (bytes) of the stack of each function of ``source``, the emitted C of robot ``name``, with callees.
 
-    ``joints`` and ``rows`` are the sizes of a ``<name>_ik_solutions``.
+    ``solutions``: the numbers of joints and rows of each type ``<name>_<key>_solutions``.
     """
-    functions = _functions(source, _sizes(name, real, joints, rows))
+    functions = _functions(source, _sizes(name, real, solutions))
 
     @cache
     def deepest(function: str) -> int:
@@ -57,11 +58,14 @@ def stack_bounds(source: str, name: str, real: str, joints: int, rows: int) -> d
     return {function: -(-(_FIXED + deepest(function)) // 16) * 16 for function in functions}
 
 
-def _sizes(name: str, real: str, joints: int, rows: int) -> dict[str, int]:
+def _sizes(name: str, real: str, solutions: Mapping[str, tuple[int, int]]) -> dict[str, int]:
     """The size in bytes of each C type of which local arrays and structures consist."""
     size = 8 if real == "double" else 4
-    solutions = 8 + size + rows * (joints * size + 4 + 4 + size)  # see the structure in the header
-    return {f"{name}_real": size, "int": 4, "unsigned": 4, f"{name}_ik_solutions": -(-solutions // size) * size}
+    sizes = {f"{name}_real": size, "int": 4, "unsigned": 4}
+    for key, (joints, rows) in solutions.items():
+        total = 8 + size + rows * (joints * size + 4 + 4 + size)  # see the structure in the header
+        sizes[f"{name}_{key}_solutions"] = -(-total // size) * size
+    return sizes
 
 
 def _functions(source: str, sizes: dict[str, int]) -> dict[str, _Function]:

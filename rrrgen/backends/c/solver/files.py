@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.backends import Real
@@ -14,6 +14,7 @@ from rrrgen.backends.c.solver.call_stack import stack_bounds
 from rrrgen.backends.c.solver.choices import CBuilder
 from rrrgen.backends.c.solver.counting import SolverOperations, sum_of
 from rrrgen.backends.c.solver.kernels import KernelDialect, Settings, kernel, specialize
+from rrrgen.backends.c.solver.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
 from rrrgen.backends.c.solver.passes import PASSES, Pass
 from rrrgen.backends.c.solver.settings import reopening, settings
 from rrrgen.backends.c.solver.statements import CBody
@@ -44,7 +45,7 @@ class Emitted:
     stack: dict[str, int]
     """Upper bound of the stack (bytes, callees included) of each function that returns solutions."""
     operations: SolverOperations | None
-    """Operations of one call that finds all solutions; None where an elimination solves the chain numerically."""
+    """Operations of one call that finds all solutions; None for mechanisms, and where an elimination solves the chain."""
 
 
 FUNCTIONS = ("inverse_kinematics", "inverse_kinematics_batch", "closest", "ik_status_string", "ik_reason")
@@ -60,7 +61,8 @@ def sources(spec: RobotSpec, real: Real = "double", redundancy: int | None = Non
 def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, Any]:
     """The entry of ``manifest.json`` about the inverse kinematics; its ``solver`` is false if there is none.
 
-    ``operations``: those of one call that finds all solutions; null where an elimination solves the chain numerically.
+    ``operations``: those of one call that finds all solutions; null where an elimination solves the chain numerically,
+    and for mechanisms.
     ``tolerances``: the thresholds of the emitted code by name. ``stack``: the most bytes that each function takes,
     callees included.
     """
@@ -70,7 +72,7 @@ def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = No
         "family": plan.family,
         "title": plan.title,
         "task": plan.task,
-        "max_solutions": plan.max_solutions,
+        "max_solutions": plan.max_solutions * (plan.coupling.count if plan.coupling is not None else 1),
         "redundancy": plan.redundancy or None,
         "reason": plan.reason or None,
         "incomplete": plan.incomplete or None,
@@ -102,9 +104,11 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double", passes: Seque
     dialect = Dialect(spec.name, real)
     bodies = [_body(plan, part, dialect, passes) for part in parts_of(plan)]
     counts = [body.operations for body in bodies if body is not None]
-    operations = sum_of(counts) if len(counts) == len(bodies) else None  # those of a companion too
+    counted = len(counts) == len(bodies) and plan.coupling is None
+    operations = sum_of(counts) if counted else None  # those of a companion too
     source, rows = _source(plan, bodies, dialect)
-    stack = stack_bounds(source, spec.name, real, plan.chain.n, rows)
+    chain = replace(plan, coupling=None)
+    stack = stack_bounds(source, spec.name, real, {"ik": (plan.n, rows), "ik_chain": (chain.n, most_rows(chain))})
     header = render("c/ik/header.h.j2", **_header_values(spec, plan, dialect, operations), stack=stack)
     files = {f"{spec.name}_ik.h": header, f"{spec.name}_ik.c": source}
     public = {name: stack[name] for name in _public(spec)[:3]}  # the others only return a text
@@ -139,20 +143,39 @@ CANDIDATES = (
 
 def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> tuple[str, int]:
     """The text of ``<name>_ik.c``, and the largest number of solutions that one call can return."""
-    stem, parts = f"{dialect.prefix}_ik", parts_of(plan)
+    chain = replace(plan, coupling=None)
     needs = frozenset().union(*({"near"} if body is None else body.needs for body in bodies))
-    open_joints = [opens(part) for part in parts]
     chosen = settings(
-        plan,
+        chain,
         dialect,
         needs=needs,
-        opens=open_joints,
-        rows=most_rows(plan),
-        reasons=reasons_of(plan),
+        opens=[opens(part) for part in parts_of(plan)],
+        rows=most_rows(chain),
+        reasons=reasons_of(chain),
         texts=STATUS_TEXTS if plan.incomplete else STATUS_TEXTS[:-1],
     )
+    if plan.coupling is None:
+        stem = f"{dialect.prefix}_ik"
+        parts = [*_chain_parts(plan, bodies, chosen, stem), *(kernel(f"ik/{name}.c", chosen) for name in PUBLIC)]
+    else:
+        stem, inner = f"{dialect.prefix}_ik_chain", chain_settings(chosen, dialect)
+        outer = mechanism_settings(inner, plan, plan.coupling, dialect)
+        parts = [chain_type(plan, dialect), *_chain_parts(chain, bodies, inner, stem), *mechanism_parts(outer)]
+    text = render(
+        "c/ik/source.c.j2",
+        stem=f"{dialect.prefix}_ik",
+        hash=hashlib.sha256(repr(plan.chain).encode()).hexdigest(),
+        version=VERSION,
+        parts=[part.strip("\n") for part in parts if part.strip()],
+    )
+    return text, most_rows(plan)
+
+
+def _chain_parts(plan: SolverPlan, bodies: list[CBody | None], chosen: Settings, stem: str) -> list[str]:
+    """The C text that solves a chain for one target: constants, kernels, lists of candidates."""
     general = ("trig_roots", "general6r", "aspect", "candidates6r") if plan.general else ()
     texts = {name: kernel(f"ik/{name}.c", chosen) for name in (*BEFORE, *general, *BEHIND)}
+    open_joints = [opens(part) for part in parts_of(plan)]
     reopened = [
         kernel("ik/reopen.c", reopening(chosen, stem, name, each))
         for (name, _), each in zip(CANDIDATES, open_joints, strict=False)
@@ -163,22 +186,16 @@ def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> t
         for (name, comment), body in zip(CANDIDATES, bodies, strict=False)
     ]
     found = [kernel("ik/constants.h", chosen), *(texts[name] for name in (*BEFORE, *general[:-1]))]
-    found += [*lists, *(texts[name] for name in BEHIND[:3])]
+    found += [*lists, *(texts[name] for name in BEHIND[:4])]
     found += [texts["open"], *reopened] if reopened else []
-    found += [texts["settle"], texts["solve"]]
-    text = render(
-        "c/ik/source.c.j2",
-        stem=stem,
-        hash=hashlib.sha256(repr(plan.chain).encode()).hexdigest(),
-        version=VERSION,
-        parts=[part.strip("\n") for part in found if part.strip()],
-    )
-    return text, most_rows(plan)
+    return found + [texts[name] for name in BEHIND[5:]]
 
 
-BEFORE = ("angles", "roots", "refine")
-BEHIND = ("rows", "target", "descend", "open", "settle", "solve")
-"""The kernels that every solver contains: those before the functions that list candidates, and those after them."""
+BEFORE = ("angles", "roots", "error", "refine")
+BEHIND = ("rows", "order", "target", "descend", "open", "settle", "finish", "solve")
+PUBLIC = ("batch", "closest", "texts")
+"""The kernels that every solver contains: those before the functions that list candidates, those after them, and the
+functions around the solver for one target."""
 
 
 def _list(name: str, comment: str, body: CBody, chosen: Settings) -> str:
@@ -195,7 +212,7 @@ def _header_values(
         "M": f"{dialect.macro}_IK",
         "macro": dialect.macro,
         "real": dialect.real,
-        "n": plan.chain.n,
+        "n": plan.n,
         "size": 3 if position else 16,
         "position": position,
         "redundant": plan.locked is not None,

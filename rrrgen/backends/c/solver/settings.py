@@ -54,6 +54,7 @@ def settings(
     banded = plan.snapped or plan.companion is not None
     locked = None if plan.locked == ARM_ANGLE else plan.locked
     options = {
+        "COUPLED": False,
         "POSITION": position,
         "SLIDES": "P" in plan.chain.types,
         "LIMITED": any(joint.lower is not None or joint.upper is not None for joint in plan.chain.joints),
@@ -96,9 +97,9 @@ def settings(
         "FAR_STAGE": str(len(reasons) - 1 - bool(plan.incomplete)),
         "CHECK_STAGE": str(len(reasons) - 2 - bool(plan.incomplete)),
         "OUTSIDE_STAGE": str(len(reasons) - 1),
-        "REASONS": _quoted(reasons, 1),
+        "REASONS": quoted(reasons, 1),
         "REASON_COUNT": str(len(reasons)),
-        "STATUS_TEXTS": _quoted(texts, 4),
+        "STATUS_TEXTS": quoted(texts, 4),
         "LAST_STATUS": f"{len(texts) - 1}u",
         "UNKNOWN_STATUS": f"{len(texts)}u",
         "ik_last_candidates": f"{stem}_{last}",
@@ -134,6 +135,7 @@ def _dialect(dialect: Dialect) -> dict[str, str]:
         "RESTRICT": f"{dialect.macro}_RESTRICT",
         "LOCAL": "static",
         "LOCAL_INLINE": "static inline",
+        "SHARED": "",
     }
 
 
@@ -173,7 +175,7 @@ def _chain(chain: Chain, dialect: Dialect) -> dict[str, str]:
         "LAST_JOINT": str(chain.n - 1),
         "SLIDING": f"0x{sliding:x}u",
         "TRANSFORMS": str(chain.n + 1),
-        "FIXED": _table([_signed((x for row in matrix for x in row), dialect) for matrix in fixed]),
+        "FIXED": table([_signed((x for row in matrix for x in row), dialect) for matrix in fixed]),
         "OFFSET_VALUES": _signed((joint.offset for joint in chain.joints), dialect),
         "LOWER": _signed((bound(joint.lower, -1) for joint in chain.joints), dialect),
         "UPPER": _signed((bound(joint.upper, 1) for joint in chain.joints), dialect),
@@ -208,11 +210,11 @@ def elimination(tables: General6RTables, dialect: Dialect) -> tuple[dict[str, bo
     """Options and words of the kernels ``trig_roots`` and ``general6r`` for one chain of six joints."""
     rows = passes(tables, dialect.real)
     words = {
-        "DH": _table([literals(row, dialect) for row in tables.rows]),
+        "DH": table([literals(row, dialect) for row in tables.rows]),
         "DH_TURN": literals(tables.turn, dialect),
         "DH_SLIDE": str(tables.slide),
         "PASSES": str(len(rows)),
-        "PASS": _table(["{" + ", ".join(map(str, roles)) + "}" for roles, _ in rows]),
+        "PASS": table(["{" + ", ".join(map(str, roles)) + "}" for roles, _ in rows]),
         "PASS_NOISE": literals([noise for _, noise in rows], dialect),
         "LENGTH": repr(tables.length),
         "PER_LENGTH": repr(1 / tables.length),
@@ -234,11 +236,12 @@ def _signed(values: Iterable[float], dialect: Dialect) -> str:
     return "{" + ", ".join(f"({real}){x!r}" if x >= 0 else f"-({real}){-x!r}" for x in numbers) + "}"
 
 
-def _table(rows: Sequence[str]) -> str:
+def table(rows: Sequence[str]) -> str:
+    """Rows of a table in braces, one on a line."""
     return "{\n" + ",\n".join(f"    {row}" for row in rows) + "\n}"
 
 
-def _quoted(texts: Sequence[str], each: int) -> str:
+def quoted(texts: Sequence[str], each: int) -> str:
     """String constants separated by commas, ``each`` on a line."""
     quoted = [f'"{text}"' for text in texts]
     lines = [", ".join(quoted[k : k + each]) for k in range(0, len(quoted), each)]

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 from rrrgen.backends import Real
 from rrrgen.backends.c.solver.call_stack import STACK_RULE
 from rrrgen.backends.c.solver.counting import SolverOperations
+from rrrgen.ik.answers import most_rows
 from rrrgen.ik.plan import SolverPlan
+from rrrgen.model.mechanism import mechanism_equations
 from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
@@ -28,8 +30,9 @@ def branch_text(labels: tuple[tuple[str, int, int], ...]) -> str:
 
 def explanation(plan: SolverPlan) -> list[str]:
     """The lines of the comment in front of the C function that solves the inverse kinematics."""
+    most = most_rows(plan) if plan.coupling else plan.max_solutions
     text = (
-        f"Family: {plan.title}; at most {plan.max_solutions} solutions. `target` is "
+        f"Family: {plan.title}; at most {most} solutions. `target` is "
         + ("the position (m)" if plan.task == "position" else "the row-major 4x4 pose (m)")
         + " of the tip in the base frame. `q_ref` gives the values of joints that a singular target leaves free; to "
         "the other angles the multiple of 2 pi is added that brings them nearest to it. It may be null: zeros, and no "
@@ -51,10 +54,14 @@ def opening(spec: RobotSpec, plan: SolverPlan, real: Real, counted: SolverOperat
     ``spec`` and ``plan`` are the robot and its solver, ``real`` the C type; ``counted`` are the operations of one
     call, if known.
     """
-    lines = [f"{spec.name}_ik.h: inverse kinematics of {spec.name}, joints {' '.join(plan.chain.types)}", ""]
+    types = " ".join("R" if joint.is_revolute else "P" for joint in spec.joints)
+    lines = [f"{spec.name}_ik.h: inverse kinematics of {spec.name}, joints {types}", ""]
     lines += textwrap.wrap(f"Family: {plan.title}.", 116)
     if plan.incomplete:
         lines += textwrap.wrap(f"Incomplete: {plan.incomplete}.", 116)
+    if plan.coupling is not None:
+        rows = f"The joints from base to tip ({' '.join(plan.chain.types)}) follow q: "
+        lines += textwrap.wrap(rows + "; ".join(mechanism_equations(spec)) + ".", 116)
     for singularity in plan.singularities:
         lines += textwrap.wrap(f"Singular: {singularity.words}", 116)
     if counted is not None:

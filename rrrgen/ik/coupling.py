@@ -1,0 +1,152 @@
+"""Joint positions q of a mechanism from the solutions of its chain of rows: the constants of ``y = S q``.
+
+The rows from the base to the tip are solved as if each had a drive. Their displacements y belong to joint positions q
+where ``y = S q`` up to full turns of the angles. With a regular part B of S, ``q = B^-1 (y_B + 2 pi z)`` for whole
+numbers z; only finitely many z give different arms, and those are kept that fit the other rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import gcd, lcm, pi, prod
+from typing import TYPE_CHECKING
+
+import sympy as sp
+
+from rrrgen.errors import DerivationError
+from rrrgen.model.mechanism import coupling_to_tip
+
+if TYPE_CHECKING:
+    from rrrgen.ik.geometry.chain import Chain
+    from rrrgen.robotfile.robot_spec import RobotSpec
+
+LARGEST_COUNT = 1024
+"""Ways to turn the rows by full turns, for one solution of them, that are tried."""
+
+Rows = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Follower:
+    """The limits of a row that follows joints: ``lower <= factors . q <= upper``; None for no limit."""
+
+    factors: tuple[float, ...]
+    lower: float | None
+    upper: float | None
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """The relation ``y = S q`` between the chain of rows from base to tip and the joint positions q of a mechanism.
+
+    * ``matrix``: S, (rows, n).
+    * ``pivots`` and ``inverse``: n rows of S that are regular, and the inverse (n, n) of these rows.
+    * ``counts``: by how many full turns each of the pivots is moved, 0 to count - 1; more would repeat.
+    * ``periods``: by how much each joint of q may change (rad or m) so that all angles of the rows make full turns; 0
+      if it may not.
+    * ``revolute``, ``limits``: of the joints of q. ``followers``: the limits of rows that follow them.
+    """
+
+    matrix: Rows
+    pivots: tuple[int, ...]
+    inverse: Rows
+    counts: tuple[int, ...]
+    periods: tuple[float, ...]
+    revolute: tuple[bool, ...]
+    limits: tuple[tuple[float | None, float | None], ...]
+    followers: tuple[Follower, ...]
+
+    @property
+    def n(self) -> int:
+        """The number of joints of q."""
+        return len(self.inverse)
+
+    @property
+    def count(self) -> int:
+        """The number of joint positions that give one configuration of the rows."""
+        return prod(self.counts)
+
+    def rows(self, q: Sequence[float]) -> list[float]:
+        """The displacements ``y = S q`` of the rows."""
+        return [sum(f * float(x) for f, x in zip(factors, q, strict=True)) for factors in self.matrix]
+
+    def leading(self, y: Sequence[float]) -> Iterator[list[float]]:
+        """Every q with the displacements ``y`` in the pivots, up to full turns; the other rows are not asked."""
+        for z in product(*(range(count) for count in self.counts)):
+            x = [float(y[p]) + 2 * pi * k for p, k in zip(self.pivots, z, strict=True)]
+            yield [sum(f * value for f, value in zip(factors, x, strict=True)) for factors in self.inverse]
+
+    def leader(self, row: int) -> int | None:
+        """The one joint of q that ``row`` follows; None if it follows several."""
+        found = [k for k, factor in enumerate(self.matrix[row]) if factor]
+        return found[0] if len(found) == 1 else None
+
+
+def coupling_of(spec: RobotSpec, chain: Chain) -> Coupling:
+    """The coupling of the mechanism ``spec``, whose rows from base to tip are ``chain``.
+
+    Raises DerivationError if the rows do not determine q, or if too many combinations of full turns had to be tried.
+    """
+    S = coupling_to_tip(spec)
+    n = spec.n
+    if S.rank() < n:
+        missing = ", ".join(j.name for j, k in zip(spec.joints, range(n), strict=True) if not any(S[:, k]))
+        raise DerivationError(f"{missing} do not move the tip" if missing else "the rows to the tip do not determine q")
+    pivots = tuple(S.T.rref()[1])
+    inverse = S.extract(list(pivots), list(range(n))).inv()
+    turning = [i for i, joint in enumerate(chain.joints) if joint.revolute]
+    turns = _full_turns(S, turning)
+    counts = tuple(
+        _turns_until_alike(S * inverse[:, k], inverse[:, k], turning, turns) if p in turning else 1
+        for k, p in enumerate(pivots)
+    )
+    if prod(counts) > LARGEST_COUNT:
+        raise DerivationError(
+            f"with these ratios {prod(counts)} positions of the drives give one pose of the rows, and at most "
+            f"{LARGEST_COUNT} are tried"
+        )
+    return Coupling(
+        _floats(S),
+        pivots,
+        _floats(inverse),
+        counts,
+        tuple(2 * pi * float(turn) for turn in turns),
+        tuple(joint.is_revolute for joint in spec.joints),
+        tuple((joint.limits.lower, joint.limits.upper) for joint in spec.joints),
+        _followers(spec),
+    )
+
+
+def _floats(matrix: sp.Matrix) -> Rows:
+    return tuple(tuple(float(matrix[i, j]) for j in range(matrix.cols)) for i in range(matrix.rows))
+
+
+def _followers(spec: RobotSpec) -> tuple[Follower, ...]:
+    own = {joint.name for joint in spec.joints}
+    matrix = spec.mechanism.matrix if spec.mechanism is not None else ()
+    return tuple(
+        Follower(tuple(map(float, factors)), row.limits.lower, row.limits.upper)
+        for row, factors in zip(spec.rows, matrix, strict=False)
+        if row.name not in own and (row.limits.lower is not None or row.limits.upper is not None)
+    )
+
+
+def _full_turns(S: sp.Matrix, turning: list[int]) -> list[sp.Rational]:
+    """By how many turns each q alone may change so that all angles of the rows make full turns; 0 if it may not."""
+    found: list[sp.Rational] = []
+    for k in range(S.cols):
+        column = {i: sp.Rational(S[i, k]) for i in turning if S[i, k] != 0}
+        free = len(column) == sum(S[i, k] != 0 for i in range(S.rows))
+        # the least t > 0 for which every column[i] t is whole
+        ratios = [(int(abs(value.p)), int(value.q)) for value in column.values()]
+        found.append(sp.Rational(lcm(*(q for _, q in ratios)), gcd(*(p for p, _ in ratios))) if free else sp.S.Zero)
+    return found
+
+
+def _turns_until_alike(rows: sp.Matrix, step: sp.Matrix, turning: list[int], turns: list[sp.Rational]) -> int:
+    """How often q may take ``step`` turns, which moves the rows by ``rows``, before it repeats over its own turns."""
+    ratios = [rows[i] for i in turning]
+    ratios += [value / period for value, period in zip(step, turns, strict=True) if period]
+    return lcm(*(int(sp.Rational(ratio).q) for ratio in ratios))

@@ -1,0 +1,36 @@
+/* The final form of solutions, with their full turns and joint limits. Needs order.c. */
+#include "kernel.h"
+/* Final form of the solutions: multiples of 2 pi chosen, limits checked, residuals as square roots, branch numbers. Returns 0
+ * if a solution lies outside the limits. */
+LOCAL_INLINE int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, ik_solutions *out)
+{
+#if LIMITED
+    int inside = 1, kept = 0, i;
+    for (i = 0; i < out->count; ++i) {
+        const int fits = ik_place(out->q[i], ref);
+        out->flags[i] |= fits ? 0u : (unsigned)IK_OUTSIDE;
+        inside = inside & fits;
+        if (fits || !(options & IK_LIMITS)) {
+            ik_move(out, i, out, kept++);
+        }
+    }
+    out->count = kept;
+#else
+    int i;
+    (void)options;
+    for (i = 0; ref && i < out->count; ++i) {
+        (void)ik_place(out->q[i], ref);
+    }
+#endif
+    for (i = 0; i < out->count; ++i) {
+        out->residual[i] = SQRT(out->residual[i]);
+#if ASPECTS
+        out->branch[i] = ik_aspect(T, out->q[i]);
+#endif
+    }
+#if LIMITED
+    return inside;
+#else
+    return 1;
+#endif
+}
