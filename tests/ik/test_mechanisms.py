@@ -14,6 +14,7 @@ from backends.c_tools import C99, CXX, IDENTITY, SANITIZERS, compile_all, compil
 from rrrgen.backends.c.backend import CBackend
 from rrrgen.backends.c.solver.checks import selftest
 from rrrgen.backends.c.solver.files import sources
+from rrrgen.backends.interface import Check
 from rrrgen.backends.latex.inverse_kinematics import closed_form
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan
@@ -260,7 +261,8 @@ def test_the_self_test_of_a_mechanism_passes_under_the_sanitizers(tmp_path):
     compiler("gcc")
     spec = loads_spec(MECHANISM)
     model = derive(spec)
-    backend = CBackend(beside=lambda: (sources(spec, "float"), selftest(spec, "float")))
+    checks = [Check("inverse_kinematics", "linkage_ik.h", selftest(spec, "float"))]
+    backend = CBackend(beside=lambda: (sources(spec, "float"), checks))
     folder = write(backend.files(model, IDENTITY, "float"), tmp_path)
     done = run(compile_all(folder, ["gcc", *C99, *SANITIZERS]))
     assert done.returncode == 0, done.stdout + done.stderr
