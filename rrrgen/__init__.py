@@ -1,4 +1,4 @@
-"""A code-generating symbolic modelling compiler for serial robots.
+"""rrrgen, a code-generating symbolic modelling compiler for serial robots.
 
 >>> import rrrgen
 >>> m = rrrgen.compile("rrr")  # a bundled robot, or the path of a robot file

@@ -1,4 +1,4 @@
-"""``python -m rrrgen``."""
+"""The entry point of ``python -m rrrgen``, which is the same as the command ``rrrgen``."""
 
 from rrrgen.cli import main
 

@@ -114,13 +114,16 @@ class OutputError(RrrgenError):
 
 
 def cannot_write(path: str | os.PathLike[str], error: OSError) -> RrrgenError:
-    """Why ``path`` cannot be written, from ``error``: StorageError for a full or broken disk, else OutputError."""
+    """Make the exception that says why ``path`` cannot be written, from the system's ``error``.
+
+    It is a StorageError for a full or broken disk, otherwise an OutputError.
+    """
     reason = error.strerror or str(error)
     return storage_error(path, error) or OutputError(f"cannot write {os.fspath(path)}: {reason}")
 
 
 def storage_error(path: str | os.PathLike[str], error: OSError) -> StorageError | None:
-    """``error`` as a StorageError if it means that the disk of ``path`` is full or broken; None for anything else."""
+    """Make a StorageError if ``error`` means that the disk of ``path`` is full or broken; None for other errors."""
     reason = {
         errno.ENOSPC: "the disk is full",
         errno.EDQUOT: "your share of the disk (quota) is used up",

@@ -23,7 +23,7 @@ EXTRAS = {
     "pandas": "response",
     "ziglang": "cross",
 }
-"""Top-level module -> the extra of pyproject.toml that installs it."""
+"""The extra of pyproject.toml that installs each optional top-level module."""
 
 
 USES = {
@@ -34,7 +34,7 @@ USES = {
     "cross": "export: wheels and FMUs for other platforms",
     "response": "response-model: export to python-control, subspace identification",
 }
-"""Extra -> what it lets a user do, in a few words."""
+"""What each extra lets a user do, in a few words."""
 
 
 def require(purpose: str, *modules: str) -> None:

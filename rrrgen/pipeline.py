@@ -1,4 +1,4 @@
-"""The compiler on one page: robot file -> model -> programs -> optimized programs -> files or a callable model."""
+"""The compiler on one page: from a robot file to its model, its (optimized) programs, and files or a callable model."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def without_collection() -> Iterator[None]:
 def derive(
     spec: RobotSpec, jobs: int = 1, groups: Sequence[str] = ("model",), tell: Tell | None = None
 ) -> DerivedModel:
-    """The optimized programs of all functions of a robot, with their ``_nominal`` specializations.
+    """Derive the functions of a robot: optimized programs, with their ``_nominal`` specializations.
 
     Args:
         spec: the robot, as :func:`rrrgen.load_spec` reads it.
@@ -72,7 +72,7 @@ def emit(
     further: Mapping[str, str] | None = None,
     checks: Sequence[Check] = (),
 ) -> dict[str, Contents]:
-    """The files that ``rrrgen generate`` writes, as relative path -> contents; nothing is written.
+    """Print a derived model as the files that ``rrrgen generate`` writes: relative path -> contents; writes nothing.
 
     Args:
         model: the derived robot, from :func:`derive`.
@@ -113,7 +113,7 @@ def emit(
 
 
 def _run(task: Callable[[], Any]) -> Any:
-    """The result of a task; a function with a name, because other processes may have to find it."""
+    """Run a task and return its result; a named function, because other processes must be able to import it."""
     return task()
 
 
@@ -180,7 +180,7 @@ def _beside(spec: RobotSpec, real: Real, checks: Sequence[Check]) -> tuple[dict[
 
 
 def _inverse_kinematics_data(spec: RobotSpec, real: Real) -> dict[str, Any]:
-    """What the manifest says about the inverse kinematics."""
+    """The entry of the manifest about the inverse kinematics."""
     from rrrgen.backends.c.solver.files import manifest
 
     return manifest(spec, real)
@@ -205,7 +205,7 @@ def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> M
 
 @without_collection()
 def _compile(robot: Robot, backend: EngineName, real: Real, groups: Sequence[str] = ("model",)) -> Model:
-    """A callable model with the functions of ``groups``; it compiles other groups when they are first called."""
+    """Make a callable model with the functions of ``groups``; other groups are compiled when first called."""
     from rrrgen.output.manifest import identify
     from rrrgen.runtime.derived_cache import recall
     from rrrgen.runtime.load import load_model
@@ -235,7 +235,7 @@ def closed_form(spec: RobotSpec, function: str) -> ClosedForm:
 
 @without_collection()
 def read(robot: Robot) -> RobotSpec:
-    """The description of a robot.
+    """Read the description of a robot.
 
     Args:
         robot: path of a robot file, name of a bundled robot such as "rrr", or a RobotSpec, which is returned as is.

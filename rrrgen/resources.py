@@ -73,5 +73,5 @@ def _translated() -> BytecodeCache:
 
 
 def render(template: str, /, **values: object) -> str:
-    """The text of the template ``template`` rendered with ``values``."""
+    """Render the template named ``template`` with the variables ``values``; returns the text."""
     return environment().get_template(template).render(**values)

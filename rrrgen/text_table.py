@@ -1,4 +1,4 @@
-"""Tables as text: aligned columns, folded where a line would be too long."""
+"""Printing of tables as text with aligned columns; cells are folded where a line would be too long."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ GAP = "  "
 def text_table(
     rows: Sequence[Sequence[str]], width: int | None = None, indent: str = "  ", rule: bool = False
 ) -> list[str]:
-    """The lines of a table: columns as wide as their widest cell, two blanks between them.
+    """Print a table as lines: columns as wide as their widest cell, two blanks between them.
 
     Args:
         rows: cells, the same number in every row.

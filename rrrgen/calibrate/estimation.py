@@ -14,7 +14,7 @@ from rrrgen.errors import DerivationError
 
 STEPS = 50
 CONVERGED = 1e-10  # of the standard deviations: a step this small ends the iteration
-HUBER = 1.345  # efficient to 95 % without outliers
+HUBER = 1.345  # tuning constant of Huber's weights: 95 % efficiency for normal errors
 TUKEY = 4.685
 REWEIGHTED = 30
 WORST_CONDITION = 1e8  # of the scaled derivative; beyond it some parameter is not determined by these poses
@@ -22,12 +22,13 @@ WORST_CONDITION = 1e8  # of the scaled derivative; beyond it some parameter is n
 
 @dataclass(frozen=True)
 class Calibration:
-    """The estimate: ``geometry`` and the parameters of ``chosen`` with their changes and standard deviations (p,).
+    """The result of a calibration: ``geometry``, and the parameters of ``chosen`` with their changes and deviations.
 
-    ``residuals`` (N, components) are measured minus computed in m and rad, ``weights`` (N,) what robust estimation gave
-    each measurement (1 without it). ``chi2_per_dof`` is near 1 where the stated noise is right. ``condition`` and
-    ``observability`` (the geometric mean of the singular values over the root of N) are of the derivative, scaled by
-    the noise.
+    ``change`` and ``deviation`` (p,) are estimated minus nominal values and their standard deviations, in m and rad.
+    ``residuals`` and ``before`` (N, components) are measured minus computed values after and before the calibration.
+    ``weights`` (N,) are those of robust estimation (1 without it). ``chi2_per_dof`` is near 1 where the stated noise is
+    right. ``condition`` is the condition number, and ``observability`` the geometric mean of the singular values over
+    sqrt(N), of the derivative of the measurements by the parameters, scaled by the noise.
     """
 
     geometry: Geometry
@@ -43,15 +44,16 @@ class Calibration:
 
     @property
     def outliers(self) -> list[int]:
-        """Numbers of the measurements, from 0, that robust estimation set aside."""
+        """Numbers (from 0) of the measurements to which robust estimation gave (nearly) no weight."""
         return [int(k) for k in np.flatnonzero(self.weights < 0.1)]
 
 
 def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False) -> Calibration:
-    """The geometry that explains ``measured`` best, starting from ``nominal``.
+    """Estimate the geometry that fits ``measured`` best by weighted least squares, starting from ``nominal``.
 
-    With ``robust``, Huber's weights and from their solution Tukey's, which set outliers aside. Raises
-    :class:`DerivationError` if there are fewer numbers than parameters, or poses that do not determine them.
+    With ``robust``, measurements are reweighted by Huber's function and then, from that solution, by Tukey's, which
+    gives outliers no weight. Raises :class:`DerivationError` if there are fewer measured numbers than parameters, or if
+    the poses do not determine the parameters.
     """
     chosen = minimal_set(nominal, measured.kind)
     start = _aligned(nominal, measured)
@@ -77,7 +79,9 @@ def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False) -
 
 
 _MEDIAN = {1: 1.0, 3: 1.538 * 1.4826, 6: 2.313 * 1.4826}
-"""The median length of a vector of as many standard normal numbers, times 1.4826 where that is cancelled above."""
+"""Median length of a vector of 1, 3 or 6 standard normal numbers, by which the median of residuals gives their scale.
+For 3 and 6 the value is multiplied by 1.4826, because the code divides by that factor, which is right for one
+number."""
 
 
 def _sizes(geometry: Geometry, measured: Measurements) -> Array:
@@ -94,7 +98,10 @@ def _tukey(size: Array) -> Array:
 
 
 def _aligned(nominal: Geometry, measured: Measurements) -> Geometry:
-    """The nominal geometry with the base that fits measured positions best (Kabsch), where positions are measured."""
+    """Move the base of the nominal geometry so that it fits the measured positions best (Kabsch's algorithm).
+
+    Where no positions are measured, the nominal geometry is returned.
+    """
     if measured.kind not in ("pose", "point"):
         return nominal
     values = measured.values[:, :3, 3] if measured.kind == "pose" else measured.values
@@ -170,7 +177,7 @@ def _judged(
 
 
 def _changes(nominal: Geometry, geometry: Geometry, entries: tuple[Entry, ...]) -> Array:
-    """Estimated minus nominal values of the parameters (p,); of base and tool relative to their nominal pose."""
+    """Estimated minus nominal values of the parameters (p,); for base and tool relative to the nominal pose."""
     from rrrgen.calibrate.geometry import RIGID, ROW, rotation_vectors
 
     def step(before: Array, after: Array) -> Array:

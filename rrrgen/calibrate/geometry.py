@@ -1,9 +1,9 @@
-"""The geometry of a chain as calibration varies it: base, rows and tool, with the derivative of the tip by each entry.
+"""The geometry of a chain with the parameters that calibration estimates, and the derivatives of the tip by them.
 
 ``T(q) = base  prod_i Rz(theta_i + q_i) Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i)  tool``, with d_i + q_i for a prismatic
-joint. The twist behind the last joint is part of the tool. ``beta_i`` is zero in a table; it is a parameter where the
-axes i and i+1 are parallel: the common perpendicular, and with it d, jumps by metres when such axes tilt, while beta is
-as small as the tilt (Hayati 1983).
+joint. The twist after the last joint is part of the tool. ``beta_i`` is zero in a Denavit-Hartenberg table; it is a
+parameter where the axes i and i+1 are parallel. When such axes tilt a little, their common perpendicular, and with it
+d, jumps by metres, while beta is as small as the tilt (Hayati 1983).
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ RIGID = ("x", "y", "z", "rx", "ry", "rz")
 
 @dataclass(frozen=True)
 class Entry:
-    """One geometric parameter: where it acts (base, row from 0, tool) and which; m, or rad for angles."""
+    """One geometric parameter: its ``place`` (base, row, tool), the number of the ``row`` (from 0), and its ``key``.
+
+    ``key`` is an entry of ``ROW`` or ``RIGID``. Lengths are in m, angles in rad.
+    """
 
     place: str
     key: str
@@ -33,7 +36,7 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """Such as ``base_rz``, ``alpha2``, ``tool_x``; rows are counted from 1."""
+        """The name of the parameter, such as ``base_rz``, ``alpha2``, ``tool_x``; rows are counted from 1."""
         return f"{self.key}{self.row + 1}" if self.place == "row" else f"{self.place}_{self.key}"
 
     @property
@@ -57,7 +60,10 @@ class Geometry:
         return len(self.revolute)
 
     def entries(self) -> list[Entry]:
-        """Every parameter that a measurement may determine, those first that are kept where several act alike."""
+        """List every parameter that measurements may determine.
+
+        Where several have the same effect on the tip, only the first of them in this order is estimated.
+        """
         between = range(self.n - 1)
         parallel = [i for i in between if self.is_parallel(i)]
         found = [Entry("base", key) for key in RIGID] + [Entry("tool", key) for key in RIGID]
@@ -74,7 +80,7 @@ class Geometry:
         return self._frames(q)[-1]
 
     def _frames(self, q: Array) -> list[Array]:
-        """Poses (N, 4, 4) before each turn about z, before each twist, before each beta, and of the tip."""
+        """Poses (N, 4, 4) of the frames before each rotation about z, each twist and each beta, and of the tip."""
         T = np.broadcast_to(self.base, (len(q), 4, 4))
         frames = []
         for i, (theta, d, a, alpha, beta) in enumerate(self.rows):
@@ -105,7 +111,7 @@ class Geometry:
         return J
 
     def moved(self, entries: Sequence[Entry], step: Array) -> Geometry:
-        """The geometry with ``step`` (p,) added to ``entries``; base and tool move about their own axes."""
+        """Add ``step`` (p,) to the parameters ``entries``; steps of base and tool are about their own axes."""
         rows = self.rows.copy()
         change = {"base": np.zeros(6), "tool": np.zeros(6)}
         for entry, value in zip(entries, step, strict=True):
@@ -127,7 +133,7 @@ def _frame_of(entry: Entry, frames: list[Array]) -> Array:
 
 
 def _screws(angle: Array, length: Array, axis: int) -> Array:
-    """Turns about and shifts along an axis (N, 4, 4)."""
+    """Screw motions (N, 4, 4): rotations by ``angle`` (N,) about, and shifts by ``length`` along, a coordinate axis."""
     T = np.tile(np.eye(4), (max(len(angle), len(length)), 1, 1))
     i, k = (axis + 1) % 3, (axis + 2) % 3
     c, s = np.cos(angle), np.sin(angle)

@@ -1,8 +1,8 @@
-"""CSV files of measurements: a column per joint, and columns of a pose, a point, a distance or a height.
+"""Reader of CSV files of measurements: a column per joint, and columns of a pose, a point, a distance or a height.
 
-The header names the joints (or q1, q2, ...) and what was measured: ``x y z`` with ``qw qx qy qz``, with ``roll pitch
-yaw`` or alone, ``distance`` or ``height``. A unit may follow in brackets, ``x [mm]``, ``q1 [deg]``; without it they
-are m and rad.
+The header names the joints (or q1, q2, ...) and the measured quantities: ``x y z`` alone, with ``qw qx qy qz`` or with
+``roll pitch yaw``; ``distance``; or ``height``. A unit may follow in brackets, as in ``x [mm]``, ``q1 [deg]``; the
+default is m and rad.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": math.pi / 180, "mr
 POSITION = ("x", "y", "z")
 QUATERNION = ("qw", "qx", "qy", "qz")
 ANGLES = ("roll", "pitch", "yaw")
-UNIT_NORM = 1e-3  # a quaternion this far from length one was cut or is something else
+UNIT_NORM = 1e-3  # largest error of a quaternion's length; others were cut short or are no quaternions
 FORMS: tuple[tuple[Kind, tuple[str, ...]], ...] = (
     ("pose", (*POSITION, *QUATERNION)),
     ("pose", (*POSITION, *ANGLES)),
@@ -35,7 +35,11 @@ FORMS: tuple[tuple[Kind, tuple[str, ...]], ...] = (
 
 
 def read_measurements(path: Path, joints: Sequence[str], sigma: float, sigma_angle: float) -> Measurements:
-    """The measurements of a file for a robot with these joint names; raises :class:`InputError` with every fault."""
+    """Read the measurements of a file for a robot with the joints ``joints``.
+
+    ``sigma`` (m) and ``sigma_angle`` (rad) are the standard deviations of one measured component. Raises
+    :class:`InputError` with every fault.
+    """
     lines, places = _lines(path)
     names, factors = _header(lines[0], places[0], path)
     columns = _joint_columns(names, joints, path, places[0])
@@ -57,7 +61,7 @@ def read_measurements(path: Path, joints: Sequence[str], sigma: float, sigma_ang
 
 
 def _lines(path: Path) -> tuple[list[list[str]], list[int]]:
-    """The rows of the file that are not empty and no comment, with their line numbers."""
+    """Read the rows of the file, without empty lines and comments, with their line numbers."""
     try:
         with path.open("rb") as stream:
             text = decode(stream.read(MAX_BYTES + 1), str(path))
@@ -132,7 +136,7 @@ def _numbers(rows: list[list[str]], places: list[int], count: int, path: Path, f
 
 
 def _poses(data: Array, places: list[int], path: Path) -> Array:
-    """Poses (N, 4, 4) from positions with quaternions or with roll, pitch, yaw."""
+    """Convert positions with quaternions, or with roll, pitch and yaw, to poses (N, 4, 4)."""
     T = np.tile(np.eye(4), (len(data), 1, 1))
     T[:, :3, 3] = data[:, :3]
     if data.shape[1] == 6:

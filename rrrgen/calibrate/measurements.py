@@ -1,4 +1,4 @@
-"""What is measured: poses, points, distances to a fixed point, or heights over a plane; residuals and their derivative.
+"""The kinds of measurements for calibration, with their residuals and the derivatives of these:
 
 - pose: position (m) and orientation of the tip in the world frame;
 - point: position only;
@@ -19,12 +19,12 @@ from rrrgen.calibrate.geometry import Geometry, rotation_vectors
 Kind = Literal["pose", "point", "distance", "height"]
 KINDS: tuple[Kind, ...] = ("pose", "point", "distance", "height")
 COUNT = {"pose": 6, "point": 3, "distance": 1, "height": 1}
-"""Numbers per measurement."""
+"""Number of components of one measurement, by its kind."""
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """Joint positions ``q`` (N, n) and what was measured there.
+    """Measurements of one ``kind`` at the joint positions ``q`` (N, n), rad or m.
 
     ``values`` are poses (N, 4, 4), points (N, 3), or distances or heights (N,). ``sigma`` (m) and ``sigma_angle`` (rad)
     are the standard deviations of one component.
@@ -38,7 +38,7 @@ class Measurements:
 
     @property
     def weights(self) -> Array:
-        """1 over the standard deviation of each component of one measurement."""
+        """The weight of each component of one measurement: 1 over its standard deviation."""
         lengths = np.full(min(COUNT[self.kind], 3), 1.0 / self.sigma)
         return np.concatenate([lengths, np.full(3, 1.0 / self.sigma_angle)]) if self.kind == "pose" else lengths
 
@@ -56,7 +56,7 @@ class Measurements:
 
 
 def observed(kind: Kind, geometry: Geometry, q: Array, J: Array) -> Array:
-    """The derivative (N, components, p) of what is measured from that of the tip, J (N, 6, p)."""
+    """Convert the derivative J (N, 6, p) of the tip by p parameters to that of the measurements (N, components, p)."""
     if kind == "pose":
         return J
     if kind == "point":

@@ -1,9 +1,9 @@
-"""The minimal set of geometric parameters that a kind of measurement can determine, and what it cannot tell apart.
+"""The minimal set of geometric parameters that a kind of measurement can determine.
 
-The derivative of the measurement by every parameter is stacked over random joint positions. A column that is a
-combination of those before it adds nothing: what it does, they do as well. The rank is that of generic positions, hence
-the best that any choice of poses can reach. Between columns that count and those that do not lie six decades, or the
-set is refused.
+The derivative of the measurement by every parameter is stacked over random joint positions. A parameter whose column is
+a linear combination of those before it has the same effect as these together, and is left out. Since the positions are
+generic, no choice of poses can determine more parameters. The set is refused unless dependent and independent columns
+are clearly apart: their remainders must be below ``DEPENDENT`` or above ``INDEPENDENT``.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from rrrgen.errors import DerivationError
 
 POSES = 120
 SEED = 1
-DEPENDENT = 1e-9  # of the length of a column: what round-off leaves of a dependent one
-INDEPENDENT = 1e-5  # of the length of a column: the least that an independent one adds, angles in rad, lengths of 1 m
+DEPENDENT = 1e-9  # largest remainder of a dependent column, as a share of its length: rounding errors are smaller
+INDEPENDENT = 1e-5  # least remainder of an independent column, as a share of its length; angles in rad, lengths in m
 SHOWN = 1e-6
 
 
 @dataclass(frozen=True)
 class MinimalSet:
-    """The parameters ``kept``, and for each one left out a sentence that says with which it acts."""
+    """The parameters ``kept``, and for each one left out, by name, a sentence that says which have the same effect."""
 
     kept: tuple[Entry, ...]
     left_out: dict[str, str]
 
 
 def minimal_set(geometry: Geometry, kind: Kind) -> MinimalSet:
-    """Parameters that measurements of ``kind`` determine.
+    """Find the parameters of ``geometry`` that measurements of ``kind`` determine.
 
-    Raises :class:`DerivationError` if it cannot be decided: axes that are parallel only nearly.
+    Raises :class:`DerivationError` where that cannot be decided, because some axes are nearly but not quite parallel.
     """
     entries = geometry.entries()
     random = np.random.default_rng(SEED)

@@ -13,11 +13,11 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 
 CANDIDATES = 2000
 ROUNDS = 20
-TYPICAL = (5e-5, 1e-4)  # m, rad: noise of a laser tracker; only the ratio matters
+TYPICAL = (5e-5, 1e-4)  # m, rad: typical noise of a laser tracker; only the ratio has an effect
 
 
 def choose_poses(spec: RobotSpec, geometry: Geometry, kind: Kind, count: int, seed: int) -> tuple[Array, float]:
-    """Joint positions (count, n) inside the limits of ``spec``, and the gain in precision over random ones.
+    """Choose joint positions (count, n) inside the limits of ``spec``; also returns the gain over random positions.
 
     The determinant of the information matrix is raised by exchanging poses for candidates until none helps; the gain
     is the root of order p of the ratio of determinants, p the number of parameters. Raises :class:`InputError` for

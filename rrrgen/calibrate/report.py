@@ -13,11 +13,11 @@ from rrrgen.calibrate.measurements import COUNT, Measurements
 from rrrgen.runs.figures import new_figure, save_figure, style_axes
 
 PLAUSIBLE = (0.7, 1.4)
-"""chi^2 per degree of freedom beyond which the stated noise, or the model, is wrong."""
+"""Range of chi^2 per degree of freedom outside which the stated noise, or the model, must be wrong."""
 
 
 def to_data(found: Calibration, measured: Measurements) -> dict[str, Any]:
-    """The result as plain data, in m and rad."""
+    """Convert the result of a calibration to plain data for JSON, in m and rad."""
     kept = zip(found.chosen.kept, found.change, found.deviation, strict=True)
     return {
         "measured": measured.kind,
@@ -41,7 +41,7 @@ def to_data(found: Calibration, measured: Measurements) -> dict[str, Any]:
 
 
 def _rms(residuals: Array) -> dict[str, Any]:
-    """Root mean square of the length of the position error (m), and of the angle (rad) where it was measured."""
+    """Root mean squares of the position error (m) and, where orientations were measured, of its angle (rad)."""
     lengths = np.sqrt(np.mean(np.sum(residuals[:, :3] ** 2, axis=1)))
     if residuals.shape[1] < COUNT["pose"]:
         return {"length": lengths}
@@ -49,7 +49,11 @@ def _rms(residuals: Array) -> dict[str, Any]:
 
 
 def to_text(found: Calibration, measured: Measurements) -> str:
-    """The result in lines: errors before and after, trust, parameters with deviations, what was left out."""
+    """Print the result of a calibration as text.
+
+    It states the errors before and after, whether to trust them, the parameters with their standard deviations, and
+    which parameters were left out.
+    """
     before, after = _rms(found.before), _rms(found.residuals[found.weights >= 0.1])
     lines = [f"{len(measured.q)} measurements ({measured.kind}), {len(found.chosen.kept)} parameters"]
     lines.append(f"rms error of length: {before['length'] * 1e3:.4g} mm before, {after['length'] * 1e3:.4g} mm after")
@@ -74,7 +78,7 @@ def to_text(found: Calibration, measured: Measurements) -> str:
 
 
 def plot_residuals(found: Calibration, measured: Measurements, stem: Path) -> list[Path]:
-    """Errors before and after over the measurements, as SVG and PNG; returns the paths."""
+    """Plot the error of each measurement before and after calibration as SVG and PNG; returns the paths."""
     parts = [("position error (mm)" if measured.kind in ("pose", "point") else "error (mm)", slice(0, 3))]
     parts += [("orientation error (mrad)", slice(3, 6))] if measured.kind == "pose" else []
     figure, axes = new_figure(len(parts), 1, 2.6 * len(parts) + 0.4)

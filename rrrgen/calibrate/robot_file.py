@@ -1,9 +1,9 @@
-"""The calibrated robot as a robot file.
+"""Conversion of a calibrated geometry to a robot description.
 
-Without nearly parallel axes the rows keep their form, and so do the link frames. A row with beta is no
-Denavit-Hartenberg row: then the rows are found anew from the axes in space. Where two of them are nearly parallel,
-their common perpendicular lies far away, and d is long, as in calibrations of Universal Robots arms. Link
-inertia stays with its body.
+Without nearly parallel axes the rows and the link frames keep their form. A row with an angle beta is no
+Denavit-Hartenberg row; then all rows are computed again from the joint axes in space. Where two of these are nearly
+parallel, their common perpendicular lies far away and d is long, as in calibrations of Universal Robots arms. The
+inertia of each link is converted to its new link frame.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from rrrgen.robotfile.importers.trees.tree_import import fixed_transform, link_i
 from rrrgen.robotfile.robot_spec import FixedTransform, JointSpec, LinkSpec, RobotSpec
 from rrrgen.yamltext.document import Place
 
-DIGITS = 12  # behind the point, of calibrated values: a millionth of a micrometre
+DIGITS = 12  # decimals of calibrated values (m, rad)
 
 
 def calibrated_spec(spec: RobotSpec, geometry: Geometry, source: str) -> RobotSpec:
-    """``spec`` with the geometry of ``geometry``; ``source`` says where the numbers come from."""
+    """Replace the geometry of ``spec`` by ``geometry``; ``source`` is a text on where the numbers come from."""
     has_beta = bool(np.any(geometry.rows[:, 4]))
     found = _new_rows(spec, geometry) if has_beta else _same_rows(spec, geometry)
     return replace(found, parameters={}, parameter_units={}, basis=None, provenance=(), source=source)
@@ -78,7 +78,7 @@ def _same_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
 
 
 def _twisted(T: Array, spec: RobotSpec, nominal: Array, first: bool) -> Array:
-    """Base or tool without the nominal twist that geometry has made a part of it."""
+    """Remove from the base or the tool the nominal twist that :func:`geometry_of` has made a part of it."""
     if first:
         turned = np.linalg.solve(_matrix(spec.base, spec), nominal)
         return np.asarray(T @ np.linalg.inv(turned))
@@ -111,7 +111,7 @@ def _new_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
 
 
 def _joint_frames(geometry: Geometry) -> list[Exact]:
-    """The frames (4, 4) behind each turn and shift at q = 0, and the tip, in the base frame, with 60 digits."""
+    """The frames (4, 4) after the motion of each joint at q = 0, and the tip, in the base frame, with 60 digits."""
     T = _exact(geometry.base)
     frames = []
     for theta, d, a, alpha, beta in geometry.rows:
@@ -122,7 +122,7 @@ def _joint_frames(geometry: Geometry) -> list[Exact]:
 
 
 def _exact(T: Array) -> Exact:
-    """A double matrix with an orthonormal rotation of 60 digits, by Newton's iteration ``R (3 - R'R) / 2``."""
+    """Make the rotation of a transform orthonormal to 60 digits, by Newton's iteration ``R (3 - R'R) / 2``."""
     R = np.array([[number(float(v)) for v in row] for row in T[:3, :3]], dtype=object)
     for _ in range(3):
         R = R @ (3 * identity(3) - R.T @ R) / 2
@@ -144,7 +144,7 @@ def _chain(spec: RobotSpec, frames: list[Exact], geometry: Geometry) -> SerialCh
 
 
 def _links(spec: RobotSpec, geometry: Geometry, frames: list[Exact], table: DenavitHartenberg) -> list[LinkSpec]:
-    """Links in the new link frames; a body keeps its place in the frame on its joint's axis."""
+    """Convert the links to the new link frames; each body is fixed to the frame on the axis of its joint."""
     assert spec.links is not None
     found = []
     for i, link in enumerate(spec.links):

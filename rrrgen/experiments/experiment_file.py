@@ -23,7 +23,7 @@ from rrrgen.yamltext.reader import UNITLESS, Reader
 from rrrgen.yamltext.sections import describe, read_entries
 
 FROM_ROBOT = "from_robot"
-"""In place of the values of flexible joints: inertia, stiffness and damping under `drive` in the robot file."""
+"""Word that stands in place of the values of flexible joints; they are then taken from ``drive`` in the robot file."""
 
 SCHEMA = "rrrgen-experiment/1"
 
@@ -235,7 +235,7 @@ class _Reader(Reader):
         )
 
     def flexible_joints(self, node: Node, what: str) -> dict[str, Any] | str:
-        """Rotors, springs and dampers of the joints, or that they are those of the robot file."""
+        """Read rotors, springs and dampers of the joints, or the word that takes them from the robot file."""
         if isinstance(node, Scalar):
             return self.choice(node, what, (FROM_ROBOT,))
         keys = ("rotor_inertia", "stiffness", "damping")
@@ -271,7 +271,7 @@ class _Reader(Reader):
         return None if pair[0] is None or pair[1] is None else (pair[0], pair[1])
 
     def postures(self, node: Node, what: str) -> tuple[Any, ...] | None:
-        """A list of postures, each with one position per joint."""
+        """Read a list of postures, each with one position per joint."""
         if not isinstance(node, Sequence) or not node.items:
             self.faults.error(node, f"{what} is {describe(node)}, not a list of postures [[q1, q2, ..], ..]")
             return None
@@ -325,11 +325,11 @@ class _Reader(Reader):
         return {name: table[name](value, name) for name, value in values.items()}
 
     def one(self, table: Mapping[str, float], bare: str, positive: bool = False) -> Take:
-        """A reader of one value with a unit of ``table``; a bare number is in ``bare``."""
+        """Make a reader of one value with a unit of ``table``; a number without a unit is in ``bare``."""
         return lambda node, what: self.quantity(node, what, table, bare, positive)
 
     def each(self, table: Mapping[str, float], bare: str) -> Take:
-        """A reader of one value per joint, with units as in :meth:`one`."""
+        """Make a reader of one value per joint, each with a unit of ``table`` or, without one, in ``bare``."""
         return lambda node, what: self.per_joint(node, what, self.n, table, bare)
 
     def count(self, node: Node, what: str) -> int:
@@ -352,7 +352,7 @@ class _Reader(Reader):
         return low, high
 
     def open_pair(self, node: Node, what: str) -> tuple[float | None, float | None]:
-        """A pair [lowest, highest] of lengths in which either side may be null: ``[0.2, ~]``."""
+        """Read a pair [lowest, highest] of lengths in which either side may be null: ``[0.2, ~]``."""
         return self.pair(node, what, open_side=True)
 
     def yes_or_no(self, node: Node, what: str) -> bool:

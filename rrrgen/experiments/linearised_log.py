@@ -1,7 +1,8 @@
-"""The input u of a feedback linearisation from recorded joint torques, and where in the recording the excitation is.
+"""Computation of the input u of a feedback linearisation from recorded joint torques.
 
-``u = inv(M) (tau - c - g - tau_f)`` (14.34) with the model along the reference of the designed experiment, so that the
-noise of the encoders stays out of it. The controller of the robot need not be known, and need not be (14.36).
+``u = inv(M) (tau - c - g - tau_f)`` (14.34), with the model evaluated along the reference of the designed experiment,
+so that the noise of the encoders has no effect. The controller of the robot need not be known and need not be that of
+(14.36). The beginning of the excitation is searched in the recording by correlation.
 """
 
 from __future__ import annotations
@@ -18,24 +19,26 @@ from rrrgen.recordings.logs import Log
 from rrrgen.simulate.response_recording import LoopSignals
 
 LEAST_CORRELATION = 0.2
-"""Of torque and excitation at the best alignment, below which the excitation is not in the recording."""
+"""Least correlation of torque and excitation at the best alignment; with less the excitation is not in the
+recording."""
 FEWEST = 100
-"""Samples of the excitation that the recording must hold to be aligned."""
+"""Least number of samples of the excitation that the recording must contain to be aligned."""
 PERIOD_SHARE = 1e-3
-"""Of the sampling period, by which recording and design may differ."""
+"""Largest difference of the sampling periods of recording and design, as a share of the period."""
 LOAD_ROUNDS = 30
-"""In which the load is found under which friction and load together make the torque; each divides the error by ten."""
+"""Number of iterations that find the load for which load and load-dependent friction add up to the torque; each reduces
+the error tenfold."""
 NEARBY = 0.2
 """Largest distance in rad (m) of the joint positions from those of the design."""
 
 
 def linearised_log(model: Any, log: Log, design: ResponseDesign, run: ResponseRun) -> LoopSignals:
-    """The signals of ``run`` in the recording ``log`` of positions and torques of all joints.
+    """Extract the signals of ``run`` from the recording ``log`` of positions and torques of all joints.
 
-    Excitation and torque are aligned where the torque acts, so that a delay of the controller is not in the response:
-    the excitation is found where its differences correlate most with those of u; samples before it,
-    its settling periods and what follows it are left out. Friction is that of the robot file. Raises
-    :class:`InputError` where the recording is of another rate, has holes, or the excitation is not found in it.
+    The excitation is aligned with the torque, so that a delay of the controller is not part of the response: it is
+    placed where its differences correlate most with those of u. Samples before it, its settling periods and samples
+    after it are left out. Friction is that of the robot file. Raises :class:`InputError` where the recording has
+    another sampling rate or gaps, or where the excitation is not found in it.
     """
     _check(model, log, design)
     assert log.tau is not None
@@ -73,13 +76,16 @@ def _check(model: Any, log: Log, design: ResponseDesign) -> None:
 
 
 def _inputs(model: Any, q: Array, dq: Array, tau: Array) -> Array:
-    """u (m, n) of (14.34) for the torques ``tau`` along the motion ``q``, ``dq``, (m, n) each."""
+    """The inputs u (m, n) of (14.34) for the torques ``tau`` along the motion ``q``, ``dq``, (m, n) each."""
     net = tau - model.bias(q, dq) - _friction(model, dq, tau)
     return np.asarray(np.linalg.solve(model.mass_matrix(q), net[:, :, None])[:, :, 0])
 
 
 def _friction(model: Any, dq: Array, tau: Array) -> Array:
-    """Friction (m, n) at the speeds ``dq``; under a load that carries what friction leaves of ``tau``, if it counts."""
+    """Friction torques (m, n) at the speeds ``dq`` (m, n).
+
+    For laws that depend on the load, the load is ``tau`` less friction, found by iteration.
+    """
     if not any(surface.has_load for surface in surfaces_of(model.spec)):
         return np.asarray(model.friction(dq))
     friction = np.zeros_like(tau)
@@ -94,7 +100,7 @@ def _lag(model: Any, log: Log, design: ResponseDesign, run: ResponseRun) -> int:
     q = np.broadcast_to(np.asarray(run.start), log.q.shape).copy()
     q[:, design.joint] = log.q[:, design.joint]
     u = _inputs(model, q, np.zeros_like(q), log.tau)[:, design.joint]
-    # differences: what the loop answers at low frequencies would hide the excitation
+    # differences suppress low frequencies, at which the response of the loop would hide the excitation
     a, b = np.diff(u - u.mean()), np.diff(run.n)
     size = len(a) + len(b)
     correlation = np.fft.irfft(np.fft.rfft(a, size) * np.fft.rfft(b, size).conj(), size)[: len(a)]

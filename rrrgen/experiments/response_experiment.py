@@ -1,4 +1,7 @@
-"""The frequency response of a joint by feedback linearisation, (14.34) and (14.36), on the virtual robot."""
+"""The experiment for the frequency response of a joint, on the virtual robot under feedback linearisation.
+
+Equations (14.34) and (14.36).
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ Progress = Callable[[int, int, str], None]
 
 
 def response_plan(experiment: Experiment, joint: str | None = None) -> ResponsePlan:
-    """What the section ``response`` of the experiment file asks for; ``joint`` overrides the joint it names."""
+    """The plan of a response experiment, from the file's section ``response``; ``joint`` overrides its joint."""
     settings = dict(experiment.response)
     if joint is not None:
         settings["joint"] = joint
@@ -40,7 +43,7 @@ def response_plan(experiment: Experiment, joint: str | None = None) -> ResponseP
 
 
 def response_design(experiment: Experiment, model: Any, plan: ResponsePlan) -> ResponseDesign:
-    """The runs of ``plan`` at the rate and with the seed of the experiment."""
+    """Design the runs of ``plan`` for the robot ``model``, with the sampling rate and the seed of the experiment."""
     return design_response(model, plan, 1.0 / experiment.period, experiment.seed)
 
 
@@ -76,7 +79,7 @@ def recorded_run(
     filters: list[KalmanMatrices] | None = None,
     progress: Progress | None = None,
 ) -> tuple[LoopSignals, Recording]:
-    """Run number ``number`` of ``design``: its signals, and the recording of all joints."""
+    """Simulate run number ``number`` of ``design``: (signals of the excited joint, recording of all joints)."""
     run = design.runs[number]
     robot = VirtualRobot(plant_of(experiment, model), instruments_of(experiment, model), experiment.period)
     law = ComputedTorque(
@@ -114,7 +117,10 @@ def recorded_run(
 
 
 def _filters(experiment: Experiment, model: Any) -> list[KalmanMatrices] | None:
-    """The Kalman filters of the joints if the control asks for them with a jerk; the reference itself has none."""
+    """The Kalman filters of the joints; None unless the control section states a jerk for their design.
+
+    Without a stated jerk none can be derived, since the reference of a response experiment has no jerk.
+    """
     control = experiment.control
     if control.observer != "kalman" or control.jerk is None:
         return None
@@ -126,7 +132,7 @@ def _filters(experiment: Experiment, model: Any) -> list[KalmanMatrices] | None:
 
 
 def sampled_controller(kp: float, kd: float, period: float, matrices: KalmanMatrices | None = None) -> Controller:
-    """``C(z)`` of ``u = n - C (q - q_r)`` as the loop is sampled: PD with backward difference, or with Kalman filter.
+    """The controller C(z) of ``u = n - C (q - q_r)`` as implemented: PD with backward difference or Kalman filter.
 
     With the filter the deviation passes ``x = (I - k c) E x z^-1 + k e`` and ``u = n - [kp, kd, 0] x``.
     """

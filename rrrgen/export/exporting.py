@@ -15,7 +15,7 @@ from rrrgen.yamltext.suggest import did_you_mean
 
 
 def exporters() -> dict[str, Exporter]:
-    """Find all export targets, name -> exporter, in the modules of the folder ``targets``."""
+    """Find all export targets in the modules of the folder ``targets``; returns the exporters by name."""
     names = sorted(module.name for module in pkgutil.iter_modules(targets.__path__))
     found = [importlib.import_module(f"{targets.__name__}.{name}").EXPORTER for name in names]
     return {exporter.name: exporter for exporter in found}

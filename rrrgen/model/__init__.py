@@ -1,4 +1,4 @@
-"""The model: the exact normal form of a robot, its standard parameters and its drive terms."""
+"""The exact model of a robot: geometry in a normal form, standard inertial parameters, terms of the drives."""
 
 from rrrgen.model.robot_model import JointModel, RigidTransform, RobotModel, build_model, cosine_sine
 

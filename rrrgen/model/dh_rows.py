@@ -1,4 +1,4 @@
-"""The rows of the Denavit-Hartenberg table in one form for both conventions.
+"""The rows of the Denavit-Hartenberg table in one form for both conventions. The pose of the tip is
 
     T = base row_1(q_1) .. row_n(q_n) tool
     row = Rx(alpha) Tx(a) Rz(theta) Tz(d) Tx(a') Rx(alpha')
@@ -27,7 +27,7 @@ NO_TWIST = Twist()
 
 
 class DHRow(NamedTuple):
-    """The constants of one joint: ``before``, ``theta`` (rad) and ``d`` (m) along its axis, ``behind``."""
+    """The constants of a joint: the twist ``before`` it, ``theta`` (rad), ``d`` (m) and the twist ``behind`` it."""
 
     before: Twist
     theta: sp.Expr
@@ -37,7 +37,10 @@ class DHRow(NamedTuple):
 
 
 def dh_rows(spec: RobotSpec, *, nominal: bool = False) -> tuple[DHRow, ...]:
-    """The rows of ``spec``, exact; ``nominal``: with the named parameters at their nominal values."""
+    """Convert the rows of ``spec`` to exact :class:`DHRow` values.
+
+    Named parameters remain symbols; with ``nominal`` they are replaced by their nominal values.
+    """
 
     def row(theta: sp.Expr, d: sp.Expr, twist: Twist, revolute: bool) -> DHRow:
         twists = (NO_TWIST, twist) if spec.convention == "standard" else (twist, NO_TWIST)

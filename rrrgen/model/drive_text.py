@@ -1,4 +1,4 @@
-"""Coupled drives as text and as plain data, for printing."""
+"""Text and plain data about coupled drives, for printing and for the manifest."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def coupling_equations(spec: RobotSpec) -> list[str]:
 
 
 def weighted_sum(names: list[str], factors: list[str]) -> str:
-    """``factors`` times ``names`` as text, ``-1/3*left + right``; 0 for a sum of nothing."""
+    """Print the sum of ``factors`` times ``names``, as in ``-1/3*left + right``; "0" for an empty sum."""
     text = ""
     for name, factor in zip(names, factors, strict=True):
         if factor == "0":
@@ -39,7 +39,7 @@ def weighted_sum(names: list[str], factors: list[str]) -> str:
 
 
 def motor_facts(motor: MotorSpec) -> str:
-    """The data of a motor in the robot file, at its shaft, in SI units, as a clause."""
+    """A clause with what the robot file states about a motor: values at its shaft, in SI units."""
     units = _UNITS[motor.type]
     values = {name: value for name, value in _values(motor).items() if value is not None}
     facts = ["linear motor"] if motor.type == "prismatic" else []
@@ -51,7 +51,7 @@ def motor_facts(motor: MotorSpec) -> str:
 
 
 def law_text(law: LawSpec) -> str:
-    """A friction law with its values, in SI units, as a clause: ``friction stribeck (coulomb 2, ...)``."""
+    """A clause with the name and the values (SI) of a friction law: ``friction stribeck (coulomb 2, ...)``."""
     names = [parameter.name for parameter in LAWS[law.name].parameters]
     values = ", ".join(f"{name} {value:.6g}" for name, value in zip(names, law.values, strict=True))
     return f"friction {law.name} ({values})"

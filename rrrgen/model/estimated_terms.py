@@ -43,7 +43,7 @@ class CoupledDrive:
 
 @dataclass(frozen=True)
 class DriveTerms:
-    """For each kind of drive term the joints (from 0) that have one, and the coupled drives."""
+    """The drive terms to estimate: for each kind the joints (from 0) that have one, and the coupled drives."""
 
     inertia: tuple[int, ...] = ()
     viscous: tuple[int, ...] = ()

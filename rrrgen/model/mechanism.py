@@ -1,4 +1,4 @@
-"""The chain of rows from base to tip of a mechanism as a robot, and the coupling as text and as data."""
+"""Mechanisms, robots in which joints follow others or which branch: their chain to the tip, and text about them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rrrgen.robotfile.robot_spec import Limits, RobotSpec
 
 
 def chain_to_tip(spec: RobotSpec) -> RobotSpec:
-    """A robot of the rows between base and tip only, each with its own drive and without limits, for kinematics."""
+    """Make a serial robot of the rows between base and tip, all driven and without limits, for kinematics."""
     if spec.mechanism is None:
         return spec
     rows = tuple(
@@ -23,14 +23,14 @@ def chain_to_tip(spec: RobotSpec) -> RobotSpec:
 
 
 def coupling_to_tip(spec: RobotSpec) -> sp.Matrix:
-    """The displacements of the rows of :func:`chain_to_tip` as multiples of q, (rows, n)."""
+    """The matrix (rows, n) that maps q to the displacements of the joints of :func:`chain_to_tip`."""
     if spec.mechanism is None:
         return sp.eye(spec.n)
     return sp.Matrix([list(spec.mechanism.matrix[i]) for i in spec.mechanism.path(spec.mechanism.tip)])
 
 
 def mechanism_equations(spec: RobotSpec) -> list[str]:
-    """One clause per row of a mechanism: its parent and how it moves with q. Empty for a serial chain."""
+    """Describe each row of a mechanism by a clause: its parent and its motion with q. Empty for a serial chain."""
     if spec.mechanism is None:
         return []
     names = [joint.name for joint in spec.joints]
@@ -43,7 +43,10 @@ def mechanism_equations(spec: RobotSpec) -> list[str]:
 
 
 def mechanism_data(spec: RobotSpec) -> dict[str, Any] | None:
-    """Each row, its parent, and the exact matrix S as text; None for a serial chain."""
+    """Plain data about a mechanism: every row with its parent, and the exact matrix S of ``y = S q`` as text.
+
+    None for a serial chain.
+    """
     if spec.mechanism is None:
         return None
     return {

@@ -47,7 +47,7 @@ class RigidTransform:
 
 
 def normal_form(expression: sp.Expr) -> sp.Expr:
-    """``expression`` expanded, with even powers of sines in terms of cosines, so that cancelling terms vanish."""
+    """Expand ``expression`` and write even powers of sines by cosines, so that terms which cancel vanish."""
     expanded = sp.expand(expression)
     powers = {
         power: (1 - sp.cos(power.base.args[0]) ** 2) ** (power.exp // 2) * power.base ** (power.exp % 2)
@@ -113,7 +113,7 @@ class RobotModel:
     _nominal: dict[sp.Expr, sp.Expr] = field(default_factory=dict, compare=False, repr=False)
 
     def nominal(self, expression: sp.Expr) -> sp.Expr:
-        """``expression`` with named parameters at their nominal values; cached, since constants recur."""
+        """Replace named parameters in ``expression`` by their nominal values; cached, since constants recur."""
         if expression not in self._nominal:
             self._nominal[expression] = self.spec.nominal(expression)
         return self._nominal[expression]

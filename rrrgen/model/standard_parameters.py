@@ -30,7 +30,7 @@ def standard_parameters(link: LinkSpec) -> tuple[sp.Rational, ...]:
 
 
 def link_of(phi: Iterable[float]) -> LinkSpec:
-    """The link with the standard parameters ``phi`` (10,), mass > 0; each double becomes its exact decimal."""
+    """Make the link with the standard parameters ``phi`` (10,), mass > 0; doubles are converted to exact decimals."""
     exact = [sp.Rational(repr(float(value))) for value in phi]
     m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz = exact
     com = tuple(sp.Rational(repr(float(first) / float(m))) for first in (mx, my, mz))

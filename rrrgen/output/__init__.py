@@ -1,1 +1,1 @@
-"""Output: the only writer of files, and the manifest that lists them."""
+"""Writing of output: the only code of rrrgen that writes its files, and the manifest that lists them."""

@@ -74,7 +74,7 @@ def _in_use(directory: Path) -> bool:
 
 
 def _upwards(place: str) -> Iterator[tuple[int, int]]:
-    """The directory ``place`` and its parents up to the root, as (device, inode).
+    """Yield the directory ``place`` and its parents up to the root, each as (device, inode).
 
     Paths are not compared, because a process in a container may see the same directories under other paths.
     """

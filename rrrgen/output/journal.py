@@ -1,4 +1,6 @@
-"""Replacement of files one by one, for a directory that cannot be replaced as a whole; it survives interruptions.
+"""Replacement of files one by one, for a directory that cannot be replaced as a whole.
+
+An interrupted replacement is completed by the next run. The steps are:
 
     1. complete all new files in a staging directory inside the directory
     2. rename that to ``.rrrgen-commit``: this commits the new state

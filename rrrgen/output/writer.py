@@ -1,4 +1,4 @@
-"""The only writer of files: all or none are written, with LF line ends, reproducibly."""
+"""The writer of all files of rrrgen: of a set of files all or none are written, with LF line ends, reproducibly."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _replace(files: Mapping[str, Contents], directory: Path) -> None:
 
 @contextmanager
 def _staging(place: Path, name: str) -> Iterator[Path]:
-    """A locked staging directory, removed at the end unless it has been renamed."""
+    """Create and lock a staging directory in ``place``; it is removed at the end unless it has been renamed."""
     staging = staging_directory(place, name)
     try:
         with locked(staging):

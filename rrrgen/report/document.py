@@ -1,4 +1,4 @@
-"""The report as one self-contained, reproducible HTML file: its script and styles are inside, nothing is fetched."""
+"""The report page: one self-contained, reproducible HTML file with its script and styles inside; nothing is fetched."""
 
 from __future__ import annotations
 
@@ -35,13 +35,14 @@ def html_report(
     motions: Sequence[Motion] = (),
     figures: Sequence[Illustration] = (),
 ) -> str:
-    """The text of a self-contained HTML file about the robot of ``model``.
+    """Write a self-contained HTML page about the robot of ``model`` and return its text.
 
     It shows the arm in an interactive view with configurations of the same tip pose, states the convention, prints the
-    Denavit-Hartenberg table in both unit systems, draws the frames of the zero pose, lists the base parameters with
-    what became of every link parameter, shows ``closed_forms`` (name of a model function -> exact expression, matrix or
-    shared form) as MathML and the inverse kinematics, counts operations, and tabulates ``verify_report``. The view
-    plays ``motions``; ``figures`` stand at the end. ``notice`` is one line about the origin (model hash, version).
+    Denavit-Hartenberg table in rad and m and in degrees and mm, draws the frames of the zero pose, lists the base
+    parameters and how each link parameter enters them, shows ``closed_forms`` (name of a model function -> exact
+    expression, matrix or shared form) as MathML and the inverse kinematics, counts operations, and tabulates
+    ``verify_report``. The view plays ``motions``; ``figures`` are placed at the end. ``notice`` is one line about the
+    origin (model hash, version).
     Raises :class:`rrrgen.errors.BackendError` when a closed form contains what has no notation, and
     :class:`rrrgen.errors.InputError` for a motion that is not one of this robot.
     """
@@ -84,7 +85,7 @@ def html_report(
 
 
 def _closed_forms(closed_forms: Mapping[str, Form], walk: Walk) -> list[dict[str, object]]:
-    """Name, meaning, MathML and remarks of every quantity."""
+    """The template variables of every quantity of the closed forms: name, meaning, MathML and remarks."""
     shown: list[dict[str, object]] = []
     for item in lay_out(closed_forms):
         lines = [line for symbol, value in item.definitions for line in definition_lines(symbol, value, walk)]

@@ -1,4 +1,4 @@
-"""The frames of a robot in its zero pose, from the Denavit-Hartenberg numbers alone."""
+"""The frames of a robot in its zero pose, computed from the numbers of its Denavit-Hartenberg table."""
 
 from __future__ import annotations
 
@@ -29,7 +29,10 @@ class Stage:
 
 
 def zero_pose(spec: RobotSpec) -> tuple[Transform, list[Stage], Transform]:
-    """Base frame, one stage per joint, tip frame, all in the user's base frame at q = 0 and nominal parameters."""
+    """Compute the zero pose (q = 0, nominal parameters): base frame, one :class:`Stage` per joint, tip frame.
+
+    All are given in the base frame of the robot file.
+    """
     base = T = _numbers(spec, spec.base)
     stages = []
     for row in dh_rows(spec, nominal=True):

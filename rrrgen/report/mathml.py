@@ -1,4 +1,4 @@
-"""Expressions and equations as presentation MathML, which browsers display without scripts or fonts."""
+"""Printing of expressions and equations as presentation MathML, which browsers display without scripts or fonts."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class MathmlMarkup:
         return f"<msqrt>{argument}</msqrt>"
 
     def function(self, name: str, argument: str, exponent: str) -> str:
-        """``name(argument)``, with a non-empty exponent between name and argument."""
+        """The MathML of ``name(argument)``; a non-empty exponent stands between name and argument."""
         head = f"<mi>{name}</mi>"
         head = f"<msup>{head}<mrow>{exponent}</mrow></msup>" if exponent else head
         return f"<mrow>{head}<mo>⁡</mo>{self.group(argument)}</mrow>"
@@ -90,7 +90,7 @@ def sum_of(terms: Sequence[tuple[bool, str]]) -> str:
 
 
 def bold(letter: str) -> str:
-    """A letter (or the name of a Greek one) in bold italics, the sign of a vector or matrix."""
+    """Convert a letter, or the name of a Greek letter, to the bold italic character for a vector or matrix."""
     letter = GREEK.get(letter, letter)
     if len(letter) != 1:
         return f"<mi>{escape(letter)}</mi>"
@@ -101,12 +101,16 @@ def bold(letter: str) -> str:
 
 
 def inline(expression: sp.Expr, walk: Walk) -> str:
-    """An expression as inline MathML, for use within text."""
+    """Print an expression as inline MathML, for use within text."""
     return f"<math>{walk.write(expression)}</math>"
 
 
 def display(lines: Sequence[tuple[str, str]]) -> str:
-    """Aligned lines (left-hand side, right-hand side); an empty left-hand side continues the line before."""
+    """The MathML of a table of equations, aligned at the equals sign.
+
+    ``lines`` are pairs (left-hand side, right-hand side); an empty left-hand side continues the equation of the line
+    before.
+    """
     rows = "".join(
         f'<mtr><mtd class="left">{left}</mtd><mtd>{"<mo>=</mo>" if left else ""}</mtd>'
         f'<mtd class="right">{right}</mtd></mtr>'

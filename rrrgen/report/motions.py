@@ -1,4 +1,4 @@
-"""Recorded and designed motions for the view of the report, and the figures of run folders."""
+"""Motions that the report's interactive view plays, recorded or designed, and figures of run folders."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rrrgen.errors import InputError
 SAMPLES = 2000
 """Largest number of samples of a motion on the page, which interpolates between them: about 100 kB for six joints."""
 
-DIGITS = 5  # decimals of positions and times on the page: a hundredth of a millimetre
+DIGITS = 5  # decimals of positions (rad, m) and times (s) on the page: 0.01 mm
 
 LARGEST_DRAWING = 400_000
 """Size in bytes from which the PNG of a figure is taken instead of its SVG: clouds of points make large drawings."""
@@ -30,7 +30,7 @@ class Motion:
     q: Array
 
     def as_data(self, n: int) -> dict[str, Any]:
-        """The motion for the page: times from 0 and positions of ``n`` joints, thinned to at most ``SAMPLES`` samples.
+        """Convert the motion to data for the page: times from 0 and joint positions, at most ``SAMPLES`` samples.
 
         Raises InputError if it has no two samples, another number of joints, or times that do not increase.
         """

@@ -19,20 +19,20 @@ if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import JointSpec
     from rrrgen.runtime.inverse_kinematics import InverseKinematics
 
-DIGITS = 9  # decimals of lengths and angles: below a nanometre, above the round-off that differs between machines
-POSES = 4  # poses for which the view offers all configurations
-CANDIDATES = 16  # of which the poses that reach farthest are taken: a folded arm shows little
-GOLDEN = 0.6180339887498949  # multiples of it, modulo 1, spread evenly over an interval
+DIGITS = 9  # decimals of lengths (m) and angles (rad): one nanometre; rounding that differs between machines is smaller
+POSES = 4  # number of tip poses for which the view offers all configurations
+CANDIDATES = 16  # number of poses from which those that reach farthest are chosen, because a folded arm shows little
+GOLDEN = 0.6180339887498949  # golden ratio: its multiples modulo 1 spread evenly over [0, 1)
 
 
 def as_json(content: dict[str, Any]) -> str:
-    """``content`` as JSON for a ``<script>`` element: no character in it can end the element."""
+    """Print ``content`` as JSON for a ``<script>`` element: no character in it can end the element."""
     text = json.dumps(content, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     return text.replace("&", r"\u0026").replace("<", r"\u003c").replace(">", r"\u003e")
 
 
 def scene(model: DerivedModel) -> dict[str, Any]:
-    """Geometry at nominal parameters (SI units), range of every joint, and configurations of the same tip pose.
+    """The data of the view: geometry at nominal parameters (SI units), joint ranges, configurations of equal tip pose.
 
     ``joints`` holds per joint name, type, alpha, a, d, theta and the ends of its slider: the limits of the robot file,
     else one turn or the reach. ``poses`` holds lists of configurations ``q`` with the names of their branches.
@@ -67,7 +67,7 @@ def _range(joint: JointSpec, reach: float) -> tuple[float, float]:
 
 
 def _poses(model: DerivedModel, ends: list[tuple[float, float]]) -> list[list[dict[str, Any]]]:
-    """All configurations for each of some tip poses; none where the solver needs a compiler or does not exist."""
+    """All configurations for each of :data:`POSES` tip poses; empty where the solver needs a compiler or is missing."""
     from rrrgen.runtime.inverse_kinematics import load_solver
 
     try:
@@ -95,7 +95,7 @@ def _configurations(solver: InverseKinematics, T: NDArray[np.float64], q: NDArra
 
 
 def _branch(solver: InverseKinematics, branch: int) -> str:
-    """The named choices of a branch: ``shoulder 0, elbow 1``."""
+    """Text with the name and value of each choice of a branch, such as ``shoulder 0, elbow 1``."""
     return ", ".join(f"{name} {value}" for name, value in solver.branch_names(branch).items())
 
 

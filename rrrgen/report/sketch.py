@@ -1,4 +1,4 @@
-"""A sketch of the frames in the zero pose, as SVG in orthographic projection."""
+"""A drawing of the frames in the zero pose, as SVG in orthographic projection."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rrrgen.report.geometry import Point, Stage, Transform, column, origin, zero
 from rrrgen.robotfile.robot_spec import RobotSpec
 
 WIDTH, HEIGHT, MARGIN = 640, 480, 70
-AZIMUTH, ELEVATION = radians(-52.0), radians(22.0)  # where the viewer stands; no DH direction is seen end-on
+AZIMUTH, ELEVATION = radians(-52.0), radians(22.0)  # direction of view; no axis of usual DH frames is parallel to it
 _AXIS_CLASSES = ("x", "y", "z")
 _TRIAD = 34.0  # length of the axes of a frame, px
 _REACH = 58.0  # length of the positive side of a joint axis, px
@@ -21,7 +21,7 @@ _COINCIDENT = 1e-9  # m
 
 @dataclass(frozen=True)
 class View:
-    """Orthographic projection: directions of right and up in space, scale, and centre of the scene."""
+    """An orthographic projection: its ``scale`` (px per m) and the projected point ``middle`` that is in the centre."""
 
     scale: float
     middle: tuple[float, float]
@@ -129,17 +129,17 @@ def _triad(view: View, frame: Transform) -> str:
 
 
 Label = tuple[str, tuple[float, float], str]
-"""Text, the middle of its base line, and its class."""
+"""A label of the drawing: its text, the position (px) of the middle of its base line, and its CSS class."""
 
 
 def _frame_labels(view: View, frames: Sequence[tuple[str, Transform]]) -> list[Label]:
-    """The numbers of the frames below their origins."""
+    """Make the labels with the numbers of the frames, below their origins."""
     places = [(name, view.at(origin(frame))) for name, frame in frames]
     return [(names, (x - 9, y + 20), "frame") for names, (x, y) in _merged(places)]
 
 
 def _variable_labels(view: View, stages: Sequence[Stage]) -> list[Label]:
-    """The joint variables beside the positive ends of the axes."""
+    """Make the labels with the joint variables, beside the positive ends of the joint axes."""
     places = []
     for number, stage in enumerate(stages, start=1):
         x, y = view.at(stage.axis[0])
@@ -149,7 +149,7 @@ def _variable_labels(view: View, stages: Sequence[Stage]) -> list[Label]:
 
 
 def _apart(labels: Sequence[Label]) -> list[str]:
-    """The labels without overlap: one that would cover another is moved below it."""
+    """Print the labels as SVG without overlap: one that would cover another is moved below it."""
     boxes: list[tuple[float, float, float]] = []  # middle, half width
     texts = []
     for name, (x, y), kind in labels:
@@ -162,7 +162,7 @@ def _apart(labels: Sequence[Label]) -> list[str]:
 
 
 def _merged(places: Sequence[tuple[str, tuple[float, float]]]) -> list[tuple[str, tuple[float, float]]]:
-    """The labels, with those at the same place merged into one."""
+    """Merge labels at the same place (closer than ``_LABEL`` px) into one."""
     groups: list[tuple[list[str], tuple[float, float]]] = []
     for name, place in places:
         for names, taken in groups:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rrrgen.verify.report import Report
 
 
-DECIMALS = 12  # of the zero pose: what products of rounded cosines leave, 6e-17, is zero
+DECIMALS = 12  # of the entries of the zero pose; rounding errors of cosines, such as 6e-17, become zero
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,14 @@ class Table:
 
 
 def number(value: float, digits: int = 6) -> str:
-    """A number for a table: ``digits`` significant digits, no negative zero."""
+    """Print a number for a table, with ``digits`` significant digits and without a negative zero."""
     if not isfinite(value):
         return str(value)
     return f"{value + 0.0:.{digits}g}".replace("-", "−")
 
 
 def unit(text: str) -> str:
-    """A unit with raised exponents, on one line: ``kg m^2`` as kg m²."""
+    """Print a unit with raised exponents, without line breaks: ``kg m^2`` becomes kg m²."""
     return text.replace("^2", "²").replace("^3", "³").replace(" ", "\u00a0")
 
 
@@ -126,7 +126,7 @@ def _law_columns(spec: RobotSpec) -> list[tuple[str, Callable[[JointSpec], float
 
 
 def drives(spec: RobotSpec) -> tuple[Table, Table] | None:
-    """Coupled drives: the speeds of the joints, and the motors as the file states them."""
+    """The tables of coupled drives, or None: joint speeds as sums of drive speeds, and the motors of the robot file."""
     if spec.drives is None:
         return None
     equations = tuple((equation.replace("-", "−"),) for equation in coupling_equations(spec))
@@ -147,7 +147,7 @@ def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
 
 
 def regrouping(model: DerivedModel) -> Table:
-    """The table of regrouping: where each standard parameter went, and why."""
+    """The table of regrouping: the part of each standard parameter in the base parameters, and the reason."""
     rows = tuple((item.parameter, item.formula, item.reason) for item in model.regrouping)
     return Table(("standard parameter", "regrouped into", "reason"), rows)
 
@@ -173,7 +173,7 @@ def passes(model: DerivedModel) -> Table:
 
 
 def verification(report: Report) -> Table:
-    """The table of comparisons of a verification."""
+    """The table of a verification: one row per comparison."""
     rows, failed = [], []
     for k, row in enumerate(report.rows):
         difference, tolerance = f"{row.difference:.1e}", f"{row.tolerance:.0e}" if row.tolerance else "0"
@@ -186,7 +186,7 @@ def verification(report: Report) -> Table:
 
 
 def pose(rows: Sequence[Sequence[float]]) -> str:
-    """A homogeneous transform as a MathML matrix of numbers."""
+    """Print a homogeneous transform as a MathML matrix of numbers."""
     cells = "".join(
         "<mtr>" + "".join(f"<mtd><mn>{number(round(v, DECIMALS), 5)}</mn></mtd>" for v in row) + "</mtr>"
         for row in rows

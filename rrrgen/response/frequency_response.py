@@ -15,7 +15,7 @@ from rrrgen.errors import InputError
 from rrrgen.response.controller import Complex
 from rrrgen.response.estimators.distortion import Finding
 
-WIDEST_BAND = 0.1  # relative radius beyond which a line is not trusted
+WIDEST_BAND = 0.1  # relative radius of the 95 % confidence circle above which a line is not trusted
 LEAST_COHERENCE = 0.1
 SCHEMA = "rrrgen-frf/1"
 
@@ -24,12 +24,12 @@ SCHEMA = "rrrgen-frf/1"
 class FrequencyResponse:
     """The response ``P`` (L,) of the plant, output over input, at ``frequency`` (L,) in Hz.
 
-    ``band95`` (L,) is the radius of the circle around P that holds the true response with 95 %, relative to \\|P\\|;
-    ``variance`` (L,) that of the complex P; ``coherence`` (L,) the share of the output's power that is due to the
-    excitation (14.37); ``period`` the sampling period in s. ``independent`` is the
-    share of the lines that do not share data with others. ``findings`` are reasons against the recording as a whole.
-    ``dof`` are the complex degrees of freedom of the variance, ``kernel`` (lags,) the correlation of lines that are 0,
-    1, .. apart (None: independent); ``unsmoothed`` is the response before it was smoothed over lines, where it was.
+    ``band95`` (L,) is the radius of the circle around P that contains the true response with probability 95 %, relative
+    to \\|P\\|; ``variance`` (L,) that of the complex P; ``coherence`` (L,) the share of the output's power that is due
+    to the excitation (14.37); ``period`` the sampling period in s. ``independent`` is the share of the lines that do
+    not share data with others. ``findings`` are reasons not to trust the recording as a whole. ``dof`` are the complex
+    degrees of freedom of the variance, ``kernel`` (lags,) the correlation of lines that are 0, 1, .. apart (None:
+    independent); ``unsmoothed`` is the response before it was smoothed over lines, where it was.
     """
 
     name: str
@@ -49,7 +49,7 @@ class FrequencyResponse:
 
     @property
     def reasons(self) -> list[str]:
-        """Per line why it is not trusted; empty where it is."""
+        """For each line the reason why it is not trusted; empty text for a trusted line."""
         if self.findings:
             return [self.findings[0].kind] * len(self.frequency)
         wide, low = self.band95 > WIDEST_BAND, self.coherence < LEAST_COHERENCE

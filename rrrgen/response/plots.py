@@ -1,4 +1,4 @@
-"""Figures of frequency responses: Bode diagram with 95 % bands, coherence below."""
+"""Figures of frequency responses: Bode diagrams with 95 % confidence bands and coherence."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ CURVE = 2000  # points of a model's curve
 
 
 def plot_models(measured: Sequence[FrequencyResponse], models: Sequence[ResponseModel]) -> Figure:
-    """Measured responses and the curves of the models fitted to them."""
+    """Plot measured responses and the curves of the models fitted to them."""
     low, high = (pick([pick(each.frequency) for each in measured]) for pick in (min, max))
     frequency = np.geomspace(low, high, CURVE)
     return plot_responses(measured, [("model", frequency, each.response(frequency)) for each in models])
 
 
 def plot_resonances(models: Sequence[ResponseModel]) -> Figure:
-    """Frequencies and dampings of the modes over the postures, bars of two standard deviations."""
+    """Plot frequencies and damping ratios of the modes over the postures, with bars of two standard deviations."""
     modes = modes_over_postures(models)
     from matplotlib.ticker import FuncFormatter, LogLocator
 
@@ -55,11 +55,11 @@ def plot_resonances(models: Sequence[ResponseModel]) -> Figure:
 
 
 def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[str, Array, Complex]] = ()) -> Figure:
-    """Magnitude (dB), phase (deg), band and coherence over frequency; ``models`` (label, Hz, response) as dashed lines,
-    each label once.
+    """Plot magnitude (dB), phase (deg), confidence radius and coherence of responses over frequency.
 
-    Bands hold the true response with 95 %; their radius is drawn once more, dotted the limit of trust. Lines that are
-    not trusted are drawn light.
+    ``models`` are triples (label, frequencies in Hz, response), drawn as dashed curves; each label appears once. The
+    bands contain the true response with probability 95 %; their relative radius has a panel of its own, with the limit
+    of trust as a dotted line. Lines that are not trusted are drawn in a light colour.
     """
     from matplotlib.ticker import FuncFormatter
 
@@ -105,6 +105,6 @@ def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[st
 
 
 def _phase(P: Complex) -> Array:
-    """Phase in degrees, unwrapped, and moved by whole turns so that it starts between -360 and 0."""
+    """Phase of ``P`` in degrees, unwrapped and shifted by multiples of 360 so that it starts between -360 and 0."""
     angle = np.degrees(np.unwrap(np.angle(P)))
     return np.asarray(angle - 360.0 * np.ceil(angle[0] / 360.0))

@@ -1,4 +1,4 @@
-"""The response file: which columns of which recordings are excitation, input and output of one loop.
+"""Reader of response files, which say which columns of recordings are excitation, input and output of one loop.
 
 The loop is ``u = n - C(z) (q - q_r)``, with the excitation n that was added, the input u of the plant (acceleration of
 the feedback linearisation (14.34) of the chapter, or torque) and its output q.
@@ -42,7 +42,7 @@ Several = Literal["realisations", "postures"]
 
 @dataclass(frozen=True)
 class SignalColumn:
-    """One column; ``file`` is empty where every file of the recording set has it. SI is ``factor * column``."""
+    """One column of a recording: its ``file`` (empty where every file has it), name or number, and factor to SI."""
 
     file: str
     column: str | int
@@ -51,7 +51,7 @@ class SignalColumn:
 
 @dataclass(frozen=True)
 class ResponseFile:
-    """All that a response file says; ``period`` of the excitation in s, None where the file does not say."""
+    """The contents of a response file; ``period`` is that of the excitation in s, None where the file states none."""
 
     files: tuple[FileSource, ...]
     time: TimeSource
@@ -184,7 +184,7 @@ class _ResponseReader(SourceReader):
 
 
 def read_recordings(response: ResponseFile) -> list[ResponseRecording]:
-    """All recordings in memory; raises :class:`InputError` where instants or values cannot be used."""
+    """Read all recordings into memory; raises :class:`InputError` where times or values cannot be used."""
     if response.input.file:
         return [_read(response, response.files[0], response.name or "recording")]
     return [_read(response, source, source.name) for source in response.files]
@@ -216,7 +216,7 @@ def _read(response: ResponseFile, source: FileSource, name: str) -> ResponseReco
 
 
 def _sampling_period(t: Array, path: Path) -> float:
-    """The period of instants on a grid, s."""
+    """The sampling period (s) of the times ``t``; raises :class:`InputError` unless they are evenly spaced."""
     if len(t) < 2:
         raise table_fault(path, f"{len(t)} rows: too few to tell the sampling period")
     period = float(t[-1] - t[0]) / (len(t) - 1)

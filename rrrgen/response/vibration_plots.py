@@ -1,4 +1,4 @@
-"""Figure of input shapers and notch filters: what they leave of the vibrations for which they were designed."""
+"""Figure of input shapers and notch filters: the residual of the vibrations for which they were designed."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ PERIODS_SHOWN = 6.0  # of the slowest vibration
 def plot_vibration(
     vibrations: Sequence[Vibration], shaper: Shaper | None, notches: Sequence[Notch], period: float
 ) -> Figure:
-    """Residual vibration over frequency and response to a step of the reference, magnitude and phase of the notches.
+    """Plot residual vibration over frequency, vibration after a step of the reference, and the notches' Bode diagram.
 
-    Grey: the range of every vibration over the postures.
+    The grey areas are the ranges of the vibrations' frequencies over the postures.
     """
     from matplotlib.ticker import FuncFormatter
 
@@ -71,7 +71,7 @@ def _residual(axis: Any, vibrations: Sequence[Vibration], shaper: Shaper) -> Non
 
 
 def _step(axis: Any, vibrations: Sequence[Vibration], shaper: Shaper) -> None:
-    """What a step of the reference leaves of the slowest vibration, in its first posture."""
+    """Plot the slowest vibration, in its first posture, after a step of the reference with and without the shaper."""
     slowest = min(vibrations, key=lambda each: each.frequency)
     f, damping = slowest.frequencies[0], slowest.dampings[0]
     count = int(PERIODS_SHOWN / f / shaper.period) + shaper.length

@@ -1,4 +1,6 @@
-"""The robot file: YAML text -> :class:`RobotSpec`, exact and validated; all faults are reported together.
+"""Reading and writing of robot files: YAML text to a :class:`RobotSpec`, exact and validated.
+
+All faults of a file are reported together, each with its line and column.
 
 SymPy and the YAML reader are imported on first use, so that the command line starts fast.
 """

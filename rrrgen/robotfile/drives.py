@@ -36,7 +36,7 @@ def read_drives(node: Node, joints: Row[JointSpec | None], scope: Scope) -> Driv
 
 
 def _read_coupling(node: Node, values: dict[str, Node], n: int, scope: Scope) -> Matrix | None:
-    """The matrix ``joint_from_drive``; if the file states ``drive_from_joint``, its inverse."""
+    """Read the matrix ``joint_from_drive``, or invert ``drive_from_joint`` if the file states that; None if faulty."""
     given = [name for name in _MATRICES if name in values]
     if len(given) != 1:
         hint = "joint_from_drive: joint speeds = matrix * drive speeds; drive_from_joint: the other way round"
@@ -77,7 +77,7 @@ def _read_square(node: Node, name: str, n: int, scope: Scope) -> Matrix | None:
 
 
 def _is_singular(matrix: Matrix) -> bool:
-    """Whether the matrix is singular, or so within the digits of rounded decimals."""
+    """Whether the matrix is singular, or so near a singular one that rounding of its decimals may explain it."""
     numbers = [[float(value) for value in row] for row in matrix]
     lengths = [sum(value * value for value in row) ** 0.5 for row in numbers]
     if not all(lengths):
@@ -113,7 +113,7 @@ def _read_motors(
 
 
 def _read_motor(node: Node, number: int, scope: Scope) -> tuple[MotorSpec, dict[str, Node]]:
-    """The motor, as far as it can be read, and the nodes of its values."""
+    """Read one motor: (the motor, with defaults for values that are faulty, and the nodes of its values by key)."""
     what = f"motor {number}"
     values = read_section(node, "motor", what, scope.faults, ROBOT_FILE) or {}
     kind = read_choice(values["type"], _KEYS["type"], scope.faults) if "type" in values else "revolute"

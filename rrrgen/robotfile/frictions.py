@@ -52,7 +52,7 @@ def read_friction(node: Node | None, joint_type: str, what: str, scope: Scope) -
 def _law(
     law: FrictionLaw, numbers: dict[str, float], values: dict[str, Node], node: Node, what: str, scope: Scope
 ) -> LawSpec:
-    """The law with 0 for parameters that are not stated; those that must be positive have to be."""
+    """Complete a friction law: parameters that the file does not state are 0; a fault where one must be positive."""
     for parameter in law.parameters:
         if not parameter.positive:
             continue

@@ -1,4 +1,4 @@
-"""Joint rows: Denavit-Hartenberg parameters, limits, friction, drive."""
+"""Reader of the rows of ``joints`` in a robot file: Denavit-Hartenberg parameters, limits, friction, drive."""
 
 from __future__ import annotations
 

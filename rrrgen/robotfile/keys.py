@@ -21,7 +21,8 @@ EMIT = {
     "timing": "time-optimal timing of a path within limits of torque, speed and acceleration",
     "trajectory": "quintic and trapezoidal motions",
 }
-"""What can be emitted besides the model, on request of the robot file or of the command line."""
+"""Files and groups of functions that can be emitted besides the model, on request of the robot file or the command
+line, each with its description."""
 
 ROBOT = (
     Key("schema", "choice", "version of this format", True, ("rrrgen/1",)),
@@ -91,7 +92,8 @@ _QUANTITIES = {
     "rad/s": ("angular speed", "speed"),
     "rad": ("angle", "length"),
 }
-"""Quantities of a friction parameter, for revolute and prismatic joints, by its unit; others are bare numbers in SI."""
+"""Physical quantities of a friction parameter, (for a revolute, for a prismatic joint), by its unit at a revolute
+joint; parameters with other units are numbers in SI without a unit."""
 
 
 def _law_keys() -> tuple[Key, ...]:

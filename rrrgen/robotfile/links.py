@@ -147,7 +147,7 @@ def physical_fault(link: LinkSpec) -> str:
 
 
 def _other_reading(link: LinkSpec) -> str:
-    """Hint: another choice of ``about`` and ``products`` with which the numbers would be physical."""
+    """A hint for the user: the other values of ``about`` and ``products`` with which the numbers would be physical."""
     x, y, z, xy, xz, yz = link.inertia
     flipped = (x, y, z, -xy, -xz, -yz)
     other: Literal["com", "origin"] = "origin" if link.about == "com" else "com"

@@ -82,6 +82,6 @@ def name_fault(name: str, role: str) -> tuple[str, str] | None:
 
 
 def identifier(text: str) -> str:
-    """The C identifier nearest to ``text``; empty if none of its characters can stand in one."""
+    """Turn ``text`` into a C identifier: other characters are replaced; empty if it has no usable character."""
     word = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_")[:MAX_NAME]
     return f"_{word}" if word[:1].isdigit() else word

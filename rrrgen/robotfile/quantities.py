@@ -42,7 +42,7 @@ class Scope:
     broken: set[str] = field(default_factory=set)  # parameters whose own fault is already reported
 
     def substitute(self, expr: sp.Expr) -> sp.Expr:
-        """``expr`` with every parameter at its nominal value."""
+        """Replace every parameter in ``expr`` by its nominal value."""
         if not expr.free_symbols:
             return expr
         return expr.xreplace({parameter_symbol(name): value for name, value in self.nominal.items()})
@@ -148,7 +148,7 @@ def report_expression(error: ExpressionError, node: Scalar, what: str, scope: Sc
 
 
 def nominal_number(node: Node, what: str, expr: sp.Expr, scope: Scope) -> float | None:
-    """``expr`` at the nominal parameters as a float; a fault and None unless it is finite and real."""
+    """Evaluate ``expr`` at the nominal parameters as a float; a fault and None unless it is finite and real."""
     try:
         number = complex(scope.substitute(expr))
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):

@@ -59,7 +59,10 @@ def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSp
 
 
 def with_tool(spec: RobotSpec, tool: str) -> RobotSpec:
-    """``spec`` with the tool of this name, and the name of both; raises :class:`InputError` for an unknown one."""
+    """Replace the tool of ``spec`` by the one named ``tool``, and its name by ``<robot>_<tool>``.
+
+    Raises :class:`InputError` for an unknown tool.
+    """
     if tool not in spec.tools:
         hint = did_you_mean(tool, spec.tools) or f"tools are {', '.join(spec.tools) or 'none: add them under tools'}"
         raise InputError([Fault(spec.file, 0, 0, f"the robot has no tool '{tool}'", hint=hint)])

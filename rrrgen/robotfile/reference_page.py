@@ -1,4 +1,4 @@
-"""Every key of the robot file as one page of Markdown, made from the key tables that the reader uses."""
+"""The reference page of the robot file in Markdown, with every key, made from the key tables that the reader uses."""
 
 from __future__ import annotations
 

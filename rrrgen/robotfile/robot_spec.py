@@ -81,7 +81,7 @@ class DriveSpec:
 
 @dataclass(frozen=True)
 class MotorSpec:
-    """One motor of coupled drives; everything is stated at its shaft, ``gear_ratio`` turns per turn of the drive.
+    """One motor of coupled drives. All values are at the motor's shaft; it makes ``gear_ratio`` turns per drive turn.
 
     ``name`` names the motor. ``inertia`` (kg m^2), ``friction`` and the largest torque ``torque_limit`` (N m) have the
     units of a joint of the same ``type``; for a linear motor kg and N. A field that is ``None`` is not part of the
@@ -151,12 +151,12 @@ class JointSpec:
 
 @dataclass(frozen=True)
 class MechanismSpec:
-    """Rows that are not a chain of joints with a drive each: joints that follow others, and branches.
+    """The rows of a robot in which joints follow others, or which branches.
 
-    Row i moves by ``y_i = matrix[i] . q``, q being the positions of the joints of the robot, and stands on the link of
-    row ``parents[i]`` (-1: on the base). Limits and drives of joints that q counts are in the joints of the robot; a
-    row that follows others has ranges only. The tool is fixed to the link of row ``tip``. ``matrix`` (rows, joints) is
-    exact; constants of a coupling are part of theta or d of a row.
+    Row i is displaced by ``y_i = matrix[i] . q``, with q the positions of the driven joints, and is carried by the link
+    of row ``parents[i]`` (-1: by the base). Limits and drives of driven joints are in ``RobotSpec.joints``; a row that
+    follows others has position limits only. The tool is fixed to the link of row ``tip``. ``matrix`` (rows, joints) is
+    exact; the constant of a coupling is part of the row's theta or d.
     """
 
     rows: tuple[JointSpec, ...]
@@ -262,14 +262,15 @@ class RobotSpec:
     - ``joints`` and ``links``, one for each joint; ``links`` is None if the file states no inertias;
     - ``base`` and ``tool``: fixed transforms before the first joint and after the last link frame; ``tools``: others
       that may take the place of ``tool``, by name;
-    - ``mechanism``: its rows, if some of them follow joints or branch off; ``joints`` then are those that q counts, and
-      there is a link for every row. None if the rows are the joints, one after the other;
+    - ``mechanism``: the rows of the table, if some of them follow other joints or branch off; ``joints`` are then only
+      the driven joints, whose positions are q, and there is a link for every row. None for a serial chain of driven
+      joints;
     - ``basis``: base parameters chosen by the user, or None; ``drives``: coupled drives, None if every joint has its
       own;
     - ``angle_unit`` and ``length_unit``: those that the file was written in, to print it back;
     - ``provenance``: what the parameters were fitted to, which changes nothing about the robot;
     - ``emit``: what is emitted besides the model, which changes nothing either; ``gravity_input``: whether every
-      function that feels gravity takes it as an input (:meth:`in_any_gravity`);
+      function that depends on gravity takes it as an input (:meth:`in_any_gravity`);
     - ``file``: path or bundled name, and ``faults``: warnings; for messages only.
     """
 
@@ -324,7 +325,7 @@ class RobotSpec:
         return replace(self, name=f"{self.name}_any_gravity", gravity_input=True, basis=None)
 
     def nominal(self, expression: sp.Expr) -> sp.Expr:
-        """``expression`` with every named parameter at its nominal value (still exact)."""
+        """Replace every named parameter in ``expression`` by its nominal value; the result is exact."""
         if not expression.free_symbols:
             return expression
         return expression.xreplace({parameter_symbol(k): v for k, v in self.parameters.items()})

@@ -12,7 +12,7 @@ _EXPRESSION = "#/definitions/expression"
 
 
 def json_schema() -> dict[str, Any]:
-    """The schema as a plain dictionary, for editors that complete and check YAML."""
+    """The JSON Schema of the robot file as a plain dictionary, for editors that complete and check YAML."""
     definitions = {name: _section(name) for name in SECTIONS if name != "robot"}
     definitions["expression"] = {
         "description": "a number or an expression over numbers, pi, parameters, + - * / **, sqrt, sin, cos, and a unit",

@@ -1,4 +1,4 @@
-"""RobotSpec -> YAML text that loads back to an equal spec, in the units of the original file."""
+"""Writer of robot files: YAML text that loads back to an equal description, in the units of the original file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _SMALL = 1e-3  # rad; smaller angles, such as encoder steps, are printed in radi
 
 
 def dumps(spec: RobotSpec) -> str:
-    """YAML text of ``spec``; exact, so that loading it gives an equal spec."""
+    """Write ``spec`` as YAML text, exactly: loading it gives an equal spec."""
     printer = _Printer(spec)
     lines = ["schema: rrrgen/1", f"name: {spec.name}"]
     lines += [f"{key}: {quoted(text)}" for key in ("description", "source") if (text := getattr(spec, key))]
@@ -69,7 +69,7 @@ def dumps(spec: RobotSpec) -> str:
 
 
 def quoted(text: str) -> str:
-    """``text`` as a double-quoted YAML scalar on one line."""
+    """Write ``text`` as a double-quoted YAML scalar on one line."""
 
     def escape(match: re.Match[str]) -> str:
         code = ord(match.group())
@@ -79,7 +79,7 @@ def quoted(text: str) -> str:
 
 
 def number_text(value: sp.Expr) -> str:
-    """An exact number or expression in the syntax of :mod:`rrrgen.yamltext.expressions`."""
+    """Print an exact number or expression in the syntax that robot files use (:mod:`rrrgen.yamltext.expressions`)."""
     value = sp.sympify(value, strict=True)
     value = value.xreplace({item: sp.Rational(repr(float(item))) for item in value.atoms(sp.Float)})
     if not value.is_Rational:
@@ -244,9 +244,10 @@ def _row(spec: RobotSpec, i: int) -> tuple[JointSpec, str, dict[str, sp.Expr]]:
 
 
 def _float_text(value: float, target: Quantity, unit: Unit) -> str:
-    """A text that reads back as exactly ``value``: in degrees or the unit of the file if few decimals do.
+    """Print ``value`` (SI) as text that reads back as exactly the same float.
 
-    Otherwise the float's own digits, with the SI unit where a bare number would be in another unit or ambiguous.
+    It is in degrees or in the unit of the file if few decimals suffice. Otherwise it has all digits of the float, with
+    the SI unit where a number without a unit would be in another unit or ambiguous.
     """
     plain = repr(value).removesuffix(".0")
     candidates = [UNITS["deg"]] if target.dimension == ANGLE else []

@@ -1,4 +1,4 @@
-"""The plant with flexible joints or a flexible base in compiled C: Runge-Kutta steps as short as its fastest mode asks.
+"""Integration of a plant with flexible joints or base in compiled C, by Runge-Kutta steps that suit its fastest mode.
 
 The equations are those of :meth:`rrrgen.simulate.plant.Plant.state_derivative`, recorded as a program. A simulated
 second of a flexible arm takes a tenth of a second instead of ten.
@@ -23,9 +23,9 @@ from rrrgen.simulate.friction import NoFriction
 from rrrgen.simulate.plant import Plant
 
 LARGEST_STEP = 0.7
-"""Of a Runge-Kutta step, in units of the fastest time constant; it is stable up to 2.78."""
+"""Largest Runge-Kutta step, in units of the fastest time constant; the method is stable up to 2.78."""
 MOST_STEPS = 2000
-"""Runge-Kutta steps per sample above which the implicit solver is the better choice."""
+"""Number of Runge-Kutta steps per sample above which the implicit solver is used instead."""
 DIFFERENCE = 1e-7
 
 
@@ -83,7 +83,7 @@ class CompiledIntegrator:
 
 
 def compiled_integrator(plant: Plant, state: Array, duration: float) -> CompiledIntegrator | None:
-    """The integrator of a flexible ``plant`` in C, None where there is no C of it or explicit steps would be too short.
+    """Make an integrator of a flexible ``plant`` in C; None where it has no C code or steps would be too short.
 
     ``state`` is typical of the motion, ``duration`` that of a sample, s.
     """
@@ -96,7 +96,7 @@ def compiled_integrator(plant: Plant, state: Array, duration: float) -> Compiled
 
 
 def fastest_rate(plant: Plant, state: Array) -> float:
-    """The largest magnitude of the eigenvalues at ``state``, 1/s, where every joint is about to slide."""
+    """The largest magnitude (1/s) of the eigenvalues of the plant at ``state``, with every joint about to slide."""
     derivative, at = plant.state_derivative(), np.array(state, dtype=float)
     layout = plant.layout
     for part in ("dq", "rotor_speed", "base_speed"):
@@ -112,7 +112,7 @@ def fastest_rate(plant: Plant, state: Array) -> float:
 
 
 def plant_program(plant: Plant) -> Program | None:
-    """The rates of the state of ``plant`` as a program; None for a model or a friction that has no program."""
+    """Record the time derivative of the state of ``plant`` as a program; None if its model or friction has none."""
     dynamics, friction = plant.body.forward_dynamics_program(), plant.friction
     model = friction.model
     if dynamics is None or not (isinstance(friction, NoFriction) or isinstance(model, FrictionModel | MixedFriction)):
@@ -166,9 +166,10 @@ def plant_program(plant: Plant) -> Program | None:
 def _friction(
     smooth: Builder, model: FrictionModel | MixedFriction, z: list[Any] | None, speeds: list[Any], tau: Sequence[Any]
 ) -> tuple[list[Any], list[Any] | None]:
-    """Friction torques, and the rates of the bristles where a law has a state; with a state nothing is smoothed.
+    """Record the friction torques (n,) and, where a law has a state, the rates of the bristles.
 
-    The load carries what friction leaves of the torques ``tau`` (n,) of the drives.
+    A law with a state is not smoothed. The load of a law that depends on it is the drive torque ``tau`` (n,) less
+    friction.
     """
     if isinstance(model, FrictionModel):
         laws = [(model.law, row) for row in model.parameters]

@@ -1,4 +1,4 @@
-"""The controller of a simulated experiment as the controller file that `rrrgen identify --controller` reads."""
+"""Writer of the controller of a simulated experiment, as a file that ``rrrgen identify --controller`` reads."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from rrrgen.simulate.control import PD, DeviationFilter
 from rrrgen.simulate.experiment import Instruments, Recording
 
 RECORDS = {"centred": "centred", "command": "applied"}
-"""What a recording of the virtual robot holds, in the words of the controller file."""
+"""The word of the controller file for the torque that a recording holds, by ``Instruments.torque_record``."""
 
 
 def controller_text(recording: Recording, joints: Sequence[str], instruments: Instruments) -> str | None:
-    """The controller file of ``recording``; None where the file cannot say what was simulated.
+    """Write the controller of ``recording`` as the text of a controller file; None where the format cannot express it.
 
-    It can for PD control with a Kalman observer, and drives whose torques are neither rounded nor limited at coupled
-    motors.
+    It can express PD control with a Kalman observer, with drives whose torques are neither rounded nor limited at
+    coupled motors.
     """
     controller, observer = recording.loop or (None, None)
     plain = instruments.motors is None and instruments.torque_resolution is None
@@ -48,8 +48,9 @@ def controller_text(recording: Recording, joints: Sequence[str], instruments: In
 
 
 def _filters(E: Array, k: Array) -> tuple[list[float], list[float], list[float]]:
-    """Numerators to filtered deviation and its rate, and their denominator, in powers of 1/z.
+    """The transfer functions of the filter: numerators to the filtered deviation and its rate, and the denominator.
 
+    All are coefficients in powers of 1/z. The filter is
     ``x_bar = (I - k c) x_hat + k e``, ``x_hat(k+1) = E x_bar``.
     """
     from scipy.signal import ss2tf

@@ -17,7 +17,7 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints
 
-VISIBLE = 0.02  # of the response without vibration: what a mode must add at its peak to be seen
+VISIBLE = 0.02  # least peak of a visible mode, relative to the response of a rigid robot
 MOST_DAMPING = 0.999
 
 

@@ -1,7 +1,6 @@
-"""Check a compiled model against independent dynamics: a built-in Newton-Euler, and other libraries when installed.
+"""Verification of a compiled model against independent dynamics: a built-in Newton-Euler recursion, other libraries.
 
-Nothing here comes from the compiler: the references start from the numbers of the robot's description and share no
-code with the derivation they judge.
+The references start from the numbers of the robot's description and share no code with the derivation that they check.
 """
 
 from rrrgen.verify.checks import verify

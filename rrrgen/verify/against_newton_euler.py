@@ -25,7 +25,7 @@ NO_PARAMETERS = "-"
 
 
 def check_kinematics(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
-    """Compare frames and Jacobians."""
+    """Compare the poses and Jacobians of all link frames and of the tip with those of the reference ``ne``."""
     check = rows.against(ne.name, NO_PARAMETERS, tolerances.exact, s.count)
     for name in FUNCTIONS_OF_POSITION:
         check(name, partial(_at, model, name, s.q), getattr(ne, name)(s.q))
@@ -73,12 +73,15 @@ def base_rank(ne: NewtonEuler) -> int:
 
 
 STEP = 2.0**-10  # s, the period at which laws with a state are compared
-DEFLECTION = 1e-5  # rad or m, size of the states at which they are
+DEFLECTION = 1e-5  # rad or m, size of the states (bristle deflections) at which these laws are compared
 LOAD = 20.0  # N m or N, size of the torques of the load
 
 
 def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collector) -> None:
-    """Compare friction, in sliding and over one period, with laws written a second time; zero where not stated."""
+    """Compare friction, in sliding and over one period, with a second implementation of the laws.
+
+    Friction must be zero where the robot file states none.
+    """
     spec = model.spec
     stated = [joint.friction for joint in spec.joints]
     speeds, lever = s.dq, np.eye(spec.n)
@@ -109,11 +112,11 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
     check("friction_step: tau_f", lambda: model.friction_step(s.dq, z, period, *given)[1], torques @ lever)
 
 
-WIDTH = 0.3  # rad/s or m/s, over which smooth friction turns round when it is compared
+WIDTH = 0.3  # rad/s or m/s, width of tanh(v / WIDTH) in place of sgn(v) where smooth friction is compared
 
 
 def _check_run_time_friction(model: Model, s: States, load: Array, rows: Collector, tolerances: Tolerances) -> None:
-    """Compare friction with parameters at run time, other than those of the file, exact and smooth."""
+    """Compare the functions with friction parameters as inputs, exact and smooth, at values other than the file's."""
     spec = model.spec
     owners = [(joint.friction, s.dq[:, i], np.eye(spec.n)[i], load[:, i]) for i, joint in enumerate(spec.joints)]
     if spec.drives is not None:
@@ -137,7 +140,10 @@ def _check_run_time_friction(model: Model, s: States, load: Array, rows: Collect
 
 
 def _extra_columns(model: Model, s: States) -> Array:
-    """Drive inertia, viscous, Coulomb and offset columns (N, n, extra) of the joints that have them."""
+    """The columns (N, n, extra) of the regressor for drive inertia, viscous and Coulomb friction and offset.
+
+    There is one column for every such term that the robot file states.
+    """
     signals = {"inertia": s.ddq, "viscous": s.dq, "coulomb": np.sign(s.dq), "offset": np.ones_like(s.q)}
     columns = []
     for kind, signal in signals.items():
@@ -152,7 +158,7 @@ def _extra_columns(model: Model, s: States) -> Array:
 
 
 def _motor_columns(spec: RobotSpec, motors: Sequence[MotorSpec], s: States) -> list[Array]:
-    """The columns of coupled motors: the joint torques (N, n) per unit of each term of a motor."""
+    """The columns (N, n) of the regressor for coupled motors: joint torques per unit of each term of a motor."""
     speeds, accelerations = motor_speeds(spec, s.dq), motor_speeds(spec, s.ddq)
     signals = {"inertia": accelerations, "viscous": speeds, "coulomb": np.sign(speeds), "offset": np.ones_like(speeds)}
     lever = motor_speeds(spec, np.eye(spec.n))  # joint by motor

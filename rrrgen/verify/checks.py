@@ -22,7 +22,9 @@ from rrrgen.verify.subject import Parameters, SplitCalls, States, draw_states, p
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
 
-LIBRARY_SAMPLES = 20  # the other libraries are asked one state at a time; the Robotics Toolbox takes milliseconds each
+LIBRARY_SAMPLES = (
+    20  # states for other libraries, which evaluate one at a time; the Robotics Toolbox takes milliseconds
+)
 
 
 def verify(
@@ -84,7 +86,7 @@ def verify(
 
 
 def _answers_in_single(model: Model, states: States) -> bool:
-    """Whether the model returns poses as float32; False if it raises, which another row reports."""
+    """Whether the model returns poses as float32; False if it raises, which another check reports."""
     try:
         return bool(np.asarray(model.forward_kinematics(states.q)).dtype == np.float32)
     except Exception:

@@ -31,7 +31,7 @@ DOUBLE = Tolerances(exact=1e-11, differenced=1e-8, foreign=1e-10, step=2e-3)
 SINGLE = Tolerances(exact=1e-4, differenced=5e-3, foreign=1e-4, step=5e-2)
 
 STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
-"""Eighth-order central difference: f' h = sum w_k (f(k h) - f(-k h))."""
+"""Pairs (k, w_k) of the eighth-order central difference f'(0) h = sum w_k (f(k h) - f(-k h))."""
 
 
 def rate(function: Callable[[float], Array], step: float) -> Array:
@@ -75,7 +75,10 @@ class Collector:
     skipped: list[tuple[str, str]] = field(default_factory=list)
 
     def against(self, reference: str, parameters: str, tolerance: float, samples: int) -> Check:
-        """A comparison whose rows name this reference, set of parameters and tolerance."""
+        """Make a function that compares values and adds a row with this reference, parameter set and tolerance.
+
+        ``samples`` is the number of states compared, for the report.
+        """
 
         def check(function: str, value: Callable[[], Array], expected: Array, *, scale: float | None = None) -> None:
             note, difference = "", float("inf")

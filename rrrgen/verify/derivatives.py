@@ -1,4 +1,4 @@
-"""The derivatives of inverse and forward dynamics, compared with differences of the built-in Newton-Euler."""
+"""Checks of the derivatives of inverse and forward dynamics by differences of the built-in Newton-Euler recursion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 def check_derivatives(
     model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """Compare the derivatives of tau, and those of ddq multiplied by M, which removes the effect of M's condition."""
+    """Compare the derivatives of tau, and those of ddq multiplied by M.
+
+    The factor M removes the amplification of errors where M is ill-conditioned.
+    """
     _check_inverse(model, ne, parameters, s, tolerances, rows)
     M = ne.mass_matrix(s.q)
     definite = is_definite(M, tolerances)

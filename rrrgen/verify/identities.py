@@ -1,4 +1,4 @@
-"""Identities between the functions of the model itself."""
+"""Checks of identities of mechanics that the functions of a model must satisfy among themselves."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The inverse kinematics against forward kinematics of the verifier's own, and against a numerical search.
+"""Checks of the inverse kinematics by an independent forward kinematics and by a numerical search for solutions.
 
-Nothing is shared with the solver: the chain comes from the description's numbers, and solutions are looked for by
-damped Gauss-Newton steps from random configurations.
+No code is shared with the solver: the chain comes from the numbers of the description, and the search makes damped
+Gauss-Newton steps from random configurations.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ class Arm:
         return rng.uniform(-1, 1, (count, self.n)) * np.where(self.revolute, np.pi, STROKE)
 
     def search(self, goals: Array, q: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The configurations after damped Gauss-Newton steps from ``q``, and whether each meets its goal."""
+        """Search for solutions by damped Gauss-Newton steps from ``q``: (configurations, whether each converged)."""
         identity, scale = np.eye(self.n), np.where(self.revolute, 1.0, self.reach)
         for _ in range(STEPS):
             e, J = self.error(goals, q)
@@ -130,10 +130,10 @@ def check_inverse_kinematics(
 ) -> None:
     """Check the solutions of the solver at random, singular and unreachable targets.
 
-    Every row must meet its target; the configuration that made a target must be among the rows; so must every solution
-    that the search finds from ``STARTS`` random starts for each of samples / 20 targets; a target out of reach has
-    none. Rows that are missing count only where the solver claims to be complete. A robot without a solver is named
-    among what was not asked, with the reason.
+    Every solution must meet its target. The configuration whose pose is the target must be among the solutions, and so
+    must every solution that the search finds from ``STARTS`` random starts for each of samples / 20 targets. A target
+    out of reach must have none. Missing solutions count only where the solver claims to be complete. A robot without a
+    solver is listed among the skipped checks, with the reason.
     """
     try:
         solver = model.ik
@@ -166,7 +166,7 @@ class _Checks:
         self.rows.rows.append(_row(*entry))
 
     def _share(self, what: str, *entry: Any) -> None:
-        """How many rows are missing: not asked of a solver that says itself that there may be more."""
+        """Add the check that no solution is missing, unless the solver says itself that there may be more."""
         if self.solver.plan.incomplete:
             self.rows.skipped.append((f"{FUNCTION}: {what}", self.solver.plan.incomplete))
         else:
@@ -255,7 +255,7 @@ class _Checks:
         return np.array(kept).reshape(-1, self.arm.n)
 
     def out_of_reach(self) -> None:
-        """A target pose that is farther away than the arm can reach."""
+        """Check that a target pose farther away than the arm can reach has no solution."""
         if not np.all(self.arm.revolute):
             return
         q = np.zeros((1, self.arm.n))

@@ -1,4 +1,4 @@
-"""Checks of base parameters and payloads by the torques that they cause, which are linear in them."""
+"""Checks of base parameters and payloads: the torques that they cause are compared with those of the reference."""
 
 from __future__ import annotations
 

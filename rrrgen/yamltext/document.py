@@ -1,4 +1,4 @@
-"""YAML text -> a small tree of nodes with line and column, bounded in size and depth; faults are collected.
+"""Parser of YAML text into a tree of nodes with line and column, bounded in size and depth; faults are collected.
 
 Only the event stream of the YAML parser is used. Scalars therefore keep the text that the user typed: numbers stay
 exact, ``no`` and ``1:30`` stay text, and no object is ever constructed from a tag.

@@ -1,4 +1,4 @@
-"""Parses the text of one value into an exact SymPy expression, through a whitelist.
+"""Parser of the text of one value into an exact SymPy expression; only what a whitelist names is allowed.
 
 Allowed are decimal numbers, ``pi``, the declared names, ``+ - * / **``, ``sqrt``, ``sin``, ``cos``, parentheses and
 one unit at the end. The text is parsed with :mod:`ast` and walked node by node; nothing is ever evaluated by Python

@@ -42,7 +42,7 @@ from rrrgen.signals.kalman import KalmanMatrices, kalman_matrices
 from rrrgen.signals.processing import Processing
 
 BRANCH = (-1.0, -1.5, 2.0)
-"""Joint position near which the writing task is done, elbow down, rad; it fits the range of Fig. 14.6."""
+"""Joint positions (rad) near which the writing task is done, with the elbow down as in the range of Fig. 14.6."""
 
 LARGEST_CONDITION = 1.6
 MOST_DEVIATIONS = 3.0
@@ -111,7 +111,7 @@ class CaseStudy:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """The required accuracies that are missed, in words; empty if the case study passes."""
+        """Sentences that name the required accuracies which are missed; empty if the case study passes."""
         found = [*self.validation.failures, *self.flexible.failures, *self.joint_friction.failures]
         check = self.design.best.check
         if not check.condition <= LARGEST_CONDITION:
@@ -167,7 +167,7 @@ def run_case_study(
 
 
 class _Work:
-    """The stages of the case study."""
+    """The stages of the case study; each stores its result in the run folder and reads it where it exists already."""
 
     def __init__(
         self, run: RunFolder, settings: CaseStudySettings, model: Any, jobs: int, cluster: str | None, tell: Progress
@@ -246,7 +246,10 @@ class _Work:
         return design
 
     def observer(self, design: ExcitationDesign) -> tuple[KalmanMatrices, ...]:
-        """The Kalman observer of every joint by the chapter's rules: quantisation, and the largest jerk squared."""
+        """Design the Kalman observer of every joint by the chapter's rules.
+
+        The measurement variance is that of the encoder's quantisation, the process variance the largest jerk squared.
+        """
         trajectory = design.trajectory
         jerk = np.abs(trajectory.derivative(trajectory.times(self.settings.period), 3)).max(axis=0)
         return tuple(
@@ -255,7 +258,7 @@ class _Work:
         )
 
     def writing(self) -> tuple[JointPath, InverseKinematics]:
-        """The writing task with closed-form inverse kinematics, and the recursive one to compare with."""
+        """The writing task with closed-form inverse kinematics, and the recursive solver with which it is compared."""
         from rrrgen.runtime.inverse_kinematics import load_solver
 
         settings = self.settings

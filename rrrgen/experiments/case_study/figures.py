@@ -1,4 +1,4 @@
-"""The figures of the chapter's case study with the virtual robot's own data, and the numbers behind them as tables."""
+"""The figures of the chapter's case study, drawn with the data of the virtual robot, and their numbers as tables."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ MAGNITUDES, PHASES = (-15.0, 5.0), (-60.0, 0.0)
 ANGLES = (-5.0, 4.0)
 """Axis of the angles in Fig. 14.10, rad."""
 SAMPLES = 2000
-"""Samples in the plot of settling estimates, as in Fig. 14.12."""
+"""Number of samples in the plot of the convergence of estimates, as in Fig. 14.12."""
 
 
 def write_figures(run: RunFolder, study: CaseStudy) -> None:
-    """Write every figure (SVG, PNG) and the tables behind the new ones (CSV)."""
+    """Write every figure (SVG, PNG), and tables (CSV) of the numbers in the figures drawn here."""
     joints = [joint.name for joint in study.model.spec.joints]
     t = study.writing_log.t
     reference = study.path.evaluate(t)
@@ -62,7 +62,10 @@ def _in_ranges(figure: Figure) -> Figure:
 
 
 def _with_range(figure: Figure) -> Figure:
-    """The band of the chapter's angles behind those of the exciting trajectory: joints without limits may leave it."""
+    """Shade the range of angles of the chapter's figure behind those of the exciting trajectory.
+
+    Joints without position limits may leave that range.
+    """
     axis = figure.axes[0]
     axis.axhspan(*ANGLES, color="0.92", zorder=0)
     low, high = axis.get_ylim()
@@ -77,7 +80,7 @@ def _with_range(figure: Figure) -> Figure:
 
 
 def plot_task(path: JointPath, t: Array) -> Figure:
-    """The letters in their plane and the tip speed over time (Fig. 14.3)."""
+    """Plot the letters in their plane and the tip speed over time (Fig. 14.3)."""
     position, _, _ = path.task.evaluate(t)
     figure, axes = new_figure(1, 2, height=3.2, width=8.0)
     for segment, ink in zip(path.task.segments, path.task.ink, strict=True):
@@ -98,7 +101,7 @@ def plot_task(path: JointPath, t: Array) -> Figure:
 
 
 def plot_joint_motion(t: Array, q: Array, dq: Array) -> Figure:
-    """Joint positions and velocities of the writing task (Fig. 14.6)."""
+    """Plot the joint positions and velocities of the writing task over time (Fig. 14.6)."""
     figure, axes = new_figure(2, 1, height=4.4, sharex=True)
     for axis, values, label in zip(axes, (q, dq), ("q [rad]", "dq [rad/s]"), strict=True):
         for i in range(values.shape[1]):
@@ -110,7 +113,7 @@ def plot_joint_motion(t: Array, q: Array, dq: Array) -> Figure:
 
 
 def plot_differences(t: Array, differences: Array, label: str, title: str) -> Figure:
-    """Differences between two computations, one panel per joint (Fig. 14.7, Fig. 14.8)."""
+    """Plot the differences between two computations, one panel per joint (Fig. 14.7, Fig. 14.8)."""
     n = differences.shape[1]
     figure, axes = new_figure(n, 1, height=1.5 * n + 0.8, sharex=True)
     for i, axis in enumerate(axes):
@@ -123,7 +126,7 @@ def plot_differences(t: Array, differences: Array, label: str, title: str) -> Fi
 
 
 def plot_experiment(study: CaseStudy) -> Figure:
-    """Applied torque and the friction in it along the exciting trajectory, one panel per joint (Fig. 14.11)."""
+    """Plot the applied torque and its friction part along the exciting trajectory, one panel per joint (Fig. 14.11)."""
     log = study.excitation_log
     assert log.tau is not None
     friction = study.friction.torque(study.design.trajectory.derivative(log.t, 1))
@@ -138,7 +141,7 @@ def plot_experiment(study: CaseStudy) -> Figure:
 
 
 def _kinematics(run: RunFolder, study: CaseStudy, t: Array, closed: Array) -> tuple[Array, Array, str, str]:
-    """Closed-form minus recursive inverse kinematics along the writing task."""
+    """Compare closed-form with recursive inverse kinematics along the writing task: (times, differences, texts)."""
     recursive = study.recursive(study.path.task.evaluate(t)[0])
     difference = closed - recursive
     run.write_json("inverse_kinematics.json", {"largest_difference_rad": np.abs(difference).max(axis=0)})
@@ -148,7 +151,10 @@ def _kinematics(run: RunFolder, study: CaseStudy, t: Array, closed: Array) -> tu
 def _dynamics(
     run: RunFolder, study: CaseStudy, t: Array, motion: tuple[Array, Array, Array]
 ) -> tuple[Array, Array, str, str]:
-    """Emitted closed-form inverse dynamics minus a recursive Newton-Euler routine, nominal parameters."""
+    """Compare the emitted inverse dynamics with a recursive Newton-Euler routine: (times, differences, texts).
+
+    Both use the nominal parameters.
+    """
     from rrrgen.verify.references.chain import chain_of, nominal_parameters
     from rrrgen.verify.references.newton_euler import NewtonEuler
 

@@ -1,5 +1,7 @@
-"""Dynamics beyond the rigid body in the case study, (14.34)-(14.42): responses of joint 1 in several postures, their
-modes, and the resonances that the mass matrix and the stiffness of the virtual robot lead to beside them (Fig. 14.14).
+"""Flexible dynamics in the case study, (14.34)-(14.42): frequency responses of joint 1 in several postures.
+
+Modes are fitted to the responses, and their frequencies are compared with those computed from the mass matrix and the
+stiffness of the virtual robot (Fig. 14.14).
 """
 
 from __future__ import annotations
@@ -26,9 +28,9 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int, str], None]
 
-LEAST_TRUSTED = 0.65  # of the lines
-LARGEST_DEVIATION = 0.005  # of a measured resonance from the computed one
-SEEN = 0.5  # peak of a computed mode, relative to the rigid response, that must be found
+LEAST_TRUSTED = 0.65  # least share of the spectral lines that must be trusted
+LARGEST_DEVIATION = 0.005  # largest relative difference between a measured and the computed frequency
+SEEN = 0.5  # computed modes with at least this peak, relative to the rigid response, must be found
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,7 @@ class FlexibleSettings:
 
 @dataclass(frozen=True, eq=False)
 class FlexibleDynamics:
-    """Responses and models by posture, and the computed modes beside the measured ones."""
+    """The results: responses and models for each posture, and each computed mode with the measured one."""
 
     settings: FlexibleSettings
     fitted: FittedModels
@@ -59,7 +61,7 @@ class FlexibleDynamics:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What misses its accuracy, in words."""
+        """Sentences that name the required accuracies which are missed; empty if there are none."""
         found = [f"response of {name}: {reason}" for name, reason in self.fitted.refused.items()]
         for response in self.fitted.measured:
             share = float(np.mean(response.trusted))
@@ -72,11 +74,11 @@ class FlexibleDynamics:
         return tuple(found)
 
     def figure(self) -> Figure:
-        """Fig. 14.14: the responses of all postures with their bands, and the models."""
+        """Plot the responses of all postures with their confidence bands, and the models (Fig. 14.14)."""
         return plot_models(self.fitted.measured, self.fitted.models)
 
     def to_json(self) -> dict[str, Any]:
-        """The verdicts on the responses and the resonances, measured beside computed."""
+        """Plain data: the verdicts on the responses, and the measured with the computed resonances."""
         return {
             "postures": self.settings.postures,
             "trusted": {each.name: float(np.mean(each.trusted)) for each in self.fitted.measured},
@@ -127,6 +129,6 @@ def flexible_dynamics(
 
 
 def _label(posture: tuple[float, ...]) -> str:
-    """The joints that stand, as the chapter names a posture."""
+    """The name of a posture as the chapter writes it: the positions of the joints that do not move."""
     standing = range(2, len(posture) + 1)
     return f"[{', '.join(f'q{k}' for k in standing)}] = [{', '.join(f'{posture[k - 1]:.3g}' for k in standing)}] rad"

@@ -23,12 +23,12 @@ Progress = Callable[[int, int, str], None]
 
 LOCKED = 1e7  # kg m^2 added to a joint with its brake on
 LIMITS = {"inertia": 0.01, "coulomb": 0.02, "viscous": 0.05, "stiction_excess": 0.1, "stribeck_speed": 0.1}
-"""Largest relative errors."""
+"""Largest relative error of each estimated parameter."""
 
 
 @dataclass(frozen=True)
 class JointFrictionSettings:
-    """The experiment: number of the joint (from 1), duration (s), laws to try (all if empty), and the hidden truth.
+    """Settings of the friction experiment: joint (from 1), duration (s), laws to try (all if empty), true parameters.
 
     ``stiction_excess`` (N m) and ``stribeck_speed`` (rad/s) add a Stribeck curve to the friction of the case study.
     """
@@ -42,7 +42,7 @@ class JointFrictionSettings:
 
 @dataclass(frozen=True, eq=False)
 class JointFriction:
-    """The estimate beside the truth of the virtual robot."""
+    """The result: the estimate, and the true parameters of the virtual robot."""
 
     found: FrictionEstimate
     truth: dict[str, float]
@@ -55,7 +55,7 @@ class JointFriction:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What is missed, in words."""
+        """Sentences that name the required accuracies which are missed; empty if there are none."""
         found = [
             f"{name} of the friction experiment is {100 * error:.1f} % off"
             for name, error in self.errors.items()
@@ -66,11 +66,11 @@ class JointFriction:
         return tuple(found)
 
     def to_json(self) -> dict[str, Any]:
-        """Estimates of all laws, the truth and the errors of the chosen law."""
+        """Plain data: the estimates of all laws, the true parameters, and the errors of the chosen law."""
         return {**self.found.to_json(), "truth": self.truth, "errors": self.errors}
 
     def figure(self) -> Figure:
-        """Fig. 14.9: torque and speed of the experiment with the model, friction against speed with the cloud."""
+        """Plot torque and speed over time with the model, and friction over speed with the samples (Fig. 14.9)."""
         from rrrgen.friction_estimation.plots import plot_experiment
 
         return plot_experiment(self.found)

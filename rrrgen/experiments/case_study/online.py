@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from rrrgen.experiments.case_study.case_study import CaseStudy
 
 BLOCK = 20
-"""Samples between two points of the curves."""
+"""Number of samples between two points of the plotted curves."""
 CYCLES = 2
-"""Periods of the exciting trajectory: the recording, and once more."""
+"""Number of times that the recorded period of the exciting trajectory is passed through the estimators."""
 PANELS = 4
 LABELS = {"rls": "recursive least squares", "gradient": "gradient"}
 KINDS: tuple[Kind, ...] = ("rls", "gradient")
@@ -44,7 +44,10 @@ class OnlineEstimates:
 
 
 def online_estimates(study: CaseStudy) -> tuple[OnlineEstimates, ...]:
-    """Both estimators from zero on the recorded positions and torques, with the Kalman filter and known friction."""
+    """Run both estimators on the recorded positions and torques, from estimates of zero.
+
+    Speeds and accelerations come from the Kalman filter; friction is taken as known.
+    """
     log, model = study.excitation_log, study.model
     assert log.tau is not None
     q, dq, ddq = _filtered(study)
@@ -78,7 +81,10 @@ def online_estimates(study: CaseStudy) -> tuple[OnlineEstimates, ...]:
 
 
 def _filtered(study: CaseStudy) -> tuple[Array, Array, Array]:
-    """The motion that the Kalman filter of the controller estimates from the recorded positions, (14.30), (14.31)."""
+    """Estimate the motion from the recorded positions by the controller's Kalman filter, (14.30), (14.31).
+
+    Returns positions, velocities and accelerations.
+    """
     log = study.excitation_log
     reference = np.stack(study.design.trajectory.evaluate(log.t), axis=-1)
     E, gains = np.array([m.E for m in study.observer]), np.array([m.k for m in study.observer])
@@ -90,14 +96,17 @@ def _filtered(study: CaseStudy) -> tuple[Array, Array, Array]:
 
 
 def _small(axis: Any, lowest: bool) -> None:
-    """Grid and small labels of one panel; the lowest of a column names the time."""
+    """Give one panel a grid and small labels; the lowest panel of a column also labels the time axis."""
     style_axes(axis, "t [s]" if lowest else "", "")
     axis.tick_params(labelsize=6)
     axis.xaxis.label.set_fontsize(7)
 
 
 def plot_online_estimates(found: tuple[OnlineEstimates, ...], truth: Array) -> Figure:
-    """Every parameter over time with its true value (p,), and the torque error (Fig. 14.12)."""
+    """Plot every estimated parameter over time with its true value from ``truth`` (p,), and the torque error.
+
+    As in Fig. 14.12.
+    """
     names = found[0].names
     rows = -(-(len(names) + 1) // PANELS)
     figure, axes = new_figure(rows, PANELS, height=1.5 * rows + 0.6, width=2.4 * PANELS)

@@ -20,7 +20,7 @@ _RENDERED = {
     "examples/tick/tick.ino": "tick.ino",
     "README.md": "README.md",
 }
-"""Path of a file in the library -> template that it is rendered from."""
+"""The template of each rendered file, by the path of the file in the library."""
 
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:

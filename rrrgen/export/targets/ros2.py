@@ -17,7 +17,7 @@ _PLUGINS = {
     "kinematics": ("Kinematics", "kinematics_interface", "kinematics_interface::KinematicsInterface"),
     "moveit": ("MoveItKinematics", "moveit_core", "kinematics::KinematicsBase"),
 }
-"""Source file -> class, package of the interface, base class."""
+"""The plugins, by source file: the class, the ROS package of its interface, and its base class."""
 
 _FILES = ("package.xml", "CMakeLists.txt", "README.md", "config/parameters.yaml", "src/parameters.hpp")
 

@@ -1,1 +1,1 @@
-"""Estimators of frequency responses, and checks of what they were given."""
+"""Estimators of frequency responses, and checks of the recordings that they use."""

@@ -1,4 +1,7 @@
-"""Responses from averaged spectra: instrumental ``Phi_nq/Phi_nu`` and direct ``Phi_uq/Phi_uu``."""
+"""Estimates of a frequency response from averaged spectra: instrumental ``Phi_nq/Phi_nu``, direct ``Phi_uq/Phi_uu``.
+
+n is the excitation, u the input of the plant, q its output.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,8 @@ from rrrgen.response.controller import Complex
 from rrrgen.response.estimators.local_polynomial import excited_lines, whole_periods
 from rrrgen.response.response_file import ResponseRecording
 
-SEGMENTS = 10  # of Hann windows without their overlap, in a record of noise
-LEAST_SEGMENT = 32  # samples
+SEGMENTS = 10  # number of window lengths in a recording whose excitation is noise; the windows overlap by half
+LEAST_SEGMENT = 32  # shortest window, samples
 LEAST_PERIODS = 4
 HANN_EFFICIENCY = 0.947  # independent averages per half-overlapping Hann segment
 
@@ -53,7 +56,11 @@ class AveragedSpectra:
 
 
 def averaged_spectra(record: ResponseRecording, samples: int | None) -> AveragedSpectra:
-    """Averages over Hann windows with half overlap: of two periods where the excitation repeats, else of a tenth."""
+    """Average the spectra of a recording over Hann windows that overlap by half.
+
+    A window is two periods long (``samples`` per period) where the excitation repeats; otherwise (None) a tenth of the
+    recording.
+    """
     if samples is not None:
         rows, M = whole_periods(record, samples)
         if M < LEAST_PERIODS:
@@ -74,7 +81,7 @@ def averaged_spectra(record: ResponseRecording, samples: int | None) -> Averaged
     if samples is not None:
         k = 2 * excited_lines(magnitude[::2], record.name)
     else:
-        magnitude[:2] = 0.0  # the window spreads what is left of the mean
+        magnitude[:2] = 0.0  # the window spreads the remaining mean value over the first two lines
         k = excited_lines(magnitude, record.name)
     return AveragedSpectra(k / (length * record.period), Phi[k], HANN_EFFICIENCY * segments, 1.0 if samples else 0.5)
 

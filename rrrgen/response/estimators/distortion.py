@@ -15,18 +15,18 @@ from rrrgen.response.estimators.local_polynomial import (
 )
 from rrrgen.response.response_file import ResponseRecording
 
-NEIGHBOURS = 4  # lines at either side of the smooth curve through a response
-LARGEST_RATIO = 1.5  # of total to noise variance
-LARGEST_SCATTER = 1.65  # the same between harmonics, where the smooth curve adds an error of its own
-LARGEST_PART_RATIO = 5.0  # the same in a sixth of the lines, where it scatters more
-MATERIAL = 0.01  # of the response: what nobody has to care about
-PARTS = 6
-QUANTILE = 0.3  # of the lines that lie nearest to the curve: resonances bend it, noise and distortion do not
+NEIGHBOURS = 4  # lines at either side through which a smooth curve is fitted
+LARGEST_RATIO = 1.5  # largest ratio of total to noise variance
+LARGEST_SCATTER = 1.65  # the same for lines between harmonics, where the smooth curve has an error of its own
+LARGEST_PART_RATIO = 5.0  # the same for a sixth of the lines, where the ratio is less certain
+MATERIAL = 0.01  # distortion below this share of the response is negligible
+PARTS = 6  # number of parts of the band that are checked separately
+QUANTILE = 0.3  # share of the lines, those nearest to the smooth curve, that are used: near resonances it fits badly
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One reason why a response is not to be trusted as a whole; ``measure`` is what was compared with ``limit``."""
+    """One reason not to trust a response as a whole: its ``kind``, and the ``measure`` that exceeds its ``limit``."""
 
     kind: str
     measure: float
@@ -37,9 +37,9 @@ class Finding:
 def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Finding | None, float]:
     """Check whether a periodic response scatters from harmonic to harmonic more than noise explains.
 
-    Noise is estimated between the harmonics. What repeats with the excitation and yet jumps from line to
-    line is distortion: friction at reversals, or an encoder that rounds every period alike. Also returns the ratio of
-    the total to the noise variance.
+    Noise is estimated between the harmonics. A part that repeats with every period, but jumps from harmonic to
+    harmonic, is distortion, for example by friction at reversals or by an encoder that rounds every period in the same
+    way. Also returns the ratio of the total to the noise variance.
     """
     if len(P) < 8 * NEIGHBOURS:
         return None, np.nan
@@ -47,7 +47,7 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
     overall = _relative_quantile(ratio, 0.5, lines.dof)
     groups = [(ratio[part], misfit[part]) for part in np.array_split(np.arange(len(ratio)), PARTS)]
     worst = max((_relative_quantile(r, QUANTILE, lines.dof) for r, e in groups if np.median(e) > MATERIAL), default=0.0)
-    apart = int(np.median(np.diff(lines.line))) > 1  # curvature between the lines counts for more
+    apart = int(np.median(np.diff(lines.line))) > 1  # the lines are further apart, so the smooth curve fits less well
     limits = (
         (overall, 2.0 * LARGEST_SCATTER if apart else LARGEST_SCATTER),
         (0.0 if apart else worst, LARGEST_PART_RATIO),
@@ -63,7 +63,10 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
 
 
 def _relative_quantile(ratio: Array, share: float, dof: int) -> float:
-    """Quantile of ``ratio``, squared errors over variances, relative to that of F(2, 2 dof): 1 for noise alone."""
+    """Quantile (at ``share``) of squared errors over variances, relative to that of the distribution F(2, 2 dof).
+
+    It is 1 for noise alone.
+    """
     from scipy.stats import f as f_distribution
 
     return float(np.quantile(ratio, share) / f_distribution.ppf(share, 2, 2 * dof))
@@ -91,9 +94,10 @@ def _scatter(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Array, 
 def check_detection_lines(
     record: ResponseRecording, lines: LineEstimates, P: Complex, samples: int
 ) -> tuple[Finding | None, dict[str, float]]:
-    """Distortion at the harmonics within the band that the excitation leaves out, apart for odd and even ones.
+    """Check for distortion at the harmonics within the band that the excitation leaves out (detection lines).
 
-    There ``Q - P U`` would be noise for a linear plant, P taken between its neighbours. Empty where none is left out.
+    At these lines ``Q - P U`` is noise for a linear plant, with P interpolated between neighbouring lines. The figures
+    are returned separately for odd and even harmonics; empty where no harmonic is left out.
     """
     rows, M = whole_periods(record, samples)
     F = np.fft.fft(rows - rows.mean(axis=0), axis=0)
@@ -107,7 +111,7 @@ def check_detection_lines(
     weights = np.stack([-at, np.ones_like(at)], axis=1)
     noise = (1.0 + leverage) * np.einsum("la,lab,lb->l", weights, V, weights.conj()).real
     here = np.abs(np.sum(weights * (F[left_out * M, 1:] - T), axis=1)) ** 2
-    # what the same distortion would do to the response at the excited lines around
+    # distortion of the same size, relative to the signal at the excited lines around
     signal = np.interp(left_out, lines.line, np.abs(P * F[lines.line * M, 1]))
     found: dict[str, float] = {}
     worst: Finding | None = None

@@ -1,4 +1,4 @@
-"""Estimates frequency responses from recordings: choice of method, confidence bands, averages over realisations."""
+"""Estimation of frequency responses from recordings: choice of method, confidence bands, averages over realisations."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ METHODS = ("local_polynomial", "instrumental", "direct", "indirect")
 
 
 def estimate_responses(response: ResponseFile, method: str = "local_polynomial") -> list[FrequencyResponse]:
-    """One response for all realisations, or one for every posture."""
+    """Estimate the responses of a response file: one from all realisations together, or one for every posture."""
     records = read_recordings(response)
     found = [estimate_one(record, response.period, response.controller, method) for record in records]
     if response.several == "postures" or len(found) == 1:
@@ -44,7 +44,7 @@ def estimate_one(
     controller: Controller | None = None,
     method: str = "local_polynomial",
 ) -> FrequencyResponse:
-    """The response of one recording; ``period`` of the excitation in s; None: it is found in the recording.
+    """Estimate the response of one recording; ``period`` (s) is that of the excitation, None to find it.
 
     Raises :class:`DerivationError` where the recording is too short, has no excitation or only one period of it.
     """
@@ -104,7 +104,10 @@ def _findings(
 
 
 def instrumental_response(lines: LineEstimates) -> tuple[Complex, Array]:
-    """``P = G_q/G_u`` and its variance ``a V a^H``, ``a = [-P, 1]/G_u``."""
+    """The response ``P = G_q/G_u`` from those of u and q to the excitation, and its variance.
+
+    The variance is ``a V a^H`` with ``a = [-P, 1]/G_u`` and the covariance V of [G_u, G_q].
+    """
     Gu, Gq = lines.G.T
     if not np.all(np.abs(Gu) > 0.0):
         raise DerivationError("the excitation does not reach the input: are the columns the right ones?")
@@ -114,7 +117,11 @@ def instrumental_response(lines: LineEstimates) -> tuple[Complex, Array]:
 
 
 def indirect_response(lines: LineEstimates, controller: Controller, period: float) -> tuple[Complex, Array]:
-    """``P = (1/S - 1)/C`` (14.38) with the sampled controller, from the response S from n to u, and its variance."""
+    """The response ``P = (1/S - 1)/C`` (14.38) of the plant, and its variance.
+
+    S is the response from the excitation n to the input u, C the sampled ``controller``, ``period`` the sampling period
+    (s).
+    """
     S = lines.G[:, 0]
     C = controller.response(lines.frequency, period)
     if not np.all(np.abs(C) > 0.0):
@@ -123,10 +130,11 @@ def indirect_response(lines: LineEstimates, controller: Controller, period: floa
 
 
 def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
-    """Mean over R realisations of one loop, with noise and nonlinear distortion apart.
+    """Average the responses of R realisations of one loop, and separate noise from nonlinear distortion.
 
-    The variance between realisations holds both, that within them the noise alone: what is between them beyond the
-    noise is distortion that follows the random phases. Above 1.5 times the noise the verdict is no.
+    The variance within a realisation is noise. The variance between realisations also contains distortion, which
+    differs with the random phases of the excitation. Where it exceeds 1.5 times the noise, the result is marked as not
+    to be trusted.
     """
     from scipy.stats import chi2
 

@@ -1,4 +1,4 @@
-"""Whether an excitation repeats, and after how many samples."""
+"""Detection of the period of an excitation: whether it repeats, and after how many samples."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 from rrrgen.response.response_file import ResponseRecording
 
-SAME = 1e-3  # difference of two periods relative to the excitation: rounding in the file
-ALIKE = 0.05  # the same where a period is stated
-SHORTEST = 16  # samples
-LEAST_OVERLAP = 0.05  # of the record, which two periods must share to be seen
-FLAT = 5e-4  # typical second difference of the logarithms of a multisine's lines; 3e-3 of a sweep, 1 of noise
+SAME = 1e-3  # largest relative difference of two equal periods: rounding of the numbers in the file
+ALIKE = 0.05  # the same where the user states the period
+SHORTEST = 16  # shortest period, samples
+LEAST_OVERLAP = 0.05  # least share of the recording by which two periods must overlap to be compared
+FLAT = 5e-4  # bound on the second differences of the logarithms of a multisine's lines; a sweep has 3e-3, noise 1
 LEAST_LINES = 8
-STRONG = 0.03  # of the largest line: what the ends of a record leak is weaker, and smooth whatever the excitation
+STRONG = 0.03  # lines below this share of the largest may be leakage, which is smooth for every excitation
 
 
 def samples_of(record: ResponseRecording, period: float | None) -> int | None:
-    """Samples of a period: as stated (s), or as found in the excitation; None where nothing repeats."""
+    """Number of samples of a period: of the stated ``period`` (s), or found in the excitation; None if none repeats."""
     if period is None:
         return find_period(record.n)
     samples = round(period / record.period)
@@ -36,10 +36,10 @@ def samples_of(record: ResponseRecording, period: float | None) -> int | None:
 
 
 def find_period(n: Array) -> int | None:
-    """The shortest shift that leaves ``n`` as it is; None if none does.
+    """Find the period of ``n`` (samples): the shortest shift that maps it to itself; None if there is none.
 
-    Longer than half of ``n`` where less than two periods are recorded, and as long as ``n`` for a single period of a
-    multisine, which shows by lines whose magnitudes follow a smooth curve.
+    The result is longer than half of ``n`` where less than two periods are recorded. It is the length of ``n`` for a
+    single period of a multisine, which is recognized by spectral lines whose magnitudes follow a smooth curve.
     """
     found = _shift(n[len(n) // 4 :], len(n) // 2)  # the first quarter apart, since an excitation may fade in
     if found is None:
@@ -55,7 +55,7 @@ def _shift(n: Array, longest: int) -> int | None:
         return None
     size = 2 * len(x)
     correlation = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: len(x)]
-    # of the parts that overlap, each by its own power
+    # the correlation of the overlapping parts is divided by the power of each
     cumulated = np.concatenate([[0.0], np.cumsum(x**2)])
     lags = np.arange(len(x))
     both = np.sqrt(cumulated[len(x) - lags] * (cumulated[-1] - cumulated[lags]))

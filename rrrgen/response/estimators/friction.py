@@ -1,7 +1,8 @@
-"""Friction with the sign of a velocity that changes in a recording: it biases a response, and no noise band shows it.
+"""Check of a recording for Coulomb friction at a velocity that changes its sign.
 
-The model is ``Q = P (U - f S)`` with S the transform of sgn(velocity). S less its part that follows the excitation is
-an independent input; its coefficient f is estimated over all lines. The part that follows n biases P by ``f G_s/G_u``.
+Such friction biases a response, which confidence bands do not show. The model is ``Q = P (U - f S)`` with S the
+spectrum of sgn(velocity). The part of S that is uncorrelated with the excitation n acts as an independent input, from
+which the coefficient f is estimated over all lines. The part correlated with n biases P by ``f G_s/G_u``.
 """
 
 from __future__ import annotations
@@ -22,18 +23,22 @@ from rrrgen.response.estimators.local_polynomial import (
 )
 from rrrgen.response.response_file import ResponseRecording
 
-MATERIAL_BIAS = 0.002  # of the response: friction spreads it more than it biases it
-MATERIAL_FORCE = 0.01  # of the input, root mean square
-SIGNIFICANT = 5.0  # standard deviations of the coefficient of the velocity's sign
-SLOW_SHARE = 0.01  # of the samples that must go in the other direction for a sign change to count
-FRICTION_WINDOW = 6  # lines at either side
-SMOOTHING = 11  # samples of the polynomial that differentiates the output
-SLOW_PART = 20  # of the recording is the time over which a velocity is averaged to see the joint turn round
+MATERIAL_BIAS = 0.002  # bias above this share of the response counts; the scatter by friction is larger than its bias
+MATERIAL_FORCE = 0.01  # friction above this share of the input's root mean square counts
+SIGNIFICANT = 5.0  # standard deviations from zero at which the friction coefficient is significant
+SLOW_SHARE = 0.01  # least share of the samples that must move in the other direction for a reversal to count
+FRICTION_WINDOW = 6  # lines at either side in a window
+SMOOTHING = 11  # samples in the window of the polynomial that differentiates the output
+SLOW_PART = 20  # velocities are averaged over the recording's length divided by this, to find slow reversals
 
 
 @dataclass(frozen=True)
 class _Force:
-    """Friction ``force`` in units of the input, how many deviations it is ``certain``, and its 90 % ``bias`` of P."""
+    """An estimate of friction.
+
+    ``force`` is in units of the input, ``certain`` is the force in standard deviations, and ``bias`` the relative bias
+    of P that 90 % of the lines do not exceed.
+    """
 
     force: float
     certain: float
@@ -41,10 +46,10 @@ class _Force:
 
 
 def check_friction(record: ResponseRecording, samples: int | None, lines: LineEstimates, P: Complex) -> Finding | None:
-    """Check whether part of the input overcomes friction, a force with the sign of a velocity that changes.
+    """Check whether part of the input overcomes Coulomb friction at a velocity that changes its sign.
 
-    ``samples`` is the period of the excitation (None: noise), ``P`` (L,) the response at ``lines``. The verdict is no
-    where the force biases the response, or where the joint turns round in the course of the recording.
+    ``samples`` is the period of the excitation (None: noise), ``P`` (L,) the response at ``lines``. Returns a finding
+    against the recording where friction biases the response or the joint reverses its motion; otherwise None.
     """
     from scipy.signal import savgol_filter
 
@@ -88,7 +93,7 @@ def _of_noise(record: ResponseRecording, sign: Array) -> _Force | None:
 
 
 def _of_periods(record: ResponseRecording, sign: Array, samples: int) -> _Force | None:
-    """The friction force as the mean period of the recording shows it."""
+    """Estimate the friction force from the mean period of the recording."""
     rows, signs, M = _with_sign(record, sign, samples)
     both = np.hstack([rows, signs]).reshape(M, samples, 4).mean(axis=0)
     return _beside_excitation(np.fft.fft(both - both.mean(axis=0), axis=0))
@@ -101,7 +106,10 @@ def _with_sign(record: ResponseRecording, sign: Array, samples: int) -> tuple[Ar
 
 
 def _beside_excitation(F: Complex) -> _Force | None:
-    """Friction force from spectra (lines, 4) of n, u, q, sign, over windows where responses to n are smooth."""
+    """Estimate the friction force from the spectra ``F`` (lines, 4) of n, u, q and sgn(velocity).
+
+    Within windows of neighbouring lines the responses to n are smooth and can be removed.
+    """
     power = np.abs(F[: len(F) // 2, 0])
     active = np.flatnonzero(power > 0.03 * power[1:].max())
     width = FRICTION_WINDOW
@@ -118,7 +126,10 @@ def _beside_excitation(F: Complex) -> _Force | None:
 def _between_harmonics(
     record: ResponseRecording, sign: Array, samples: int, lines: LineEstimates, P: Complex
 ) -> _Force | None:
-    """Friction force from the lines between harmonics, excited by a joint that reverses after some periods."""
+    """Estimate the friction force from the lines between the harmonics.
+
+    sgn(velocity) has a part there where the joint reverses only once in several periods.
+    """
     rows, signs, M = _with_sign(record, sign, samples)
     both = np.hstack([rows[:, 1:], signs])
     residual, dof = remove_smooth(np.fft.fft(both - both.mean(axis=0), axis=0), lines.line, M)
@@ -128,7 +139,10 @@ def _between_harmonics(
 
 
 def _coefficient(e: Complex, s: Complex, dof: int) -> tuple[float, float]:
-    """Real f in ``e = f s`` over windows (L, lines), each weighted by its noise, and its size in deviations."""
+    """Estimate the real factor f in ``e = f s`` over windows (L, lines), weighted by their noise.
+
+    Returns f and f in standard deviations.
+    """
     weight = dof / np.maximum(np.sum(np.abs(e) ** 2, axis=1), 1e-300)
     information = max(float(np.sum(weight * np.sum(np.abs(s) ** 2, axis=1))), 1e-300)
     force = float(np.sum(weight * np.sum(s.conj() * e, axis=1).real)) / information

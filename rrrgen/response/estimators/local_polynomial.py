@@ -1,8 +1,8 @@
-"""Local polynomial method: responses from the excitation to input and output, with their covariance, line by line.
+"""Local polynomial method: responses from the excitation n to the input u and the output q, with covariance, per line.
 
-In the discrete Fourier transform of a record, what the record's ends leave (transient and leakage T) and the response
-itself are smooth over a few lines, and noise is not: a polynomial of order 2 over neighbouring lines takes the former
-out, and its residual is the covariance of the noise.
+In the discrete Fourier transform of a recording, the response and the transient (and leakage) T from the recording's
+ends are smooth over a few lines, and noise is not. A polynomial of order 2 in the line number, fitted to neighbouring
+lines, describes the smooth parts; its residuals give the covariance of the noise.
 """
 
 from __future__ import annotations
@@ -18,23 +18,24 @@ from rrrgen.response.controller import Complex
 from rrrgen.response.response_file import ResponseRecording
 
 ORDER = 2
-LEAST_WINDOW = 6  # unexcited lines at either side of an excited one
-MOST_WINDOW = 20  # lines at either side, with noise
-EXCITED = 1e-3  # of the largest line
-LEAST_SAMPLES = 500
-PARABOLA_AT_ITS_CENTRE = 9.0 / 4.0  # variance of its fitted value, over that of the mean of the same lines
-LEAST_ROUGHNESS = 0.2  # share of the excitation's power in a window that no polynomial explains
-STEP = 4  # lines between two estimates from noise: neighbours share most of their window
+LEAST_WINDOW = 6  # least number of unexcited lines at either side of an excited one
+MOST_WINDOW = 20  # most lines at either side where the excitation is noise
+EXCITED = 1e-3  # a line is excited if its magnitude exceeds this share of the largest
+LEAST_SAMPLES = 500  # shortest recording with noise as excitation
+PARABOLA_AT_ITS_CENTRE = 9.0 / 4.0  # variance of a fitted parabola's centre value, over that of the mean of its lines
+LEAST_ROUGHNESS = 0.2  # least share of the excitation's power in a window that is not smooth over the lines
+STEP = 4  # distance in lines of two estimates where the excitation is noise; nearer ones share most of their windows
 
 
 @dataclass(frozen=True)
 class LineEstimates:
-    """Responses from n to [u, q] at ``frequency`` (L,) in Hz.
+    """Responses from the excitation n to [u, q] at the spectral lines with ``frequency`` (L,) in Hz.
 
-    ``G`` (L, 2); ``covariance`` (L, 2, 2) of G, complex; ``dof``, complex degrees of freedom of the covariance;
-    ``signal`` and ``noise`` (L,): power of q due to n and the rest, for the coherence of one period or line.
-    ``line`` (L,): number of the line in units of the lowest one that the period allows. ``independent``: share of the
-    lines that share no data with others.
+    ``G`` (L, 2) are the responses; ``covariance`` (L, 2, 2) is that of G, complex; ``dof`` are its complex degrees of
+    freedom. ``signal`` and ``noise`` (L,) are the power of q due to n and the rest, for the coherence of one period or
+    line. ``line`` (L,) are the numbers of the lines, in units of the lowest frequency (one over the period).
+    ``independent`` is the share of the lines that share no data with others. ``kernel`` (lags,) is the correlation of
+    lines that are 0, 1, .. apart; None if they are independent.
     """
 
     frequency: Array
@@ -49,7 +50,7 @@ class LineEstimates:
 
 
 def spectrum(values: Array) -> Complex:
-    """DFT along the first axis after the straight line through the values is taken out."""
+    """Discrete Fourier transform along the first axis, after subtracting the straight line fitted to the values."""
     t = np.arange(len(values)) - 0.5 * (len(values) - 1)
     centred = values - values.mean(axis=0)
     slope = t @ centred / (t @ t)
@@ -57,9 +58,10 @@ def spectrum(values: Array) -> Complex:
 
 
 def whole_periods(record: ResponseRecording, samples: int) -> tuple[Array, int]:
-    """The last whole periods as rows [n, u, q] (M samples, 3) without ramp, and M; refuses fewer than two periods.
+    """Cut out the last M whole periods: (rows [n, u, q] of shape (M samples, 3) without their ramp, M).
 
-    The ramp is what a period adds: the motion at constant speed of (14.36).
+    The ramp is the straight line by which a period ends at another value than it begins: the motion at constant speed
+    of (14.36). Fewer than two periods are refused with a DerivationError.
     """
     M = len(record.n) // samples
     if M < 2:
@@ -73,10 +75,10 @@ def whole_periods(record: ResponseRecording, samples: int) -> tuple[Array, int]:
 
 
 def periodic_lines(record: ResponseRecording, samples: int) -> LineEstimates:
-    """The method for M >= 2 periods of ``samples`` samples: T and noise from the lines between the harmonics.
+    """Estimate the responses from M >= 2 periods of ``samples`` samples, with T and noise from lines between harmonics.
 
-    At harmonic k the lines ``kM + r`` with r from 1 to max(M - 1, 6) at either side, multiples of M left out, hold T
-    and noise alone.
+    Around harmonic k the lines ``kM + r`` with \\|r\\| from 1 to max(M - 1, 6), without the multiples of M, contain
+    only the transient T and noise.
     """
     rows, M = whole_periods(record, samples)
     F = np.fft.fft(rows - rows.mean(axis=0), axis=0)
@@ -97,9 +99,10 @@ def periodic_lines(record: ResponseRecording, samples: int) -> LineEstimates:
 
 
 def between_harmonics(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex, Complex, float, int]:
-    """Transient (L, c) at the harmonics ``k`` (L,) of spectra F (lines, c) of M periods, from the lines around.
+    """Estimate the transient at the harmonics ``k`` (L,) from the lines around, for spectra F (lines, c) of M periods.
 
-    Also the covariance of the noise (L, c, c), the variance factor that the transient adds, degrees of freedom.
+    Returns the transient (L, c), the covariance of the noise (L, c, c), the factor by which the estimated transient
+    increases the variance, and the degrees of freedom.
     """
     around, basis, inverse = _around_harmonics(F, k, M)
     smooth = np.einsum("sr,lrc->lsc", inverse, around)
@@ -110,7 +113,7 @@ def between_harmonics(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex
 
 
 def remove_smooth(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex, int]:
-    """What a transient leaves (L, lines, c) of the lines around the harmonics ``k`` (L,), and degrees of freedom."""
+    """Remove the transient from the lines around the harmonics ``k`` (L,): (residuals (L, lines, c), their dof)."""
     around, basis, inverse = _around_harmonics(F, k, M)
     return around - np.einsum("rs,st,ltc->lrc", basis, inverse, around), len(basis) - ORDER - 1
 
@@ -127,7 +130,7 @@ def _around_harmonics(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex
 
 
 def excited_lines(magnitude: Array, name: str) -> NDArray[np.int64]:
-    """Numbers of the lines (0 left out) at which there is an excitation."""
+    """Numbers of the excited lines, without line 0; ``magnitude`` is the spectrum, ``name`` is for error messages."""
     largest = float(np.max(magnitude[1:])) if len(magnitude) > 1 else 0.0
     if not largest > 0.0:
         raise DerivationError(f"{name}: the column of the excitation is constant, so there is no response to it")
@@ -136,12 +139,15 @@ def excited_lines(magnitude: Array, name: str) -> NDArray[np.int64]:
 
 
 def window_of(samples: int) -> int:
-    """Lines at either side that a recording of noise can spare."""
+    """Number of lines at either side in a window, for a recording of ``samples`` samples with noise as excitation."""
     return int(np.clip(samples // 200, 5, MOST_WINDOW))
 
 
 def noise_lines(record: ResponseRecording) -> LineEstimates:
-    """The method for any excitation: ``Y(k+r) = sum g_s r^s N(k+r) + sum t_s r^s`` for Y = U, Q over a window."""
+    """Estimate the responses for any excitation, by a least-squares fit over windows of neighbouring lines.
+
+    For Y = U, Q the model is ``Y(k+r) = sum g_s r^s N(k+r) + sum t_s r^s``; g_0 is the response, t the transient.
+    """
     F = spectrum(np.column_stack([record.n, record.u, record.q]))
     width, half = window_of(len(F)), len(F) // 2
     if len(F) < LEAST_SAMPLES:
@@ -155,7 +161,7 @@ def noise_lines(record: ResponseRecording) -> LineEstimates:
     if not power.max() > 0.0:
         raise DerivationError(f"{record.name}: the column of the excitation is constant, so there is no response to it")
     use = _rough_power(around[:, :, 0]) > EXCITED**2 * power.max()
-    for side in (around[:, :width, 0], around[:, width + 1 :, 0]):  # of a window across the edge of the band too
+    for side in (around[:, :width, 0], around[:, width + 1 :, 0]):  # both halves, as a window may cross the band's edge
         use &= _rough_power(side) > LEAST_ROUGHNESS * (1.0 - (ORDER + 1) / width) * np.mean(np.abs(side) ** 2, axis=1)
     k, around, power = k[use], around[use], power[use]
     solution, residual, spread, dof = regress_window(around[:, :, :1], around[:, :, 1:])
@@ -174,14 +180,17 @@ def noise_lines(record: ResponseRecording) -> LineEstimates:
 
 
 def _rough_power(lines: Complex) -> Array:
-    """Mean power (L,) of windows (L, lines) less a polynomial: beside its band, a cut record leaves smooth leakage."""
+    """Mean power (L,) of the part of windows (L, lines) that is not smooth, after subtracting a polynomial.
+
+    Outside the band of the excitation a window contains only leakage, which is smooth.
+    """
     r = np.linspace(-1.0, 1.0, lines.shape[1])
     Q = np.linalg.qr(r[:, None] ** np.arange(ORDER + 1))[0]
     return np.asarray(np.mean(np.abs(lines - (lines @ Q) @ Q.T) ** 2, axis=1))
 
 
 def _overlap(width: int) -> Array:
-    """Correlation of estimates that are 0, 1, .. times STEP lines apart: that of the weights in their windows."""
+    """Correlation of estimates that are 0, 1, .. times STEP lines apart, because their windows overlap."""
     r = np.arange(-width, width + 1)
     weights = np.linalg.pinv((r[:, None] / width) ** np.arange(ORDER + 1))[0]
     full = np.correlate(weights, weights, "full")[2 * width :]
@@ -189,7 +198,7 @@ def _overlap(width: int) -> Array:
 
 
 def regress_window(inputs: Complex, outputs: Complex) -> tuple[Complex, Complex, Array, int]:
-    """Least squares over windows (L, lines, ..): response g_0 (L, outputs) to one input, and a transient.
+    """Fit the response g_0 (L, outputs) to one input, and a transient, by least squares over windows (L, lines, ..).
 
     Returns g_0, the residuals, the variance factor of g_0 and the degrees of freedom.
     """

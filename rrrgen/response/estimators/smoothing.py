@@ -1,12 +1,13 @@
-"""Smoothing of a response over neighbouring lines, where a line needs it and the data show that it is smooth there.
+"""Smoothing of a response over neighbouring spectral lines, where a line is uncertain and the response is smooth.
 
-Times frequency squared, the response of a joint is nearly constant away from its modes. A polynomial of order 2 through
-the lines at either side then says more about the line in the middle than its own estimate does. How many lines may
-take part is decided line by line: a polynomial of order 4 through the same lines estimates the error that order 2 makes
-in the middle. Squared, averaged over the neighbours and less its own noise, this bias must be small against the
-variance that is left; what may have escaped is added to the latter. In a window twice as wide the bias is many times as
-large and its noise smaller, so that there it shows much earlier: what is found there, scaled back, decides, and in the
-window itself only a bias beyond its noise counts. At resonances nothing is smoothed.
+Times frequency squared, the response of a joint is nearly constant away from its modes. The value in the middle of a
+polynomial of order 2, fitted to the lines at either side, is then more accurate than the estimate of the line itself.
+The number of lines in the window is chosen line by line, so that the bias by smoothing stays small against the
+remaining variance. The bias is estimated as the difference in the middle from a polynomial of order 4 fitted to the
+same lines; its square is averaged over neighbouring lines, and its own noise is subtracted. A bias of this size that
+may have been missed is added to the variance. The bias of a window twice as wide is many times larger and known better;
+scaled back, it decides, and in the window itself only a bias beyond its noise counts. Nothing is smoothed at
+resonances.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from rrrgen.response.controller import Complex
 from rrrgen.response.estimators.uncertainty import radius
 from rrrgen.response.frequency_response import FrequencyResponse
 
-HALF_WIDTHS = (3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96)  # lines at either side that may take part
-NARROW_BAND = 0.03  # relative: a line this good is left as it is, and independent of its neighbours
-LARGEST_BIAS = 0.15  # squared, of the variance that is left
-LIKELY = 1.2  # of the variance of the bias: what its own noise may make of the squared bias
-GROWTH = 32.0  # of the squared bias in a window twice as wide, at least; 2^8 where the fourth derivative makes it
+HALF_WIDTHS = (3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96)  # numbers of lines at either side that are tried
+NARROW_BAND = 0.03  # relative confidence radius below which a line is not smoothed, to keep it independent
+LARGEST_BIAS = 0.15  # largest squared bias, as a share of the remaining variance
+LIKELY = 1.2  # squared bias that noise alone explains, in units of the variance of the bias
+GROWTH = 32.0  # least factor on the squared bias from a window to one twice as wide; 2^8 for a constant 4th derivative
 ORDER, FINE_ORDER = 2, 4
-EVENLY = 1e-6  # relative difference of the spacing of lines that does not count
+EVENLY = 1e-6  # relative difference below which the spacings of lines are equal
 
 
 def smooth(response: FrequencyResponse) -> FrequencyResponse:
-    """The response with every line smoothed until its band is narrow, or over the widest window that it allows.
+    """Smooth every line of a response until its confidence band is narrow, or over the widest window without bias.
 
     The given response is kept as ``unsmoothed``.
     """
@@ -66,9 +67,10 @@ def smooth(response: FrequencyResponse) -> FrequencyResponse:
 def _smoothed(
     f: Array, shape: Complex, spread: Array, m: int, kernel: Array | None
 ) -> tuple[Complex, Array, Array, Array]:
-    """Per line (L,), over m lines at either side: value, its variance, squared bias less its noise, and that noise.
+    """Smooth over m lines at either side; returns four arrays (L,), one entry per line.
 
-    Infinite variance, and no bias, where there are not so many lines.
+    They are the smoothed value, its variance, the squared bias less its noise, and that noise. Where there are fewer
+    than m lines at a side, the variance is infinite and the bias zero.
     """
     lines = len(f)
     value, left, excess, noise = shape.copy(), np.full(lines, np.inf), np.full(lines, np.nan), np.zeros(lines)
@@ -85,12 +87,16 @@ def _smoothed(
 def _window(
     f: Array, shape: Complex, spread: Array, m: int, kernel: Array | None
 ) -> tuple[Complex, Array, Array, Array]:
-    """For windows (L, 2m+1): value in the middle, its variance, the squared bias by order 4, the variance of that."""
+    """Fit polynomials in windows of 2m+1 lines; returns four arrays, one entry per window.
+
+    They are the value in the middle by order 2, its variance, the squared difference from the value by order 4 (the
+    bias), and the variance of that difference.
+    """
     position = (f - f[:, m : m + 1]) / (f[:, -1:] - f[:, :1]) * 2.0
     if float(np.max(np.ptp(position, axis=0))) < EVENLY:
         position = position[:1]  # one set of weights for all windows
     low, high = (np.linalg.pinv(position[:, :, None] ** np.arange(order + 1))[:, 0] for order in (ORDER, FINE_ORDER))
-    common = spread.mean(axis=1)  # the variance of a single line is known less well than that of its neighbourhood
+    common = spread.mean(axis=1)  # the mean variance of a window is more certain than that of a single line
     C = np.eye(2 * m + 1) if kernel is None else _toeplitz(kernel, 2 * m + 1)
     value = np.sum(low * shape, axis=1)
     difference = high - low

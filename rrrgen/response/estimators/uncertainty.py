@@ -1,4 +1,4 @@
-"""Confidence circles of complex estimates, from their variance."""
+"""Radius of the confidence circle of a complex estimate, from its variance."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from rrrgen.arrays import Array
 
 CONFIDENCE = 0.95
-MANY = 1e6  # degrees of freedom: the variance is as good as known
+MANY = 1e6  # degrees of freedom from which on the variance counts as exactly known
 
 
 def radius(variance: Array, dof: Array | float) -> Array:
-    """Radius of the circle that holds a complex number with 95 %: ``radius^2 = variance F.95(2, 2 dof)``.
+    """Radius of the 95 % confidence circle of a complex number: ``radius^2 = variance F.95(2, 2 dof)``.
 
     ``dof`` are the complex degrees of freedom with which its ``variance`` was estimated.
     """

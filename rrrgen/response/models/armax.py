@@ -1,4 +1,4 @@
-"""ARMAX models ``A y = B u + C e``: noise that is neither at the output alone nor in the equation alone."""
+"""ARMAX models ``A y = B u + C e``: difference equations with coloured noise, e being white."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from rrrgen.arrays import Array
 from rrrgen.response.models.equations import Equation
 
 REFINEMENTS = 20
-LARGEST = 1e100  # of what an unstable model may reach: squares must stay numbers
-LONG_ORDER = 2  # times the order: the ARX model whose residuals stand for e at the start
+LARGEST = 1e100  # bound on the outputs of an unstable model, so that their squares stay finite
+LONG_ORDER = 2  # order of the ARX model whose residuals are the first estimate of e, as a multiple of the model's order
 
 
 def armax(start_from: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
@@ -74,7 +74,7 @@ def _begin(start_from: Equation, u: Array, y: Array) -> Array:
 
 
 def _inside(c: Array) -> Array:
-    """``c`` of ``1 + sum c_l z^-l`` with its zeros inside the unit circle."""
+    """Reflect the zeros of ``1 + sum c_l z^-l`` that lie outside the unit circle into it; returns the new ``c``."""
     roots = np.roots(np.concatenate([[1.0], c]))
     sizes = np.abs(roots)
     outside = sizes > 0.999
@@ -90,7 +90,7 @@ def _errors(theta: Array, order: int, size: int, delay: int, u: Array, y: Array)
     from scipy.signal import lfilter
 
     rest = y - _columns(order, size, delay, u, y) @ theta[: order + size]
-    rest[: max(order, delay + size - 1)] = 0.0  # the rows whose past is not known
+    rest[: max(order, delay + size - 1)] = 0.0  # rows that need values from before the first row
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(lfilter([1.0], np.concatenate([[1.0], theta[order + size :]]), rest))
 

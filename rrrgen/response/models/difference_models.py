@@ -1,5 +1,6 @@
-"""Difference equations fitted to recordings: ARX (14.41), ARMAX, output error and subspace models, the order chosen on
-rows left out.
+"""Difference equations fitted to recordings: ARX (14.41), ARMAX, output error and subspace models.
+
+The order is chosen by the error on rows that are not used for the fit.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ from rrrgen.response.models.subspace import SubspaceIdentification, check_rows
 from rrrgen.response.response_file import ResponseRecording
 
 HIGHEST_ORDER = 20
-VALIDATION = 0.25  # of the rows to fit: the last ones choose the order
-NEARLY_BEST = 1.2  # times the smallest validation error: the lowest order below it is taken
+VALIDATION = 0.25  # share of the rows, the last ones, on which the order is chosen
+NEARLY_BEST = 1.2  # the lowest order whose validation error is below this multiple of the smallest one is chosen
 REFINEMENTS = 20
 PREFILTERS = 10
-SHORT_RUN = 50  # samples
-LARGEST = 1e100  # of what an unstable model may reach: squares must stay numbers
+SHORT_RUN = 50  # length of a short free run, samples
+LARGEST = 1e100  # bound on the outputs of an unstable model, so that their squares stay finite
 
 
 def fit_difference_model(
@@ -33,12 +34,11 @@ def fit_difference_model(
     method: str = "auto",
     controller: Controller | None = None,
 ) -> ResponseModel:
-    """The model of a recording fitted on ``rows`` (first, last, counted from 1; all but the last third by default).
+    """Fit a model to the ``rows`` (first, last, counted from 1; all but the last third by default) of a recording.
 
     ``method`` is "arx", "armax" or "output_error"; "auto", the best of them on the validation rows; "subspace" (extra
     ``response``); or "indirect": an ARX model from n to q, from which the plant follows with the controller. Orders are
-    chosen inside the rows to fit, the others are the test of the model. Raises :class:`DerivationError` for too few
-    rows.
+    chosen within the fitted rows; the other rows test the model. Raises :class:`DerivationError` for too few rows.
     """
     u = record.n if method == "indirect" else record.u
     if method == "indirect" and controller is None:
@@ -56,7 +56,7 @@ def fit_difference_model(
     open_loop = np.array_equal(record.u, record.n)
     if not open_loop:
         u, y = (_without_ramp(column, start, stop) for column in (u, y))
-    short = not open_loop and method != "indirect"  # the plant itself may integrate, and its free run drift
+    short = not open_loop and method != "indirect"  # the plant may integrate, so that long free runs drift
     candidates, table = [], []
     for equation, kind in _candidates(u, y, start, cut, method, 0 if open_loop and method != "indirect" else 1):
         if short:
@@ -104,7 +104,7 @@ def fit_difference_model(
 def _candidates(
     u: Array, y: Array, start: int, stop: int, method: str, least_delay: int
 ) -> Iterator[tuple[Equation, str]]:
-    """Models of rising order on the rows [start, stop), each with its kind."""
+    """Yield models of increasing order, fitted to the rows [start, stop), each with its kind."""
     kinds = {"auto": ("arx", "armax", "output_error"), "indirect": ("arx", "output_error")}.get(method, (method,))
     subspace = SubspaceIdentification(u, y, start, stop) if method == "subspace" else None
     for order in range(1, HIGHEST_ORDER + 1):
@@ -130,7 +130,7 @@ def _fitted(kind: str, u: Array, y: Array, start: int, stop: int, order: int, de
 
 
 def free_run(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Array:
-    """The model's outputs in the rows [start, stop) by the measured inputs and the outputs measured before start."""
+    """Simulate the model in the rows [start, stop), from the measured inputs and the outputs measured before start."""
     from scipy.signal import lfilter, lfiltic
 
     denominator = np.concatenate([[1.0], -equation.a])
@@ -142,9 +142,10 @@ def free_run(equation: Equation, u: Array, y: Array, start: int, stop: int) -> A
 
 
 def _prefiltered(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
-    """The better start for output error: ARX again and again on signals filtered by the last 1/A (Steiglitz-McBride).
+    """Improve the start of an output-error fit: repeated ARX fits on signals filtered by the last 1/A.
 
-    Plain ARX is biased by noise of measurement; the filter turns its equation error into output error.
+    This is the method of Steiglitz and McBride. ARX is biased by measurement noise; the filter turns its equation error
+    into an output error.
     """
     from scipy.signal import lfilter
 
@@ -163,10 +164,10 @@ def _prefiltered(equation: Equation, u: Array, y: Array, start: int, stop: int) 
 
 
 def output_error(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
-    """The equation refined to the smallest free-run error over its rows, by Levenberg-Marquardt steps.
+    """Refine ``equation`` to the smallest free-run error over the rows [start, stop), by Levenberg-Marquardt steps.
 
-    They begin at the equation, or at what prefiltering makes of it.
-    The derivatives of the free run by a_i and b_j are the past outputs and inputs filtered by 1/A.
+    They begin at ``equation`` or at its prefiltered form (:func:`_prefiltered`), whichever has the smaller error. The
+    derivatives of the free run by a_i and b_j are the past outputs and inputs filtered by 1/A.
     """
     equation = _prefiltered(equation, u, y, start, stop)
     order, size, delay = len(equation.a), len(equation.b), equation.delay
@@ -198,7 +199,7 @@ def output_error(equation: Equation, u: Array, y: Array, start: int, stop: int) 
 
 
 def _run(theta: Array, order: int, delay: int, size: int, u: Array) -> Array:
-    """Outputs of ``theta = [a, b, initial state]``, the state that of a filter in transposed form."""
+    """Simulate the model ``theta = [a, b, initial state]``; the state is that of a filter in transposed direct form."""
     from scipy.signal import lfilter
 
     state = theta[order + size :]
@@ -207,7 +208,7 @@ def _run(theta: Array, order: int, delay: int, size: int, u: Array) -> Array:
 
 
 def _derivatives(theta: Array, order: int, delay: int, size: int, u: Array, model: Array) -> Array:
-    """Derivatives of the free run by theta: past outputs, inputs and unit pulses, filtered by 1/A."""
+    """Derivatives of the free run (one column per entry of theta): past outputs, inputs and unit pulses through 1/A."""
     from scipy.signal import lfilter
 
     pulse = np.zeros(len(u))
@@ -221,7 +222,7 @@ def _derivatives(theta: Array, order: int, delay: int, size: int, u: Array, mode
 
 
 def _initial_state(equation: Equation, u: Array, y: Array) -> Array:
-    """The state at the first row with which the free run is nearest to the outputs, by least squares."""
+    """Find, by least squares, the state at the first row whose free run is nearest to the measured outputs."""
     order, size, delay = len(equation.a), len(equation.b), equation.delay
     states = max(order, delay + size - 1)
     theta = np.concatenate([equation.a, equation.b, np.zeros(states)])
@@ -252,7 +253,10 @@ def plant_of_loop(a: Array, b: Array, delay: int, controller: Controller) -> tup
 
 
 def _without_ramp(column: Array, start: int, stop: int) -> Array:
-    """``column`` less the straight line through its rows [start, stop): the motion at constant speed of (14.36)."""
+    """Subtract from ``column`` the straight line fitted to its rows [start, stop).
+
+    The line is the motion at constant speed of (14.36).
+    """
     t = np.arange(len(column), dtype=float)
     return np.asarray(column - np.polyval(np.polyfit(t[start:stop], column[start:stop], 1), t))
 
@@ -286,7 +290,10 @@ def _free_run_error(equation: Equation, u: Array, y: Array, start: int, stop: in
 
 
 def _scores(equation: Equation, u: Array, y: Array, start: int, stop: int) -> dict[str, Any]:
-    """Scores 100 (1 - |y - y_model|/|y - mean y|) of the rows after the fitted ones, else of these, by protocol."""
+    """Scores 100 (1 - |y - y_model|/|y - mean y|) by the way of simulation (free run, one-step prediction).
+
+    They are of the rows after the fitted ones; where there are none, of the fitted ones.
+    """
     after = len(y) - stop >= 10 * max(len(equation.a), 1)
     begin, end = (stop, len(y)) if after else (start + equation.past, stop)
     k = np.arange(begin, end)

@@ -1,4 +1,4 @@
-"""Difference equations and their least-squares fit (14.41)."""
+"""The difference equation of a linear model, and its least-squares fit (14.41)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Equation:
 
     @property
     def past(self) -> int:
-        """Rows before the first one that can be computed."""
+        """Number of rows before the first one whose output the equation can compute."""
         return max(len(self.a), self.delay + len(self.b) - 1)
 
 

@@ -1,4 +1,4 @@
-"""From a recording or its frequency response to models: one for every posture, with what speaks against the others."""
+"""Fitting of models to recordings or frequency responses, one for every posture, with reasons where none is fitted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rrrgen.response.response_file import ResponseFile, ResponseRecording, read_
 
 @dataclass(frozen=True)
 class FittedModels:
-    """The models, the responses beside which they are drawn, and postures without a model: name and reason."""
+    """Fitted models, measured responses to draw with them, and reasons for postures without a model, by name."""
 
     models: list[ResponseModel]
     measured: list[FrequencyResponse]
@@ -37,7 +37,7 @@ class FittedModels:
 
 
 def fit_responses(measured: Sequence[FrequencyResponse]) -> FittedModels:
-    """Modes of every response that can be trusted. Raises :class:`DerivationError` where none can."""
+    """Fit modes to every response that can be trusted; raises :class:`DerivationError` if none can."""
     models, refused = [], {}
     for each in measured:
         try:
@@ -50,12 +50,12 @@ def fit_responses(measured: Sequence[FrequencyResponse]) -> FittedModels:
 
 
 def fit_recordings(response: ResponseFile, rows: tuple[int, int] | None, method: str) -> FittedModels:
-    """Models of the recordings of a response file by ``method``: auto, modes, arx, armax, output_error,
-    subspace or indirect.
+    """Fit models to the recordings of a response file.
 
-    "auto" fits modes to the frequency response where the recording has an excitation beside the input (a closed loop)
-    or there are several, and a difference equation otherwise. ``rows`` (first, last, counted from 1) are fitted, the
-    others test the model.
+    ``method`` is "modes", "arx", "armax", "output_error", "subspace", "indirect" or "auto". The last fits modes to the
+    frequency response where the recording has an excitation besides the input (a closed loop) or there are several
+    recordings, and a difference equation otherwise. ``rows`` (first, last, counted from 1) are fitted, the others test
+    the model.
     """
     records = read_recordings(response)
     if len(records) > 1:
@@ -76,7 +76,7 @@ def fit_recordings(response: ResponseFile, rows: tuple[int, int] | None, method:
 
 
 def _modes_of(record: ResponseRecording, period: float | None, rows: tuple[int, int] | None) -> FittedModels:
-    """Modes of the response of the chosen rows, scored on the response of the rows after them where they suffice."""
+    """Fit modes to the response of the chosen rows; if there are enough rows after them, score the model on these."""
     if rows is None:
         return fit_responses([estimate_one(record, period)])
     first, last = rows

@@ -1,5 +1,6 @@
-"""Modes fitted to a frequency response, weighted by its variance; their number chosen by description length.
+"""Fit of vibration modes to a frequency response, weighted by its variance; their number minimizes description length.
 
+The model is
 ``P(z) = z^-d [ (e_0 + e_1 z^-1)/(1 - z^-1)^p + sum_i (c_i0 + c_i1 z^-1)/(1 - 2 r_i cos(w_i) z^-1 + r_i^2 z^-2) ]`` with
 the pole pairs of modes of frequency f and damping zeta, p = 2 for a joint that moves freely and 0 for one that is held.
 The numerators follow from the modes by linear least squares, so that the search is over frequencies and dampings only.
@@ -20,18 +21,18 @@ from rrrgen.response.models.response_model import HIGHEST_DAMPING, Resonance, Re
 
 MOST_MODES = 6
 DELAYS = (0, 1, 2, 3)
-NEEDED = 10.0  # times the logarithm of the number of values: gain in cost of a part that cannot be left out
-SCAN = 80  # frequencies at which a further mode is tried
-FIRST_DAMPING = (0.005, 0.03, 0.15)
+NEEDED = 10.0  # a part is needed if it lowers the cost by this multiple of the logarithm of the number of values
+SCAN = 80  # number of frequencies at which a further mode is tried
+FIRST_DAMPING = (0.005, 0.03, 0.15)  # damping ratios at which a further mode is tried
 LEAST_LINES = 12
 GROWING_STEPS, LAST_STEPS = 10, 60
-MOST_OF_A_LINE = 9.0  # of the cost by which a mode is accepted: no single line may buy one
-LEAST_BAND = 1e-3  # relative: what smoothness between lines may be wrong by where there is hardly any noise
+MOST_OF_A_LINE = 9.0  # bound on a line's share of the cost, so that no single line decides on a mode
+LEAST_BAND = 1e-3  # least relative standard deviation of a line: error of the local polynomials where noise is small
 
 
 @dataclass(frozen=True)
 class _Lines:
-    """The lines that are used: ``z`` = z^-1 and ``P`` (L,), ``weight`` 1/sigma."""
+    """The lines used for the fit: ``z`` = z^-1, response ``P``, ``weight`` 1/sigma, (L,) each; ``period`` (s)."""
 
     z: Complex
     P: Complex
@@ -70,12 +71,12 @@ class _Candidate:
 
 
 def fit_modes(response: FrequencyResponse) -> ResponseModel:
-    """The model of a response by its trusted lines. Raises :class:`DerivationError` where there are too few."""
+    """Fit modes to the trusted lines of a response; raises :class:`DerivationError` where there are too few."""
     use = response.trusted
     if np.count_nonzero(use) < LEAST_LINES:
         reason = response.findings[0].message if response.findings else f"{LEAST_LINES} are the least"
         raise DerivationError(f"{response.name}: {np.count_nonzero(use)} lines can be trusted: {reason}")
-    raw = response.unsmoothed or response  # smoothed lines say the same thing several times
+    raw = response.unsmoothed or response  # smoothed lines are not independent
     P = raw.P[use]
     # neighbouring lines that share data count for as much as independent ones in their place would
     sigma = np.sqrt((raw.variance[use] + (LEAST_BAND * np.abs(P)) ** 2) / response.independent)
@@ -104,13 +105,16 @@ def fit_modes(response: FrequencyResponse) -> ResponseModel:
 
 
 def _integrates(lines: _Lines, best: _Candidate) -> bool:
-    """Whether the free motion of ``best`` is needed beside its modes: then no model of a held joint is tried."""
+    """Whether ``best`` needs the part with poles at z = 1 (a joint that moves freely) in addition to its modes.
+
+    If it does, no model of a joint that is held is tried.
+    """
     held = _solve(lines, best.modes, best.delay, 0)
     return bool(held.capped(best.scale) > best.capped(best.scale) + NEEDED * np.log(2.0 * len(lines.P)))
 
 
 def _growing(lines: _Lines, frequency: Array, delay: int, integrators: int) -> list[_Candidate]:
-    """Candidates of 0, 1, .. modes: a mode is added where it explains most, and all are refined."""
+    """Candidates with 0, 1, .. modes; each adds the mode that lowers the cost most, and refines all modes."""
     found = [_solve(lines, np.empty(0), delay, integrators)]
     grid = np.geomspace(frequency[0] * 1.05, frequency[-1] * 0.98, SCAN)
     penalty = 2.0 * np.log(2.0 * len(lines.P))
@@ -126,9 +130,9 @@ def _growing(lines: _Lines, frequency: Array, delay: int, integrators: int) -> l
 
 
 def _best_further_mode(lines: _Lines, last: _Candidate, grid: Array) -> tuple[float, float]:
-    """Frequency and damping, on a grid, of the mode that explains most of what ``last`` leaves.
+    """Find on a grid the frequency and damping of the mode that explains most of the residual of ``last``.
 
-    Both columns of every mode on trial are projected off the columns of ``last``; a 2x2 system tells what they explain.
+    Both columns of each mode are made orthogonal to the columns of ``last``; a 2x2 system gives the reduction of cost.
     """
     trials = np.array([(f, damping) for f in grid for damping in FIRST_DAMPING])
     H = _stacked(_basis(lines, last.modes, last.delay, last.integrators) * lines.weight[:, None])
@@ -146,12 +150,12 @@ def _best_further_mode(lines: _Lines, last: _Candidate, grid: Array) -> tuple[fl
 
 
 def _stacked(values: Complex) -> Array:
-    """Complex rows as real ones: real parts above imaginary parts."""
+    """Convert complex rows to real ones: the real parts, then the imaginary parts below them."""
     return np.concatenate([values.real, values.imag])
 
 
 def _basis(lines: _Lines, modes: Array, delay: int, integrators: int) -> Complex:
-    """Columns (L, m) whose coefficients are the numerators."""
+    """The matrix (L, m) whose columns are the terms of the model; their coefficients are the numerators."""
     z = lines.z
     columns = []
     if integrators:
@@ -164,7 +168,7 @@ def _basis(lines: _Lines, modes: Array, delay: int, integrators: int) -> Complex
 
 
 def _pole_pairs(modes: Array, period: float) -> list[tuple[float, float]]:
-    """[a1, a2] of ``1 - a1 z^-1 - a2 z^-2`` per mode."""
+    """The coefficients [a1, a2] of the denominator ``1 - a1 z^-1 - a2 z^-2`` of each mode."""
     pairs = []
     for log_f, log_damping in modes.reshape(-1, 2):
         omega, damping = 2.0 * np.pi * np.exp(log_f) * period, min(float(np.exp(log_damping)), 0.99)
@@ -185,7 +189,7 @@ def _solve(lines: _Lines, modes: Array, delay: int, integrators: int) -> _Candid
 
 
 def _costs(rest: Array) -> Array:
-    """Squares of the real over imaginary parts (2 L,), by line."""
+    """Squared errors (L,) per line from the residual (2 L,), real parts followed by imaginary parts."""
     return np.asarray(np.sum(rest.reshape(2, -1) ** 2, axis=0))
 
 
@@ -209,7 +213,7 @@ def _refine(lines: _Lines, start: _Candidate, steps: int) -> _Candidate:
 def _model(
     response: FrequencyResponse, lines: _Lines, best: _Candidate, table: tuple[dict[str, Any], ...]
 ) -> ResponseModel:
-    """The difference equation of the modes, and the deviations of these."""
+    """Make the model: the difference equation of the modes, and the modes with their standard deviations."""
     factors = [np.array([1.0, -a1, -a2]) for a1, a2 in _pole_pairs(best.modes, lines.period)]
     if best.integrators:
         factors.insert(0, np.array([1.0, -2.0, 1.0]))
@@ -224,7 +228,7 @@ def _model(
     resonances = []
     for (log_f, log_damping), (std_f, std_damping) in zip(best.modes.reshape(-1, 2), spread, strict=True):
         f, damping = float(np.exp(log_f)), float(np.exp(log_damping))
-        if damping < HIGHEST_DAMPING and used[0] <= f <= used[-1]:  # beyond the lines a pole only bends the curve
+        if damping < HIGHEST_DAMPING and used[0] <= f <= used[-1]:  # a pole outside the band is no measured resonance
             resonances.append(Resonance(f, damping, f * float(std_f), damping * float(std_damping)))
     model = ResponseModel(
         method="modes",
@@ -254,8 +258,8 @@ def _model(
 def _deviations(lines: _Lines, best: _Candidate) -> Array:
     """Relative standard deviations (m, 2) of frequencies and dampings; scaled up where the misfit exceeds the noise.
 
-    The residual after the numerators are solved for has the derivatives of the whole problem less what numerators can
-    take over (variable projection), so that their uncertainty is included. Its variance is 1/2 per real part.
+    The derivatives are those of the residual after the numerators are solved for (variable projection), so that the
+    uncertainty of the numerators is included. The variance of each real or imaginary part is 1/2.
     """
     if not len(best.modes):
         return np.empty((0, 2))

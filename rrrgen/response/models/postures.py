@@ -1,4 +1,4 @@
-"""Resonances over several postures: which mode of one is which of another, and how far they move."""
+"""Resonances over several postures: matching of the modes of different postures, ranges of their frequencies."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.response.models.response_model import Resonance, ResponseModel
 
-FARTHEST = 0.4  # logarithm of the ratio of two frequencies of what may be one mode
+FARTHEST = 0.4  # largest logarithm of the ratio of two frequencies that may belong to the same mode
 DAMPING_SHARE = 0.1  # weight of the logarithm of dampings beside that of frequencies
 
 
 @dataclass(frozen=True)
 class ModeOverPostures:
-    """One mode: its resonance by the name of every posture in which it was found."""
+    """One vibration mode: its resonance in each posture in which it was found, by the name of the posture."""
 
     found: dict[str, Resonance]
 
@@ -32,7 +32,7 @@ class ModeOverPostures:
         return np.array([each.damping for each in self.found.values()])
 
     def to_json(self) -> dict[str, Any]:
-        """The range over the postures, and every posture's own."""
+        """Plain data: the ranges of frequency and damping over the postures, and the values in every posture."""
         return {
             "frequency": [float(np.min(self.frequencies)), float(np.max(self.frequencies))],
             "damping": [float(np.min(self.dampings)), float(np.max(self.dampings))],
@@ -43,10 +43,10 @@ class ModeOverPostures:
 def modes_over_postures(
     models: Sequence[ResponseModel], of: Literal["resonances", "antiresonances"] = "resonances"
 ) -> list[ModeOverPostures]:
-    """The modes of all postures by frequency: poles (resonances) or zeros.
+    """Match the modes of all postures, sorted by frequency; ``of`` selects poles (resonances) or zeros.
 
-    A mode of one posture is that of the others whose frequency (and, less, damping) is nearest by ratio, every mode at
-    most once; what lies farther than 40 % is a mode of its own.
+    A resonance of one posture is matched with that of another whose frequency (and, with less weight, damping) is
+    nearest by ratio, each at most once. Resonances further apart than ``FARTHEST`` are different modes.
     """
     from scipy.optimize import linear_sum_assignment
 

@@ -17,8 +17,8 @@ from rrrgen.extras import require
 from rrrgen.response.controller import Complex
 
 SCHEMA = "rrrgen-response-model/1"
-HIGHEST_DAMPING = 0.3  # of what is called a resonance
-HIGHEST_ZERO = 0.8  # of half the sampling rate: above lie the zeros that sampling adds
+HIGHEST_DAMPING = 0.3  # highest damping ratio of a resonance
+HIGHEST_ZERO = 0.8  # zeros above this share of half the sampling rate are due to sampling
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def resonances_of(a: Array, covariance: Array | None, period: float) -> tuple[Re
 
 
 def _jacobian(function: Callable[[Array], Array], at: Array, value: Array) -> Array:
-    """Central differences (.., n) of ``function``; NaN where a step changes the number of values."""
+    """Jacobian (.., n) of ``function`` at ``at`` (n,) by central differences; NaN if the number of values changes."""
     columns = []
     for i in range(len(at)):
         step = np.zeros(len(at))

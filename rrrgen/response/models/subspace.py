@@ -17,7 +17,7 @@ MOST_ROWS = 3000  # the library's memory grows with their square
 
 
 def check_rows(rows: int) -> None:
-    """Raises :class:`DerivationError` for more rows than the library can do."""
+    """Raise :class:`DerivationError` if there are more rows than the memory of the library's method allows."""
     if rows > MOST_ROWS:
         raise DerivationError(
             f"{rows} rows are too many for subspace identification, whose library needs memory that grows with their "
@@ -39,7 +39,7 @@ class SubspaceIdentification:
         self.rows = min(MOST_BLOCK_ROWS, (stop - start) // ROWS_PER_BLOCK_ROW)
         if self.rows < 2:
             raise DerivationError(f"{stop - start} rows are too few for subspace identification")
-        # of size 1 both: the numbers of the library's pseudo-inverses are relative
+        # both scaled to size 1, because tolerances of the library's pseudo-inverses are relative
         self.scale_u, self.scale_y = (max(float(np.std(x[start:stop])), 1e-300) for x in (u, y))
         frame = DataFrame({"u": u[start:stop] / self.scale_u, "y": y[start:stop] / self.scale_y})
         self._found: Any = NFourSID(frame, ["y"], ["u"], num_block_rows=self.rows)
@@ -51,7 +51,7 @@ class SubspaceIdentification:
         return self.rows - 1
 
     def model(self, order: int) -> Equation:
-        """The model of an order as a difference equation without delay; the method gives no covariance."""
+        """The model of the given ``order`` as a difference equation without delay; the method gives no covariance."""
         system, _ = self._found.system_identification(rank=order)
         A, B, C, D = (np.asarray(getattr(system, name)) for name in "abcd")
         denominator = np.poly(A).real

@@ -1,1 +1,1 @@
-"""Robots from the files of other programs; one format is one file in ``formats/``."""
+"""Import of robots from the files of other programs; each format is one module of the folder ``formats/``."""

@@ -1,4 +1,4 @@
-"""Files that list ``NAME = VALUE`` and ``NAME = {entry, entry, ...}`` with comments ``(* ... *)``, entry by entry."""
+"""Reader of files of assignments ``NAME = VALUE`` and ``NAME = {entry, entry, ...}`` with comments ``(* ... *)``."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _SYMBOL = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 
 @dataclass(frozen=True)
 class Entry:
-    """One entry of a list: its value, exact, and where it stands."""
+    """One entry of a list: its exact value and its place (line and column) in the file."""
 
     expr: sp.Expr
     place: Place
 
 
 class Assignments:
-    """The assignments of a file; ``spellings`` are other names of lists."""
+    """The assignments of a file; ``spellings`` maps other spellings of the names of lists to the usual ones."""
 
     def __init__(self, source: Source, faults: FaultList, spellings: Mapping[str, str]) -> None:
         self.source, self.faults, self.spellings = source, faults, spellings
@@ -105,7 +105,7 @@ class Assignments:
         return set(_SYMBOL.findall(self.text))
 
     def at_given_values(self, expr: sp.Expr) -> sp.Expr:
-        """``expr`` with every name at its value, as far as the user gave one."""
+        """Replace the names in ``expr`` by the values that the user gave; names without a value remain."""
         return expr.xreplace({parameter_symbol(k): v for k, v in self.source.values.items()})
 
     def number(self, entry: Entry, what: str) -> sp.Expr:

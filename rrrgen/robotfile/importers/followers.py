@@ -1,4 +1,4 @@
-"""Mimic joints of an imported chain, written as rows that follow a joint with a drive."""
+"""Conversion of mimic joints of an imported chain to rows of a robot file that follow a driven joint."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rrrgen.yamltext.document import FaultList
 
 @dataclass(frozen=True)
 class Followed:
-    """How a mimic joint moves: by ``factor y + offset``, with y the displacement of row ``of`` of the chain."""
+    """The motion of a mimic joint: ``factor y + offset``, with y the displacement of row ``of`` of the chain."""
 
     of: int
     factor: sp.Rational
@@ -30,7 +30,10 @@ class Followed:
 
 
 def followed_rows(chain: SerialChain) -> list[Followed | None]:
-    """For every joint of the chain, the driven joint that it follows, directly or through others; None if driven."""
+    """For every joint of the chain, its motion relative to the driven joint that it follows; None for driven joints.
+
+    A joint may follow a driven joint through other mimic joints.
+    """
     places = {each.joint.name: k for k, each in enumerate(chain.joints)}
     found: list[Followed | None] = []
     for each in chain.joints:
@@ -76,7 +79,7 @@ def with_followers(
 
 
 def _carrying(joint: JointSpec, row: JointSpec, factor: float) -> JointSpec:
-    """``joint`` with the limits, friction and inertia of a follower added, which moves ``factor`` times as far.
+    """Add the limits, friction and inertia of a follower, which moves ``factor`` times as far, to ``joint``.
 
     Friction and inertia of the follower count ``factor`` squared times (Coulomb friction |factor| times).
     """

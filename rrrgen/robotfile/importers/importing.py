@@ -1,4 +1,4 @@
-"""File of another program -> text of a robot file, or every fault with its place."""
+"""Conversion of a file of another program to a robot file; all faults are reported, each with its place."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ from rrrgen.yamltext.expressions import ExpressionError, parse_expression
 
 @dataclass(frozen=True)
 class Imported:
-    """A robot from a file of another format: its description, the text of its robot file, what was left out.
+    """A robot from a file of another format: its description, its robot file as text, notes on what is left out.
 
-    ``source`` is the text that was read, ``chain`` what was taken of the tree of bodies that it describes, if it does.
+    ``source`` is the text that was read. ``chain`` says which part was taken, for formats that describe a tree of
+    bodies.
     """
 
     spec: RobotSpec

@@ -1,4 +1,4 @@
-"""The interface of importers: what an importer is given, and what it returns."""
+"""The interface of importers: the type of an importer, of its input and of its result."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from rrrgen.robotfile.robot_spec import Convention, RobotSpec
 from rrrgen.yamltext.document import FaultList
 
 DEFAULT_ANGLE_TOLERANCE = 1e-5
-"""rad; 1.5708 and 3.1416 are meant as pi/2 and pi, which they miss by 4e-6 and 7e-6."""
+"""Largest difference (rad) between an angle and a multiple of 15 degrees that it is taken for: 1.5708 and 3.1416 stand
+for pi/2 and pi, and differ from them by 4e-6 and 7e-6."""
 
 
 @dataclass(frozen=True)
 class ChainChoice:
-    """Which serial chain of a tree of bodies is meant, and how it is written.
+    """The user's choice of a serial chain in a tree of bodies, and the convention in which its rows are written.
 
-    ``base`` and ``tip`` are links, empty for the root and for the only leaf. ``held`` are joints that do not move, with
-    their values (rad, m). Angles within ``angle_tolerance`` (rad) of a multiple of 15 degrees are taken as exact.
+    ``base`` and ``tip`` are names of links; empty for the root and for the only leaf. ``held`` are joints that are kept
+    at fixed values (rad, m). Angles within ``angle_tolerance`` (rad) of a multiple of 15 degrees are taken as exact.
     """
 
     base: str = ""
@@ -31,7 +32,7 @@ class ChainChoice:
 
 @dataclass(frozen=True)
 class Source:
-    """What an importer is given: the text of a file, and the choices of the user."""
+    """The input of an importer: the text of a file, and the choices of the user."""
 
     text: str
     values: Mapping[str, sp.Expr]
@@ -41,9 +42,10 @@ class Source:
 
 @dataclass(frozen=True)
 class ImportedChain:
-    """What an importer took from a tree of bodies, by the names of the file: ends, moving joints, held joints.
+    """The serial chain that an importer took from a tree of bodies: ends, moving joints, held joints, by their names.
 
-    ``offsets`` are the displacements of the moving joints at q = 0, which those that follow others may have.
+    ``offsets`` are the displacements (rad, m) of the moving joints at q = 0; they are not zero for some joints that
+    follow others.
     """
 
     base: str
@@ -55,7 +57,7 @@ class ImportedChain:
 
 @dataclass(frozen=True)
 class Found:
-    """What an importer read; ``chain`` is None where the format describes one chain only."""
+    """The result of an importer: the robot, and ``chain``, which is None where the format describes one chain only."""
 
     spec: RobotSpec
     chain: ImportedChain | None = None
@@ -65,10 +67,10 @@ class Found:
 class Importer:
     """A format of another program.
 
-    ``recognises`` tells from the text alone whether it is of this format. ``read`` makes a robot of it, or returns None
-    after it has put every error, with its place, into the list of faults; what the robot file cannot represent is a
-    warning there, or an error where the robot would be another one without it. ``describes_trees`` tells whether it
-    obeys ``Source.chain``; otherwise a choice of a chain is refused.
+    ``recognises`` says whether a text is of this format. ``read`` converts it to a robot, or returns None after adding
+    every error, with its place, to the list of faults. What a robot file cannot represent is a warning in that list, or
+    an error where leaving it out would change the robot. ``describes_trees`` says whether the importer uses the choice
+    ``Source.chain``; for other formats such a choice is refused.
     """
 
     name: str

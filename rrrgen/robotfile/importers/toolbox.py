@@ -1,4 +1,4 @@
-"""A ``DHRobot`` of the Robotics Toolbox for Python as a robot file.
+"""Conversion of a ``DHRobot`` of the Robotics Toolbox for Python to a robot description.
 
 Inertia is about the centre of mass. Rotor inertia ``Jm``, viscous friction ``B`` and Coulomb friction ``Tc`` (by
 direction) are those of the motor, and act on the joint as ``G^2 Jm``, ``G^2 B`` and ``|G| Tc``. ``gravity`` is the
@@ -41,7 +41,7 @@ _NEEDED = ("links", "mdh", "base", "tool", "gravity", "name")
 
 
 def from_toolbox(robot: Any, name: str = "", angle_tolerance: float = DEFAULT_ANGLE_TOLERANCE) -> RobotSpec:
-    """The description of ``robot``, a ``roboticstoolbox.DHRobot``; ``rrrgen.robotfile.dumps`` writes its file.
+    """Convert ``robot``, a ``roboticstoolbox.DHRobot``; ``rrrgen.robotfile.dumps`` writes the result as a robot file.
 
     Angles within ``angle_tolerance`` (rad) of a multiple of 15 degrees are taken as exact; other numbers keep the
     digits that they print. ``name`` renames the robot. Raises :class:`InputError` for other objects, and for robots
@@ -100,7 +100,7 @@ def _joint(k: int, link: Any, tolerance: float) -> JointSpec:
 
 
 def _ratio(link: Any) -> float:
-    """The gear ratio of a toolbox link; its 0 means that none is given and counts as 1."""
+    """The gear ratio of a toolbox link; 0, by which the toolbox says that none is given, counts as 1."""
     return float(link.G or 1.0)
 
 

@@ -30,7 +30,10 @@ class Row:
 
 @dataclass(frozen=True)
 class StartingRows:
-    """The rows of all joints, the parameters in them (m), and the offset of the tip along x of the last frame."""
+    """Rows for a new robot file: one per joint, the parameters that they contain (m), and the tip's offset along x.
+
+    The offset is measured in the frame of the last link.
+    """
 
     rows: tuple[Row, ...]
     parameters: dict[str, float]
@@ -72,7 +75,7 @@ def _candidates(joints: str, wrist: bool) -> Iterator[list[int]]:
 
 
 def _standard_rows(joints: str, twists: list[int], wrist: bool) -> tuple[tuple[Row, ...], dict[str, float]]:
-    """Rows in the standard convention with the given ``twists``, and name -> value of the lengths in them (m)."""
+    """Make rows in the standard convention with the given ``twists`` (deg): (rows, lengths in m by parameter name)."""
     parameters: dict[str, float] = {}
     rows = []
     for i, (joint, alpha) in enumerate(zip(joints, twists, strict=True)):

@@ -1,1 +1,1 @@
-"""Readers of optional sections of a robot file: fixed transforms, own base parameters, provenance, reversed joints."""
+"""Readers of optional sections of a robot file: transforms, basis, mechanisms, provenance, reversed joints."""

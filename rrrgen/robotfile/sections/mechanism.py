@@ -1,7 +1,7 @@
-"""Reads what makes a list of joints more than a chain with a drive each: joints that follow others, and branches.
+"""Reader of mechanisms: lists of joints in which some follow others, or which branch.
 
 Keys of a row: ``follows`` gives its displacement as a sum of multiples of joint positions, ``parent`` names the joint
-whose link carries it. ``tip`` of the file names the joint whose link carries the tool.
+whose link carries it. The file's key ``tip`` names the joint whose link carries the tool.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _OF_DRIVES = ("friction", "drive")
 def read_mechanism(
     node: Node, tip: Node | None, joints: Row[JointSpec | None], reversed_joints: Row[int], scope: Scope
 ) -> tuple[tuple[JointSpec, ...], MechanismSpec | None]:
-    """The joints that q counts, and the mechanism if rows follow others or branch off, else None."""
+    """Read the driven joints, whose positions are q, and the mechanism (None for a chain of driven joints)."""
     rows = tuple(joint for joint in joints if joint is not None)
     items = node.items if isinstance(node, Sequence) else []
     keys = [_keys_of(item) for item in items]
@@ -57,7 +57,10 @@ def mechanism_of_rows(
     matrix: list[tuple[sp.Expr, ...]],
     driven: Row[int],
 ) -> tuple[tuple[JointSpec, ...], MechanismSpec]:
-    """The joints that q counts, the rows ``driven``, within the ranges of those that follow them, and the mechanism."""
+    """Make the driven joints (the rows ``driven``) and the mechanism of all ``rows``.
+
+    The position limits of a driven joint are narrowed to those of the rows that follow it.
+    """
     counted = tuple(_narrowed(rows[i], rows, matrix, k) for k, i in enumerate(driven))
     bare = tuple(
         replace(row, limits=Limits(), friction=None, drive=None) if i in driven else row for i, row in enumerate(rows)
@@ -87,7 +90,7 @@ def _read_parent(entry: tuple[Scalar, Node] | None, i: int, names: list[str], sc
 
 
 def _read_follows(entry: tuple[Scalar, Node] | None, row: JointSpec, scope: Scope) -> Factors | None:
-    """Joint name -> factor; None for a row with a drive of its own."""
+    """Read the factors, by joint name, of the joints that a row follows; None for a row with a drive of its own."""
     if entry is None:
         return None
     factors: Factors = {}
@@ -160,7 +163,7 @@ def _check_rank(node: Node, matrix: list[tuple[sp.Expr, ...]], driven: list[str]
 
 
 def _narrowed(joint: JointSpec, rows: Row[JointSpec], matrix: list[tuple[sp.Expr, ...]], k: int) -> JointSpec:
-    """``joint``, the k-th of q, with its range narrowed by the joints whose position depends on it alone."""
+    """Narrow the position limits of ``joint``, number k in q, to those of the rows that follow it alone."""
     lower, upper = joint.limits.lower, joint.limits.upper
     for row, factors in zip(rows, matrix, strict=True):
         if row.name == joint.name or any(f != 0 for i, f in enumerate(factors) if i != k) or factors[k] == 0:

@@ -1,8 +1,8 @@
-"""Joints that turn the other way, as exact Denavit-Hartenberg rows.
+"""Joints with the opposite positive direction, rewritten as exact Denavit-Hartenberg rows.
 
-``Rz(theta - q) Tz(d) = Rx(pi) Rz(q - theta) Tz(-d) Rx(pi)``, and the same for a prismatic joint: the two half turns
-about x become part of the twists before and behind it, ``alpha + pi``. The link frame on the joint's axis is turned by
-half a turn about its x axis, and with it the numbers of its link; the robot is the same.
+``Rz(theta - q) Tz(d) = Rx(pi) Rz(q - theta) Tz(-d) Rx(pi)``, and the same for a prismatic joint: the two rotations by
+pi about x become part of the twists before and after the joint, ``alpha + pi``. The link frame on the joint's axis is
+rotated by pi about its x axis, and the parameters of its link are converted to it; the robot is the same.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rrrgen.robotfile.robot_spec import FixedTransform, JointSpec, LinkSpec, Rob
 
 
 def with_reversed_joint(spec: RobotSpec, i: int) -> RobotSpec:
-    """The robot whose joint ``i`` (from 0) moves against the axis of its row, q -> -q, in rows without a sign."""
+    """Rewrite the rows of ``spec`` so that the positive direction of joint ``i`` (from 0) is reversed, q -> -q."""
     joints = list(spec.joints)
     joint = joints[i]
     joints[i] = replace(joint, theta=-joint.theta, d=-joint.d)

@@ -1,4 +1,4 @@
-"""A robot as floating-point numbers, the input of every reference."""
+"""The robot as floating-point numbers, the input of every reference implementation."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Chain:
-    """Joint rows (links,) in rad and m, fixed transforms (4, 4), gravity (3,) in the base frame, drive inertia (n, n).
+    """A robot in numbers: rows of the DH table (links,) in rad and m, fixed transforms (4, 4), gravity (3,), drives.
 
-    ``drive_inertia`` is what the drives add to the mass matrix: a diagonal, unless several drives move one joint.
-    ``parents`` are the links on which the rows stand (-1: the base), ``tip`` is the link that carries the tool.
-    ``coupling`` (links, n) gives the displacements of the rows from q; the unit matrix unless joints follow others.
-    ``angles`` (n,) tells which q are angles.
+    ``gravity`` is in the base frame, m/s^2. ``drive_inertia`` (n, n) is what the drives add to the mass matrix: a
+    diagonal, unless drives are coupled. ``parents`` are the links that carry the rows (-1: the base), ``tip`` is the
+    link that carries the tool. ``coupling`` (links, n) maps q to the displacements of the rows; it is the unit matrix
+    unless joints follow others. ``angles`` (n,) says which entries of q are angles.
     """
 
     name: str
@@ -58,16 +58,16 @@ class Chain:
         return [] if row < 0 else [*self.path(self.parents[row]), row]
 
     def depth_first(self, parent: int = -1) -> list[int]:
-        """The rows branch by branch, each after the one on which it stands."""
+        """The rows in depth-first order: branch by branch, each after the row whose link carries it."""
         rows = [i for i in range(self.links) if self.parents[i] == parent]
         return [k for i in rows for k in (i, *self.depth_first(i))]
 
     def behind(self, after: list[Array], row: int) -> Array:
-        """What follows the motion of the row before ``row``: its ``after``, or the base transform."""
+        """The constant transform after the motion of the row that carries ``row``; the base transform for the base."""
         return self.base if self.parents[row] < 0 else after[self.parents[row]]
 
     def around_joints(self) -> list[tuple[Array, Array]]:
-        """Per row (before, after): A_i(q) = before * motion(q) * after, the motion about or along z.
+        """The constant transforms (before, after) of every row i: A_i(q) = before motion(q) after, motion along z.
 
         Standard ``Rz(theta) Tz(d) Tx(a) Rx(alpha)``, modified ``Rx(alpha) Tx(a) Rz(theta) Tz(d)``.
         """
@@ -126,7 +126,7 @@ def _drive_inertia(spec: RobotSpec) -> Array:
     if spec.drives is None:
         return np.diag(own)
     rotors = [0.0 if motor.inertia is None else float(motor.inertia) for motor in spec.drives.motors]
-    speeds = motor_speeds(spec, np.eye(spec.n))  # row k: of all motors, while joint k alone moves at 1
+    speeds = motor_speeds(spec, np.eye(spec.n))  # row k: the speeds of all motors while only joint k moves, at speed 1
     return np.asarray(np.diag(own) + (speeds * rotors) @ speeds.T)
 
 

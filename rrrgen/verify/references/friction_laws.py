@@ -1,4 +1,4 @@
-"""Friction laws, retyped from their formulas for comparison: in sliding, and over one period with a state."""
+"""A second implementation of the friction laws, for comparison: in sliding, and over one period with a state."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def sliding(friction: FrictionSpec | None, v: Array, width: float = 0.0, load: A
 
 
 def changed(friction: FrictionSpec) -> FrictionSpec:
-    """The law with other parameters, none of them zero."""
+    """Change the parameters of a law to other values, none of them zero."""
     if friction.law is None:
         known = (friction.viscous, friction.coulomb, friction.offset)
         viscous, coulomb, offset = (
@@ -38,7 +38,7 @@ def changed(friction: FrictionSpec) -> FrictionSpec:
 
 
 def parameters_of(friction: FrictionSpec) -> list[float]:
-    """The parameters in the order of the functions that take them at run time."""
+    """The parameters of a joint's or motor's friction, in the order in which the emitted functions take them."""
     if friction.law is None:
         return [friction.viscous or 0.0, friction.coulomb or 0.0, friction.offset or 0.0]
     return [*friction.law.values, friction.offset or 0.0]
@@ -61,7 +61,10 @@ def has_load(friction: FrictionSpec | None) -> bool:
 def stepped(
     friction: FrictionSpec, v: Array, z: Array, period: float, load: Array | float = 0.0
 ) -> tuple[Array, Array]:
-    """State after ``period`` s at the constant speeds ``v`` (N,) from the states ``z`` (N,), and the torque then."""
+    """Integrate a law over one ``period`` (s) at the constant speeds ``v`` (N,) from the states ``z`` (N,).
+
+    Returns the state (N,) and the friction torque (N,) at the end of the period.
+    """
     law = friction.law
     assert law is not None
     p, offset = law.values, friction.offset or 0.0

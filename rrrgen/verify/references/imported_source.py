@@ -1,4 +1,4 @@
-"""An imported robot against its source, which another library reads: Pinocchio for URDF, MuJoCo for MJCF."""
+"""Comparison of an imported robot with its source file, read by another library: URDF by Pinocchio, MJCF by MuJoCo."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FASTEST = 2.0  # rad/s, rad/s^2 (m/s, m/s^2) of random states
 
 @dataclass(frozen=True)
 class SourceComparison:
-    """The largest differences at random states: of the tip's pose and of the torques.
+    """The result of a comparison: the largest differences of the tip's pose and of the torques at random states.
 
     ``pose`` is in m and in entries of the rotation matrix, relative to the reach if that is more than 1 m; ``torque``
     is relative to the largest torque. A difference is None where it could not be computed, and ``reason`` says why.
@@ -49,7 +49,7 @@ class _Source(Protocol):
 
 
 def compare_with_source(imported: Imported, seed: int = SEED) -> SourceComparison:
-    """Forward kinematics and inverse dynamics without drives of the robot file against those of its source."""
+    """Compare forward kinematics and inverse dynamics (without drives) of the robot file with those of its source."""
     assert imported.chain is not None
     try:
         source = _SOURCES[imported.format](imported.source, imported.chain)
@@ -100,7 +100,7 @@ class _PinocchioSource:
 
     @staticmethod
     def _set(positions: Array, joint: Any, value: float) -> None:
-        """Pinocchio stores a joint without limits as cosine and sine."""
+        """Set a joint position; Pinocchio stores that of a joint without limits as cosine and sine."""
         if joint.nq == 2:
             positions[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
         elif joint.nq == 1:

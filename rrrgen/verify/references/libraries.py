@@ -31,4 +31,5 @@ LIBRARIES: dict[str, Callable[[Chain, Array], Reference]] = {
     "MuJoCo": _mujoco,
     "Robotics Toolbox": _toolbox,
 }
-"""Name -> constructor, which raises ReferenceUnavailableError if the library is missing or cannot model the robot."""
+"""Constructors of the references by name of the library; each raises ReferenceUnavailableError if the library is
+missing or cannot model the robot."""

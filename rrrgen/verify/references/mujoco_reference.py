@@ -1,4 +1,4 @@
-"""MuJoCo as a reference: one body per link at its moving frame, joint axis z, no contacts and no limits."""
+"""MuJoCo as a reference: the robot as an MJCF model with one body per link, joint axes z, no contacts, no limits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ def _text(values: Array) -> str:
 
 
 class MujocoReference:
-    """The tree of the rows as a ``mujoco.MjModel``; where rows follow joints, its results are projected on q."""
+    """The robot as a ``mujoco.MjModel``; where joints follow others, its results are converted to q.
+
+    ``phi`` (links, 10) are the standard parameters.
+    """
 
     def __init__(self, chain: Chain, phi: Array) -> None:
         try:
@@ -69,7 +72,7 @@ class MujocoReference:
         self._mujoco.mj_forward(self._model, self._data)
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """tau (n,) by ``mj_inverse``."""
+        """The joint torques tau (n,), computed by ``mj_inverse``."""
         for store, value in zip((self._data.qpos, self._data.qvel, self._data.qacc), (q, dq, ddq), strict=True):
             store[self._places] = self._chain.coupling @ value
         self._mujoco.mj_inverse(self._model, self._data)
@@ -77,7 +80,7 @@ class MujocoReference:
         return np.asarray(tau @ self._chain.coupling + self._added @ ddq)
 
     def mass_matrix(self, q: Array) -> Array:
-        """M (n, n), column by column, by ``mj_mulM``, whose signature is the same in all versions."""
+        """The mass matrix M (n, n), column by column by ``mj_mulM``, whose signature is the same in all versions."""
         self._at(q)
         n = self._model.nv
         columns = np.zeros((n, n))

@@ -19,7 +19,7 @@ _TENSOR_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 
 
 def _cross_matrix(v: Array) -> Array:
-    """[v]x for every vector (N, 3): [v]x u = v x u."""
+    """The matrices [v]x (N, 3, 3) of the cross products with the vectors ``v`` (N, 3): [v]x u = v x u."""
     out = np.zeros((*v.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
@@ -27,7 +27,7 @@ def _cross_matrix(v: Array) -> Array:
 
 
 def _tensor_rows(w: Array) -> Array:
-    """L(w) (N, 3, 6) with I w = L(w) [Ixx Ixy Iyy Ixz Iyz Izz]'."""
+    """The matrices L(w) (N, 3, 6) that make ``I w`` linear in the inertia: I w = L(w) [Ixx Ixy Iyy Ixz Iyz Izz]'."""
     out = np.zeros((len(w), 3, 6))
     for k, (r, c) in enumerate(_TENSOR_PLACES):
         out[:, r, k] += w[:, c]
@@ -38,7 +38,11 @@ def _tensor_rows(w: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Outward:
-    """Per link: frame in the one before it, twist and spatial acceleration (angular, linear) of its origin."""
+    """The outward pass, one entry per link, in the axes of the link frame at its origin.
+
+    ``R``, ``p``: pose in the frame of the link before. ``w``, ``v``: angular and linear velocity. ``wd``, ``vd``:
+    angular and linear part of the spatial acceleration.
+    """
 
     R: list[Array]
     p: list[Array]
@@ -96,19 +100,19 @@ class NewtonEuler:
         return np.asarray(self.link_frames(q)[:, self.chain.tip] @ self.chain.tool)
 
     def jacobian(self, q: Array) -> Array:
-        """J (N, 6, n) at the tip, base frame, linear rows first."""
+        """The Jacobian J (N, 6, n) of the tip in the base frame, linear rows first."""
         frames = self.link_frames(q)
         tip = (frames[:, self.chain.tip] @ self.chain.tool)[:, :3, 3]
         return self._point_jacobian(frames, self.chain.tip, tip)
 
     def link_jacobians(self, q: Array) -> Array:
-        """J_i (N, n, 6, n) at the origins of the link frames, base frame, linear rows first."""
+        """The Jacobians J_i (N, n, 6, n) of the origins of the link frames in the base frame, linear rows first."""
         frames = self.link_frames(q)
         each = [self._point_jacobian(frames, i, frames[:, i, :3, 3]) for i in range(self.chain.links)]
         return np.stack(each, axis=1)
 
     def _point_jacobian(self, frames: Array, link: int, point: Array) -> Array:
-        """J (N, 6, n) at a point (N, 3) of ``link``."""
+        """The Jacobian J (N, 6, n) of a point (N, 3) that is fixed to ``link``, in the base frame."""
         J = np.zeros((len(point), 6, self.chain.links))
         i = link
         while i >= 0:
@@ -120,7 +124,7 @@ class NewtonEuler:
         return np.asarray(J @ self.chain.coupling)
 
     def jacobian_dot_dq(self, q: Array, dq: Array) -> Array:
-        """dJ/dt dq (N, 6): acceleration of the tip when every ddq is zero."""
+        """The vector dJ/dt dq (N, 6): the acceleration of the tip in the base frame for ddq = 0, linear rows first."""
         out = self._outward(q, dq, np.zeros_like(dq), np.zeros(3))
         tip = self.chain.tip
         w, wd = out.w[tip], out.wd[tip]
@@ -154,7 +158,7 @@ class NewtonEuler:
         return out
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array, *, with_gravity: bool = True) -> Array:
-        """tau (N, n) of the rigid body with drive inertia."""
+        """The joint torques tau (N, n) of the links and the drive inertia, without friction."""
         gravity = self.chain.gravity if with_gravity else np.zeros(3)
         out = self._outward(q, dq, ddq, gravity)
         joints = np.zeros((len(q), self.chain.links))
@@ -176,7 +180,7 @@ class NewtonEuler:
         return np.asarray(ddq @ self.chain.drive_inertia + joints @ self.chain.coupling)
 
     def standard_regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Y (N, n, 10 links): rigid-body torque per standard parameter (without drive inertia)."""
+        """The regressor Y (N, n, 10 links): torque of the links, without drive inertia, per standard parameter."""
         out = self._outward(q, dq, ddq, self.chain.gravity)
         n = self.chain.links
         Y = np.zeros((len(q), n, 10 * n))
@@ -199,7 +203,7 @@ class NewtonEuler:
         return np.asarray(np.einsum("ik,nij->nkj", self.chain.coupling, Y))
 
     def mass_matrix(self, q: Array) -> Array:
-        """M (N, n, n), column k the torque of a unit acceleration of joint k at rest without gravity."""
+        """The mass matrix M (N, n, n); column k is the torque for unit acceleration of joint k at rest, no gravity."""
         still = np.zeros_like(q)
         units = np.eye(self.chain.n)
         columns = [self.inverse_dynamics(q, still, still + unit, with_gravity=False) for unit in units]

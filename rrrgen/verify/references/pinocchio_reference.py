@@ -1,4 +1,4 @@
-"""Pinocchio as a reference: RZ and PZ joints at the moving frames, bodies carried there."""
+"""Pinocchio as a reference: joints of its kinds RZ and PZ (about and along z), with one body per link."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from rrrgen.verify.references.reference import ReferenceUnavailableError
 
 
 class PinocchioReference:
-    """The tree of the rows as a ``pinocchio.Model``; where rows follow joints, its results are projected on q."""
+    """The robot as a ``pinocchio.Model``; where joints follow others, its results are converted to q.
+
+    ``phi`` (links, 10) are the standard parameters.
+    """
 
     def __init__(self, chain: Chain, phi: Array) -> None:
         try:
@@ -43,7 +46,10 @@ class PinocchioReference:
         self._drive_inertia = chain.drive_inertia
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """tau (n,) by ``rnea``; drive inertia is added here, as its meaning there differs between versions."""
+        """The joint torques tau (n,), computed by ``rnea``.
+
+        Drive inertia is added here, because its meaning in Pinocchio differs between versions.
+        """
         tau = self._pin.rnea(self._model, self._data, *(self._of_rows(x) for x in (q, dq, ddq)))
         return np.asarray(np.array(tau)[self._places] @ self._chain.coupling + self._drive_inertia @ ddq)
 
@@ -53,7 +59,7 @@ class PinocchioReference:
         return values
 
     def mass_matrix(self, q: Array) -> Array:
-        """M (n, n) by ``crba``, which fills only the upper triangle in some versions."""
+        """The mass matrix M (n, n), computed by ``crba``, which fills only the upper triangle in some versions."""
         upper = np.triu(self._pin.crba(self._model, self._data, self._of_rows(q)))
         M = (upper + np.triu(upper, 1).T)[np.ix_(self._places, self._places)]
         return np.asarray(self._chain.coupling.T @ M @ self._chain.coupling + self._drive_inertia)

@@ -13,15 +13,15 @@ class Reference(Protocol):
     name: str
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """tau (n,) with drive inertia."""
+        """The joint torques tau (n,), with drive inertia and without friction."""
         ...
 
     def mass_matrix(self, q: Array) -> Array:
-        """M (n, n) with drive inertia."""
+        """The mass matrix M (n, n), with drive inertia."""
         ...
 
     def forward_kinematics(self, q: Array) -> Array:
-        """The tip (4, 4) in the base frame."""
+        """The pose (4, 4) of the tip in the base frame."""
         ...
 
 

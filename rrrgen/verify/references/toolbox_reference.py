@@ -1,4 +1,4 @@
-"""The Robotics Toolbox for Python as a reference: the only one that reads DH rows itself."""
+"""The Robotics Toolbox for Python as a reference, the only one that takes Denavit-Hartenberg rows directly."""
 
 from __future__ import annotations
 

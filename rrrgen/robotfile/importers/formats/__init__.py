@@ -1,1 +1,1 @@
-"""The formats that can be imported: every module here has an ``IMPORTER``."""
+"""The formats that can be imported, one module each; the importer is the module's constant ``IMPORTER``."""

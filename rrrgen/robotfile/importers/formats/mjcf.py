@@ -1,8 +1,9 @@
 """MJCF, the XML of MuJoCo: the serial chain from a chosen body to a chosen body or site becomes a robot file.
 
-The pose of a body is ``pos`` and ``quat`` (or another rotation) in its parent; its joints turn about or shift along
-axes stated in the body itself, in their order. Angles are in degrees unless the compiler says otherwise. A body without
-``inertial`` has the inertia of its geoms; that of meshes is not known here, and said.
+The pose of a body is ``pos`` and ``quat`` (or another rotation) in its parent; its joints, in their order, rotate about
+or shift along axes that are given in the frame of the body. Angles are in degrees unless the element ``compiler`` says
+otherwise. A body without ``inertial`` has the inertia of its geoms; that of meshes cannot be computed here, which a
+warning says.
 """
 
 from __future__ import annotations

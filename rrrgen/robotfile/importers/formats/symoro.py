@@ -33,7 +33,9 @@ from rrrgen.yamltext.sections import shorten
 GEOMETRY = ("ant", "sigma", "b", "d", "r", "gamma", "alpha", "theta")
 INERTIA = ("XX", "YY", "ZZ", "XY", "XZ", "YZ")
 MOMENTS = ("MX", "MY", "MZ")
-MAX_FIXED = 3  # frames multiplied out, before the first joint and behind the last; the products grow fast
+MAX_FIXED = (
+    3  # most fixed frames before the first joint and after the last: products of more symbolic transforms are long
+)
 REVOLUTE, PRISMATIC, FIXED = 0, 1, 2
 FORCES = ("FX", "FY", "FZ", "CX", "CY", "CZ")
 BASE_MOTION = ("W0", "WP0", "V0", "VP0")
@@ -81,7 +83,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
 
 
 def _table(file: Assignments) -> dict[str, list[Entry]] | None:
-    """The geometric columns of one chain of frames; None and faults where they are not."""
+    """Read the geometric columns of the table; None and faults where they do not describe one chain of frames."""
     faults = file.faults
     count = len(file.items["sigma"][0].split(",")) if "sigma" in file.items else 0
     if not 1 <= count <= MAX_JOINTS:
@@ -213,7 +215,7 @@ def _drive(file: Assignments, j: int) -> DriveSpec | None:
 
 
 def _step(table: dict[str, list[Entry]], j: int) -> sp.Matrix:
-    """``Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r)`` of a fixed frame."""
+    """The transform of fixed frame ``j``: ``Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r)``."""
     gamma, b, alpha, d, theta, r = (table[k][j].expr for k in ("gamma", "b", "alpha", "d", "theta", "r"))
     return _screw_z(gamma, b) * _screw_x(alpha, d) * _screw_z(theta, r)
 
@@ -229,7 +231,7 @@ def _screw_x(angle: sp.Expr, length: sp.Expr) -> sp.Matrix:
 
 
 def _base(file: Assignments, table: dict[str, list[Entry]], first: int) -> sp.Matrix:
-    """The pose of the base: of frame 0, times fixed frames and gamma and b before the first joint."""
+    """The pose of the base: that of frame 0, times the fixed frames and the gamma and b of the first moving joint."""
     base = _pose_of_frame_0(file)
     for j in range(first):
         base = base * _step(table, j)
@@ -263,7 +265,7 @@ def _gravity(file: Assignments) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
 
 
 def _links(file: Assignments, count: int, first: int, last: int) -> tuple[LinkSpec, ...] | None:
-    """Links of the joints; None where no mass has a value."""
+    """Read the inertias of the links, one per moving joint (frames ``first`` to ``last``); None without masses."""
     table = {name: file.entries(name, count) for name in (*INERTIA, *MOMENTS, "M")}
     masses = [file.at_given_values(entry.expr) for entry in table["M"]]
     if "M" not in file.items:

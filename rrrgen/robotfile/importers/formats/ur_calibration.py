@@ -1,7 +1,8 @@
-"""Calibration of a Universal Robots arm: lists ``dh_theta``, ``dh_a``, ``dh_d``, ``dh_alpha`` of six, in YAML.
+"""Calibration file of a Universal Robots arm: YAML lists ``dh_theta``, ``dh_a``, ``dh_d``, ``dh_alpha``.
 
-Standard Denavit-Hartenberg parameters in rad and m, joint angles added to ``dh_theta``. Calibrated shoulder and elbow
-axes are nearly parallel, so that their common perpendicular, and with it ``d``, may lie hundreds of metres away.
+They are standard Denavit-Hartenberg parameters in rad and m; joint angles are added to ``dh_theta``. The calibrated
+axes of shoulder and elbow are nearly parallel, so their common perpendicular may lie hundreds of metres away, and
+``dh_d`` then has values of that size.
 """
 
 from __future__ import annotations

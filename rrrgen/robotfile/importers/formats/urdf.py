@@ -38,7 +38,7 @@ READ = {
     "inertial": ("origin", "mass", "inertia"),
     "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
 }
-"""The elements that are read, by their parent; every other one is named as left out."""
+"""The elements that are read, by the element that contains them; a warning names every other one as left out."""
 
 
 def _read(source: Source, faults: FaultList) -> Found | None:
@@ -206,12 +206,12 @@ def _limits(element: Element, word: str, values: Values) -> Limits:
 
 
 def _stated(limit: float | None) -> float | None:
-    """The limit, or None for a huge number, which files write for "no limit" where the format demands a value."""
+    """The limit, or None for a number above 1e9: files write that for "no limit", as the format demands a value."""
     return None if limit is None or abs(limit) >= NO_LIMIT else limit
 
 
 def _friction(element: Element, values: Values) -> FrictionSpec | None:
-    """Viscous and Coulomb friction; zeros, which exporters write for unknown values, are no part of the model."""
+    """Read viscous and Coulomb friction; zeros, which exporters write for unknown values, count as not stated."""
     dynamics = element.child("dynamics")
     viscous, coulomb = (values.float_or_none(dynamics, key) or None for key in ("damping", "friction"))
     return None if viscous is None and coulomb is None else FrictionSpec(viscous=viscous, coulomb=coulomb)
@@ -226,7 +226,7 @@ def _mimic(element: Element, values: Values) -> Mimic | None:
 
 
 def _gear_ratios(root: Element, values: Values) -> dict[str, float]:
-    """Joint name -> gear ratio of the transmissions from one motor to one joint; others cause a warning."""
+    """Read the gear ratios, by joint name, of transmissions from one motor to one joint; others cause a warning."""
     gears: dict[str, float] = {}
     for transmission in root.all("transmission"):
         reductions = [e for e in transmission.walk() if e.tag == "mechanicalReduction"]

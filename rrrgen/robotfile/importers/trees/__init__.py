@@ -1,1 +1,1 @@
-"""Trees of rigid bodies, as URDF and MJCF describe them, to one serial chain with Denavit-Hartenberg rows."""
+"""Conversion of trees of rigid bodies, as in URDF and MJCF, to one serial chain of Denavit-Hartenberg rows."""

@@ -6,8 +6,9 @@ axes intersect, the perpendicular is their vector product; where they are parall
 where they coincide, x is kept. Of its two directions the one with theta in (-90, 90] degrees is taken, so that a may be
 negative.
 
-Every row starts from the frame that the rows before it give, with the angles that were taken as exact: what such an
-angle changes is not carried on from row to row, and the tool ends at the tip up to the last of them.
+Every row starts from the frame that the rows before it give. Where an angle was replaced by an exact one, the following
+rows are computed from the changed frame, so that errors do not add up from row to row; only the change of the last row
+moves the tip.
 """
 
 from __future__ import annotations
@@ -42,7 +43,10 @@ _Z = vector((0, 0, 1))
 
 @dataclass
 class Row:
-    """One joint: turn ``theta`` and shift ``d`` at q = 0 about z, then ``a`` along and ``alpha`` about the new x."""
+    """One row of the table at q = 0: ``theta`` about and ``d`` along z, then ``a`` along and ``alpha`` about the new x.
+
+    Angles are in rad, lengths in m.
+    """
 
     theta: Any = 0
     d: Any = 0
@@ -128,9 +132,9 @@ class _Walk:
         return (-x if backwards else x), height
 
     def _to_tip(self, convention: Convention) -> None:
-        """Complete the last row by the rotation and shift about the last axis that lead to the tip; set the tool.
+        """Complete the last row so that the rotation about and shift along the last axis lead to the tip; set the tool.
 
-        The tool is what then remains between the last link frame and the tip.
+        The tool is the transform that then remains between the last link frame and the tip.
         """
         rest = inverse(self.frame) @ self.chain.tip_pose
         row = self.rows[-1]
@@ -163,7 +167,11 @@ def _first_frame(chain: SerialChain) -> tuple[Array, Any]:
 
 
 def _across(z: Array, candidates: Sequence[Array]) -> Array:
-    """A unit vector perpendicular to ``z``: the first perpendicular candidate, else the nearest one made so."""
+    """Choose a unit vector perpendicular to ``z``.
+
+    It is the first perpendicular one of the ``candidates``; if there is none, the candidate nearest to perpendicular is
+    projected on the plane normal to ``z``.
+    """
     for x in candidates:
         if abs(sum(x * z)) <= EQUAL:
             return x

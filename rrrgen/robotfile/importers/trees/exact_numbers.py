@@ -1,4 +1,4 @@
-"""Numbers of 60 digits: decimals as they are written, angles meant as multiples of 15 degrees, and back to exact ones.
+"""Arithmetic with 60 digits for imported geometry, and conversion of the results to exact numbers.
 
 Geometry is computed with 60 digits, so that a rounded value at the end is as exact as the decimals of the file, and
 what is equal in the file is equal to 1e-40 after any number of transforms.
@@ -22,9 +22,9 @@ HIGH.dps = 60
 
 EQUAL = HIGH.mpf(10) ** -40
 STEPS = 12  # an exact angle is a multiple of pi / STEPS, 15 degrees
-SHORT = 15  # digits behind the point of a number that counts as written so
-LONG = 25  # digits behind the point of any other
-NOISE = HIGH.mpf(10) ** -12  # m, rad; what exporters add to a short decimal by computing with doubles
+SHORT = 15  # most decimals of a number that is taken as exact
+LONG = 25  # decimals to which any other number is rounded
+NOISE = HIGH.mpf(10) ** -12  # m, rad; rounding errors of exporters that compute with doubles are smaller
 
 
 def number(value: Any) -> Any:
@@ -96,7 +96,7 @@ def exact_multiple(angle: Any, tolerance: Any) -> Any:
 
 
 def exact_angle(angle: Any) -> sp.Expr:
-    """``angle`` as a multiple of pi, as a short decimal, or rounded to 25 digits behind the point."""
+    """Convert ``angle`` (rad) to a multiple of pi or a short decimal if it is one; otherwise round to 25 decimals."""
     steps = int(HIGH.nint(angle * STEPS / HIGH.pi))
     if abs(angle - steps * HIGH.pi / STEPS) <= EQUAL:
         return sp.Rational(steps, STEPS) * sp.pi
@@ -104,7 +104,7 @@ def exact_angle(angle: Any) -> sp.Expr:
 
 
 def exact_length(length: Any) -> sp.Expr:
-    """``length`` as a short decimal, if need be times sqrt(2), sqrt(3) or sqrt(6); else rounded to 25 digits."""
+    """Convert ``length`` to a short decimal, or one times sqrt(2), sqrt(3) or sqrt(6); else round to 25 decimals."""
     for root in (1, 2, 3, 6):
         short = _rounded(length / HIGH.sqrt(root), SHORT)
         if abs(number(short) * HIGH.sqrt(root) - length) <= EQUAL:
@@ -113,7 +113,7 @@ def exact_length(length: Any) -> sp.Expr:
 
 
 def decimal(value: Any) -> sp.Rational:
-    """``value`` as a short decimal if it is one, otherwise rounded to 25 digits behind the point."""
+    """Convert ``value`` to an exact rational: a short decimal if it is one, otherwise rounded to 25 decimals."""
     short = _rounded(value, SHORT)
     return short if abs(number(short) - value) <= EQUAL else _rounded(value, LONG)
 
@@ -123,7 +123,7 @@ def _rounded(value: Any, digits: int) -> sp.Rational:
 
 
 def without_noise(value: Any) -> Any:
-    """Remove round-off from a number of a file: ``value`` with nine decimals if that changes it by at most 1e-12.
+    """Remove rounding errors from a number of a file: round to nine decimals if that changes it by at most 1e-12.
 
     Otherwise ``value`` is returned as it is.
     """
@@ -132,5 +132,5 @@ def without_noise(value: Any) -> Any:
 
 
 def exact_rotation(R: Array) -> tuple[sp.Expr, ...]:
-    """The nine entries, row by row; 0, 1/2, sqrt(2)/2, ... where they are such numbers."""
+    """Convert a rotation matrix to nine exact entries, row by row; 0, 1/2, sqrt(2)/2, ... where they equal those."""
     return tuple(exact_length(entry) for entry in R.ravel())

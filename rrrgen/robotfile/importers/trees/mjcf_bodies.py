@@ -1,4 +1,4 @@
-"""Inertia of a body of an MJCF: its ``inertial``, or that of its geoms."""
+"""Inertia of a body of an MJCF: the one stated in its element ``inertial``, or that of its shapes (geoms)."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Settings:
                 values.faults.error(compiler.place_of(name), f"{name} is '{value}'", hint)
 
     def _read_class(self, element: Element, parent: str | None) -> None:
-        """The attributes of a class by tag, those of the class around it included."""
+        """Record the default attributes of a class, by tag of the element, including those of the class around it."""
         name = element.attributes.get("class", "main")
         known = {tag: dict(entries) for tag, entries in self.defaults.get(parent or "main", {}).items()}
         for child in element.children:
@@ -104,7 +104,10 @@ def _rotation(element: Element, settings: Settings, values: Values) -> Array:
 
 
 def _euler(angles: list[Any], sequence: str) -> Array:
-    """Turns about moving axes (lower case) or fixed ones (upper case), one after the other."""
+    """The rotation (3, 3) of three Euler ``angles`` (rad) about the axes named in ``sequence``.
+
+    Lower-case letters are axes of the moving frame, upper-case ones fixed axes.
+    """
     R = identity(3)
     for letter, angle in zip(sequence, angles, strict=False):
         turn = rotation([int(letter.lower() == axis) for axis in "xyz"], angle)
@@ -113,7 +116,10 @@ def _euler(angles: list[Any], sequence: str) -> Array:
 
 
 def _of_quaternion(element: Element, numbers: list[Any], values: Values) -> Array:
-    """The rotation of (w, x, y, z), normalised; exact where angle and axis are meant to be."""
+    """The rotation (3, 3) of a quaternion (w, x, y, z), which is normalized first.
+
+    Angle and axis are exact where they are close to a multiple of 15 degrees and to a principal axis.
+    """
     v = vector(numbers[1:])
     length = norm(v)
     if length <= EQUAL:

@@ -30,10 +30,10 @@ class ChainJoint:
 
 @dataclass(frozen=True)
 class SerialChain:
-    """Joints from base to tip, the link behind each of them at zero in the base frame, and the tip (4, 4).
+    """A serial chain at its zero position, in the base frame: its joints, their links, and the pose of the tip.
 
-    A link is None where no body of it states an inertia. ``held`` are the joints beside the chain, with the value at
-    which they are held. ``gravity`` (3,) is in the base frame.
+    ``links`` are the inertias that the joints carry; None where no body of a link states one. ``tip_pose`` has shape
+    (4, 4), ``gravity`` (3,). ``held`` are the joints outside the chain, with the value at which they are held.
     """
 
     base: str
@@ -82,7 +82,10 @@ def serial_chain(tree: Tree, ends: Ends, faults: FaultList) -> SerialChain | Non
 
 
 def _beside(tree: Tree, held: Mapping[str, Any], on_chain: set[str], faults: FaultList) -> dict[str, Any]:
-    """Joint name -> value of every moving joint off the chain: as held, as the joint it follows, or zero."""
+    """Values (rad, m), by name, of the moving joints outside the chain.
+
+    A joint has the value at which the user holds it, the value that follows from the joint that it mimics, or zero.
+    """
     joints = {joint.name: joint for joint in tree.joints if joint.moves}
 
     def value(joint: TreeJoint, depth: int) -> Any:

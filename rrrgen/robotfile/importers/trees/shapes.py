@@ -9,7 +9,8 @@ from rrrgen.robotfile.importers.trees.exact_numbers import HIGH, identity, numbe
 from rrrgen.robotfile.importers.trees.tree import Inertia
 
 SIZES = {"sphere": 1, "ellipsoid": 3, "box": 3, "cylinder": 2, "capsule": 2}
-"""Number of sizes (m) of each shape: radius; semi-axes; half edges; radius and half length along z, twice."""
+"""Number of sizes (m) that describe each shape: radius of a sphere; semi-axes of an ellipsoid; half edges of a box;
+radius and half length along z of a cylinder and of a capsule."""
 
 
 def volume(shape: str, size: Sequence[Any]) -> Any:
@@ -29,7 +30,7 @@ def _ball(radius: Any) -> Any:
 
 
 def inertia(shape: str, size: Sequence[Any], mass: Any) -> Inertia:
-    """The body of ``mass`` (kg) that fills the shape evenly."""
+    """The inertia of a homogeneous body of ``mass`` (kg) that fills the shape of the given ``size`` (m)."""
     if shape == "cylinder":
         across, along = mass * (3 * size[0] ** 2 + 4 * size[1] ** 2) / 12, mass * size[0] ** 2 / 2
     elif shape == "capsule":

@@ -15,7 +15,7 @@ MOVING = ("revolute", "prismatic")
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass, centre of mass (3,) and inertia tensor (3, 3) about it; position and axes in the frame of the owner."""
+    """Mass (kg), centre of mass (3,) in m and inertia tensor (3, 3) about it in kg m^2, in the frame of the body."""
 
     mass: Any
     com: Array
@@ -94,7 +94,10 @@ class TreeJoint:
 
 @dataclass(frozen=True)
 class Shaft:
-    """A motor that turns by ``sum_j weights[j] q_j``, with what is stated at it; a fixed tendon of an MJCF."""
+    """A motor whose angle is ``sum_j weights[j] q_j``, with its inertia, friction and torque limit.
+
+    In an MJCF it is a fixed tendon with its actuator.
+    """
 
     name: str
     weights: Mapping[str, Any]

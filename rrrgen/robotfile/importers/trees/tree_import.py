@@ -1,4 +1,4 @@
-"""A tree of bodies to a robot file: Denavit-Hartenberg rows, links in their link frames, limits, friction, drives."""
+"""Conversion of a tree of bodies to a robot description: rows, links in their link frames, friction, drives."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rrrgen.yamltext.document import FaultList
 
 
 def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultList) -> Found | None:
-    """The robot file of the chain that ``source`` chooses in ``tree``; None and faults where there is none.
+    """Convert the chain that ``source`` chooses in ``tree`` to a robot; None and faults where there is no such chain.
 
     ``rounded`` are the changes (rad) that reading the file has made to angles.
     """
@@ -152,6 +152,6 @@ def link_in_frame(inertia: Inertia | None, frame: Array) -> LinkSpec:
 
 
 def fixed_transform(T: Array) -> FixedTransform:
-    """A rigid transform (4, 4) with exact entries, or decimals of 25 digits."""
+    """Convert a rigid transform (4, 4) to exact entries; others than simple numbers are rounded to 25 decimals."""
     x, y, z = (exact_length(value) for value in T[:3, 3])
     return FixedTransform(exact_rotation(T[:3, :3]), (x, y, z))

@@ -1,4 +1,7 @@
-"""XML text -> elements that know their line and column, within bounds; entities and document types are refused."""
+"""Parser of XML text into elements with their line and column, with bounds on size and depth.
+
+Entities and document types are refused.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ class Element:
     places: dict[str, Place] = field(default_factory=dict)
 
     def place_of(self, attribute: str) -> Place:
-        """Where the value of an attribute begins; the element itself if it has no such attribute."""
+        """The place where the value of an attribute begins; that of the element if it has no such attribute."""
         return self.places.get(attribute, self.place)
 
     def child(self, tag: str) -> Element | None:
@@ -111,7 +114,7 @@ class _Reader:
         self.stack.append(element)
 
     def _places(self, start: int, names: list[str]) -> dict[str, Place]:
-        """Where the values of the attributes of the tag at ``start`` begin."""
+        """The places where the values of the attributes ``names`` of the tag at offset ``start`` begin."""
         end, places = start, {}
         for name in names:
             found = re.compile(rb"\s" + re.escape(name.encode()) + rb"\s*=\s*[\"']").search(self.data, end)

@@ -1,4 +1,4 @@
-"""Numbers in the attributes of XML elements; every fault has its place."""
+"""Reader of numbers in the attributes of XML elements; every fault is reported with its place."""
 
 from __future__ import annotations
 
@@ -57,14 +57,14 @@ class Values:
         return self.numbers(element, name, 3, default) or [number(0)] * 3
 
     def angle(self, angle: Any) -> Any:
-        """An angle (rad), exact where a multiple of 15 degrees was meant."""
+        """Replace an angle (rad) that is close to a multiple of 15 degrees by that multiple."""
         exact = exact_multiple(angle, self.tolerance)
         if abs(exact - angle) > EQUAL:
             self.rounded.append(abs(exact - angle))
         return exact
 
     def direction(self, element: Element, name: str, values: list[Any]) -> Array:
-        """A unit vector, exact where an axis of the frame, or the line halfway between two of them, was meant."""
+        """Normalize the vector ``values``; one close to an axis of the frame, or halfway between two, becomes exact."""
         v = vector(values)
         length = norm(v)
         if length <= EQUAL:
@@ -78,7 +78,7 @@ class Values:
         return exact
 
     def _exact_direction(self, v: Array) -> Array:
-        """A multiple of 15 degrees in one of the three planes of the axes; ``v`` itself if there is none."""
+        """Replace ``v`` by a direction at a multiple of 15 degrees in a coordinate plane, if one is close to it."""
         for k in range(3):
             i, j = (k + 1) % 3, (k + 2) % 3
             if abs(v[k]) <= self.tolerance:
