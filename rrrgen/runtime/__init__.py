@@ -1,1 +1,1 @@
-"""Building emitted C, loading it through cffi, and calling it with checked NumPy arrays."""
+"""Builds the emitted C, loads it through cffi, and calls it with checked NumPy arrays."""

@@ -1,4 +1,4 @@
-"""Arguments of calls: dense arrays of the right shape, parameters given or nominal, or a clear error."""
+"""Checks the arguments of calls, converts them to dense arrays, and chooses between given and nominal parameters."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Batch = tuple[int, ...]
 def prepare(
     function: str, ports: Sequence[Port], values: Sequence[Any], dtype: np.dtype[Any]
 ) -> tuple[Batch, list[Array]]:
-    """The batch shape of a call of ``function`` and its arguments as dense, aligned arrays of ``dtype``.
+    """Convert the ``values`` of a call of ``function`` to dense, aligned arrays of ``dtype``, and find its batch shape.
 
-    Every value has the shape of its port, with any leading dimensions, which are broadcast against each other. An array
-    without leading dimensions is not repeated: it serves all states. Raises TypeError for complex, boolean, text,
-    object or masked arrays, ValueError for wrong shapes.
+    There is one value per input port. It has the shape of its port, with any leading (batch) dimensions, which are
+    broadcast against each other; a value without leading dimensions is not copied for every state. Raises TypeError for
+    complex, boolean, text, object or masked arrays, ValueError for wrong shapes.
     """
     arrays: list[Array] = []
     batches: list[Batch] = []
@@ -60,7 +60,10 @@ def _real(function: str, port: Port, value: Any, dtype: np.dtype[Any]) -> Array:
 
 
 def _common(function: str, ports: Sequence[Port], batches: Sequence[Batch]) -> Batch:
-    """The common leading dimensions. All equal or absent is the usual case, decided without the cost of NumPy."""
+    """Common leading dimensions of all arguments; raises ValueError if they cannot be broadcast.
+
+    The usual case, all equal or absent, is decided without calling NumPy, which costs time.
+    """
     longest: Batch = ()
     for batch in batches:
         if len(batch) > len(longest):
@@ -91,12 +94,12 @@ def choose(
     name: str,
     given: Mapping[Role, tuple[Any, Array | None]],
 ) -> tuple[str, dict[str, Any]]:
-    """The program that evaluates function ``name``, and its parameters by the name of their port.
+    """Choose the program that evaluates the function ``name``; returns its name and its parameters by port name.
 
-    ``specializations`` maps functions to the names of their nominal specializations.
-    ``given`` holds, by role, what the caller gave (None for nothing) and the nominal values of the robot file (None
-    where it has none). Where nothing is given, the nominal specialization is taken if there is one. Raises ValueError
-    for parameters that are missing, or that the function does not take.
+    ``specializations`` maps a function to its nominal specialization, the program into which the parameters of the
+    robot file are folded. ``given`` holds for each role (such as base parameters) the value from the caller and that of
+    the robot file, either possibly None. If the caller gives no parameters, the nominal specialization is chosen, if
+    there is one. Raises ValueError for parameters that are missing, or that the function does not take.
     """
     if name in specializations and all(value is None for value, _ in given.values()):
         return specializations[name], {}
@@ -118,7 +121,10 @@ def _given(what: str, value: Any, nominal: Array | None, function: str) -> Any:
 
 
 def checked(program: Program, result: Any, status: Any, with_status: bool) -> Any:
-    """``result`` where no state failed, else numpy.linalg.LinAlgError; ``(result, status)`` if ``with_status``."""
+    """Return ``result``, or raise numpy.linalg.LinAlgError if the ``status`` of any state is not 0.
+
+    With ``with_status``, ``(result, status)`` is returned instead and nothing is raised.
+    """
     status = np.asarray(status).astype(np.intc, copy=False)
     if with_status:
         return result, status
@@ -130,11 +136,14 @@ def checked(program: Program, result: Any, status: Any, with_status: bool) -> An
 
 
 def nominal_values(values: Any) -> Array | None:
-    """``values`` as a read-only array of floats, or None: the nominal functions would not see a change."""
+    """Convert nominal ``values`` to a read-only array of floats; None stays None.
+
+    It is read-only because the values are folded into compiled code, which would not see a change.
+    """
     return None if values is None else read_only(np.array([float(value) for value in values]))
 
 
 def read_only(array: Array) -> Array:
-    """``array``, made read-only."""
+    """Make ``array`` read-only in place and return it."""
     array.setflags(write=False)
     return array

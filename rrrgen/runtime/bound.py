@@ -1,4 +1,4 @@
-"""Calls for control loops: buffers are allocated once, and a call checks and allocates nothing."""
+"""Fast calls for control loops: buffers are allocated once, and a call neither checks nor allocates anything."""
 
 from __future__ import annotations
 

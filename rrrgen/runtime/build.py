@@ -1,4 +1,4 @@
-"""Compiling C sources into an extension module with cffi (API mode), cached by content, safe for parallel builds."""
+"""Compiles C sources into an extension module with cffi (API mode), cached by content, safe for parallel builds."""
 
 from __future__ import annotations
 

@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 def recall(
     spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel], groups: Sequence[str] = ("model",)
 ) -> DerivedModel:
-    """``derive(spec)``, or its cached result from an earlier run of the same compiler on the same robot and ``groups``.
+    """Return the derived model of a robot from the cache, or derive it by ``derive(spec)`` and store it there.
 
-    The cache holds all fields except ``spec``, which the caller has.
+    A cached model is used if ``identity`` (the content of the robot file), ``groups`` (of functions), and the version
+    of rrrgen agree. The cache holds all fields except ``spec``, which is taken from the caller.
     """
     name = f"{spec.name}-{digest(identity.model_hash, *groups, _compiler_hash())[:24]}.derived"
     found = _load(name)

@@ -134,7 +134,7 @@ def _plain_expression(expression: sp.Basic) -> Any:
 
 
 def _assumed(symbol: sp.Symbol) -> dict[str, bool]:
-    """The assumptions with which a symbol was created, such as real."""
+    """Assumptions with which a SymPy symbol was created, such as ``{"real": True}``."""
     return {name: bool(value) for name, value in symbol._assumptions_orig.items() if value is not None}
 
 

@@ -1,4 +1,4 @@
-"""The engines that evaluate programs: compiled C, and the reference evaluation with NumPy."""
+"""The engines that evaluate the functions of a robot: compiled C, or NumPy as a reference without a compiler."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ SMALLEST_SHARE = 2048
 
 
 class Engine(Protocol):
-    """Evaluates the programs of one robot in ``dtype``; up to ``threads`` threads share one batch."""
+    """Interface of an engine, which evaluates the functions ("programs") of one robot.
+
+    ``name`` is "c" or "numpy", ``dtype`` the type of all numbers; up to ``threads`` threads share one batch of states.
+    """
 
     name: ClassVar[EngineName]
     dtype: np.dtype[Any]
@@ -40,13 +43,14 @@ class Engine(Protocol):
         ...
 
     def prepare(self) -> None:
-        """Build what first calls would build one by one; for callers of most functions."""
+        """Build at once everything that first calls would build one by one; saves time if most functions are called."""
         ...
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
-        """A function without arguments that reads ``inputs`` and writes ``outputs``; it returns the status or None.
+        """Bind the program ``name`` to arrays; returns a function without arguments that evaluates it for one state.
 
-        The arrays hold one state and are dense, of the engine's ``dtype``, and not checked again.
+        That function reads ``inputs`` and writes ``outputs``; it returns the status, or None if the program cannot
+        fail. The arrays must be dense and of the engine's ``dtype``; they are not checked.
         """
         ...
 
@@ -68,7 +72,7 @@ class NumpyEngine:
         return evaluate(program, *arrays)
 
     def prepare(self) -> None:
-        """Nothing: programs are evaluated as they are."""
+        """Do nothing: NumPy evaluates programs without building anything."""
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
         """A function that evaluates the program for the state in ``inputs`` and copies the results to ``outputs``."""
@@ -86,13 +90,13 @@ class NumpyEngine:
 
 
 class CompiledEngine:
-    """Emitted C called through cffi.
+    """Engine that calls the emitted C through cffi.
 
-    ``functions`` are C functions for one state by program name. ``build_more()`` builds those that are missing there,
-    which take as long to compile and are called less often; it is called when one of them is needed.
-    ``build_loops(names)`` builds the vectorized loops over states of these programs. A loop is built alone at the first
-    batch of its function, since the loops of a whole robot take longer to compile than all the rest, or with all others
-    by :meth:`prepare`. cffi releases the global interpreter lock during a call, so threads run in parallel.
+    ``functions`` maps program names to C functions for one state. ``build_more()`` compiles the functions that are
+    missing there when one of them is first needed: they are rarely called and take long to compile.
+    ``build_loops(names)`` compiles the vectorized loops over states of some programs. A loop is built alone at the
+    first batch of its function, because all loops of a robot take longer to compile than everything else;
+    :meth:`prepare` builds all. cffi releases the global interpreter lock during a call, so threads run in parallel.
     """
 
     name: ClassVar[EngineName] = "c"
@@ -124,13 +128,13 @@ class CompiledEngine:
             self._loops |= self._build_loops(missing)
 
     def _function(self, name: str) -> Any:
-        """The C function for one state."""
+        """The C function that evaluates the program ``name`` for one state, compiled if needed."""
         if name not in self._functions:
             self._functions |= self._build_more()
         return self._functions[name]
 
     def _loop(self, name: str) -> Any:
-        """The loop over states of one function."""
+        """The C function that evaluates the program ``name`` for a batch of states, compiled if needed."""
         if name not in self._loops:
             self._loops |= self._build_loops([name])
         return self._loops[name]
@@ -140,13 +144,13 @@ class CompiledEngine:
         return self._calls[name](values, self.threads)
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
-        """The C function with the pointers of the arrays bound to its parameters."""
+        """Bind the C function ``name`` to the memory of the arrays; returns a function without arguments."""
         pointers = [self._ffi.from_buffer(self._pointer, array) for array in (*inputs, *outputs)]
         return functools.partial(self._function(name), *pointers)
 
 
 class CompiledCall:
-    """One C function and its loop over states; whatever does not depend on the arguments is precomputed."""
+    """A callable for one C function and its loop over states; all that does not depend on arguments is precomputed."""
 
     def __init__(
         self,
@@ -225,9 +229,9 @@ class CompiledCall:
             outputs[self._status][...] = status
 
     def _dense(self, values: Sequence[Any]) -> int | None:
-        """Recognizes the usual calls, whose arrays need no conversion, copy or broadcast.
+        """Number of states of a call whose arrays need no conversion, copy or broadcast; 0 for one state without batch.
 
-        Returns 0 for one state, the number of states for a one-dimensional batch, None for everything else.
+        None for every other call, which must be prepared first.
         """
         first = values[0]
         if type(first) is not np.ndarray:

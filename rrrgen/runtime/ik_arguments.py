@@ -14,7 +14,10 @@ SORTS = ("branch", "nearest")
 
 
 def options(limits: Any, sort: Any = "branch", residual: Any = False) -> int:
-    """The option bits. Raises TypeError unless the flags are booleans, ValueError for an unknown order."""
+    """Option bits of a call of the C code, from its keyword arguments.
+
+    Raises TypeError unless ``limits`` and ``residual`` are booleans, ValueError for an unknown order ``sort``.
+    """
     if not isinstance(sort, str) or sort not in SORTS:
         raise ValueError(f"sort must be {' or '.join(map(repr, SORTS))}, not {sort!r}")
     bits = LIMITS * flag("limits", limits) + RESIDUAL * flag("residual", residual)

@@ -1,4 +1,4 @@
-"""The Python interface of the inverse kinematics: C or the record evaluated, checked arguments, NumPy arrays."""
+"""The Python interface of the inverse kinematics: checks arguments, calls C or its evaluation, returns arrays."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class _Compiled:
 
 
 class _Evaluated:
-    """The recorded solver evaluated in Python: slow, but without a compiler."""
+    """Inverse-kinematics engine that evaluates the solver in Python: slow, but without a compiler."""
 
     def __init__(self, plan: SolverPlan, rows: int) -> None:
         self._n, self._rows = plan.n, rows
@@ -147,7 +147,7 @@ class InverseKinematics:
         redundancy: float | None = None,
         residual: bool = False,
     ) -> IKResult:
-        """All configurations that bring the tip to one target.
+        """Find all configurations that bring the tip to one target.
 
         Args:
             target: pose of the tip in the base frame, (4, 4), or its position, (3,), m, for solvers of positions.
@@ -172,7 +172,7 @@ class InverseKinematics:
     def closest(
         self, target: ArrayLike, q_ref: ArrayLike | None = None, *, limits: bool = True, redundancy: float | None = None
     ) -> IKResult:
-        """The configuration with the smallest least-squares error to a target, even one that is out of reach.
+        """Find the configuration with the smallest least-squares error to a target, even if that is out of reach.
 
         Args:
             target: pose of the tip in the base frame, (4, 4), or its position, (3,), m, for solvers of positions.
@@ -195,7 +195,7 @@ class InverseKinematics:
         sort: Literal["branch", "nearest"] = "branch",
         redundancy: ArrayLike | None = None,
     ) -> IKBatch:
-        """All configurations for each of many targets, in one call of the C code.
+        """Find all configurations for each of many targets, in one call of the C code.
 
         Args:
             targets: poses of the tip in the base frame, (..., 4, 4), or positions, (..., 3), m.

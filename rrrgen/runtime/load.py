@@ -1,4 +1,4 @@
-"""From a derived model to a callable one: emit the C code, build it, load it."""
+"""Turns a derived model into a callable one: emits the C code, builds it and loads it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def load_model(
     closed_form: Callable[[str], ClosedForm] | None = None,
     compiled: Callable[..., Model] | None = None,
 ) -> Model:
-    """A callable model of ``derived``.
+    """Build a callable model from the ``derived`` model of a robot; ``identity`` names it in the cache.
 
     ``backend`` is "c", or "numpy", which needs no compiler; ``real`` is the floating-point type of the C code.
     ``closed_form`` returns the closed form of a function by name; ``compiled`` compiles other models with the same
@@ -69,7 +69,7 @@ def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> Compiled
 def _functions(
     programs: Mapping[str, Program], sources: Mapping[str, str], dialect: Dialect
 ) -> tuple[Any, dict[str, Any]]:
-    """The functions of ``programs``, which ``sources`` define, by name, and cffi's interface to them."""
+    """Compile the C ``sources`` of ``programs``; returns cffi's interface and the C functions by program name."""
     from rrrgen.backends.c.batches.loops import declarations
     from rrrgen.backends.c.signature import function_name
     from rrrgen.runtime.build import build_extension
@@ -80,7 +80,7 @@ def _functions(
 
 
 def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:
-    """The loops over states of ``programs``, built as an extension of their own."""
+    """Compile the loops over states of ``programs`` as a separate extension; returns them by program name."""
     from rrrgen.backends.c.batches.loops import loop_declarations, loop_files, loop_name
     from rrrgen.runtime.build import build_extension
     from rrrgen.runtime.compiler import CONTRACT, NATIVE, find_compiler

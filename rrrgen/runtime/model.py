@@ -120,7 +120,7 @@ class Model(
         return "".join("R" if joint.is_revolute else "P" for joint in self.spec.joints)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle and copy by the description of the robot, since compiled code belongs to one process."""
+        """Pickle and copy the model by the description of its robot; the receiving process compiles it again."""
         return self._compiler(), (self.spec,), {"threads": self.threads}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

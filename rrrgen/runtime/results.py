@@ -1,4 +1,4 @@
-"""What functions with several results return: named tuples, and the solutions of the inverse kinematics."""
+"""Result types of model functions with several results: named tuples, and the solutions of the inverse kinematics."""
 
 from __future__ import annotations
 

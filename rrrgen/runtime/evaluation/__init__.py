@@ -1,1 +1,5 @@
-"""The recorded solver evaluated in Python's floats: the reference of the emitted C, for machines without a compiler."""
+"""Evaluates an inverse kinematics solver in Python: the reference for the emitted C, and used without a compiler.
+
+The solver was recorded as a sequence of operations with choices between roots ("the record"); C is printed from the
+same record.
+"""

@@ -1,4 +1,7 @@
-"""The candidates of every branch: a record interpreted in floats, one path through its choices after the other."""
+"""Candidate solutions of every branch of the inverse kinematics: the recorded solver is run in floats.
+
+Each run follows one path, which takes one root at every choice between several; all paths are run in turn.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,11 @@ VIRTUAL_END = 100
 
 @dataclass
 class Row:
-    """A candidate solution, later a solution of the answer; ``residual`` is squared, negative while it is unknown."""
+    """A candidate solution of the inverse kinematics.
+
+    ``q`` are the joint positions, rad or m, ``flags`` a sum of flag bits, ``branch`` the number of the branch, and
+    ``residual`` the squared task error, negative while it is unknown.
+    """
 
     q: list[float]
     flags: int
@@ -45,7 +52,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Query:
-    """A checked target (16 numbers row-major, or 3), the reference, and the redundancy parameter."""
+    """Input of the solver: checked target ``T``, reference configuration, and the redundancy parameter ``given``.
+
+    ``T`` is a pose (16 numbers, row-major) or a position (3 numbers, m).
+    """
 
     T: Sequence[float]
     reference: Sequence[float]
@@ -57,7 +67,10 @@ class _NoRootError(Exception):
 
 
 def candidates(plan: SolverPlan, query: Query, settings: Settings) -> tuple[list[Row], int]:
-    """All candidates in the order of the branches, and the innermost choice (from 1) that had no real root."""
+    """All candidate solutions in the order of the branches, and the latest choice (from 1) that had no real root.
+
+    The latter tells which equation makes a target unreachable; 0 if every choice had a root.
+    """
     rows: list[Row] = []
     script: list[int] = []
     stage = 0
@@ -69,7 +82,7 @@ def candidates(plan: SolverPlan, query: Query, settings: Settings) -> tuple[list
         except _NoRootError:
             stage = max(stage, path.choices + 1)
         except (ZeroDivisionError, OverflowError):
-            pass  # no number comes out: in C such a row holds a NaN and is dropped
+            pass  # a domain error or overflow: in C such a candidate holds a NaN and is dropped
         script = path.script[: len(path.counts)]
         while script and script[-1] + 1 >= path.counts[len(script) - 1]:
             script.pop()
@@ -80,7 +93,7 @@ def candidates(plan: SolverPlan, query: Query, settings: Settings) -> tuple[list
 
 
 class _Path:
-    """Interprets a record along one path; ``script`` says which root is taken at each choice."""
+    """Runs the recorded solver of ``plan`` along one path; ``script`` holds the index of the root for each choice."""
 
     def __init__(self, plan: SolverPlan, query: Query, settings: Settings, script: list[int]) -> None:
         self._plan, self._query, self._settings, self.script = plan, query, settings, script
@@ -120,7 +133,7 @@ class _Path:
         return x
 
     def names(self, hint: str, v: Vector) -> Vector:
-        """``v`` itself."""
+        """Return ``v`` unchanged: numbers need no name, unlike recorded expressions."""
         return v
 
     def sqrt(self, x: S) -> S:
@@ -141,7 +154,7 @@ class _Path:
         return self.script[k]
 
     def pair(self, joint: Joint, A: S, B: S, C: S, *, label: Label, unit: float, radicand: S | None = None) -> Turn:
-        """Both angles with ``A cos(x) + B sin(x) = C``."""
+        """Choice between both angles x with ``A cos(x) + B sin(x) = C``; returns cosine and sine of the one taken."""
         if joint.index in self._plan.equations.fixed_pairs:
             h = hypot(A, B)
             k = C / h
@@ -158,20 +171,20 @@ class _Path:
         return turn
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
-        """Both square roots of ``radicand``."""
+        """Choice between both square roots of ``radicand``; returns the one taken."""
         found = root(float(radicand), float(size) + SIZE_OF_NOTHING * unit * unit, self._settings)
         self._flags |= found.flags
         return found.values[0] * (1, -1)[self._choose(found.count)] * label.positive
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
-        """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
+        """Choice between up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``."""
         angles, numbers = quartic([float(x) for x in k], self._settings)
         x = angles[self._choose(len(angles), numbers)]
         self._user(joint, x)
         return Turn(cos(x), sin(x))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
-        """Up to four displacements with ``k0 + k1 x + k2 x^2 + ... = 0``."""
+        """Choice between up to four displacements x with ``k0 + k1 x + k2 x^2 + ... = 0``."""
         numbers_k = [float(x) for x in k]
         if len(k) == 3:
             roots, numbers, flags = quadratic(numbers_k, unit, self._settings)
@@ -192,7 +205,7 @@ class _Path:
         return turn
 
     def _directed(self, joint: Joint, c: float, s: float) -> Turn:
-        """A unit vector, that of the reference where there is no direction."""
+        """Cosine and sine of the angle of the vector (``c``, ``s``); of the reference angle if both vanish."""
         found, flags = direction(c, s, self._bits(joint), self._settings)
         self._flags |= flags
         if found is None:
@@ -201,7 +214,7 @@ class _Path:
         return found
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """The one angle about z that turns ``v`` onto ``u``; the reference where one of them lies along z."""
+        """Cosine and sine of the angle about z that turns ``v`` onto ``u``; of the reference if one is along z."""
         before, after = (hypot(x[0], x[1]) for x in (v, u))
         (a, b), size = between(v, u), before * after
         flags = 0
@@ -218,12 +231,12 @@ class _Path:
         return turn
 
     def slide(self, joint: Joint, x: S) -> S:
-        """The displacement of a prismatic joint, or an angle that follows from others."""
+        """Record ``x`` as the displacement of a prismatic joint, or as an angle that follows from others; returns x."""
         self._user(joint, float(x))
         return float(x)
 
     def given(self, joint: Joint) -> Turn | S:
-        """The joint that the caller prescribes: the redundancy parameter."""
+        """Position of the joint that the caller prescribes (the redundancy parameter); of an angle, cosine and sine."""
         raw = joint.sign * self._query.given + float(joint.offset)
         if joint.index < self._n:
             self._values[joint.index] = self._query.given
@@ -232,7 +245,10 @@ class _Path:
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
     ) -> tuple[Turn, Turn, Turn]:
-        """Both solutions of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``."""
+        """Choice between both solutions of ``Rz(x4) Rx(e4 pi/2) Rz(x5) Rx(e5 pi/2) Rz(x6) = M`` with e = ``signs``.
+
+        Returns cosine and sine of the three angles x4, x5, x6.
+        """
         e4, e5 = signs
         c4, s4 = e5 * M[0][2], e5 * M[1][2]
         c5, s5 = -e4 * e5 * M[2][2], hypot(c4, s4)
@@ -253,7 +269,7 @@ class _Path:
         return turns
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """Quantities that vanish at a solution; a solution is kept only if they do."""
+        """Record quantities that vanish at a solution: a candidate is kept only if they do."""
         if lengths:
             self._errors.append(sum(x * x for x in lengths) / self._length**2)
         if cosines:
@@ -266,7 +282,10 @@ class _Path:
         return joint.sign * known + float(joint.offset)
 
     def _bits(self, joint: Joint) -> tuple[int, int]:
-        """Flags where the joint may be free, and where it is; a virtual joint stands at zero then."""
+        """Flag bits for a ``joint`` that may be free, and for one that is free.
+
+        A virtual joint (one that completes an arm of fewer joints) is never free: it is kept at zero.
+        """
         if joint.index >= self._n:
             return 0, FREE
         return 256 << joint.index, FREE | 257 * 256 << joint.index
@@ -274,7 +293,7 @@ class _Path:
     def _angle(self, joint: Joint, turn: Turn) -> None:
         c, s = users_turn(joint, turn)
         if joint.index < self._n:
-            self._values[joint.index] = atan2(s + 0.0, c)  # half a turn is positive, after -0 too
+            self._values[joint.index] = atan2(s + 0.0, c)  # adding 0 makes half a turn +pi also for s = -0
         elif joint.index < VIRTUAL_END:
             self._errors.append((1 - c) ** 2 + s * s)
 

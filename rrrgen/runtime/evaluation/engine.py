@@ -1,4 +1,4 @@
-"""What every engine of the inverse kinematics offers, compiled or evaluated: answers to one target and to many."""
+"""The interface of inverse kinematics engines (compiled C, or evaluated in Python): solve one target, or many."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer for one target: status, solutions, the number of the reason, the distance (m) to the workspace."""
+    """Result of the inverse kinematics for one target, with k solutions.
+
+    ``code`` is the status, ``q`` (k, n) are the solutions, rad or m, with their ``flags``, ``branch`` numbers and
+    ``residual`` errors, (k,) each. Without a solution ``stage`` is the number of the reason and ``distance`` (m) that
+    of the target from the workspace.
+    """
 
     code: int
     q: NDArray[np.float64]
@@ -33,7 +38,11 @@ class Engine(Protocol):
     def answer(
         self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
     ) -> Answer:
-        """The solutions of one target, or with ``closest`` the nearest configuration."""
+        """Solve for one target ``goal``, or with ``closest`` find the configuration nearest to it.
+
+        ``reference`` (n,) is the reference configuration or None, ``given`` the redundancy parameter, rad or m,
+        ``bits`` the options.
+        """
         ...
 
     def batch(
@@ -62,7 +71,7 @@ def batch_of(answers: Sequence[Answer], rows: int, n: int) -> IKBatch:
 
 
 def empty_batch(count: int, rows: int, n: int) -> IKBatch:
-    """A batch without solutions yet."""
+    """Create an empty batch result for ``count`` targets, with room for ``rows`` solutions of ``n`` joints each."""
     return IKBatch(
         np.full((count, rows, n), np.nan),
         np.zeros(count, np.int32),

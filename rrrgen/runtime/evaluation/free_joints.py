@@ -1,4 +1,8 @@
-"""Joints that the target does not determine, after ``templates/c/ik/open.c``: one row stands for a continuum."""
+"""Free joints: joints that the target does not determine, at a singular configuration.
+
+Then one solution stands for a continuum of them; the free joint is set to its reference value. The method is that of
+the emitted C (``templates/c/ik/open.c``).
+"""
 
 from __future__ import annotations
 
@@ -14,19 +18,19 @@ from rrrgen.runtime.evaluation.limits import Limits
 from rrrgen.runtime.evaluation.task import USUAL, Task
 
 GONE, FIXED = 32, 64
-"""Internal flags: another candidate replaces this one; already refined with the free joint held."""
+"""Internal flags: GONE if another candidate replaces this one, FIXED if it was refined with its free joint held."""
 
 _STEP = pi / 64
 _NO_ROW = 10.0
 
 
 def held_joints(row: Row) -> int:
-    """Bit mask of the joints of a candidate that are free."""
+    """Bit mask of the free joints of a candidate, those that its target does not determine."""
     return (row.flags >> 16) & 0x7F
 
 
 class FreeJoints:
-    """Reopens the candidates of one plan for one target."""
+    """Finds the free joints in the candidates of one target and sets them to their reference values."""
 
     def __init__(
         self, plan: SolverPlan, task: Task, query: Query, settings: Settings, accuracy: float, limits: Limits | None
@@ -37,10 +41,11 @@ class FreeJoints:
         self._tolerance = max(16.0 * accuracy * accuracy, TOLERANCE["accept"])
 
     def reopen(self, rows: list[Row]) -> None:
-        """Replace candidates whose joint the target does not decide by one with the joint at its reference.
+        """Replace candidates that have a free joint by one in which this joint is at its reference value.
 
-        With limits, at the nearest value that brings all joints inside. Directions are taken for none from ever greater
-        lengths on, until the joints are free that the target leaves open.
+        With limits, it is at the value nearest to the reference for which all joints are within their limits. Such
+        candidates are computed with a growing threshold below which the direction of a short vector counts as
+        undetermined, until the joints found free are those that the target leaves free.
         """
         mask = sum(256 << joint for joint, _ in self._opens)
         pending = sum(bool(row.flags & mask) and self._loose(row) != 0 for row in rows)
@@ -70,11 +75,14 @@ class FreeJoints:
         return [row for row in rows if held and held_joints(row) == held and not (row.branch ^ wide.branch) & other]
 
     def _merged(self, held: int) -> int:
-        """Flags of the branch choices that lead to the same solution where these joints are free."""
+        """Branch bits of the choices that lead to the same solution if the joints ``held`` (bit mask) are free."""
         return sum(mask for joint, mask in self._opens if (held >> joint) & 1)
 
     def _loose(self, row: Row) -> int:
-        """The joints (bits) of which one, turned a little and held there, still lets the others meet the target."""
+        """Bit mask of the free joints of a candidate, found by a test; its flags are updated.
+
+        A joint is free if, after it is moved a little and held, the other joints can still meet the target.
+        """
         held = held_joints(row)
         if held == 0 and not 0.0 <= row.residual <= TOLERANCE["tight"]:
             row.q, row.residual = self._task.refine(row.q, *USUAL)
@@ -91,9 +99,10 @@ class FreeJoints:
         return held
 
     def _stands(self, before: Sequence[float], after: Sequence[float], j: int) -> bool:
-        """Whether all joints but j and one other, which may have the same axis, stand still.
+        """Whether all joints except ``j`` and one other, which may have the same axis, stay in place.
 
-        Asked of an arm with a prescribed arm angle only: it could also meet the target by another arm angle.
+        It is tested only for an arm with a prescribed arm angle, which could also meet the target by changing this
+        angle.
         """
         if self._plan.locked != ARM_ANGLE:
             return True
@@ -103,7 +112,10 @@ class FreeJoints:
     # -- limits -------------------------------------------------------------------------------------------------------
 
     def _fit(self, wide: Row, held: int, least: float) -> None:
-        """Take the free joints to the values nearest to the reference that bring every joint inside its limits."""
+        """Move the free joints ``held`` to the values nearest to the reference for which all limits are met.
+
+        ``wide`` is the candidate, which is changed in place; ``least`` is the length below which a direction is none.
+        """
         assert self._limits is not None
         q, margin = list(wide.q), TOLERANCE["limit"]
         free = [j for j in range(len(q)) if (held >> j) & 1]
@@ -118,7 +130,7 @@ class FreeJoints:
             wide.q, wide.residual = q, error
 
     def _shift(self, q: list[float], j: int) -> None:
-        """Move joint j inside its limits; where one other joint has the same axis, inside the limits of both."""
+        """Move joint ``j`` within its limits, in place; another joint on the same axis also within its limits."""
         import numpy as np
 
         assert self._limits is not None
@@ -147,7 +159,10 @@ class FreeJoints:
         q[j] = x
 
     def row_with(self, j: int, x: float, branch: int, held: int, least: float) -> tuple[list[float], float]:
-        """The solution of a branch with the free joint j at x, and how far it is outside; 10 if there is none."""
+        """Solution of a branch with the free joint ``j`` at ``x``, and by how much it exceeds the limits, rad or m.
+
+        The latter is 10 if the branch has no solution there.
+        """
         assert self._limits is not None
         at = list(self._query.reference)
         at[j] = x
@@ -162,17 +177,17 @@ class FreeJoints:
         return at, _NO_ROW
 
     def start(self, j: int) -> float:
-        """Where the search for joint j begins."""
+        """Value from which the search for joint ``j`` starts: its reference, moved within its limits."""
         return self.clamped(self._query.reference[j], j)
 
     def clamped(self, x: float, j: int) -> float:
-        """``x`` inside the limits of joint j."""
+        """The value nearest to ``x`` within the limits of joint ``j``, rad or m."""
         assert self._limits is not None
         return self._limits.clamped(x, j)
 
 
 class _Search:
-    """Steps of a free joint away from its reference to the nearest value that takes all joints inside their limits."""
+    """Search for the value of a free joint, nearest to its reference, for which all joints are within their limits."""
 
     def __init__(self, free: FreeJoints, branch: int, held: int, least: float, j: int) -> None:
         self._free, self._fixed, self._joint = free, (branch, held, least), j
@@ -181,7 +196,7 @@ class _Search:
         return self._free.row_with(self._joint, x, *self._fixed)[1]
 
     def nearest(self) -> list[float] | None:
-        """The row with the joint at the nearest such value, found by bisection; None where there is none."""
+        """Joint positions with the free joint at the nearest such value, found by bisection; None if there is none."""
         start = self._free.start(self._joint)
         found = [x for side in (-1, 1) if (x := self._towards(start, side)) is not None]
         if not found:
@@ -206,7 +221,10 @@ class _Search:
         return None
 
     def _dip(self, a: float, b: float) -> tuple[float, float]:
-        """The lowest value between two steps, as far as it must be known."""
+        """Value between ``a`` and ``b`` with the smallest excess over the limits, and this excess, by ternary search.
+
+        The search ends as soon as the excess is zero.
+        """
         good, deep = b, 1.0
         for _ in range(24):
             u, v = a + (b - a) / 3, b - (b - a) / 3

@@ -1,4 +1,7 @@
-"""The root stages in floats, after ``templates/c/ik/roots.c``: roots, with flags for double and undetermined ones."""
+"""Solves the scalar equations of the inverse kinematics in floats: roots, with flags for double and undetermined ones.
+
+The methods and tolerances are those of the emitted C (``templates/c/ik/roots.c``).
+"""
 
 from __future__ import annotations
 
@@ -18,10 +21,11 @@ MULTIPLE, FREE, OUTSIDE, INEXACT, NEAR = 1, 2, 4, 8, 16
 
 @dataclass(frozen=True)
 class Settings:
-    """Tolerances of the root stages.
+    """Tolerances with which the scalar equations are solved.
 
-    ``slack``: how far below zero a discriminant may fall; ``least``: a direction shorter than this is none; ``band``:
-    how far double roots are moved apart, None for equations of the arm itself.
+    ``slack`` is how far below zero a discriminant may be and still count as zero; ``least`` the length below which a
+    vector has no direction; ``band`` the distance by which double roots are moved apart, None if the equations are
+    those of the arm itself and not of a similar one.
     """
 
     slack: float
@@ -31,7 +35,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Roots:
-    """The roots of a stage: their number, the values that the stage needs, and flags."""
+    """Roots of one equation: their number ``count``, the ``values`` from which they follow, and ``flags``."""
 
     count: int
     values: tuple[float, ...]
@@ -82,7 +86,10 @@ def linear(
 
 
 def direction(c: float, s: float, bits: tuple[int, int], settings: Settings) -> tuple[Turn | None, int]:
-    """Normalize (c, s) to length 1, with its flags; no direction if it is too short."""
+    """Normalize the vector (``c``, ``s``) to length 1; None if it is too short. Also returns flags.
+
+    ``bits`` are the flags to set if the vector nearly vanishes, and if it does.
+    """
     h = hypot(c, s)
     if h <= TOLERANCE["doubt"] and h <= settings.least:
         return None, bits[1]
@@ -90,7 +97,10 @@ def direction(c: float, s: float, bits: tuple[int, int], settings: Settings) -> 
 
 
 def quadratic(k: Sequence[float], unit: float, settings: Settings) -> tuple[list[float], list[int], int]:
-    """The real roots of a quadratic with their branch numbers, the larger one first, and flags."""
+    """Real roots of ``k0 + k1 x + k2 x^2``, the larger first, with their branch numbers, and flags.
+
+    ``unit`` is the typical size of x, to which tolerances are relative.
+    """
     k0, k1, k2 = k
     if abs(k2) * unit <= TOLERANCE["eps"] * abs(k1):
         return ([-k0 / k1], [0 if k1 > 0.0 else 1], 0) if k1 else ([], [], 0)
@@ -130,7 +140,10 @@ def _slope(k1: float, k2: float, k3: float, k4: float, x: float) -> float:
 
 
 def power4(k: Sequence[float], unit: float, settings: Settings) -> tuple[list[float], list[int]]:
-    """The real roots of a polynomial of degree four for lengths of the size of ``unit``, ascending."""
+    """Real roots of a polynomial of degree four, ascending, with their branch numbers.
+
+    ``unit`` is the typical size of a root, m, to which tolerances are relative.
+    """
     import numpy as np
 
     scaled = np.array([x * unit**i for i, x in enumerate(k)])
@@ -153,7 +166,10 @@ def power4(k: Sequence[float], unit: float, settings: Settings) -> tuple[list[fl
 
 
 def _numbered(slopes: list[float]) -> list[int]:
-    """Branch numbers of the roots of a quartic: the sign of the slope, then the rank."""
+    """Branch numbers of the roots of a quartic: by the sign of the ``slopes`` at the roots, then by their order.
+
+    These numbers stay the same along a path on which no two roots meet.
+    """
     rising = falling = 0
     numbers = []
     for d in slopes:
@@ -167,7 +183,7 @@ def _numbered(slopes: list[float]) -> list[int]:
 
 
 def nearest_feasible(reference: float, bounds: Feasible) -> float:
-    """The angle nearest to the reference that is feasible; the reference where none is."""
+    """The feasible angle nearest to ``reference``; the reference itself if no angle is feasible."""
     mean, a, b, lower, upper = bounds
     h, now = hypot(a, b), mean + a * cos(reference) + b * sin(reference)
     if lower <= now <= upper or not h > 0.0:

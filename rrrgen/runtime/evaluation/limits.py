@@ -1,4 +1,4 @@
-"""Joint limits: the full turns of every angle, and how far a configuration is outside."""
+"""Joint limits in the inverse kinematics: choice of the full turns of every angle, and excess over the limits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NONE = 1e30
 
 
 class Limits:
-    """The limits of a chain, rad or m."""
+    """Position limits of the joints of a chain: ``lower`` and ``upper``, rad or m; +-NONE if unlimited."""
 
     def __init__(self, chain: Chain) -> None:
         joints = chain.joints
@@ -26,7 +26,10 @@ class Limits:
         self._revolute = [joint.revolute for joint in joints]
 
     def placed(self, q: Sequence[float], reference: Sequence[float] | None) -> tuple[list[float], bool]:
-        """Angles moved by full turns next to the reference, inside the limits if possible; and whether all are."""
+        """Move the angles of ``q`` by full turns: next to the reference, then within the limits if possible.
+
+        Returns the configuration, and whether all joints are within their limits.
+        """
         row, inside = list(q), True
         for i, turning in enumerate(self._revolute):
             if reference is not None and turning:
@@ -43,7 +46,10 @@ class Limits:
         return row, inside
 
     def outside(self, q: Sequence[float], margin: float) -> float:
-        """How far the worst joint is outside its limits and a margin at the best turn; 0 if all are inside."""
+        """Largest excess of a joint over its limits widened by ``margin``, rad or m; 0 if all are inside.
+
+        Angles may be moved by full turns.
+        """
         worst = 0.0
         for i, turning in enumerate(self._revolute):
             low, high = self.lower[i] - margin, self.upper[i] + margin
@@ -55,12 +61,12 @@ class Limits:
         return worst
 
     def clamped(self, x: float, joint: int) -> float:
-        """``x`` inside the limits of the joint."""
+        """The value nearest to ``x`` within the limits of ``joint``, rad or m."""
         return min(max(x, self.lower[joint]), self.upper[joint])
 
 
 def angle(x: float) -> float:
-    """``x`` in (-pi, pi]."""
+    """The angle ``x`` (rad) moved by full turns into (-pi, pi]."""
     if -pi < x <= pi:
         return x
     wrapped = x % (2 * pi)

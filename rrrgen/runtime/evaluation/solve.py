@@ -1,4 +1,7 @@
-"""Solving for one target in floats, after ``templates/c/ik/solve.c``: every solution, or why there is none."""
+"""Solves the inverse kinematics for one target in floats: every solution, or the reason why there is none.
+
+The method is that of the emitted C (``templates/c/ik/solve.c``).
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,11 @@ _PUBLIC = 15
 
 @dataclass(frozen=True)
 class Wish:
-    """Options of a call: only solutions inside the limits, nearest first, keep those that meet the task partly."""
+    """Options of a call.
+
+    ``limits`` keeps only solutions within the joint limits, ``nearest`` sorts them by the distance from the reference,
+    ``residual`` also keeps solutions that meet the target only in part, as an arm of few joints does.
+    """
 
     limits: bool = False
     nearest: bool = False
@@ -36,7 +43,10 @@ class Wish:
 
 @dataclass(frozen=True)
 class Answer:
-    """Status, solutions (residuals not squared), the step without a real root if there are none, distance (m)."""
+    """Result for one target: ``status``, solutions ``rows`` (their residuals not squared), and why there are none.
+
+    ``stage`` is the number of the equation without a real root, ``distance`` (m) that of the target from the workspace.
+    """
 
     status: int
     rows: tuple[Row, ...] = ()
@@ -45,7 +55,10 @@ class Answer:
 
 
 class Evaluation:
-    """The inverse kinematics of one plan; DerivationError where an elimination solves it, which only the C does."""
+    """Inverse kinematics of the solver ``plan``, evaluated in Python; ``reasons`` is its number of unreachable reasons.
+
+    Raises DerivationError for a plan that is solved by elimination, for which only emitted C exists.
+    """
 
     def __init__(self, plan: SolverPlan, reasons: int) -> None:
         self._parts = [plan] if plan.companion is None else [plan, plan.companion]
@@ -58,17 +71,20 @@ class Evaluation:
         self._far_stage = reasons - 1 - bool(plan.incomplete)
 
     def solve(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
-        """Every solution for a target of 3 or 16 numbers."""
+        """Find every solution for a ``target``: a position (3 numbers, m) or a pose (16 numbers, row-major).
+
+        ``q_ref`` is the reference configuration or None, ``given`` the redundancy parameter, ``wish`` the options.
+        """
         call = self.called(target, q_ref, given, wish)
         return call if isinstance(call, Answer) else call.solve()
 
     def closest(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
-        """The configuration nearest to a target."""
+        """Find the configuration with the smallest error to a ``target``; arguments are those of :meth:`solve`."""
         call = self.called(target, q_ref, given, wish)
         return call if isinstance(call, Answer) else call.closest()
 
     def called(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Call | Answer:
-        """A call with a checked target, or the answer where something is wrong with it."""
+        """Check the target; returns a call that can be solved, or the answer that says what is wrong with it."""
         if not all(map(isfinite, [*target, *(q_ref or ()), given])):
             return Answer(NOT_FINITE)
         T = list(target) if len(target) == 3 else repaired(target)
@@ -102,7 +118,7 @@ class Call:
         self._rows, inside = self._finished(self._rows, self._q_ref)
         outside, distance = not inside, 0.0
         if not self._rows and not outside:
-            if found:  # candidates from discriminants a little below zero, perhaps: which one is it?
+            if found:  # perhaps from slightly negative discriminants: without tolerance, the failing equation shows
                 rows, self._stage = candidates(self._plan, self._query, replace(self._usual, slack=0.0))
                 self._stage = self._far_stage - 1 if rows else self._stage
             kept, _, distance = self.descended()
@@ -138,7 +154,7 @@ class Call:
                 near |= row.flags & NEAR
                 self._keep(row)
         if self._banded and (near or not self._rows):
-            # near a double root: look for its two halves on the true arm
+            # near a double root: moved apart by the band, its two parts are candidates for the true arm
             for share in (1.0, SEARCH["band_2"], SEARCH["band_3"]):
                 settings = replace(self._usual, band=TOLERANCE["band"] * share)
                 rows, stage = candidates(self._parts[-1], self._query, settings)
@@ -158,7 +174,7 @@ class Call:
                 self._rows.append(row)
 
     def _settled(self, row: Row) -> bool:
-        """Whether a candidate meets the task, refined where it needs that."""
+        """Whether a candidate meets the target; it is refined by a few Newton steps if it is not accurate enough."""
         if row.flags & GONE:
             return False
         if row.flags & FIXED or 0.0 <= row.residual <= TOLERANCE["tight"]:
@@ -173,7 +189,7 @@ class Call:
         return True
 
     def _repeated(self, rows: list[Row], row: Row) -> bool:
-        """Whether a solution equals an earlier one, which is then flagged as a multiple root."""
+        """Whether the solution ``row`` equals one of ``rows``, which is then flagged as a multiple root."""
         for other in rows:
             if self._task.apart(row.q, other.q) < TOLERANCE["same"]:
                 other.flags |= MULTIPLE
@@ -181,7 +197,11 @@ class Call:
         return False
 
     def _finished(self, rows: Sequence[Row], reference: Sequence[float] | None) -> tuple[list[Row], bool]:
-        """Rows at the turns asked for, their residuals no longer squared; whether all are inside the limits."""
+        """Solutions with their angles moved by full turns next to ``reference`` and within the limits if possible.
+
+        Their residuals are no longer squared; solutions outside the limits are left out or flagged. Also returns whether
+        all were within the limits.
+        """
         kept, every = [], True
         for row in rows:
             q, inside = self._limits.placed(row.q, reference)
@@ -197,7 +217,11 @@ class Call:
         return sum(((x - r) / unit) ** 2 for x, r, unit in zip(row.q, reference, units, strict=True))
 
     def descended(self) -> tuple[list[Row], Row, float]:
-        """Rows that descent finds from clamped branches and a few starts, the nearest configuration, its distance."""
+        """Minimize the task error from several initial configurations, for a target without solutions.
+
+        The initial ones are those of all branches with negative discriminants set to zero, and a few more. Returns the
+        solutions found after all, the configuration with the smallest error, and its distance from the target, m.
+        """
         found, _ = candidates(self._parts[-1], self._query, replace(self._usual, slack=1e30))
         reference, locked = self._query.reference, self._plan.locked
         kept: list[Row] = []

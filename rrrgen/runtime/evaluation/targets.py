@@ -1,4 +1,4 @@
-"""What is wrong with a target pose, and the nearest rotation to one that is nearly right."""
+"""Checks target poses of the inverse kinematics, and corrects rotation matrices that are nearly orthonormal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def repaired(target: Sequence[float]) -> list[float] | None:
-    """A row-major pose with an exact rotation; None where its rotation is none."""
+    """The row-major pose ``target`` with an orthonormal rotation matrix; None if it is too far from a rotation."""
     T = list(target)
     xx, yy, xy = _products(T)
     defect = _defect(T)
@@ -28,7 +28,7 @@ def repaired(target: Sequence[float]) -> list[float] | None:
 
 
 def accuracy_of(target: Sequence[float], chain: Chain) -> float:
-    """How accurate a target is taken to be: as its rotation is orthonormal, never better than some rounding."""
+    """Assumed accuracy of a ``target``: the error by which its rotation is not orthonormal, but at least round-off."""
     rounding = 64.0 * chain.scale / chain.reach * TOLERANCE["eps"]
     return rounding if len(target) == 3 else max(rounding, _defect(target))
 
@@ -39,12 +39,12 @@ def _defect(T: Sequence[float]) -> float:
 
 
 def _products(T: Sequence[float]) -> tuple[float, float, float]:
-    """x x - 1, y y - 1 and x y of the first two columns."""
+    """Scalar products ``x.x - 1``, ``y.y - 1`` and ``x.y`` of the first two columns x, y of a row-major rotation."""
     xx = T[0] ** 2 + T[4] ** 2 + T[8] ** 2 - 1.0
     yy = T[1] ** 2 + T[5] ** 2 + T[9] ** 2 - 1.0
     return xx, yy, T[0] * T[1] + T[4] * T[5] + T[8] * T[9]
 
 
 def _third(T: Sequence[float]) -> tuple[float, float, float]:
-    """The vector product of the first two columns."""
+    """Vector product ``x x y`` of the first two columns x, y of a row-major rotation, which should be its third."""
     return T[4] * T[9] - T[8] * T[5], T[8] * T[1] - T[0] * T[9], T[0] * T[5] - T[4] * T[1]

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 USUAL = (int(SEARCH["steps"]), SEARCH["damping"])
 PATIENT = (int(SEARCH["descent_steps"]), SEARCH["damping"])
 DESCENT = (int(SEARCH["descent_steps"]), SEARCH["descent_damping"])
-"""Steps and first damping for a candidate, for a candidate of an arm nearby, and for a descent from anywhere."""
+"""Largest number of steps and initial damping of a refinement: USUAL for a candidate, PATIENT for a candidate from the
+equations of a similar arm, DESCENT for a search from any configuration."""
 
 
 class Task:
@@ -45,7 +46,11 @@ class Task:
         return np.concatenate([missing, _axis(self._target[:3, :3] @ F[:3, :3].T)]), J
 
     def refine(self, q: list[float], steps: int, damping: float, held: int = 0) -> tuple[list[float], float]:
-        """The best configuration of at most ``steps`` Levenberg-Marquardt steps, and its squared error."""
+        """Refine ``q`` by at most ``steps`` Levenberg-Marquardt steps.
+
+        Returns the best configuration and its squared task error. ``damping`` is the initial one; joints in ``held``
+        (bit mask) do not move.
+        """
         x = np.array(q)
         e, J = self.error(x, held)
         cost = best = float(e @ e)
@@ -72,7 +77,7 @@ class Task:
         return [float(value) for value in found], best
 
     def apart(self, a: Sequence[float], b: Sequence[float]) -> float:
-        """The largest difference of two configurations, rad or reaches."""
+        """Largest difference of two configurations: angles in rad, modulo full turns, displacements over the reach."""
         return max(
             (
                 abs(wrapped(x - y)) if turning else abs(x - y) / self.chain.reach
@@ -90,7 +95,10 @@ def _step(J: Any, e: Any, damping: float) -> Any:
 
 
 def _axis(E: Any) -> Any:
-    """The rotation ``E`` as an axis of the length of its angle; its sine for angles of less than 26 degrees."""
+    """Rotation vector (3,) of the rotation matrix ``E``: its axis, with the angle (rad) as length.
+
+    Below 26 degrees the length is the sine of the angle, which suffices for the iteration.
+    """
     e = 0.5 * np.array([E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]])
     s2, c = float(e @ e), 0.5 * (float(np.trace(E)) - 1.0)
     if c >= SEARCH["small_turn"]:

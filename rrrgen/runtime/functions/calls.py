@@ -1,4 +1,4 @@
-"""What all model functions share: the engine that evaluates them, and the parameters they run with."""
+"""Base class of all model functions: chooses parameters, calls the engine, and raises errors."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ class Calls:
     def any_gravity(self) -> Model:
         """The model of the same robot with gravity as an input; in C it is ``<name>_any_gravity``.
 
-        Its functions take ``gravity``, by default that of the robot file. It has more base parameters, since gravity in
-        any direction feels mass that gravity along the first axis does not; a basis chosen in the robot file does not
-        hold for it. It is compiled when it is first asked for.
+        Its functions take ``gravity``, by default that of the robot file. It has more base parameters, because gravity
+        across the first joint axis makes masses identifiable that gravity along it does not; a choice of base
+        parameters in the robot file does not apply to it. It is compiled when it is first used.
         """
         if self.spec.gravity_input:
             return self  # type: ignore[return-value]
@@ -84,17 +84,17 @@ class Calls:
         raise ValueError(f"no function '{name}'; there are inverse_kinematics, {', '.join(known)}")
 
     def _call(self, name: str, *values: Any) -> Array:
-        """The first result of the function ``name``, which takes no parameters."""
+        """Evaluate the function ``name``, which takes no parameters; returns its first result."""
         return self.engine.call(name, values)[0]
 
     def _call_with(self, name: str, values: tuple[Any, ...], beta: Any, Ia: Any = None, gravity: Any = None) -> Array:
-        """The first result of the function ``name`` with the parameters given, or the nominal ones."""
+        """Evaluate the function ``name`` with the given or the nominal parameters; returns its first result."""
         return self._evaluate(name, values, beta, Ia, gravity)[0]
 
     def _evaluate(
         self, name: str, values: tuple[Any, ...], beta: Any = None, Ia: Any = None, gravity: Any = None
     ) -> Sequence[Array]:
-        """All results of the function ``name`` with the parameters given, or the nominal ones."""
+        """Evaluate the function ``name`` with the given or the nominal parameters; returns all its results."""
         if gravity is not None and not self.spec.gravity_input:
             self._check_beta(name, beta)
             return self.any_gravity._evaluate(name, values, beta, Ia, gravity)
@@ -108,7 +108,10 @@ class Calls:
     def _named(
         self, name: str, values: Mapping[str, Any], beta: Any = None, Ia: Any = None, gravity: Any = None
     ) -> Sequence[Array]:
-        """All results of the function ``name`` for arguments by the name of their port."""
+        """Evaluate the function ``name`` for arguments by name; returns all its results.
+
+        ``values`` maps the names of inputs to their values; ``beta``, ``Ia`` and ``gravity`` are nominal if None.
+        """
         if gravity is not None and not self.spec.gravity_input:
             self._check_beta(name, beta)
             return self.any_gravity._named(name, values, beta, Ia, gravity)
@@ -118,7 +121,10 @@ class Calls:
         return model.engine.call(chosen, [given[port.name] for port in model.derived.programs[chosen].inputs])
 
     def _check_beta(self, name: str, beta: Any) -> None:
-        """Raise ValueError for base parameters of this model in a call with gravity."""
+        """Raise ValueError if ``beta`` has the length of this model's base parameters in a call with ``gravity``.
+
+        Such a call needs the base parameters of :attr:`any_gravity`.
+        """
         own, wanted = self.derived.b, self.any_gravity.derived.b
         if beta is not None and np.shape(beta)[-1:] == (own,) != (wanted,):
             raise ValueError(
@@ -139,5 +145,5 @@ class Calls:
         return {program.specializes: name for name, program in programs.items() if program.specializes}
 
     def _checked(self, name: str, result: Any, status: Any, with_status: bool) -> Any:
-        """``result`` if no state failed; otherwise LinAlgError, or both for the caller to look at."""
+        """Return ``result``, or raise LinAlgError if a state failed; with ``with_status`` return both instead."""
         return checked(self.derived.programs[name], result, np.asarray(status), with_status)

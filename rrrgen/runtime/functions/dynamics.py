@@ -313,7 +313,7 @@ class DynamicFunctions(Calls):
         return np.zeros_like(prepare("friction", [port], [dq], self.engine.dtype)[1][0])
 
     def _loads(self, function: str, tau_load: ArrayLike | None) -> tuple[ArrayLike, ...]:
-        """The last argument of a friction ``function`` if a law depends on the load."""
+        """``(tau_load,)`` if a friction law depends on the load, else (); raises ValueError if it is needed and None."""
         if all(port.name != "tau_load" for port in self.derived.programs[function].inputs):
             return ()
         if tau_load is None:
@@ -358,7 +358,7 @@ class DynamicFunctions(Calls):
         return self._call("smooth_friction", dq, friction, self._widths(width), *loads)
 
     def _widths(self, width: ArrayLike) -> Array:
-        """``width`` for each joint and motor with friction."""
+        """``width`` as an array with one entry for each joint and motor with friction, rad/s or m/s."""
         wide = np.asarray(width)
         return wide if wide.ndim else np.full(len(surfaces_of(self.spec)), float(wide))
 

@@ -1,4 +1,4 @@
-"""Python functions for elastic joints: dynamics of links and rotors, and control laws; compiled at the first call."""
+"""Methods of a model for elastic joints: dynamics of links and rotors, and control laws; compiled at the first call."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ class ElasticFunctions(ControlLaws):
     """Dynamics and control of a robot with elastic joints: a spring K and damper D between link q and rotor theta.
 
     The model is that of Spong (1987):
-    ``M ddq + c + g = K (theta - q) + D (dtheta - dq) = tau - J ddtheta`` with M, c and g of the links alone, everything
-    seen at the joints. Inertia J, K and D are by default those of `drive` of every joint in the robot file.
+    ``M ddq + c + g = K (theta - q) + D (dtheta - dq) = tau - J ddtheta`` with M, c and g of the links alone. Rotor
+    positions theta, torques and the rotor inertia J are referred to the joint side of the gears. J, K and D are by
+    default those that the robot file states under `drive` of every joint.
     """
 
     def elastic_inverse_dynamics(

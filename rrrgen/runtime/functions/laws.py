@@ -18,14 +18,15 @@ from rrrgen.runtime.results import (
 )
 
 TRACKING = ("q", "dq", "q_d", "dq_d", "ddq_d", "kp", "kd", "ki", "z")
-"""What the laws that track a desired motion take, by the names of their inputs: measured, desired, gains, integral."""
+"""Names of the inputs of the laws that track a desired motion: measured and desired motion, gains, integral state."""
 
 
 class ControlLaws(DynamicFunctions):
-    """One tick of a controller, as the emitted C computes it: states go in and come out, nothing is kept.
+    """Control laws: each method computes one control period, as the emitted C does, and stores nothing between calls.
 
-    With ``e = q_d - q``, friction f at the desired speed and torques limited to ``tau_max``; the integral z stays where
-    a joint is at its limit and the error would drive it further.
+    In the formulas ``e = q_d - q`` and ``e' = dq_d - dq``; f is the friction torque at the desired speed. Torques are
+    limited to ``tau_max``; the integral z of a joint is frozen while its torque is at the limit and its error would
+    drive it further (anti-windup).
     """
 
     def pd_gravity(
@@ -266,7 +267,7 @@ class ControlLaws(DynamicFunctions):
         friction: ArrayLike | None = None,
         width: ArrayLike,
     ) -> ObserverState:
-        """State of :meth:`momentum_observer` at its first tick.
+        """Initial state of the momentum observer (:meth:`momentum_observer`) for its first period.
 
         Args:
             q: joint positions, (..., n), rad or m.
@@ -300,7 +301,7 @@ class ControlLaws(DynamicFunctions):
         gain: ArrayLike,
         Ts: ArrayLike,
     ) -> ObserverStep:
-        """One tick of the momentum observer: the torques r that the environment exerts, low-pass filtered.
+        """One period of the momentum observer, which estimates the torques r that the environment exerts, low-passed.
 
         Args:
             q: joint positions, (..., n), rad or m.
@@ -335,7 +336,7 @@ class ControlLaws(DynamicFunctions):
         dq_1: ArrayLike,
         ddq_1: ArrayLike,
     ) -> Motion:
-        """Quintic polynomial between two states of motion, at the time t.
+        """Motion at the time t along quintic polynomials that connect two states (position, velocity, acceleration).
 
         Args:
             t: time since the start, (...), s; before 0 and after T the nearer end is returned.
@@ -377,10 +378,10 @@ class ControlLaws(DynamicFunctions):
     def _limits_and_friction(
         self, friction: ArrayLike | None, width: ArrayLike, tau_max: ArrayLike | None
     ) -> dict[str, Any]:
-        """The inputs of friction and of the limits of the torques."""
+        """Inputs for friction and torque limits by name, with the values of the robot file where None is given."""
         return self._friction(friction, width) | {"tau_max": self._largest_torques(tau_max)}
 
     def _largest_torques(self, tau_max: ArrayLike | None) -> ArrayLike:
-        """``tau_max``, or the limits of the robot file."""
+        """``tau_max``, or the torque limits (n,) of the robot file if it is None."""
         limits = [joint.limits.torque for joint in self.spec.joints]
         return [float("inf") if limit is None else limit for limit in limits] if tau_max is None else tau_max

@@ -40,9 +40,9 @@ class ParameterFunctions(Calls):
         *,
         beta: ArrayLike | None = None,
     ) -> Array:
-        """The base parameters of the robot with a body fixed to its last link: ``beta=`` of every other function.
+        """Base parameters of the robot with a body fixed to its last link, to be passed as ``beta`` to other methods.
 
-        Further bodies are added one by one; a negative mass with the negative tensor takes a body off again.
+        Further bodies are added one by one; a negative mass with the negative tensor removes a body again.
 
         Args:
             mass: mass of the body, (...), kg.
@@ -69,7 +69,7 @@ class ParameterFunctions(Calls):
         *,
         beta: ArrayLike | None = None,
     ) -> Array:
-        """The base parameters of the robot with a body that is described in a frame of its own.
+        """Base parameters of the robot with a body fixed to its last link; the body is described in its own frame.
 
         Args:
             mass: mass of the body, (...), kg.
@@ -89,7 +89,10 @@ class ParameterFunctions(Calls):
         return self._call("add_payload_at", mass, com, tensor, frame, known)
 
     def _symmetric(self, inertia: Any, beta: Any, function: str) -> tuple[Any, Any]:
-        """The tensor and the base parameters of a call of ``function``, checked."""
+        """Check the arguments of a payload ``function``: returns the inertia tensor (default zero) and base parameters.
+
+        Raises ValueError if the tensor is not symmetric, or if neither ``beta`` nor links are given.
+        """
         if beta is None and self.beta is None:
             raise ValueError(f"{function}: the robot file has no links, so beta= must be given")
         tensor = np.zeros((3, 3)) if inertia is None else np.asarray(inertia)

@@ -70,7 +70,7 @@ class PointFunctions(Calls):
         return PointMotion(*self._points("point_motion", T, V, A, point))
 
     def wrench_torques(self, J: ArrayLike, F: ArrayLike) -> Array:
-        """Generalized forces ``tau = J' F`` of a wrench: with F acting on the robot, ``M ddq + c + g = tau_m + J' F``.
+        """Joint torques ``tau = J' F`` of a wrench: if F acts on the robot, ``M ddq + c + g = tau_m + J' F``.
 
         Args:
             J: Jacobian of the frame or point at which the wrench acts, (..., 6, n).

@@ -103,7 +103,7 @@ class RegressorFunctions(Calls):
         return self._evaluate("standard_regressor", (q, dq, ddq), gravity=gravity)[0]
 
     def identification_regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
-        """Base regressor with the columns of drive inertia, friction and offset that the robot file asks for.
+        """Base regressor followed by the columns of the drive inertia, friction and offset that the robot file states.
 
         ``tau = Y beta + Ia ddq + fv dq + fc sgn(dq) + offset``. These are the columns that `rrrgen identify` fits:
         sgn(dq) is 0 at speeds up to :data:`rrrgen.model.drive_columns.STANDSTILL`, where reconstructed speeds have no

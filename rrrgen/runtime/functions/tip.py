@@ -11,7 +11,7 @@ from rrrgen.runtime.results import Contact, ExternalLoad, OperationalStep
 
 
 class TipFunctions(ControlLaws):
-    """Control of the tip, and what external torques say about a contact."""
+    """Operational-space control of the tip, and contact detection from estimated external torques."""
 
     def operational_space(
         self,
@@ -139,7 +139,7 @@ class TipFunctions(ControlLaws):
         return self._with(name)._checked(name, OperationalStep(tau, z_next), status, with_status)
 
     def contact(self, r: ArrayLike, threshold: ArrayLike) -> Contact:
-        """Whether estimated external torques exceed their thresholds.
+        """Contact detection: compare estimated external torques with their thresholds.
 
         Args:
             r: estimated torques of the environment, (..., n), N m or N, of :meth:`momentum_observer`.
@@ -151,9 +151,10 @@ class TipFunctions(ControlLaws):
         return Contact(*self._evaluate("contact", (r, threshold)))
 
     def external_wrench(self, J: ArrayLike, r: ArrayLike, sigma: ArrayLike, with_status: bool = False) -> Any:
-        """The wrench that estimated external torques are due to: ``F = P J R r``.
+        """Estimate the wrench F on the robot that causes the external torques r: ``F = P J R r``.
 
-        ``P = inv(J R J')`` with ``R = diag(1/sigma^2)`` and J the first six rows of the Jacobian.
+        It is a weighted least-squares estimate: ``P = inv(J R J')`` with ``R = diag(1/sigma^2)`` and the Jacobian J of
+        the point where the wrench acts.
 
         Args:
             J: Jacobian of the tip or of the point where it acts, (..., 6, n), m and -.
@@ -172,9 +173,10 @@ class TipFunctions(ControlLaws):
         return self._load("external_wrench", J, r, sigma, with_status)
 
     def external_force(self, J: ArrayLike, r: ArrayLike, sigma: ArrayLike, with_status: bool = False) -> Any:
-        """The force, without a moment, that estimated external torques are due to: ``F = P J R r``.
+        """Estimate the force F, without a moment, that causes the external torques r: ``F = P J R r``.
 
-        ``P = inv(J R J')`` with ``R = diag(1/sigma^2)`` and J the first three rows of the Jacobian.
+        It is a weighted least-squares estimate: ``P = inv(J R J')`` with ``R = diag(1/sigma^2)`` and J the first three
+        rows of the Jacobian of the point where the force acts.
 
         Args:
             J: Jacobian of the tip or of the point where it acts, (..., 6, n), m and -.

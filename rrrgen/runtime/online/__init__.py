@@ -1,1 +1,1 @@
-"""Online estimators in Python."""
+"""Online parameter estimators and differential inverse kinematics in Python: the emitted C, or the same in NumPy."""

@@ -1,4 +1,4 @@
-"""What an online estimator computes per sample: the emitted C with its state, or the same recursion in NumPy."""
+"""The recursions of the online estimators, one sample at a time: the emitted C, or the same recursion in NumPy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[Any]
 
 
 class Core(Protocol):
-    """One estimator with its state."""
+    """Interface of an online estimator of p parameters with its state; ``dtype`` is the type of its numbers."""
 
     dtype: Any
 
@@ -25,16 +25,19 @@ class Core(Protocol):
         ...
 
     def covariance(self) -> Any:
-        """Covariance (p, p) of the parameters; None for the gradient."""
+        """Covariance (p, p) of the parameters; None for the gradient method, which has none."""
         ...
 
     def update(self, q: Array, dq: Array, ddq: Array, tau: Array, e: Array) -> int:
-        """Take one sample, (n,) each, and write the torque errors before it to ``e`` (n,); the value that C returns."""
+        """Update the estimate with one sample, (n,) each; writes the torque errors before the update to ``e`` (n,).
+
+        Returns the status that the C function returns.
+        """
         ...
 
 
 class CompiledCore:
-    """The emitted C through cffi, with a state of its own."""
+    """Online estimator that calls the emitted C through cffi and holds its state."""
 
     def __init__(self, setting: Regression, kind: Kind, settings: EstimatorSettings, real: Real) -> None:
         from rrrgen.runtime.build import build_extension
@@ -74,7 +77,7 @@ class CompiledCore:
 
 
 class NumpyLeastSquares:
-    """Recursive least squares with the covariance itself instead of its factors."""
+    """Recursive least squares in NumPy, with the covariance matrix itself instead of its factors as in the C code."""
 
     dtype = np.float64
 
@@ -93,7 +96,10 @@ class NumpyLeastSquares:
         return self.P
 
     def update(self, q: Array, dq: Array, ddq: Array, tau: Array, e: Array) -> int:
-        """One sample; returns the number of joints that were used."""
+        """Update the estimate with one sample, (n,) each; writes the torque errors before it to ``e`` (n,).
+
+        Returns the number of joints used.
+        """
         Y, y, moves = evaluate(self.rows, q, dq, ddq, tau, self.settings.rest)
         e[:] = y - Y @ self.p
         if not np.all(np.isfinite(e)):
@@ -106,7 +112,7 @@ class NumpyLeastSquares:
         return count
 
     def _learn(self, r: Array, y: float) -> bool:
-        """One equation with noise of variance 1."""
+        """Update the estimate with one scalar equation ``y = r p`` whose noise has variance 1; whether it was used."""
         Pr = self.P @ r
         a = float(r @ Pr)
         if not a > NEGLIGIBLE["double"]:
@@ -119,7 +125,7 @@ class NumpyLeastSquares:
 
 
 class NumpyGradient:
-    """The gradient step as its program says."""
+    """The gradient method in NumPy, by evaluation of the program from which the C code is printed."""
 
     dtype = np.float64
 
@@ -132,11 +138,14 @@ class NumpyGradient:
         return self.p
 
     def covariance(self) -> Any:
-        """None: the gradient has no covariance."""
+        """None: the gradient method has no covariance."""
         return None
 
     def update(self, q: Array, dq: Array, ddq: Array, tau: Array, e: Array) -> int:
-        """One sample; 1 if the step was shortened, -1 if the sample is not finite."""
+        """Update the estimate with one sample, (n,) each; errors go to ``e`` (n,).
+
+        Returns 1 if the step was shortened to stay stable, -1 if the sample is not finite, otherwise 0.
+        """
         following, errors, shortened = evaluate(
             self.program, q, dq, ddq, tau, self.p, self.settings.gain, self.settings.rest
         )

@@ -32,12 +32,12 @@ class OnlineEstimator:
 
     @property
     def parameters(self) -> Array:
-        """The present estimate (p,), SI."""
+        """The present estimate (p,) of the parameters, SI units, in the order of ``names``."""
         return np.array(self._core.parameters(), dtype=float)
 
     @property
     def covariance(self) -> Array:
-        """Covariance (p, p) of the parameters, as far as the torque noise explains it; recursive least squares only."""
+        """Covariance (p, p) of the parameters due to torque noise; only recursive least squares has one."""
         if self.kind != "rls":
             raise ValueError("the gradient estimator has no covariance; use recursive least squares ('rls')")
         return np.array(self._core.covariance(), dtype=float)
@@ -69,7 +69,7 @@ def online_estimator(
     settings: EstimatorSettings | None = None,
     fixed: Mapping[str, float] | None = None,
 ) -> OnlineEstimator:
-    """An online estimator of the dynamic parameters of a robot. Source: (14.21)-(14.23).
+    """Create an online estimator of the dynamic parameters of a robot. Source: (14.21)-(14.23).
 
     It runs the C of `rrrgen generate --estimator`, in the precision of the model; with a model of the NumPy backend
     the same recursion in NumPy.

@@ -1,1 +1,1 @@
-"""Timing of paths in Python, by the emitted C."""
+"""Time-optimal motion along given paths in Python; the emitted C computes it."""

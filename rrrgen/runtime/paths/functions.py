@@ -1,4 +1,4 @@
-"""Paths in Python: the dynamics along them and their time-optimal timing; compiled when first called."""
+"""Methods of a model for given paths: dynamics along them and time-optimal timing; compiled when first called."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class PathFunctions(DynamicFunctions):
         return TimedPath(path, ds_dt, t, kernel.sample)
 
     def _heavy(self, q: Any, tau_max: Any, values: dict[str, Any]) -> str:
-        """The joints that cannot hold the arm at ``q`` (n,) against gravity, for the message of an error."""
+        """Text for an error message: the joints whose torque limits cannot hold the arm at ``q`` against gravity."""
         g = self._evaluate("gravity", (q,), values["beta"], gravity=values.get("gravity"))[0]
         each = zip(self.spec.joints, np.abs(g), tau_max, strict=True)
         found = [f"{joint.name} needs {need:.3g} and has {limit:.3g}" for joint, need, limit in each if need > limit]
@@ -129,7 +129,7 @@ class PathFunctions(DynamicFunctions):
         return self._timing
 
     def _bound(self, name: str, value: Any) -> Any:
-        """A vector (n,) of limits, those of the robot file where ``value`` is None."""
+        """Limits (n,) of the quantity ``name``: ``value``, or those of the robot file if it is None."""
         key = {"tau_max": "torque", "dq_max": "velocity", "ddq_max": "acceleration"}[name]
         if value is None:
             stated = [getattr(joint.limits, key) for joint in self.spec.joints]
@@ -137,13 +137,13 @@ class PathFunctions(DynamicFunctions):
         return self._vector(name, value, self.n)
 
     def _friction_for(self, friction: ArrayLike | None) -> Any:
-        """The friction parameters, or None where there is no friction."""
+        """Friction parameters (k,): ``friction``, or those of the robot file if it is None; None without friction."""
         values = self.friction_parameters if friction is None else friction
         checked = self._vector("friction", values, self.friction_parameters.size)
         return checked if np.any(checked) else None
 
     def _parameters_for(self, kernel: TimingKernel, given: dict[str, Any]) -> dict[str, Any]:
-        """The parameters that the path dynamics take, checked."""
+        """Check ``given`` parameters and complete them by nominal ones; returns those that the path dynamics take."""
         program = self._with("path_dynamics").derived.programs["path_dynamics"]
         sizes = {port.name: port.size for port in program.inputs}
         for name in kernel.further:

@@ -56,7 +56,10 @@ class TimingKernel:
         ends: tuple[float, float],
         parameters: Mapping[str, Array],
     ) -> tuple[int, int, Array, Array]:
-        """The status, the point where it was found, and ds/dt and t (N,) of the fastest motion."""
+        """Compute the fastest motion along ``path``: status, point at which it arose, ds/dt (N,) and t (N,).
+
+        ``limits`` (n,) by name, ``friction`` parameters or None, ``ends`` ds/dt at both ends, ``parameters`` by name.
+        """
         arrays = self._dense(path)
         given = self.ffi.new(f"{self.robot}_path_limits *")
         for name in LIMITS:
@@ -79,7 +82,10 @@ class TimingKernel:
         return text.decode()
 
     def sample(self, path: Path, ds_dt: Array, t: Array, times: Array) -> tuple[Array, Array, Array]:
-        """The motion (m, n) at the instants ``times`` (m,): positions, velocities, accelerations."""
+        """Positions, velocities and accelerations, (m, n) each, of the timed path at the instants ``times`` (m,), s.
+
+        ``ds_dt`` and ``t`` (N,) are the timing at the N points of ``path``.
+        """
         arrays = self._dense(path)
         held, call = self._path(arrays), getattr(self.lib, f"{self.robot}_timed_path")
         found = tuple(np.empty((len(times), self.n), self.dtype) for _ in range(3))
