@@ -123,8 +123,8 @@ class InverseKinematics:
     the number of joints, and ``labels`` are the named choices of a branch number with their first bit and their bits.
 
     Args:
-        plan: the family of the arm with its equations, or why it has no solver.
-        engine: solves checked targets: the emitted C, or the evaluation of the recorded solver.
+        plan: the family of the arm with its equations, or the reason why it has no solver.
+        engine: solves checked targets: the emitted C, or its evaluation in Python.
         name: the name of the robot, for messages.
     """
 

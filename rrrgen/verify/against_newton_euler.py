@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
 
 RANK_STATES = 40  # at least four rows of the stacked regressor per standard parameter
-RANK_THRESHOLD = 1e-10  # exact zeros come out near 1e-15 of the largest singular value
+RANK_THRESHOLD = 1e-10  # relative to the largest singular value; exact zeros are computed as about 1e-15
 NO_PARAMETERS = "-"
 
 
@@ -41,7 +41,10 @@ def _at(model: Model, name: str, q: Array) -> Array:
 
 
 def check_regressors(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
-    """Check Y = Y_base K column by column, and that Y_base has as many columns as the rank of Y."""
+    """Check that ``Y = Y_base K`` holds, and that the base regressor Y_base has as many columns as the rank of Y.
+
+    Y is the standard regressor of the reference, K the model's projection of standard on base parameters.
+    """
     check = rows.against(ne.name, NO_PARAMETERS, tolerances.exact, s.count)
     Y, K = ne.standard_regressor(s.q, s.dq, s.ddq), np.asarray(model.base_projection)
     applied = np.einsum("nij,ni->nj", Y, s.e)
@@ -87,7 +90,7 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
     speeds, lever = s.dq, np.eye(spec.n)
     load = LOAD * np.sin(np.arange(s.dq.size, dtype=float)).reshape(s.dq.shape)
     loads = load
-    if spec.drives is not None:  # the power of a motor's friction is that of what it adds to the joint torques
+    if spec.drives is not None:  # friction at a motor has the same power as its contribution to the joint torques
         stated += [motor.friction for motor in spec.drives.motors]
         speeds = np.concatenate([speeds, motor_speeds(spec, s.dq)], axis=1)
         lever = np.concatenate([lever, motor_speeds(spec, np.eye(spec.n)).T])
@@ -172,7 +175,10 @@ def _motor_columns(spec: RobotSpec, motors: Sequence[MotorSpec], s: States) -> l
 
 
 def _identification_columns(model: Model, K: Array, s: States, extra: Array) -> Array:
-    """The identification regressor of the model: base columns times K, then the others in the order of ``extra``."""
+    """Identification regressor of the model in standard parameters: base columns times K, then the drive columns.
+
+    The drive columns are put into the order of those of the reference, ``extra`` (N, n, extra).
+    """
     got = np.asarray(model.identification_regressor(s.q, s.dq, s.ddq))
     names = len(model.identification_parameter_names)
     if got.shape[-1] != names or names != len(K) + extra.shape[-1]:
@@ -186,7 +192,7 @@ def _identification_columns(model: Model, K: Array, s: States, extra: Array) -> 
 def check_dynamics(
     model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """Compare all functions that depend on inertial parameters."""
+    """Compare torques, mass matrix, Coriolis and gravity terms, forward dynamics and energies with the reference."""
     check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
     beta = parameters.beta
     tau, c, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.coriolis(s.q, s.dq), ne.mass_matrix(s.q)
@@ -222,7 +228,7 @@ def check_dynamics(
 def _check_forward_dynamics(
     model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """Check that accelerations reproduce the torques if M > 0, and that an indefinite M is refused."""
+    """Check that accelerations of the forward dynamics reproduce the torques, and that an indefinite M is reported."""
     tau, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.mass_matrix(s.q)
     definite = is_definite(M, tolerances)
     check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)

@@ -53,7 +53,7 @@ def relative_difference(value: Array, expected: Array, scale: float) -> float:
 
 
 class Check(Protocol):
-    """Compares values with those of one reference, for one set of parameters, at one tolerance."""
+    """Interface of a comparison with one reference, for one set of parameters, at one tolerance."""
 
     def __call__(
         self, function: str, value: Callable[[], Array], expected: Array, *, scale: float | None = None
@@ -87,7 +87,7 @@ class Collector:
                 difference = relative_difference(got, expected, size(expected) if scale is None else scale)
                 if got.shape != np.shape(expected):
                     note = f"shape {got.shape} instead of {np.shape(expected)}"
-            except Exception as error:  # whatever stopped it, the comparison was not made
+            except Exception as error:  # any exception means that the comparison was not made
                 note = f"{type(error).__name__}: {error}"
             self.rows.append(Row(function, reference, parameters, samples, difference, tolerance, note))
 

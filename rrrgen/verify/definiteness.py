@@ -27,9 +27,9 @@ Ask = Callable[[Array, Array, Array], Array]
 
 
 def check_refusal(function: str, check: Check, ask: Ask, s: States, M: Array) -> None:
-    """Check that ``ask(q, dq, tau)`` returns no accelerations at states where M (N, n, n) is indefinite.
+    """Check that forward dynamics ``ask(q, dq, tau)`` raises an error at states where M (N, n, n) is indefinite.
 
-    Where M is singular to round-off it may refuse or answer, in finite numbers.
+    Where M is singular within round-off, it may raise the error or return finite accelerations.
     """
 
     def wrong() -> Array:

@@ -38,7 +38,7 @@ def check_identities(
             np.asarray(model.mass_matrix(s.q, beta=beta)),
             np.asarray(model.coriolis_matrix(s.q, s.dq, beta=beta)),
         )
-    except Exception as error:  # the identities of what is missing do not hold
+    except Exception as error:  # an identity with a function that fails does not hold
         note = f"the model gave no torque, M or C: {type(error).__name__}: {error}"
         rows.rows.append(Row("identities", SELF, parameters.label, s.count, float("inf"), tolerances.exact, note))
         return

@@ -98,7 +98,7 @@ class Arm:
         return np.asarray((D[:, :3, 3:] if self.position else D).reshape(len(q), -1).max(axis=1, initial=0.0))
 
     def apart(self, a: Array, b: Array) -> Array:
-        """The largest difference (...) of two configurations: angles modulo full turns, lengths over the reach."""
+        """Largest difference (...) of two configurations: angles in rad modulo full turns, lengths over the reach."""
         d = a - b
         turned = np.abs(np.mod(d + np.pi, 2 * np.pi) - np.pi)
         return np.asarray(np.where(self.revolute, turned, np.abs(d) / self.reach).max(axis=-1))
@@ -109,7 +109,7 @@ class Arm:
         return np.asarray(values[:, min(values.shape[1], self._moving) - 1])
 
     def drawn(self, count: int, rng: np.random.Generator) -> Array:
-        """Random configurations (count, n): angles over a full turn, displacements up to ``STROKE`` (m)."""
+        """Draw random configurations (count, n): angles over a full turn, displacements up to ``STROKE`` (m)."""
         return rng.uniform(-1, 1, (count, self.n)) * np.where(self.revolute, np.pi, STROKE)
 
     def search(self, goals: Array, q: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -140,7 +140,7 @@ def check_inverse_kinematics(
     except DerivationError as reason:  # there is nothing to compare
         rows.skipped.append((FUNCTION, str(reason)))
         return
-    except Exception as error:  # a comparison of our own that cannot be made fails
+    except Exception as error:  # an unexpected error is a failed check
         rows.rows.append(_row("no solver", OWN_CHAIN, samples, np.inf, 0.0, f"{type(error).__name__}: {error}"))
         return
     arm = Arm(chain, position=solver.plan.task == "position", redundant=solver.plan.locked is not None)
@@ -150,7 +150,7 @@ def check_inverse_kinematics(
         checks.at_singular(max(samples // 4, 10))
         checks.against_search(max(samples // 20, 2), tell)
         checks.out_of_reach()
-    except Exception as error:  # whatever stopped it, the comparisons were not made
+    except Exception as error:  # any exception means that the comparisons were not made
         rows.rows.append(_row("no answer", OWN_CHAIN, samples, np.inf, 0.0, f"{type(error).__name__}: {error}"))
 
 
@@ -173,7 +173,10 @@ class _Checks:
             self._add(what, *entry)
 
     def _solved(self, goals: Array, q: Array) -> list[Array]:
-        """The solutions of every goal; a redundant arm is solved at the redundancy parameter of ``q``."""
+        """Solve for every goal (N, 4, 4); returns the solutions (k, n) of each.
+
+        A redundant arm is solved at the redundancy parameter of ``q`` (N, n).
+        """
         locked = self.solver.plan.locked is not None
         given = {"redundancy": np.array([self.solver.parameter(x) for x in q])} if locked else {}
         targets = goals[:, :3, 3] if self.arm.position else goals
@@ -223,7 +226,10 @@ class _Checks:
         self._share("share of singular targets without a row", OWN_CHAIN, samples, empty.mean(), 0.0, note)
 
     def against_search(self, targets: int, tell: Tell | None) -> None:
-        """Check that the solver has every solution that the search finds; the note counts how many those are."""
+        """Check that the solver finds every solution that a numerical search finds for ``targets`` random targets.
+
+        ``tell`` is called with the progress.
+        """
         solutions = found_too = rows = missed = 0
         where = ""
         for k, seed in enumerate(self.arm.drawn(targets, self.rng)):

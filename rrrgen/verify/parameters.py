@@ -50,6 +50,6 @@ def check_parameters(
 
 
 def _rotation(rng: np.random.Generator) -> Array:
-    """A random rotation matrix."""
+    """Draw a random rotation matrix (3, 3)."""
     Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     return np.asarray(Q * np.sign(np.linalg.det(Q)))

@@ -14,10 +14,11 @@ HEADINGS = ("function", "reference", "parameters", "states", "max rel. differenc
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison: what was compared with what, over how many states, and the largest relative difference.
+    """One comparison of a ``function`` of the model with a ``reference`` over a number of states (``samples``).
 
-    ``difference`` is ``max|a - b| / scale`` (see :func:`rrrgen.verify.checks.verify` for the scales); a difference that
-    is not a number fails. ``note`` says what happened when the model refused to answer.
+    ``parameters`` names the set of inertial parameters. ``difference`` is the largest relative difference
+    ``max|a - b| / scale`` (:func:`rrrgen.verify.checks.verify` lists the scales); a NaN fails. ``note`` holds details,
+    such as the error that the model raised.
     """
 
     function: str
@@ -41,7 +42,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Report:
-    """All comparisons of one model; ``skipped`` maps references that are not available to the reason."""
+    """All comparisons (``rows``) of the model of one ``robot``, over ``samples`` random states drawn with ``seed``.
+
+    ``skipped`` holds pairs (what was not compared, reason).
+    """
 
     robot: str
     samples: int

@@ -1,4 +1,4 @@
-"""The subject of verification: a compiled model, and the states and parameters at which it is compared."""
+"""What is verified: a compiled model, and the random states and parameters at which it is compared."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class SplitCalls:
 
 @dataclass(frozen=True)
 class States:
-    """Random states (N, n), and a vector e (N, n) for products with transposes."""
+    """N random states ``q``, ``dq``, ``ddq`` (N, n), and vectors ``e`` (N, n) for products with transposed matrices."""
 
     q: Array
     dq: Array
@@ -77,7 +77,7 @@ class States:
 
 
 def draw_states(chain: Chain, count: int, rng: np.random.Generator) -> States:
-    """States over the whole range of every joint."""
+    """Draw ``count`` random states with positions over the whole range of every joint."""
     span = np.where(chain.angles, ANGLE_RANGE, STROKE)
     shape = (count, chain.n)
     return States(
@@ -90,7 +90,10 @@ def draw_states(chain: Chain, count: int, rng: np.random.Generator) -> States:
 
 @dataclass(frozen=True)
 class Parameters:
-    """Standard parameters (n, 10) for the references, and base parameters for the model (None: its nominal ones)."""
+    """One set of inertial parameters: ``phi`` (n, 10) standard ones for references, ``beta`` base ones for the model.
+
+    ``beta`` is None for the nominal ones of the model; ``label`` names the set in the report.
+    """
 
     label: str
     phi: Array
@@ -103,7 +106,7 @@ class Parameters:
 
 
 def random_parameters(n: int, rng: np.random.Generator) -> Array:
-    """Standard parameters (n, 10) of random clouds of point masses: every entry non-zero, M(q) > 0."""
+    """Standard parameters (n, 10) of ``n`` random clouds of point masses: no entry is zero, and M(q) > 0."""
     rows = np.empty((n, 10))
     for row in rows:
         weights = rng.uniform(0.1, 1.0, 8)
@@ -116,7 +119,7 @@ def random_parameters(n: int, rng: np.random.Generator) -> Array:
 
 
 def parameter_sets(model: Model, rng: np.random.Generator) -> tuple[Parameters, ...]:
-    """The nominal parameters where the description has links, and a random physical set."""
+    """Parameter sets to compare with: the nominal ones if the robot file has links, and a random physical set."""
     phi = random_parameters(len(model.spec.rows), rng)
     sets = [Parameters("random", phi, np.asarray(model.base_projection) @ phi.ravel())]
     nominal = nominal_parameters(model.spec)

@@ -1,7 +1,8 @@
-"""Inverse kinematics of a mechanism in floats, after ``templates/c/ik/coupled.c``.
+"""Inverse kinematics, in floats, of a mechanism in which joints follow other joints.
 
-The chain of rows from base to tip is solved as if each had a drive. Of its solutions y those are kept for which joint
-positions q with ``y = S q`` exist, and every such q is refined on the mechanism itself.
+The chain from base to tip, one row of the DH table after the other, is solved as if each row had its own drive. Of its
+solutions y those are kept for which positions q of the driven joints with ``y = S q`` exist; every such q is refined on
+the mechanism itself. The method is that of the emitted C (``templates/c/ik/coupled.c``).
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ PUBLIC = 15
 
 
 class CoupledTask(Task):
-    """The task of :class:`Task` over the joint positions q of a mechanism instead of its rows."""
+    """Task that solutions for one target must meet, as a function of the positions q of the driven joints."""
 
     def __init__(self, plan: SolverPlan, coupling: Coupling, T: Sequence[float]) -> None:
         super().__init__(plan, T)
@@ -49,19 +50,22 @@ class CoupledTask(Task):
         self.held = None if self._locked is None else coupling.leader(self._locked)
 
     def error(self, q: Any, held: int = 0) -> tuple[Any, Any]:
-        """The remaining task error at the joint positions ``q``, and its Jacobian."""
+        """Remaining task error at the positions ``q`` of the driven joints, and its Jacobian by q.
+
+        Lengths are relative to the reach, angles in rad; ``held`` is not used.
+        """
         e, J = super().error(self._coupling.rows(q))
         J = J @ self._rates
         if self.held is not None:
-            J[:, self.held] = 0.0  # the prescribed joint stays
+            J[:, self.held] = 0.0  # the prescribed joint does not move
         return e, J
 
     def off(self, y: Sequence[float], q: Sequence[float]) -> float:
-        """How far the rows ``y`` are off the coupling with ``q``, rad or reaches."""
+        """Largest difference of the displacements ``y`` of the chain from S ``q``: rad, or lengths over the reach."""
         return super().apart(self._coupling.rows(q), y)
 
     def apart(self, a: Sequence[float], b: Sequence[float]) -> float:
-        """The largest difference of the rows of two configurations, over the periods of q, rad or reaches."""
+        """Largest difference in the chain of two configurations q, modulo their periods: rad, or lengths over the reach."""
         d = [
             x - y - (period * ceil((x - y) / period - 0.5) if period else 0.0)
             for x, y, period in zip(a, b, self._coupling.periods, strict=True)
@@ -70,7 +74,10 @@ class CoupledTask(Task):
 
 
 class CoupledEvaluation:
-    """The inverse kinematics of the plan of a mechanism; DerivationError where only the emitted C solves its chain."""
+    """Inverse kinematics of a mechanism with the solver ``plan``, evaluated in Python.
+
+    Raises DerivationError for a plan that is solved by elimination, for which only emitted C exists.
+    """
 
     def __init__(self, plan: SolverPlan) -> None:
         if plan.coupling is None:
@@ -81,7 +88,10 @@ class CoupledEvaluation:
         self._unfit = len(reasons_of(plan)) - 1
 
     def solve(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
-        """Every solution for a target of 3 or 16 numbers."""
+        """Find every solution for a ``target``: a position (3 numbers, m) or a pose (16 numbers, row-major).
+
+        ``q_ref`` is the reference configuration or None, ``given`` the redundancy parameter, ``wish`` the options.
+        """
         call = self._called(target, q_ref, given, wish)
         if isinstance(call, Answer):
             return call
@@ -102,7 +112,7 @@ class CoupledEvaluation:
         return Answer(INCOMPLETE if self._plan.incomplete else OK, tuple(rows), 0, distance)
 
     def closest(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
-        """The configuration nearest to a target."""
+        """Find the configuration with the smallest error to a ``target``; arguments are those of :meth:`solve`."""
         call = self._called(target, q_ref, given, wish)
         if isinstance(call, Answer):
             return call
@@ -118,7 +128,7 @@ class CoupledEvaluation:
         return self._chain.called(target, y, given, Wish(residual=wish.residual))
 
     def _couple(self, task: CoupledTask, row: Row, wish: Wish, kept: list[Row]) -> None:
-        """Append the joint positions of one solution of the chain, one for each way in which the drives can stand."""
+        """Append to ``kept`` all positions q of the driven joints that belong to the solution ``row`` of the chain."""
         for q in self._coupling.leading(row.q):
             flags = row.flags
             if task.off(row.q, q) > SEARCH["coupled"] and not flags & FREE and not wish.residual:
@@ -137,7 +147,10 @@ class CoupledEvaluation:
     def _descended(
         self, call: Call, task: CoupledTask, q_ref: Sequence[float] | None, given: float
     ) -> tuple[list[Row], Row, float]:
-        """Rows that descent finds, the nearest configuration, and its distance."""
+        """Minimize the task error from several initial configurations, for a target without solutions.
+
+        Returns the solutions found after all, the configuration with the smallest error, and its distance, m.
+        """
         reference = [0.0] * self._coupling.n if q_ref is None else list(q_ref)
         found, nearest, _ = call.descended()
         starts = [(next(self._coupling.leading(row.q)), row.branch) for row in found or [nearest]]
@@ -165,7 +178,10 @@ class CoupledEvaluation:
         return Answer(OUTSIDE_LIMITS, (), 0, distance) if outside else Answer(UNREACHABLE, (), stage, distance)
 
     def _finished(self, rows: Sequence[Row], q_ref: Sequence[float] | None, wish: Wish) -> tuple[list[Row], bool]:
-        """Rows at the turns asked for, their residuals no longer squared; whether all are inside the limits."""
+        """Solutions with their angles moved by full turns next to ``q_ref`` and within the limits if possible.
+
+        Their residuals are no longer squared. Also returns whether all were within the limits.
+        """
         kept, every = [], True
         for row in rows:
             q, inside = self._placed(row.q, q_ref)
@@ -175,7 +191,7 @@ class CoupledEvaluation:
         return kept, every
 
     def _placed(self, q: Sequence[float], q_ref: Sequence[float] | None) -> tuple[list[float], bool]:
-        """``q`` moved by its periods next to the reference and inside the limits, and whether it is inside them."""
+        """Move ``q`` by its periods next to ``q_ref`` and within the limits if possible; and whether it is within."""
         margin, inside, placed = TOLERANCE["limit"], True, []
         for k, (x, period, (lower, upper)) in enumerate(
             zip(q, self._coupling.periods, self._coupling.limits, strict=True)

@@ -98,7 +98,10 @@ class Evaluation:
 
 
 class Call:
-    """One call: its checked target and its options."""
+    """One call of the inverse kinematics, with a checked target ``query`` and the options ``wish``.
+
+    ``accuracy`` is the assumed relative accuracy of the target.
+    """
 
     def __init__(
         self, solver: Evaluation, query: Query, q_ref: Sequence[float] | None, accuracy: float, wish: Wish
@@ -113,7 +116,7 @@ class Call:
         self._stage = 0
 
     def solve(self) -> Answer:
-        """All solutions, or the distance of the nearest configuration."""
+        """Find all solutions; without any, find the distance of the nearest configuration from the target."""
         found = self._collect()
         self._rows, inside = self._finished(self._rows, self._q_ref)
         outside, distance = not inside, 0.0
@@ -131,7 +134,7 @@ class Call:
         return Answer(INCOMPLETE if self._plan.incomplete else OK, tuple(self._rows), 0, distance)
 
     def closest(self) -> Answer:
-        """The configuration nearest to the target that descent finds."""
+        """Find the configuration with the smallest task error, by minimization from several initial configurations."""
         kept, best, distance = self.descended()
         rows, _ = self._finished([*kept, best][:1], self._query.reference)
         return Answer(OK if rows else OUTSIDE_LIMITS, tuple(rows), 0, distance)
@@ -199,8 +202,8 @@ class Call:
     def _finished(self, rows: Sequence[Row], reference: Sequence[float] | None) -> tuple[list[Row], bool]:
         """Solutions with their angles moved by full turns next to ``reference`` and within the limits if possible.
 
-        Their residuals are no longer squared; solutions outside the limits are left out or flagged. Also returns whether
-        all were within the limits.
+        Their residuals are no longer squared; solutions outside the limits are left out or flagged. Also returns
+        whether all were within the limits.
         """
         kept, every = [], True
         for row in rows:

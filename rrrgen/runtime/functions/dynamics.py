@@ -313,7 +313,7 @@ class DynamicFunctions(Calls):
         return np.zeros_like(prepare("friction", [port], [dq], self.engine.dtype)[1][0])
 
     def _loads(self, function: str, tau_load: ArrayLike | None) -> tuple[ArrayLike, ...]:
-        """``(tau_load,)`` if a friction law depends on the load, else (); raises ValueError if it is needed and None."""
+        """``(tau_load,)`` if a friction law depends on the load, else (); ValueError if it is needed and None."""
         if all(port.name != "tau_load" for port in self.derived.programs[function].inputs):
             return ()
         if tau_load is None:

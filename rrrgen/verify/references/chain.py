@@ -40,21 +40,21 @@ class Chain:
 
     @property
     def n(self) -> int:
-        """Length of q."""
+        """Number n of joint positions q."""
         return int(self.coupling.shape[1])
 
     @property
     def links(self) -> int:
-        """Number of rows and links."""
+        """Number of links, which is that of DH rows."""
         return len(self.revolute)
 
     @property
     def plain(self) -> bool:
-        """Whether the rows are the joints, one after the other."""
+        """Whether the robot is an unbranched chain in which every DH row has its own joint position."""
         return self.parents == tuple(range(-1, self.links - 1)) and np.array_equal(self.coupling, np.eye(self.links))
 
     def path(self, row: int) -> list[int]:
-        """The rows from the base to ``row``."""
+        """Indices of the DH rows from the base to ``row``, in order."""
         return [] if row < 0 else [*self.path(self.parents[row]), row]
 
     def depth_first(self, parent: int = -1) -> list[int]:
@@ -83,7 +83,7 @@ class Chain:
 
 
 def chain_of(spec: RobotSpec) -> Chain:
-    """The chain of a description, with named parameters at their nominal values."""
+    """Build the chain of a robot description, with named parameters at their nominal values."""
 
     def matrix(transform: FixedTransform) -> Array:
         T = np.eye(4)
@@ -118,9 +118,9 @@ def _coupling(spec: RobotSpec) -> Array:
 
 
 def _drive_inertia(spec: RobotSpec) -> Array:
-    """Second derivatives of the kinetic energy of all drives with respect to the joint speeds (n, n).
+    """Contribution (n, n) of all drives to the mass matrix: second derivatives of their energy by the joint speeds.
 
-    Motors turn at ``dq_m``, which solves ``S dq_m = dq``.
+    Coupled motors turn at the speeds ``dq_m`` that solve ``S dq_m = dq``, multiplied by their gear ratios.
     """
     own = [0.0 if j.drive is None or j.drive.inertia is None else float(j.drive.inertia) for j in spec.joints]
     if spec.drives is None:
@@ -139,14 +139,14 @@ def motor_speeds(spec: RobotSpec, dq: Array) -> Array:
 
 
 def motor_loads(spec: RobotSpec, tau: Array) -> Array:
-    """Torques (N, n) that coupled motors carry when the joints carry ``tau`` (N, n): both have the same power."""
+    """Torques (N, n) of coupled motors that correspond to the joint torques ``tau`` (N, n), by equal power."""
     return np.asarray(np.linalg.solve(motor_speeds(spec, np.eye(spec.n)), tau.T).T)
 
 
 def nominal_parameters(spec: RobotSpec) -> Array | None:
     """Standard parameters (n, 10) of the description's links, or None where it has none.
 
-    Order m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the origin of the link frame, tensor signs.
+    The order is m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, about the origin of the link frame, with tensor signs.
     """
     if spec.links is None:
         return None
@@ -159,13 +159,13 @@ def nominal_parameters(spec: RobotSpec) -> Array | None:
 
 
 def inertia_tensor(parameters: Array) -> Array:
-    """The 3x3 tensor about the link frame's origin from ten standard parameters."""
+    """Inertia tensor (3, 3) about the origin of the link frame, from the standard ``parameters`` (10,) of one link."""
     xx, xy, yy, xz, yz, zz = parameters[4:]
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def centre_and_tensor(parameters: Array) -> tuple[Array, Array]:
-    """Centre of mass, and the inertia tensor about it, from ten standard parameters with m > 0."""
+    """Centre of mass (3,) and inertia tensor (3, 3) about it, from standard ``parameters`` (10,) with m > 0."""
     m = float(parameters[0])
     c = parameters[1:4] / m
     return c, inertia_tensor(parameters) - m * (c @ c * np.eye(3) - np.outer(c, c))

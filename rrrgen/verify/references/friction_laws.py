@@ -12,7 +12,7 @@ from rrrgen.verify.references.chain import Array
 
 
 def sliding(friction: FrictionSpec | None, v: Array, width: float = 0.0, load: Array | float = 0.0) -> Array:
-    """Friction torque at the speeds ``v`` (N,) under ``load`` (N,); laws with a state after long motion at one speed.
+    """Friction torque (N,) at the speeds ``v`` (N,) under the torques ``load`` (N,), in steady sliding.
 
     ``width`` > 0 replaces sgn(v) by tanh(v / width), in |v| = v sgn(v) too.
     """
@@ -45,7 +45,7 @@ def parameters_of(friction: FrictionSpec) -> list[float]:
 
 
 def has_state(friction: FrictionSpec | None) -> bool:
-    """Whether the law has a state."""
+    """Whether the law of ``friction`` has a state; False for None."""
     return (
         friction is not None
         and friction.law is not None
@@ -54,7 +54,7 @@ def has_state(friction: FrictionSpec | None) -> bool:
 
 
 def has_load(friction: FrictionSpec | None) -> bool:
-    """Whether the law depends on the load."""
+    """Whether the law of ``friction`` depends on the load torque; False for None."""
     return friction is not None and friction.law is not None and friction.law.name.endswith("load_dependent")
 
 
@@ -82,9 +82,10 @@ def _relaxed(z: Array, final: Array, decay: Array) -> Array:
 
 
 def _law(law: LawSpec, v: Array, s: Array, size: Array, load: Array | float) -> Any:
-    """The formula of a law with the direction ``s`` (N,): the sign of the speed, or the state over its last value.
+    """Friction torque (N,) by the formula of ``law`` at speeds ``v`` (N,) with the direction ``s`` (N,), -1 to 1.
 
-    ``size`` (N,) is |v|, ``load`` (N,) the torque of the load.
+    s is sgn(v), or the state divided by its value in steady sliding. ``size`` (N,) is |v|, ``load`` (N,) the load
+    torque.
     """
     p = np.array(law.values)
     match law.name:

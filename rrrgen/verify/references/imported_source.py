@@ -16,7 +16,7 @@ from rrrgen.verify.references.reference import ReferenceUnavailableError
 
 STATES = 20
 SEED = 1
-FASTEST = 2.0  # rad/s, rad/s^2 (m/s, m/s^2) of random states
+FASTEST = 2.0  # rad/s, rad/s^2 (m/s, m/s^2), largest speeds and accelerations of random states
 
 
 @dataclass(frozen=True)

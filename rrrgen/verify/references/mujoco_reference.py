@@ -90,7 +90,7 @@ class MujocoReference:
         return np.asarray(self._chain.coupling.T @ M @ self._chain.coupling + self._added)
 
     def forward_kinematics(self, q: Array) -> Array:
-        """The pose (4, 4) of the site at the tip."""
+        """Pose (4, 4) of the tip in the base frame, from a MuJoCo site."""
         self._at(q)
         tip, T = self._data.site("tip"), np.eye(4)
         T[:3, :3], T[:3, 3] = np.reshape(tip.xmat, (3, 3)), tip.xpos

@@ -55,7 +55,7 @@ class _Outward:
 class NewtonEuler:
     """Kinematics and dynamics of a chain with standard parameters ``phi`` (links, 10); states are batches (N, n).
 
-    Rows may branch, and their displacements are those of q through the coupling of the chain.
+    The chain may branch. Its displacements are ``coupling q``, with the constant matrix ``coupling`` of the chain.
     """
 
     name = "Newton-Euler (built in)"
@@ -74,7 +74,7 @@ class NewtonEuler:
         return (z, np.cross(z, arm)) if self.chain.revolute[i] else (np.zeros(3), z)
 
     def _steps(self, q: Array) -> list[Array]:
-        """The transforms A_i(y_i) (N, 4, 4), one per row, y = coupling q."""
+        """DH transforms A_i(y_i) (N, 4, 4), one per row, with ``y = coupling q``; ``q`` is (N, n)."""
         steps = []
         y = q @ self.chain.coupling.T
         for i, (before, after) in enumerate(self._around):
@@ -134,7 +134,7 @@ class NewtonEuler:
         return np.concatenate([np.einsum("nij,nj->ni", R, linear), np.einsum("nij,nj->ni", R, wd)], axis=1)
 
     def _outward(self, q: Array, dq: Array, ddq: Array, gravity: Array) -> _Outward:
-        """Twists and spatial accelerations; gravity enters as an acceleration of the base."""
+        """Velocities and accelerations of all links, base to tip; gravity enters as an acceleration of the base."""
         zero = np.zeros((len(q), 3))
         lift = zero - self.chain.base[:3, :3].T @ gravity
         dy, ddy = dq @ self.chain.coupling.T, ddq @ self.chain.coupling.T

@@ -8,7 +8,7 @@ from rrrgen.verify.references.chain import Array
 
 
 class Reference(Protocol):
-    """The model of the same robot in another library, evaluated at one state (n,) at a time."""
+    """Interface of a reference: the same robot in another library, evaluated at one state (n,) at a time."""
 
     name: str
 
@@ -26,7 +26,7 @@ class Reference(Protocol):
 
 
 class ReferenceUnavailableError(Exception):
-    """The library is missing, or cannot represent this robot; the text says which."""
+    """Raised if a reference library is not installed or cannot represent a robot; the text says which."""
 
     @classmethod
     def at_import(cls, error: ImportError, package: str) -> ReferenceUnavailableError:

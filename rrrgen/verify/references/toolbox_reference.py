@@ -11,10 +11,10 @@ from rrrgen.verify.references.reference import ReferenceUnavailableError
 
 
 class ToolboxReference:
-    """The chain as a ``roboticstoolbox.DHRobot``.
+    """The robot as a ``roboticstoolbox.DHRobot``.
 
-    Gravity is given in the frame of the first row, so that base and tool stay outside. ``rne_python`` is asked instead
-    of ``rne``: the C routine of version 1.5.0 is wrong for most chains whose first joint is prismatic.
+    Gravity is given in the frame of the first row, so that base and tool need not be part of it. ``rne_python`` is
+    called instead of ``rne``: the C routine of version 1.5.0 is wrong for most chains whose first joint is prismatic.
     """
 
     def __init__(self, chain: Chain, phi: Array) -> None:
@@ -52,7 +52,7 @@ class ToolboxReference:
         self._base, self._tool, self._n = chain.base, chain.tool, chain.n
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """tau (n,) by the toolbox's recursive Newton-Euler in Python."""
+        """Joint torques tau (n,) by the toolbox's recursive Newton-Euler in Python, plus coupled drive inertia."""
         return self._rne(q, dq, ddq, self._gravity)
 
     def _rne(self, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
@@ -60,7 +60,7 @@ class ToolboxReference:
         return tau + self._coupling @ ddq
 
     def mass_matrix(self, q: Array) -> Array:
-        """M (n, n), column by column, from unit accelerations."""
+        """Mass matrix M (n, n), column by column, from the torques for unit accelerations."""
         still = np.zeros(self._n)
         return np.stack([self._rne(q, still, unit, np.zeros(3)) for unit in np.eye(self._n)], axis=1)
 
