@@ -65,7 +65,10 @@ class CoupledTask(Task):
         return super().apart(self._coupling.rows(q), y)
 
     def apart(self, a: Sequence[float], b: Sequence[float]) -> float:
-        """Largest difference in the chain of two configurations q, modulo their periods: rad, or lengths over the reach."""
+        """Largest difference of the displacements ``S q`` of two configurations: rad, or lengths over the reach.
+
+        Each q counts modulo its period.
+        """
         d = [
             x - y - (period * ceil((x - y) / period - 0.5) if period else 0.0)
             for x, y, period in zip(a, b, self._coupling.periods, strict=True)
