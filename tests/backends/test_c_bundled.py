@@ -7,14 +7,14 @@ from statistics import median
 import pytest
 
 from backends.c_tools import C99, CXX, compile_all, compiler, emitted, frames, run, write
+from pipeline.optimized import bundled
 from rrrgen import pipeline
 from rrrgen.backends.c.stack import stack_bound
-from rrrgen.robotfile import load_spec
 
 
 @pytest.fixture(scope="module")
 def derived():
-    return {name: pipeline.derive(load_spec(name)) for name in ("rrr", "stanford", "panda", "gantry")}
+    return {name: bundled(name) for name in ("rrr", "stanford", "panda", "gantry")}
 
 
 def sources(model, real):

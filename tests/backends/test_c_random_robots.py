@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -35,6 +36,11 @@ CALLED = (
 JOINTS = (1, 2, 3) * 9 + (4, 5, 6)
 
 
+def one_by_one(function, *arguments):
+    """``function`` of each state by itself: no loops over batches are built, which tests/runtime compares with this."""
+    return np.stack([function(*state) for state in zip(*arguments, strict=True)])
+
+
 def derive_called(spec):
     """What pipeline.derive returns, for the functions in CALLED alone: to optimize the others would take longer."""
     recorded = derive_model(spec)
@@ -65,16 +71,15 @@ def test_compiled_c_equals_newton_euler_in_double_and_float(seed):
     torque = np.max(np.abs(expected["inverse_dynamics"]))
     for real, tolerance in (("double", DOUBLE), ("float", SINGLE)):
         model = load_model(derived, identify(spec), real=real)
-        model.engine.prepare()
         arguments = {"inverse_dynamics": (q, dq, ddq), "coriolis": (q, dq)}
         for name, values in expected.items():
-            result = getattr(model, name)(*arguments.get(name, (q,)))
+            result = one_by_one(getattr(model, name), *arguments.get(name, (q,)))
             scale = torque if name in ("gravity", "coriolis") else max(np.max(np.abs(values)), 1e-9)
             assert np.max(np.abs(result - np.array(values))) <= tolerance * scale, (name, real)
         phi = robot.phi
         beta = np.asarray(derived.base_projection) @ phi
-        at_run_time = model.inverse_dynamics(q, dq, ddq, beta)
-        by_regressor = model.regressor(q, dq, ddq) @ beta
-        by_standard_regressor = model.standard_regressor(q, dq, ddq) @ phi
+        at_run_time = one_by_one(partial(model.inverse_dynamics, beta=beta), q, dq, ddq)
+        by_regressor = one_by_one(model.regressor, q, dq, ddq) @ beta
+        by_standard_regressor = one_by_one(model.standard_regressor, q, dq, ddq) @ phi
         for result in (at_run_time, by_regressor, by_standard_regressor):
             assert np.max(np.abs(result - np.array(expected["inverse_dynamics"]))) <= tolerance * torque, real

@@ -112,8 +112,7 @@ def check_torques(robot: Robot, spec, own) -> None:
     """tau = Y beta with beta from the expressions in link symbols, at the numbers of the robot."""
     model = build_model(spec)
     program = FUNCTIONS["regressor"][0](Recording(model, parametrize(own, None)))
-    values = dict(zip(standard_symbols(spec.n), robot.phi, strict=True))
-    beta = np.array([float(spec.nominal(e).subs(values)) for e in own.expressions()])
+    beta = np.array(sp.lambdify(standard_symbols(spec.n), [spec.nominal(e) for e in own.expressions()])(*robot.phi))
     rng = np.random.default_rng(11)
     states = [random_state(robot, rng) for _ in range(3)]
     tau = np.array([oracle.inverse_dynamics(robot, *state) for state in states])

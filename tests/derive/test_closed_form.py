@@ -21,7 +21,7 @@ SEED = 3
 
 @pytest.fixture(scope="module", params=["pendulum", "planar2r", "rrr", "scara", "gantry"])
 def small(request):
-    return pipeline.derive(load_spec(request.param))
+    return bundled(request.param)
 
 
 def inputs(model, program) -> list[np.ndarray]:

@@ -1,5 +1,7 @@
 """Geometry off a special case by 1e-12 ... 1e-3: both sides of every threshold find the same solutions."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,12 @@ CASES = [
 ]
 
 
+@cache
+def special_counts(name) -> np.ndarray:
+    """Numbers of solutions of the special arm itself for the same configurations."""
+    return sample(name, ROWS[name], N=400).batch.counts
+
+
 @pytest.mark.parametrize(("name", "parameters"), CASES, ids=["-".join([n, *p]) for n, p in CASES])
 @pytest.mark.parametrize("offset", OFFSETS)
 def test_both_sides_of_a_threshold(name, parameters, offset):
@@ -39,8 +47,7 @@ def test_both_sides_of_a_threshold(name, parameters, offset):
     result = sample(name, rows, N=400)
     result.assert_right()
     # the number of solutions is that of the special arm but for poses within about sqrt(offset) of a singular one
-    special = sample(name, ROWS[name], N=400)
-    differing = np.mean(result.batch.counts != special.batch.counts)
+    differing = np.mean(result.batch.counts != special_counts(name))
     assert differing <= 4 * np.sqrt(offset) + 0.01
 
 

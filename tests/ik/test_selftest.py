@@ -7,6 +7,7 @@ import subprocess
 import pytest
 
 from ik.robots import ROWS, make
+from pipeline.optimized import bundled
 from rrrgen import pipeline
 from rrrgen.backends.c.solver.checks import selftest
 
@@ -16,7 +17,7 @@ def folder(tmp_path_factory):
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
     place = tmp_path_factory.mktemp("selftest")
-    files = pipeline.emit(pipeline.derive(pipeline.read("rrr")))
+    files = pipeline.emit(bundled("rrr"))
     for name, text in files.items():
         if name.endswith((".c", ".h")) and "/" not in name:
             (place / name).write_text(text)

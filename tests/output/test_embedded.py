@@ -5,6 +5,7 @@ import subprocess
 
 import pytest
 
+from pipeline.optimized import bundled
 from rrrgen import pipeline
 
 ARM = "arm-none-eabi-gcc"
@@ -13,7 +14,7 @@ WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotio
 
 
 def sources(name, folder, real):
-    files = pipeline.emit(pipeline.derive(pipeline.read(name)), real)
+    files = pipeline.emit(bundled(name), real)
     for file, text in files.items():
         if file.endswith((".c", ".h")) and "/" not in file:
             (folder / file).write_text(text)

@@ -1,4 +1,4 @@
-"""Optimized models of bundled robots, each derived once per process."""
+"""Optimized models of bundled robots, each derived once for all processes of a run."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from functools import cache
 
 from rrrgen import pipeline
 from rrrgen.derive.derived_model import DerivedModel
+from rrrgen.output.manifest import identify
 from rrrgen.robotfile import load_spec
+from rrrgen.runtime.derived_cache import recall
 
 
 @cache
 def bundled(name: str) -> DerivedModel:
-    """The bundled robot with all passes."""
-    return pipeline.derive(load_spec(name))
+    """The bundled robot with all passes, or what the cache kept of it (tests/runtime/test_derived_cache.py)."""
+    spec = load_spec(name)
+    return recall(spec, identify(spec), pipeline.derive)

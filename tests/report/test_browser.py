@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rrrgen import pipeline
+from pipeline.optimized import bundled
 from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import closed_form
 from rrrgen.program import evaluate
 from rrrgen.report import html_report
 from rrrgen.report.motions import Motion
-from rrrgen.robotfile import load_spec
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
@@ -65,7 +64,7 @@ FRAME = """<pre id="found"></pre>
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    model = pipeline.derive(load_spec("ur10e"))
+    model = bundled("ur10e")
     forms = {name: closed_form(prepare(model.spec), name).readable() for name in ("forward_kinematics", "gravity")}
     motion = Motion("recording " + 60 * "x", np.array([0.0, 1.0, 3.0]), np.array([np.zeros(6), np.ones(6), PLAYED]))
     return html_report(model, forms, notice=f"Written from model {64 * 'a'}.", motions=[motion])
@@ -108,7 +107,7 @@ def test_a_motion_is_interpolated_between_its_samples(page: str, tmp_path: Path)
 def test_view_computes_the_pose_of_the_tip(page: str, tmp_path: Path) -> None:
     found, _ = opened(page, 1280, tmp_path)
     numbers = [float(text.replace("−", "-")) for text in re.findall(r"−?\d+\.\d+", found["tip"])]
-    model = pipeline.derive(load_spec("ur10e"))
+    model = bundled("ur10e")
     T = np.asarray(evaluate(model.programs["forward_kinematics"], np.array(ANGLES))[0], float)
     np.testing.assert_allclose(numbers[:3], 1000 * T[:3, 3], atol=0.051)
     roll, pitch, yaw = (radians(value) for value in numbers[3:])
