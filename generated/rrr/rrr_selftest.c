@@ -7,7 +7,7 @@
  * Identities: tau = M ddq + c + g = Y beta, c = C dq, dM/dt = C + C' (so that dM/dt - 2C is skew-symmetric),
  * M > 0, the power balance d(T + U)/dt = tau' dq, the Jacobian against differences of the forward kinematics, and
  * the derivatives of the dynamics against differences.
- * Inverse kinematics: rows of golden, singular and unreachable targets, put into the forward kinematics.
+ * Inverse kinematics: solutions of known, singular and unreachable targets, checked by the forward kinematics.
  * The last line but one is a digest of the bits of all results with golden vectors. In double it is the same on every
  * processor and C library, with the inline sines and without contraction of products and sums (-std=c99, -ffp-contract=off).
  * Returns 0 if everything holds, else 1 with the failed checks on stdout. Only this file uses stdio.

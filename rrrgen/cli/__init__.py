@@ -1,4 +1,4 @@
-"""The command line: thin, lazy, and the only place that prints or exits."""
+"""The command line: commands that call the package, imported when they run. Only this room prints text or exits."""
 
 from __future__ import annotations
 

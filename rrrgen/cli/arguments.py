@@ -21,7 +21,7 @@ SHORT = 3
 """Largest number of joints for which closed forms are shown by default."""
 
 NARROWEST = 40
-"""Columns below which tables are no longer folded."""
+"""Least number of columns of a terminal to which tables are folded."""
 
 STDIN = "-"
 """The argument ROBOT that stands for the standard input."""

@@ -1,4 +1,4 @@
-"""Colour on a terminal: faults, verdicts and headings; a pipe or a file gets the same text without it.
+"""Colours of faults, verdicts and headings on a terminal; a pipe or a file gets the same text without colours.
 
 ``NO_COLOR`` turns colour off, ``FORCE_COLOR`` turns it on for pipes too, and a terminal that calls itself dumb gets
 none. Texts are laid out before they are coloured, since the marks of a terminal have a length but no width.
@@ -35,7 +35,7 @@ def say_error(text: str) -> None:
 
 
 def fault_text(fault: Fault) -> str:
-    """The fault with its severity and the mark below its place in colour."""
+    """The text of a fault, with its severity and the mark below its place in colour."""
     head, *others = str(fault).split("\n")
     colour = SEVERITY[fault.severity]
     said = f": {fault.severity}: "
@@ -48,44 +48,44 @@ def fault_text(fault: Fault) -> str:
 
 
 def usage_text(error: click.ClickException) -> str:
-    """What click prints for wrong usage, with its "Error:" in colour."""
+    """The text that click prints for wrong usage, with its "Error:" in colour."""
     shown = io.StringIO()
     error.show(file=shown)
     return shown.getvalue().rstrip("\n").replace("Error:", failed("Error:"), 1)
 
 
 def passed(text: str) -> str:
-    """``text`` as good news."""
+    """Colour ``text`` green, as a passed check."""
     return click.style(text, fg="green")
 
 
 def failed(text: str) -> str:
-    """``text`` as bad news."""
+    """Colour ``text`` red, as a failed check."""
     return click.style(text, fg="red", bold=True)
 
 
 def doubtful(text: str) -> str:
-    """``text`` as something to look at."""
+    """Colour ``text`` yellow, as a result to look at."""
     return click.style(text, fg="yellow")
 
 
 def verdict(text: str, ok: bool) -> str:
-    """``text`` as good or bad news."""
+    """Colour ``text`` as a passed (``ok``) or failed check."""
     return passed(text) if ok else failed(text)
 
 
 def with_headings(text: str) -> str:
-    """``text`` with its headings in bold: lines at the margin above indented ones."""
+    """Print the headings of ``text`` in bold: lines without indentation that are followed by indented ones."""
     return re.sub(r"^(?! )(.+)(?=\n )", lambda line: click.style(line[1], bold=True), text, flags=re.M)
 
 
 def with_warning(text: str) -> str:
-    """``text`` with the word that it begins with, "warning:", in colour."""
+    """Colour the word "warning:" at the beginning of ``text``."""
     return re.sub("^warning:", lambda word: doubtful(word[0]), text)
 
 
 def with_failures(text: str) -> str:
-    """``text`` with the word FAIL wherever it stands as bad news."""
+    """Colour every word FAIL in ``text`` red."""
     return re.sub(r"\bFAIL\b", lambda word: failed(word[0]), text)
 
 

@@ -1,4 +1,7 @@
-"""The table of commands: name -> module and attribute, one-line help. A command is imported only when it is called."""
+"""The table of commands: the module and attribute, and the one-line help, by name.
+
+A command is imported only when it is called.
+"""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ TOOLS = {
     "cmake": "builds the emitted C as a library",
     "rustc": "builds the crate of generate --with rust",
 }
-"""Program -> what it is good for; the C compiler that rrrgen itself uses is a finding of its own."""
+"""Programs that are looked for, with their use; the C compiler that rrrgen itself uses is reported separately."""
 
 PROBE = {"probe.c": "double probe(double x) { return 2.0 * x; }\n", "probe.h": "double probe(double x);\n"}
 
@@ -33,7 +33,10 @@ WIDEST = ("avx512f", "avx2", "asimd", "neon", "sse2")
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked for: what was found, whether it is usable, and what it is good for or how to get it."""
+    """One line of the report: the ``name`` of what was looked for, what was ``found``, whether that is usable (``ok``).
+
+    ``use`` says what it is good for, or how to get it.
+    """
 
     name: str
     found: str
@@ -88,7 +91,7 @@ def _system() -> Iterator[Finding]:
 
 
 def _compiler() -> Finding:
-    """The compiler of the runtime, tried out."""
+    """Test the C compiler that rrrgen uses at run time: compile, load and call a small function."""
     from rrrgen.errors import RrrgenError
     from rrrgen.runtime.build import build_extension
     from rrrgen.runtime.compiler import find_compiler
@@ -111,7 +114,7 @@ def _tools() -> Iterator[Finding]:
 
 
 def _version(command: list[str]) -> str:
-    """The first line that a program says of its version."""
+    """Run a command that prints the version of a program; returns the first line of its output."""
     try:
         said = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=60, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -133,7 +136,7 @@ def _extras() -> Iterator[Finding]:
 
 
 def _distribution(module: str) -> str:
-    """The version of the package of the same name."""
+    """The installed version of the distribution package named like ``module``."""
     try:
         return version(module)
     except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""The option ``--html``, and what goes into the HTML report: motions to play and figures of run folders."""
+"""The option ``--html``, and the reading of motions and figures for the HTML report."""
 
 from __future__ import annotations
 

@@ -11,10 +11,10 @@ from rrrgen.parallel_map import Tell
 
 @contextmanager
 def progress_bar(in_processes: bool = False) -> Iterator[Tell]:
-    """A function ``tell(done, total, message)`` that draws on stderr; ``total`` 0 means that no end is known.
+    """Draw a progress bar on stderr; yields the function ``tell(done, total, message)`` that updates it.
 
-    ``in_processes``: the bar is drawn by ``tell`` alone, which forked processes may call; otherwise a thread keeps it
-    moving, and processes with several threads cannot fork safely.
+    ``total`` is 0 where the end is not known. With ``in_processes`` the bar is drawn by ``tell`` alone, which forked
+    processes may call; otherwise a thread keeps it moving, and a process with several threads cannot fork safely.
     """
     if not sys.stderr.isatty():
         yield lambda done, total, message: None

@@ -32,7 +32,7 @@ class ContactThresholds:
     seconds_per_alarm: float
 
     def to_json(self) -> dict[str, Any]:
-        """The numbers as written to contact.json."""
+        """Plain data about the thresholds, in the form written to contact.json."""
         return asdict(self)
 
 

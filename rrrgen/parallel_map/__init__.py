@@ -1,4 +1,4 @@
-"""A parallel map over processes: deriving and printing are plain Python, which uses one core per process.
+"""Parallel map over processes, since deriving and printing are plain Python, which uses one core per process.
 
 Where it is safe, the other processes are forked: they share everything computed so far. That is so while no other
 thread may hold a lock, in a process known to have a single one (Linux). Elsewhere (Windows, macOS, a notebook) they are
@@ -17,7 +17,8 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 MAX_JOBS = 6
-"""More processes do not shorten the generation of a robot: its longest task takes a third of the total time."""
+"""Largest number of processes; more do not shorten the generation of a robot, whose longest task takes a third of the
+total time."""
 
 
 def usual_jobs() -> int:
@@ -26,7 +27,8 @@ def usual_jobs() -> int:
 
 
 Tell = Callable[[int, int, str], None]
-"""``tell(done, total, message)``: how many tasks of how many are done, and of what kind they are."""
+"""A function ``tell(done, total, message)`` that reports progress: ``done`` of ``total`` tasks of the kind
+``message``."""
 
 
 def parallel_map(

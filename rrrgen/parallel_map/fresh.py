@@ -1,4 +1,4 @@
-"""The tasks of a parallel map in new Python processes, for systems and programs in which forking is not safe."""
+"""Parallel map by new Python processes, for systems and programs in which forking is not safe."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 WORKER = "import sys; sys.path[:] = {path!r}; from rrrgen.parallel_map.worker import serve; serve()"
-"""What a new process runs: it finds modules where this one does."""
+"""The Python code that a new process runs; it gets the module search path of this process."""
 
 POLL = 0.1
-"""Seconds between two looks at the threads that wait: a join without a limit cannot be interrupted on Windows."""
+"""Time limit (s) of a join of a thread, which is repeated: without a limit it cannot be interrupted on Windows."""
 
 
 def fresh_map(
     function: Callable[[Task], Result], tasks: Sequence[Task], others: int, tell: Callable[[int], None] | None
 ) -> dict[int, Result]:
-    """Results by task index, computed by this process and ``others``; those of processes that failed are missing.
+    """Compute the results of all tasks, by index, in this process and in ``others`` new ones.
 
-    No result at all if function and tasks cannot be pickled. ``tell(k)`` is called in this process when k tasks are
-    done.
+    Results of processes that failed are missing; there are none at all if function and tasks cannot be pickled.
+    ``tell(k)`` is called in this process when k tasks are done.
     """
     payload = _pickled((function, tasks))
     if payload is None or not sys.executable:  # Python inside another program
@@ -90,7 +90,7 @@ class _Results:
 
 
 def _feed(worker: _Worker, payload: bytes, results: _Results) -> None:
-    """Hand tasks to ``worker`` until there are none, or until it fails: its task is then missing in the results."""
+    """Send tasks to ``worker`` until none is left, or until it fails; the result of its last task is then missing."""
     with contextlib.suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
         worker.begin(payload)
         while (k := results.next()) is not None:
@@ -99,7 +99,10 @@ def _feed(worker: _Worker, payload: bytes, results: _Results) -> None:
 
 
 class _Worker:
-    """A new process that computes tasks by their index; ``answered``: it has not failed and has nothing to do."""
+    """A new process that computes tasks by their index.
+
+    ``answered`` is true while it has not failed and no result is awaited.
+    """
 
     def __init__(self) -> None:
         self.answered = False
@@ -116,7 +119,7 @@ class _Worker:
         self._popen.stdin.flush()
 
     def result(self, index: int) -> Any:
-        """The result of the task ``index``. Raises EOFError or OSError if the process failed."""
+        """Let the process compute the task ``index``; returns the result. Raises EOFError or OSError if it failed."""
         assert self._popen.stdin is not None
         assert self._popen.stdout is not None
         pickle.dump(index, self._popen.stdin)
@@ -134,4 +137,5 @@ class _Worker:
 
 
 _idle: list[_Worker] = []
-"""Processes that wait for the next map of this one, so that they import everything once; they end with it."""
+"""Processes that wait for the next parallel map, so that each imports its modules only once; they end with this
+process."""

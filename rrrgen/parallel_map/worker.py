@@ -1,4 +1,4 @@
-"""Entry point of a new process of :mod:`rrrgen.parallel_map.fresh`: it computes the tasks that it is asked for.
+"""Entry point of the processes that :mod:`rrrgen.parallel_map.fresh` starts: they compute tasks on request.
 
 The parent writes pickles to standard input: a pair of a function and its tasks, then one index after the other, and
 after the last one perhaps another pair. Every answer on standard output is a pickled result. A task that fails ends the

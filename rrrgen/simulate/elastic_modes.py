@@ -49,7 +49,7 @@ def elastic_modes(
     for j, frequency in enumerate(loops):
         if j != joint:
             omega = 2.0 * np.pi * frequency
-            x_and_v = omega**2 * C[j] + 2.0 * omega * (C[j] @ A)  # C A reads the speed
+            x_and_v = omega**2 * C[j] + 2.0 * omega * (C[j] @ A)  # C A is the output matrix of the speeds
             A = A - np.outer(B[:, j], x_and_v)
     values, right = np.linalg.eig(A)
     left = np.linalg.pinv(right)

@@ -16,7 +16,7 @@ Array = NDArray[Any]
 SMOOTH_WIDTH = 1e-3
 """Width (rad/s or m/s) over which sgn(x) is smoothed to tanh(x/width) for a stiff solver."""
 MOST_ROUNDS, SETTLED = 100, 1e-13
-"""Rounds in which the load of coupled motors is found, and its relative change at which it is."""
+"""Largest number of iterations that find the load of coupled motors, and its relative change at which they end."""
 
 
 class FrictionLike(Protocol):
@@ -32,7 +32,7 @@ class FrictionLike(Protocol):
 
     @property
     def has_load(self) -> bool:
-        """Whether friction depends on the torques of the load."""
+        """Whether the friction depends on the load torques."""
         ...
 
     def torque(self, dq: Array, width: Any = 0.0, load: Any = 0.0) -> Array:
@@ -55,7 +55,7 @@ class FrictionLike(Protocol):
 class Friction:
     """Adapter of a friction model for the integrators, with the ``width`` (rad/s or m/s) over which sgn is smoothed.
 
-    Friction is asked for at the torques ``tau`` (n,) of the drives: the load carries what friction leaves of them.
+    Friction is computed from the torques ``tau`` (n,) of the drives; the load is ``tau`` less the friction.
     """
 
     def __init__(self, model: FrictionLike, width: float = SMOOTH_WIDTH) -> None:

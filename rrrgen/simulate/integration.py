@@ -18,7 +18,8 @@ from rrrgen.simulate.plant import Plant
 Array = NDArray[Any]
 
 MOST_STOPS = 50
-"""Largest number of stops located within one step; what remains of the step is then taken without locating more."""
+"""Largest number of stops of joints that are located within one step; the rest of the step then ignores further
+ones."""
 
 
 class Integrator(Protocol):
@@ -133,7 +134,7 @@ class RigidIntegrator:
         return np.asarray((self._runge_kutta(state, tau, duration)[self.n :] * self.direction)[joints])
 
     def _decide(self, state: Array, tau: Array) -> None:
-        """Set the direction of every joint: the sign of its speed, or at rest whether it sticks or which way it starts.
+        """Set the direction (-1, 0, 1) of every joint: the sign of its speed; at rest where it starts, 0 if it sticks.
 
         The friction torques f of the joints at rest solve ``a = M^-1 (tau - h - f)``, where f is within its bounds if
         a = 0 and at the bound that opposes a otherwise: a box-constrained quadratic program, solved by projected

@@ -106,9 +106,10 @@ class RigidBody:
             self._torque = lambda q, dq, ddq: np.asarray(model.inverse_dynamics(q, dq, ddq, parameters))
 
     def forward_dynamics_program(self) -> Program | None:
-        """Forward dynamics with all parameters folded in, of links alone where the added inertia takes drives out.
+        """The program of forward dynamics with all parameters as numbers; None where there is none.
 
-        None for a model without programs, and for any other added inertia.
+        If the added inertia cancels the drive inertia of the robot file, the program is that of the links alone. There
+        is none for a model without programs, and for any other added inertia.
         """
         programs = getattr(getattr(self._model, "derived", None), "programs", {})
         if "forward_dynamics" not in programs:
@@ -137,7 +138,7 @@ class RigidBody:
 
 
 def _folded(program: Program, known: dict[Role, Array]) -> Program:
-    """``program`` with the parameters ``known`` as constants."""
+    """Replace the input parameters ``known`` of ``program`` (by role) by constants."""
     builder = Builder()
     inputs: list[Any] = []
     for port in program.inputs:
@@ -166,7 +167,7 @@ class Plant:
 
     @property
     def needs_stiff_solver(self) -> bool:
-        """Whether the state exceeds ``[q, dq]``, or stick and slip do not follow from the joint speeds alone."""
+        """Whether the state has more than ``[q, dq]``, or joint speeds alone do not decide between stick and slip."""
         flexible = self.joints is not None or self.base is not None
         return flexible or self.friction.has_state or self.friction.couples_joints
 

@@ -35,7 +35,7 @@ class LoopSignals:
     clipped: int = 0
 
     def settled(self) -> Array:
-        """The rows [t, n, u, q, q_r] after the transients of the start."""
+        """The signals as rows [t, n, u, q, q_r], without the settling periods at the start."""
         rows = np.column_stack([self.t, self.n, self.u, self.q, self.q_r])
         return np.asarray(rows[self.run.settle :])
 

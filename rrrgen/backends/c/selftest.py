@@ -92,7 +92,7 @@ class Golden:
 
 
 def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: Sequence[Check] = ()) -> dict[str, str]:
-    """``<name>_selftest.c``, a program that prints a line per check and exits with 0, or with 1 if one fails.
+    """Print ``<name>_selftest.c``, a program that prints a line per check and exits with 0, or with 1 if one fails.
 
     ``checks`` are those of functions in headers of their own, such as the inverse kinematics.
     """

@@ -1,1 +1,1 @@
-"""Parts of commands that belong to experiments: response experiments, and estimators for the controller."""
+"""Commands about single experiments (friction, payload, drive gains, contact), and parts that commands share."""

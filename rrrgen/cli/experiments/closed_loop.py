@@ -32,9 +32,10 @@ def read_loop(
     recorded: Sequence[LogMapping],
     skip_truncated: bool,
 ) -> tuple[LoopController | None, list[LogStream], dict[str, Path]]:
-    """The controller, the recordings that are scored only, and all files read, by role.
+    """Read the controller file ``path`` and the recordings ``tests``, which are scored but not fitted.
 
-    Refuses a controller whose joints or inputs are not those of ``recorded`` and the tests.
+    Returns the controller, the test recordings, and all files read by role. Raises InputError for a controller whose
+    joints or inputs are not those of the recordings ``recorded`` and ``tests``.
     """
     if path is None:
         if tests:

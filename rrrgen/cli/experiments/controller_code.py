@@ -1,4 +1,4 @@
-"""Options and files of the controller of one experiment, which ``rrrgen generate`` writes beside the model."""
+"""Options of ``rrrgen generate`` for code made from the results of experiments, and the files that they ask for."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 
 RATE = 1000.0
-"""Usual sampling rate of a controller, Hz."""
+"""Default sampling rate of the controller, Hz."""
 
 
 def controller_options(function: F) -> F:

@@ -120,7 +120,7 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
 
 
 def _presliding(found: FrictionEstimate, mappings: list[LogMapping], moving: RecordedJoint) -> Presliding:
-    """Stiffness and damping of the bristles from recordings below break-away."""
+    """Estimate stiffness and damping of the bristles from recordings whose torques stay below break-away."""
     from rrrgen.friction_estimation.joint_data import resting_record
     from rrrgen.friction_estimation.presliding import presliding
     from rrrgen.recordings.log_stream import LogStream
@@ -140,7 +140,7 @@ def _presliding(found: FrictionEstimate, mappings: list[LogMapping], moving: Rec
 
 
 def _print(found: FrictionEstimate, output: Path, rest: Presliding | None) -> None:
-    """The table of laws, the parameters of the chosen one, notes."""
+    """Print the table of laws, the parameters of the chosen law, and notes."""
     click.echo(f"joint {found.data.name}: {found.windows} windows, encoder steps of {found.data.resolution:.3g}")
     click.echo(f"  {'law':<16} {'parameters':>10} {'held-out error':>15} {'BIC':>10} {'torque error':>13}")
     for law in found.laws:

@@ -1,4 +1,4 @@
-"""What ``rrrgen excite --friction`` does: design the motion of one joint."""
+"""The design of the motion of one joint for a friction experiment, by ``rrrgen excite --friction``."""
 
 from __future__ import annotations
 

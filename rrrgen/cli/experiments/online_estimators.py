@@ -111,7 +111,7 @@ def _refuse_unused(kinds: tuple[str, ...], options: dict[str, Any]) -> None:
 
 
 def _gain(setting: Regression, options: dict[str, Any]) -> float:
-    """alpha Ts, checked against its bound along the motion if there is one."""
+    """The gain alpha Ts of the gradient estimator; if a motion is given, it is checked against its bound along it."""
     from rrrgen.cli.identification.workflow import read_trajectory
     from rrrgen.control.estimation.gain import chosen_gain, gain_bound
     from rrrgen.errors import InputError
@@ -140,7 +140,7 @@ def _fixed(entries: tuple[str, ...]) -> dict[str, float]:
 
 
 def _covariance(text: str, joints: int) -> tuple[tuple[float, ...], ...]:
-    """The diagonal covariance of the standard deviations in ``text``."""
+    """Make the diagonal covariance matrix from the standard deviations listed in ``text``, one per joint."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:

@@ -1,4 +1,4 @@
-"""What ``rrrgen excite --response`` and ``rrrgen simulate --response`` do: design and run a response experiment."""
+"""Design and simulation of a response experiment, by the option ``--response`` of ``excite`` and ``simulate``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OTHERS = {
         "control": "--control",
     },
 }
-"""Options of the commands that a response experiment does not have."""
+"""Options of each command that a response experiment does not use."""
 
 
 def excite_response(
@@ -70,7 +70,7 @@ EXPERIMENT_JOINT = "-"
 
 
 def _write_samples(folder: Any, design: ResponseDesign, run: Any) -> None:
-    """The excitation and the reference of one run for the controller."""
+    """Write the samples of the excitation and of the reference of one run, for the robot's controller."""
     import numpy as np
 
     t = design.period * np.arange(len(run.n))

@@ -24,7 +24,7 @@ METHODS = ("auto", "modes", "arx", "armax", "output_error", "subspace", "indirec
 
 
 def _rows(ctx: click.Context, parameter: click.Parameter, value: str | None) -> tuple[int, int] | None:
-    """``A:B`` as two row numbers."""
+    """Parse the option ``--fit-rows A:B`` as two row numbers, counted from 1."""
     if value is None:
         return None
     match = re.fullmatch(r"\s*(\d+)\s*:\s*(\d+)\s*", value)
@@ -106,7 +106,7 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
 
 
 def _expected(robot: str, file: Path) -> list[list[ElasticMode]]:
-    """The modes of the elastic robot of an experiment file, posture by posture."""
+    """Compute the vibration modes of the elastic robot of an experiment file, for each of its postures."""
     from rrrgen.cli.arguments import read_with_warnings
     from rrrgen.experiments.elastic_comparison import expected_modes
     from rrrgen.experiments.experiment_file import load_experiment
@@ -117,7 +117,7 @@ def _expected(robot: str, file: Path) -> list[list[ElasticMode]]:
 
 
 def _beside(found: FittedModels, computed: list[list[ElasticMode]]) -> list[dict[str, Any]]:
-    """Measured resonances beside computed ones."""
+    """Pair the measured resonances with the computed ones; one entry per computed mode."""
     from rrrgen.errors import InputError
     from rrrgen.experiments.elastic_comparison import beside
 
@@ -128,7 +128,7 @@ def _beside(found: FittedModels, computed: list[list[ElasticMode]]) -> list[dict
 
 
 def _programs(models: Sequence[ResponseModel]) -> list[Program]:
-    """One step of every model: ``step``, or ``step_<posture>`` where there are several."""
+    """Record one step of every model as a program named ``step``, or ``step_<posture>`` where there are several."""
     from rrrgen.control.linear_step import linear_step_program
 
     programs, names = [], set[str]()
@@ -143,7 +143,7 @@ def _programs(models: Sequence[ResponseModel]) -> list[Program]:
 
 
 def _print(found: FittedModels, record: dict[str, Any]) -> None:
-    """Orders, scores and resonances in words."""
+    """Print the orders, scores and resonances of the models."""
     for model in found.models:
         _print_model(model)
     for name, reason in found.refused.items():

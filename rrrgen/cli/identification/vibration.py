@@ -22,7 +22,7 @@ AGAINST = ("resonances", "antiresonances")
 
 
 def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> tuple[tuple[float, float], ...]:
-    """``HZ:DAMPING`` as two numbers each."""
+    """Parse the option ``--mode HZ:DAMPING``: a pair (frequency in Hz, damping ratio) for each."""
     found = []
     for value in values:
         match = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*:\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*", value)
@@ -108,7 +108,7 @@ def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -
 
 
 def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibration], float]:
-    """What to design for, and the sampling period in s."""
+    """The vibrations to suppress, from the model file or the options, and the sampling period (s)."""
     from rrrgen.control.vibration.modes import Vibration
     from rrrgen.errors import DerivationError
     from rrrgen.response.models.postures import modes_over_postures

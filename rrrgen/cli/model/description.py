@@ -30,7 +30,7 @@ _CONVENTION = {
 
 
 def as_text(model: DerivedModel, width: int | None = None) -> str:
-    """What `rrrgen show` prints of a robot before its closed forms: conventions, tables, base parameters, operations.
+    """The text that ``rrrgen show`` prints before closed forms: conventions, tables, base parameters, operations.
 
     Lines are folded to ``width`` characters; None leaves them as long as they are.
     """
@@ -85,7 +85,7 @@ def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseF
 
 
 def _inverse_kinematics(found: InverseForm | str | None) -> dict[str, Any] | None:
-    """Family, singularities and steps of the closed form, or the reason why there is none."""
+    """Data about the inverse kinematics: family, singularities and steps, or the reason why there is no closed form."""
     if found is None or isinstance(found, str):
         return None if found is None else {"reason": found}
     return {
@@ -166,7 +166,7 @@ def _drives(spec: RobotSpec, width: int | None) -> list[str]:
 
 
 def _in_both(spec: RobotSpec, value: sp.Expr, unit: str) -> str:
-    """``pi/2 (1.5708 rad, 90 deg)`` where the exact value is an expression, else ``0.35 m (350 mm)``."""
+    """Print a value in both units: ``0.35 m (350 mm)``; an expression first: ``pi/2 (1.5708 rad, 90 deg)``."""
     if value == 0:
         return "0"
     nominal = float(spec.nominal(value))
@@ -197,7 +197,7 @@ def _joint(spec: RobotSpec, joint: JointSpec) -> dict[str, Any]:
 
 
 def _exact(spec: RobotSpec, value: sp.Expr, unit: str) -> dict[str, Any]:
-    """An exact value with its nominal value, in SI and in both units."""
+    """Data for JSON about an exact value: its expression, and its nominal value in SI and in the second unit."""
     nominal = float(spec.nominal(value))
     return {"exact": str(value), "nominal": nominal, **measured(nominal, unit)}
 

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 
 class _WithTargets(click.Command):
-    """Its help ends with the targets there are."""
+    """A command whose help ends with the list of export targets."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Name and meaning of every target, and the platforms to build for."""
+        """Write the name and meaning of every target, and the platforms to build for."""
         from rrrgen.export.exporting import exporters
         from rrrgen.export.platforms import PLATFORMS
 
@@ -103,7 +103,7 @@ def export(
 
 
 def _described(exporter: Exporter) -> str:
-    """What the target is, and the words that it takes after ``--with``."""
+    """Describe a target for the help: its meaning, and the words that it accepts after ``--with``."""
     return exporter.meaning + (f"; --with {','.join(exporter.further)}" if exporter.further else "")
 
 

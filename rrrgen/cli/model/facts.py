@@ -1,4 +1,4 @@
-"""What a robot file states beside the Denavit-Hartenberg table, as tables and as data, in both usual units."""
+"""Tables and data for ``rrrgen show``: all that a robot file states besides the DH table, in SI and usual units."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SECOND_UNIT = {
     "m/s": ("mm/s", 1000.0),
     "m/s^2": ("mm/s^2", 1000.0),
 }
-"""The unit that data sheets use beside the SI unit, and how many of them one SI unit is."""
+"""The second unit that data sheets use for each SI unit, with the factor from the SI unit to it."""
 
 LIMITS = {"lower": "rad", "upper": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", "torque": "N m"}
 DRIVE = {
@@ -41,18 +41,18 @@ INERTIA = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
 def unit_of(unit: str, revolute: bool) -> str:
-    """``unit``, which is that of a revolute joint; for a prismatic joint N m becomes N, and rad becomes m."""
+    """Convert ``unit``, that of a revolute joint, to the joint's: for a prismatic one N m becomes N, rad becomes m."""
     return unit if revolute else unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
 
 
 def measured(value: float, unit: str) -> dict[str, float]:
-    """The value by unit: in SI, and in the second unit where there is one, ``{"rad": 1.5708, "deg": 90.0}``."""
+    """A value in SI and, where there is one, in the second unit: ``{"rad": 1.5708, "deg": 90.0}``."""
     second = {SECOND_UNIT[unit][0]: value * SECOND_UNIT[unit][1]} if unit in SECOND_UNIT else {}
     return {unit or "one": value} | second
 
 
 def in_words(value: float | None, unit: str) -> str:
-    """The value in both units, ``1.5708 rad (90 deg)``; ``-`` where the file states none."""
+    """Print a value in both units, as in ``1.5708 rad (90 deg)``; ``-`` where the file states none."""
     if value is None:
         return "-"
     first, *second = (f"{number:.6g} {name}" for name, number in measured(value, unit).items())
@@ -60,7 +60,7 @@ def in_words(value: float | None, unit: str) -> str:
 
 
 def tables(spec: RobotSpec) -> list[tuple[str, Rows]]:
-    """Title and rows of what the file states: fixed transforms, limits, friction, drives and links."""
+    """The tables, (title, rows) each, of what the file states: transforms, limits, friction, drives and links."""
     found = [
         (f"{name}: pose of {meaning}", _transform(spec, transform))
         for name, meaning, transform in (
@@ -93,7 +93,7 @@ def not_stated(spec: RobotSpec) -> str:
 
 
 def data(spec: RobotSpec) -> dict[str, Any]:
-    """What the file states, as data for JSON: every value by unit; None where the file states none."""
+    """Data for JSON of all that the file states, every value by its unit; None where the file states none."""
     return {
         "base": _transform_data(spec, spec.base),
         "tool": _transform_data(spec, spec.tool),
@@ -127,7 +127,7 @@ def _by_joint(spec: RobotSpec, keys: dict[str, str], part: Any) -> dict[str, Any
 
 
 def _friction(joints: Sequence[JointSpec]) -> Rows:
-    """Joint, law and parameters of every joint with friction."""
+    """Make the table of friction: joint, law and parameters of every joint with friction."""
     rows: Rows = []
     for joint in joints:
         if joint.friction is not None:
@@ -158,7 +158,7 @@ def _friction_data(friction: FrictionSpec | None, revolute: bool) -> dict[str, A
 
 
 def _transform(spec: RobotSpec, transform: FixedTransform) -> Rows:
-    """Translation and angles of a transform; none if it does nothing."""
+    """Make the table of a transform, with its translation and angles; no rows for the identity."""
     if transform == type(transform)():
         return []
     place, angles = _numbers(spec, transform)
@@ -175,7 +175,7 @@ def _numbers(spec: RobotSpec, transform: FixedTransform) -> tuple[list[float], l
     """Translation (m), and roll, pitch, yaw (rad) with ``R = Rz(yaw) Ry(pitch) Rx(roll)``."""
     R = [float(spec.nominal(value)) for value in transform.rotation]
     pitch = math.atan2(-R[6], math.hypot(R[0], R[3]))
-    if math.hypot(R[0], R[3]) < 1e-12:  # gimbal lock: yaw and roll turn about one axis, and yaw is taken as 0
+    if math.hypot(R[0], R[3]) < 1e-12:  # gimbal lock: yaw and roll are about the same axis, and yaw is set to 0
         roll, yaw = math.atan2(-R[5], R[4]), 0.0
     else:
         roll, yaw = math.atan2(R[7], R[8]), math.atan2(R[3], R[0])
@@ -193,7 +193,7 @@ def _transform_data(spec: RobotSpec, transform: FixedTransform) -> dict[str, Any
 
 
 def _links(spec: RobotSpec) -> Rows:
-    """Mass, centre of mass and inertia of every link, as the file states them."""
+    """Make the table of links: mass, centre of mass and inertia, as the file states them."""
     if spec.links is None:
         return []
     rows: Rows = [("link", "mass", "x", "y", "z", "about", *(f"I{name}" for name in INERTIA))]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
 
 GROUPS = ("control", "elastic", "observer", "points", "timing", "trajectory")
-"""Those of :data:`rrrgen.robotfile.keys.EMIT` that are groups of functions."""
+"""The words after ``--with`` that name groups of functions; the others name languages and further files."""
 
 
 @click.command()

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 NUMBER = 10
-"""Characters of a joint variable in the table."""
+"""Width (characters) of a joint variable in the table of solutions."""
 
 
 @click.command()
@@ -120,7 +120,7 @@ def _record(spec: RobotSpec, solver: InverseKinematics, found: IKResult) -> dict
 
 
 def _headings(spec: RobotSpec) -> tuple[str, ...]:
-    """The joints with their units, right above their numbers, then what else a row says."""
+    """The headings of the table: joints with their units, aligned to the right, then the other columns."""
     units = (f"{joint.name} [{'rad' if joint.is_revolute else 'm'}]" for joint in spec.joints)
     return (*(unit.rjust(NUMBER) for unit in units), "branch", "remarks")
 

@@ -12,10 +12,10 @@ from rrrgen.errors import Fault, InputError
 
 
 class _WithFormats(click.Command):
-    """Its help ends with the formats there are."""
+    """A command whose help ends with the list of formats that can be imported."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Name and meaning of every importer."""
+        """Write the name and meaning of every importer."""
         from rrrgen.robotfile.importers.importing import importers
 
         with formatter.section("Formats"):

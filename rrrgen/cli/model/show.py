@@ -158,7 +158,7 @@ def _show_programs(robot: str, functions: tuple[str, ...], recorded: bool, as_js
 
 
 def _solver(spec: RobotSpec) -> str:
-    """The recorded closed form of the inverse kinematics, from the target to the joints."""
+    """Text of the recorded solver of the inverse kinematics, from the target to the joints."""
     from rrrgen.errors import DerivationError
     from rrrgen.ik.classify import plan
 
@@ -169,7 +169,7 @@ def _solver(spec: RobotSpec) -> str:
 
 
 def _inverse_kinematics(spec: RobotSpec, asked: bool, short: bool) -> InverseForm | str:
-    """The closed form of the inverse kinematics, a summary for large robots, or the reason why there is none."""
+    """Derive the printed inverse kinematics: all steps, a summary for large robots, or the reason why there is none."""
     from rrrgen.backends.latex.inverse_kinematics import closed_form, summary
     from rrrgen.errors import DerivationError
     from rrrgen.ik.classify import plan
@@ -199,7 +199,7 @@ def _as_latex(robot: ParametrizedRobot, forms: Mapping[str, Form], inverse: Inve
 
 
 def _as_plain(description: str, forms: Mapping[str, Form], inverse: InverseForm | str | None) -> str:
-    """The description, the closed forms and the inverse kinematics, as far as asked for, separated by empty lines."""
+    """Print the requested ones of description, closed forms and inverse kinematics, separated by empty lines."""
     from rrrgen.backends.latex import plain
 
     said = inverse if inverse is None or isinstance(inverse, str) else inverse.text()
@@ -208,7 +208,7 @@ def _as_plain(description: str, forms: Mapping[str, Form], inverse: InverseForm 
 
 
 def _closed_forms(derivation: Derivation, name: str, entry: str | None) -> dict[str, Form]:
-    """The closed forms of all results of the function ``name`` by their labels, or of one entry of its one result."""
+    """Derive the closed forms of the function ``name``: of all its results by label, or of the single ``entry``."""
     from rrrgen.derive.closed_forms.closed_form import closed_form, closed_forms
 
     if entry is None:
@@ -224,7 +224,7 @@ def _closed_forms(derivation: Derivation, name: str, entry: str | None) -> dict[
 
 
 def _plain(form: Form) -> Any:
-    """A closed form for JSON: text or rows of text, or an object of those and the definitions that they use."""
+    """Convert a closed form to data for JSON: text, rows of text, or an object that also has the definitions used."""
     from sympy import MatrixBase
 
     from rrrgen.derive.closed_forms.shared_form import SharedForm

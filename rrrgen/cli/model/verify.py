@@ -77,6 +77,6 @@ def verify(
 
 
 def _coloured(report: Report) -> str:
-    """The table with its failures, and the verdict in the last line, in colour."""
+    """Print the report as text, with failures and the verdict in its last line in colour."""
     *table, last = report.to_text(terminal_width()).splitlines()
     return "\n".join([*map(with_failures, table), verdict(last, report.ok)]) + "\n"

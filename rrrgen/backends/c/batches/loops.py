@@ -20,7 +20,7 @@ def loop_name(program: Program, dialect: Dialect) -> str:
 
 
 def loop_files(programs: Iterable[Program], dialect: Dialect, simd: bool = True) -> dict[str, str]:
-    """``<name>_loops.h`` and ``.c``: one loop per program.
+    """Print the files ``<name>_loops.h`` and ``.c``, with one loop over states per program.
 
     Without ``simd``, for compilers without vector types, a loop calls the function of one state.
 

@@ -1,4 +1,4 @@
-"""Statements of an inverse kinematics in nested loops over the roots of its choices.
+"""The loop nest: statements of an inverse kinematics in nested loops over the roots of its equations.
 
 The builder writes a :class:`LoopNest` in the order of the derivation: every statement stands inside all loops opened
 so far, and every value is computed where it is first used. The passes of :mod:`rrrgen.backends.c.solver.passes` rewrite
@@ -16,15 +16,16 @@ from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.program import Op
 
 ARC = "{arc}"
-"""Stands in the lines of a statement where its arc tangent is taken."""
+"""Placeholder in the lines of a statement for the computation of its arc tangent."""
 
 STOP = "{stop}"
-"""Stands in a line where the search ends if it is outside all loops; printed as a return statement there."""
+"""Placeholder in a line for the end of the search; printed as a return statement where the line is outside all
+loops."""
 
 
 @dataclass(frozen=True)
 class Loop:
-    """A loop over the roots of one choice.
+    """A loop over the roots of one equation.
 
     ``variable`` is the loop variable, ``count`` the variable with the number of roots, ``most`` its largest value,
     ``level`` the number of loops around the statement that computes ``count``.
@@ -50,7 +51,7 @@ class Arc:
 
 @dataclass(frozen=True)
 class Flip:
-    """A choice between two angles of a joint: ``source``, and in the second pass of the loop ``choice`` another one.
+    """Two angles of a joint: ``source`` in the first pass of the loop ``choice``, another one in the second pass.
 
     The other angle is the variable ``other``, or follows from ``source`` by ``formula``, in which ``{}`` stands for it.
     """
@@ -97,7 +98,7 @@ class Value:
 
     @property
     def operands(self) -> tuple[Scalar, ...]:
-        """The value itself."""
+        """The operands of this item: the one value that it computes."""
         return (self.value,)
 
 
@@ -163,9 +164,9 @@ def opening(loop: Loop, count: str = "") -> str:
 
 
 class Dependence:
-    """The loops on which the values of a nest depend, by their indices; statements are read in their order.
+    """Finds the loops on which each value of a nest depends, by index; statements are read in their order.
 
-    What the statements do not define (target, reference, prescribed joint) depends on none.
+    Values that no statement defines (target, reference, prescribed joint) depend on no loop.
     """
 
     def __init__(self, loops: Sequence[Loop]) -> None:

@@ -26,7 +26,7 @@ class Scaffold:
 
     Every statement is recorded inside all loops opened so far; passes move it from there.
 
-    A *virtual* joint is one that the derivation adds to the chain and that stands at zero in every solution.
+    A *virtual* joint is one that the derivation adds to the chain and whose value is zero in every solution.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Scaffold:
     def _angle(self, joint: Joint, turn: Turn) -> Turn:
         """Set a joint to the angle with the cosine and sine of ``turn``, or with a common multiple of them.
 
-        A virtual joint must stand at zero: its distance from zero is added to the residual.
+        The value of a virtual joint must be zero: its distance from zero is added to the residual.
         """
         users = users_turn(joint, turn)
         if joint.index in self._joints:
@@ -118,9 +118,9 @@ class Scaffold:
         return arc.angle
 
     def _flip(self, joint: Joint, choice: Scalar, other: Scalar | None, formula: str = "") -> None:
-        """Set ``joint``, which has an angle already, to that angle or to another one, by the loop variable ``choice``.
+        """Give ``joint`` a second angle, which it has in the second pass of the loop with the variable ``choice``.
 
-        The other angle is the variable ``other``, or ``formula`` of the first.
+        That angle is the variable ``other``, or is computed from the first one by the C text ``formula``.
         """
         source, variable = self._values[joint.index], self._angle_variable(joint)
         second = "{2}" if other is not None else formula.format("{1}")
@@ -149,7 +149,7 @@ class Scaffold:
     # -- printing -----------------------------------------------------------------------------------------------------
 
     def body(self, passes: Sequence[Pass]) -> CBody:
-        """The branch function's body after ``passes``; every joint must have been given a value."""
+        """Print the body of the C function that lists the candidates, after ``passes``. Every joint must be set."""
         nest = self.nest()
         for step in passes:
             nest = step(nest)
@@ -226,7 +226,7 @@ class Scaffold:
         return variables
 
     def _defined(self, text: str, formula: str, operands: tuple[Scalar, ...], calls: tuple[str, ...] = ()) -> Scalar:
-        """The C constant ``text``, left out where nothing uses it; ``{0}``, ... in ``formula`` are operands."""
+        """Define the C constant ``text`` by ``formula``, in which ``{0}``, ... are operands; left out if unused."""
         line = f"const REAL {text} = {formula};"
         return self._add((line,), operands, defines=(text,), calls=calls, optional=True)[0]
 

@@ -1,4 +1,4 @@
-"""Prints a loop nest as C: the values between two loops are a program, printed once, in the order of their use."""
+"""Printing of a loop nest as C; the values between two loops form a program, printed once in the order of use."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class _Lines(Statements):
 
 
 def printed(nest: LoopNest, target: Target, taken: Iterable[str]) -> tuple[str, SolverOperations]:
-    """The C text of ``nest``, and the operations of one evaluation.
+    """Print ``nest`` as C: (text, operations of one evaluation).
 
     ``taken`` are names that new variables must not have.
     """
@@ -197,7 +197,7 @@ def _regular(nest: LoopNest) -> set[int]:
     found: set[int] = set()
     for item in nest.items:
         if isinstance(item, Value):
-            continue  # counts where a statement reads it
+            continue  # it is counted where a statement reads it
         for k, operand in enumerate(item.operands):
             if isinstance(item, Leaf) or k not in item.rare:
                 collect(operand, found)
@@ -205,7 +205,7 @@ def _regular(nest: LoopNest) -> set[int]:
 
 
 def _lines(item: Statement | Leaf) -> list[str]:
-    """The lines of ``item``; an arc tangent that it takes is declared where it stands first."""
+    """The C lines of ``item``; the variable of an arc tangent in them is declared where it is first used."""
     if isinstance(item, Leaf):
         return list(item.lines)
     lines = [line.replace(STOP, "" if item.depth else "return 0; ") for line in item.lines]

@@ -11,7 +11,7 @@ from rrrgen.backends.c.solver.passes.unused import DropUnused
 
 
 class Pass(Protocol):
-    """A step from a loop nest to one that finds the same candidates with less work, or to the nest itself.
+    """A rewriting of a loop nest to one that finds the same candidates with less work, or no change.
 
     Passes are frozen dataclasses: their fields are their options.
     """

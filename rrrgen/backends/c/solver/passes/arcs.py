@@ -1,4 +1,4 @@
-"""Arc tangents taken together: after the loops over roots, in one loop that compilers turn into vector code.
+"""The pass that moves all arc tangents behind the loops over roots, into one loop that compilers vectorize.
 
 An arc tangent costs as much as all other operations of a solution together. Nothing inside the loops needs the angle of
 a joint once its cosine and sine are known, so every distinct angle gets a *slot* in an array, written in the outermost
@@ -27,20 +27,20 @@ from rrrgen.backends.c.solver.loop_nest import (
 )
 
 RESERVED = frozenset({"sine", "cosine", "angle", "i"})
-"""Names that the lines of this pass use."""
+"""Names of C variables in the lines that this pass adds, which no other variable may have."""
 
 
 @dataclass(frozen=True)
 class TakeArcsTogether:
-    """Moves all arc tangents behind the loops; their number is a multiple of ``lanes``, whole vectors of a processor.
+    """Moves all arc tangents behind the loops; their number is rounded up to a multiple of ``lanes``.
 
-    Four numbers of double precision fill the vectors of most processors.
+    Four doubles fill the vector registers of most processors.
     """
 
     lanes: int = 4
 
     def __call__(self, nest: LoopNest) -> LoopNest:
-        """``nest`` with its arc tangents behind the loops; ``nest`` itself if there are none."""
+        """Move the arc tangents of ``nest`` behind the loops; returns ``nest`` itself if there are none."""
         if not any(isinstance(item, Statement) and item.arc is not None for item in nest.items):
             return nest
         return _Gathering(nest, self.lanes).run()
@@ -48,9 +48,10 @@ class TakeArcsTogether:
 
 @dataclass(frozen=True)
 class _Slot:
-    """The place of one joint's angles in the array of angles: ``first``, plus an index over the loops around it.
+    """The place of one joint's angles in the array of all angles.
 
-    In the second pass of the loop ``choice`` the angle is another one, whose slots are ``step`` further on.
+    Its ``count`` entries begin at ``first``; ``index`` holds the C terms that select the entry of one pass through the
+    loops around it. In the second pass of the loop ``choice`` the joint has another angle, ``step`` entries further on.
     """
 
     first: int
@@ -130,7 +131,7 @@ class _Gathering:
         return replace(item, lines=lines, calls=calls, arc=None)
 
     def _copied(self, arcs: int) -> tuple[list[str], int]:
-        """Lines that compute angles from others, behind the first ``arcs`` slots; and the number of all slots."""
+        """C lines that compute angles from other angles, stored after the first ``arcs`` slots; and the slot count."""
         lines, end = [], arcs
         for angle, flip in self.flips.items():
             slot = self.slots[flip.source.text]
@@ -145,9 +146,9 @@ class _Gathering:
         return lines, end
 
     def _solutions(self, joints: Sequence[tuple[int, str]]) -> list[str]:
-        """Lines that visit the solutions once more, in the same order, and give each its angles.
+        """C lines that go through the solutions once more, in the same order, and copy the angles to each of them.
 
-        Numbers of roots that vary between passes were stored for this.
+        Numbers of roots that vary between passes of a loop have been stored for this.
         """
         lines, loops = ["i = 0;"], self.nest.loops
         for depth, loop in enumerate(loops):
@@ -158,7 +159,7 @@ class _Gathering:
         return [*lines, *("    " * depth + "}" for depth in reversed(range(len(loops))))]
 
     def _calls(self) -> tuple[str, ...]:
-        """One arc tangent per slot, and the half turns of angles that follow from others."""
+        """The operations after the loops, for counting: an arc tangent per slot, and rotations of angles by pi."""
         turned = [flip for flip in self.flips.values() if flip.formula.startswith("ik_opposite")]
         return ("arc",) * self.taken + ("opposite",) * sum(self.slots[flip.source.text].count for flip in turned)
 

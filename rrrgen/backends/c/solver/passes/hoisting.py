@@ -1,4 +1,4 @@
-"""Hoisting: every statement and every value is computed in the outermost loop in which its operands are known."""
+"""The pass that moves every statement and value to the outermost loop in which its operands are known (hoisting)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Hoist:
     """
 
     def __call__(self, nest: LoopNest) -> LoopNest:
-        """``nest`` with every item at the least depth; values that move out of a statement become items."""
+        """Move every item of ``nest`` to its least depth; values that move out of a statement become items."""
         loops = list(nest.loops)
         dependence = Dependence(loops)
         items: list[Item] = []

@@ -1,4 +1,4 @@
-"""Unused definitions: named values that nothing reads are left out."""
+"""The pass that leaves out definitions of values that nothing reads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class DropUnused:
     """Leaves out optional statements whose variables no later item reads. Runs before values are moved."""
 
     def __call__(self, nest: LoopNest) -> LoopNest:
-        """``nest`` without unused definitions."""
+        """Remove the unused definitions from ``nest``."""
         used: set[int] = set()
         kept: list[Item] = []
         for item in reversed(nest.items):
