@@ -93,8 +93,9 @@ class MissingExtraError(BuildError):
 
     def __init__(self, purpose: str, package: str, extra: str) -> None:
         self.purpose, self.package, self.extra = purpose, package, extra
+        are = "are" if "," in package else "is"
         super().__init__(
-            f"{purpose} needs {package}, which is not installed; with rrrgen's extra: pip install 'rrrgen[{extra}]'"
+            f"{purpose} needs {package}, which {are} not installed; with rrrgen's extra: pip install 'rrrgen[{extra}]'"
         )
 
     def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str, str]]:

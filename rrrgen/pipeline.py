@@ -59,6 +59,14 @@ def derive(
     return optimize(derive_model(spec, groups), jobs, tell)
 
 
+def derive_once(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> DerivedModel:
+    """The result of :func:`derive`, from the user's cache if this robot has been derived before."""
+    from rrrgen.output.manifest import identify
+    from rrrgen.runtime.derived_cache import recall
+
+    return recall(spec, identify(spec), partial(derive, groups=groups), groups)
+
+
 @without_collection()
 def emit(
     model: DerivedModel,
@@ -207,12 +215,11 @@ def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> M
 def _compile(robot: Robot, backend: EngineName, real: Real, groups: Sequence[str] = ("model",)) -> Model:
     """Make a callable model with the functions of ``groups``; other groups are compiled when first called."""
     from rrrgen.output.manifest import identify
-    from rrrgen.runtime.derived_cache import recall
     from rrrgen.runtime.load import load_model
 
     spec = read(robot)
     identity = identify(spec)
-    derived = recall(spec, identity, partial(derive, groups=groups), groups)
+    derived = derive_once(spec, groups)
     again = partial(_compile, backend=backend, real=real)
     return load_model(derived, identity, backend, real, lambda name: closed_form(spec, name), again)
 

@@ -46,6 +46,7 @@ def write_html(
     forms = {name: closed_form(derivation, name).readable() for name in USUAL}
     notice = f"Written by rrrgen {identity.tool_version} from model {identity.model_hash}."
     write_file(file, html_report(model, forms, report, notice, motions, figures))
+    click.echo(f"{file} written", err=True)
 
 
 def read_motions(files: Iterable[Path], spec: RobotSpec) -> list[Motion]:

@@ -29,8 +29,9 @@ Examples:
   rrrgen new elbow3                    start a robot file of your own
 
 \b
-Exit codes: 0 ok, 1 a check failed, 2 usage, 3 bad input file, 4 no closed form or not identifiable,
-5 toolchain or extra missing, disk full or output not writable, 70 fault of rrrgen, 130 interrupted.
+Exit codes: 0 ok, 1 a check failed, 2 usage, 3 bad input file, 4 no closed
+form or not identifiable, 5 toolchain or extra missing, disk full or output
+not writable, 70 fault of rrrgen, 130 interrupted.
 
 \b
 Shell completion:

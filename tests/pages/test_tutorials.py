@@ -1,7 +1,12 @@
-"""The tutorials: their files are written and their commands run, in order, as a reader would."""
+"""The tutorials: their files are written and their commands run, in order, as a reader would.
+
+One process runs a page, so that libraries are loaded once: commands through the entry point of the command line, Python
+as a script of its own, everything else by the shell.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -14,29 +19,38 @@ ROOT = Path(__file__).resolve().parents[2]
 
 PARTS = re.compile(r"(?:^`(?P<file>[\w./-]+)`:\n\n)?^```(?P<language>\w+)\n(?P<text>.*?)^```", re.S | re.M)
 
+READER = """
+import json, shlex, subprocess, sys
+from rrrgen.cli.main import run
+
+for language, text in json.loads(sys.argv[1]):
+    print("[step]", text, flush=True)
+    if language == "python":
+        exec(compile(text, "page", "exec"), {"__name__": "__main__"})
+        continue
+    for line in text.replace("\\\\\\n", " ").splitlines():
+        words = shlex.split(line, comments=True)
+        code = run(words[1:]) if words[:1] == ["rrrgen"] else subprocess.run(["bash", "-e", "-c", line]).returncode
+        if code:
+            sys.exit(f"exit code {code}: {line}")
+"""
+
 
 @pytest.mark.parametrize("page", ["first-model", "first-identification", "first-calibration", "optimal-control"])
 def test_every_line_of_the_tutorial_runs(page: str, tmp_path: Path) -> None:
-    programs = tmp_path / "bin"
-    programs.mkdir()
-    launcher = programs / "rrrgen"
-    launcher.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m rrrgen "$@"\n', encoding="utf-8")
-    launcher.chmod(0o755)
-    path = os.pathsep.join([str(programs), str(Path(sys.executable).parent), os.environ["PATH"]])
-    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
-    folder = tmp_path / "work"
-    folder.mkdir()
-    ran = 0
+    steps = []
     for part in PARTS.finditer((ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")):
         if part["file"]:
-            (folder / part["file"]).write_text(part["text"], encoding="utf-8")
+            (tmp_path / part["file"]).write_text(part["text"], encoding="utf-8")
         elif part["language"] in ("sh", "python"):
-            command = ["bash", "-e", "-c"] if part["language"] == "sh" else [sys.executable, "-c"]
-            done = subprocess.run(
-                [*command, part["text"]], cwd=folder, env=environment, capture_output=True, text=True, check=False
-            )
-            assert done.returncode == 0, f"{part['text']}\n{done.stdout}\n{done.stderr}"
-            ran += 1
+            steps.append((part["language"], part["text"]))
         else:
             assert part["language"] == "text", "a block that is neither run nor written"
-    assert ran > 1
+    assert len(steps) > 1
+    done = subprocess.run(
+        [sys.executable, "-c", READER, json.dumps(steps)],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, f"{done.stdout[-5000:]}\n{done.stderr}"
+    ran = [line for line in done.stdout.splitlines() if line.startswith("[step]")]
+    assert len(ran) == len(steps)

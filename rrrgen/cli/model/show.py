@@ -119,17 +119,17 @@ def show(
         from rrrgen.report.motions import illustrations
 
         figures = [figure for folder in runs for figure in illustrations(folder)]
-        write_html(html, pipeline.derive(spec), None, read_motions(motions, spec), figures)
+        write_html(html, pipeline.derive_once(spec), None, read_motions(motions, spec), figures)
     if as_json:
         from rrrgen.cli.model.description import as_data
 
-        print_json(as_data(pipeline.derive(spec), {name: _plain(form) for name, form in forms.items()}, inverse))
+        print_json(as_data(pipeline.derive_once(spec), {name: _plain(form) for name, form in forms.items()}, inverse))
     elif as_latex:
         click.echo(_as_latex(parametrized(derivation), forms, inverse), nl=False)
     else:
         from rrrgen.cli.model.description import as_text
 
-        text = "" if functions else with_headings(as_text(pipeline.derive(spec), terminal_width()))
+        text = "" if functions else with_headings(as_text(pipeline.derive_once(spec), terminal_width()))
         click.echo(_as_plain(text, forms, inverse))
 
 
@@ -143,7 +143,7 @@ def _show_programs(robot: str, functions: tuple[str, ...], recorded: bool, as_js
     if recorded:
         programs = derive_model(spec).alternatives
     else:
-        programs = {name: (program,) for name, program in pipeline.derive(spec).programs.items()}
+        programs = {name: (program,) for name, program in pipeline.derive_once(spec).programs.items()}
     if missing := [name for name in functions if name not in programs and name != INVERSE]:
         there = ", ".join((*programs, INVERSE))
         raise click.BadParameter(f"no program '{missing[0]}'; there are {there}", param_hint="--function")

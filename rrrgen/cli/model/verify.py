@@ -71,7 +71,7 @@ def verify(
     with progress_bar() as tell:
         report = compare(pipeline.compile(spec, backend, real), samples, seed, libraries=libraries, tell=tell)
     if html is not None:
-        write_html(html, pipeline.derive(spec), report)
+        write_html(html, pipeline.derive_once(spec), report)
     click.echo(report.to_json() if as_json else _coloured(report), nl=False)
     return 0 if report.ok else 1
 

@@ -1,0 +1,64 @@
+"""README as a newcomer follows it, with the core dependencies: its file, its commands, its C and its Python."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from pages.test_pages import blocks
+from pages.test_tutorials import READER, ROOT
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+EXTRAS = ("casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel", "pinocchio", "mujoco", "roboticstoolbox")
+
+
+def section(title: str) -> str:
+    found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## )", README, re.S | re.M)
+    assert found
+    return found[1]
+
+
+WITHOUT = f"""
+import importlib.abc, sys
+
+class Missing(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {EXTRAS!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Missing())
+"""
+
+
+def test_a_newcomer_gets_to_a_verified_model(tmp_path: Path) -> None:
+    text = section("From a robot file to code")
+    (robot,) = blocks(text, "yaml")
+    first, *others = blocks(text, "sh")
+    (c,) = blocks(text, "c")
+    (python,) = blocks(text, "python")
+    (tmp_path / "README.yaml").write_text(robot, encoding="utf-8")
+    (tmp_path / "use.c").write_text(c.replace("\n\n", "\nint main(void)\n{\n", 1) + "return 0;\n}\n", encoding="utf-8")
+    new, *commands = first.splitlines()
+    compiling = (
+        "cc -std=c99 -Wall -Werror -Ielbow3_model use.c elbow3_model/elbow3.c elbow3_model/elbow3_nominal.c -lm -o use"
+    )
+    steps = [
+        ("sh", new),
+        ("sh", "cp README.yaml elbow3.yaml"),
+        *(("sh", line) for line in commands),
+        ("sh", f"cc -std=c99 -Wall -Werror -Ielbow3_model {sources} -lm -o use\n./use"),
+        ("python", f"q = dq = ddq = [0.1, 0.2, 0.3]\n{python}"),
+        *(("sh", each) for each in others),
+    ]
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT + READER, json.dumps(steps)],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, f"{done.stdout[-3000:]}\n{done.stderr}"
+    assert "elbow3: all comparisons pass" in done.stdout
+    assert "MuJoCo: not installed" in done.stdout
+    assert done.stdout.count("[step]") == len(steps)
