@@ -43,9 +43,7 @@ def test_a_newcomer_gets_to_a_verified_model(tmp_path: Path) -> None:
     (tmp_path / "README.yaml").write_text(robot, encoding="utf-8")
     (tmp_path / "use.c").write_text(c.replace("\n\n", "\nint main(void)\n{\n", 1) + "return 0;\n}\n", encoding="utf-8")
     new, *commands = first.splitlines()
-    compiling = (
-        "cc -std=c99 -Wall -Werror -Ielbow3_model use.c elbow3_model/elbow3.c elbow3_model/elbow3_nominal.c -lm -o use"
-    )
+    sources = "use.c elbow3_model/elbow3.c elbow3_model/elbow3_nominal.c"
     steps = [
         ("sh", new),
         ("sh", "cp README.yaml elbow3.yaml"),
