@@ -11,7 +11,7 @@ from markupsafe import Markup
 from rrrgen.backends.latex import Form, Walk, lay_out, trig_abbreviates
 from rrrgen.derive.parameter_listing import listing
 from rrrgen.errors import DerivationError
-from rrrgen.report import tables
+from rrrgen.report import facts, tables
 from rrrgen.report.geometry import zero_pose
 from rrrgen.report.mathml import MathmlMarkup, definition_lines, display, equation_lines
 from rrrgen.report.scene import as_json, scene
@@ -65,7 +65,8 @@ def html_report(
             dh_exact=tables.dh_exact(spec, walk),
             dh_si=tables.dh_numbers(spec, in_degrees=False),
             dh_degrees=tables.dh_numbers(spec, in_degrees=True),
-            limits=tables.limits(spec),
+            stated=tables.stated(spec),
+            not_stated=facts.not_stated(spec),
             drives=tables.drives(spec),
             convention=parameters.statement,
             base_parameters=tables.base_parameters(parameters, walk),

@@ -105,6 +105,11 @@ def inline(expression: sp.Expr, walk: Walk) -> str:
     return f"<math>{walk.write(expression)}</math>"
 
 
+def folding(expression: sp.Expr, walk: Walk) -> str:
+    """A sum as inline MathML, one piece a term, so that a browser can break it between terms."""
+    return " ".join(f"<math>{term}</math>" for _, term in _lines("", expression, walk, width=1))
+
+
 def display(lines: Sequence[tuple[str, str]]) -> str:
     """The MathML of a table of equations, aligned at the equals sign.
 
@@ -138,7 +143,7 @@ def matrix(value: sp.MatrixBase, walk: Walk) -> str:
         "<mtr>" + "".join(f"<mtd>{walk.write(entry)}</mtd>" for entry in value.row(r)) + "</mtr>"
         for r in range(value.rows)
     )
-    return f"<mrow><mo>[</mo><mtable>{rows}</mtable><mo>]</mo></mrow>"
+    return f'<mtable class="matrix">{rows}</mtable>'
 
 
 def _left(about: Quantity, equation: Equation) -> str:
@@ -151,8 +156,8 @@ def _left(about: Quantity, equation: Equation) -> str:
     return f"{_with_subscript(letter, below)}<mo>(</mo>{arguments}<mo>)</mo>"
 
 
-def _lines(left: str, value: sp.Expr, walk: Walk) -> list[tuple[str, str]]:
-    first, *others = break_sum(value, walk, LINE)
+def _lines(left: str, value: sp.Expr, walk: Walk, width: int = LINE) -> list[tuple[str, str]]:
+    first, *others = break_sum(value, walk, width)
     lines = [(left, f"<mrow>{sum_of(first)}</mrow>")]
     for row in others:
         sign = "" if row[0][0] else "<mo>+</mo>"

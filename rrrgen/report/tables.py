@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from math import degrees, isfinite
 from typing import TYPE_CHECKING
 
@@ -12,11 +11,11 @@ import sympy as sp
 from markupsafe import Markup
 
 from rrrgen.backends.latex import Walk
-from rrrgen.friction.laws import LAWS
 from rrrgen.model.drive_text import coupling_equations, motor_facts
 from rrrgen.program import OperationCount, count_operations
-from rrrgen.report.mathml import inline
-from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
+from rrrgen.report import facts
+from rrrgen.report.mathml import folding, inline
+from rrrgen.robotfile.robot_spec import RobotSpec
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
@@ -82,47 +81,18 @@ def _with_variable(i: int, offset: str) -> str:
     return f"q{i} − {offset[1:]}" if offset.startswith("−") else f"q{i} + {offset}"
 
 
-def limits(spec: RobotSpec) -> Table | None:
-    """The table of joint limits and drives, in SI units, if the robot file states any."""
-    columns: list[tuple[str, Callable[[JointSpec], float | None]]] = [
-        ("lower", lambda j: j.limits.lower),
-        ("upper", lambda j: j.limits.upper),
-        ("speed", lambda j: j.limits.velocity),
-        ("acceleration", lambda j: j.limits.acceleration),
-        ("torque or force", lambda j: j.limits.torque),
-        ("drive inertia", lambda j: j.drive.inertia if j.drive else None),
-        ("viscous friction", lambda j: j.friction.viscous if j.friction else None),
-        ("Coulomb friction", lambda j: j.friction.coulomb if j.friction else None),
-        ("friction offset", lambda j: j.friction.offset if j.friction else None),
-    ]
-    used = [
-        (name, read)
-        for name, read in columns + _law_columns(spec)
-        if any(read(joint) is not None for joint in spec.joints)
-    ]
-    if not used:
-        return None
-
-    def cell(joint: JointSpec, value: float | None) -> str:
-        return "" if value is None else number(value)
-
-    rows = tuple((joint.name, *(cell(joint, read(joint)) for _, read in used)) for joint in spec.joints)
-    return Table(("joint", *(name for name, _ in used)), rows, frozenset(range(1, len(used) + 1)))
-
-
-def _law_columns(spec: RobotSpec) -> list[tuple[str, Callable[[JointSpec], float | None]]]:
-    """One column for every parameter of the friction laws that joints state."""
-    laws = [
-        joint.friction.law for joint in spec.joints if joint.friction is not None and joint.friction.law is not None
-    ]
-    named = dict.fromkeys(p.name for law in laws for p in LAWS[law.name].parameters)
-
-    def value(name: str, joint: JointSpec) -> float | None:
-        law = None if joint.friction is None else joint.friction.law
-        values = {} if law is None else dict(zip((p.name for p in LAWS[law.name].parameters), law.values, strict=True))
-        return values.get(name)
-
-    return [(f"friction: {name}", partial(value, name)) for name in named]
+def stated(spec: RobotSpec) -> list[tuple[str, Table]]:
+    """What the robot file states beside the Denavit-Hartenberg table, by title, in SI and the second usual units."""
+    found = []
+    for title, (first, *others) in facts.tables(spec):
+        headed = first[0] in ("joint", "link")
+        rows = others if headed else [first, *others]
+        cells = tuple(
+            (name, *("" if each == "-" else unit(each).replace("-", "−") for each in row)) for name, *row in rows
+        )
+        headings = first if headed else ("",) * len(first)
+        found.append((title.replace("^2", "²"), Table(headings, cells)))
+    return found
 
 
 def drives(spec: RobotSpec) -> tuple[Table, Table] | None:
@@ -140,7 +110,7 @@ def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
     for k, parameter in enumerate(parameters.rows):
         symbol = Markup(inline(sp.Symbol(parameter.name, real=True), walk))
         value = () if parameter.nominal is None else (number(parameter.nominal),)
-        rows.append((str(k + 1), symbol, *value, unit(parameter.unit), Markup(inline(parameter.expression, walk))))
+        rows.append((str(k + 1), symbol, *value, unit(parameter.unit), Markup(folding(parameter.expression, walk))))
     nominal = ("nominal value",) if rows and len(rows[0]) == 5 else ()
     right = frozenset({0, 2}) if nominal else frozenset({0})
     return Table(("", "parameter", *nominal, "unit", "expression"), tuple(rows), right)
@@ -191,4 +161,4 @@ def pose(rows: Sequence[Sequence[float]]) -> str:
         "<mtr>" + "".join(f"<mtd><mn>{number(round(v, DECIMALS), 5)}</mn></mtd>" for v in row) + "</mtr>"
         for row in rows
     )
-    return f"<math><mo>[</mo><mtable>{cells}</mtable><mo>]</mo></math>"
+    return f'<math><mtable class="matrix">{cells}</mtable></math>'

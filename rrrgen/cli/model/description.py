@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.cli.model.facts import data, in_words, measured, not_stated, tables
 from rrrgen.derive.parameter_listing import ParameterListing, listing
 from rrrgen.model.drive_text import coupling_equations, motor_facts
 from rrrgen.model.mechanism import mechanism_data, mechanism_equations
 from rrrgen.program import count_operations, evaluate
+from rrrgen.report.facts import data, in_words, measured, not_stated, tables
 from rrrgen.text_table import text_table
 from rrrgen.yamltext.units import QUANTITIES
 

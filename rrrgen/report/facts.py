@@ -179,7 +179,8 @@ def _numbers(spec: RobotSpec, transform: FixedTransform) -> tuple[list[float], l
         roll, yaw = math.atan2(-R[5], R[4]), 0.0
     else:
         roll, yaw = math.atan2(R[7], R[8]), math.atan2(R[3], R[0])
-    return [float(spec.nominal(value)) for value in transform.translation], [roll, pitch, yaw]
+    place = [float(spec.nominal(value)) for value in transform.translation]
+    return place, [angle + 0.0 for angle in (roll, pitch, yaw)]  # no negative zero
 
 
 def _transform_data(spec: RobotSpec, transform: FixedTransform) -> dict[str, Any]:
