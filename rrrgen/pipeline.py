@@ -60,7 +60,15 @@ def derive(
 
 
 def derive_once(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> DerivedModel:
-    """The result of :func:`derive`, from the user's cache if this robot has been derived before."""
+    """The result of :func:`derive`, from the user's cache if this robot has been derived before.
+
+    Args:
+        spec: the robot, as :func:`rrrgen.load_spec` reads it.
+        groups: names of groups of functions, as for :func:`derive`.
+
+    Raises:
+        DerivationError: a function does not exist for this robot.
+    """
     from rrrgen.output.manifest import identify
     from rrrgen.runtime.derived_cache import recall
 

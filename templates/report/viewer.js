@@ -245,6 +245,11 @@
   }
   function move(goal) {
     cancelAnimationFrame(motion);
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches) {
+      state.q = goal.slice();
+      show();
+      return;
+    }
     const from = state.q.slice(), begin = performance.now();
     const advance = (now) => {
       const s = Math.min(1, (now - begin) / 700), f = s * s * (3 - 2 * s);

@@ -24,7 +24,9 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 
 QUIET = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-component-update",
-    "--disable-background-networking", "--disable-sync", "--enable-logging=stderr", "--virtual-time-budget=4000",
+    "--disable-background-networking", "--disable-sync", "--enable-logging=stderr",
+    "--force-prefers-reduced-motion",  # the arm jumps to a configuration: no frames are drawn
+    "--virtual-time-budget=4000",
 )  # fmt: skip
 
 ANGLES = (0.4, -1.1, 0.9, -0.3, 0.7, 0.2)
@@ -51,6 +53,9 @@ const view = document.getElementById("view"), seen = new Set();
 const pixels = view.getContext("2d").getImageData(0, 0, view.width, view.height).data;
 for (let k = 0; k < pixels.length; k += 4) seen.add(pixels[k] + "," + pixels[k + 1] + "," + pixels[k + 2]);
 found.colors = seen.size;
+document.querySelectorAll("#configurations .choice button")[1].click();
+found.branch = document.getElementById("branch").textContent;
+found.chosen = Array.from(document.querySelectorAll("#joints output")).map((e) => e.textContent);
 parent.postMessage(JSON.stringify(found), "*");
 </script>
 """
@@ -87,9 +92,14 @@ def opened(text: str, width: int, folder: Path) -> tuple[dict, str]:
     return json.loads(found[1].replace("&amp;", "&")), console
 
 
+@pytest.fixture(scope="module")
+def laptop(page: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, str]:
+    return opened(page, 1280, tmp_path_factory.mktemp("laptop"))
+
+
 @pytest.mark.parametrize("width", [390, 1280, 1920])
-def test_report_is_whole_at_every_width(page: str, width: int, tmp_path: Path) -> None:
-    found, console = opened(page, width, tmp_path)
+def test_report_is_whole_at_every_width(page: str, laptop: tuple[dict, str], width: int, tmp_path: Path) -> None:
+    found, console = laptop if width == 1280 else opened(page, width, tmp_path)
     assert found["width"] == width
     assert console == ""
     assert found["scroll"] <= found["width"], "the page scrolls sideways"
@@ -97,15 +107,33 @@ def test_report_is_whole_at_every_width(page: str, width: int, tmp_path: Path) -
     assert found["colors"] > 20, "the canvas is empty"
 
 
-def test_a_motion_is_interpolated_between_its_samples(page: str, tmp_path: Path) -> None:
-    found, console = opened(page, 1280, tmp_path)
+def test_paper_needs_no_scrolling(page: str, tmp_path: Path) -> None:
+    """What is printed, at the width of a page of paper: nothing stands out, and nothing scrolls."""
+    found, console = opened(page.replace("@media print", "@media all"), 718, tmp_path)
+    assert console == ""
+    assert found["scroll"] <= 718
+    assert found["outside"] == []
+
+
+def test_a_click_shows_a_configuration_of_the_same_tip(page: str, laptop: tuple[dict, str]) -> None:
+    view = json.loads(re.search(r'<script type="application/json" id="scene">(.*?)</script>', page, re.S)[1])
+    chosen = view["poses"][0][1]
+    found, console = laptop
+    shown = [float(text.replace("−", "-").rstrip("°")) for text in found["chosen"]]
+    assert console == ""
+    np.testing.assert_allclose(shown, np.degrees(chosen["q"]), atol=0.051)
+    assert re.fullmatch(r"\w+ \d(, \w+ \d)+", found["branch"])
+
+
+def test_a_motion_is_interpolated_between_its_samples(laptop: tuple[dict, str]) -> None:
+    found, console = laptop
     shown = [float(text.replace("−", "-").rstrip("°")) for text in found["played"]]
     assert console == ""
     np.testing.assert_allclose(shown, np.degrees((np.ones(6) + PLAYED) / 2), atol=0.051)
 
 
-def test_view_computes_the_pose_of_the_tip(page: str, tmp_path: Path) -> None:
-    found, _ = opened(page, 1280, tmp_path)
+def test_view_computes_the_pose_of_the_tip(laptop: tuple[dict, str]) -> None:
+    found, _ = laptop
     numbers = [float(text.replace("−", "-")) for text in re.findall(r"−?\d+\.\d+", found["tip"])]
     model = bundled("ur10e")
     T = np.asarray(evaluate(model.programs["forward_kinematics"], np.array(ANGLES))[0], float)

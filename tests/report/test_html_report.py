@@ -17,13 +17,15 @@ import numpy as np
 import pytest
 
 from oracles.newton_euler import Robot, frames
+from rrrgen.errors import InputError
 from rrrgen.pipeline import derive
 from rrrgen.program import evaluate
 from rrrgen.report import html_report
 from rrrgen.report.geometry import zero_pose
+from rrrgen.report.motions import Illustration, Motion
 from rrrgen.report.scene import POSES, scene
 from rrrgen.report.sketch import HEIGHT, WIDTH, frame_sketch
-from rrrgen.robotfile import bundled_names, load_spec
+from rrrgen.robotfile import bundled_names, bundled_path, load_spec, loads_spec
 from rrrgen.verify.report import Report, Row
 
 GEOMETRY = 1e-12  # the same products of transforms, metres
@@ -146,6 +148,46 @@ def test_text_of_the_file_is_escaped() -> None:
     assert "&lt;b&gt;" in text
 
 
+def test_hostile_names_stay_text() -> None:
+    """Every text that a person writes: names of robot, joints and parameters, source, motion, figure, notice."""
+    hostile = '"><img src=x onerror=alert(1)></script><script>alert(2)</script>'
+    spec = model("rrr").spec
+    named = replace(
+        spec,
+        name=hostile,
+        description=hostile,
+        source=hostile,
+        joints=(replace(spec.joints[0], name=hostile), *spec.joints[1:]),
+    )
+    motion = Motion(hostile, np.array([0.0, 1.0]), np.zeros((2, 3)))
+    figure = Illustration(hostile, "data:image/png;base64,AA==")
+    plain = read(
+        html_report(model("rrr"), {}, motions=[replace(motion, name="m")], figures=[replace(figure, caption="f")])
+    )
+    text = html_report(replace(model("rrr"), spec=named), {}, notice=hostile, motions=[motion], figures=[figure])
+    reader = read(text)
+    assert reader.tags == plain.tags
+    assert reader.attributes == plain.attributes
+    assert text.count("<script") == 2
+    with pytest.raises(InputError):  # and a robot file with such a name is refused
+        loads_spec(bundled_path("rrr").read_text(encoding="utf-8").replace("name: rrr", f"name: '{hostile}'", 1))
+
+
+def test_the_whole_file_is_stated_in_both_units() -> None:
+    rows = read(html_report(model("panda"), {})).rows
+    assert [
+        "translation",
+        "x\u00a00\u00a0m\u00a0(0\u00a0mm)",
+        "y\u00a00\u00a0m\u00a0(0\u00a0mm)",
+        "z\u00a00.107\u00a0m\u00a0(107\u00a0mm)",
+    ] in rows
+    limits = next(row for row in rows if row[0] == "panda_joint4" and "rad/s" in "".join(row))
+    assert "2.175\u00a0rad/s\u00a0(124.618\u00a0deg/s)" in limits
+    assert "12.5\u00a0rad/s²\u00a0(716.197\u00a0deg/s²)" in limits
+    assert any(row[0] == "4" and row[1] == "2.7\u00a0kg" and "com" in row for row in rows)
+    assert "does not state: base, friction, drives" in html_report(model("panda"), {})
+
+
 def test_names_of_joints_cannot_end_the_script_that_holds_the_scene() -> None:
     spec = model("rrr").spec
     name = "</script><script>alert(1)</script>"
@@ -214,6 +256,7 @@ _HASH = """
 import hashlib
 from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import closed_form
+from rrrgen.errors import InputError
 from rrrgen.pipeline import derive
 from rrrgen.report import html_report
 from rrrgen.backends.latex import latex
