@@ -124,6 +124,8 @@ def closed_loop_estimate(
         found = replace(found, regressor=replace(found.regressor, load=own_load))
     blocks, held = _rows(found, own, fit, parameters.count)
     again = refitted(found, recordings, options, blocks, held, friction, progress)
+    if len(fit.z) > parameters.count:
+        again = _widened(again, work.spread_by_shapes(fit, parameters.count))
     delivered = again.theta if again.consistent is None else again.consistent.theta
     theta = np.concatenate([delivered, np.exp(fit.z[parameters.count :])])
     first = np.concatenate([started, equations.shapes])
@@ -168,6 +170,16 @@ def _shaped(friction: FrictionFit, z: Array, covariance: Array, count: int) -> F
         std.append(tuple(float(v) for v in spread[k : k + count]))
         k += count
     return replace(friction, surfaces=tuple(surfaces), std=tuple(std))
+
+
+def _widened(found: Identification, factors: Array) -> Identification:
+    """``found`` with standard deviations multiplied by ``factors`` (r,), at unchanged correlations."""
+    grown = np.outer(factors, factors)
+    return replace(
+        found,
+        estimate=replace(found.estimate, covariance=found.estimate.covariance * grown),
+        delivered=replace(found.delivered, covariance=found.delivered.covariance * grown),
+    )
 
 
 def _rows(

@@ -23,6 +23,7 @@ from rrrgen.errors import DerivationError
 
 ITERATIONS = 25
 BLOCK = 1.0  # s: torque errors may be correlated within a block of this length, not beyond it
+FEWEST_BLOCKS = 20  # of that length, which a short recording makes shorter
 SETTLED = 1e-4  # relative decrease of the cost in one iteration below which the search ends
 RELATIVE_STEP = 1e-3  # step of finite differences, relative to the parameter
 STD_STEP = 0.1  # step of finite differences, relative to the standard deviation of the parameter
@@ -210,21 +211,36 @@ class OutputError:
         """Covariance (k, k) of z, robust to torque errors that are correlated within a block: ``H^-1 G H^-1``.
 
         ``H = J' J`` with the weighted sensitivities J, ``G = sum_b g_b g_b'`` with the gradient g_b = J_b' e_b of each
-        block b of one second.
+        block b.
         """
+        return _sandwich(*self._curvature_and_scatter(fit))
+
+    def spread_by_shapes(self, fit: LoopFit, count: int) -> Array:
+        """Factors (count,), at least 1, by which standard deviations grow because z[count:] are fitted, too.
+
+        They belong to the first ``count`` unknowns, and compare with deviations for known values of the others.
+        """
+        H, G = self._curvature_and_scatter(fit)
+        whole = np.diag(_sandwich(H, G))[:count]
+        known = np.diag(_sandwich(H[:count, :count], G[:count, :count]))
+        ratio = np.divide(whole, known, out=np.ones(count), where=known > 0.0)
+        return np.asarray(np.sqrt(np.maximum(ratio, 1.0)))
+
+    def _curvature_and_scatter(self, fit: LoopFit) -> tuple[Array, Array]:
+        """The matrices H and G (k, k) of :meth:`covariance`."""
         k = len(fit.z)
-        H, meat = np.zeros((k, k)), np.zeros((k, k))
+        H, G = np.zeros((k, k)), np.zeros((k, k))
+        length = min(BLOCK, sum(len(r) * r.period for r in self.recordings) / FEWEST_BLOCKS)
         for recording, run, J, use in zip(self.recordings, fit.runs, fit.sensitivities, self.use, strict=True):
             weighted = np.where(use, self.weights, 0.0)
             own = J * weighted[..., None]
             e = (recording.tau - run.tau) * weighted
             H += np.einsum("ija,ijb->ab", own, own)
             scores = np.einsum("ija,ij->ia", own, e)
-            edges = np.arange(0, len(recording), max(1, round(BLOCK / recording.period)))
+            edges = np.arange(0, len(recording), max(1, round(length / recording.period)))
             for block in np.add.reduceat(scores, edges):
-                meat += np.outer(block, block)
-        inverse = np.linalg.pinv(H, hermitian=True)
-        return np.asarray(inverse @ meat @ inverse)
+                G += np.outer(block, block)
+        return H, G
 
     def _diverged(self, z: Array) -> str:
         theta = self.parameters.theta(z)
@@ -233,6 +249,11 @@ class OutputError:
             if run.diverged is not None:
                 return divergence(run, recording)
         return "the simulated loop diverges"
+
+
+def _sandwich(H: Array, G: Array) -> Array:
+    inverse = np.linalg.pinv(H, hermitian=True)
+    return np.asarray(inverse @ G @ inverse)
 
 
 def divergence(run: Run, recording: LoopRecording) -> str:
