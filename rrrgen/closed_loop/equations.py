@@ -84,9 +84,9 @@ class LoopEquations:
 
     @cached_property
     def reaches(self) -> tuple[int, ...]:
-        """Places in theta (from 0) of the distance over which friction turns, for each of the m surfaces.
+        """Index in theta (from 0) of the presliding distance of each of the m surfaces; -1 for friction without state.
 
-        -1 for a surface whose friction has no state.
+        It is the distance over which friction builds up after a reversal.
         """
         found, place = [-1] * len(self.directions), len(self.columns)
         for surface in self.regressor.surfaces:

@@ -1,4 +1,4 @@
-"""The C of controllers that no program expresses, which groups of functions bring along: files, and their self-test."""
+"""C files of controllers that are written from templates, beside the functions printed from programs; self-tests."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rrrgen.resources import render
 
 
 def files_beside(robot: str, n: int, real: Real, groups: Iterable[str], trig: Trig = "inline") -> dict[str, str]:
-    """Headers and sources for the ``groups`` that are emitted, name -> text: of "control" and "trajectory"."""
+    """Headers and sources, name -> text, that belong to the emitted ``groups`` "control" and "trajectory"."""
     wanted, files = set(groups), dict[str, str]()
     if "control" in wanted:
         files |= differential_ik_files(robot, n, real)
@@ -23,7 +23,7 @@ def files_beside(robot: str, n: int, real: Real, groups: Iterable[str], trig: Tr
 
 
 def checks_beside(robot: str, groups: Iterable[str]) -> tuple[Check, ...]:
-    """The part of the self-test for :func:`files_beside`."""
+    """Self-tests of the C functions of :func:`files_beside`, for the emitted ``groups``."""
     brought = {"control": "differential_ik", "trajectory": "fourier"}
     names = [name for group, name in brought.items() if group in set(groups)]
     return tuple(

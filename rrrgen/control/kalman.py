@@ -19,13 +19,13 @@ _MOTION = (
 def kalman_program(
     transitions: Sequence[Sequence[Sequence[float]]], gains: Sequence[Sequence[float]], period: float
 ) -> Program:
-    """Joint positions, velocities and accelerations from encoder readings, sample by sample.
+    """Program for one step of the Kalman filters of all joints: encoder readings to positions, speeds, accelerations.
 
-    Per joint ``e = y - q_r - x_0``, ``x_bar = x + k e``, ``x_next = E x_bar``, and the motion is ``x_bar + [q_r, dq_r,
-    ddq_r]``. ``transitions`` (n, 3, 3) are E of (14.29), ``gains`` (n, 3) k of (14.30), ``period`` Ts in s, for the
-    documentation. Inputs ``x`` (n, 3), the prediction of the step before (0 at the start), ``y`` (n,), and the
-    reference ``q_r``, ``dq_r``, ``ddq_r`` (n,); outputs ``x_next`` (n, 3), ``q``, ``dq``, ``ddq`` (n,), ``e`` (n,).
-    Source: (14.30)-(14.31).
+    The state x is the predicted deviation from the reference, [e, de, dde]. Per joint ``e = y - q_r - x_0``, ``x_bar =
+    x + k e``, ``x_next = E x_bar``, and the motion is ``x_bar + [q_r, dq_r, ddq_r]``. ``transitions`` (n, 3, 3) are E
+    of (14.29), ``gains`` (n, 3) k of (14.30), ``period`` Ts in s, for the documentation. Inputs ``x`` (n, 3), the
+    prediction of the step before (0 at the start), ``y`` (n,), and the reference ``q_r``, ``dq_r``, ``ddq_r`` (n,);
+    outputs ``x_next`` (n, 3), ``q``, ``dq``, ``ddq`` (n,), ``e`` (n,). Source: (14.30)-(14.31).
     """
     n = len(gains)
     if len(transitions) != n or any(len(k) != 3 for k in gains):

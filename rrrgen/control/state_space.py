@@ -39,7 +39,7 @@ class StateSpace:
         return y
 
     def to_json(self) -> dict[str, Any]:
-        """The state space as plain data, for the key ``state_space`` of result files."""
+        """The matrices A, B, C, D as plain data, for the key ``state_space`` of result files."""
         return {"A": self.A, "B": self.B, "C": self.C, "D": self.D}
 
 

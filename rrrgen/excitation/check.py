@@ -47,7 +47,7 @@ class ExcitationCheck:
 
     @property
     def worst_use(self) -> float:
-        """The largest use of any limit, 1 at the limit; 0 without limits."""
+        """Largest use of any limit: 1 at the limit, above 1 beyond it; 0 without limits."""
         return max((limit.use for limit in self.limits), default=0.0)
 
     @property

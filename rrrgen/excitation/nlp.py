@@ -170,12 +170,12 @@ class ExcitationProgram:
             collected.vanish(casadi.dot(order, b))
 
     def trajectory(self, x: Floats) -> FourierTrajectory:
-        """The trajectory with the variables ``x``."""
+        """The trajectory for the values ``x`` of the program's variables."""
         X = x.reshape(self.n, self.size).T * self.factors
         return FourierTrajectory.from_coefficients(X, self.problem.base_frequency)
 
     def variables(self, trajectory: FourierTrajectory) -> Floats:
-        """The variables of ``trajectory``, the inverse of :meth:`trajectory`."""
+        """Values of the program's variables for a ``trajectory``; the inverse of :meth:`trajectory`."""
         return np.asarray((trajectory.coefficients / self.factors).T.ravel())
 
 

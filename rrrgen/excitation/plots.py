@@ -57,7 +57,7 @@ def plot_motion(
 
 
 def plot_torque(t: Floats, tau: Floats, limits: Sequence[float] | None = None) -> Figure:
-    """Torque of every joint over time, one panel per joint; ``tau`` (m, n) in N m (N for prismatic joints)."""
+    """Plot the torque of every joint over time, one panel per joint; ``tau`` (m, n) in N m (N if prismatic)."""
     n = tau.shape[1]
     figure, axes = new_figure(n, 1, height=1.8 * n + 0.6, sharex=True)
     for i, axis in enumerate(axes):
@@ -82,7 +82,7 @@ def plot_joint(t: Any, motion: Sequence[Any], title: str) -> Figure:
 
 
 def plot_singular_values(design: ExcitationDesign) -> Figure:
-    """Singular values of the stacked regressor, per instant, of the best start on the controller's grid."""
+    """Plot the singular values of the best start's stacked regressor, divided by the root of the number of instants."""
     sigma = np.asarray(design.best.check.singular_values)
     start = check_trajectory(design.problem, _first_guess(design), design.problem.design_instants)
     figure, axes = new_figure(1, 1, height=3.2)
@@ -118,7 +118,7 @@ def plot_convergence(design: ExcitationDesign) -> Figure:
 
 
 def plot_information(design: ExcitationDesign, samples: int = 400) -> Figure:
-    """Condition number of the regressor stacked up to time t, over t within one cycle."""
+    """Plot the condition number of the regressor stacked over the instants up to time t, over t in one cycle."""
     functions = ProblemFunctions(design.problem)
     t = np.arange(samples) * (design.trajectory.period / samples)
     W = functions.weighted(*design.trajectory.evaluate(t)).reshape(samples, design.problem.joints, -1)

@@ -1,4 +1,4 @@
-"""Figures of a friction estimate."""
+"""Figures of a friction estimate: friction over speed, and torques over time."""
 
 from __future__ import annotations
 

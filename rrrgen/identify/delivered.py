@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 class Delivered:
     """The estimate written to ``robot.yaml``: identifiable combinations ``x`` (r,) and their ``covariance`` (r, r).
 
-    ``origin`` names the estimate: the physically consistent one if it was computed. ``at_bound`` (r,) marks drive
-    parameters that lie on their bound of 0.
+    ``origin`` is the name of the estimate, the physically consistent one if it was computed. ``at_bound`` (r,) marks
+    drive parameters that lie on their lower bound 0.
     """
 
     origin: str
@@ -48,9 +48,10 @@ class Delivered:
         options: Options,
         base: int,
     ) -> Delivered:
-        """Parameters and standard deviations of the written model.
+        """Choose the estimate to write: ``consistent``, or ``estimate`` if that is None; compute its covariance.
 
-        ``reduced`` are the fitted factors in x, ``names`` those of all columns, the first ``base`` of them rigid.
+        ``reduced`` are the triangular factors of the fitted rows for x. ``names`` are the parameters of all regressor
+        columns, of which the first ``base`` are base parameters.
         """
         if consistent is None or consistent.near is None:
             return cls(options.method, estimate.x, estimate.covariance, np.zeros(len(estimate.x), bool))

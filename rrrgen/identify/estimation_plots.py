@@ -60,7 +60,7 @@ def plot_bode(matrices: Sequence[KalmanMatrices], joints: Sequence[str], smoothe
 def plot_convergence(
     settling: Convergence, std: Array | None = None, units: Sequence[str] = (), truth: Array | None = None
 ) -> Figure:
-    """Estimates over the number of fitted samples, one panel per parameter, as Fig. 14.12.
+    """Plot the estimates over the number of fitted samples, one panel per parameter, as in Fig. 14.12.
 
     ``std`` (p,) adds a band of three standard deviations about the final value, ``truth`` (p,) dashed lines;
     ``units`` (p,) are those of the parameters.

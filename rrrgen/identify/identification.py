@@ -122,7 +122,7 @@ class Identification:
 
     @property
     def processing(self) -> Processing:
-        """The preprocessing settings of the recordings, all of them determined."""
+        """The preprocessing settings of the recordings, complete with those that were chosen automatically."""
         return self.tuning.processing
 
     @property
@@ -338,7 +338,7 @@ class _Run:
         )
 
     def consistent_estimate(self, estimate: Estimate, robust: JointFactors | None = None) -> ConsistentEstimate:
-        """The physically consistent estimate from the same rows and weights; ``robust`` are reweighted rows, if any."""
+        """Physically consistent estimate from the rows and weights of ``estimate``, or from reweighted ``robust`` rows."""
         self.tell(0, 0, "physically consistent estimate")
         options, fit = self.options, self.factors.fit
         columns = self.regressor.columns

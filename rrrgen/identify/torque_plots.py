@@ -55,7 +55,7 @@ class TorqueCurves:
 def torque_curves(
     blocks: Iterable[Rows], theta: Array, most: int = MOST_POINTS, band: TorqueBand | None = None
 ) -> TorqueCurves | None:
-    """Measured torques of a stream of rows, and those modelled with parameters ``theta`` (p,); None if none is in use.
+    """Measured torques of a stream of rows, and those modelled with ``theta`` (p,); None if no row is in use.
 
     At most ``most`` instants are kept; ``band`` adds the uncertainty of the model.
     """
@@ -86,7 +86,7 @@ def force_units(spec: Any) -> list[str]:
 def plot_torque_curves(
     curves: TorqueCurves, joints: Sequence[str], units: Sequence[str], titles: Sequence[str] = ()
 ) -> Figure:
-    """Two panels per joint: measured and modelled torque, and below them the residual on its own scale.
+    """Plot two panels per joint: measured and modelled torque, and below them the residual on its own scale.
 
     For rows that are not in use (at rest, or in the other part of the data), the model is drawn thin and grey, without
     a residual. Where the uncertainty is known, the residual has the 95 % band of the prediction behind it, and in it
@@ -127,7 +127,7 @@ def plot_friction(
     revolute: Sequence[bool],
     surfaces: Sequence[FrictionSurface] = (),
 ) -> Figure:
-    """Friction over speed for every joint: measured torque minus the rest of the model, and the identified law.
+    """Plot friction over speed for every joint: measured torque minus the rest of the model, and the identified law.
 
     ``W`` (N, n, p) is the regressor at the instants of ``sample``, ``columns`` and ``theta`` (p,) are its columns and
     their parameters; ``revolute`` (n,) gives the joint types, ``surfaces`` the friction laws. Points off the line show

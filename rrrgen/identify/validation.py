@@ -43,7 +43,7 @@ class Thresholds:
     """Upper limits that a model must meet to pass; None switches a criterion off.
 
     - ``relative_error``: ``|tau - tau_model| / |tau|`` over all joints; ``joint_relative_error``: the same per joint.
-    - ``beyond_noise``: error that known noise does not explain, over the RMS torque, per joint.
+    - ``beyond_noise``: ``sqrt(max(error^2 - noise^2, 0))`` over the RMS torque per joint, for a known noise.
     - ``indefinite_share``: share of random poses with an indefinite mass matrix.
     - ``require_held_out``: the data must be known not to have been fitted.
     """

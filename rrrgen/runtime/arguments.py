@@ -47,7 +47,7 @@ def prepare(
 
 
 def _real(function: str, port: Port, value: Any, dtype: np.dtype[Any]) -> Array:
-    """``value`` as an array of real numbers of ``dtype``."""
+    """Convert ``value`` to an array of ``dtype``; raises TypeError unless it holds real numbers."""
     if isinstance(value, np.ma.MaskedArray):
         raise TypeError(f"{function}: {port.name} is a masked array; its mask would be lost. Fill it first")
     try:

@@ -1,4 +1,4 @@
-"""The C compiler of the runtime and its command lines: gcc, clang and zig, and Microsoft's cl.
+"""Finds a C compiler and builds its command lines: gcc, clang and zig, and Microsoft's cl.
 
 Tried on Linux with gcc, clang and zig. The command lines for Windows and macOS are untested there.
 """
@@ -48,13 +48,13 @@ COMPILERS = (["cc"], ["gcc"], ["clang"])
 
 @dataclass(frozen=True)
 class Compiler:
-    """A C compiler: the words of its ``command``."""
+    """A C compiler, called by the words of its ``command``, such as ("zig", "cc")."""
 
     command: tuple[str, ...]
 
     @property
     def microsoft(self) -> bool:
-        """Whether it takes the options of Microsoft's ``cl``; it then has no vector types either."""
+        """Whether the compiler takes the options of Microsoft's ``cl``; such a compiler has no vector types."""
         return PureWindowsPath(self.command[0]).stem.lower() in ("cl", "clang-cl")
 
     def compile(self, unit: str, flags: Sequence[str], include: str) -> list[str]:
@@ -88,11 +88,11 @@ class Compiler:
         return [*self.command, "-shared", *objects, *_linked(), "-o", library]
 
     def version_command(self) -> list[str]:
-        """The command that makes it say its version; Microsoft's says it whenever it has nothing to do."""
+        """Command that prints the version of the compiler; Microsoft's prints it if called without arguments."""
         return [*self.command] if self.microsoft else [*self.command, "--version"]
 
     def identity(self) -> list[str]:
-        """What distinguishes its builds from those of other compilers and versions, for keys of the cache."""
+        """Text that identifies the compiler and its version, for the keys of the cache of builds."""
         status = Path(self.command[0]).resolve().stat()
         zig = [_zig_version()] if "ziglang" in self.command else []
         return [*self.command, *FLAGS, f"{status.st_size} {status.st_mtime_ns}", *zig]
@@ -105,7 +105,7 @@ def _flag(flag: str) -> str:
 
 
 def _linked() -> list[str]:
-    """What an extension module is linked with on this system; others than Windows and macOS are treated like Linux."""
+    """Linker options of an extension module on this system; systems other than Windows and macOS count as Linux."""
     if sys.platform == "win32":
         return [f"-L{_libraries()}", f"-lpython{sys.version_info[0]}{sys.version_info[1]}"]
     if sys.platform == "darwin":
@@ -114,7 +114,7 @@ def _linked() -> list[str]:
 
 
 def _libraries() -> str:
-    """The folder of Python's import library, which Windows needs."""
+    """Folder of Python's import library, which extension modules are linked with on Windows."""
     return str(Path(sys.base_prefix) / "libs")
 
 

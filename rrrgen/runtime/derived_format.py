@@ -120,7 +120,10 @@ def _node_value(plain: Any) -> Any:
 
 
 def _plain_expression(expression: sp.Basic) -> Any:
-    """An int, ``["symbol", name, assumptions]``, ``["number", "p/q"]``, or ``[function, operand, ...]``."""
+    """Convert a SymPy expression to JSON: an int, or a list.
+
+    The lists are ``["symbol", name, assumptions]``, ``["number", "p/q"]`` and ``[function, operand, ...]``.
+    """
     if isinstance(expression, sp.Symbol):
         return ["symbol", expression.name, _assumed(expression)]
     if isinstance(expression, sp.Rational):

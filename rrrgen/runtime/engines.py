@@ -56,7 +56,7 @@ class Engine(Protocol):
 
 
 class NumpyEngine:
-    """The reference evaluation with NumPy: slow, but it needs no compiler."""
+    """Engine that evaluates programs with NumPy, operation by operation: slow, but it needs no compiler."""
 
     name: ClassVar[EngineName] = "numpy"
     dtype: np.dtype[Any] = np.dtype(np.float64)
@@ -178,7 +178,7 @@ class CompiledCall:
         self._address, self._pointer = address, pointer
 
     def __call__(self, values: Sequence[Any], threads: int = 1) -> Sequence[Array]:
-        """Check ``values`` and evaluate the function; one array (..., *port.shape) per output."""
+        """Check ``values`` and evaluate the function; returns one array per output, (..., *shape of the output)."""
         dense = self._dense(values) if self._plain else None
         address, pointer = self._address, self._pointer
         if dense == 0:

@@ -117,10 +117,11 @@ class _Evaluated:
 
 
 class InverseKinematics:
-    """The inverse kinematics of one robot, compiled or evaluated: ``rrrgen.compile(robot).ik``.
+    """The inverse kinematics of one robot: ``rrrgen.compile(robot).ik``.
 
     ``plan`` describes the family of the arm, ``max_solutions`` is the largest number of solutions of one target, ``n``
-    the number of joints, and ``labels`` are the named choices of a branch number with their first bit and their bits.
+    the number of joints. ``labels`` names the choices between roots that make up a branch number, such as "elbow", each
+    with the position of its first bit in the number and its bits.
 
     Args:
         plan: the family of the arm with its equations, or the reason why it has no solver.
@@ -252,7 +253,10 @@ class InverseKinematics:
         return self.solve_batch(goals, q_ref, limits=limits, redundancy=parameters)
 
     def branch_names(self, branch: int) -> dict[str, int]:
-        """The named choices of a ``branch`` number, ``{"shoulder": 0, "elbow": 1}``; 0 is the plus side of two."""
+        """Decode a ``branch`` number into its named choices, such as ``{"shoulder": 0, "elbow": 1}``.
+
+        Of a choice between two roots, 0 is the one with the plus sign.
+        """
         return {name: (int(branch) >> bit) & ((1 << bits) - 1) for name, bit, bits in self.labels}
 
     # -- arguments ----------------------------------------------------------------------------------------------------

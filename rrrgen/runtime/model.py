@@ -130,9 +130,10 @@ class Model(
 
     @property
     def ik(self) -> InverseKinematics:
-        """The inverse kinematics with all its options. Raises DerivationError if the arm has no solver.
+        """The inverse kinematics of the robot as an object with all options. Raises DerivationError without a solver.
 
-        It is compiled, or evaluated with the NumPy backend; an elimination for six joints is solved in C only.
+        It is compiled when first used, or evaluated in Python with the NumPy backend. A general arm of six joints,
+        which needs a numerical elimination, is solved in C only.
         """
         if self._ik is None:
             from rrrgen.runtime.inverse_kinematics import load_solver

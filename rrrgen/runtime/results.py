@@ -82,7 +82,10 @@ class OperationalStep(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """External torques over their thresholds, ``ratio`` (..., n), and ``touches`` (...): 1 where one exceeds 1."""
+    """Result of contact detection: ``ratio`` (..., n) of external torques to thresholds; ``touches`` (...), 1 or 0.
+
+    ``touches`` is 1 if any ratio exceeds 1.
+    """
 
     ratio: NDArray[Any]
     touches: NDArray[Any]
@@ -150,7 +153,7 @@ class PathDynamics(NamedTuple):
 
 
 class TimedMotion(NamedTuple):
-    """Desired ``q_d``, ``dq_d`` and ``ddq_d``, (..., n) each, rad or m, and the duration ``T`` (...), s."""
+    """Desired positions ``q_d``, speeds ``dq_d``, accelerations ``ddq_d``, (..., n) each, and duration ``T`` (...), s."""
 
     q_d: NDArray[Any]
     dq_d: NDArray[Any]

@@ -48,7 +48,7 @@ class KalmanMatrices:
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        """Poles of the filter (3,): eigenvalues of its error dynamics ``(I - k c) E``."""
+        """Poles of the filter (3,): eigenvalues of its error dynamics ``(I - k c) E`` with c = [1, 0, 0]."""
         return np.asarray(np.linalg.eigvals((np.eye(3) - np.outer(self.k, MEASURED)) @ self.E), complex)
 
 
@@ -124,10 +124,10 @@ def _iterated_covariance(E: Array, g: Array) -> Array:
 def kalman_step(E: Array, k: Array, predicted: Array, measured: ArrayLike, reference: ArrayLike) -> tuple[Array, Array]:
     """One step of the Kalman filter of any number of joints; returns the next prediction and ``[q, dq, ddq]``.
 
-    ``x_bar = x_hat + k (y - q_r - e_hat)``, ``x_hat(k+1) = E x_bar``, motion ``x_bar + [q_r, dq_r, ddq_r]``. ``E``
-    (..., 3, 3) of (14.29) and the gain ``k`` (..., 3) of (14.30); ``predicted`` (..., 3) is the prediction of the
-    deviation ``[e, de, dde]``, ``measured`` (...) the encoder reading, ``reference`` (..., 3) ``[q_r, dq_r, ddq_r]``.
-    The emitted C computes the same. Source: (14.30), (14.31).
+    The state is the deviation ``[e, de, dde]`` from the reference. Its prediction x_hat is corrected by the measurement
+    y, ``x_bar = x_hat + k (y - q_r - e_hat)``; the motion is ``x_bar + [q_r, dq_r, ddq_r]`` and the next prediction is
+    ``E x_bar``. ``E`` (..., 3, 3) of (14.29), the gain ``k`` (..., 3) of (14.30); ``predicted`` (..., 3) is x_hat,
+    ``measured`` (...) y, ``reference`` (..., 3) ``[q_r, dq_r, ddq_r]``. Source: (14.30), (14.31).
     """
     wanted = np.asarray(reference, dtype=float)
     innovation = np.asarray(measured, dtype=float) - wanted[..., 0] - predicted[..., 0]
@@ -138,6 +138,7 @@ def kalman_step(E: Array, k: Array, predicted: Array, measured: ArrayLike, refer
 def frequency_response(matrices: KalmanMatrices, frequencies: Array, smoother: bool = False) -> NDArray[np.complex128]:
     """Frequency response from measured to reconstructed deviation: ``H(z) = c [I - (I - k c) E z^-1]^-1 k``.
 
+    E and k are those of ``matrices``, c = [1, 0, 0].
     ``frequencies`` (m,) in Hz; returns (m,) complex. With ``smoother``, the response of the forward pass followed by
     the backward pass, which is real up to round-off: the smoother has no phase lag.
     """
@@ -152,8 +153,8 @@ def frequency_response(matrices: KalmanMatrices, frequencies: Array, smoother: b
 def smoother_recursions(matrices: KalmanMatrices) -> tuple[Array, Array]:
     """The matrices F and C, (3, 3) each, of the forward and backward recursion of the fixed-interval smoother.
 
-    Forward ``x_bar(k) = F x_bar(k-1) + k y(k)`` with ``F = (I - k c) E``; backward (Rauch-Tung-Striebel, steady state)
-    ``x_s(k) = C x_s(k+1) + (I - C E) x_bar(k)`` with ``C = P_updated E' P_predicted^-1``.
+    Forward ``x_bar(i) = F x_bar(i-1) + k y(i)`` with ``F = (I - k c) E``; backward (Rauch-Tung-Striebel, steady state)
+    ``x_s(i) = C x_s(i+1) + (I - C E) x_bar(i)`` with ``C = P_updated E' P_predicted^-1``; c = [1, 0, 0].
     """
     forward = (np.eye(3) - np.outer(matrices.k, MEASURED)) @ matrices.E
     scale = np.sqrt(np.diag(matrices.predicted))

@@ -66,7 +66,7 @@ class Check(Protocol):
 class Collector:
     """Collects the rows of a report.
 
-    A model that raises instead of answering, or lacks the function, makes a row that fails with the message.
+    If the model raises an error or lacks a function, the row fails, with the error message as its note.
     ``skipped`` holds references that are not installed, and functions that cannot exist for a robot, such as the
     inverse kinematics of a chain without a solver.
     """

@@ -14,7 +14,7 @@ from rrrgen.verify.subject import States
 ASKED = 5  # states with an indefinite M at which the model is evaluated, one by one
 INDEFINITE = 1e-3
 """M counts as indefinite if an eigenvalue is below minus this fraction of the largest. Closer to zero M is nearly
-singular, and round-off decides whether it is refused."""
+singular, and round-off decides whether an error is raised."""
 
 
 def is_definite(M: Array, tolerances: Tolerances) -> NDArray[np.bool_]:

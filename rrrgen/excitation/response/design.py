@@ -92,7 +92,7 @@ def _check_posture(model: Any, posture: tuple[float, ...], number: int, moving: 
 
 
 def _samples(plan: ResponsePlan, rate: float) -> int:
-    """Number of samples of one period; raises InputError for plans that are contradictory whatever the robot."""
+    """Number of samples of one period; raises InputError for plans that are invalid for any robot."""
     samples = round(plan.period * rate)
     if abs(samples - plan.period * rate) > 1e-6 * samples or samples < 2:
         raise InputError(f"the period of {plan.period:g} s is no whole number of samples at {rate:g} Hz")

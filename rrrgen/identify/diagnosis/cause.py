@@ -30,7 +30,7 @@ class Cause:
     """A probable fault: its description, the evidence in numbers, and what to write instead in which file.
 
     A ``general`` cause only states that something is wrong and is dropped if another rule finds a specific one. A cause
-    that may be ``either`` of several adds its evidence to the one of them that another rule found.
+    that fits several faults names them in ``either``; its evidence is added to the one that another rule found.
     """
 
     cause: str

@@ -53,7 +53,7 @@ class Motion:
 
 
 def clock_factor(motion: Motion) -> float:
-    """Correction factor of the clock: 1000 or 1/1000 if sampling and motion are both implausible by it, otherwise 1."""
+    """Correction factor of time: 1000 or 1/1000 if sampling rate and motion are implausible by that factor, else 1."""
     slow = motion.period >= SLOW_PERIOD and motion.bandwidth < SLOW_MOTION
     fast = motion.period <= FAST_PERIOD and motion.bandwidth > FAST_MOTION
     return 1e-3 if slow else 1e3 if fast else 1.0

@@ -28,7 +28,7 @@ BEFORE: tuple[Callable[[Motion], Any], ...] = (clock, recorded_speed, limits)
 
 
 def wording(spec: Any, recording: Recording) -> Wording:
-    """The wording of faults in one recording of the robot ``spec``."""
+    """Build the :class:`Wording` that describes faults in one recording of the robot ``spec``."""
     return Wording(
         joints=tuple(recording.joints),
         revolute=tuple(joint.is_revolute for joint in spec.joints),

@@ -51,7 +51,7 @@ class Sample:
 
 
 def sample_of(recording: Recording, processing: Processing) -> Sample | None:
-    """Instants spread evenly over a recording; None if it has no torques or no usable instant."""
+    """Sample instants spread evenly over a recording; None if it has no torques or no usable instant."""
     decimate = Decimator(processing.decimate or 1)
     memory = RowMaker(lambda q, dq, ddq: q, processing, 1).memory(recording.period)
     found: list[tuple[Any, ...]] = []

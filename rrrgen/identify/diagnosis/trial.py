@@ -33,7 +33,7 @@ class AllTerms:
 
     @property
     def drives(self) -> tuple[Column, ...]:
-        """The drive columns, those of the estimate first."""
+        """All columns of drive and friction terms, those estimated from the recordings first."""
         own = tuple(column for column in self.estimated if column.kind != "rigid")
         every = DriveTerms.everywhere(self.model.n, "inertia", "viscous", "coulomb", "offset").columns(self.model.n)
         names = {column.name for column in own}
@@ -97,7 +97,10 @@ class Fit:
 
 
 class Trial:
-    """Weighted least squares of one sample by its normal equations; torques may be recombined without new rows."""
+    """Weighted least squares on one sample by its normal equations.
+
+    They are computed once; fits with exchanged or scaled torques need no new evaluation of the regressor.
+    """
 
     def __init__(self, regressor: Regressor, sample: Sample) -> None:
         self.sample = sample

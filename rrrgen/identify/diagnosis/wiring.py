@@ -151,7 +151,7 @@ def changes(sample: Sample, words: Wording) -> Iterator[Change]:
 
 
 def _corrected_fit(change: Change, now: Corrected, regressor: Regressor, words: Wording) -> Corrected:
-    """The corrected sample and its fit after one more correction."""
+    """Apply the correction ``change`` to the sample ``now`` and fit the model again."""
     trial, mix, n = now.trial, now.mix, now.trial.sample.n
     if change.signal == "torque":
         N = _transmission(words, "torque", n)
@@ -180,7 +180,7 @@ def _transmission(words: Wording, signal: Signal, n: int) -> Array:
 
 
 def _cause_of(alike: list[Change], before: Fit, after: Fit, words: Wording) -> Cause:
-    """The cause of equally good corrections, with the fall of the torque error as evidence."""
+    """The cause behind the equally good corrections ``alike``; the decrease of the torque error is its evidence."""
     joints = [i for i in range(len(words.joints)) if after.error[i] <= HALVED * before.error[i]]
     fall = ", ".join(
         f"{words.joints[i]} from {100 * before.error[i]:.3g} % to {100 * after.error[i]:.2g} %" for i in joints

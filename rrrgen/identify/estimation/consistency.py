@@ -78,7 +78,7 @@ class ConsistentEstimate:
     """A physically consistent estimate.
 
     - ``phi`` (10n,): standard parameters; ``beta = K phi`` (b,): base parameters; ``drives``: drive parameters by name.
-    - ``theta`` (p,), ``names``: the parameters of all columns, rigid and drive.
+    - ``theta`` (p,), ``names``: values and names of the parameters of all regressor columns: base parameters, drives.
     - ``eigenvalues`` (n,): smallest eigenvalue of each pseudo-inertia, scaled by the prior.
     - ``relative_error``, ``joint_rms`` (n,): torque errors on the scored rows.
     - ``loss``: relative rise of the weighted residual sum of squares over the unconstrained estimate.
@@ -238,7 +238,7 @@ class _Program:
         self.n, self.basis, self.strength = n, basis, prior.strength
 
     def solve(self, fixed: Mapping[int, float]) -> tuple[Array, Array, dict[str, Any], Neighbourhood]:
-        """Solve; returns phi (10n,), the drive parameters, facts on the solution and its second-order model.
+        """Solve the program; returns phi (10n,), the drive parameters, facts on the solution, its second-order model.
 
         ``fixed`` maps indices of standard parameters to known values. If the least-squares estimate is far from
         physical, a very weak prior makes the problem too ill-conditioned for the solver; the prior is then strengthened

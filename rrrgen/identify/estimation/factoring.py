@@ -34,7 +34,7 @@ class Factors:
 
 @dataclass(frozen=True)
 class _Task:
-    """Computes the factors of one window; picklable, so that it can run in any process."""
+    """Computes the triangular factors of the rows of one window; picklable, so that it can run in any process."""
 
     maker: RowMaker
     split: Split

@@ -47,7 +47,7 @@ class FullRegressor:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """The p columns in order."""
+        """Descriptions of the p columns of W, in order."""
         rigid = tuple(Column(name, "rigid") for name in self.model.base_parameter_names)
         laws = tuple(column for surface in self.surfaces for column in surface.columns())
         return rigid + self.terms.columns(self.model.n) + laws
@@ -90,7 +90,7 @@ _COMPILED: dict[bytes, RigidModel] = {}
 def _compiled_regressor(
     spec: Any, terms: DriveTerms, surfaces: tuple[FrictionSurface, ...], load: tuple[float, ...]
 ) -> FullRegressor:
-    """The regressor of ``spec``; each robot is compiled once per process."""
+    """Rebuild the regressor of the robot ``spec`` when it is unpickled; each robot is compiled once per process."""
     import pickle
 
     from rrrgen.pipeline import compile

@@ -127,7 +127,7 @@ class Restriction:
 
     @property
     def fixed(self) -> tuple[int, ...]:
-        """Base parameters that are fully known."""
+        """Indices of the base parameters that are fully known, because no free parameter enters them."""
         return tuple(int(i) for i in np.flatnonzero(~np.any(self.B, axis=1)))
 
 

@@ -86,7 +86,10 @@ class RowMaker:
             yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
 
     def _states(self, window: Window, q: Array) -> Array:
-        """States of friction (N, m) along the positions ``q`` (N, n) of a window, constant before its known state."""
+        """Directions (N, m) of friction with a state along the positions ``q`` (N, n) of a window.
+
+        They are constant before the sample at which the window states them.
+        """
         assert self.sliding is not None
         lead, start = (0, self.sliding.start()) if window.state is None else window.state
         states = self.sliding.states(q[lead:], start)

@@ -37,7 +37,7 @@ class Parametrisation:
         return np.asarray(self.T @ x + self.known)
 
     def contract(self, theta: Array) -> Array:
-        """The identifiable parameters (r,) of ``theta`` (p,); directions (p, k) are mapped column by column."""
+        """Identifiable parameters x (r,) of ``theta`` (p,); a matrix (p, k) is mapped column by column."""
         return np.asarray(self.structure.G @ theta[list(self.free)])
 
 

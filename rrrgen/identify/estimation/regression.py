@@ -34,8 +34,8 @@ class Estimate:
     and ``counts`` (n,) the number of rows; ``relative_error`` is ``|tau - W x| / |tau|``. ``condition`` is
     ``sigma_max / sigma_min`` of W (it depends on units), ``scaled_condition`` that with columns of unit length.
     ``singular`` are the scaled singular values, largest first, of which ``rank`` exceed the tolerance. ``variance`` is
-    that of a weighted row, so that ``covariance / variance`` is ``(Phi' Phi)^-1``; ``weights`` (n,) are those of the
-    joints.
+    that of a weighted row, so that ``covariance / variance`` is ``(Phi' Phi)^-1`` with the weighted regressor Phi;
+    ``weights`` (n,) are those of the joints.
     """
 
     names: tuple[str, ...]
@@ -252,7 +252,7 @@ def correlated_covariance(
     with Bartlett weights after prewhitening (Newey and West 1987, Andrews and Monahan 1992). ``blocks`` are the rows in
     order of time; ``project`` (columns of the rows, p) is the linear part of ``expand``, which maps x to theta.
 
-    For a robust estimate with ``limit``, residuals are clipped at that many scales, and the outer matrices count only
+    For a robust estimate, residuals are clipped at ``limit`` standard deviations, and the outer matrices count only
     the rows that are not clipped: ``(sum psi' W W')^-1 S (sum psi' W W')^-1`` (Huber and Ronchetti 2009, ch. 7).
     """
     w2 = estimate.weights**2

@@ -36,7 +36,7 @@ class Rows:
 
     @property
     def sound(self) -> NDArray[np.bool_]:
-        """Mask (N, n) of the rows with a valid torque, those at low speed included."""
+        """Mask (N, n) of the rows with a valid torque, including those left out because of a low speed."""
         return self.use if self.valid is None else self.valid
 
     def chosen(self, mask: NDArray[np.bool_]) -> Rows:

@@ -272,7 +272,7 @@ def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: 
 
 
 def _halves(problem: Problem, use: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Two masks (r,) that alternate over stretches with equally many fitted rows each."""
+    """Split the fitted rows into two halves: two masks (r,) that alternate between stretches with equally many rows."""
     part = _parts(use, PARTS)
     return part % 2 == 0, part % 2 == 1
 

@@ -64,7 +64,7 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """All stretches together, with their decimation filter."""
+    """The rows of all stretches of the recordings, with their decimation filter."""
 
     stretches: tuple[Stretch, ...]
     decimate: Decimator
@@ -116,12 +116,12 @@ class Problem:
 
     @property
     def W(self) -> Array:
-        """The fixed columns (r, n, p)."""
+        """Regressor columns (r, n, p) that do not depend on friction shapes, over all stretches."""
         return np.concatenate([stretch.W for stretch in self.stretches])
 
     @property
     def tau(self) -> Array:
-        """The torques (r, n)."""
+        """Measured torques (r, n), filtered, over all stretches."""
         return np.concatenate([stretch.tau for stretch in self.stretches])
 
     def fitted(self, split: Split) -> NDArray[np.bool_]:

@@ -49,12 +49,12 @@ class FrictionSurface:
 
     @property
     def has_state(self) -> bool:
-        """Whether the direction of friction follows the motion instead of the sign of the speed."""
+        """Whether the law has a state: then friction reverses gradually after a reversal of the motion, not at once."""
         return self.definition.rate is not None
 
     @property
     def is_two_sided(self) -> bool:
-        """Whether each direction has coefficients of its own."""
+        """Whether the law has separate coefficients for the two directions of motion."""
         return any(p.name == "coulomb_n" for p in self.definition.parameters)
 
     @property
@@ -63,7 +63,7 @@ class FrictionSurface:
         return tuple(i for i, weight in enumerate(self.direction) if weight)
 
     def columns(self) -> tuple[Column, ...]:
-        """The columns of the linear parameters."""
+        """Descriptions of the regressor columns of the law's linear parameters."""
         return tuple(
             Column(f"{p.name}{self.owner}", "law", self.direction, p.unit, p.meaning, p.name in BOUNDED)
             for p in self.definition.linear
@@ -204,7 +204,7 @@ def _owners(spec: Any) -> list[tuple[str, tuple[float, ...], tuple[float, ...], 
 
 
 def with_linear_friction(terms: DriveTerms, spec: Any) -> DriveTerms:
-    """``terms`` with viscous and Coulomb friction also where the robot file states another law."""
+    """Add viscous and Coulomb friction to ``terms`` for joints and motors whose law in the robot file is another."""
     stated = {surface.owner: surface for surface in stated_surfaces(spec)}
     if not stated:
         return terms
@@ -220,10 +220,10 @@ def with_linear_friction(terms: DriveTerms, spec: Any) -> DriveTerms:
 
 
 def without_laws(terms: DriveTerms, surfaces: Sequence[FrictionSurface]) -> DriveTerms:
-    """``terms`` without viscous and Coulomb friction where a surface has a law.
+    """Remove viscous and Coulomb friction from ``terms`` for the joints and motors that are among ``surfaces``.
 
-    Where the law has one set of coefficients per direction, the offset goes too: while the joint moves, an offset is
-    the difference of the two directions.
+    If the law of a surface has separate coefficients for each direction, the offset is removed too: during motion it
+    equals the difference between the two directions.
     """
     owners = {surface.owner for surface in surfaces}
     two_sided = {surface.owner for surface in surfaces if surface.is_two_sided}

@@ -104,7 +104,10 @@ def identify_gains(
 
 
 def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str], tuning: Tuning) -> DriveGains:
-    """Gauss-Newton in the parameters beta (p,) and the inverse gains h (n,): ``I_j = h_j (W_j beta + l_j)``."""
+    """Fit the parameters beta (p,) and the inverse gains h (n,) by Gauss-Newton: ``I_j = h_j (W_j beta + l_j)``.
+
+    ``factors`` are the triangular factors of the rows, ``blocks`` the rows for the tests of the residuals.
+    """
     R, n = factors.R, len(factors.R)
     p = factors.parameters - 1
     W, load, current = R[..., :p], R[..., p], R[..., p + 1]

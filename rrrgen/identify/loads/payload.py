@@ -178,7 +178,10 @@ def _prior(estimate: Estimate, torque: float) -> Prior:
 
 
 def _covariance(found: ConsistentEstimate, estimate: Estimate, R: Array) -> Array:
-    """Covariance (10, 10) of the standard parameters of the payload, correlated residuals allowed for."""
+    """Covariance (10, 10) of the payload's standard parameters, with allowance for correlated residuals.
+
+    ``R`` is the triangular factor of the weighted rows.
+    """
     assert found.near is not None
     information = R.T @ R
     scores = information @ estimate.covariance @ information

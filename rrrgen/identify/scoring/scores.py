@@ -102,7 +102,7 @@ def score_models(
 
 
 class _Sums:
-    """Sums of squared torques and errors, accumulated block by block."""
+    """Sums of squared torques and torque errors of every joint and model, accumulated block by block."""
 
     def __init__(self) -> None:
         self.total = 0
@@ -153,7 +153,7 @@ def score_table(scores: Sequence[Score]) -> list[str]:
 
 
 def joint_table(scores: Sequence[Score], joints: Sequence[str]) -> list[str]:
-    """Lines of a table of relative errors joint by joint, of the rows as they are fitted."""
+    """Lines of a table of the relative errors of each joint, on rows filtered and selected as for the fit."""
     first: dict[tuple[str, str], Score] = {}
     for score in scores:
         if score.joint_relative is not None:

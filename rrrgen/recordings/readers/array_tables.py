@@ -135,7 +135,7 @@ class _ArrayTable:
 
 
 class NpyTable(_ArrayTable):
-    """One array in a .npy file, read in pieces; its columns are called by their number from 1, or ``data[k]`` from 0.
+    """Table in a .npy file, which holds one array; its columns are named "1", "2", .. or ``data[0]``, ``data[1]``, ..
 
     The file is not memory-mapped, because it may be larger than the address space allowed to the process.
     """

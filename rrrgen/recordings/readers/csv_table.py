@@ -133,7 +133,7 @@ class CsvTable:
             return np.array([self._row(number, line, places) for number, line in block])
 
     def _is_cut(self, number: int, line: str, places: list[int]) -> bool:
-        """Whether the last line is left out because the recording ended in the middle of it.
+        """Whether the last line is incomplete, because the recording ended in the middle of it, and is left out.
 
         Such a line has too few entries, or its last entry is not a number. It is an InputError unless truncated lines
         are to be skipped; in that case a last line without a line end is left out too, because its last number may have

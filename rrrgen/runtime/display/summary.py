@@ -34,7 +34,7 @@ def html_summary(model: Model) -> str:
 
 
 def _ends(model: Model) -> tuple[list[float], list[float]]:
-    """Lower and upper position limits of all DH rows; for joints that follow others, those that the file states."""
+    """Lower and upper position limits of the joints of all DH rows, rad or m, as the robot file states them."""
     known = {name: k for k, name in enumerate(model.joint_names)}
     lower, upper = [], []
     for row in model.spec.rows:

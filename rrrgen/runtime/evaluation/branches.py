@@ -110,7 +110,7 @@ class _Path:
         return len(self.counts)
 
     def row(self) -> Row:
-        """The candidate at the end of the path."""
+        """The candidate solution that the path leads to."""
         known = self._errors and not self._plan.snapped
         error = sum(self._errors) if known else -1.0
         return Row([self._values[j] for j in range(self._n)], self._flags, self._branch, error)
@@ -129,15 +129,15 @@ class _Path:
         return (T[0], T[1], T[2]) if len(T) == 3 else (T[3], T[7], T[11])
 
     def name(self, hint: str, x: S) -> S:
-        """Return ``x`` unchanged: numbers need no name, unlike recorded expressions."""
+        """Return ``x`` unchanged; only when a solver is recorded does an expression get the name ``hint``."""
         return x
 
     def names(self, hint: str, v: Vector) -> Vector:
-        """Return ``v`` unchanged: numbers need no name, unlike recorded expressions."""
+        """Return ``v`` unchanged; only when a solver is recorded do its components get names."""
         return v
 
     def sqrt(self, x: S) -> S:
-        """The square root of a quantity that cannot be negative."""
+        """Square root of a quantity that is never negative, apart from round-off."""
         return sqrt(max(float(x), 0.0))
 
     # -- choices ------------------------------------------------------------------------------------------------------

@@ -33,7 +33,7 @@ class Answer:
 
 
 class Engine(Protocol):
-    """A solver of the inverse kinematics; targets are (3,) or (4, 4), their shapes already checked."""
+    """Interface of an inverse kinematics engine; targets are positions or poses whose shapes are already checked."""
 
     def answer(
         self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool

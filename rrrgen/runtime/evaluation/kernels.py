@@ -43,7 +43,10 @@ class Roots:
 
 
 def root(w2: float, size: float, settings: Settings) -> Roots:
-    """Solve w^2 = ``w2``: w >= 0 with two signs, with one at a double root, or no root."""
+    """Solve ``w^2 = w2``: two roots +-w, one (zero) at a double root, or none.
+
+    ``size`` is the magnitude of the terms that w2 was summed from, to which its tolerance is relative.
+    """
     flags = 0
     if settings.band is not None and w2 <= TOLERANCE["band"] * size:
         flags = NEAR

@@ -34,7 +34,10 @@ class Task:
         self._locked = None if plan.locked in (None, ARM_ANGLE) else plan.locked
 
     def error(self, q: Any, held: int = 0) -> tuple[Any, Any]:
-        """The remaining task error at ``q``, and its Jacobian without the columns of the joints in ``held`` (bits)."""
+        """Remaining task error at ``q`` (angles in rad, lengths over the reach), and its Jacobian by q.
+
+        The Jacobian's columns are zero for the joints in ``held`` (bit mask), which do not move.
+        """
         F, J = self.chain.forward(q), self.chain.jacobian(q)
         J[:3] *= np.where(self._revolute, 1.0 / self.chain.reach, 1.0)
         for k in range(self.chain.n):

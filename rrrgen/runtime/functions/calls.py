@@ -140,7 +140,7 @@ class Calls:
 
     @cached_property
     def _specializations(self) -> dict[str, str]:
-        """Function -> name of its nominal specialization."""
+        """Names of functions mapped to those of their nominal specializations, which have the parameters folded in."""
         programs = self.derived.programs
         return {program.specializes: name for name, program in programs.items() if program.specializes}
 

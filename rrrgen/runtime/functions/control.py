@@ -9,7 +9,7 @@ from rrrgen.runtime.results import MomentumTerms
 
 
 class ControlFunctions(Calls):
-    """Momentum and its rate, and the equation of motion with a reference velocity beside the measured one."""
+    """Methods for observers and passivity-based control: momentum terms, and torques for a reference velocity."""
 
     def momentum_terms(
         self,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class DifferentialFunctions(TipFunctions):
-    """Joint speeds for velocities of the tip, inside all limits."""
+    """Differential inverse kinematics: joint speeds for a velocity of the tip, within all joint limits."""
 
     _differential: Solve | None = None
 

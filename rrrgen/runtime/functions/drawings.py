@@ -11,7 +11,7 @@ from rrrgen.runtime.functions.kinematics import KinematicFunctions
 
 
 class Drawings(KinematicFunctions):
-    """The arm as a picture or an animation: links along the Denavit-Hartenberg table, not their shape."""
+    """Methods that draw or animate the arm; links are drawn as lines along the Denavit-Hartenberg parameters."""
 
     def plot(self, q: ArrayLike, ax: Any = None, frames: bool = True) -> Any:
         """Draw the arm with matplotlib: ``m.plot(m.inverse_kinematics(T).q)`` shows all solutions in one picture.

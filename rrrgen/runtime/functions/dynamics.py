@@ -31,8 +31,8 @@ class DynamicFunctions(Calls):
 
     Without ``beta`` and ``Ia`` the functions use the nominal values of the robot file, folded into the code. They raise
     ValueError if the file states no inertias and ``beta`` is not given, or if ``Ia`` is given and the file states no
-    drive inertia. With ``gravity`` they are those of ``any_gravity``, the model with gravity as an input, whose base
-    parameters ``beta`` then is; it is compiled at the first such call.
+    drive inertia. With ``gravity`` they are evaluated by ``any_gravity``, the model with gravity as an input, and
+    ``beta`` must be its base parameters; it is compiled at the first such call.
     """
 
     def mass_matrix(self, q: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None) -> Array:

@@ -1,4 +1,4 @@
-"""Base parameters of a model from link parameters, and with a payload."""
+"""Methods of a model that compute base parameters: from link parameters, and with a payload."""
 
 from __future__ import annotations
 

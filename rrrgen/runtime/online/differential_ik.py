@@ -73,7 +73,10 @@ def _approach(d: Array, ddq_max: Array, Ts: float) -> Array:
 def _box(
     q: Array, dq_last: Array, limits: tuple[Array, Array], dq_max: Array, ddq_max: Array, Ts: float
 ) -> tuple[Array, Array, bool]:
-    """Lower and upper bounds of dq (n,) from all limits, and whether speed and position limits can be met."""
+    """Lower and upper bounds of the joint speeds (n,) that follow from all limits, and whether they can all be met.
+
+    They cannot if a joint is too fast to keep its limits of speed or position with the largest acceleration.
+    """
     slowest, fastest = dq_last - ddq_max * Ts, dq_last + ddq_max * Ts
     high = np.minimum(_approach(limits[1] - q, ddq_max, Ts), dq_max)
     low = -np.minimum(_approach(q - limits[0], ddq_max, Ts), dq_max)

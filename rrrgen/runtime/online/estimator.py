@@ -24,7 +24,7 @@ Array = NDArray[Any]
 class OnlineEstimator:
     """Estimates the parameters of a robot sample by sample, (14.21)-(14.23).
 
-    ``names`` are the p parameters. The gradient estimator has no covariance.
+    ``names`` (p,) are the names of the parameters. The gradient estimator has no covariance.
     """
 
     def __init__(self, setting: Regression, kind: Kind, core: Core) -> None:

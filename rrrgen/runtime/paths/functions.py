@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class PathFunctions(DynamicFunctions):
-    """Motion along a given path q(s)."""
+    """Methods for motion along a given path q(s): dynamics in terms of s, and time-optimal timing."""
 
     _timing: TimingKernel | None = None
 

@@ -17,7 +17,10 @@ LIMITS = ("tau_max", "dq_max", "ddq_max")
 
 
 class TimingKernel:
-    """``<name>_time_path`` and ``<name>_timed_path`` of a robot, with its path dynamics and friction."""
+    """The compiled C functions that time a path, ``<name>_time_path``, and sample the result, ``<name>_timed_path``.
+
+    ``path_dynamics`` and ``friction_with`` are the programs of the robot's dynamics along a path and of its friction.
+    """
 
     def __init__(self, robot: str, path_dynamics: Program, friction_with: Program, real: Real) -> None:
         from rrrgen.backends.c.dialect import Dialect

@@ -31,7 +31,7 @@ class TimedPath:
 
     @property
     def d2s_dt2(self) -> Array:
-        """The acceleration along the path between neighbouring points, (N - 1,)."""
+        """Second time derivative of the path parameter s, constant between neighbouring points, (N - 1,)."""
         return np.asarray(np.diff(np.square(self.ds_dt)) / (2.0 * np.diff(self.path.s)))
 
     def sample(self, t: ArrayLike) -> Motion:
