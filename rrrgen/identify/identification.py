@@ -338,7 +338,7 @@ class _Run:
         )
 
     def consistent_estimate(self, estimate: Estimate, robust: JointFactors | None = None) -> ConsistentEstimate:
-        """Physically consistent estimate from the rows and weights of ``estimate``, or from reweighted ``robust`` rows."""
+        """Physically consistent estimate from the rows and weights of ``estimate``, or from the ``robust`` rows."""
         self.tell(0, 0, "physically consistent estimate")
         options, fit = self.options, self.factors.fit
         columns = self.regressor.columns

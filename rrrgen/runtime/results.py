@@ -153,7 +153,7 @@ class PathDynamics(NamedTuple):
 
 
 class TimedMotion(NamedTuple):
-    """Desired positions ``q_d``, speeds ``dq_d``, accelerations ``ddq_d``, (..., n) each, and duration ``T`` (...), s."""
+    """Desired positions ``q_d``, speeds ``dq_d``, accelerations ``ddq_d`` (..., n), and the duration ``T`` (...), s."""
 
     q_d: NDArray[Any]
     dq_d: NDArray[Any]

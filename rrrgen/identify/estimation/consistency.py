@@ -51,8 +51,9 @@ class Prior:
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """Second-order model of the objective at the estimate, in the r coordinates free of active bounds and known values.
+    """Second-order model of the objective about the estimate, in r free coordinates, for the covariance.
 
+    Parameters that lie at a bound or have a known value are not among these coordinates.
     ``directions`` (p, r) maps these coordinates to the parameters of the columns; ``curvature`` (r, r) is the Hessian
     of half the objective, ``pull`` (r, r) the contribution of the prior to it.
     """

@@ -134,8 +134,8 @@ class Restriction:
 def fix_standard(projection: Array, known: Mapping[str, float]) -> Restriction:
     """Constraint that known standard parameters, such as ``{"my2": 0.0}``, impose on ``beta = K phi``.
 
-    ``projection`` is K (b, 10n). For the RRR arm, links 2 and 3 balanced in y, ``my2 = my3 = 0``, make ``p4 = p15 = 0``
-    and leave 13 of 15 base parameters. Raises :class:`InputError` for a name that is not a standard parameter.
+    ``projection`` is K (b, 10n). For example, links 2 and 3 balanced in y, ``my2 = my3 = 0``, make two of the 15 base
+    parameters of the example robot RRR zero. Raises :class:`InputError` for a name that is not a standard parameter.
     """
     names = standard_names(projection.shape[1] // len(STANDARD))
     phi = np.zeros(len(names))

@@ -63,7 +63,7 @@ class Query:
 
 
 class _NoRootError(Exception):
-    """Raised where a choice has no real root: the path has no solution."""
+    """Raised if an equation has no real root, so that the present path leads to no solution."""
 
 
 def candidates(plan: SolverPlan, query: Query, settings: Settings) -> tuple[list[Row], int]:
