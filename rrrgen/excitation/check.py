@@ -18,7 +18,7 @@ CHUNK = 2000
 class LimitUse:
     """Peak of one limited quantity relative to its limit.
 
-    ``quantity`` is its name, ``index`` the joint, or the axis of a tip coordinate, counted from 0. ``use`` is 1 at the
+    ``quantity`` is its name, ``index`` the joint, tip axis or follower in the limits, from 0. ``use`` is 1 at the
     limit and above 1 beyond it; ``instant`` (s) is the time of the peak.
     """
 
@@ -133,6 +133,9 @@ def limited_quantities(functions: ProblemFunctions, trajectory: FourierTrajector
     for name, values in (("speed", dq), ("acceleration", ddq)):
         found += _below(name, values, limits.row(name, n), polynomial=True)
     found += _between("position", q, limits.row("position_lower", n), limits.row("position_upper", n), polynomial=True)
+    if limits.followers:
+        factors = np.array([each.factors for each in limits.followers])
+        found += _between("follower", q @ factors.T, *limits.follower_range(), polynomial=True)
     if functions.torque is not None and limits.torque is not None:
         found += _below("torque", functions.over(functions.torque, q, dq, ddq)[:, :, 0], limits.row("torque", n), False)
     if functions.tip is not None and (limits.box_lower is not None or limits.box_upper is not None):

@@ -107,13 +107,22 @@ def design_excitation(
     )
     ordered = sorted(results, key=lambda r: (*r.objective(problem.objective), r.seed))
     if not ordered[0].check.feasible:
-        raise DerivationError(f"no start met every limit: {_violations(ordered[0].check.limits)}")
+        raise DerivationError(f"no start met every limit: {_violations(ordered[0].check.limits, problem)}")
     return ExcitationDesign(problem, tuple(ordered))
 
 
-def _violations(limits: Sequence[LimitUse]) -> str:
+def _violations(limits: Sequence[LimitUse], problem: ExcitationProblem) -> str:
     worst = sorted((u for u in limits if u.use > 1.0), key=lambda u: -u.use)
-    return ", ".join(f"{u.quantity} {u.index + 1} at {100 * u.use:.1f} % of its limit" for u in worst)
+
+    def named(use: LimitUse) -> str:
+        followers = problem.limits.followers
+        return (
+            f"position of {followers[use.index].name}"
+            if use.quantity == "follower"
+            else f"{use.quantity} {use.index + 1}"
+        )
+
+    return ", ".join(f"{named(u)} at {100 * u.use:.1f} % of its limit" for u in worst)
 
 
 def write_trajectory_csv(path: Path, trajectory: FourierTrajectory, sample_period: float, cycles: float = 1.0) -> None:

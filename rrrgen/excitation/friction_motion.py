@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError, InputError
+from rrrgen.model.mechanism import limits_at
 
 SCHEMA = "rrrgen-friction-motion/1"
 FAST_BAND, SLOW_BAND = (0.1, 5.0), (0.05, 0.2)  # Hz
@@ -147,6 +148,8 @@ def design_friction_motion(
         _multisine(rng, half, half, SLOW_BAND, SLOW_SPACING, SLOW_SPEED * unit),
     )
     centre = [_middle(each.limits) for each in spec.joints]
+    row = replace(row, limits=limits_at(spec, i, centre))
+    centre[i] = _middle(row.limits)
     found = [_scaled(part, _share(part, row.limits, centre[i], joint)) for part in parts]
     motion = FrictionMotion(i, joint, tuple(centre), tuple(found))
     if torque is None or row.limits.torque is None:

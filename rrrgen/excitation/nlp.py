@@ -129,6 +129,7 @@ class ExcitationProgram:
         bounds = {
             "position": (limits.row("position_lower", n), limits.row("position_upper", n)),
             "tip": (limits.row("box_lower", 3), limits.row("box_upper", 3)),
+            "follower": limits.follower_range(),
         }
         for name in ("speed", "acceleration", "torque"):
             row = limits.row(name, n)
@@ -147,11 +148,13 @@ class ExcitationProgram:
         """Symbolic values (m,) of the limited quantity ``name`` of joint or axis ``i`` at the times ``t`` (m,), s."""
         import casadi
 
-        order = {"position": 0, "speed": 1, "acceleration": 2}.get(name)
+        order = {"position": 0, "speed": 1, "acceleration": 2, "follower": 0}.get(name)
         if order is not None:  # linear in the variables: a constant sparse Jacobian
-            B = fourier_basis(t, self.N, self.problem.base_frequency, order) * self.factors[:, i]
+            basis = fourier_basis(t, self.N, self.problem.base_frequency, order)
+            parts = enumerate(self.problem.limits.followers[i].factors) if name == "follower" else [(i, 1.0)]
             rows = casadi.DM(t.size, self.x.numel())
-            rows[:, i * self.size : (i + 1) * self.size] = B
+            for k, factor in parts:
+                rows[:, k * self.size : (k + 1) * self.size] = factor * basis * self.factors[:, k]
             return casadi.mtimes(casadi.sparsify(rows), self.x)
         q, dq, ddq = self.motion(t)
         function = self.functions.torque if name == "torque" else self.functions.tip

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, get_args
 
 from rrrgen.errors import Fault, InputError
+from rrrgen.model.mechanism import FollowerLimits
 
 Objective = Literal["cond", "logdet", "frobenius", "sigma_min"]
 OBJECTIVES: tuple[str, ...] = get_args(Objective)
@@ -25,7 +26,8 @@ class ExcitationLimits:
 
     ``speed``, ``acceleration`` and ``torque`` bound absolute values (rad/s or m/s, their rates, N m or N);
     ``position_lower`` and ``position_upper`` bound q; ``box_lower`` and ``box_upper`` (3,) bound the tip, base frame,
-    m, with ``None`` for a free coordinate.
+    m, with ``None`` for a free coordinate. ``followers`` are the ranges of rows of a mechanism that follow several
+    joints.
     """
 
     position_lower: tuple[float | None, ...] | None = None
@@ -35,12 +37,18 @@ class ExcitationLimits:
     torque: tuple[float | None, ...] | None = None
     box_lower: tuple[float | None, ...] | None = None
     box_upper: tuple[float | None, ...] | None = None
+    followers: tuple[FollowerLimits, ...] = ()
 
     def row(self, name: str, size: int) -> tuple[float, ...]:
         """The limit called ``name`` as ``size`` numbers: inf where there is none, -inf for a lower bound."""
         values: Sequence[float | None] | None = getattr(self, name)
         free = -math.inf if name.endswith("lower") else math.inf
         return tuple(free if v is None else float(v) for v in (values if values is not None else [None] * size))
+
+    def follower_range(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Lower and upper limits of the ``followers``; -inf and inf where there is none."""
+        low = tuple(-math.inf if each.lower is None else each.lower for each in self.followers)
+        return low, tuple(math.inf if each.upper is None else each.upper for each in self.followers)
 
 
 @dataclass(frozen=True)
@@ -118,7 +126,9 @@ def excitation_problem(
 def _faults(problem: ExcitationProblem) -> list[str]:
     n, limits = problem.joints, problem.limits
     found = []
-    for name, values in asdict(limits).items():
+    bounds = asdict(limits)
+    del bounds["followers"]
+    for name, values in bounds.items():
         size = 3 if name.startswith("box") else n
         if values is not None and len(values) != size:
             found.append(f"limit '{name}' has {len(values)} entries, needs {size}")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from rrrgen.errors import InputError
 from rrrgen.excitation.problem import ExcitationLimits, ExcitationProblem, excitation_problem
+from rrrgen.model.mechanism import follower_limits
 
 
 def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
@@ -21,6 +23,7 @@ def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
         speed=row("velocity"),
         acceleration=row("acceleration"),
         torque=row("torque") if torque else None,
+        followers=follower_limits(spec),
     )
 
 
@@ -28,12 +31,13 @@ def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings
     """Build the excitation problem of a compiled robot (:class:`rrrgen.Model`), by default within its file's limits.
 
     Torque limits apply to the joint torques of the nominal model, drive inertia included; a Cartesian box bounds the
-    tip. ``settings`` are further fields of ``ExcitationProblem``, such as ``harmonics`` or ``sample_period``. Raises
-    InputError if torques are limited but the robot file has no links, or for an inconsistent problem.
+    tip; rows of a mechanism that follow several joints stay within their range. ``settings`` are further fields of
+    ``ExcitationProblem``, such as ``harmonics`` or ``sample_period``. Raises InputError if torques are limited but the
+    robot file has no links, or for an inconsistent problem.
     """
     import casadi
 
-    chosen = limits if limits is not None else limits_of(model.spec)
+    chosen = replace(limits or limits_of(model.spec), followers=follower_limits(model.spec))
     regressor = model.casadi_function("regressor")
     torque = tip = None
     if chosen.torque is not None:

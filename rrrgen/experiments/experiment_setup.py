@@ -53,11 +53,12 @@ def writing_path(experiment: Experiment, model: Any) -> JointPath:
     """Joint motion of the writing task, by closed-form inverse kinematics for up to three joints, else by Newton's
     method.
     """
+    from rrrgen.ik.classify import plan
     from rrrgen.runtime.inverse_kinematics import load_solver
 
     start = experiment.branch if experiment.branch is not None else (0.0,) * model.n
     task = writing_task(**experiment.writing)
-    if model.n > LARGEST_POSITION_TASK:  # the closed form asks for whole poses
+    if model.n > LARGEST_POSITION_TASK or plan(model.spec).task == "pose":  # the closed form asks for whole poses
         return JointPath(task, model, newton_inverse_kinematics(model, start))
     revolute = [joint.is_revolute for joint in model.spec.joints]
     return JointPath(task, model, solver_inverse_kinematics(load_solver(model.spec), start, revolute))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from rrrgen.errors import DerivationError
-from rrrgen.model.mechanism import coupling_to_tip
+from rrrgen.model.mechanism import FollowerLimits, coupling_to_tip, follower_limits
 
 if TYPE_CHECKING:
     from rrrgen.ik.geometry.chain import Chain
@@ -29,15 +29,6 @@ Rows = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
-class Follower:
-    """The limits of a row that follows joints: ``lower <= factors . q <= upper``; None for no limit."""
-
-    factors: tuple[float, ...]
-    lower: float | None
-    upper: float | None
-
-
-@dataclass(frozen=True)
 class Coupling:
     """The relation ``y = S q`` between the chain of rows from base to tip and the joint positions q of a mechanism.
 
@@ -46,7 +37,7 @@ class Coupling:
     * ``counts``: by how many full turns each of the pivots is moved, 0 to count - 1; more would repeat.
     * ``periods``: by how much each joint of q may change (rad or m) so that all angles of the rows make full turns; 0
       if it may not.
-    * ``revolute``, ``limits``: of the joints of q. ``followers``: the limits of rows that follow them.
+    * ``revolute``, ``limits``: of the joints of q. ``followers``: the limits of rows that follow several.
     """
 
     matrix: Rows
@@ -56,7 +47,7 @@ class Coupling:
     periods: tuple[float, ...]
     revolute: tuple[bool, ...]
     limits: tuple[tuple[float | None, float | None], ...]
-    followers: tuple[Follower, ...]
+    followers: tuple[FollowerLimits, ...]
 
     @property
     def n(self) -> int:
@@ -115,22 +106,12 @@ def coupling_of(spec: RobotSpec, chain: Chain) -> Coupling:
         tuple(2 * pi * float(turn) for turn in turns),
         tuple(joint.is_revolute for joint in spec.joints),
         tuple((joint.limits.lower, joint.limits.upper) for joint in spec.joints),
-        _followers(spec),
+        follower_limits(spec),
     )
 
 
 def _floats(matrix: sp.Matrix) -> Rows:
     return tuple(tuple(float(matrix[i, j]) for j in range(matrix.cols)) for i in range(matrix.rows))
-
-
-def _followers(spec: RobotSpec) -> tuple[Follower, ...]:
-    own = {joint.name for joint in spec.joints}
-    matrix = spec.mechanism.matrix if spec.mechanism is not None else ()
-    return tuple(
-        Follower(tuple(map(float, factors)), row.limits.lower, row.limits.upper)
-        for row, factors in zip(spec.rows, matrix, strict=False)
-        if row.name not in own and (row.limits.lower is not None or row.limits.upper is not None)
-    )
 
 
 def _full_turns(S: sp.Matrix, turning: list[int]) -> list[sp.Rational]:

@@ -96,6 +96,29 @@ def test_agreement_with_the_published_estimate(everything):
         assert abs(values[name] - value) < 3 * std[name]
 
 
+def test_in_the_coordinates_of_the_drives(case, everything):
+    """q_joint = S q_drive + s: the wrist couples drives 5 and 6. The same arm, and no worse a fit, with fewer terms."""
+    _, log, _, _ = case
+    mapping = open_log(EXAMPLE / "drives-log.yaml")
+    drives = load_stream(LogStream(mapping), [f"joint_{i}" for i in range(1, 7)])
+    model = rrrgen.compile(EXAMPLE / "drives.yaml", backend="numpy")
+    S = np.array(model.spec.mechanism.matrix, float)
+    assert S[5].tolist() == [0, 0, 0, 0, -1, 1]
+    np.testing.assert_allclose(drives.q @ S.T, log.q, atol=1e-12)
+    np.testing.assert_allclose(log.tau @ S, drives.tau, atol=1e-12)
+    terms = DriveTerms.of_spec(model.spec)
+    options = Options(terms=terms, split=Split.parse("none"), consistent=False, correlated=False, poses=2)
+    result = identify(model, [drives], Processing(**mapping.processing), options)
+    assert (result.structure.rank, len(result.columns)) == (58, 60)
+    assert result.fit["relative_error"] <= ALL_DATA
+    # links without friction: the base parameters of the chain of joints, transformed, give the torques of the drives
+    chain, state = case[0], np.random.default_rng(0).uniform(-1, 1, (3, 20, 6))
+    phi = everything.consistent.phi
+    joint_torques = chain.regressor(*(x @ S.T for x in state)) @ (chain.base_projection @ phi)
+    drive_torques = model.regressor(*state) @ (model.base_projection @ phi)
+    np.testing.assert_allclose(drive_torques, joint_torques @ S, atol=1e-10 * np.abs(joint_torques).max())
+
+
 def test_first_60_percent(case):
     """The protocol of the reference has no guard band; with that of the filters the figure is a little larger."""
     result = found(case, "first:0.6", guard=0.0)

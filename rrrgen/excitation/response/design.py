@@ -16,6 +16,7 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.excitation.response.plan import ResponseDesign, ResponsePlan, ResponseRun
 from rrrgen.excitation.response.signals import SIGNALS, excitation_signal
+from rrrgen.model.mechanism import follower_limits, limits_at
 
 LARGEST_RMS = 7.0
 """Largest rms of the excitation that is chosen, rad/s^2 (m/s^2)."""
@@ -89,6 +90,14 @@ def _check_posture(model: Any, posture: tuple[float, ...], number: int, moving: 
         below, above = lower is not None and position < lower, upper is not None and position > upper
         if k != moving and (below or above):
             raise InputError(f"posture {number} has joint {joint.name} at {position:.4g}, outside its range")
+    for each in follower_limits(model.spec):
+        position = sum(f * x for f, x in zip(each.factors, posture, strict=True))
+        below, above = (
+            each.lower is not None and position < each.lower,
+            each.upper is not None and position > each.upper,
+        )
+        if each.factors[moving] == 0.0 and (below or above):
+            raise InputError(f"posture {number} has joint {each.name} at {position:.4g}, outside its range")
 
 
 def _samples(plan: ResponsePlan, rate: float) -> int:
@@ -181,7 +190,7 @@ def _strokes(
     ``n`` is the excitation, ``period`` the sampling period (s), ``samples`` the length of an excitation period.
     ``numbers`` are those of posture and realisation.
     """
-    limits = model.spec.joints[i].limits
+    limits = limits_at(model.spec, i, posture)
     lower, upper = (None if v is None else float(v) for v in (limits.lower, limits.upper))
     room = math.inf if lower is None or upper is None else RANGE_SHARE * (upper - lower)
     lead = plan.settle * period
