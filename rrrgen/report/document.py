@@ -49,8 +49,6 @@ def html_report(
     spec, parameters = model.spec, listing(model)
     walk = Walk(MathmlMarkup(), trig_abbreviates(closed_forms))
     _, _, tip = zero_pose(spec)
-    if spec.mechanism is not None:
-        raise DerivationError(f"{spec.name}: there is no report of joints that follow others or branch off")
     view = scene(model) | {"motions": [motion.as_data(spec.n) for motion in motions]}
     return (
         _environment()

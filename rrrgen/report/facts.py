@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.friction.laws import LAWS
 from rrrgen.model.drive_text import drives_data
+from rrrgen.robotfile.robot_spec import Limits
 
 if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
@@ -68,7 +69,9 @@ def tables(spec: RobotSpec) -> list[tuple[str, Rows]]:
             ("Tool", "the tip in the last link frame", spec.tool),
         )
     ]
-    found.append(("Limits of the joints", _columns(spec, LIMITS, lambda joint: joint.limits)))
+    driven = {joint.name for joint in spec.joints}
+    following = [row for row in spec.rows if row.name not in driven and row.limits != Limits()]
+    found.append(("Limits of the joints", _columns(spec, LIMITS, lambda joint: joint.limits, following)))
     found.append(("Friction of the joints", _friction(spec.joints)))
     found.append(("Drives, all values at the joint", _columns(spec, DRIVE, lambda joint: joint.drive)))
     found.append((LINKS, _links(spec)))
@@ -105,11 +108,12 @@ def data(spec: RobotSpec) -> dict[str, Any]:
     }
 
 
-def _columns(spec: RobotSpec, keys: dict[str, str], part: Any) -> Rows:
-    """One row for each joint, one column for each key that some joint states; no rows if none does."""
-    used = [key for key in keys if any(getattr(part(joint), key, None) is not None for joint in spec.joints)]
+def _columns(spec: RobotSpec, keys: dict[str, str], part: Any, further: Sequence[JointSpec] = ()) -> Rows:
+    """One row for each joint and each of ``further``, one column for each key that one of them states."""
+    listed = [*spec.joints, *further]
+    used = [key for key in keys if any(getattr(part(joint), key, None) is not None for joint in listed)]
     rows: Rows = [("joint", *(key.replace("_", " ") for key in used))]
-    for joint in spec.joints:
+    for joint in listed:
         units = {key: unit_of(keys[key], joint.is_revolute) for key in used}
         rows.append((joint.name, *(in_words(getattr(part(joint), key, None), unit) for key, unit in units.items())))
     return rows if used else []

@@ -8,6 +8,7 @@ from math import cos, sin
 import sympy as sp
 
 from rrrgen.model.dh_rows import dh_rows
+from rrrgen.model.drive_text import weighted_sum
 from rrrgen.robotfile.robot_spec import FixedTransform, RobotSpec
 
 Point = tuple[float, float, float]
@@ -29,13 +30,14 @@ class Stage:
 
 
 def zero_pose(spec: RobotSpec) -> tuple[Transform, list[Stage], Transform]:
-    """Compute the zero pose (q = 0, nominal parameters): base frame, one :class:`Stage` per joint, tip frame.
+    """Compute the zero pose (q = 0, nominal parameters): base frame, one :class:`Stage` per DH row, tip frame.
 
     All are given in the base frame of the robot file.
     """
-    base = T = _numbers(spec, spec.base)
-    stages = []
-    for row in dh_rows(spec, nominal=True):
+    base = _numbers(spec, spec.base)
+    stages: list[Stage] = []
+    for row, parent in zip(dh_rows(spec, nominal=True), spec.parents, strict=True):
+        T = base if parent < 0 else stages[parent].frame
         turn, slide = _rotation_z(float(row.theta)), _shift(0.0, 0.0, float(row.d))
         (reach, lean), (far, twist) = (
             (_shift(float(t.a), 0.0, 0.0), _rotation_x(float(t.alpha))) for t in (row.before, row.behind)
@@ -47,7 +49,15 @@ def zero_pose(spec: RobotSpec) -> tuple[Transform, list[Stage], Transform]:
             corners.append(origin(T))
         path = tuple(p for k, p in enumerate(corners) if k == 0 or p != corners[k - 1])
         stages.append(Stage(T, row.revolute, (origin(start), column(start, 2)), path))
-    return base, stages, _times(T, _numbers(spec, spec.tool))
+    return base, stages, _times(stages[spec.tip_row].frame, _numbers(spec, spec.tool))
+
+
+def variables(spec: RobotSpec) -> list[str]:
+    """The displacement of every row by the joint positions: ``q1``, or ``q2 − q3`` in a mechanism."""
+    names = [f"q{k}" for k in range(1, spec.n + 1)]
+    if spec.mechanism is None:
+        return names
+    return [weighted_sum(names, list(map(str, row))).replace("-", "−") for row in spec.mechanism.matrix]
 
 
 def origin(T: Transform) -> Point:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.robotfile.robot_spec import JointSpec
+    from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
     from rrrgen.runtime.inverse_kinematics import InverseKinematics
 
 DIGITS = 9  # decimals of lengths (m) and angles (rad): one nanometre; rounding that differs between machines is smaller
@@ -35,18 +35,26 @@ def scene(model: DerivedModel) -> dict[str, Any]:
     """The data of the view: geometry at nominal parameters (SI units), joint ranges, configurations of equal tip pose.
 
     ``joints`` holds per joint name, type, alpha, a, d, theta and the ends of its slider: the limits of the robot file,
-    else one turn or the reach. ``poses`` holds lists of configurations ``q`` with the names of their branches.
+    else one turn or the reach; of a mechanism the table is in ``rows``, with the parents of the rows and their factors
+    of q. ``poses`` holds lists of configurations ``q`` with the names of their branches.
     """
     spec = model.spec
     base, stages, tip = zero_pose(spec)
     corners = np.array([origin(base), origin(tip), *(point for stage in stages for point in stage.path)])
+    if spec.mechanism is not None:  # the length from base to tip
+        along = [stages[i].path for i in spec.mechanism.path(spec.tip_row)]
+        corners = np.array([origin(base), origin(tip), *(point for path in along for point in path)])
     reach = float(np.sum(np.linalg.norm(np.diff(corners[2:], axis=0), axis=1))) or 1.0
     ends = [_range(joint, reach) for joint in spec.joints]
-    joints = [
-        {"name": joint.name, "revolute": joint.is_revolute, "lower": _short(lower), "upper": _short(upper)}
-        | dict(zip(("alpha", "a", "d", "theta"), (_short(v) for v in row[1:]), strict=True))
-        for joint, row, (lower, upper) in zip(spec.joints, spec.dh_table(), ends, strict=True)
+    table = [
+        dict(zip(("alpha", "a", "d", "theta"), (_short(v) for v in row[1:]), strict=True)) for row in spec.dh_table()
     ]
+    joints: list[dict[str, Any]] = [
+        {"name": joint.name, "revolute": joint.is_revolute, "lower": _short(lower), "upper": _short(upper)}
+        for joint, (lower, upper) in zip(spec.joints, ends, strict=True)
+    ]
+    if spec.mechanism is None:
+        joints = [joint | row for joint, row in zip(joints, table, strict=True)]
     return {
         "name": spec.name,
         "convention": spec.convention,
@@ -56,7 +64,18 @@ def scene(model: DerivedModel) -> dict[str, Any]:
         "reach": _short(reach),
         "joints": joints,
         "poses": _poses(model, ends),
-    }
+    } | _mechanism(spec, table)
+
+
+def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]:
+    """The rows of a mechanism with their parents and factors of q, and the row of the tip; empty for a serial chain."""
+    if spec.mechanism is None:
+        return {}
+    rows = [
+        row | {"revolute": joint.is_revolute, "parent": parent, "factors": [float(f) for f in factors]}
+        for row, joint, parent, factors in zip(table, spec.rows, spec.parents, spec.mechanism.matrix, strict=True)
+    ]
+    return {"rows": rows, "tip_row": spec.tip_row}
 
 
 def _range(joint: JointSpec, reach: float) -> tuple[float, float]:

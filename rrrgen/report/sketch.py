@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from math import cos, hypot, radians, sin
 
-from rrrgen.report.geometry import Point, Stage, Transform, column, origin, zero_pose
+from rrrgen.report.geometry import Point, Stage, Transform, column, origin, variables, zero_pose
 from rrrgen.robotfile.robot_spec import RobotSpec
 
 WIDTH, HEIGHT, MARGIN = 640, 480, 70
@@ -48,13 +48,13 @@ def frame_sketch(spec: RobotSpec) -> str:
     parts = [_ground(view, origin(base))]
     parts += [_axis(view, stage) for stage in stages]
     parts += [_polyline(view, stage.path, "link") for stage in stages]
-    parts.append(_polyline(view, (origin(stages[-1].frame), origin(tip)), "tool"))
+    parts.append(_polyline(view, (origin(stages[spec.tip_row].frame), origin(tip)), "tool"))
     parts += [_joint(view, stage) for stage in stages]
     frames = [("0", base), *((str(k), s.frame) for k, s in enumerate(stages, start=1))]
-    if _distance(origin(tip), origin(stages[-1].frame)) > _COINCIDENT:
+    if _distance(origin(tip), origin(stages[spec.tip_row].frame)) > _COINCIDENT:
         frames.append(("tip", tip))
     parts += [_triad(view, frame) for _, frame in frames]
-    parts += _apart([*_frame_labels(view, frames), *_variable_labels(view, stages)])
+    parts += _apart([*_frame_labels(view, frames), *_variable_labels(view, stages, variables(spec))])
     parts += _gravity(spec)
     title = escape(f"Frames of {spec.name} in the zero pose")
     body = "\n".join(part for part in parts if part)
@@ -138,13 +138,13 @@ def _frame_labels(view: View, frames: Sequence[tuple[str, Transform]]) -> list[L
     return [(names, (x - 9, y + 20), "frame") for names, (x, y) in _merged(places)]
 
 
-def _variable_labels(view: View, stages: Sequence[Stage]) -> list[Label]:
+def _variable_labels(view: View, stages: Sequence[Stage], names: Sequence[str]) -> list[Label]:
     """Make the labels with the joint variables, beside the positive ends of the joint axes."""
     places = []
-    for number, stage in enumerate(stages, start=1):
+    for name, stage in zip(names, stages, strict=True):
         x, y = view.at(stage.axis[0])
         dx, dy = _screen(stage.axis[1])
-        places.append((f"q{number}", (x + _REACH * dx - 15 * dy, y + _REACH * dy + 15 * abs(dx) + 4)))
+        places.append((name, (x + _REACH * dx - 15 * dy, y + _REACH * dy + 15 * abs(dx) + 4)))
     return [(names, place, "variable") for names, place in _merged(places)]
 
 

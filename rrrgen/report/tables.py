@@ -14,6 +14,7 @@ from rrrgen.backends.latex import Walk
 from rrrgen.model.drive_text import coupling_equations, motor_facts
 from rrrgen.program import OperationCount, count_operations
 from rrrgen.report import facts
+from rrrgen.report.geometry import variables
 from rrrgen.report.mathml import folding, inline
 from rrrgen.robotfile.robot_spec import RobotSpec
 
@@ -51,34 +52,44 @@ def unit(text: str) -> str:
 def dh_exact(spec: RobotSpec, walk: Walk) -> Table:
     """The table of Denavit-Hartenberg parameters as in the robot file, with named parameters."""
     rows = []
-    for i, joint in enumerate(spec.joints, start=1):
-        q = sp.Symbol(f"q{i}", real=True)
-        theta, d = (joint.theta + q, joint.d) if joint.is_revolute else (joint.theta, joint.d + q)
+    q = sp.Matrix([sp.Symbol(f"q{k}", real=True) for k in range(1, spec.n + 1)])
+    moved = q if spec.mechanism is None else sp.Matrix(spec.mechanism.matrix) * q
+    for i, (joint, y) in enumerate(zip(spec.rows, moved, strict=True), start=1):
+        theta, d = (joint.theta + y, joint.d) if joint.is_revolute else (joint.theta, joint.d + y)
         cells = (Markup(inline(value, walk)) for value in (joint.alpha, joint.a, d, theta))
-        rows.append((str(i), joint.name, joint.type, *cells))
-    return Table(("i", "joint", "type", "α", "a", "d", "θ"), tuple(rows), frozenset({0}))
+        rows.append((str(i), joint.name, joint.type, *_carrier(spec, i - 1), *cells))
+    carried = () if spec.mechanism is None else ("on",)
+    return Table(("i", "joint", "type", *carried, "α", "a", "d", "θ"), tuple(rows), frozenset({0}))
+
+
+def _carrier(spec: RobotSpec, i: int) -> tuple[str, ...]:
+    """The row whose link carries row ``i`` of a mechanism; nothing for a serial chain."""
+    if spec.mechanism is None:
+        return ()
+    return (spec.rows[spec.parents[i]].name if spec.parents[i] >= 0 else "base",)
 
 
 def dh_numbers(spec: RobotSpec, in_degrees: bool) -> Table:
     """The Denavit-Hartenberg table at nominal parameters, in rad and m or in degrees and mm."""
     angle, length = (degrees, 1000.0) if in_degrees else (float, 1.0)
     rows = []
-    for i, (joint, (_, alpha, a, d, theta)) in enumerate(zip(spec.joints, spec.dh_table(), strict=True), start=1):
+    moved = zip(spec.rows, spec.dh_table(), variables(spec), strict=True)
+    for i, (joint, (_, alpha, a, d, theta), y) in enumerate(moved, start=1):
         d_text, theta_text = number(d * length), number(angle(theta))
         if joint.is_revolute:
-            theta_text = _with_variable(i, theta_text)
+            theta_text = _with_variable(y, theta_text)
         else:
-            d_text = _with_variable(i, d_text)
+            d_text = _with_variable(y, d_text)
         rows.append((str(i), number(angle(alpha)), number(a * length), d_text, theta_text))
     units = ("°", "mm") if in_degrees else ("rad", "m")
     headings = ("i", f"α [{units[0]}]", f"a [{units[1]}]", f"d [{units[1]}]", f"θ [{units[0]}]")
     return Table(headings, tuple(rows), frozenset(range(5)))
 
 
-def _with_variable(i: int, offset: str) -> str:
+def _with_variable(q: str, offset: str) -> str:
     if offset == "0":
-        return f"q{i}"
-    return f"q{i} − {offset[1:]}" if offset.startswith("−") else f"q{i} + {offset}"
+        return q
+    return f"{q} − {offset[1:]}" if offset.startswith("−") else f"{q} + {offset}"
 
 
 def stated(spec: RobotSpec) -> list[tuple[str, Table]]:

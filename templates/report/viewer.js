@@ -34,17 +34,24 @@
   function cross(p, r) { return [p[1] * r[2] - p[2] * r[1], p[2] * r[0] - p[0] * r[2], p[0] * r[1] - p[1] * r[0]]; }
   function size(p) { return Math.hypot(p[0], p[1], p[2]); }
 
+  /* The rows of the table: the joints, or those of a mechanism, each with its parent and its factors of q. */
+  const rows = scene.rows || scene.joints;
+  const tipRow = scene.rows ? scene.tip_row : rows.length - 1;
+
   /* Frames, joint axes and the corners of the links at the joint positions q. */
   function pose(q) {
     let T = scene.base;
-    const frames = [T], joints = [], path = [origin(T)];
+    const frames = [T], joints = [], lines = [];
     const step = (S) => {
+      const from = origin(T);
       T = times(T, S);
-      const p = origin(T), last = path[path.length - 1];
-      if (size(plus(p, last, -1)) > 1e-9 * scene.reach) path.push(p);
+      const p = origin(T);
+      if (size(plus(p, from, -1)) > 1e-9 * scene.reach) lines.push([from, p]);
     };
-    scene.joints.forEach((joint, i) => {
-      const theta = joint.theta + (joint.revolute ? q[i] : 0), d = joint.d + (joint.revolute ? 0 : q[i]);
+    rows.forEach((joint, i) => {
+      const y = joint.factors ? joint.factors.reduce((sum, f, k) => sum + f * q[k], 0) : q[i];
+      T = frames[joint.factors ? joint.parent + 1 : i];
+      const theta = joint.theta + (joint.revolute ? y : 0), d = joint.d + (joint.revolute ? 0 : y);
       if (scene.convention === "standard") {
         joints.push({ at: origin(T), along: axis(T, 2), revolute: joint.revolute });
         step(turnZ(theta)); step(shift(0, d)); step(shift(joint.a, 0)); step(turnX(joint.alpha));
@@ -55,9 +62,10 @@
       }
       frames.push(T);
     });
+    T = frames[tipRow + 1];
     step(scene.tool);
     frames.push(T);
-    return { frames: frames, joints: joints, path: path, tip: T };
+    return { frames: frames, joints: joints, lines: lines, tip: T };
   }
 
   /* -- projection ---------------------------------------------------------------------------------------------------- */
@@ -66,7 +74,7 @@
 
   /* Middle and radius of what the view shows: the arm at rest and in the offered configurations. */
   const room = (function () {
-    const points = [start].concat(...scene.poses.map((solutions) => solutions.map((each) => each.q))).flatMap((q) => pose(q).path);
+    const points = [start].concat(...scene.poses.map((solutions) => solutions.map((each) => each.q))).flatMap((q) => [origin(scene.base)].concat(...pose(q).lines));
     const middle = [0, 1, 2].map((k) => {
       const values = points.map((p) => p[k]);
       return (Math.min(...values) + Math.max(...values)) / 2;
@@ -180,10 +188,9 @@
     const colors = palette(), arm = pose(state.q), facets = [], thick = 0.026 * scene.reach;
     ground(colors);
     state.others.forEach((q) => {
-      const path = pose(q).path;
-      for (let k = 1; k < path.length; k++) line(path[k - 1], path[k], colors.ghost, 2);
+      pose(q).lines.forEach((ends) => line(ends[0], ends[1], colors.ghost, 2));
     });
-    for (let k = 1; k < arm.path.length; k++) cylinder(facets, arm.path[k - 1], arm.path[k], thick, colors.link, 14);
+    arm.lines.forEach((ends) => cylinder(facets, ends[0], ends[1], thick, colors.link, 14));
     arm.joints.forEach((joint) => {
       const half = 1.9 * thick;
       if (joint.revolute) cylinder(facets, plus(joint.at, joint.along, -half), plus(joint.at, joint.along, half), 1.5 * thick, colors.joint, 20);

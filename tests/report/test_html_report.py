@@ -11,21 +11,29 @@ from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from oracles.newton_euler import Robot, frames
+from rrrgen.backends.latex import Walk
+from rrrgen.derive import prepare
+from rrrgen.derive.functions.table import GROUPS
 from rrrgen.errors import InputError
 from rrrgen.pipeline import derive
 from rrrgen.program import evaluate
 from rrrgen.report import html_report
 from rrrgen.report.geometry import zero_pose
+from rrrgen.report.mathml import MathmlMarkup
 from rrrgen.report.motions import Illustration, Motion
 from rrrgen.report.scene import POSES, scene
 from rrrgen.report.sketch import HEIGHT, WIDTH, frame_sketch
+from rrrgen.report.tables import dh_exact, dh_numbers, stated
 from rrrgen.robotfile import bundled_names, bundled_path, load_spec, loads_spec
+from rrrgen.verify.references.chain import chain_of
+from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.report import Report, Row
 
 GEOMETRY = 1e-12  # the same products of transforms, metres
@@ -265,6 +273,35 @@ m = derive(load_spec("rrr"))
 forms = {f: closed_form(prepare(m.spec), f).matrix() for f in ("mass_matrix", "coriolis")}
 print(hashlib.sha256((html_report(m, forms) + latex(forms, cse_limit=20)).encode()).hexdigest())
 """
+
+
+def test_a_mechanism_is_shown_with_its_branches_and_couplings() -> None:
+    spec = load_spec(Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "robot.yaml")
+    recorded = prepare(spec)
+    program = GROUPS["model"]["forward_kinematics"][0](recorded.recording())
+    data = scene(SimpleNamespace(spec=spec, programs={"forward_kinematics": program}))
+    assert [row["parent"] for row in data["rows"]] == [-1, 0, 0, 2, 1, 4, 5]
+    assert data["rows"][3]["factors"] == [0, 1, -1, 0]
+    assert (data["tip_row"], len(data["joints"]), len(data["poses"])) == (6, 4, POSES)
+    _, stages, tip = zero_pose(spec)
+    chain = chain_of(spec)
+    frames = NewtonEuler(chain, np.zeros((chain.links, 10))).link_frames(np.zeros((1, 4)))[0]
+    np.testing.assert_allclose([stage.frame for stage in stages], frames, atol=GEOMETRY)
+    np.testing.assert_allclose(tip, frames[6] @ chain.tool, atol=GEOMETRY)
+    assert np.linalg.norm(np.subtract(stages[3].frame, stages[4].frame)[:3, 3]) > 0.5  # two ends of two branches
+    walk = Walk(MathmlMarkup(), False)
+    table = dh_exact(spec, walk)
+    assert table.headings[3] == "on"
+    assert [row[3] for row in table.rows] == ["base", "column", "column", "elbow", "shoulder", "forearm", "wrist"]
+    assert [row[4] for row in dh_numbers(spec, in_degrees=True).rows][3:5] == ["q2 − q3 − 90", "−q2 + q3 + 90"]
+    assert [row[0] for row in dict(stated(spec))["Limits of the joints"].rows] == [
+        "column",
+        "shoulder",
+        "elbow",
+        "turn",
+        "forearm",
+    ]
+    assert "q2 − q3" in frame_sketch(spec)
 
 
 def test_report_repeats_in_fresh_processes() -> None:
