@@ -21,7 +21,8 @@ napoleon_google_docstring = True
 
 html_theme = "furo"
 html_title = f"rrrgen {VERSION}"
-html_static_path: list[str] = []
+html_static_path = ["_static"]
+html_css_files = ["pages.css"]
 
 
 def escape_marks(app: object, context: object, lines: list[str]) -> None:

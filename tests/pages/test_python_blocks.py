@@ -1,0 +1,71 @@
+"""The Python on the pages of the documentation runs, after what each page presupposes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pages.test_pages import ROOT, blocks
+
+BEFORE = {
+    "index": "",
+    "control": """
+import numpy as np, rrrgen
+m = rrrgen.compile("puma560")
+q, dq, ddq = np.random.default_rng(1).uniform(-1, 1, (3, 6))
+""",
+    "inverse-kinematics": """
+import numpy as np, rrrgen
+m = rrrgen.compile("puma560")
+q = np.array([0.1, 0.6, -0.4, 0.5, 0.8, -0.2])
+T = m.forward_kinematics(q)
+poses = np.stack([T, T])
+T_far = T.copy()
+T_far[:3, 3] *= 9
+""",
+    "other-formats": "",
+    "path-timing": "",
+    "identification": """
+import numpy as np, rrrgen
+m = rrrgen.compile("rrr")
+q, dq, ddq = np.random.default_rng(1).uniform(-1, 1, (3, 20, 3))
+tau = m.inverse_dynamics(q, dq, ddq)
+""",
+}
+"""Page -> what its first block presupposes, as the text around it says."""
+
+AFTER = {
+    "control": "assert np.abs(tau - m.inverse_dynamics(q, dq, ddq)).max() > 1",
+    "inverse-kinematics": "assert np.abs(np.array(q).ravel() - answer.q[0]).max() < 1e-9",
+    "path-timing": "assert motion.q_d.shape == (len(np.arange(0, timed.duration, 1e-3)), 7)",
+    "other-formats": "assert rrrgen.load_spec('puma.yaml').n == 6",
+    "identification": "assert len(files) == 2 and estimator.parameters.shape == (13,)",
+}
+"""Page -> a check of what its blocks computed."""
+
+ELSEWHERE = ('read_response_models("runs/', "import rrr_model")
+"""Blocks that need a run folder or an installed wheel; other tests call these functions."""
+
+
+@pytest.mark.parametrize("page", BEFORE)
+def test_python_on_the_page_runs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if page == "other-formats":
+        pytest.importorskip("roboticstoolbox", reason="the extra test is not installed")
+    monkeypatch.chdir(tmp_path)
+    space: dict[str, object] = {}
+    texts = list(blocks((ROOT / f"docs/{page}.md").read_text(encoding="utf-8"), "python"))
+    own = [text for text in texts if not any(mark in text for mark in ELSEWHERE)]
+    assert own
+    for text in (BEFORE[page], *own, AFTER.get(page, "")):
+        exec(compile(text, f"{page}.md", "exec"), space)  # our own page
+
+
+def test_every_page_with_python_is_run() -> None:
+    pages = {
+        page.stem
+        for page in ROOT.glob("docs/*.md")
+        if any(mark not in text for text in blocks(page.read_text(encoding="utf-8"), "python") for mark in ELSEWHERE)
+    }
+    tutorials = {"first-model", "first-identification", "first-calibration", "optimal-control"}
+    assert pages - tutorials - {"sockets"} == set(BEFORE)
