@@ -147,10 +147,11 @@ def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory)
 def _exchange(
     program: ExcitationProgram, trajectory: FourierTrajectory, instants: dict[tuple[str, int], set[int]]
 ) -> None:
-    """Add the local maxima of every violated quantity, on the controller's grid, to its instants.
+    """Impose violated limits at more instants: at the local maxima of the violation on the controller's grid.
 
-    Instants a twelfth of a cycle of the highest harmonic before and after each are added too; otherwise the peak would
-    merely move to a neighbouring instant.
+    ``instants`` (quantity, joint or axis) -> sample numbers is changed in place. Instants a twelfth of a cycle of the
+    highest harmonic before and after each are added too; otherwise the peak would merely move to a neighbouring
+    instant.
     """
     M = program.problem.samples_per_period
     beside = max(1, M // (12 * program.N))

@@ -34,7 +34,7 @@ class Delivered:
 
     @property
     def std(self) -> Array:
-        """Standard deviations (r,)."""
+        """Standard deviations (r,) of ``x``."""
         return np.asarray(np.sqrt(np.maximum(0.0, np.diag(self.covariance))))
 
     @classmethod

@@ -107,14 +107,14 @@ class AdaptiveStep(NamedTuple):
 
 
 class ObserverState(NamedTuple):
-    """State of the momentum observer: momentum ``p`` and torques ``u``, (..., n) each, SI units."""
+    """State of the momentum observer: momentum ``p = M dq``, torques ``u = C' dq - g - f(dq)``, (..., n), SI units."""
 
     p: NDArray[Any]
     u: NDArray[Any]
 
 
 class ObserverStep(NamedTuple):
-    """External torques ``r`` (..., n), N m or N, and the state ``p``, ``u`` of the observer for the next tick."""
+    """Estimated external torques ``r`` (..., n), N m or N, and the observer's next state ``p``, ``u``, (..., n)."""
 
     r: NDArray[Any]
     p: NDArray[Any]

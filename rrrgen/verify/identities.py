@@ -30,7 +30,11 @@ class _ModelTerms:
 def check_identities(
     model: Model, chain: Chain, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """Check tau = M ddq + C dq + g = Y beta (+ Ia ddq), M = M' > 0, C'dq, dM/dt - 2C skew, power balance."""
+    """Check identities between the functions of the model at the states ``s``.
+
+    They are ``tau = M ddq + C dq + g = Y beta + Ia ddq``, ``M = M' > 0``, the product C' dq, the skew symmetry of
+    ``dM/dt - 2 C``, and the power balance ``dE/dt = tau' dq``.
+    """
     beta = parameters.beta
     try:
         own = _ModelTerms(

@@ -238,9 +238,10 @@ def _dot(weights: Sequence[Any], values: Sequence[Any]) -> Any:
 
 
 def _safe_step(builder: Builder, gain: Any, rr: Any, ee: Any) -> tuple[Any, Any]:
-    """Gain of one step, reduced to ``ee / rr`` if it breaks the stability condition ``gain rr < 2 ee``; 1 if reduced.
+    """Limit the gain of one step to a stable value: ``ee / rr`` instead of ``gain`` unless ``gain rr < 2 ee``.
 
-    ``rr = |Y' e|^2`` and ``ee = |e|^2``, with the torque errors e of this sample. Returns the gain and the flag.
+    ``rr = |Y' e|^2`` and ``ee = |e|^2``, with the torque errors e of this sample. Returns the gain, and 1 if it was
+    reduced, else 0.
     """
     excess = gain * rr - 2 * ee
     largest = builder.div(ee, builder.select(excess, rr, 1))

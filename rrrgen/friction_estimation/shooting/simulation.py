@@ -54,13 +54,13 @@ def simulate(
     stride: int,
     direction: Array | None = None,
 ) -> Array:
-    """Simulate one joint over S windows for C parameter sets; positions (length // stride + 1, C, S), rad or m.
+    """Simulate one joint over S windows for C parameter vectors.
 
-    The positions are those after every ``stride`` sampling periods. ``q`` and ``v`` (C, S) are the positions and speeds
-    at the start of the windows, ``theta`` (k, C) the parameters of ``candidate``, ``torque`` the recorded torque,
-    ``period`` is the sampling period (s). With a ``direction`` (S,) the joint
-    is taken to slide that way all the time, even where a simulation with wrong parameters would stop: then positions
-    are smooth functions of the parameters.
+    Returns the positions after every ``stride`` sampling periods, (length // stride + 1, C, S), rad or m. ``q`` and
+    ``v`` (C, S) are the positions and speeds at the start of the windows, ``theta`` (k, C) the parameters of
+    ``candidate``, ``torque`` the recorded torque, ``period`` is the sampling period (s). With a ``direction`` (S,), +1
+    or -1, the joint is taken to slide that way all the time, even where a simulation with wrong parameters would stop:
+    then positions are smooth functions of the parameters.
     """
     columns = [row[:, None] for row in theta]
     advance: Any

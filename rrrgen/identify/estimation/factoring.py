@@ -64,7 +64,7 @@ def factor_recordings(
     digest: str = "",
     progress: Progress | None = None,
 ) -> Factors:
-    """Compute the factors of all rows window by window, in constant memory.
+    """Compute the triangular factors of all rows window by window, in constant memory.
 
     ``split`` chooses the fitted part of the data. ``jobs`` processes, or the Dask scheduler at ``cluster``, share the
     windows, which are always merged in order of time. The state is stored in the file ``checkpoint`` after every
@@ -84,7 +84,7 @@ def factor_recordings(
 
 
 class _State:
-    """The merged factors so far, stored in a file if ``path`` is given."""
+    """The triangular factors of the windows merged so far, stored in a file if ``path`` is given."""
 
     def __init__(self, path: Path | None, digest: str) -> None:
         self.path, self.digest = path, digest
@@ -165,7 +165,7 @@ def fits_in_memory(observations: Observations, limit: int = IN_MEMORY) -> bool:
 def rows_of_recordings(
     observations: Observations, split: Split, progress: Progress | None = None
 ) -> tuple[Factors, list[Rows], list[Rows]]:
-    """Compute the factors of all rows in memory; returns them with the fitted and the held-out blocks of rows."""
+    """Compute the triangular factors of all rows in memory; returns them, the fitted and the held-out rows."""
     total = sum(len(recording) for recording in observations.recordings)
     state = _State(None, "")
     fitted: list[Rows] = []

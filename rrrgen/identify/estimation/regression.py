@@ -56,7 +56,7 @@ class Estimate:
 
     @property
     def std(self) -> Array:
-        """Standard deviations (p,)."""
+        """Standard deviations (p,) of ``x``."""
         return np.asarray(np.sqrt(np.maximum(0.0, np.diag(self.covariance))))
 
     @property
@@ -88,8 +88,9 @@ def least_squares(
     tolerance: float = RANK_TOLERANCE,
     method: str = "least squares",
 ) -> Estimate:
-    """Least squares ``x = Phi^# y``, (14.20), by the SVD of the scaled triangular factor.
+    """Weighted least squares ``x = Phi^# y``, (14.20): Phi is the regressor and y the torques, rows times weights.
 
+    It is solved by the SVD of the triangular factor of [Phi | y], ``factors``, with columns scaled to unit length.
     ``names`` are those of the p parameters; ``weights`` (n,) multiply the rows of each joint, 1 by default. Singular
     values below ``tolerance`` times the largest are taken as zero, which gives the minimum-norm solution in scaled
     columns. ``method`` is the name stored in the estimate. Raises :class:`DerivationError` if no parameter is excited

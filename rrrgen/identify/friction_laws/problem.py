@@ -1,4 +1,4 @@
-"""Rows of a separable least-squares problem: fixed columns, and friction columns that depend on shape parameters.
+"""Rows of a separable least-squares problem: "fixed" columns, and friction columns that depend on shape parameters.
 
 Friction is evaluated at every recorded sample, before the decimation filter: filtering the speed first would smooth the
 changes of sign that determine the shapes.
@@ -31,9 +31,9 @@ class Stretch:
     """One uninterrupted stretch of a recording: N recorded samples, and r instants after decimation.
 
     ``q``, ``dq``, ``ddq``, ``load`` (N, n) are motion and load torques at the samples, ``valid`` (N, n) marks valid
-    torques, ``first`` is the index of the first sample. ``W`` (r, n, p) are the fixed columns, ``tau`` (r, n) the
-    torques, ``use`` (r, n) marks rows with a valid torque, ``t`` (r,) are their instants, s. ``start`` and ``duration``
-    (s) are those of the whole recording.
+    torques, ``first`` is the index of the first sample. ``W`` (r, n, p) are the columns that do not depend on friction
+    shapes, ``tau`` (r, n) the torques, ``use`` (r, n) marks rows with a valid torque, ``t`` (r,) are their instants, s.
+    ``start`` and ``duration`` (s) are those of the whole recording.
     """
 
     q: Array
@@ -71,7 +71,10 @@ class Problem:
 
     @classmethod
     def of(cls, recordings: Sequence[Recording], maker: RowMaker, most: int = MOST_SAMPLES) -> Problem:
-        """Build the problem from the first ``most`` samples of ``recordings``; ``maker`` makes the fixed columns."""
+        """Build the problem from the first ``most`` samples of ``recordings``.
+
+        ``maker`` evaluates the columns that do not depend on friction shapes.
+        """
         found: list[Stretch] = []
         decimate = Decimator(maker.processing.decimate or 1)
         left = most

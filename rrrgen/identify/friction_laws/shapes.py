@@ -66,9 +66,9 @@ class _Search:
         self.renew(None)
 
     def renew(self, logs: Array | None) -> None:
-        """Recompute the weights of the joints from their residuals, and the basis of the weighted fixed columns.
+        """Recompute the weights of the joints from their residuals, and a basis of the columns without shapes.
 
-        The residuals are those at the shapes ``logs``, or of the fixed columns alone if None.
+        The residuals are those at the shapes ``logs``, or without friction columns if None.
         """
         residual = self.residual(logs)[0] if logs is not None else self.tau
         count = np.maximum(1, np.sum(self.use, axis=0))
@@ -78,11 +78,11 @@ class _Search:
         self.y = self.left(self.stack(self.tau[..., None])[:, 0])
 
     def stack(self, columns: Array) -> Array:
-        """Weighted rows in use (rows, k) of columns (r, n, k)."""
+        """Stack ``columns`` (r, n, k) of all joints to a matrix (rows, k): rows in use only, times their weights."""
         return np.concatenate([w * columns[self.use[:, j], j] for j, w in enumerate(self.weights)])
 
     def left(self, columns: Array) -> Array:
-        """Part of ``columns`` (rows, k) that is orthogonal to the fixed columns."""
+        """Part of ``columns`` (rows, k) that is orthogonal to the columns that do not depend on shapes."""
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
     def shaped(self, logs: Array) -> tuple[FrictionSurface, ...]:

@@ -150,7 +150,10 @@ def recursion(a: Array, b: Array) -> Array:
 
 
 def stated_laws(spec: Any) -> list[tuple[FrictionSurface, LawSpec]]:
-    """Every joint and motor that states a friction law, with the shapes of the law if it is separable, and the law."""
+    """Joints and motors for which the robot file states a friction law, each paired with that law.
+
+    A separable law brings its shape parameters along.
+    """
     found = []
     for owner, direction, carried, friction in _owners(spec):
         if friction is not None and friction.law is not None:

@@ -232,7 +232,7 @@ class NpzTable(_ArrayTable):
         self.columns = tuple(self.members)
 
     def array(self, name: str) -> Any:
-        """The array, in memory."""
+        """The array called ``name``, read into memory; None if the file has none."""
         if name not in self.members:
             return None
         entry = self.members[name]
@@ -264,7 +264,7 @@ class MatTable(_ArrayTable):
         self.columns = tuple(self.arrays)
 
     def array(self, name: str) -> Any:
-        """The array, in memory."""
+        """The array called ``name``, read into memory; None if the file has none."""
         return self.arrays.get(name)
 
     def _collect(self, name: str, value: Any) -> None:

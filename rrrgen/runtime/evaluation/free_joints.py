@@ -196,7 +196,10 @@ class _Search:
         return self._free.row_with(self._joint, x, *self._fixed)[1]
 
     def nearest(self) -> list[float] | None:
-        """Joint positions with the free joint at the nearest such value, found by bisection; None if there is none."""
+        """Joint positions within all limits with the free joint nearest to its reference; None if there are none.
+
+        The value of the free joint is found by steps and bisection.
+        """
         start = self._free.start(self._joint)
         found = [x for side in (-1, 1) if (x := self._towards(start, side)) is not None]
         if not found:

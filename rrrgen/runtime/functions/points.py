@@ -61,7 +61,7 @@ class PointFunctions(Calls):
         Args:
             T: pose of the frame, (..., 4, 4), -, m.
             V: its velocity, (..., 6), linear part first, m/s and rad/s, such as ``link_velocities(q, dq)[..., i, :]``.
-            A: its acceleration, (..., 6), m/s^2 and rad/s^2; with (dJ/dt) dq of the frame, A_p is that of the point.
+            A: its acceleration, (..., 6), m/s^2 and rad/s^2; or its part (dJ/dt) dq, for that part of the result.
             point: the point in that frame, (..., 3), m.
 
         Returns:

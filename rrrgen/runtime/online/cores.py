@@ -21,7 +21,7 @@ class Core(Protocol):
     dtype: Any
 
     def parameters(self) -> Any:
-        """The present estimate (p,)."""
+        """The present estimate (p,) of the parameters."""
         ...
 
     def covariance(self) -> Any:
@@ -60,7 +60,7 @@ class CompiledCore:
         self._vector = f"{real}[]"
 
     def parameters(self) -> Any:
-        """The present estimate (p,)."""
+        """The present estimate (p,) of the parameters."""
         return list(self.state.p)
 
     def covariance(self) -> Any:
@@ -71,7 +71,7 @@ class CompiledCore:
         return P
 
     def update(self, q: Array, dq: Array, ddq: Array, tau: Array, e: Array) -> int:
-        """Call the C function ``<robot>_<kind>_update``."""
+        """Update the estimate with one sample by the C function ``<robot>_<kind>_update``; returns its status."""
         pointers = [self.ffi.from_buffer(self._vector, array) for array in (q, dq, ddq, tau, e)]
         return int(self._update(self.state, *pointers))
 
@@ -88,7 +88,7 @@ class NumpyLeastSquares:
         self.noise = np.array(settings.noise, dtype=float)
 
     def parameters(self) -> Any:
-        """The present estimate (p,)."""
+        """The present estimate (p,) of the parameters."""
         return self.p
 
     def covariance(self) -> Any:
@@ -134,7 +134,7 @@ class NumpyGradient:
         self.p = np.array(settings.start, dtype=float)
 
     def parameters(self) -> Any:
-        """The present estimate (p,)."""
+        """The present estimate (p,) of the parameters."""
         return self.p
 
     def covariance(self) -> Any:
