@@ -168,7 +168,10 @@ def require_inputs(controller: LoopController, recorded: Container[str]) -> None
 
 
 def assumptions(recordings: Sequence[LoopRecording], data: str) -> list[str]:
-    """What is assumed on ``recordings``, named ``data``, as lines of text: a feed-forward torque that is missing."""
+    """Notes for the report on assumptions about ``recordings``: that a feed-forward torque not recorded is zero.
+
+    ``data`` names the recordings in the notes; no notes if nothing is assumed.
+    """
     if not any(recording.lacks_feedforward for recording in recordings):
         return []
     return [f"note: no feed-forward torque is recorded in {data}: it is taken as zero there"]

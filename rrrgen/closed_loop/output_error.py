@@ -227,7 +227,10 @@ class OutputError:
         return np.asarray(np.sqrt(np.maximum(ratio, 1.0)))
 
     def _curvature_and_scatter(self, fit: LoopFit) -> tuple[Array, Array]:
-        """The matrices H and G (k, k) of :meth:`covariance`."""
+        """Matrices H = J' J and G = sum_b g_b g_b', (k, k) each, of which the covariance is ``H^-1 G H^-1``.
+
+        J are the weighted sensitivities of the torques, g_b the gradient of the cost over block b of the samples.
+        """
         k = len(fit.z)
         H, G = np.zeros((k, k)), np.zeros((k, k))
         length = min(BLOCK, sum(len(r) * r.period for r in self.recordings) / FEWEST_BLOCKS)

@@ -132,7 +132,7 @@ class Identification:
 
     @property
     def parts(self) -> tuple[tuple[str, Iterable[Rows]], ...]:
-        """The blocks of fitted and of held-out rows by name."""
+        """The fitted and the held-out rows, as pairs of a name and blocks of rows."""
         return (("in sample", self.blocks), ("held out", self.held_out_blocks))
 
     @property

@@ -99,7 +99,7 @@ class Compiler:
 
 
 def _flag(flag: str) -> str:
-    """The flag for this machine: compilers for Apple's processors may know ``-mcpu`` only."""
+    """Replace the flag ``-march=native`` on Apple's processors, where compilers may know ``-mcpu=native`` only."""
     apple = sys.platform == "darwin" and platform.machine() == "arm64"
     return "-mcpu=native" if flag == "-march=native" and apple else flag
 

@@ -110,7 +110,7 @@ class Tuning:
 
 
 def tune(processing: Processing, recordings: Sequence[Recording], split: Split | None = None) -> Tuning:
-    """Choose the settings that ``processing`` leaves None by the rule of this module.
+    """Choose the preprocessing settings that ``processing`` leaves None from the bandwidth of the motion.
 
     The choice is based on the positions in the fitted part of ``recordings``, given by ``split`` (all if None).
     Recordings sampled at different rates share one decimation factor, that of the slowest. Raises :class:`InputError`

@@ -248,7 +248,7 @@ class NpzTable(_ArrayTable):
 
 
 class MatTable(_ArrayTable):
-    """Arrays of a MATLAB v5 file; a field of a struct is ``log.q``."""
+    """Arrays of a MATLAB v5 file; the field q of a struct ``log`` has the name ``log.q``."""
 
     def __init__(self, path: Path) -> None:
         try:
@@ -277,7 +277,7 @@ class MatTable(_ArrayTable):
 
 
 class Hdf5Table(_ArrayTable):
-    """Datasets of an HDF5 or MATLAB v7.3 file; one inside a group is ``log.q``. Read slice by slice."""
+    """Datasets of an HDF5 or MATLAB v7.3 file, read slice by slice; q in the group ``log`` has the name ``log.q``."""
 
     def __init__(self, path: Path) -> None:
         try:

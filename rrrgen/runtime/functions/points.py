@@ -61,7 +61,8 @@ class PointFunctions(Calls):
         Args:
             T: pose of the frame, (..., 4, 4), -, m.
             V: its velocity, (..., 6), linear part first, m/s and rad/s, such as ``link_velocities(q, dq)[..., i, :]``.
-            A: its acceleration, (..., 6), m/s^2 and rad/s^2; or its part (dJ/dt) dq, for that part of the result.
+            A: its acceleration, (..., 6), m/s^2 and rad/s^2. If only its part (dJ/dt) dq is given, A_p is that part for
+                the point.
             point: the point in that frame, (..., 3), m.
 
         Returns:

@@ -1,4 +1,4 @@
-"""The emitted C that times a path, compiled for one robot."""
+"""The emitted C that computes the fastest motion along a path, compiled for one robot."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def _coupling(spec: RobotSpec) -> Array:
 def _drive_inertia(spec: RobotSpec) -> Array:
     """Contribution (n, n) of all drives to the mass matrix: second derivatives of their energy by the joint speeds.
 
-    Coupled motors turn at the speeds ``dq_m`` that solve ``S dq_m = dq``, multiplied by their gear ratios.
+    Coupled motors turn at their gear ratios times the speeds ``dq_m`` with ``S dq_m = dq``, S the coupling matrix.
     """
     own = [0.0 if j.drive is None or j.drive.inertia is None else float(j.drive.inertia) for j in spec.joints]
     if spec.drives is None:
