@@ -88,7 +88,7 @@ class LoopController:
 
     @property
     def records_what_acts(self) -> bool:
-        """Whether the recorded torque of every joint is the one that moves it."""
+        """Whether, for every joint, the signal that is recorded as torque is also the one that drives the joint."""
         return all(joint.acts == joint.torque for joint in self.joints)
 
     @property

@@ -216,9 +216,10 @@ class OutputError:
         return _sandwich(*self._curvature_and_scatter(fit))
 
     def spread_by_shapes(self, fit: LoopFit, count: int) -> Array:
-        """Factors (count,), at least 1, by which standard deviations grow because z[count:] are fitted, too.
+        """Factors (count,) >= 1 by which the uncertainty of the shapes enlarges other standard deviations.
 
-        They belong to the first ``count`` unknowns, and compare with deviations for known values of the others.
+        For the first ``count`` unknowns it is the ratio of their standard deviations with the other unknowns (shapes)
+        fitted, too, to those with known values of the others.
         """
         H, G = self._curvature_and_scatter(fit)
         whole = np.diag(_sandwich(H, G))[:count]

@@ -42,7 +42,7 @@ class ClosedLoopValidation:
         return [self.replay.line(joints), *self.notes, self.score.line(joints)]
 
     def failures(self, relative_error: float) -> tuple[str, ...]:
-        """The limit ``relative_error`` of the torques of the simulated loop as text where it is exceeded."""
+        """Sentence that the relative torque error exceeds the limit ``relative_error``; empty if it does not."""
         found = self.score.relative_error
         if found <= relative_error:
             return ()

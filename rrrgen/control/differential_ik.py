@@ -46,7 +46,7 @@ def steps(n: int) -> int:
 
 @dataclass(frozen=True)
 class Declaration:
-    """What wrappers in other languages must know about a C function that is printed from no program."""
+    """Interface of a C function written from a template, from which wrappers in other languages are generated."""
 
     name: str
     inputs: tuple[Port, ...]
@@ -57,7 +57,7 @@ class Declaration:
 
 
 def declaration(n: int) -> Declaration:
-    """Arguments and status of ``differential_ik`` for a robot of ``n`` joints, in the order of the C function."""
+    """Interface of the C function ``differential_ik`` for a robot of ``n`` joints: arguments in C order, and status."""
     speed, largest = "rad/s | m/s", "INFINITY for none"
     inputs = (
         Port("q", (n,), "rad | m", "", "joint positions"),

@@ -23,7 +23,7 @@ PROMISE = (
 def fourier_series_files(robot: str, n: int, real: Real, sincos: SinCos) -> dict[str, str]:
     """Header and source of the C function ``<robot>_fourier`` for a robot of ``n`` joints, name -> text.
 
-    ``sincos`` is the source of the sine and the cosine.
+    ``sincos`` says how sine and cosine are computed.
     """
     prefix = f"{robot}_fourier"
     dialect = Dialect(prefix, real)

@@ -46,7 +46,7 @@ class ExcitationLimits:
         return tuple(free if v is None else float(v) for v in (values if values is not None else [None] * size))
 
     def follower_range(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Lower and upper limits of the ``followers``; -inf and inf where there is none."""
+        """Lower and upper position limits of the ``followers``, joints that follow others; -inf and inf for none."""
         low = tuple(-math.inf if each.lower is None else each.lower for each in self.followers)
         return low, tuple(math.inf if each.upper is None else each.upper for each in self.followers)
 

@@ -126,9 +126,9 @@ def _zig_version() -> str:
 
 
 def find_compiler() -> Compiler:
-    """The C compiler of this machine: ``$CC``, else the first one found, else that of the package ziglang.
+    """Find the C compiler of this machine: ``$CC``, else the first one on the path, else that of the package ziglang.
 
-    Looked for are cc, gcc and clang, on Windows cl, clang, gcc and cc. Raises BuildError if there is none.
+    The names tried are cc, gcc and clang, on Windows cl, clang, gcc and cc. Raises BuildError if there is none.
     """
     chosen = _chosen()
     for command in [chosen] if chosen else WANTED.get(sys.platform, COMPILERS):
@@ -148,7 +148,7 @@ def find_compiler() -> Compiler:
 
 
 def _chosen() -> list[str]:
-    """The words of ``$CC``; a path with blanks or backslashes that is a file stands for itself."""
+    """Split ``$CC`` into words; if the whole is the path of a file, even with blanks or backslashes, it is one word."""
     text = os.environ.get("CC", "").strip()
     return [text] if text and Path(text).is_file() else shlex.split(text, posix=sys.platform != "win32")
 
