@@ -68,6 +68,17 @@ def real_option(function: F) -> F:
     )(function)
 
 
+def ik_option(function: F) -> F:
+    """Add the option ``--ik``, how the inverse kinematics of an arm near a special geometry is solved."""
+    from rrrgen.robotfile.keys import IK
+
+    text = (
+        "Inverse kinematics of an arm near a special geometry: general equations, or first the solutions of the "
+        "special arm, refined.  [default: key `ik` of the robot file, else general]"
+    )
+    return click.option("--ik", "method", type=click.Choice(IK), help=text)(function)
+
+
 def read_robot(robot: str, strict: bool = False) -> RobotSpec:
     """Read a robot file, a bundled robot by its name, or for ``-`` the standard input. Raises InputError for faults."""
     from rrrgen.robotfile import load_spec

@@ -13,9 +13,10 @@ from rrrgen.ik import families
 from rrrgen.ik.coupling import coupling_of
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, numeric_chain
+from rrrgen.ik.geometry.nearest import changes, deviation, nearest_special, with_near_frames
 from rrrgen.ik.geometry.snap import snapped
 from rrrgen.ik.geometry.virtual import extended
-from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.plan import NominalFirst, SolverPlan
 from rrrgen.ik.tolerances import EXACT, NEARLY, RANK, SPECIAL
 from rrrgen.model.mechanism import chain_to_tip
 
@@ -28,6 +29,8 @@ TRIALS = 3
 SPLITS = 13
 """Largest cost of a plan whose equations are at most quadratic. Costs rank plans and have no unit; lower is better."""
 
+WITHOUT_EFFECT = "ik: nominal_first has no effect"
+
 UNSOLVED = 1000
 """Cost reported where no plan exists; larger than the cost of every plan."""
 
@@ -39,8 +42,26 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
     planned as the chain of its rows from base to tip, with a ``coupling``; ``redundancy`` then counts these rows.
     """
     if spec.mechanism is not None:
-        return _coupled(spec, numeric_chain(chain_to_tip(spec)), redundancy)
-    return _planned(numeric_chain(spec), redundancy)
+        found = _coupled(spec, numeric_chain(chain_to_tip(spec)), redundancy)
+        return replace(found, approach=f"{WITHOUT_EFFECT} on a mechanism") if spec.ik == "nominal_first" else found
+    found = _planned(with_near_frames(numeric_chain(spec)), redundancy)
+    return with_nominal_first(found) if spec.ik == "nominal_first" else found
+
+
+def with_nominal_first(found: SolverPlan) -> SolverPlan:
+    """``found`` with the solutions of its companion tried first, where general equations have such a companion."""
+    if not found.general or found.companion is None:
+        why = "no special arm is near this one" if found.general else "no general equations of six joints are solved"
+        return replace(found, approach=f"{WITHOUT_EFFECT}: {why}")
+    special = found.companion.solving
+    first = NominalFirst(deviation(found.chain, special), changes(found.chain, special))
+    words = (
+        f"nominal first: the at most {found.companion.max_solutions} solutions of the nearest special arm "
+        f"({found.companion.title}) are refined by Newton steps on this arm; where they may not be all, the general "
+        f"equations are solved. The special arm has {', '.join(first.changes)}; poses differ by up to "
+        f"{first.deviation:.2g} (rad, or parts of the reach of {found.chain.reach:.3g} m)"
+    )
+    return replace(found, nominal_first=first, approach=words)
 
 
 def _coupled(spec: RobotSpec, chain: Chain, redundancy: int | None) -> SolverPlan:
@@ -85,7 +106,7 @@ def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
         return general
     seen = snapped(chain, EXACT)
     for tolerance in (SPECIAL, *NEARLY):
-        special = snapped(chain, tolerance)
+        special = snapped(chain, tolerance) if tolerance == SPECIAL else nearest_special(chain, tolerance)
         if special == seen:
             continue
         seen = special

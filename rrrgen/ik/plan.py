@@ -42,6 +42,18 @@ class Singularity:
 
 
 @dataclass(frozen=True)
+class NominalFirst:
+    """The solutions of a special arm are tried first and refined; the general equations are left for cases of doubt.
+
+    ``deviation``: how far the poses of the two arms differ, in rad or parts of the reach. ``changes``: what is special
+    in the nominal arm, in words with numbers.
+    """
+
+    deviation: float
+    changes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class SolverPlan:
     """How the inverse kinematics of one robot is solved: the family of equations, the chain they hold for, the results.
 
@@ -64,6 +76,9 @@ class SolverPlan:
     * ``reason``: why there is no solver, for the family "none".
     * ``solver``: the recorded closed form; None for an elimination.
     * ``coupling``: how ``chain`` follows the joint positions q of a mechanism; None where its joints are q.
+    * ``nominal_first``: how the solutions of the companion are tried before the general equations, if that was asked
+      for and is possible.
+    * ``approach``: in words, what came of that wish; empty where nobody asked.
     """
 
     family: Family
@@ -84,6 +99,8 @@ class SolverPlan:
     reason: str = ""
     solver: Solver | None = field(default=None, compare=False, repr=False)
     coupling: Coupling | None = None
+    nominal_first: NominalFirst | None = None
+    approach: str = ""
 
     @property
     def n(self) -> int:

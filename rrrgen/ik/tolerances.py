@@ -247,6 +247,32 @@ SEARCH = (
 target."""
 
 
+NOMINAL = (
+    Tolerance("margin_slack", "50.0", "50.0", "a discriminant this far below zero, in deviations, may be positive"),
+    Tolerance("margin_least", "10.0", "10.0", "a direction this short, in deviations, decides no joint"),
+    Tolerance("margin_inverse", "0.3", "0.3", "largest norm of the inverse Jacobian times the deviation"),
+    Tolerance("newton_turn", "0.5", "0.5", "largest norm of the inverse Jacobian times a Newton step"),
+    Tolerance("newton_steps", "5", "5", "at most: each squares the error"),
+    Tolerance("distinct", "1e-4", "1e-3", "solutions (rad, m) that are nearer may be one"),
+)
+"""When the solutions of a special arm, refined, are all solutions of an arm nearby: in doubt the general equations are
+solved. Deviations are the largest difference of the poses of both arms, in rad or parts of the reach."""
+
+
+def nominal_margins(deviation: float) -> dict[str, float]:
+    """The values of :data:`NOMINAL` for arms that deviate by ``deviation``; norms squared, as the code takes them."""
+    values = {each.name: float(each.double) for each in NOMINAL}
+    least = max(deviation, 1e-9)
+    return {
+        **values,
+        "margin_slack": values["margin_slack"] * least,
+        "margin_least": values["margin_least"] * least,
+        "margin_inverse": (values["margin_inverse"] / least) ** 2,
+        "newton_turn": values["newton_turn"] ** 2,
+        "newton_steps": int(values["newton_steps"]),
+    }
+
+
 def runtime(real: str) -> dict[str, str]:
     """:data:`RUNTIME` in the precision ``"double"`` or ``"float"``: name -> C literal."""
     return _literals(RUNTIME, real)

@@ -43,6 +43,8 @@ def identify(spec: RobotSpec) -> Identity:
                 del joint["drive"][key]
     if not spec.gravity_input:
         del robot["gravity_input"]
+    if spec.ik == "general":
+        del robot["ik"]
     text = json.dumps(robot, sort_keys=True, separators=(",", ":"))
     return Identity(hashlib.sha256(text.encode()).hexdigest(), VERSION)
 

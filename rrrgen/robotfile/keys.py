@@ -24,6 +24,9 @@ EMIT = {
 """Files and groups of functions that can be emitted besides the model, on request of the robot file or the command
 line, each with its description."""
 
+IK = ("general", "nominal_first")
+"""How an arm near a special geometry is solved: by general equations, or by those of the special arm and refinement."""
+
 ROBOT = (
     Key("schema", "choice", "version of this format", True, ("rrrgen/1",)),
     Key("name", "name", "C identifier; prefix of every emitted symbol", True),
@@ -42,6 +45,12 @@ ROBOT = (
     Key("drives", "mapping", "drives that move several joints each, as in a coupled wrist", section="drives"),
     Key("basis", "basis", "base parameters of the user's own choice"),
     Key("emit", "choices", "what `rrrgen generate` also writes for this robot", choices=tuple(EMIT)),
+    Key(
+        "ik",
+        "choice",
+        "inverse kinematics of a calibrated arm: general (if missing), or faster from the nominal arm",
+        choices=IK,
+    ),
     Key("provenance", "rows", "recorded samples the parameters were fitted to", section="fit", length=MAX_FITS),
 )
 FIT = (

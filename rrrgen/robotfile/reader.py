@@ -110,6 +110,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     drives = read_drives(values["drives"], counted, scope) if "drives" in values else None
     basis = read_basis(values["basis"], len(joints), whole_links, scope) if "basis" in values and joints else None
     emit = read_choices(values["emit"], _ROBOT["emit"], faults) if "emit" in values else ()
+    ik = read_choice(values["ik"], _ROBOT["ik"], faults) if "ik" in values else None
     provenance = read_provenance(values["provenance"], faults) if "provenance" in values else ()
     description, source = (read_text(values[k], k, faults) if k in values else "" for k in ("description", "source"))
     if mechanism is not None:
@@ -139,6 +140,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         parameter_units=dict(scope.parameter_units),
         provenance=provenance,
         emit=emit,
+        ik=ik or "general",
         mechanism=mechanism,
     )
     for joint in reversed_joints:

@@ -271,6 +271,8 @@ class RobotSpec:
     - ``provenance``: what the parameters were fitted to, which changes nothing about the robot;
     - ``emit``: what is emitted besides the model, which changes nothing either; ``gravity_input``: whether every
       function that depends on gravity takes it as an input (:meth:`in_any_gravity`);
+    - ``ik``: "general", or "nominal_first" where the inverse kinematics of a nearly special arm starts from the special
+      one;
     - ``file``: path or bundled name, and ``faults``: warnings; for messages only.
     """
 
@@ -295,6 +297,7 @@ class RobotSpec:
     provenance: tuple[FitSpec, ...] = ()
     emit: tuple[str, ...] = ()
     gravity_input: bool = False
+    ik: str = "general"
     mechanism: MechanismSpec | None = None
 
     @property

@@ -61,6 +61,8 @@ def dumps(spec: RobotSpec) -> str:
         lines += _basis(spec.basis)
     if spec.emit:
         lines.append(f"emit: [{', '.join(spec.emit)}]")
+    if spec.ik != "general":
+        lines.append(f"ik: {spec.ik}")
     if spec.provenance:
         lines.append("provenance:")
         for fit in spec.provenance:

@@ -62,6 +62,7 @@ def prepare(folder: Path, spec, real: str = "double") -> list[str]:
     if found.coupling is not None:
         return [name for name in KERNELS if name in OF_MECHANISMS]
     used = [name for name in KERNELS if name not in COUPLED and (found.general or name not in ELIMINATION)]
+    used = [name for name in used if found.nominal_first or name != "nominal.c"]
     return [name for name in used if name not in ("open.c", "reopen.c") or any(map(opens, parts_of(found)))]
 
 

@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -64,6 +65,14 @@ VARIANTS = {
     ],
     "gantry": [("P", 1.5707963267948966, 0.1, 0.0, 0.0), ("P", 1.2, 0.0, 0.0, 0.3), ("R", 0.4, 0.2, 0.1, 0.0)],
     "quadratic": [("P", 0.7, 0.1, 0.0, 0.0), ("R", 0.8, 0.2, 0.1, 0.3), ("P", 0.4, 0.2, 0.1, 0.2)],
+    "nominal": [  # a calibrated Puma, whose nominal arm is solved first
+        ("R", 1.571, 1e-4, 0.0, 0.0),
+        ("R", 1e-4, 0.4318, 0.0, 0.0),
+        ("R", -1.5707963267948966, 0.0203, 0.15005, 0.0),
+        ("R", 1.5708, 2e-4, 0.4318, 0.0),
+        ("R", -1.5709, -1e-4, 1e-4, 0.0),
+        ("R", 0.0, 0.0, 0.05, 0.0),
+    ],
     "nearly": [("R", 1.5707963267948966, 1e-5, 0.56, 0.0), ("R", 1e-5, 0.2, 0.169, 0.0), ("R", 0.0, 0.415, 0.09, 0.0)],
 }
 
@@ -81,8 +90,13 @@ SEVEN_LIMIT = 36_000
 """The same where an elimination solves seven joints: refinement and elimination grow with the joint that slides."""
 
 
-def written(directory, name, real="double", limits=None):
+def variant(name, limits=None):
     spec = make(name, VARIANTS[name], limits=limits)
+    return replace(spec, ik="nominal_first") if name == "nominal" else spec
+
+
+def written(directory, name, real="double", limits=None):
+    spec = variant(name, limits)
     files = emit(spec, plan(spec), real).files
     for file, text in files.items():
         (directory / file).write_text(text)

@@ -14,7 +14,7 @@ import pytest
 
 from ik.kernel_builds import KERNELS, build, pointer, prepare, table_of
 from ik.robots import make, robot
-from ik.test_emitted_c import COMPILERS, LIMITS, VARIANTS, WARNINGS, run
+from ik.test_emitted_c import COMPILERS, LIMITS, VARIANTS, WARNINGS, run, variant
 from ik.test_mechanisms import TEXTS
 from rrrgen.backends.c.solver.files import sources
 from rrrgen.backends.c.solver.kernels import Settings, specialize
@@ -34,7 +34,7 @@ def arm(name: str):
     """An arm with limits, or a mechanism of test_mechanisms.py."""
     if name in MECHANISMS:
         return loads_spec(MECHANISMS[name])
-    return make(name, VARIANTS[name], limits=LIMITS[: len(VARIANTS[name])])
+    return variant(name, LIMITS[: len(VARIANTS[name])])
 
 
 # -- every kernel alone -----------------------------------------------------------------------------------------------
@@ -45,9 +45,9 @@ def arm(name: str):
     [
         (COMPILERS[0], "sliding", "double"),
         (COMPILERS[0], "nearly", "float"),
-        (COMPILERS[1], "sliding", "float"),
+        (COMPILERS[1], "nominal", "float"),
         (COMPILERS[1], "incomplete", "double"),
-        (COMPILERS[2], "nearly", "double"),
+        (COMPILERS[2], "nominal", "double"),
         (COMPILERS[3], "sliding", "float"),
         (COMPILERS[0], "sliding_mechanism", "float"),
         (COMPILERS[3], "palletiser", "double"),
@@ -64,7 +64,7 @@ def test_every_kernel_compiles_alone_without_a_warning(command, name, real, tmp_
 
 
 def test_no_kernel_is_left_out(tmp_path):
-    used = {file for name in ("sliding", "nearly", "palletiser") for file in prepare(tmp_path, arm(name))}
+    used = {file for name in ("sliding", "nearly", "nominal", "palletiser") for file in prepare(tmp_path, arm(name))}
     assert used == set(KERNELS)
 
 

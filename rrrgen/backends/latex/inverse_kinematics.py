@@ -72,6 +72,8 @@ class ClosedForm:
             head.append(f"redundancy parameter: {self.plan.redundancy}")
         if self.plan.incomplete:
             head.append(f"incomplete: {self.plan.incomplete}")
+        if self.plan.approach:
+            head.append(self.plan.approach)
         head += [f"singular: {_said(singularity)}" for singularity in self.singularities]
         if self.values:
             head.append("with " + ", ".join(f"{symbol} = {value}" for symbol, value in self.values))

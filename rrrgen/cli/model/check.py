@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from rrrgen.cli.arguments import complete_robot, json_option, print_json, read_robot
 from rrrgen.cli.colour import failed, fault_text, passed
 from rrrgen.errors import Fault, InputError
+
+if TYPE_CHECKING:
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 @click.command()
@@ -38,7 +41,7 @@ def _check(file: str, strict: bool, quiet: bool) -> dict[str, Any]:
         spec = read_robot(file, strict)
         faults = [fault for fault in spec.faults if isinstance(fault, Fault)]
         coupled = "" if spec.drives is None else ", coupled drives"
-        summary = f"{spec.name}, {spec.n} joints, {spec.convention} DH{coupled}"
+        summary = f"{spec.name}, {spec.n} joints, {spec.convention} DH{coupled}{_approach(spec)}"
     except InputError as error:
         faults = list(error.faults)
     ok = bool(summary)
@@ -47,6 +50,15 @@ def _check(file: str, strict: bool, quiet: bool) -> dict[str, Any]:
             click.echo(fault_text(fault), err=True)
         click.echo(f"{file}: {passed('ok')} ({summary})" if ok else f"{file}: {failed(_count(faults))}")
     return {"file": file, "ok": ok, "summary": summary, "faults": [_plain(fault) for fault in faults]}
+
+
+def _approach(spec: RobotSpec) -> str:
+    """What comes of the wish that the inverse kinematics tries a special arm first; empty where nobody asked."""
+    if spec.ik == "general":
+        return ""
+    from rrrgen.ik.classify import plan
+
+    return f", {plan(spec).approach}"
 
 
 def _count(faults: list[Fault]) -> str:

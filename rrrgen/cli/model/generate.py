@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -11,7 +12,15 @@ import click
 
 from rrrgen import pipeline
 from rrrgen.backends import Language
-from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, real_option, robot_argument, words
+from rrrgen.cli.arguments import (
+    ik_option,
+    json_option,
+    print_json,
+    read_with_warnings,
+    real_option,
+    robot_argument,
+    words,
+)
 from rrrgen.cli.experiments.controller_code import controller_files, controller_options
 from rrrgen.cli.progress import progress_bar
 from rrrgen.parallel_map import usual_jobs
@@ -62,6 +71,7 @@ GROUPS = ("control", "elastic", "observer", "points", "timing", "trajectory")
     default=usual_jobs,
     help="Number of processes; does not change the files.  [default: number of cores, up to 6]",
 )
+@ik_option
 @controller_options
 @json_option
 @click.option("-v", "--verbose", is_flag=True, help="Report what each step did, on stderr.")
@@ -75,6 +85,7 @@ def generate(
     only_check: bool,
     casadi_files: bool | None,
     jobs: int,
+    method: str | None,
     as_json: bool,
     verbose: bool,
     **experiment: Any,
@@ -107,6 +118,7 @@ def generate(
     start = time.perf_counter()
     with_casadi = _with_casadi(casadi_files)
     spec = read_with_warnings(robot)
+    spec = spec if method is None else replace(spec, ik=method)
     wanted = {*spec.emit, *further}
     groups = ("model", *sorted(wanted & set(GROUPS)))
     languages: tuple[Language, ...] = tuple(each for each in get_args(Language) if each in wanted)
@@ -181,5 +193,9 @@ def _print_summary(model: DerivedModel, output: Path, files: Iterable[str]) -> N
     for function in ("forward_kinematics", "mass_matrix", "inverse_dynamics", "forward_dynamics", "regressor"):
         if function in model.programs:
             click.echo(f"  {function:20} {count_operations(model.programs[function])}")
+    if model.spec.ik != "general":
+        from rrrgen.ik.classify import plan
+
+        click.echo(plan(model.spec).approach)
     written = dict.fromkeys(file.partition("/")[0] + "/" * ("/" in file) for file in files)
     click.echo(f"written to {output}: {', '.join(written)}")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument, terminal_width
+from rrrgen.cli.arguments import ik_option, json_option, print_json, read_with_warnings, robot_argument, terminal_width
 from rrrgen.cli.colour import doubtful
 from rrrgen.text_table import text_table
 
@@ -43,8 +44,11 @@ NUMBER = 10
     show_default=True,
     help="Compiled C, or the recorded equations in Python, which need no compiler.",
 )
+@ik_option
 @json_option
-def ik(robot: str, pose: str, near: str | None, backend: EngineName, as_json: bool, **options: Any) -> int:
+def ik(
+    robot: str, pose: str, near: str | None, backend: EngineName, method: str | None, as_json: bool, **options: Any
+) -> int:
     """Solve the inverse kinematics in closed form: all configurations that reach a pose.
 
     Prints the family of the arm and one line per solution with its branch. If there is none, prints the reason and the
@@ -58,6 +62,7 @@ def ik(robot: str, pose: str, near: str | None, backend: EngineName, as_json: bo
     from rrrgen.runtime.inverse_kinematics import load_solver
 
     spec = read_with_warnings(robot)
+    spec = spec if method is None else replace(spec, ik=method)
     solver = load_solver(spec, backend=backend)
     target = _target(pose)
     reference = None if near is None else _numbers(near, "--near", (solver.n,))
@@ -109,6 +114,7 @@ def _record(spec: RobotSpec, solver: InverseKinematics, found: IKResult) -> dict
         "family": str(solver.plan.family),
         "max_solutions": solver.max_solutions,
         "incomplete": solver.plan.incomplete or None,
+        "approach": solver.plan.approach or None,
         "status": found.status,
         "reason": found.reason,
         "distance": found.distance,
@@ -141,5 +147,7 @@ def _print(spec: RobotSpec, solver: InverseKinematics, found: IKResult) -> None:
     if not len(found):
         distance = f", {found.distance:.6g} m from reach" if found.distance > 0 else ""
         click.echo(f"{doubtful('no solution')}: {found.status}{': ' + found.reason if found.reason else ''}{distance}")
+    if solver.plan.approach:
+        click.echo(solver.plan.approach)
     if solver.plan.incomplete:
         click.echo(f"there may be more: {solver.plan.incomplete}")

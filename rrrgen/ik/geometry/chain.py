@@ -13,7 +13,9 @@ tool. The numbers come from exact SymPy values of the nominal geometry, so a rig
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
@@ -75,7 +77,9 @@ class Chain:
     """A serial chain in the form of this module: ``base``, the ``joints`` with ``links`` between them, and ``tip``.
 
     ``links[i]`` is the constant transform between ``joints[i]`` and ``joints[i+1]``; ``base`` (K_0) comes before the
-    first joint and ``tip`` (K_n) after the last one.
+    first joint and ``tip`` (K_n) after the last one. ``slides``, if any, are displacements (m) of the frames of the
+    joints along their axes, which bring frames that lie far away to the arm: :attr:`transforms` and :attr:`reach` are
+    those of the displaced frames.
     """
 
     name: str
@@ -83,6 +87,7 @@ class Chain:
     joints: tuple[Joint, ...]
     links: tuple[Link, ...]
     tip: Matrix
+    slides: tuple[float, ...] = field(default=(), repr=False)
 
     @property
     def n(self) -> int:
@@ -100,7 +105,11 @@ class Chain:
 
         A chain without any length (all axes through the tip) has reach 1.
         """
-        total = sum(abs(float(link.a)) + abs(float(link.d)) for link in self.links)
+        if self.slides:
+            between = self.transforms[1:-1]
+            total = sum(sum(float(row[3]) ** 2 for row in matrix) ** 0.5 for matrix in between)
+        else:
+            total = sum(abs(float(link.a)) + abs(float(link.d)) for link in self.links)
         total += sum(float(self.tip[i][3]) ** 2 for i in range(3)) ** 0.5
         return total if total > 0.0 else 1.0
 
@@ -108,6 +117,15 @@ class Chain:
     def scale(self) -> float:
         """Bound (m) on the tip's coordinates in the base frame: the reach plus the first joint's distance from it."""
         return self.reach + float(sum(float(self.base[i][3]) ** 2 for i in range(3)) ** 0.5)
+
+    @cached_property
+    def transforms(self) -> tuple[Matrix, ...]:
+        """The constant 3x4 transforms before joint 1, between the joints and behind the last one."""
+        plain = (self.base, *(link.matrix() for link in self.links), self.tip)
+        if not self.slides:
+            return plain
+        before, behind = (0.0, *self.slides), (*self.slides, 0.0)
+        return tuple(_slid(matrix, *ends) for matrix, *ends in zip(plain, before, behind, strict=True))
 
     def forward(self, q: Any) -> Any:
         """Forward kinematics: the tip pose (4, 4) in the base frame at the joint values ``q`` (n,), rad or m."""
@@ -157,6 +175,15 @@ class Chain:
             else:
                 columns.append(np.concatenate([z, np.zeros(3)]))
         return np.array(columns).T.reshape(6, self.n)
+
+
+def _slid(matrix: Matrix, before: float, behind: float) -> Matrix:
+    """``Tz(-before) matrix Tz(behind)``, rounded once: the terms may be a thousand times their sum."""
+    rows = []
+    for i, row in enumerate(matrix):
+        exact = Fraction(row[3]) + Fraction(row[2]) * Fraction(behind) - (Fraction(before) if i == 2 else 0)
+        rows.append((*row[:3], float(exact)))
+    return tuple(rows)
 
 
 def multiply(A: Matrix, B: Matrix) -> Matrix:

@@ -76,8 +76,8 @@ def general6r_tables(
             "(three through one point, or more parallel ones) that the general solver cannot take"
         )
     second = [e for e in choices if e.kept_joint != choices[0].kept_joint]
-    rows = tuple((*_turn(x), y / length, z / length) for x, y, z in zip(alpha, a, d, strict=True))
-    return General6RTables(rows, length, (choices[0], *second[:1]), slide, _turn(theta))
+    rows = tuple((*cosine_and_sine(x), y / length, z / length) for x, y, z in zip(alpha, a, d, strict=True))
+    return General6RTables(rows, length, (choices[0], *second[:1]), slide, cosine_and_sine(theta))
 
 
 @cache
@@ -150,7 +150,7 @@ def passes(tables: General6RTables, real: str) -> list[tuple[tuple[int, ...], fl
     return found
 
 
-def _turn(angle: float) -> tuple[float, float]:
+def cosine_and_sine(angle: float) -> tuple[float, float]:
     """Cosine and sine of ``angle`` (rad), correctly rounded and so the same on every machine.
 
     Values that differ from an integer only by the rounding of the angle, as at pi/2, become that integer.

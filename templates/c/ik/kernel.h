@@ -22,6 +22,7 @@
  *   SOUND                ik_branches also computes the residuals, so that accurate candidates need no refinement
  *   ASPECTS              the branch label is the sign of the Jacobian's determinant
  *   INCOMPLETE           solutions may be missing: only a simpler arm close to this one could be solved
+ *   NOMINAL_FIRST        the candidates of an arm nearby are refined first, and the general equations are for cases of doubt
  *   COUPLED              the joints are those of a mechanism, which its chain from base to tip follows: functions chain_...
  *   CHAIN_SLIDES, MIXED  that chain has a prismatic joint; the chain or the mechanism has one
  *   GEARED               several positions of the joints give one configuration of the chain
@@ -55,6 +56,7 @@
  *   MATRIX, RATES, INVERSE, PIVOTS, TURNS, COMBINATIONS, PERIODS, FOLLOWERS, FOLLOWER_..., LOCKED_FACTOR, UNFIT_STAGE
  *                        tables of the coupling, described in coupling.c and coupled.c
  *   STEPS                most Gauss-Newton steps for a candidate
+ *   LANES                solutions that are refined together, at most as many as the arm nearby has
  *   OPEN_BITS, MERGED_BITS   inner flags of the joints that may be free; statements that set the bits of the branch number
  *                        which have no meaning while a joint is free
  *   FAR_STAGE, CHECK_STAGE, OUTSIDE_STAGE, REASONS, REASON_COUNT, STATUS_TEXTS, LAST_STATUS, UNKNOWN_STATUS
@@ -133,6 +135,7 @@ REAL ik_opposite(REAL x);
 REAL ik_atan2(REAL y, REAL x);
 void ik_arcs(int count, const REAL *RESTRICT sine, const REAL *RESTRICT cosine, REAL *RESTRICT angle);
 /* roots.c */
+REAL ik_wide(REAL slack, REAL size, REAL unit);
 int ik_root(REAL w2, REAL size, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags);
 int ik_cosine(REAL *k, REAL w2, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags);
 int ik_linear(REAL *a, REAL *b, REAL *k, REAL w2, REAL unit, REAL ref, REAL least, unsigned open, unsigned none, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags);
@@ -154,6 +157,14 @@ unsigned ik_aspect(const REAL *T, const REAL *q);
 /* candidates6r.c, or printed from the equations of the robot */
 int ik_branches(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL least BAND_PARAMETER, ik_solutions *found, int *stage);
 int ik_nearby(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL least BAND_PARAMETER, ik_solutions *found, int *stage);
+/* nominal.c, and the step printed from the geometry of the robot */
+int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions *found, ik_solutions *out);
+#if NOMINAL_FIRST
+void ik_newton(
+    const REAL *RESTRICT T, REAL (*RESTRICT x)[LANES], REAL *RESTRICT error, REAL *RESTRICT moved, REAL *RESTRICT inverse,
+    REAL *RESTRICT det);
+ik_status ik_answer(TARGET_PARAMETER const REAL *q_ref, unsigned options, ik_solutions *out);
+#endif
 /* rows.c, or coupling.c; order.c */
 extern const REAL ik_lower[JOINTS];
 extern const REAL ik_upper[JOINTS];

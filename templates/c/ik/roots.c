@@ -1,6 +1,14 @@
 /* Equations of the closed forms: square roots, a cos x + b sin x = k, quadratic and quartic equations; scaling to unit
  * length, and the angle nearest to a reference for which an inequality holds. Needs angles.c. */
 #include "kernel.h"
+#if NOMINAL_FIRST
+/* The slack of a discriminant of size `size` that is the difference of two squares of lengths, each in error by parts of
+ * `unit`. */
+LOCAL REAL ik_wide(REAL slack, REAL size, REAL unit)
+{
+    return slack * ((REAL)1 + unit / (SQRT(size) + IK_TOL_EPS * unit));
+}
+#endif
 #if NEEDS_ROOT || NEEDS_LINEAR || NEEDS_COSINE || NEEDS_QUADRATIC
 
 #if BANDED
@@ -46,7 +54,12 @@ LOCAL int ik_cosine(REAL *k, REAL w2, REAL slack BAND_PARAMETER, REAL *w, unsign
 LOCAL int ik_linear(REAL *a, REAL *b, REAL *k, REAL w2, REAL unit, REAL ref, REAL least, unsigned open, unsigned none, REAL slack BAND_PARAMETER, REAL *w, unsigned *flags)
 {
     const REAL h2 = *a * *a + *b * *b;
+#if NOMINAL_FIRST
+    const REAL doubt = least > IK_TOL_DOUBT ? least : IK_TOL_DOUBT;
+    if (h2 <= doubt * unit * (doubt * unit)) {
+#else
     if (h2 <= IK_TOL_DOUBT * unit * (IK_TOL_DOUBT * unit)) {
+#endif
         *flags |= open;
         if (h2 <= least * unit * (least * unit)) {
             *w = (REAL)0;
@@ -62,7 +75,12 @@ LOCAL int ik_linear(REAL *a, REAL *b, REAL *k, REAL w2, REAL unit, REAL ref, REA
     }
     { /* square root and quotient are independent, so that the processor can overlap them */
         const REAL i = (REAL)1 / h2;
+#if NOMINAL_FIRST
+        const REAL wide = least > IK_TOL_FREE ? ik_wide(slack, h2, unit) : slack;
+        const int n = ik_root(w2 >= (REAL)0 ? w2 : h2 - *k * *k, h2, wide BAND, w, flags);
+#else
         const int n = ik_root(w2 >= (REAL)0 ? w2 : h2 - *k * *k, h2, slack BAND, w, flags);
+#endif
         *w *= i;
         *k = (n == 1 ? COPYSIGN(SQRT(h2), *k) : *k) * i;
         return n;
@@ -83,6 +101,11 @@ LOCAL unsigned ik_unit(REAL *c, REAL *s, REAL least, unsigned open, unsigned non
         }
         flags = open;
     }
+#if NOMINAL_FIRST
+    if (h2 <= least * least) {
+        return none;
+    }
+#endif
     {
         const REAL i = (REAL)1 / SQRT(h2);
         *c *= i;

@@ -1,5 +1,17 @@
 /* All solutions for one target. Needs all other kernels. */
 #include "kernel.h"
+#if NOMINAL_FIRST
+/* The answer with solutions that are known to be all. */
+LOCAL ik_status ik_answer(TARGET_PARAMETER const REAL *q_ref, unsigned options, ik_solutions *out)
+{
+    (void)ik_finish(TARGET_FIRST q_ref, options, out);
+    if (options & IK_NEAREST) {
+        ik_sort(q_ref, out);
+    }
+    return out->count > 0 ? IK_OK : IK_OUTSIDE_LIMITS;
+}
+
+#endif
 SHARED ik_status robot_inverse_kinematics(
     const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
     ik_solutions *RESTRICT out)
@@ -28,6 +40,13 @@ SHARED ik_status robot_inverse_kinematics(
         out->distance = (REAL)-1;
         return IK_UNREACHABLE;
     }
+#if NOMINAL_FIRST
+    rows = ik_nominal_first(T, ref REDUNDANCY, found, out);
+    if (rows > 0) {
+        out->count = rows;
+        return ik_answer(TARGET_FIRST q_ref, options, out);
+    }
+#endif
     rows = ik_branches(T, ref REDUNDANCY, IK_TOL_SLACK, IK_TOL_FREE NO_BAND, found, &out->stage);
 #if SOUND
     if (ik_sound(found, rows)) {

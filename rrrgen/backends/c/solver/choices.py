@@ -13,6 +13,9 @@ from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_tu
 from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.ik.tolerances import SIZE_OF_NOTHING
 
+USUAL_RATIO = 10.0
+"""Terms of an equation over the length of its direction up to which margins hold as they are."""
+
 
 class CBuilder(Scaffold):
     """The builder that prints a recorded solver as C statements, with a loop over the roots of each equation."""
@@ -24,7 +27,7 @@ class CBuilder(Scaffold):
         a, b, k = self.pool.of(A), self.pool.of(B), self.pool.of(C)
         tag = self._tag(joint)
         if a.is_const and b.is_const:
-            return self._fixed_pair(joint, a.value, b.value, k, label, tag, radicand)
+            return self._fixed_pair(joint, a.value, b.value, k, label, tag, radicand, unit)
         w2 = "(REAL)-1" if radicand is None else "{4}"
         extra = () if radicand is None else (self.pool.of(radicand),)
         a, b, k, w, n = self._add(
@@ -45,7 +48,7 @@ class CBuilder(Scaffold):
         return self._angle(joint, self._turned(tag, a * k - b * v, b * k + a * v))
 
     def _fixed_pair(
-        self, joint: Joint, a: float, b: float, k: Scalar, label: Label, tag: str, radicand: S | None
+        self, joint: Joint, a: float, b: float, k: Scalar, label: Label, tag: str, radicand: S | None, unit: float
     ) -> Turn:
         """Print the solution of ``a cos(x) + b sin(x) = k`` with constant a and b, and a loop over both angles."""
         h = hypot(a, b)
@@ -64,7 +67,7 @@ class CBuilder(Scaffold):
         (n,) = self._add(
             (
                 f"unsigned f{tag} = 0u;",
-                f"const int n{tag} = ik_cosine(&k{tag}, {{0}}, {self._slack}, &w{tag}, &f{tag});",
+                f"const int n{tag} = ik_cosine(&k{tag}, {{0}}, {self._enlarged(unit / h)}, &w{tag}, &f{tag});",
             ),
             (w2, cosine),
             defines=(f"n{tag}",),
@@ -74,6 +77,19 @@ class CBuilder(Scaffold):
         self._flags.append(f"f{tag}")
         v = self._loop(tag, n, w, label, f"v{tag}")
         return self._angle(joint, self._turned(tag, ca * cosine - sa * v, sa * cosine + ca * v))
+
+    def _enlarged(self, ratio: float) -> str:
+        """The slack of a cosine whose terms are ``ratio`` times its divisor: with margins, larger for large ratios."""
+        if not self._margins or ratio <= USUAL_RATIO:
+            return self._slack
+        return self._slack.replace("slack", f"{self._real(ratio / USUAL_RATIO)} * slack", 1)
+
+    def _widened(self, size: str, unit: float) -> str:
+        """The slack of a discriminant that is small where lengths (of the size ``unit``) are: wider with margins."""
+        if not self._margins:
+            return self._slack
+        wide = f"least > IK_TOL_FREE ? ik_wide(slack, {size}, {self._real(unit)}) : slack"
+        return self._slack.replace("slack", wide, 1)
 
     def _loop(self, tag: str, n: Scalar, w: Scalar, label: Label, name: str) -> Scalar:
         """Open a loop over the ``n`` signs of ``w``; returns the signed value, which gets the name ``name``."""
@@ -96,7 +112,7 @@ class CBuilder(Scaffold):
             (
                 f"REAL w{tag};",
                 f"unsigned f{tag} = 0u;",
-                f"const int n{tag} = ik_root({{0}}, {{1}}, {self._slack}, &w{tag}, &f{tag});",
+                f"const int n{tag} = ik_root({{0}}, {{1}}, {self._widened('{1}', unit)}, &w{tag}, &f{tag});",
             ),
             (node, big),
             defines=(f"w{tag}", f"n{tag}"),
@@ -195,11 +211,14 @@ class CBuilder(Scaffold):
             self._needs.add("feasible")
         bit, scale = self._open_bit(joint), "" if unit == 1.0 else f" * {self._real(unit)}"
         doubt, free = f"(IK_TOL_DOUBT{scale})", f"(least{scale})"
+        doubtful = f"{{2}} > {doubt} * {doubt}"
+        if self._margins:  # `least` may be larger than what is doubtful otherwise
+            doubtful = f"{doubtful} && {{2}} > {free} * {free}"
         self._flags.append(f"f{tag}")
         a, b, f = self._add(
             (
                 f"REAL a{tag} = {{0}}, b{tag} = {{1}};",
-                f"const unsigned f{tag} = {{2}} > {doubt} * {doubt} ? 0u : "
+                f"const unsigned f{tag} = {doubtful} ? 0u : "
                 f"{{2}} > {free} * {free} ? {bit} : {self._free_bits(joint)};",
                 f"if ((f{tag} & (unsigned)IK_FREE) != 0u) {{",
                 f"    const REAL x{tag} = {reference};",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.backends import Real
@@ -15,6 +15,7 @@ from rrrgen.backends.c.solver.choices import CBuilder
 from rrrgen.backends.c.solver.counting import SolverOperations, sum_of
 from rrrgen.backends.c.solver.kernels import KernelDialect, Settings, kernel, specialize
 from rrrgen.backends.c.solver.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
+from rrrgen.backends.c.solver.newton import newton_text
 from rrrgen.backends.c.solver.passes import PASSES, Pass
 from rrrgen.backends.c.solver.settings import reopening, settings
 from rrrgen.backends.c.solver.statements import CBody
@@ -23,8 +24,10 @@ from rrrgen.backends.c.trigonometry import LibmSinCos
 from rrrgen.errors import DerivationError
 from rrrgen.ik.answers import STATUS_TEXTS, labels, most_rows, opens, parts_of, reasons_of
 from rrrgen.ik.classify import plan as make_plan
-from rrrgen.ik.plan import SolverPlan
-from rrrgen.ik.tolerances import runtime
+from rrrgen.ik.plan import NominalFirst, SolverPlan
+from rrrgen.ik.recording.newton import newton_program
+from rrrgen.ik.tolerances import nominal_margins, runtime
+from rrrgen.program import count_operations
 from rrrgen.resources import render
 from rrrgen.version import VERSION
 
@@ -78,6 +81,8 @@ def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = No
         "incomplete": plan.incomplete or None,
         "singular": [singularity.words for singularity in plan.singularities],
     }
+    if plan.nominal_first is not None:
+        data["nominal_first"] = _nominal_data(plan, plan.nominal_first)
     if plan.solvable:
         emitted = emit(spec, plan, real)
         counted = emitted.operations
@@ -91,6 +96,19 @@ def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = No
             "stack": emitted.stack,
         }
     return data
+
+
+def _nominal_data(plan: SolverPlan, first: NominalFirst) -> dict[str, Any]:
+    """The entry of the manifest about the special arm whose solutions are tried first."""
+    special = parts_of(plan)[-1]
+    return {
+        "family": special.family,
+        "title": special.title,
+        "deviation": first.deviation,
+        "special": list(first.changes),
+        "margins": nominal_margins(first.deviation),
+        "operations_of_a_step": asdict(count_operations(newton_program(plan.chain, plan.locked))),
+    }
 
 
 def _public(spec: RobotSpec) -> list[str]:
@@ -129,6 +147,7 @@ def _body(plan: SolverPlan, part: SolverPlan, dialect: Dialect, passes: Sequence
         position_only=part.task == "position",
         trusted=not part.snapped,
         banded=plan.snapped or plan.companion is not None,
+        margins=plan.nominal_first is not None,
     )
     part.equations.play(builder)
     return builder.body(passes)
@@ -156,11 +175,14 @@ def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> t
     )
     if plan.coupling is None:
         stem = f"{dialect.prefix}_ik"
-        parts = [*_chain_parts(plan, bodies, chosen, stem), *(kernel(f"ik/{name}.c", chosen) for name in PUBLIC)]
+        parts = [
+            *_chain_parts(plan, bodies, chosen, stem, dialect),
+            *(kernel(f"ik/{name}.c", chosen) for name in PUBLIC),
+        ]
     else:
         stem, inner = f"{dialect.prefix}_ik_chain", chain_settings(chosen, dialect)
         outer = mechanism_settings(inner, plan, plan.coupling, dialect)
-        parts = [chain_type(plan, dialect), *_chain_parts(chain, bodies, inner, stem), *mechanism_parts(outer)]
+        parts = [chain_type(plan, dialect), *_chain_parts(chain, bodies, inner, stem, dialect), *mechanism_parts(outer)]
     text = render(
         "c/ik/source.c.j2",
         stem=f"{dialect.prefix}_ik",
@@ -171,7 +193,9 @@ def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> t
     return text, most_rows(plan)
 
 
-def _chain_parts(plan: SolverPlan, bodies: list[CBody | None], chosen: Settings, stem: str) -> list[str]:
+def _chain_parts(
+    plan: SolverPlan, bodies: list[CBody | None], chosen: Settings, stem: str, dialect: Dialect
+) -> list[str]:
     """The C text that solves a chain for one target: constants, kernels, lists of candidates."""
     general = ("trig_roots", "general6r", "aspect", "candidates6r") if plan.general else ()
     texts = {name: kernel(f"ik/{name}.c", chosen) for name in (*BEFORE, *general, *BEHIND)}
@@ -188,7 +212,9 @@ def _chain_parts(plan: SolverPlan, bodies: list[CBody | None], chosen: Settings,
     found = [kernel("ik/constants.h", chosen), *(texts[name] for name in (*BEFORE, *general[:-1]))]
     found += [*lists, *(texts[name] for name in BEHIND[:4])]
     found += [texts["open"], *reopened] if reopened else []
-    return found + [texts[name] for name in BEHIND[5:]]
+    found += [texts[name] for name in BEHIND[5:-1]]
+    found += [newton_text(plan, dialect, chosen), kernel("ik/nominal.c", chosen)] if plan.nominal_first else []
+    return [*found, texts[BEHIND[-1]]]
 
 
 BEFORE = ("angles", "roots", "error", "refine")

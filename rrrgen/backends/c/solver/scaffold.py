@@ -38,11 +38,13 @@ class Scaffold:
         position_only: bool = False,
         trusted: bool = True,
         banded: bool = False,
+        margins: bool = False,
     ) -> None:
         self.pool = Pool()
         self._target = target
         self._trusted = trusted
         self._slack = "slack, band" if banded else "slack"
+        self._margins = margins
         self.length = length
         self._joints = {joint.index: joint for joint in joints}
         self._position_only = position_only

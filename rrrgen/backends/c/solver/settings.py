@@ -14,7 +14,7 @@ from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, Matrix
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.solutions.general6r import General6RTables, passes, shifts, tables_of
-from rrrgen.ik.tolerances import kernel_values
+from rrrgen.ik.tolerances import kernel_values, nominal_margins
 
 NEEDS = (
     "arcs",
@@ -74,6 +74,7 @@ def settings(
         "SOUND": not banded and not needs & {"near", "unknown"},
         "ASPECTS": plan.general,
         "INCOMPLETE": bool(plan.incomplete),
+        "NOMINAL_FIRST": plan.nominal_first is not None,
         **{f"NEEDS_{name.upper()}": name in needs for name in NEEDS},
         "NEEDS_ATAN2": "R" in plan.chain.types or not position,
     }
@@ -104,6 +105,10 @@ def settings(
         "UNKNOWN_STATUS": f"{len(texts)}u",
         "ik_last_candidates": f"{stem}_{last}",
     }
+    if plan.nominal_first is not None and plan.companion is not None:
+        margins = nominal_margins(plan.nominal_first.deviation)
+        words |= {"LANES": str(plan.companion.max_solutions)}
+        words |= {f"VALUE_{name.upper()}": repr(value) for name, value in margins.items()}
     if plan.general:
         more, tables = _general(plan, dialect)
         options, words = options | more, words | tables
@@ -168,14 +173,13 @@ def _chain(chain: Chain, dialect: Dialect) -> dict[str, str]:
     def bound(x: float | None, side: int) -> float:
         return side * 1e30 if x is None else float(x)
 
-    fixed = [chain.base, *(link.matrix() for link in chain.links), chain.tip]
     sliding = sum(1 << k for k, joint in enumerate(chain.joints) if not joint.revolute)
     return {
         "JOINTS": str(chain.n),
         "LAST_JOINT": str(chain.n - 1),
         "SLIDING": f"0x{sliding:x}u",
         "TRANSFORMS": str(chain.n + 1),
-        "FIXED": table([_signed((x for row in matrix for x in row), dialect) for matrix in fixed]),
+        "FIXED": table([_signed((x for row in matrix for x in row), dialect) for matrix in chain.transforms]),
         "OFFSET_VALUES": _signed((joint.offset for joint in chain.joints), dialect),
         "LOWER": _signed((bound(joint.lower, -1) for joint in chain.joints), dialect),
         "UPPER": _signed((bound(joint.upper, 1) for joint in chain.joints), dialect),

@@ -62,6 +62,8 @@ def opening(spec: RobotSpec, plan: SolverPlan, real: Real, counted: SolverOperat
     if plan.coupling is not None:
         rows = f"The joints from base to tip ({' '.join(plan.chain.types)}) follow q: "
         lines += textwrap.wrap(rows + "; ".join(mechanism_equations(spec)) + ".", 116)
+    if plan.approach:
+        lines += textwrap.wrap(f"{plan.approach[0].upper()}{plan.approach[1:]}.", 116)
     for singularity in plan.singularities:
         lines += textwrap.wrap(f"Singular: {singularity.words}", 116)
     if counted is not None:

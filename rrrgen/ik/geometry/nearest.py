@@ -1,0 +1,99 @@
+"""The special arm nearest to a chain: nearly parallel axes made parallel where the arm is, small geometry set to zero.
+
+The common perpendicular of nearly parallel axes may lie hundreds of metres away, and d and a of their rows say little
+about the arm. Frames are therefore moved along their axes first, to where the axis pierces the plane of the frame
+before it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import acos, atan2, cos, hypot, pi, sin
+
+from rrrgen.ik.geometry.chain import Chain, Link
+from rrrgen.ik.geometry.snap import snapped
+
+PARALLEL = 0.02
+"""Axes with a smaller sine of their angle are nearly parallel: where their common perpendicular lies says nothing."""
+
+FAR = 2.0
+"""Frames are moved where that shortens the arm, as the sum of its lengths, by more than this factor."""
+
+
+def with_near_frames(chain: Chain) -> Chain:
+    """``chain`` with the displacements of its frames along their axes, where frames lie far from the arm."""
+    level, slides = _levelled(chain)
+    return replace(chain, slides=slides) if level.reach * FAR < chain.reach else chain
+
+
+def nearest_special(chain: Chain, tolerance: float) -> Chain:
+    """The special arm near ``chain``: lengths (over the reach), sines and cosines below ``tolerance`` become zero.
+
+    Where frames lie far away, nearly parallel axes become parallel whatever the tolerance is.
+    """
+    return snapped(_levelled(chain)[0] if chain.slides else chain, tolerance)
+
+
+def _levelled(chain: Chain) -> tuple[Chain, tuple[float, ...]]:
+    """The chain with nearly parallel axes made parallel, and the displacement of each frame along its axis (m)."""
+    links, slides = [], [0.0]
+    c, s, shift = 1.0, 0.0, 0.0  # what is left of the link before: Rz Tz in the frame of the joint
+    for i, link in enumerate(chain.links):
+        ct, st = c * float(link.ct) - s * float(link.st), s * float(link.ct) + c * float(link.st)
+        moved = replace(link, d=float(link.d) + shift, ct=ct, st=st)
+        c, s, shift = 1.0, 0.0, 0.0
+        if abs(float(link.sa)) < PARALLEL and chain.joints[i].revolute and chain.joints[i + 1].revolute:
+            moved, c, s, shift = _pierced(moved)
+        links.append(moved)
+        slides.append(-shift)
+    tip = tuple(
+        (c * float(x) - s * float(y), s * float(x) + c * float(y), float(z)) for x, y, z in zip(*chain.tip, strict=True)
+    )
+    rows = [list(row) for row in zip(*tip, strict=True)]
+    rows[2][3] += shift
+    level = replace(chain, links=tuple(links), tip=tuple(map(tuple, rows)), slides=())
+    return level, tuple(slides)
+
+
+def _pierced(link: Link) -> tuple[Link, float, float, float]:
+    """A link between parallel axes in place of one between nearly parallel ones, and the rest Rz(c, s) Tz(shift)."""
+    M = link.matrix()
+    shift = float(M[2][3]) / float(M[2][2])
+    x, y = (float(M[i][3]) - shift * float(M[i][2]) for i in range(2))
+    a = hypot(x, y)
+    ct, st = (x / a, y / a) if a > 0.0 else (1.0, 0.0)
+    ca = 1.0 if float(M[2][2]) > 0 else -1.0
+    rest = atan2(ca * (float(M[1][0]) * ct - float(M[0][0]) * st), float(M[0][0]) * ct + float(M[1][0]) * st)
+    return Link(0.0, a, ca, 0.0, ct, st), cos(rest), sin(rest), shift
+
+
+def deviation(chain: Chain, special: Chain) -> float:
+    """How far the poses of two arms differ at random configurations: rad, and m over the reach, whichever is more."""
+    import numpy as np
+
+    rng, most = np.random.default_rng(23), 0.0
+    for _ in range(40):
+        q = rng.uniform(-pi, pi, chain.n)
+        for joint in chain.joints:
+            if not joint.revolute:
+                q[joint.index] *= chain.reach / pi
+        T, S = chain.forward(q), special.forward(q)
+        angle = acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(T[:3, :3].T @ S[:3, :3])) - 1))))
+        most = max(most, angle, float(np.linalg.norm(T[:3, 3] - S[:3, 3])) / chain.reach)
+    return most
+
+
+def changes(chain: Chain, special: Chain) -> tuple[str, ...]:
+    """What is special in ``special`` and not in ``chain``, a phrase for each link with the numbers of ``chain``."""
+    found = []
+    level = _levelled(chain)[0] if chain.slides else chain
+    for k, (link, own, snap) in enumerate(zip(chain.links, level.links, special.links, strict=True), 1):
+        if float(link.sa) and not float(snap.sa):
+            found.append(f"axes {k} and {k + 1} parallel (off by {abs(float(link.sa)):.2g} rad)")
+        if float(link.ca) and not float(snap.ca):
+            found.append(f"axes {k} and {k + 1} at a right angle (off by {abs(float(link.ca)):.2g} rad)")
+        if float(own.a) and not float(snap.a):
+            found.append(f"axes {k} and {k + 1} meeting (off by {abs(float(own.a)):.2g} m)")
+        if float(own.d) and not float(snap.d):
+            found.append(f"no offset along axis {k} (off by {abs(float(own.d)):.2g} m)")
+    return tuple(found)
