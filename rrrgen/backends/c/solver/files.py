@@ -15,7 +15,7 @@ from rrrgen.backends.c.solver.choices import CBuilder
 from rrrgen.backends.c.solver.counting import SolverOperations, sum_of
 from rrrgen.backends.c.solver.kernels import KernelDialect, Settings, kernel, specialize
 from rrrgen.backends.c.solver.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
-from rrrgen.backends.c.solver.newton import newton_text
+from rrrgen.backends.c.solver.parts.newton import newton_text
 from rrrgen.backends.c.solver.passes import PASSES, Pass
 from rrrgen.backends.c.solver.settings import reopening, settings
 from rrrgen.backends.c.solver.statements import CBody
