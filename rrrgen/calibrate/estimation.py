@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -110,7 +110,7 @@ def _aligned(nominal: Geometry, measured: Measurements) -> Geometry:
     R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, values.mean(0) - R @ p.mean(0)
-    return nominal if len(p) < 3 else Geometry(T @ nominal.base, nominal.rows, nominal.tool, nominal.revolute)
+    return nominal if len(p) < 3 else replace(nominal, base=T @ nominal.base)
 
 
 def _system(

@@ -47,17 +47,26 @@ class Entry:
 
 @dataclass(frozen=True)
 class Geometry:
-    """``base`` and ``tool`` (4, 4), ``rows`` (n, 5) of theta, d, a, alpha, beta, and which joints are revolute."""
+    """``base`` and ``tool`` (4, 4), ``rows`` (n, 5) of theta, d, a, alpha, beta, and which rows are revolute.
+
+    ``coupling`` (n, joints) is the matrix S of a mechanism, whose rows move by S q; None where they move by q.
+    """
 
     base: Array
     rows: Array
     tool: Array
     revolute: tuple[bool, ...]
+    coupling: Array | None = None
 
     @property
     def n(self) -> int:
-        """Number of joints."""
+        """Number of rows."""
         return len(self.revolute)
+
+    @property
+    def joints(self) -> int:
+        """Number of joint positions q that are measured: in a mechanism rows follow them."""
+        return self.n if self.coupling is None else int(self.coupling.shape[1])
 
     def entries(self) -> list[Entry]:
         """List every parameter that measurements may determine.
@@ -81,6 +90,7 @@ class Geometry:
 
     def _frames(self, q: Array) -> list[Array]:
         """Poses (N, 4, 4) of the frames before each rotation about z, each twist and each beta, and of the tip."""
+        q = q if self.coupling is None else q @ self.coupling.T
         T = np.broadcast_to(self.base, (len(q), 4, 4))
         frames = []
         for i, (theta, d, a, alpha, beta) in enumerate(self.rows):
@@ -170,17 +180,24 @@ def rotation_vectors(R: Array) -> Array:
 
 def geometry_of(spec: RobotSpec) -> Geometry:
     """The geometry of a robot file at its nominal parameters."""
-    if spec.mechanism is not None:
-        raise DerivationError(f"{spec.name}: joints that follow others and branches are not calibrated")
+    beside = [
+        row.name for i, row in enumerate(spec.rows) if spec.mechanism and i not in spec.mechanism.path(spec.tip_row)
+    ]
+    if beside:
+        raise DerivationError(
+            f"{spec.name}: {', '.join(beside)} do not lie between base and tip: no measurement of the tip tells their "
+            "place, so that a mechanism with branches is not calibrated"
+        )
     table = dh_rows(spec, nominal=True)
-    rows = np.zeros((spec.n, 5))
+    rows = np.zeros((len(table), 5))
     for i, (row, following) in enumerate(zip(table, (*table[1:], None), strict=True)):
         rows[i, :2] = float(row.theta), float(row.d)
         if following is not None:  # one of the two twists is zero
             rows[i, 2:4] = [float(x + y) for x, y in zip(row.behind, following.before, strict=True)]
     base = _matrix(spec, spec.base) @ _twist(*map(float, table[0].before))
     tool = _twist(*map(float, table[-1].behind)) @ _matrix(spec, spec.tool)
-    return Geometry(base, rows, tool, tuple(joint.is_revolute for joint in spec.joints))
+    coupling = None if spec.mechanism is None else np.array(spec.mechanism.matrix, dtype=float)
+    return Geometry(base, rows, tool, tuple(row.is_revolute for row in spec.rows), coupling)
 
 
 def _twist(a: float, alpha: float) -> Array:

@@ -39,7 +39,7 @@ def minimal_set(geometry: Geometry, kind: Kind) -> MinimalSet:
     """
     entries = geometry.entries()
     random = np.random.default_rng(SEED)
-    q = random.uniform(-np.pi, np.pi, (POSES, geometry.n))
+    q = random.uniform(-np.pi, np.pi, (POSES, geometry.joints))
     J = observed(kind, geometry, q, geometry.jacobian(q, entries)).reshape(-1, len(entries))
     kept: list[int] = []
     left_out: dict[str, str] = {}

@@ -9,6 +9,7 @@ from rrrgen.calibrate.geometry import Geometry
 from rrrgen.calibrate.measurements import Kind, Measurements, observed
 from rrrgen.calibrate.minimal_set import minimal_set
 from rrrgen.errors import InputError
+from rrrgen.model.mechanism import follower_limits
 from rrrgen.robotfile.robot_spec import RobotSpec
 
 CANDIDATES = 2000
@@ -27,11 +28,15 @@ def choose_poses(spec: RobotSpec, geometry: Geometry, kind: Kind, count: int, se
     random = np.random.default_rng(seed)
     lower, upper = _limits(spec)
     q = random.uniform(lower, upper, (CANDIDATES, spec.n))
+    for each in follower_limits(spec):  # rows of a mechanism that follow several joints
+        value = q @ np.array(each.factors)
+        least, most = (end if end is not None else side * np.inf for end, side in ((each.lower, -1), (each.upper, 1)))
+        q = q[(least <= value) & (value <= most)]
     weights = Measurements(kind, q, q, *TYPICAL).weights
     J = observed(kind, geometry, q, geometry.jacobian(q, entries)) * weights[:, None]
     needed = int(np.ceil(len(entries) / J.shape[1])) + 1
-    if not needed <= count < CANDIDATES:
-        raise InputError(f"{count} poses for {len(entries)} parameters; choose {needed} to {CANDIDATES - 1}")
+    if not needed <= count < len(q):
+        raise InputError(f"{count} poses for {len(entries)} parameters; choose {needed} to {len(q) - 1}")
     chosen = list(range(count))
     information = np.einsum("nij,nik->jk", J[chosen], J[chosen])
     first = np.linalg.slogdet(information)[1]

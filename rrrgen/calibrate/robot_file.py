@@ -58,11 +58,11 @@ def _same_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
     joints = []
     before = geometry_of(spec)
     standard = spec.convention == "standard"
-    for i, joint in enumerate(spec.joints):
+    for i, joint in enumerate(spec.rows):
         theta, d = geometry.rows[i, :2]
         changed = {"theta": _kept(joint.theta, spec, theta), "d": _kept(joint.d, spec, d)}
         row = i if standard else i - 1
-        own_twist = 0 <= row < spec.n - 1
+        own_twist = 0 <= row < geometry.n - 1
         for key, column in (("a", 2), ("alpha", 3)):
             nominal = getattr(joint, key)
             changed[key] = _kept(nominal, spec, geometry.rows[row, column]) if own_twist else spec.nominal(nominal)
@@ -74,7 +74,16 @@ def _same_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
         else _twisted(geometry.base, spec, before.base, first=True)
     )
     tool = _twisted(geometry.tool, spec, before.tool, first=False) if standard else geometry.tool
-    return replace(spec, joints=tuple(joints), base=_transform(base), tool=_transform(tool))
+    return replace(_with_rows(spec, joints), base=_transform(base), tool=_transform(tool))
+
+
+def _with_rows(spec: RobotSpec, rows: list[JointSpec]) -> RobotSpec:
+    """Replace the geometry of the rows of the table, which of a mechanism stand beside the joints that q counts."""
+    if spec.mechanism is None:
+        return replace(spec, joints=tuple(rows))
+    geometry = {row.name: {key: getattr(row, key) for key in ("alpha", "a", "d", "theta")} for row in rows}
+    joints = tuple(replace(joint, **geometry[joint.name]) for joint in spec.joints)
+    return replace(spec, joints=joints, mechanism=replace(spec.mechanism, rows=tuple(rows)))
 
 
 def _twisted(T: Array, spec: RobotSpec, nominal: Array, first: bool) -> Array:
@@ -100,14 +109,14 @@ def _new_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
     table = denavit_hartenberg(_chain(spec, frames, geometry), spec.convention, 0.0)
     standard = spec.convention == "standard"
     joints: list[JointSpec] = []
-    for i, joint in enumerate(spec.joints):
+    for i, joint in enumerate(spec.rows):
         row, twist = table.rows[i], table.rows[i if standard else i - 1]
         has_twist = standard or i > 0
         alpha, a = (exact_angle(twist.alpha), exact_length(twist.a)) if has_twist else (sp.S.Zero, sp.S.Zero)
         joints.append(replace(joint, alpha=alpha, a=a, d=exact_length(row.d), theta=exact_angle(row.theta)))
     links = None if spec.links is None else tuple(_links(spec, geometry, frames, table))
     base, tool = fixed_transform(table.base), fixed_transform(table.tool)
-    return replace(spec, joints=tuple(joints), links=links, base=base, tool=tool)
+    return replace(_with_rows(spec, joints), links=links, base=base, tool=tool)
 
 
 def _joint_frames(geometry: Geometry) -> list[Exact]:
@@ -136,7 +145,7 @@ def _turn(axis: int, angle: float, length: float) -> Exact:
 
 def _chain(spec: RobotSpec, frames: list[Exact], geometry: Geometry) -> SerialChain:
     joints = []
-    for joint, frame in zip(spec.joints, frames[:-1], strict=True):
+    for joint, frame in zip(spec.rows, frames[:-1], strict=True):
         named = TreeJoint(joint.name, joint.type, "", "", identity(), vector((0, 0, 1)), Place())
         joints.append(ChainJoint(named, frame[:3, 3], frame[:3, 2], frame))
     nothing = (None,) * geometry.n
@@ -150,7 +159,7 @@ def _links(spec: RobotSpec, geometry: Geometry, frames: list[Exact], table: Dena
     for i, link in enumerate(spec.links):
         after = identity()
         if spec.convention == "standard":
-            joint = spec.joints[i]
+            joint = spec.rows[i]
             after = _turn(0, float(spec.nominal(joint.alpha)), float(spec.nominal(joint.a)))
         xx, yy, zz, xy, xz, yz = link.inertia_about_origin()
         m, com = number(link.mass), vector(link.com)

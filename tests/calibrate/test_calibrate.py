@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -242,3 +243,54 @@ def test_command(tmp_path):
     assert data["measured"] == "point"
     assert len(data["parameters"]) == len(entries)
     assert isinstance(run("--poses", tmp_path / "m.csv", "-o", tmp_path / "c.yaml").exception, InputError)
+
+
+# a wrist whose last drive turns two joints, a gear of 1/2, and parallel axes 2 and 3, which get an angle beta
+COUPLED = """\
+schema: rrrgen/1
+name: coupled
+convention: {convention}
+units: {{angle: deg, length: m}}
+gravity: [0, 0, -9.81]
+joints:
+  - {{name: j1, type: revolute, alpha: 90, a: 0, d: 0.4}}
+  - {{name: j2, type: revolute, alpha: 0, a: 0.43, d: 0}}
+  - {{name: j3, type: revolute, alpha: -90, a: 0.02, d: 0.1, follows: {{j3: 1, j2: -1}}, limits: {{lower: -100, upper: 100}}}}
+  - {{name: j4, type: revolute, alpha: 90, a: 0, d: 0.43, follows: {{j4: 1/2}}}}
+  - {{name: j5, type: revolute, alpha: -90, a: 0, d: 0}}
+  - {{name: j6, type: revolute, alpha: 0, a: 0, d: 0.06, follows: {{j6: 1, j5: 1}}}}
+  - {{name: twin, type: revolute, alpha: 70, a: 0.1, d: 0.05, follows: {{j6: -1}}, limits: {{lower: -60, upper: 60}}}}
+"""  # noqa: E501
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_a_mechanism_is_calibrated_in_joint_positions(convention):
+    spec, random = loads_spec(COUPLED.format(convention=convention)), np.random.default_rng(8)
+    nominal, true = off_the_table(spec, random)
+    q = positions(spec, 60, random)
+    assert q.shape[1] == nominal.joints == 6
+    found = calibrate(nominal, measure("pose", true, q, random))
+    away = positions(spec, 300, random)
+    error = np.linalg.norm((found.geometry.forward(away) - true.forward(away))[:, :3, 3], axis=1)
+    before = np.linalg.norm((nominal.forward(away) - true.forward(away))[:, :3, 3], axis=1)
+    assert error.mean() < 5e-5 < 1e-3 < before.mean()
+    assert 0.7 < found.chi2_per_dof < 1.3
+    told = loads_spec(dumps(calibrated_spec(spec, found.geometry, "measured")))
+    assert told.mechanism.matrix == spec.mechanism.matrix
+    assert [joint.limits for joint in told.joints] == [joint.limits for joint in spec.joints]
+    reference = NewtonEuler(chain_of(told), np.zeros((len(told.rows), 10)))
+    assert np.abs(reference.forward_kinematics(away) - found.geometry.forward(away)).max() < 1e-9
+
+
+def test_poses_of_a_mechanism_keep_rows_that_follow_in_their_range():
+    text = COUPLED.format(convention="standard").replace("{j6: -1}", "{j6: -1, j5: 1}")
+    spec = loads_spec(text)
+    q, gain = choose_poses(spec, geometry_of(spec), "pose", 20, 1)
+    assert np.degrees(np.abs(q[:, 4] - q[:, 5])).max() <= 60
+    assert gain > 1
+
+
+def test_branches_are_not_calibrated_and_named():
+    spec = load_spec(Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "robot.yaml")
+    with pytest.raises(DerivationError, match="elbow, rod do not lie between base and tip"):
+        geometry_of(spec)

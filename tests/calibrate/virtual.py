@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rrrgen.calibrate.geometry import Geometry, geometry_of, rigid, rotation
@@ -20,7 +22,7 @@ def positions(spec, count: int, random) -> np.ndarray:
 def off_the_table(spec, random, frames: float = FRAMES) -> tuple[Geometry, Geometry]:
     """The nominal geometry with a tool, and one that is off in every parameter."""
     found = geometry_of(spec)
-    nominal = Geometry(found.base, found.rows, found.tool @ rigid([0.1, 0.05, 0.15, 0.3, 0, 0]), found.revolute)
+    nominal = replace(found, tool=found.tool @ rigid([0.1, 0.05, 0.15, 0.3, 0, 0]))
     entries = nominal.entries()
     steps = [random.normal() * (ROWS if entry.place == "row" else frames) for entry in entries]
     return nominal, nominal.moved(entries, np.array(steps))
