@@ -8,6 +8,7 @@ configurations.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -32,11 +33,11 @@ PROMISE = (
 )
 
 
-SWEEPS = 2
-"""Number of coordinate-descent sweeps that find the first active set."""
+SWEEPS = 4
+"""Largest number of coordinate-descent sweeps that find the first active set."""
 
-BLOCKS = 5
-"""Number of active sets tried by block pivoting; then joints enter or leave the set one at a time."""
+NEWTON_STEPS = 8
+"""Number of Newton steps along the box; then joints enter or leave the set one at a time."""
 
 
 def steps(n: int) -> int:
@@ -102,9 +103,9 @@ def differential_ik_files(robot: str, n: int, real: Real) -> dict[str, str]:
         "n": n,
         "steps": steps(n),
         "sweeps": SWEEPS,
-        "blocks": BLOCKS,
+        "newton_steps": NEWTON_STEPS,
         "arguments": arguments,
-        "stack": 512 + (2 * n * n + 9 * n) * REAL_BYTES[real] + 12 * n,
+        "stack": 512 + (2 * n * n + 12 * n) * REAL_BYTES[real] + 12 * n,
         "zero": literal(0.0),
         "one": literal(1.0),
         "two": literal(2.0),
@@ -113,6 +114,17 @@ def differential_ik_files(robot: str, n: int, real: Real) -> dict[str, str]:
         "tolerance": literal(TOLERANCE * ROUNDING[real]),
         "sqrt": dialect.function("sqrt"),
         "fabs": dialect.function("fabs"),
+        "row_x": _sum_of_products([(f"row[{k}]", f"x[{k}]") for k in range(n)]),
+        "row_d": _sum_of_products([(f"row[{k}]", f"d[{k}]") for k in range(n)]),
+        "column_other": _sum_of_products([(f"column[{k}]", f"other[{k * n}]") for k in range(6)]),
     }
     title = f"differential inverse kinematics of {robot} within speeds, accelerations and positions"
     return function_files(prefix, title, [], real, extension=Extension("differential_ik", values, PROMISE))
+
+
+def _sum_of_products(factors: Sequence[tuple[str, str]]) -> str:
+    """The C text of ``sum of x y`` over ``factors``, halved again and again: short chains of additions are fast."""
+    if len(factors) == 1:
+        return " * ".join(factors[0])
+    half = (len(factors) + 1) // 2
+    return f"({_sum_of_products(factors[:half])}) + ({_sum_of_products(factors[half:])})"
