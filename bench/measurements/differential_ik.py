@@ -19,7 +19,7 @@ import numpy as np
 import rrrgen
 from bench.toolchain import FLAGS
 from rrrgen.control.differential_ik import declaration, differential_ik_files
-from rrrgen.runtime.build import find_compiler
+from rrrgen.runtime.compiler import find_compiler
 from rrrgen.runtime.online.differential_ik import compiled_solver
 
 ROBOTS = ("puma560", "iiwa14", "panda")
@@ -95,7 +95,16 @@ def measured(model: rrrgen.Model) -> np.ndarray:
         for file, text in {**differential_ik_files("arm", n, "double"), "driver.c": driver}.items():
             (folder / file).write_text(text, encoding="utf-8")
         rows.tofile(folder / "problems")
-        line = [*find_compiler(), "-std=gnu99", *FLAGS, "driver.c", "arm_differential_ik.c", "-o", "driver", "-lm"]
+        line = [
+            *find_compiler().command,
+            "-std=gnu99",
+            *FLAGS,
+            "driver.c",
+            "arm_differential_ik.c",
+            "-o",
+            "driver",
+            "-lm",
+        ]
         subprocess.run(line, cwd=folder, check=True)
         done = subprocess.run([folder / "driver", "problems"], cwd=folder, capture_output=True, text=True, check=True)
     return np.array(done.stdout.split(), float)
