@@ -69,3 +69,12 @@ class Arms:
             self.torques.append(tau)  # applied from this reading to the next
             tau = command
         return np.array(out)
+
+
+def visibility(poses, forces, levels, response):
+    """The largest torque of each force at a joint, as far as the filters have seen it, over the threshold, (N,).
+
+    ``poses`` (N, 6, n) are Jacobians of the tip, ``forces`` (N, 3), ``response`` (n,) that of the residuals to a step.
+    """
+    torques = np.abs(np.einsum("kij,ki->kj", poses[:, :3], forces))
+    return (torques * response / np.asarray(levels)).max(axis=1)

@@ -16,7 +16,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
-from contact.simulation import FRICTION, Arms, Ts
+from contact.simulation import FRICTION, Arms, Ts, visibility
 from rrrgen.contact.residuals import step_responses
 from rrrgen.contact.thresholds import contact_thresholds, expected_detection
 
@@ -46,6 +46,12 @@ def main() -> None:
     print(f"later than 15 ms: {np.count_nonzero(delays > 15)} of {len(delays)}")
     poses = model.jacobian(arms[2].desired(1.5)[0])
     responses = step_responses([arms[2].matrices] * model.n, chosen.gain, 0.3)
+    share = visibility(poses, F, found.levels, responses[15])
+    late = [f"{ratio:.2f}" for ratio in np.sort(share[delays > 15])]
+    print(f"after 15 ms, {100 * responses[15, 0]:.0f} % of a torque is seen; over the threshold, where late: {late}")
+    print(
+        f"delays of the {np.count_nonzero(share > 1.25)} with a ratio above 1.25: at most {delays[share > 1.25].max()}"
+    )
     print("expected:", expected_detection(found.levels, poses, responses, Ts, 10.0).sentence())
 
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 import rrrgen
-from contact.simulation import FRICTION, RESOLUTION, WIDTH, Arms, Ts
+from contact.simulation import FRICTION, RESOLUTION, WIDTH, Arms, Ts, visibility
 from rrrgen.cli.main import run
 from rrrgen.contact.extremes import block_maxima, fit_gumbel
 from rrrgen.contact.residuals import observer_residuals, step_responses
@@ -49,18 +49,19 @@ def test_contacts_are_detected_in_time_and_nothing_else_is(model):
     found = contact_thresholds(list(train.transpose(1, 0, 2)), Ts, 3600.0)
     arms = Arms(model, 60, seed=2, **options)
     F = np.random.default_rng(3).normal(size=(60, 3))
-    F *= 30.0 / np.linalg.norm(F, axis=1, keepdims=True)
+    F *= 10.0 / np.linalg.norm(F, axis=1, keepdims=True)
     r = arms.run(1.5, F, at=1.4)[500:]
     touched = (np.abs(r) > found.levels).any(axis=2)
     assert not touched[:900].any()  # 54 s without a contact
     delays = touched[900:].argmax(axis=0)
-    assert touched[900:].any(axis=0).all()
-    assert np.quantile(delays, 0.9) <= 15
-    expected = expected_detection(
-        found.levels, model.jacobian(arms.desired(1.4)[0]), step_responses([arms.matrices] * 3, 50.0, 0.3), Ts, 30.0
-    )
+    poses, responses = model.jacobian(arms.desired(1.4)[0]), step_responses([arms.matrices] * 3, 50.0, 0.3)
+    seen = visibility(poses, F, found.levels, responses[15]) > 1.25  # the tip has hardly a lever arm in some directions
+    assert np.count_nonzero(seen) >= 54
+    assert touched[900:, seen].any(axis=0).all()
+    assert delays[seen].max() <= 15
+    expected = expected_detection(found.levels, poses, responses, Ts, 10.0)
     assert abs(1e3 * expected.median - np.median(delays)) <= 2
-    assert expected.missed == 0
+    assert expected.missed < 0.02
 
 
 def test_residuals_of_a_recording_are_those_of_the_controller(model):
