@@ -15,8 +15,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import get_args
 
 import click
+
+from rrrgen.backends import Real
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 CORTEX = EXAMPLES / "cortex_m"
@@ -107,11 +110,14 @@ def digest(output: str) -> str:
     return next((line.split()[1] for line in output.splitlines() if line.startswith("bits")), "")
 
 
-def selftest_files(name: str, real: str, folder: Path) -> list[str]:
-    """Emit a robot into ``folder``; the C files of its self-test."""
+def selftest_files(name: str, real: Real, folder: Path) -> list[str]:
+    """Emit a robot into ``folder``, with differential IK and Fourier series; the C files of its self-test."""
     from rrrgen import pipeline
+    from rrrgen.control.beside import checks_beside, files_beside
 
-    files = pipeline.emit(pipeline.derive(pipeline.read(name)), "double" if real == "double" else "float")
+    spec, groups = pipeline.read(name), ("control", "trajectory")
+    further, checks = files_beside(spec.name, spec.n, real, groups), checks_beside(spec.name, groups)
+    files = pipeline.emit(pipeline.derive(spec), real, further=further, checks=checks)
     found = {file: text for file, text in files.items() if file.endswith((".c", ".h")) and "/" not in file}
     for file, text in found.items():
         (folder / file).write_text(str(text), encoding="utf-8")
@@ -127,7 +133,7 @@ def executed(machine: Machine, folder: Path, sources: Sequence[str], warnings: S
 def _rows(robots: Sequence[str], machines: Sequence[Machine]) -> Iterator[tuple[str, str, str, bool, str]]:
     """(robot, real, machine, passed, digest) of every self-test."""
     for robot in robots:
-        for real in ("double", "float"):
+        for real in get_args(Real):
             with tempfile.TemporaryDirectory(prefix="rrrgen-machines-") as name:
                 sources = selftest_files(robot, real, Path(name))
                 for machine in machines:
