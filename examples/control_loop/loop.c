@@ -4,8 +4,8 @@
  *     loop LAW BANDWIDTH REFERENCE OUTPUT [realtime]
  *
  * LAW is pd, pd_gravity, feedforward, computed_torque, or resting_measured, resting_desired: computed torque with the
- * exact sign of the measured or desired speed in its friction. BANDWIDTH w, rad/s, gives the gains w^2 and 2 w. REFERENCE
- * has a row q_d dq_d ddq_d (9 numbers) per tick. OUTPUT gets a row q (3), tau (3), lateness, cost in ns per tick.
+ * exact sign of the measured or desired speed in its friction. BANDWIDTH w, rad/s, gives the gains w^2, 2 w and, for the
+ * integral of the laws with a model, w^3/5. REFERENCE has a row q_d dq_d ddq_d (9 numbers) per tick. OUTPUT gets a row q (3), tau (3), lateness, cost in ns per tick.
  *
  * The controller sees what a real one sees: positions in steps of the encoders, speeds as their differences,
  * parameters that are 2 % and friction that is 5 % off, and its torques act one tick later. With "realtime" every tick
@@ -24,8 +24,8 @@
 #define SUBSTEPS 10  /* of the simulated arm in a period */
 #define ENCODER 1e-5 /* rad */
 
-static const double FRICTION[3 * N] = {0.2, 2.0, 0.0, 0.1, 1.0, 0.0, 0.05, 0.4, 0.0}; /* viscous, Coulomb, offset */
-static const double WIDTH[N] = {0.01, 0.01, 0.01};                                     /* rad/s */
+static const double FRICTION[3 * N] = {1.1, 3.0, 0.0, 0.3, 1.5, 0.0, 0.2, 0.8, 0.0}; /* viscous, Coulomb, offset */
+static const double WIDTH[N] = {0.01, 0.01, 0.01};                                    /* rad/s */
 static const double NONE[N] = {0.0, 0.0, 0.0};
 
 /* Acceleration of the simulated arm: true parameters, smooth friction. */
@@ -60,9 +60,10 @@ static void move(double *q, double *dq, const double *tau)
     }
 }
 
-/* What the controller knows. */
+/* What the controller knows, and keeps. */
 typedef struct {
-    double beta[RRR_B], friction[3 * N], kp[N], kd[N];
+    double beta[RRR_B], friction[3 * N], kp[N], kd[N], ki[N];
+    double z[N]; /* the integral, from tick to tick */
 } controller;
 
 static void set_gains(controller *c, const char *law, double w, const double *q)
@@ -81,6 +82,8 @@ static void set_gains(controller *c, const char *law, double w, const double *q)
         const double D = scaled ? M[i * N + i] : 1.0;
         c->kp[i] = w * w * D;
         c->kd[i] = 2.0 * w * D;
+        c->ki[i] = 0.2 * w * w * w * D;
+        c->z[i] = 0.0;
     }
 }
 
@@ -90,17 +93,17 @@ static int control(controller *c, const char *law, const double *q, const double
     const double limit[N] = RRR_TAU_MAX;
     const double *q_d = d, *dq_d = d + N, *ddq_d = d + 2 * N;
     const double zero[3 * N] = {0.0};
-    double f[N], z[N];
+    double f[N], z[N] = {0.0};
     if (strcmp(law, "pd") == 0) {
         for (int i = 0; i < N; i++) {
             tau[i] = c->kp[i] * (q_d[i] - q[i]) + c->kd[i] * (dq_d[i] - dq[i]);
         }
     } else if (strcmp(law, "pd_gravity") == 0) {
-        rrr_pd_gravity(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, NONE, NONE, c->beta, c->friction, WIDTH, limit, PERIOD, tau, z);
+        rrr_pd_gravity(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, c->ki, c->z, c->beta, c->friction, WIDTH, limit, PERIOD, tau, z);
     } else if (strcmp(law, "feedforward") == 0) {
-        rrr_feedforward(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, NONE, NONE, c->beta, c->friction, WIDTH, limit, PERIOD, tau, z);
+        rrr_feedforward(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, c->ki, c->z, c->beta, c->friction, WIDTH, limit, PERIOD, tau, z);
     } else if (strcmp(law, "computed_torque") == 0) {
-        rrr_computed_torque(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, NONE, NONE, c->beta, c->friction, WIDTH, limit, PERIOD, tau, z);
+        rrr_computed_torque(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, c->ki, c->z, c->beta, c->friction, WIDTH, limit, PERIOD, tau, z);
     } else if (strncmp(law, "resting_", 8) == 0) {
         rrr_computed_torque(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, NONE, NONE, c->beta, zero, WIDTH, limit, PERIOD, tau, z);
         rrr_friction_with(strcmp(law, "resting_measured") == 0 ? dq : dq_d, c->friction, f);
@@ -111,6 +114,7 @@ static int control(controller *c, const char *law, const double *q, const double
         fprintf(stderr, "no law is called %s\n", law);
         return 1;
     }
+    memcpy(c->z, z, sizeof z);
     return 0;
 }
 

@@ -28,7 +28,7 @@ LAWS = {
 }
 PERIOD, ENCODER = 1e-3, 1e-5
 BANDWIDTH = 40.0
-FRICTION = np.array([[0.2, 2.0, 0.0], [0.1, 1.0, 0.0], [0.05, 0.4, 0.0]])  # as in loop.c: viscous, Coulomb, offset
+FRICTION = np.array([[1.1, 3.0, 0.0], [0.3, 1.5, 0.0], [0.2, 0.8, 0.0]])  # of the case study: viscous, Coulomb, offset
 WIDTH = np.full(3, 0.01)
 
 
@@ -78,14 +78,14 @@ def in_mujoco(model: rrrgen.Model, law: str, motion: np.ndarray, folder: Path) -
     beta, none = 1.02 * model.beta, np.zeros(3)
     D = np.diag(model.mass_matrix(motion[0, :3], beta)) if law in ("pd_gravity", "feedforward") else np.ones(3)
     known = {"beta": beta, "friction": 1.05 * FRICTION.ravel(), "width": WIDTH, "tau_max": model.limits.torque}
-    apply = model.gravity(motion[0, :3], beta)
+    apply, z = model.gravity(motion[0, :3], beta), none
     seen = np.empty((len(motion), 3))
     for k, row in enumerate(motion):
         seen[k] = state.qpos
         q = ENCODER * np.round(state.qpos / ENCODER)
         speed, last = (q - last if k else none) / PERIOD, q
-        gains = (BANDWIDTH**2 * D, 2 * BANDWIDTH * D, none, none)
-        tau = getattr(model, law)(q, speed, row[:3], row[3:6], row[6:], *gains, Ts=PERIOD, **known)[0]
+        gains = (BANDWIDTH**2 * D, 2 * BANDWIDTH * D, BANDWIDTH**3 / 5 * D, z)
+        tau, z = getattr(model, law)(q, speed, row[:3], row[3:6], row[6:], *gains, Ts=PERIOD, **known)
         state.ctrl[:] = apply
         mujoco.mj_step(arm, state, nstep=10)
         apply = tau
