@@ -10,8 +10,9 @@ contact force and delay, and draws collision.svg and .png.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import json
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 import rrrgen
+from rrrgen.cli.main import run as command
 from rrrgen.robotfile.robot_spec import FrictionSpec
 from rrrgen.robotfile.writer import dumps
 from rrrgen.runs.figures import new_figure, save_figure, style_axes
@@ -43,8 +45,12 @@ class Run(NamedTuple):
 
 
 def call(*words: str | Path) -> None:
-    """Run a command of rrrgen; its tables do not go to the screen."""
-    subprocess.run([sys.executable, "-m", "rrrgen", *map(str, words)], check=True, capture_output=True)
+    """Run a command of rrrgen; its tables and notes do not go to the screen."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as errors:
+        code = command([str(word) for word in words])
+    if code:
+        print(errors.getvalue(), file=sys.stderr)
+        raise SystemExit(code)
 
 
 def desired(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

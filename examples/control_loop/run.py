@@ -8,6 +8,8 @@ Generates the code, builds loop.c, runs every law, prints the tracking errors, a
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import rrrgen
+from rrrgen.cli.main import run as rrrgen_command
 from rrrgen.experiments.experiment_file import Experiment
 from rrrgen.experiments.experiment_setup import writing_path
 from rrrgen.runs.figures import new_figure, save_figure, style_axes
@@ -38,11 +41,19 @@ def reference(model: rrrgen.Model) -> np.ndarray:
     return np.hstack(path.evaluate(np.arange(0.0, path.task.duration, PERIOD)))
 
 
+def command(*words: str | Path) -> None:
+    """Run a command of rrrgen; what it says does not go to the screen."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as errors:
+        code = rrrgen_command([str(word) for word in words])
+    if code:
+        print(errors.getvalue(), file=sys.stderr)
+        raise SystemExit(code)
+
+
 def build(folder: Path) -> Path:
     """Generate the code of the arm and compile the loop with it; returns the program."""
     model = folder / "model"
-    command = ["generate", "rrr", "-o", str(model), "--with", "control", "--no-casadi-files"]
-    subprocess.run([sys.executable, "-m", "rrrgen", *command], check=True, stdout=subprocess.DEVNULL)
+    command("generate", "rrr", "-o", model, "--with", "control", "--no-casadi-files")
     program = folder / "loop"
     sources = [str(file) for file in (HERE / "loop.c", model / "rrr.c", model / "rrr_nominal.c")]
     subprocess.run(["cc", "-std=c99", "-O2", f"-I{model}", *sources, "-lm", "-o", str(program)], check=True)
@@ -68,8 +79,7 @@ def in_mujoco(model: rrrgen.Model, law: str, motion: np.ndarray, folder: Path) -
     except ImportError:
         return None
     file = folder / "rrr.xml"
-    command = ["export", "rrr", "--to", "mjcf", "--force", "-o", str(file)]
-    subprocess.run([sys.executable, "-m", "rrrgen", *command], check=True, stderr=subprocess.DEVNULL)
+    command("export", "rrr", "--to", "mjcf", "--force", "-o", file)
     arm = mujoco.MjModel.from_xml_path(str(file))
     arm.opt.timestep, arm.opt.integrator = PERIOD / 10, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     arm.dof_damping[:], arm.dof_frictionloss[:] = FRICTION[:, 0], FRICTION[:, 1]

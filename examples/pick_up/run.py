@@ -9,8 +9,9 @@ parameters that the control law takes as an argument. Prints the tracking errors
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import json
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ import numpy as np
 import sympy as sp
 
 import rrrgen
+from rrrgen.cli.main import run as command
 from rrrgen.experiments.experiment_file import Experiment
 from rrrgen.experiments.experiment_setup import writing_path
 from rrrgen.output.writer import write_file
@@ -34,7 +36,10 @@ PICKED_UP, COMPENSATED = 3.0, 6.0  # s
 
 def call(*words: str | Path) -> None:
     """Run a command of rrrgen; its progress goes to the screen, its tables do not."""
-    subprocess.run([sys.executable, "-m", "rrrgen", *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+    with contextlib.redirect_stdout(io.StringIO()):
+        code = command([str(word) for word in words])
+    if code:
+        raise SystemExit(code)
 
 
 def carrying(file: Path) -> Path:

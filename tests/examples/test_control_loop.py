@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
@@ -10,18 +9,12 @@ import numpy as np
 import pytest
 
 import rrrgen
-
-SCRIPT = Path(__file__).resolve().parents[2] / "examples/control_loop/run.py"
+from examples.script import script
 
 
 @pytest.fixture(scope="module")
 def example() -> ModuleType:
-    found = importlib.util.spec_from_file_location("control_loop_example", SCRIPT)
-    assert found is not None
-    assert found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
-    return module
+    return script("control_loop")
 
 
 @pytest.fixture(scope="module")

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from examples.script import exit_code
+
 pytest.importorskip("scipy", reason="identification needs the extra 'identify'")
 pytest.importorskip("casadi", reason="exciting trajectories need the extra 'identify'")
 
-SCRIPT = Path(__file__).resolve().parents[2] / "examples/pick_up/run.py"
 
-
-def test_a_payload_is_identified_and_compensated(tmp_path: Path) -> None:
-    done = subprocess.run([sys.executable, SCRIPT, "-o", tmp_path], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr  # 1 unless the error falls tenfold
-    values = dict(line.split()[:2] for line in done.stdout.splitlines() if line.endswith("mrad"))
+def test_a_payload_is_identified_and_compensated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_code("pick_up", "-o", tmp_path) == 0  # 1 unless the error falls tenfold
+    values = dict(line.split()[:2] for line in capsys.readouterr().out.splitlines() if line.endswith("mrad"))
     assert float(values["told"]) < 2 * float(values["empty"])
     assert (tmp_path / "pick_up.png").exists()

@@ -55,7 +55,7 @@ class Calls:
         self._any_gravity.engine.threads = self.engine.threads
         return self._any_gravity
 
-    @property
+    @cached_property
     def nominal_gravity(self) -> Array:
         """The acceleration of gravity of the robot file in the base frame, (3,), m/s^2."""
         return read_only(np.array([float(self.spec.nominal(value)) for value in self.spec.gravity]))
@@ -69,6 +69,10 @@ class Calls:
         """Model whose compiled code has the function ``name``: this one, or one compiled later for more functions."""
         if name in self.derived.programs:
             return self  # type: ignore[return-value]
+        for held in self._groups.values():
+            if name in held.derived.programs:
+                held.engine.threads = self.engine.threads
+                return held
         from rrrgen.derive.functions.table import GROUPS, functions_of
 
         for group in GROUPS:
@@ -76,9 +80,7 @@ class Calls:
             offered = {*functions, *map(nominal_name, functions)}
             if name in offered and self._compiled is not None and group not in self._groups:
                 self._groups[group] = self._compiled(self.spec, groups=(group,))
-            if group in self._groups and name in self._groups[group].derived.programs:
-                self._groups[group].engine.threads = self.engine.threads
-                return self._groups[group]
+                return self._with(name)
         others = [each for group in GROUPS if group != "model" for each in functions_of(group, self.n)]
         known = sorted({*self.derived.programs, *(others if self._compiled is not None else ())})
         raise ValueError(f"no function '{name}'; there are inverse_kinematics, {', '.join(known)}")

@@ -6,6 +6,7 @@ Control, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -360,14 +361,19 @@ class DynamicFunctions(Calls):
     def _widths(self, width: ArrayLike) -> Array:
         """``width`` as an array with one entry for each joint and motor with friction, rad/s or m/s."""
         wide = np.asarray(width)
-        return wide if wide.ndim else np.full(len(surfaces_of(self.spec)), float(wide))
+        return wide if wide.ndim else np.full(self._surfaces, float(wide))
+
+    @cached_property
+    def _surfaces(self) -> int:
+        """Number of joints and motors with friction."""
+        return len(surfaces_of(self.spec))
 
     @property
     def friction_parameter_names(self) -> tuple[str, ...]:
         """Names of the friction parameters at run time, such as q1_viscous, q1_coulomb, q1_offset."""
         return tuple(name for name, _ in friction_parameters(self.spec))
 
-    @property
+    @cached_property
     def friction_parameters(self) -> Array:
         """Friction parameters (k,) of the robot file, SI units, in the order of their names; 0 if the file has none."""
         return read_only(np.array([float(value) for _, value in friction_parameters(self.spec)]))
