@@ -17,6 +17,8 @@ from rrrgen.robotfile import load_spec
 
 STAND_INS = Path(__file__).with_name("ros2_stand_ins")
 
+COMPILER = shutil.which("clang++") or shutil.which("g++")  # of the templates of Eigen clang takes half the time
+
 PROGRAM = """\
 #include "src/dynamics.cpp"
 #include "src/kinematics.cpp"
@@ -114,7 +116,7 @@ def folder(tmp_path_factory):
     return place
 
 
-@pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
+@pytest.mark.skipif(COMPILER is None, reason="needs clang++ or g++")
 def test_the_plugins_answer(folder):
     casadi = find_spec("casadi")
     eigen = Path("/usr/include") if casadi is None else Path(casadi.submodule_search_locations[0]) / "include"
@@ -124,9 +126,23 @@ def test_the_plugins_answer(folder):
     for source in ("scara.c", "scara_nominal.c", "scara_ik.c"):
         run("gcc", "-std=c99", "-O0", "-c", source, "-o", folder / f"{source}.o", cwd=folder / "model")
     includes = ["-isystem", eigen, "-isystem", eigen / "eigen3", f"-I{STAND_INS}", "-Imodel", "-Isrc"]
-    warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    # two functions cannot be marked override: the interface has them in some versions of ROS 2 only
+    warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wno-inconsistent-missing-override"]
     objects = [each.name for each in folder.glob("*.o")]
-    run("g++", "-std=c++17", "-O0", *warnings, *includes, "use.cpp", *objects, "-lm", "-o", "use", cwd=folder)
+    run(
+        COMPILER,
+        "-std=c++17",
+        "-O0",
+        "-DEIGEN_DONT_VECTORIZE",
+        *warnings,
+        *includes,
+        "use.cpp",
+        *objects,
+        "-lm",
+        "-o",
+        "use",
+        cwd=folder,
+    )
     numbers = np.array(run(folder / "use").split(), dtype=float)
     state = ([0.3, -0.8, 0.1, 0.5], [0.5, 0.25, -0.1, 1.0], [-1.0, 2.0, 0.5, 0.25])
     T, tau = ours(load_spec("scara"), *(np.array([each]) for each in state))
