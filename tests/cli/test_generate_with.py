@@ -57,6 +57,13 @@ def test_gravity_and_control(tmp_path, real):
         assert "p = M dq" in report
         assert ("differential IK: no better speeds" in report) == (prefix == "swing")
         assert ("Fourier series: at quarters" in report) == (prefix == "swing")
+    readme = (output / "README.md").read_text()
+    assert "`swing_fourier.h`" in readme
+    (output / "loop.c").write_text(readme.partition("## A control loop")[2].partition("```c\n")[2].partition("```")[0])
+    command = ["gcc", *STRICT, "loop.c", "swing.c", "swing_nominal.c", "-o", "loop", "-lm"]
+    subprocess.run(command, cwd=output, check=True)
+    said = subprocess.run([output / "loop"], capture_output=True, text=True, check=True).stdout
+    assert said == "joint 1: 0.1000, desired 0.1000\n"
     manifest = json.loads((output / "manifest.json").read_text())
     assert "momentum_terms" in manifest["functions"]
     inputs = manifest["any_gravity"]["functions"]["inverse_dynamics"]["inputs"]

@@ -36,6 +36,14 @@ def build_files(files: Iterable[str], model: DerivedModel, identity: Identity, r
     }
 
 
+BESIDE = {
+    "differential_ik": "joint speeds for a velocity of the tip, within all limits",
+    "fourier": "a Fourier series whose coefficients the caller owns",
+    "timing": "time-optimal timing of a path",
+}
+"""Stem of files beside the model -> what is in them."""
+
+
 def sources(names: Iterable[str]) -> list[str]:
     """The C files of the library among the emitted files: all but self-tests and those of CasADi."""
     own = [name for name in names if name.endswith(".c") and "/" not in name]
@@ -54,4 +62,16 @@ def _contents(model: DerivedModel, names: list[str], real: Real) -> dict[str, An
         "cpp": f"{name}.hpp" in names,
         "rust": any(each.startswith("rust/") for each in names),
         "any_gravity": f"{name}_any_gravity.h" in names,
+        "beside": [(stem, what) for stem, what in BESIDE.items() if f"{name}_{stem}.h" in names],
+        "law": _law(model),
+        "friction": "friction" in model.programs,
     }
+
+
+def _law(model: DerivedModel) -> dict[str, int] | None:
+    """Sizes of the arguments of the law in the README's control loop; None where its arm would need more than them."""
+    law = model.programs.get(nominal_name("computed_torque"))
+    friction = model.programs.get("smooth_friction")
+    if law is None or friction is None or [port.name for port in friction.inputs] != ["dq", "friction", "width"]:
+        return None
+    return {port.name: port.size for port in law.inputs}

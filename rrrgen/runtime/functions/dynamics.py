@@ -361,12 +361,7 @@ class DynamicFunctions(Calls):
     def _widths(self, width: ArrayLike) -> Array:
         """``width`` as an array with one entry for each joint and motor with friction, rad/s or m/s."""
         wide = np.asarray(width)
-        return wide if wide.ndim else np.full(self._surfaces, float(wide))
-
-    @cached_property
-    def _surfaces(self) -> int:
-        """Number of joints and motors with friction."""
-        return len(surfaces_of(self.spec))
+        return wide if wide.ndim else np.full(len(surfaces_of(self.spec)), float(wide))
 
     @property
     def friction_parameter_names(self) -> tuple[str, ...]:
