@@ -1,4 +1,4 @@
-"""Optional packages: which extra of rrrgen installs them, and the error that says so when they are missing."""
+"""Optional packages: the extra of rrrgen that installs each, and the error that names it when one is missing."""
 
 from __future__ import annotations
 

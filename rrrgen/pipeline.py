@@ -136,7 +136,7 @@ def _run(task: Callable[[], Any]) -> Any:
 def _further_model(
     model: DerivedModel, real: Real, trig: Trig, jobs: int, languages: Sequence[Language], tell: Tell | None
 ) -> dict[str, Contents]:
-    """The functions of a model written beside another one: C with its self-test, CasADi, on request C++ and Rust."""
+    """Print the files of a second model of the robot: C with its self-test, CasADi, on request C++ and Rust."""
     from rrrgen.backends.c.backend import CBackend
     from rrrgen.backends.casadi.sources import CasadiBackend
     from rrrgen.backends.cpp import CppBackend

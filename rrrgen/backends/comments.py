@@ -21,7 +21,7 @@ def mathematics(expression: object) -> str:
 
 
 def wrapped(text: str) -> list[str]:
-    """``text`` broken into lines of a comment."""
+    """Break ``text`` into lines of a comment."""
     return textwrap.wrap(plain(text), WIDTH, break_long_words=False)
 
 

@@ -85,7 +85,7 @@ def large_angles(programs: Mapping[str, Program], real: Real) -> dict[str, str]:
 
 
 def _number(value: sp.Expr) -> str:
-    """A rational value as a decimal number, an irrational one as its expression."""
+    """Print a rational value as a decimal number, an irrational one as its expression."""
     return decimal(Fraction(int(value.p), int(value.q))) if value.is_Rational else plain(str(value))
 
 

@@ -18,7 +18,7 @@ CHOICE, SUM, PRODUCT, UNARY, ATOM = range(5)
 
 
 class Text(NamedTuple):
-    """A printed expression: its characters and how tightly they bind. ``quotient``: a division is at its top."""
+    """A printed expression: its characters and binding strength; ``quotient`` if its last operation is a division."""
 
     code: str
     strength: int = ATOM

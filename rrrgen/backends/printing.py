@@ -174,7 +174,7 @@ class _Body(Statements):
         self._finish()
 
     def _worth_a_name(self) -> list[bool]:
-        """For every node whether its value gets a local; one that only outputs use is written to the first of them."""
+        """For every node, whether it gets a local variable; one that only outputs use is written to the first one."""
         labels, places = self.program.labels, self._places
         return [
             readers > 1 or (readers == 1 and (index in places or index in labels))
@@ -222,7 +222,7 @@ def decimal(value: Fraction | int, real: Real = "double") -> str:
 
 
 def _count(indices: Iterable[int], size: int) -> list[int]:
-    """How often each number in 0 .. size - 1 occurs in ``indices``."""
+    """Count how often each number in 0 .. size - 1 occurs in ``indices``."""
     tally = Counter(indices)
     return [tally[index] for index in range(size)]
 

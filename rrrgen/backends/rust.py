@@ -97,7 +97,7 @@ class _Rust:
         return Text(f"sign({x.code})")
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
-        """The Rust of a choice by the sign of a condition: an if expression."""
+        """The if expression of Rust that is ``positive`` where ``condition > 0``, else ``otherwise``."""
         test = f"{condition.within(PRODUCT)} > 0.0"
         return Text(f"if {test} {{ {positive.code} }} else {{ {otherwise.code} }}", CHOICE)
 

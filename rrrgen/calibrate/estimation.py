@@ -123,7 +123,7 @@ def _system(
 
 
 def _solve(start: Geometry, measured: Measurements, entries: tuple[Entry, ...], weights: Array) -> Geometry:
-    """Levenberg-Marquardt with columns scaled to length one."""
+    """Minimize the weighted squared residuals from ``start`` by Levenberg-Marquardt steps with scaled columns."""
     geometry, damping = start, 1e-6
     A, r = _system(geometry, measured, entries, weights)
     for _ in range(STEPS):

@@ -114,7 +114,7 @@ def _unwind_when_terminated() -> None:
 
 
 def _print_anything() -> None:
-    """Write characters that an output cannot encode, as on Windows where it is a file, as their escapes."""
+    """Let the outputs write characters that they cannot encode as escapes; files on Windows need that."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
 
 SETTLED = 1e-3
-"""Fraction of the initial filter transient below which residuals are used."""
+"""Residuals are used once the transients of the filters have decayed to this share of their initial size."""
 
 
 def observer_residuals(

@@ -134,7 +134,7 @@ def _filters(experiment: Experiment, model: Any) -> list[KalmanMatrices] | None:
 def sampled_controller(kp: float, kd: float, period: float, matrices: KalmanMatrices | None = None) -> Controller:
     """The controller C(z) of ``u = n - C (q - q_r)`` as implemented: PD with backward difference or Kalman filter.
 
-    With the filter the deviation passes ``x = (I - k c) E x z^-1 + k e`` and ``u = n - [kp, kd, 0] x``.
+    The filter estimates the state ``x = (I - k c) E x z^-1 + k e`` of the deviation e, and ``u = n - [kp, kd, 0] x``.
     """
     if matrices is None:
         return Controller((kp + kd / period, -kd / period))

@@ -57,12 +57,12 @@ class Arc:
 
     @property
     def start(self) -> Point:
-        """The first point."""
+        """The first point of the arc in its plane, m."""
         return self._point(self.begin)
 
     @property
     def end(self) -> Point:
-        """The last point."""
+        """The last point of the arc in its plane, m."""
         return self._point(self.begin + self.sweep)
 
     def _point(self, angle: float) -> Point:

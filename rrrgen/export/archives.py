@@ -12,7 +12,7 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date that a ZIP file can state
 
 
 def zip_archive(files: Mapping[str, Contents]) -> bytes:
-    """A ZIP file of ``files`` (path -> contents), in the order given, without the time of writing."""
+    """Make a ZIP file of ``files`` (path -> contents), in the order given and without the time of writing."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, contents in files.items():

@@ -25,7 +25,7 @@ class Default(NamedTuple):
 
 
 def loops(code: Code) -> dict[str, str]:
-    """C source ``<name>_calls.c``: a loop over many states for each function, all with the same signature."""
+    """Print the C source ``<name>_calls.c``: for each function a loop over states, all with the same signature."""
     values = {**code.naming, "functions": described_functions(code)}
     return {f"{code.dialect.prefix}_calls.c": render("calls/calls.c.j2", **values)}
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 LARGEST_COUNT = 1024
-"""Ways to turn the rows by full turns, for one solution of them, that are tried."""
+"""Largest number of combinations of full turns of the rows that are tried for one solution of the chain."""
 
 Rows = tuple[tuple[float, ...], ...]
 
@@ -64,7 +64,7 @@ class Coupling:
         return [sum(f * float(x) for f, x in zip(factors, q, strict=True)) for factors in self.matrix]
 
     def leading(self, y: Sequence[float]) -> Iterator[list[float]]:
-        """Every q with the displacements ``y`` in the pivots, up to full turns; the other rows are not asked."""
+        """Yield every q whose pivot rows have the displacements ``y`` up to full turns; other rows are not checked."""
         for z in product(*(range(count) for count in self.counts)):
             x = [float(y[p]) + 2 * pi * k for p, k in zip(self.pivots, z, strict=True)]
             yield [sum(f * value for f, value in zip(factors, x, strict=True)) for factors in self.inverse]
@@ -115,7 +115,7 @@ def _floats(matrix: sp.Matrix) -> Rows:
 
 
 def _full_turns(S: sp.Matrix, turning: list[int]) -> list[sp.Rational]:
-    """By how many turns each q alone may change so that all angles of the rows make full turns; 0 if it may not."""
+    """For each q the least number of turns after which all angles of the rows have made full turns; 0 if none."""
     found: list[sp.Rational] = []
     for k in range(S.cols):
         column = {i: sp.Rational(S[i, k]) for i in turning if S[i, k] != 0}
@@ -127,7 +127,7 @@ def _full_turns(S: sp.Matrix, turning: list[int]) -> list[sp.Rational]:
 
 
 def _turns_until_alike(rows: sp.Matrix, step: sp.Matrix, turning: list[int], turns: list[sp.Rational]) -> int:
-    """How often q may take ``step`` turns, which moves the rows by ``rows``, before it repeats over its own turns."""
+    """Number of steps of ``step`` turns, which turn the rows by ``rows``, after which q repeats up to ``turns``."""
     ratios = [rows[i] for i in turning]
     ratios += [value / period for value, period in zip(step, turns, strict=True) if period]
     return lcm(*(int(sp.Rational(ratio).q) for ratio in ratios))

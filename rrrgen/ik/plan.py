@@ -104,7 +104,7 @@ class SolverPlan:
 
     @property
     def n(self) -> int:
-        """The number of joint positions of a solution."""
+        """Number of joints of the robot, which is the number of joint positions in a solution."""
         return self.chain.n if self.coupling is None else self.coupling.n
 
     @property

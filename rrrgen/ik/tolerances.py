@@ -274,17 +274,17 @@ def nominal_margins(deviation: float) -> dict[str, float]:
 
 
 def runtime(real: str) -> dict[str, str]:
-    """:data:`RUNTIME` in the precision ``"double"`` or ``"float"``: name -> C literal."""
+    """The C literals of :data:`RUNTIME`, by name, in the precision ``"double"`` or ``"float"``."""
     return _literals(RUNTIME, real)
 
 
 def search() -> dict[str, float]:
-    """:data:`SEARCH` in double precision, for the evaluation in Python: name -> value."""
+    """The values of :data:`SEARCH`, by name, in double precision, for the evaluation in Python."""
     return {each.name: float(each.double) for each in SEARCH}
 
 
 def kernel_values(real: str) -> dict[str, str]:
-    """The values that the kernels of ``templates/c/ik`` ask for: ``VALUE_<name>``, ``VALUE_6R_<name>`` -> C literal."""
+    """The C literals for the macros ``VALUE_<name>`` and ``VALUE_6R_<name>`` of the kernels in ``templates/c/ik``."""
     values = runtime(real) | _literals(SEARCH, real)
     values |= {f"6r_{name}": value for name, value in _literals(ELIMINATION, real).items()}
     return {f"VALUE_{name.upper()}": value for name, value in values.items()}

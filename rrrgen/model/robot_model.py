@@ -207,7 +207,7 @@ def _twisted(twist: Twist) -> RigidTransform:
 
 
 def _origin_shifts(constants: list[RigidTransform], parallel: list[bool]) -> list[sp.Expr]:
-    """How far (m) each origin is moved back along its joint axis, by the rules stated at the top of this module."""
+    """Distances (m) by which origins are moved back along their joint axes, by the rules of the module's docstring."""
     slides: list[sp.Expr] = []
     last_block = max((i for i, flag in enumerate(parallel) if not flag), default=0)
     for i, X in enumerate(constants):
@@ -224,7 +224,7 @@ def _origin_shifts(constants: list[RigidTransform], parallel: list[bool]) -> lis
 
 
 def _shifts_in_blocks(constants: list[RigidTransform], parallel: list[bool], parents: tuple[int, ...]) -> list[sp.Expr]:
-    """How far (m) each origin of a tree is moved back along its joint axis.
+    """Distances (m) by which the origins of a branching robot are moved back along their joint axes.
 
     The origins of a block of parallel axes are moved into the plane through the first of them; all others stay.
     """

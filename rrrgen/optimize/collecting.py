@@ -1,4 +1,4 @@
-"""The pass that takes common factors out of sums: ``x a + ... + x b`` becomes ``x (a + b) + ...``.
+"""The pass that factors out common factors of sums: ``x a + ... + x b`` becomes ``x (a + b) + ...``.
 
 It does so only for products that nothing else in the program uses.
 """
@@ -24,10 +24,10 @@ Term: TypeAlias = tuple[int, Factors]
 
 @dataclass(frozen=True)
 class Collect:
-    """Takes common factors out of sums, in rounds, for as long as that saves operations."""
+    """Factors out common factors of sums, in rounds, for as long as that saves operations."""
 
     def __call__(self, program: Program) -> Program:
-        """``program`` with common factors taken out."""
+        """Factor out common factors of the sums in ``program``; returns the rewritten program."""
         while (collection := _Collection(program)).finds_any():
             collected = collection.run()
             if count_operations(collected).total >= count_operations(program).total:
@@ -115,7 +115,7 @@ class _Collection:
         return [(sign, node.args if self.uses[k] == 1 and node.op is Op.MUL else (k,))]
 
     def _sum(self, terms: list[Term]) -> Value:
-        """The sum of ``terms``, with the most frequent common factor taken out first."""
+        """Record the sum of ``terms``, factoring out common factors, the most frequent first."""
         collected: list[Value] = []
         while (factor := _most_shared(terms)) is not None:
             inside: list[Term] = []

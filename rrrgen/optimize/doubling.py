@@ -22,7 +22,7 @@ class DoubleByAddition:
     """Replaces multiplications by two with additions."""
 
     def __call__(self, program: Program) -> Program:
-        """``program`` with every ``2 x`` recorded as ``x + x``; ``program`` itself where there is none."""
+        """Record ``program`` with ``x + x`` for every ``2 x``; returns ``program`` itself where there is none."""
         if not any(node.op is Op.MUL and _is_two(program.nodes[node.args[0]]) for node in program.nodes):
             return program
         builder = _Doubling()

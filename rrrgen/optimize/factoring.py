@@ -80,7 +80,7 @@ def split_common(x: Monomial, y: Monomial) -> tuple[Monomial, Monomial, Monomial
 
 
 def without(monomial: Monomial, *literals: int) -> Monomial:
-    """``monomial`` with one occurrence of each literal removed."""
+    """Remove one occurrence of each of the ``literals`` from ``monomial``."""
     rest = list(monomial)
     for literal in literals:
         rest.remove(literal)

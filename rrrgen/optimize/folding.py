@@ -16,7 +16,7 @@ class Fold:
     known: Mapping[Role, Sequence[Value]]
 
     def __call__(self, program: Program) -> Program:
-        """``program`` with the known inputs replaced; they are no longer among its ports."""
+        """Replace the known inputs of ``program`` by numbers; they are then no longer among its ports."""
         builder = Builder()
         inputs: list[Sequence[Value]] = []
         for port in program.inputs:

@@ -14,5 +14,5 @@ class Pass(Protocol):
     """
 
     def __call__(self, program: Program) -> Program:
-        """The rewritten program; ``program`` itself if nothing can be gained."""
+        """Rewrite ``program``; returns ``program`` itself if no operation can be saved."""
         ...

@@ -82,7 +82,7 @@ class _Spelling:
         return Fraction(1), None
 
     def _scaled(self, factor: Fraction, k: int) -> Value:
-        """``factor`` times node k; multiplied into each term if k is a sum in which a length appears that way."""
+        """Record ``factor`` times node k, multiplied into each term if k is a sum in which a length then appears."""
         node = self.program.nodes[k]
         if node.op not in (Op.ADD, Op.SUB) or self.uses[k] != 1 or not self._gains(factor, node):
             return self.builder.mul(factor, self._value(k))

@@ -53,11 +53,11 @@ class ExpandAndFactor:
     max_pairs: int = MAX_PAIRS
 
     def __call__(self, program: Program) -> Program:
-        """``program`` expanded and factored; the result may have more operations than before."""
+        """Expand and factor ``program``; the result may have more operations than before."""
         return self.attempt(program) or program
 
     def attempt(self, program: Program, seen: SeenExpansions | None = None) -> Program | None:
-        """``program`` expanded and factored; None if the expansion is too large or among ``seen``."""
+        """Expand and factor ``program``; None if the expansion is too large or among ``seen``."""
         expansion = Expansion(program, self.cut_set, self.max_terms)
         try:
             polynomials = expansion.results()

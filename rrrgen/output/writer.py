@@ -218,7 +218,7 @@ def checksum(contents: Contents) -> str:
 
 
 def _checked(name: str) -> str:
-    """``name``, if it stays below the output directory. Raises InternalError otherwise."""
+    """Check that the path ``name`` stays below the output directory and return it; raises InternalError otherwise."""
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts or not path.parts:
         raise InternalError(f"a backend wants to write outside the output directory: {name}")

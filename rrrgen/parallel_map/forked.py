@@ -42,7 +42,7 @@ def forked_map(
 
 
 def _telling(function: Callable[[Task], Result], total: int, tell: Callable[[int], None]) -> Callable[[Task], Result]:
-    """``function`` that reports progress after each call: how many calls have ended in all processes."""
+    """Wrap ``function`` so that each call reports progress: the number of calls that have ended in all processes."""
     numbers = _queue(total)
 
     def told(task: Task) -> Result:

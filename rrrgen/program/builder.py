@@ -27,12 +27,12 @@ as 0."""
 
 
 def plain(number: Number) -> Number:
-    """A whole number as an int, with which Python computes ten times as fast."""
+    """Convert a whole number to an int, with which Python computes ten times as fast; other numbers stay."""
     return number if type(number) is int or number.denominator != 1 else number.numerator
 
 
 def drop_residue(value: Number) -> Number:
-    """``value``, or 0 where it is only cancellation residue (see :data:`RESIDUE_INVERSE`)."""
+    """Replace ``value`` by 0 where it is only cancellation residue, below 1/:data:`RESIDUE_INVERSE` in magnitude."""
     return 0 if _negligible(value) else value
 
 
@@ -147,19 +147,19 @@ class Builder:
         return self.nodes[value.index]
 
     def _negated(self, value: Value) -> Value | None:
-        """``x`` where ``value`` is recorded as ``-x``, else None."""
+        """Return ``x`` if ``value`` is recorded as ``-x``, else None."""
         if not isinstance(value, Scalar):
             return None
         node = self.nodes[value.index]
         return Scalar(self, node.args[0]) if node.op is Op.NEG else None
 
     def _unsigned(self, value: Scalar) -> tuple[int, bool]:
-        """``(k, False)`` if ``value`` is node k, ``(k, True)`` if it is recorded as the negative of node k."""
+        """Split off a sign: ``(k, False)`` if ``value`` is node k, ``(k, True)`` if it is recorded as its negative."""
         node = self._op(value)
         return (node.args[0], True) if node.op is Op.NEG else (value.index, False)
 
     def _scaled(self, value: Scalar) -> tuple[Number, Scalar]:
-        """``value`` as (constant factor, remaining node)."""
+        """Split ``value`` into (constant factor, remaining node)."""
         node = self._op(value)
         if node.op is Op.NEG:
             factor, rest = self._scaled(Scalar(self, node.args[0]))
@@ -314,7 +314,7 @@ class Builder:
         return self._function(Op.TANH, x, lambda v: 0 if v == 0 else None)
 
     def select(self, condition: Value, positive: Value, otherwise: Value) -> Value:
-        """``positive`` where ``condition > 0``, else ``otherwise``."""
+        """Record a selection: ``positive`` where ``condition > 0``, else ``otherwise``."""
         if not isinstance(condition, Scalar):
             return positive if condition > 0 else otherwise
         return Scalar(

@@ -37,7 +37,7 @@ _WIDTH = 100
 
 
 def text_of(program: Program) -> str:
-    """``program`` as text in the format described above, ending with a line feed."""
+    """Print ``program`` as text in the format of the module's docstring, ending with a line feed."""
     texts: list[str] = []
     numbers = count(1)
     lines: list[str] = []
@@ -100,7 +100,7 @@ def _operation(node: Node, texts: Sequence[str]) -> str:
 
 
 def _broken(head: str, values: Sequence[str]) -> list[str]:
-    """``head`` and the values, joined by commas and wrapped at the line width."""
+    """Print ``head`` followed by the values, joined by commas and wrapped at the line width."""
     lines, line = [], head
     for k, value in enumerate(values):
         cell = value + (", " if k < len(values) - 1 else "")

@@ -24,7 +24,7 @@ _FUNCTIONS = {
     Op.EXP: "exp",
     Op.TANH: "tanh",
 }
-"""Operation -> name of the NumPy function."""
+"""Name of the NumPy function for each operation."""
 
 
 def evaluate(program: Program, *inputs: Any) -> tuple[np.ndarray, ...]:

@@ -18,7 +18,7 @@ class MathmlMarkup:
     """The markup of formulas as presentation MathML."""
 
     def symbol(self, parts: Notation) -> str:
-        """A letter with dots and subscript."""
+        """The MathML of a letter with dots and subscript."""
         return _with_subscript(_dotted(GREEK.get(parts.base, parts.base), parts.dots), parts.subscript)
 
     def number(self, text: str) -> str:
@@ -34,7 +34,7 @@ class MathmlMarkup:
         return f"<mrow>{sum_of(terms)}</mrow>"
 
     def product(self, factors: Sequence[str]) -> str:
-        """A product: juxtaposed factors, with a dot before a number."""
+        """The MathML of a product: juxtaposed factors, with a dot before a number."""
         text = factors[0]
         for factor in factors[1:]:
             text += ("<mo>·</mo>" if factor.startswith("<mn>") else "<mo>⁢</mo>") + factor

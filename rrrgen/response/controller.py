@@ -15,7 +15,7 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 
 @dataclass(frozen=True)
 class Controller:
-    """``C(z) = (c_0 + c_1 z^-1 + ..)/(d_0 + d_1 z^-1 + ..)`` of the loop ``u = n - C(z) (q - q_r)``.
+    """The controller ``C(z) = (c_0 + c_1 z^-1 + ..)/(d_0 + d_1 z^-1 + ..)`` of the loop ``u = n - C(z) (q - q_r)``.
 
     A PD controller with the backward difference of the position has ``c = [kp + kd/T, -kd/T]``, ``d = [1]``.
     """
@@ -24,7 +24,7 @@ class Controller:
     denominator: tuple[float, ...] = (1.0,)
 
     def response(self, frequency: Array, period: float) -> Complex:
-        """C at ``frequency`` (L,) in Hz for the sampling ``period`` in s."""
+        """The frequency response of C, complex (L,), at ``frequency`` (L,) in Hz for the sampling ``period`` in s."""
         z = np.exp(-2j * np.pi * np.asarray(frequency) * period)
         powers = np.polynomial.polynomial.polyval
         return np.asarray(powers(z, self.numerator) / powers(z, self.denominator))

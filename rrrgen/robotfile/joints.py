@@ -96,7 +96,7 @@ def _read_name(node: Node | None, number: int, scope: Scope) -> str:
 
 
 def _check_variable(node: Node, values: dict[str, Node], joint_type: str, name: str, what: str, scope: Scope) -> None:
-    """Check that the constant of this joint type is given, and that its variable has an offset, not its own name."""
+    """Check theta and d of a row: the constant one must be stated, the variable one may be stated only as an offset."""
     needed, variable = ("d", "theta") if joint_type == "revolute" else ("theta", "d")
     if needed not in values:
         scope.faults.error(node, f"{what} needs the key '{needed}'", f"{needed}: constant of a {joint_type} joint")

@@ -223,7 +223,7 @@ def _in_degrees(radians: sp.Expr) -> str:
 
 
 def _right_angle(radians: float, decimals: int | None) -> int:
-    """k if ``radians`` equals k*pi/2 rounded or truncated to ``decimals`` digits, or nearly so; otherwise 0."""
+    """Recognize a right angle written as a decimal: k if ``radians`` is about k*pi/2, to ``decimals`` digits; or 0."""
     multiple = round(radians / (cmath.pi / 2))
     exact = abs(multiple) * cmath.pi / 2
     digits = 6 if decimals is None else decimals

@@ -137,7 +137,7 @@ class _Printer:
         return all(unit is not None and UNITS[unit].dimension == NUMBER for unit in units)
 
     def number(self, value: float, quantity: str, file_units: bool) -> str:
-        """A float, printed such that exactly the same float is read back."""
+        """Print a float such that exactly the same float is read back."""
         target = QUANTITIES[quantity]
         unit = self.units.of(target) if file_units else FileUnits().of(target)
         return _float_text(value, target, unit)

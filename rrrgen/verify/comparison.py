@@ -45,7 +45,7 @@ def size(value: Array) -> float:
 
 
 def relative_difference(value: Array, expected: Array, scale: float) -> float:
-    """max|value - expected| / scale; inf when the shapes differ, nan stays nan."""
+    """The relative difference max|value - expected| / scale; inf if the shapes differ, nan if there is a nan."""
     value, expected = np.asarray(value), np.asarray(expected)
     if value.shape != expected.shape:
         return float("inf")

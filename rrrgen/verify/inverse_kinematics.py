@@ -104,7 +104,7 @@ class Arm:
         return np.asarray(np.where(self.revolute, turned, np.abs(d) / self.reach).max(axis=-1))
 
     def sharpness(self, goals: Array, q: Array) -> Array:
-        """The smallest singular value of the Jacobian (N,), beside the zero that a redundant joint leaves."""
+        """The smallest singular value (N,) of the Jacobian, without the zero that a redundant arm always has."""
         values = np.linalg.svd(self.error(goals, q)[1], compute_uv=False)
         return np.asarray(values[:, min(values.shape[1], self._moving) - 1])
 

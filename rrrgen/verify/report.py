@@ -36,7 +36,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """``pass`` or ``FAIL``."""
+        """The result of the comparison as a word, ``pass`` or ``FAIL``."""
         return "pass" if self.ok else "FAIL"
 
 

@@ -37,7 +37,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Scalar:
-    """One value as typed.
+    """One scalar value, with the text that the user typed.
 
     ``quoted`` is true if the value stood in quotes; ``inset`` is the number of characters between ``place`` and the
     first character of the text (1 for an opening quote).

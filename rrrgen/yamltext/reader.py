@@ -72,7 +72,7 @@ class Reader:
         return value
 
     def whole(self, node: Node | None, what: str, default: Default) -> int | Default:
-        """A non-negative integer; ``default`` if ``node`` is None, or (with a fault) if it holds something else."""
+        """Read a non-negative integer; ``default`` if ``node`` is None, or (with a fault) if it is something else."""
         if node is None:
             return default
         text = self.text(node, what)
@@ -84,7 +84,7 @@ class Reader:
     def quantity(
         self, node: Node | None, what: str, table: Mapping[str, float], bare: str, positive: bool = False
     ) -> float | None:
-        """A value converted to SI; None if ``node`` is None or cannot be read.
+        """Read a value and convert it to SI; None if ``node`` is None or cannot be read.
 
         ``table`` maps the allowed units to their factors; a number without a unit is in ``bare``. With ``positive``,
         zero and negative values are faults.
@@ -98,11 +98,11 @@ class Reader:
         return value
 
     def number(self, node: Node | None, what: str) -> float | None:
-        """A dimensionless number; None if ``node`` is None or cannot be read."""
+        """Read a dimensionless number; None if ``node`` is None or cannot be read."""
         return self.quantity(node, what, UNITLESS, "one")
 
     def numbers(self, node: Node | None, what: str, length: int) -> list[float]:
-        """A list of ``length`` dimensionless numbers; empty if any of them cannot be read."""
+        """Read a list of ``length`` dimensionless numbers; empty if any of them cannot be read."""
         if not isinstance(node, Sequence) or len(node.items) != length:
             self.faults.error(node, f"{what} needs a list of {length} numbers")
             return []

@@ -18,7 +18,7 @@ def describe(node: Node) -> str:
 
 
 def shorten(text: str, width: int = 40) -> str:
-    """``text`` on one line, cut to ``width`` characters with ``...``."""
+    """Shorten ``text`` to one line of at most ``width`` characters, with ``...`` where it is cut."""
     text = " ".join(text.split())
     return text if len(text) <= width else text[: width - 3] + "..."
 

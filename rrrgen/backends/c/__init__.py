@@ -1,1 +1,1 @@
-"""The C backend: programs as C99 that is also C++17, readable, stateless and reproducible."""
+"""The C backend: prints programs as readable, stateless, reproducible C99 that is valid C++17 too."""

@@ -36,7 +36,7 @@ class CBackend:
     beside: Callable[[], tuple[Files, Sequence[Check]]] = _nothing
 
     def files(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
-        """``<name>.h``, ``<name>.c`` with the sources beside it, and ``<name>_selftest.c``."""
+        """Print all files: ``<name>.h``, ``<name>.c`` with further sources, and ``<name>_selftest.c``."""
         return self.assemble(model, identity, [task() for task in self.tasks(model, identity, real)])
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], Files]]:

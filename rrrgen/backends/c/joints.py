@@ -28,7 +28,7 @@ def joint_macros(spec: RobotSpec, dialect: Dialect) -> list[str]:
 
 
 def _macro(name: str, values: list[str]) -> list[str]:
-    """``#define name {values}``, continued over lines where it is long."""
+    """Print the macro ``#define name {values}``, continued over lines where it is long."""
     lines = [f"#define {name} {{{values[0]}"]
     for value in values[1:]:
         if len(lines[-1]) + len(value) > _LINE:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def build_files(files: Iterable[str], model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
-    """``CMakeLists.txt``, ``<name>.pc`` and ``README.md`` for the files named in ``files`` (relative to the output)."""
+    """Print ``CMakeLists.txt``, ``<name>.pc`` and ``README.md`` for the emitted ``files`` (paths below the output)."""
     names = sorted(files)
     prefix = model.spec.name
     values: dict[str, Any] = {

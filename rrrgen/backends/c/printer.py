@@ -44,11 +44,11 @@ class CTarget:
         return f"{self.dialect.function(_FUNCTIONS[op])}({argument})"
 
     def sign(self, x: Text) -> Text:
-        """sgn x by two comparisons."""
+        """The C expression of sgn x, by two comparisons."""
         return Text(self.dialect.sign(x.code), CHOICE)
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
-        """The C of a choice by the sign of a condition: a conditional expression."""
+        """The conditional expression of C that is ``positive`` where ``condition > 0``, else ``otherwise``."""
         texts = condition.within(PRODUCT), positive.within(SUM), otherwise.within(SUM)
         return Text(self.dialect.select(*texts), CHOICE)
 
@@ -57,7 +57,7 @@ class CTarget:
         return self.trigonometry.statements(self.dialect, angle, sine, cosine)
 
     def element(self, port: Port, element: int, output: bool = False) -> str:
-        """``q[1]``; the bare name of a scalar input, ``*name`` of a scalar output."""
+        """The C text of an element of a port: ``q[1]``; ``name`` for a scalar input, ``*name`` for a scalar output."""
         if port.shape == ():
             return f"*{port.name}" if output else port.name
         return f"{port.name}[{element}]"

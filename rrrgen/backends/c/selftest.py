@@ -94,7 +94,7 @@ class Golden:
 def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: Sequence[Check] = ()) -> dict[str, str]:
     """Print ``<name>_selftest.c``, a program that prints a line per check and exits with 0, or with 1 if one fails.
 
-    ``checks`` are those of functions in headers of their own, such as the inverse kinematics.
+    ``checks`` test functions that have headers of their own, such as the inverse kinematics.
     """
     states = _states(model.spec)
     parameters = _parameters(model)
@@ -248,7 +248,7 @@ def _is_positive(programs: Mapping[str, Program], states: dict[str, Array], para
 
 
 def _specializations(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
-    """For each function with a nominal specialization: both calls in C, and name and size of every result.
+    """The template variables that compare functions with their nominal specializations: both calls, and the results.
 
     Functions with a status are left out, because their values are as uncertain as M is ill-conditioned.
     """

@@ -35,7 +35,7 @@ class Function:
 def header_and_sources(
     model: DerivedModel, identity: Identity, dialect: Dialect, sincos: SinCos | None = None
 ) -> dict[str, str]:
-    """``<name>.h``, ``<name>.c`` and the further sources (:data:`BESIDE`) for which there are functions."""
+    """Print ``<name>.h``, ``<name>.c`` and those further sources (:data:`BESIDE`) for which there are functions."""
     sincos = sincos or LibmSinCos()
     programs = programs_of(model)
     functions = print_functions(programs, dialect, sincos)

@@ -152,7 +152,7 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
 
     ``target`` is the position (3) or the pose (4x4), m; ``branch_signs`` one entry +1 or -1 per choice, in the order of
     :func:`branch_labels`; ``q`` (n) in (-pi, pi], rad or m. A target that the branch does not reach gives NaN; joint
-    limits are not looked at. For a mechanism ``q`` are its joint positions, NaN also where the branch does not keep the
+    limits are ignored. For a mechanism ``q`` are its joint positions, NaN also where the branch does not satisfy the
     coupling of the rows to the tip; where drives stand behind gears, an input ``turns`` (n) follows, the whole numbers
     of full turns by which the leading rows are moved. Raises DerivationError for chains without a solver, and for those
     that solve a quartic.
@@ -177,7 +177,7 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
 
 
 def _coupled(plan: SolverPlan, coupling: Coupling, y: Any, turns: Any) -> Any:
-    """The joint positions of a mechanism whose chain stands at ``y``; NaN where no q keeps the coupling."""
+    """The joint positions q of a mechanism whose rows have the displacements ``y = S q``; NaN where no q fits."""
     import casadi
 
     turning = casadi.DM([float(plan.chain.joints[p].revolute) for p in coupling.pivots])

@@ -90,7 +90,7 @@ def row_major_place(rows: int, cols: int) -> list[int]:
 
 
 def routine(program: Program, name: str) -> Routine:
-    """``program`` as a routine with dense, column-major matrices, CasADi's order.
+    """Convert ``program`` to a routine with dense matrices in column-major order, which is CasADi's.
 
     Raises InternalError if the program is malformed.
     """
@@ -159,7 +159,7 @@ def _rows(base: Routine, builder: Builder, values: Sequence[Sequence[Value]]) ->
 
 
 def _block(out: Matrix, row: Sequence[Tangent], source: Matrix, offset: int) -> tuple[Matrix, list[Value]]:
-    """One Jacobian block: its pattern and its nonzeros by compressed columns."""
+    """Make one block of the sparse Jacobian: (its matrix with the pattern of nonzeros, their values by columns)."""
     entries, elements = [], []
     for column, (r, c) in enumerate(source.entries):
         for (i, j), tangent in zip(out.entries, row, strict=True):

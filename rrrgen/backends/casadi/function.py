@@ -22,7 +22,7 @@ def function(program: Program, name: str | None = None, smooth_sign: float | Non
     """Convert ``program`` to a ``casadi.Function`` over SX; its inputs and outputs have the names of the ports.
 
     Outputs are dense (rows, columns) matrices. ``smooth_sign`` = eps > 0, in the unit of the argument (rad/s for joint
-    speeds), replaces sgn(x) by tanh(x / eps), so that gradients see Coulomb friction; without it sgn is exact and its
+    speeds), replaces sgn(x) by tanh(x / eps), so that derivatives include friction; without it sgn is exact and its
     derivative is 0. Raises :class:`MissingExtraError` without CasADi and ``ValueError`` for eps <= 0.
     """
     if smooth_sign is not None and not smooth_sign > 0:

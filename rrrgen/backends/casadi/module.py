@@ -50,7 +50,7 @@ class _Python:
         return Text(f"ca.sign({x.code})")
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
-        """The call of CasADi's if_else: ``positive`` where the condition is > 0."""
+        """The call of CasADi's ``if_else`` that is ``positive`` where ``condition > 0``, else ``otherwise``."""
         return Text(f"ca.if_else({condition.within(PRODUCT)} > 0, {positive.code}, {otherwise.code})")
 
     def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
@@ -132,7 +132,7 @@ def _output(port: Port, row: Sequence[str]) -> list[str]:
 
 
 def _wrapped(text: str) -> list[str]:
-    """``text`` in lines of at most the usual length, broken at spaces inside its brackets (never around ``=``)."""
+    """Break ``text`` into lines of at most ``_LINE`` characters, at spaces inside its brackets (never around ``=``)."""
     if len(text) <= _LINE:
         return [text]
     first = len(text) - len(text.lstrip())
@@ -162,5 +162,5 @@ def _docstring(program: Program) -> str:
 
 
 def _quoted(text: str) -> str:
-    """``text`` as it must be written inside a docstring."""
+    """Escape ``text`` for use inside a docstring."""
     return text.replace("\\", "\\\\").replace('"""', "'''")

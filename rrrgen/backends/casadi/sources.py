@@ -110,7 +110,7 @@ def derivatives_of(name: str, programs: Mapping[str, Program]) -> tuple[str, ...
 
 
 def serialized(model: DerivedModel) -> dict[str, bytes]:
-    """File name -> contents of one ``.casadi`` file per function, as written by ``Function.save``.
+    """Serialize every function to a ``.casadi`` file by ``Function.save``; returns the contents by file name.
 
     Raises :class:`rrrgen.errors.BuildError` without CasADi.
     """

@@ -62,7 +62,7 @@ class LatexMarkup:
         return rf"\sqrt{{{argument}}}"
 
     def function(self, name: str, argument: str, exponent: str) -> str:
-        """``name(argument)``, with a non-empty exponent between name and argument."""
+        """The markup of ``name(argument)``; a non-empty exponent stands between name and argument."""
         command = rf"\{name}" if name in _KNOWN else rf"\operatorname{{{name}}}"
         raised = f"^{{{exponent}}}" if exponent else ""
         return rf"{command}{raised}\left({argument}\right)"
@@ -106,7 +106,7 @@ class TextMarkup:
         return f"sqrt({argument})"
 
     def function(self, name: str, argument: str, exponent: str) -> str:
-        """``name(argument)``, followed by ``^exponent`` unless that is empty."""
+        """The text of ``name(argument)``, followed by ``^exponent`` unless that is empty."""
         return f"{name}({argument})" + (f"^{_enclosed(exponent, ' */-')}" if exponent else "")
 
     def group(self, content: str) -> str:
@@ -127,7 +127,7 @@ def join_terms(terms: Sequence[tuple[bool, str]]) -> str:
 
 
 def _enclosed(text: str, separators: str) -> str:
-    """``text`` in parentheses if a separator occurs in it outside of parentheses."""
+    """Put ``text`` in parentheses if one of the ``separators`` occurs in it outside of parentheses."""
     depth = 0
     for character in text:
         depth += (character == "(") - (character == ")")

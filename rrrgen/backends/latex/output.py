@@ -52,7 +52,7 @@ def latex(closed_forms: Mapping[str, Form], short_trig: bool = True, cse_limit: 
 
 
 def latex_base_parameters(parameters: ParameterListing) -> str:
-    """A LaTeX fragment that defines the base parameters, under the convention of their expressions as a comment."""
+    """Print the definitions of the base parameters as a LaTeX fragment; a comment states the convention of symbols."""
     walk = Walk(LatexMarkup(), short_trig=False)
     said = textwrap.wrap(f"Base parameters. {parameters.statement}", LINE, break_on_hyphens=False)
     lines = [line for p in parameters.rows for line in _latex_lines(walk, p.name, p.expression)]

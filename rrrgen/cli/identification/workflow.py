@@ -190,7 +190,7 @@ def recording_names(mappings: list[LogMapping]) -> list[str]:
 
 
 def described_files(**paths: Path | None) -> dict[str, Path]:
-    """Those of ``paths`` that are files, by role; a bundled robot is named, not read from a file of the user."""
+    """Select those of ``paths``, by role, that are existing files; the name of a bundled robot is none."""
     return {role: path for role, path in paths.items() if path is not None and path.is_file()}
 
 

@@ -1,1 +1,1 @@
-"""Commands about a model: new, import, robots, check, show, schema, generate, verify, ik."""
+"""Commands about a robot's model: new, import, export, robots, check, show, schema, generate, verify, ik."""

@@ -27,7 +27,7 @@ from rrrgen.errors import Fault, InputError, cannot_write
 def new(name: str, output: Path | None, joints: str, convention: str, bundled: str | None, force: bool) -> None:
     """Write a robot file to start from, with a comment on every field.
 
-    The table is that of an arm that can move in as many ways as its joints allow; six or more joints that end in RRR
+    The arm in it can move in as many independent directions as its joints allow; six or more joints that end in RRR
     have a spherical wrist. Change the numbers to those of your robot.
 
     \b

@@ -207,7 +207,7 @@ def root_factors(expression: sp.Expr) -> list[sp.Expr]:
 
 
 def to_expression(value: Operand) -> sp.Expr:
-    """A polynomial or a rational number as a SymPy expression."""
+    """Convert a polynomial or a rational number to a SymPy expression."""
     if isinstance(value, Polynomial):
         return value.expression()
     value = Fraction(value)

@@ -101,7 +101,7 @@ class ClosedForm:
         return (self._expander.expression(node) for node in self._nodes)
 
     def matrix(self) -> sp.Matrix:
-        """All entries as a SymPy matrix: a vector as a column, a stack of matrices one below the other."""
+        """All entries as a SymPy matrix; a vector is a column, a stack of matrices is written one below the other."""
         return sp.Matrix(*self._matrix_shape(), list(self))
 
     def _matrix_shape(self) -> tuple[int, int]:

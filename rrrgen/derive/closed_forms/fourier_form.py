@@ -20,7 +20,7 @@ Wave = dict[sp.Expr, tuple[Fraction, Fraction]]
 
 
 def shorter_form(value: Polynomial, pairs: Pairs) -> sp.Expr:
-    """``value`` as a SymPy expression in whichever of the two forms has fewer operations."""
+    """Convert ``value`` to a SymPy expression, in the one of the module's two forms that has fewer operations."""
     plain = sp.factor_terms(value.expression())
     best = plain
     for block in _blocks(pairs):

@@ -73,7 +73,7 @@ def shared_form(
 
 
 def _uses(program: Program, needed: Iterable[int], results: Sequence[int]) -> Counter[int]:
-    """How often each node appears in print; x + x, printed as 2*x, counts once, and so do equal entries."""
+    """Count how often each node is printed; x + x, printed as 2*x, counts once, and so do equal entries."""
     nodes = (program.nodes[k] for k in needed)
     used = Counter(arg for node in nodes for arg in (set(node.args) if node.op is Op.ADD else node.args))
     return used + Counter(set(results))

@@ -75,7 +75,7 @@ Frames = Callable[[Chain], list[bool]]
 
 
 def coriolis(frames: Frames) -> Callable[[Recording], Program]:
-    """A recorder of the Coriolis and centrifugal torques c = C(q, dq) dq, shape (n,), N m or N."""
+    """Make a recorder of the Coriolis and centrifugal torques c = C(q, dq) dq, shape (n,), N m or N."""
 
     def record(r: Recording) -> Program:
         chain = _weightless(r.chain())
@@ -89,7 +89,7 @@ def coriolis(frames: Frames) -> Callable[[Recording], Program]:
 
 
 def bias(frames: Frames) -> Callable[[Recording], Program]:
-    """A recorder of the bias torques h = c(q, dq) + g(q), shape (n,), N m or N."""
+    """Make a recorder of the bias torques h = c(q, dq) + g(q), shape (n,), N m or N."""
 
     def record(r: Recording) -> Program:
         chain = r.chain_in_gravity("dq")
@@ -125,7 +125,7 @@ def gravity(r: Recording) -> Program:
 
 
 def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
-    """A recorder of M (n, n), c (n,) and g (n,) in one program, so that they share subexpressions."""
+    """Make a recorder of M (n, n), c (n,) and g (n,) in one program, so that they share subexpressions."""
 
     def record(r: Recording) -> Program:
         chain, dq, inertias = r.chain_in_gravity("dq"), r.joints("dq"), r.inertias()
@@ -145,7 +145,7 @@ def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
 
 
 def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
-    """A recorder of tau = M ddq + c + g, shape (n,), N m or N, without friction. (14.6)"""
+    """Make a recorder of tau = M ddq + c + g, shape (n,), N m or N, without friction. (14.6)"""
 
     def record(r: Recording) -> Program:
         chain = r.chain_in_gravity("dq", "ddq")

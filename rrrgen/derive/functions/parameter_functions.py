@@ -58,7 +58,7 @@ Projection = Any
 
 
 def base_parameters(project: Projection) -> Recorder:
-    """A recorder of beta = K phi (b,) from the standard parameters phi (10 n,) of all links."""
+    """Make a recorder of beta = K phi (b,) from the standard parameters phi (10 n,) of all links."""
 
     def record(r: Recording) -> Program:
         meaning = "per link: " + ", ".join(STANDARD)
@@ -77,7 +77,7 @@ def base_parameters(project: Projection) -> Recorder:
 
 
 def add_payload(project: Projection) -> Recorder:
-    """A recorder of beta_loaded (b,) = beta + K_n phi_p for a payload given in the axes of the last link frame."""
+    """Make a recorder of beta_loaded (b,) = beta + K_n phi_p for a payload given in the axes of the last link frame."""
 
     def record(r: Recording) -> Program:
         mass, com, inertia = _payload_inputs(r, "the last link frame")
@@ -95,7 +95,7 @@ def add_payload(project: Projection) -> Recorder:
 
 
 def add_payload_at(project: Projection) -> Recorder:
-    """A recorder of beta_loaded (b,) for a payload given in a frame of its own, with its pose in the last link."""
+    """Make a recorder of beta_loaded (b,) for a payload given in a frame of its own, with its pose in the last link."""
 
     def record(r: Recording) -> Program:
         mass, com, inertia = _payload_inputs(r, "the payload's frame")

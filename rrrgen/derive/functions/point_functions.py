@@ -229,7 +229,7 @@ def _gram(r: Recording, J: Matrix, damping: Any = 0) -> Factors:
 
 
 def manipulability(task: _Task) -> Recorder:
-    """A recorder of the manipulability w and its gradient dw_dq (n,); the status is 1 and both 0 where J loses rank."""
+    """Make a recorder of the manipulability w and its gradient (n,); the status is 1, both 0, where J loses rank."""
 
     def record(r: Recording) -> Program:
         b = r.builder
@@ -280,7 +280,7 @@ def _rate(columns: Sequence[Vector], weights: Sequence[Vector], k: int, count: i
 
 
 def nullspace(task: _Task) -> Recorder:
-    """A recorder of N = 1 - J' (J J' + damping^2 1)^-1 J (n, n): the joint motions that do not move the tip."""
+    """Make a recorder of N = 1 - J' (J J' + damping^2 1)^-1 J (n, n): the joint motions that do not move the tip."""
 
     def record(r: Recording) -> Program:
         J = kinematics.jacobian(r.chain())[: task.rows]

@@ -172,7 +172,7 @@ class Recording:
         return self.extra(name, (self.n,), "", f"gains {name}, one per joint")
 
     def extra(self, name: str, shape: tuple[int, ...], unit: str, meaning: str) -> list[Value]:
-        """The input ``name`` of no special role; declared when first asked for."""
+        """The input ``name`` without a special role, with its shape, unit and meaning; declared when first used."""
         if name not in self._extra:
             self._extra[name] = list[Value](self.builder.input(Port(name, shape, unit, "", meaning)))
         return self._extra[name]

@@ -30,7 +30,7 @@ from rrrgen.program import Port, Program
 
 
 def _regressor_rows(r: Recording, columns: list[list[Any]]) -> list[list[Any]]:
-    """The rows of Y (n, b) from its columns in the compiler's base parameters, in the user's basis if there is one."""
+    """Convert the columns of Y for the compiler's base parameters to the rows of Y (n, b) for the public ones."""
     inverse = r.parametrization.inverse
     if inverse is None:
         return [list(row) for row in zip(*columns, strict=True)]
@@ -54,7 +54,7 @@ def _motions(r: Recording, *further: str) -> tuple[Chain, list[LinkMotion]]:
 
 
 def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
-    """A recorder of Y (n, b) with tau = Y(q, dq, ddq) beta. (14.10)"""
+    """Make a recorder of Y (n, b) with tau = Y(q, dq, ddq) beta. (14.10)"""
 
     def record(r: Recording) -> Program:
         chain = r.chain_in_gravity("dq", "ddq")

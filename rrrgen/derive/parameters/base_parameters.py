@@ -54,7 +54,7 @@ class BaseParameter:
 
 @dataclass(frozen=True)
 class Regrouping:
-    """The fate of one standard parameter: ``formula`` is its part in the base parameters, ``reason`` says why."""
+    """How one standard parameter enters the base parameters: ``formula``, and the ``reason`` for it."""
 
     parameter: str
     formula: str
@@ -94,7 +94,7 @@ def standard_symbols(n: int) -> list[sp.Symbol]:
 
 
 def linear_expression(row: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> sp.Expr:
-    """``sum of row[k] * symbols[k]`` with factored coefficients."""
+    """The linear expression ``sum of row[k] * symbols[k]``, with factored coefficients."""
     return sp.Add(*(sp.factor(c) * s for c, s in zip(row, symbols, strict=True) if c != 0))
 
 

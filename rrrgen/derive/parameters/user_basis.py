@@ -26,7 +26,7 @@ INERTIA_SIGN = {"Ixy": -1, "Ixz": -1, "Iyz": -1}
 
 
 def with_signs(expression: sp.Expr, basis: BasisSpec) -> sp.Expr:
-    """``expression`` converted between the sign convention of ``basis`` for products of inertia and the tensor's.
+    """Convert ``expression`` between the sign convention of ``basis`` for products of inertia and the tensor's.
 
     The conversion is its own inverse.
     """
@@ -160,7 +160,7 @@ def _foreign(
 
 
 def _vanishing(expression: sp.Expr) -> sp.Expr:
-    """``expression`` simplified far enough that an expression equal to zero becomes the number 0."""
+    """Simplify ``expression`` far enough that an expression equal to zero becomes the number 0."""
     expanded = sp.expand(expression)
     return expanded if expanded == 0 else sp.cancel(sp.trigsimp(expanded))
 

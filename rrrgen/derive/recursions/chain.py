@@ -187,7 +187,7 @@ def rational(expression: sp.Expr, digits: int = 40) -> Number:
 
 
 def rational_float(value: float | None) -> Fraction:
-    """A number of the robot file as the exact decimal fraction that it was written as; None counts as zero."""
+    """Convert a number of the robot file to the exact decimal fraction that the file states; None becomes zero."""
     return Fraction(0) if value is None else Fraction(str(value))
 
 

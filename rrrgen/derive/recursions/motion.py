@@ -65,7 +65,7 @@ class _BlockEntry:
 
 
 def choose_frames(chain: Chain, keep_in_block: Container[int] = ()) -> list[bool]:
-    """For each link, whether it is expressed in its link frame (True) or in the frame of its block (False).
+    """Choose for each link whether it is expressed in its link frame (True) or in the frame of its block (False).
 
     Links in ``keep_in_block`` get the frame of the block unless another block starts from them.
     """
@@ -129,7 +129,7 @@ def _spin(omega: Vector, alpha: Vector) -> Matrix:
 
 
 def _offset_acceleration(joint: ChainJoint, motion: LinkMotion, p: Vector) -> Vector:
-    """``U p`` in the frame of the block, for an offset ``p`` fixed to the link that ``joint`` moves."""
+    """The acceleration ``U p`` of an offset ``p`` fixed to the link that ``joint`` moves, in the frame of the block."""
     if motion.in_link_frame:
         return rotate_z(joint.c, joint.s, times(motion.U, p))
     return times(motion.U, rotate_z(joint.c, joint.s, p))

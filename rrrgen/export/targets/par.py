@@ -120,7 +120,7 @@ def _tool_row(T: sp.Matrix) -> dict[str, Any]:
 
 
 def _simple(value: sp.Expr) -> sp.Expr:
-    """``value`` unchanged if it is a short exact number (with pi or a root), otherwise its decimal approximation."""
+    """Replace ``value`` by a decimal approximation, unless it is a short exact number (possibly with pi or a root)."""
     value = sp.nsimplify(normal_form(value)) if value.is_Rational else normal_form(value)
     exact = value.is_Rational or (value / sp.pi).is_Rational or (value**2).is_Rational
     return value if exact else sp.Rational(str(sp.N(value, 25)))

@@ -11,7 +11,7 @@ from rrrgen.ik.geometry.chain import Chain, Joint, Link, Matrix, multiply
 
 
 def extended(chain: Chain, count: int, *, at_base: bool, shift: float, turn: int) -> Chain:
-    """``chain`` with ``count`` virtual revolute joints after its last joint (or before its first).
+    """Extend ``chain`` by ``count`` virtual revolute joints after its last joint (or before its first, ``at_base``).
 
     Each axis meets its neighbour at a right angle and two of them meet in one point, so that together with a revolute
     neighbour they form an orthogonal wrist, which is regular at zero. ``shift`` (m) places that point on the

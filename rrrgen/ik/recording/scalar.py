@@ -16,7 +16,7 @@ from typing import Any, Union
 from rrrgen.program import Op
 
 Constant = Any
-"""A float, or a SymPy expression."""
+"""A constant in an expression: a float, or an exact SymPy expression."""
 
 Operand = Union["Scalar", Constant]
 

@@ -70,7 +70,7 @@ class Step(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Target(Step):
-    """The target: 12 results for a pose (rotation matrix row by row, then position), 3 for a position."""
+    """The step that reads the target: 12 results for a pose (rotation row by row, then position), 3 for a position."""
 
     kind: ClassVar[str] = "target"
 
@@ -84,7 +84,7 @@ class Target(Step):
 
 @dataclass(frozen=True, eq=False)
 class Named(Step):
-    """A value stored under a readable name."""
+    """The step that stores a value under a readable name."""
 
     hint: str
     value: Scalar
@@ -114,7 +114,7 @@ class _Decision(Step):
 
 @dataclass(frozen=True, eq=False)
 class Pair(_Decision):
-    """Cosine and sine of both angles x with ``A cos(x) + B sin(x) = C``; ``equation`` holds (A, B, C)."""
+    """The step that solves ``A cos(x) + B sin(x) = C`` for cosine and sine of x; ``equation`` holds (A, B, C)."""
 
     equation: Triple
     label: Label
@@ -151,7 +151,7 @@ class Pair(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class SignedRoot(Step):
-    """Both square roots of ``radicand``; they count as a double root where it is small relative to ``size``."""
+    """The step that takes a square root of ``radicand``; a double root where that is small relative to ``size``."""
 
     hint: str
     radicand: Scalar
@@ -179,7 +179,7 @@ class SignedRoot(Step):
 
 @dataclass(frozen=True, eq=False)
 class Quartic(_Decision):
-    """Up to four angles with ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``: cosine and sine."""
+    """The step that solves ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0`` for cosine and sine of x."""
 
     k: tuple[Scalar, Scalar, Scalar, Scalar, Scalar]
     label: Label
@@ -203,7 +203,7 @@ class Quartic(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class Polynomial(_Decision):
-    """Up to two or four displacements with ``k0 + k1 x + k2 x^2 + ... = 0`` (degree 2 or 4)."""
+    """The step that solves ``k0 + k1 x + k2 x^2 + ... = 0`` (degree 2 or 4) for a displacement x."""
 
     k: Scalars
     label: Label
@@ -228,7 +228,7 @@ class Polynomial(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class Direction(_Decision):
-    """The one angle ``atan2(s, c)``: its cosine and sine."""
+    """The step that computes the cosine and sine of the angle ``atan2(s, c)``."""
 
     s: Scalar
     c: Scalar
@@ -251,7 +251,7 @@ class Direction(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class Onto(_Decision):
-    """The one angle about z that turns ``v`` onto ``u``: its cosine and sine."""
+    """The step that computes the cosine and sine of the angle about z that rotates ``v`` onto ``u``."""
 
     v: Triple
     u: Triple
@@ -277,7 +277,7 @@ class Onto(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class Slide(_Decision):
-    """The displacement of a prismatic joint, or an angle that follows from others."""
+    """The step that sets a joint to a value: a displacement, or an angle that follows from others."""
 
     value: Scalar
     kind: ClassVar[str] = "slide"
@@ -294,7 +294,7 @@ class Slide(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class Given(_Decision):
-    """A joint that the caller prescribes: cosine and sine, or a displacement."""
+    """The step that reads the joint that the caller prescribes: its cosine and sine, or its displacement."""
 
     kind: ClassVar[str] = "given"
 
@@ -306,7 +306,7 @@ class Given(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class Wrist(Step):
-    """Cosines and sines of the three angles of a spherical wrist with right angles between its axes; two solutions."""
+    """The step that solves a spherical wrist with perpendicular axes for cosines and sines: two solutions."""
 
     three: tuple[Joint, Joint, Joint]
     columns: tuple[Triple, Triple]
@@ -343,7 +343,7 @@ class Wrist(Step):
 
 @dataclass(frozen=True, eq=False)
 class Residual(Step):
-    """Quantities that are zero at a solution: lengths, and cosines or sines."""
+    """The step that records quantities which are zero at a solution: lengths, and cosines or sines."""
 
     lengths: Scalars
     cosines: Scalars

@@ -108,7 +108,7 @@ def is_general(chain: Chain, locked: int | None) -> bool:
 
 
 def free_joints(chain: Chain, locked: int | None) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
-    """The joints that are not prescribed, and the links between them."""
+    """The six joints of ``chain`` without the prescribed joint ``locked`` (None: all), and the links between them."""
     if locked is None:
         return chain.joints, chain.links
     return (chain.joints[1:], chain.links[1:]) if locked == 0 else (chain.joints[:-1], chain.links[:-1])

@@ -182,7 +182,7 @@ def _last(b: Builder, joint: Joint, rotation: Turn, *before: Turn) -> Turn:
 
 
 def _turn_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """R R R: the law of cosines gives x2 from the distance of the first and the last axis; x1 and x3 follow."""
+    """Derive R R R: the law of cosines gives x2 from the distance of the first and the last axis; x1 and x3 follow."""
     one, two, three = triple.elements
     upper, fore = _less(two.at, one.at), _less(three.at, two.at)
     aim = _less(point, one.at)
@@ -201,7 +201,7 @@ def _turn_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: floa
 
 
 def _turn_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """R P R: the distance of the first and the last axis gives the displacement (a quadratic); x1 and x3 follow."""
+    """Derive R P R: the distance of the first and last axis gives the displacement (a quadratic); x1 and x3 follow."""
     one, two, three = triple.elements
     start, aim = _less(three.at, one.at), _less(point, one.at)
     t = b.polynomial(
@@ -217,7 +217,7 @@ def _turn_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: flo
 
 
 def _slide_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """P R R: the target point lies on a circle about axis 2, whose radius gives the displacement (a quadratic)."""
+    """Derive P R R: the target point lies on a circle about axis 2, whose radius gives a quadratic in x1."""
     one, two, three = triple.elements
     arm, aim = _less(three.at, two.at), _less(point, two.at)
     t = b.polynomial(
@@ -233,7 +233,7 @@ def _slide_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: flo
 
 
 def _slide_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """P P R: the position of the last axis gives two linear equations for the displacements."""
+    """Derive P P R: the position of the last axis gives two linear equations for the displacements x1 and x2."""
     one, two, three = triple.elements
     aim = _less(point, three.at)
     whole = _area(one.at, two.at)
@@ -244,7 +244,7 @@ def _slide_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: fl
 
 
 def _around(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
-    """P R P: the rotation gives x2; ``point``, where the origin moves to, gives two linear equations for x1 and x3."""
+    """Derive P R P: the rotation gives x2; ``point``, the image of the origin, gives linear equations for x1 and x3."""
     one, two, three = triple.elements
     x2 = b.turn(two.joint, rotation.s, rotation.c)
     away = _spun(x2, two.at)

@@ -183,7 +183,7 @@ class _Core:
     front: int
 
     def offset_elbow(self, arm: Arm) -> dict[int, Turn | S]:
-        """R R R where axes 1 and 2 meet and axes 2 and 3 are parallel: two solutions for x1, two for x3, one for x2.
+        """Derive R R R where axes 1 and 2 meet and axes 2 and 3 are parallel: two values of x1, two of x3, one of x2.
 
         The offset of the arm's plane from axis 1 gives x1, the distance |p| gives x3, and x2 follows. The solution is
         (14.45) in chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005), with all four of its branches.
@@ -203,7 +203,7 @@ class _Core:
         return {joints[0].index: x1, joints[1].index: x2, joints[2].index: x3}
 
     def turn_turn(self) -> dict[int, Turn | S]:
-        """R R and any third joint: a quartic in x3, or two quadratics where axes 1 and 2 are parallel or meet."""
+        """Derive R R and any third joint: a quartic in x3, or two quadratics if axes 1 and 2 are parallel or meet."""
         b, joints, v, p, L = self.b, self.joints, self.v, self.p, self.length
         r = b.name("r", square(p))
         A = v.length2.times(-1).plus(total(r, -product(self.a, self.a)))
@@ -232,7 +232,7 @@ class _Core:
         return self._first_turn(x2, x3, rotate_z(x2.c, x2.s, at))
 
     def turn_slide(self) -> dict[int, Turn | S]:
-        """R P and any third joint: the displacement x2 is eliminated from the equations of height and distance."""
+        """Derive R P and any third joint: x2 is eliminated from the equations of height and distance."""
         b, joints, v, p, L = self.b, self.joints, self.v, self.p, self.length
         r = b.name("r", square(p))
         if is_zero(self.ca):
@@ -252,7 +252,7 @@ class _Core:
         return self._first_turn(x2, x3, (at[0], at[1], total(at[2], x2)))
 
     def slide_turn(self) -> dict[int, Turn | S]:
-        """P R and any third joint: x2 is eliminated from the equations of the two coordinates normal to axis 1."""
+        """Derive P R and any third joint: x2 is eliminated from the equations of the coordinates normal to axis 1."""
         b, joints, v, p, L = self.b, self.joints, self.v, self.p, self.length
         ux = b.name("ux", total(p[0], -self.a))
         if is_zero(self.ca):
@@ -272,7 +272,7 @@ class _Core:
         return self._first_slide(x2, x3, rotate_z(x2.c, x2.s, at))
 
     def slide_slide(self) -> dict[int, Turn | S]:
-        """P P and any third joint: the coordinate normal to both translations gives x3, then x2 and x1 are linear."""
+        """Derive P P and any third joint: the coordinate normal to both gives x3; x2 and x1 are then linear."""
         b, joints, v, p, L = self.b, self.joints, self.v, self.p, self.length
         x3 = v.x.plus(total(self.a, -p[0])).root(b, joints[2], Label("side"), L)
         at = b.names("v", v.at(x3))
@@ -321,7 +321,7 @@ def _negative(x: S) -> bool:
 def _linear(
     b: Builder, joints: tuple[Joint, Joint, Joint], L1: Rigid, L2: Rigid, c: Vector, p: Vector, length: float
 ) -> dict[int, Turn | S]:
-    """P P P: three linear equations for the displacements along the constant directions of the three z axes."""
+    """Derive P P P: three linear equations for the displacements along the constant directions of the joint axes."""
     origin = (L1 @ L2).apply(c)
     z1: Vector = (0, 0, 1)
     z2 = (L1.R[0][2], L1.R[1][2], L1.R[2][2])

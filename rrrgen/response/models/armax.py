@@ -52,7 +52,7 @@ def _cost(e: Array) -> float:
 
 
 def _columns(order: int, size: int, delay: int, u: Array, y: Array) -> Array:
-    """Past outputs and inputs (N, order + size), zeros before the first row."""
+    """The matrix (N, order + size) of past outputs and inputs, with zeros for times before the first row."""
     shifts = [(y, i) for i in range(1, order + 1)] + [(u, delay + j) for j in range(size)]
     columns = np.zeros((len(y), len(shifts)))
     for column, (signal, shift) in zip(columns.T, shifts, strict=True):

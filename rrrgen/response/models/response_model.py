@@ -52,12 +52,12 @@ class ResponseModel:
 
     @property
     def denominator(self) -> Array:
-        """``1 - sum a_i z^-i`` in ascending powers of z^-1."""
+        """Coefficients of the denominator ``1 - sum a_i z^-i`` in ascending powers of z^-1."""
         return np.concatenate([[1.0], -self.a])
 
     @property
     def numerator(self) -> Array:
-        """``sum b_j z^-(delay + j)`` in ascending powers of z^-1."""
+        """Coefficients of the numerator ``sum b_j z^-(delay + j)`` in ascending powers of z^-1."""
         return np.concatenate([np.zeros(self.delay), self.b])
 
     def response(self, frequency: Array) -> Complex:

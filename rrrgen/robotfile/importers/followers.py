@@ -49,7 +49,7 @@ def followed_rows(chain: SerialChain) -> list[Followed | None]:
 def with_followers(
     joints: Sequence[JointSpec], follows: Sequence[Followed | None], faults: FaultList, chain: SerialChain
 ) -> tuple[tuple[JointSpec, ...], MechanismSpec | None]:
-    """The driven joints, and the mechanism that relates all rows to them; the mechanism is None without followers.
+    """Make the driven joints and the mechanism that relates all rows to them; None for the latter without followers.
 
     Friction, inertia and limits of a following joint are transferred to the joint that it follows; a warning says so.
     """

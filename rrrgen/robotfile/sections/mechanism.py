@@ -73,7 +73,7 @@ def _keys_of(item: Node) -> dict[str, tuple[Scalar, Node]]:
 
 
 def _named(node: Node, names: Row[str], what: str, scope: Scope) -> str | None:
-    """One of ``names``; a fault and None for anything else."""
+    """Read one of the joint names ``names``; a fault and None for anything else."""
     if isinstance(node, Scalar) and node.text in names:
         return node.text
     word = node.text if isinstance(node, Scalar) else ""

@@ -88,7 +88,7 @@ def _loop_body(program: Program, dialect: Dialect) -> list[str]:
 
 
 def _scalar_body(program: Program, dialect: Dialect) -> list[str]:
-    """A loop that calls the function of one state."""
+    """Print the body of a loop that calls, for each state, the function for a single state."""
     inputs = (f"{port.name} + k*{port.name}_step" for port in program.inputs)
     arguments = [place if port.shape else f"*({place})" for place, port in zip(inputs, program.inputs, strict=True)]
     outputs = [f"{port.name} + k*{port.size}" for port in program.data_outputs]
@@ -151,7 +151,7 @@ def _simd_body(program: Program, dialect: Dialect) -> list[str]:
 
 
 def _each(size: int, statement: str) -> list[str]:
-    """A C loop of ``statement`` over every element; unrolled text would take twice as long to compile."""
+    """Print a C loop of ``statement`` over every element; unrolled text would take twice as long to compile."""
     if size == 1:
         return [statement.format(0)]
     return [f"for (int element = 0; element < {size}; element++)", f"    {statement.format('element')}"]

@@ -96,7 +96,7 @@ def simd_signature(program: Program, dialect: Dialect) -> str:
 
 
 def _without_status(program: Program) -> Program:
-    """``program`` with its status as an ordinary output, so that every lane has its own."""
+    """Turn the status of ``program`` into an ordinary output, so that every lane has its own."""
     outputs = tuple(
         replace(port, name=STATUS_LANES) if program.is_status(k) else port for k, port in enumerate(program.outputs)
     )

@@ -24,7 +24,7 @@ TARGETS, TRIED = 3, 40
 
 
 def selftest(spec: RobotSpec, real: str = "double") -> str:
-    """C text of ``static int inverse_kinematics(void)`` with its tables; empty where the chain has no solver."""
+    """Print the C function ``static int inverse_kinematics(void)`` and its tables; empty for a chain without solver."""
     plan = make_plan(spec)
     if not plan.solvable:
         return ""

@@ -320,7 +320,7 @@ class CBuilder(Scaffold):
     def _flipped(
         self, joints: tuple[Joint, Joint, Joint], turns: tuple[Turn, Turn, Turn], tag: str, n: Scalar
     ) -> tuple[Turn, Turn, Turn]:
-        """A wrist and its other solution: both outer joints half a turn on, the middle one reversed."""
+        """Print a loop over both solutions of a wrist: in the second x4 and x6 are rotated by pi, and x5 is negated."""
         middle = joints[1]
         real = [joint for joint in joints if joint.index in self._joints]
         for joint, turn in zip(joints, turns, strict=True):

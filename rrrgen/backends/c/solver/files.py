@@ -48,7 +48,7 @@ class Emitted:
     stack: dict[str, int]
     """Upper bound of the stack (bytes, callees included) of each function that returns solutions."""
     operations: SolverOperations | None
-    """Operations of one call that finds all solutions; None for mechanisms, and where an elimination solves it."""
+    """Operations of one call that finds all solutions; None for mechanisms and for chains solved by elimination."""
 
 
 FUNCTIONS = ("inverse_kinematics", "inverse_kinematics_batch", "closest", "ik_status_string", "ik_reason")

@@ -21,7 +21,7 @@ _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
 
 @dataclass(frozen=True)
 class Settings:
-    """How the C text of a kernel is adapted to one robot: which parts are kept, and what names are replaced by.
+    """The adaptation of a kernel's C text to one robot: the parts that are kept, and the replacements of names.
 
     ``options`` are the values of the names that ``#if`` tests. ``words`` maps whole names to the text that replaces
     them, in which nothing is replaced again; ``prefixes`` maps beginnings of names. Where a name is replaced by empty
@@ -57,7 +57,7 @@ def kernel(name: str, settings: Settings) -> str:
 
 
 def specialize(text: str, settings: Settings) -> str:
-    """``text`` adapted to one robot: #if lines of known options are resolved, names and prefixes replaced."""
+    """Adapt ``text`` to one robot: #if lines of known options are resolved, names and prefixes replaced."""
     replaced = _TOKEN.sub(lambda token: _replaced(token, settings), "".join(_settled(text, settings.options)))
     return re.sub(f" {_GAP}|{_GAP} ?", "", replaced)
 
@@ -101,7 +101,7 @@ def _settled(text: str, options: Mapping[str, bool]) -> Iterator[str]:
 
 
 def _holds(condition: str, options: Mapping[str, bool]) -> bool | None:
-    """The value of a condition such as ``A && !B || C``; None if it asks for anything but options."""
+    """Evaluate a condition such as ``A && !B || C``; None if it contains names that are no options."""
     terms = [[factor.strip() for factor in term.split("&&")] for term in condition.split("||")]
     if any(factor.removeprefix("!") not in options for term in terms for factor in term):
         return None

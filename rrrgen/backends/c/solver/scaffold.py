@@ -114,7 +114,7 @@ class Scaffold:
         return turn
 
     def _arc(self, joint: Joint, users: Turn) -> Scalar:
-        """Define the angle of a joint by the arc tangent of ``users``, the cosine and sine of the user's angle."""
+        """Define the user's angle of a joint as the arc tangent of ``users``, its cosine and sine."""
         arc = Arc(self._angle_variable(joint), "{0}", "{1}")
         self._add((ARC,), (self.pool.of(users.c), self.pool.of(users.s)), calls=("arc",), arc=arc)
         return arc.angle

@@ -168,7 +168,7 @@ def _optional(options: dict[str, bool], dialect: Dialect) -> dict[str, str]:
 
 
 def _chain(chain: Chain, dialect: Dialect) -> dict[str, str]:
-    """Words for the geometry of the chain: sizes, joint limits, offsets, constant transforms, magnitudes."""
+    """Replacement texts for the chain's data: sizes, joint limits, offsets, constant transforms, magnitudes."""
 
     def bound(x: float | None, side: int) -> float:
         return side * 1e30 if x is None else float(x)
@@ -190,7 +190,7 @@ def _chain(chain: Chain, dialect: Dialect) -> dict[str, str]:
 
 
 def _general(plan: SolverPlan, dialect: Dialect) -> tuple[dict[str, bool], dict[str, str]]:
-    """Options and words of the kernels that solve a general chain of six joints by elimination."""
+    """Options and replacement texts of the kernels that solve a general chain of six joints by elimination."""
     chain, tables = plan.solving, tables_of(plan.solving, plan.locked)
     options, words = elimination(tables, dialect)
     shifted = shifts(chain, plan.locked)
@@ -211,7 +211,7 @@ def _general(plan: SolverPlan, dialect: Dialect) -> tuple[dict[str, bool], dict[
 
 
 def elimination(tables: General6RTables, dialect: Dialect) -> tuple[dict[str, bool], dict[str, str]]:
-    """Options and words of the kernels ``trig_roots`` and ``general6r`` for one chain of six joints."""
+    """Options and replacement texts of the kernels ``trig_roots`` and ``general6r`` for one chain of six joints."""
     rows = passes(tables, dialect.real)
     words = {
         "DH": table([literals(row, dialect) for row in tables.rows]),
@@ -234,7 +234,7 @@ def _inverse(matrix: Matrix) -> list[float]:
 
 
 def _signed(values: Iterable[float], dialect: Dialect) -> str:
-    """A C array of numbers as ``-(REAL)x``: the sign stands in front of the cast."""
+    """Print a C array of numbers, negative ones as ``-(REAL)x``, with the sign in front of the cast."""
     numbers = (float(value) + 0.0 for value in values)
     real = dialect.real_type
     return "{" + ", ".join(f"({real}){x!r}" if x >= 0 else f"-({real}){-x!r}" for x in numbers) + "}"

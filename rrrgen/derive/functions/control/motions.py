@@ -51,7 +51,7 @@ def quintic(r: Recording) -> Program:
 
 
 def _clamped(b: Builder, x: Value) -> Value:
-    """``x`` limited to the range from 0 to 1."""
+    """Record ``x`` limited to the range from 0 to 1."""
     return b.select(b.sub(x, 1), 1, b.select(x, x, 0))
 
 

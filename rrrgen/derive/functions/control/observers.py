@@ -26,7 +26,7 @@ STATE = (
 
 
 def _momentum_and_torques(r: Recording, further: tuple[str, ...] = ()) -> tuple[list[Any], list[Any]]:
-    """p (n,) and u (n,) of the present state; declares its inputs."""
+    """Record p (n,) and u (n,) of the module's docstring at the present state, whose inputs are declared."""
     chain = r.chain_in_gravity("dq", *further)
     dq = r.joints("dq")
     for name in further:

@@ -42,7 +42,7 @@ class _Task:
     rows: int
     words: str
     per: str
-    """Unit of a velocity."""
+    """Unit of the velocity of the controlled quantity."""
 
     def error(self, r: Recording, T: Matrix) -> Vector:
         """The error e_x of the tip (rows,) at the pose ``T``; declares the desired pose or position."""
@@ -59,7 +59,7 @@ POSITION = _Task("position_", 3, "position", "m/s")
 
 
 def operational_space(task: _Task) -> Recorder:
-    """A recorder of one tick of operational-space control of the tip (Khatib 1987).
+    """Make a recorder of one tick of operational-space control of the tip (Khatib 1987).
 
     Outputs are the torques (n,), limited to ``tau_max``, the state z of the integral action for the next tick, and the
     status, 1 where the tip is damped near a singular configuration.

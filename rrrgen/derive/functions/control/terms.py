@@ -49,7 +49,7 @@ def momentum_terms(r: Recording) -> Program:
 
 
 def reference_torque(frames: Frames) -> Recorder:
-    """A recorder of tau = M a + C(q, dq) v + g, (n,), C of the Christoffel symbols: Slotine and Li's feed-forward."""
+    """Make a recorder of tau = M a + C(q, dq) v + g, (n,), the feed-forward of Slotine and Li; C by Christoffel."""
 
     def record_torque(r: Recording) -> Program:
         _declared(r, "q", "dq")

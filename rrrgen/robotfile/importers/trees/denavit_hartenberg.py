@@ -1,10 +1,10 @@
-"""Denavit-Hartenberg rows of joint axes in space.
+"""Computation of Denavit-Hartenberg rows from joint axes in space.
 
 The chain is ``base Rz(theta_1) Tz(d_1) . Tx(a_1) Rx(alpha_1) . Rz(theta_2) Tz(d_2) ... tool`` with z along the axis of
-joint i in the i-th pair of turns about z: the common perpendicular of axes i and i+1 is the x axis between them. Where
-axes intersect, the perpendicular is their vector product; where they are parallel, it starts at the present origin;
-where they coincide, x is kept. Of its two directions the one with theta in (-90, 90] degrees is taken, so that a may be
-negative.
+joint i in the i-th factor Rz Tz: the common perpendicular of axes i and i+1 is the x axis between them. Where axes
+intersect, it has the direction of their vector product; where they are parallel, it starts at the last origin; where
+they coincide, the last x axis is kept. Of its two directions the one with theta in (-90, 90] degrees is taken, so that
+a may be negative.
 
 Every row starts from the frame that the rows before it give. Where an angle was replaced by an exact one, the following
 rows are computed from the changed frame, so that errors do not add up from row to row; only the change of the last row
@@ -154,7 +154,7 @@ def _no_noise(length: Any) -> Any:
 
 
 def _first_frame(chain: SerialChain) -> tuple[Array, Any]:
-    """A frame with z on the first axis, the base frame itself where possible, and the height of the joint on it."""
+    """Choose a frame with z on the first joint axis, if possible the base frame: (frame, height of the joint)."""
     first = chain.joints[0]
     z, p = first.direction, first.point
     if abs(abs(z[2]) - 1) <= EQUAL:

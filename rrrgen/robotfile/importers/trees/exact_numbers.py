@@ -28,7 +28,7 @@ NOISE = HIGH.mpf(10) ** -12  # m, rad; rounding errors of exporters that compute
 
 
 def number(value: Any) -> Any:
-    """A 60-digit number from text or an exact number; a double keeps the digits it prints."""
+    """Convert text or an exact number to a 60-digit number; a double is read as the decimal that it prints."""
     if isinstance(value, float):
         value = repr(float(value))
     if isinstance(value, sp.Expr):

@@ -34,7 +34,7 @@ class Actuators:
         self.shafts = tuple(found for element in tendons if (found := self._shaft(element, joints)) is not None)
 
     def with_limit(self, joint: TreeJoint) -> TreeJoint:
-        """``joint`` with the torque limit of its actuator, unless it has a limit of its own."""
+        """Give ``joint`` the torque limit of its actuator, unless it has a limit of its own."""
         limit = self.limits.get(f"joint {joint.name}")
         if limit is None or joint.limits.torque is not None:
             return joint

@@ -67,7 +67,7 @@ class Settings:
             self._read_class(child, name)
 
     def with_defaults(self, element: Element, inherited: str) -> Element:
-        """``element`` completed by the defaults of its class, or of the class ``inherited`` from bodies around it."""
+        """Complete ``element`` by the defaults of its class, or of the class ``inherited`` from bodies around it."""
         chosen = self.defaults.get(element.attributes.get("class", inherited), {}).get(element.tag, {})
         return Element(
             element.tag, {**chosen, **element.attributes}, element.place, element.children, places=element.places

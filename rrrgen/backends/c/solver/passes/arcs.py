@@ -107,7 +107,7 @@ class _Gathering:
         return angle in self.slots or angle in self.flips
 
     def _rewritten(self, item: Statement, dependence: Dependence) -> list[Item]:
-        """``item`` with its angle stored in a slot; followed by a copy of a number of roots where it opens a loop."""
+        """Rewrite ``item`` to store its angle in a slot; where it opens a loop, the number of roots is stored too."""
         if item.flip is not None:
             self.flips[item.defines[0].text] = item.flip
             return []
@@ -120,7 +120,7 @@ class _Gathering:
         return [item, Statement(item.depth, (f"{_kept_count(loop)}[{at}] = {loop.count};",))]
 
     def _stored(self, item: Statement, arc: Arc, around: Sequence[int]) -> Statement:
-        """``item`` with slots for an angle that has one value for every pass through the loops ``around``."""
+        """Rewrite ``item`` to store an angle in slots, one for every pass through the loops ``around``."""
         terms, count = position([self.nest.loops[k] for k in around])
         slot = self.slots[arc.angle.text] = _Slot(self.taken, count, tuple(terms))
         self.taken += count
