@@ -159,7 +159,10 @@ def _assembled(
     tasks: Sequence[Sequence[Callable[[], Any]]],
     printed: Sequence[Any],
 ) -> dict[str, Contents]:
-    """The files of all ``backends``, from the results of their ``tasks``, one after the other."""
+    """The text of all files of ``backends``, by path, assembled from ``printed``.
+
+    ``tasks`` holds the printing tasks of every backend; ``printed`` the results of all these tasks, in the same order.
+    """
     results = iter(printed)
     files: dict[str, Contents] = {}
     for backend, backend_tasks in zip(backends, tasks, strict=True):

@@ -54,4 +54,4 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "doctor": ("rrrgen.cli.doctor:doctor", "Say what this installation can do, and what is missing."),
     "schema": ("rrrgen.cli.model.schema:schema", "Print the JSON Schema of robot files, for editors."),
 }
-"""A new command takes one line here and one file in a folder of ``cli``."""
+"""The commands by name: (module and attribute, one-line help). A new command takes one line here, and one file."""

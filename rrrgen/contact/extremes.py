@@ -21,7 +21,10 @@ EULER = 0.5772156649015329
 
 @dataclass(frozen=True)
 class Gumbel:
-    """The distribution of block maxima: location ``mu`` and scale ``beta``, in the unit of the residual."""
+    """Gumbel distribution of the maximum of a residual over a block of samples.
+
+    ``mu`` is its location and ``beta`` its scale, both in the unit of the residual.
+    """
 
     mu: float
     beta: float

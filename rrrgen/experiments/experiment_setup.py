@@ -231,7 +231,10 @@ def _moved(experiment: Experiment, model: Any, M: Array) -> tuple[Array, Array]:
 
 
 def _observer(experiment: Experiment, model: Any, instruments: Any, reference: Motion, duration: float) -> Any:
-    """The observer; a Kalman filter has the variances of the encoder quantisation and of the largest jerk."""
+    """Make the observer of the control section.
+
+    A Kalman filter is designed with the variances of the encoder quantisation and of the largest jerk.
+    """
     from rrrgen.simulate.control import BackwardDifference, DeviationFilter
 
     period, control = experiment.period, experiment.control

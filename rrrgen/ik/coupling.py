@@ -33,10 +33,10 @@ class Coupling:
     """The relation ``y = S q`` between the chain of rows from base to tip and the joint positions q of a mechanism.
 
     * ``matrix``: S, (rows, n).
-    * ``pivots`` and ``inverse``: n rows of S that are regular, and the inverse (n, n) of these rows.
-    * ``counts``: by how many full turns each of the pivots is moved, 0 to count - 1; more would repeat.
-    * ``periods``: by how much each joint of q may change (rad or m) so that all angles of the rows make full turns; 0
-      if it may not.
+    * ``pivots`` and ``inverse``: indices of n linearly independent rows of S, and the inverse (n, n) of these rows.
+    * ``counts``: for each pivot row the number of full turns that are tried, 0 to count - 1; more give the same q.
+    * ``periods``: for each joint of q the change (rad or m) with which all angles of the rows make full turns; 0 if
+      there is none.
     * ``revolute``, ``limits``: of the joints of q. ``followers``: the limits of rows that follow several.
     """
 

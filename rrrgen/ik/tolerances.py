@@ -85,10 +85,12 @@ NOISE = 1e-12
 are 12 x 12 determinants, whose computation adds up some thousand rounding errors."""
 
 LEAST_NOISE = {"double": NOISE, "float": 4e-6}
-"""Lower bound of the noise of a polynomial, by the precision of the emitted code."""
+"""Least rounding noise that is assumed for the values of a polynomial, by the precision of the emitted code; relative
+to the sum of the magnitudes of the coefficients."""
 
 MOST_NOISE = 1e-4
-"""Upper bound of the noise of a polynomial: with a larger one, distinct roots would be taken for one."""
+"""Largest rounding noise that is assumed for the values of a polynomial, relative to the sum of the magnitudes of its
+coefficients: with a larger one, distinct roots would be taken for one."""
 
 NOISE_FACTORS = (1.0, 1e3, 1e6)
 """Factors on the noise for successive passes of the solver. With more noise two close roots count as one double root,

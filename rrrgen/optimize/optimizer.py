@@ -32,10 +32,11 @@ class _Optimized:
 class Optimizer:
     """Optimizes every function of a robot and adds the nominal specializations.
 
-    ``max_chain_rule``: if inverse dynamics has at most so many operations, its derivatives are also tried by
-    differentiating the optimized program. ``search_anew_below``: if folding the numbers in leaves at most this share of
-    the operations, zeros among the numbers have changed the structure of the program, and all variants are searched
-    again for the specialization. Losses are measured as for :class:`~rrrgen.optimize.choosing.Cheapest`.
+    ``max_chain_rule``: largest number of operations of inverse dynamics for which its derivatives are also tried by
+    differentiating the optimized program. ``search_anew_below``: if at most this share of the operations remains after
+    the numbers of the robot file are inserted, zeros among them have changed the structure of the program, and all
+    variants are searched again for the specialization. The percentages in the comments are increases of the weighted
+    operations over all functions of the bundled robots, in parentheses that of the worst function.
     """
 
     cheapest: Cheapest = field(default_factory=Cheapest)

@@ -80,7 +80,7 @@ def _with_subscript(base: str, parts: Sequence[str]) -> str:
 
 
 def sum_of(terms: Sequence[tuple[bool, str]]) -> str:
-    """The elements of the sum ``a - b + c``, one after the other."""
+    """The MathML elements of a sum such as ``a - b + c``, one after the other, without an enclosing element."""
     text = ""
     for negative, term in terms:
         if text or negative:

@@ -1,4 +1,4 @@
-"""The discrete controller of the loop that was recorded, exactly as implemented."""
+"""The discrete-time controller of a recorded control loop, as a transfer function."""
 
 from __future__ import annotations
 

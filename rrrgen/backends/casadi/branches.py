@@ -153,9 +153,9 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
     ``target`` is the position (3) or the pose (4x4), m; ``branch_signs`` one entry +1 or -1 per choice, in the order of
     :func:`branch_labels`; ``q`` (n) in (-pi, pi], rad or m. A target that the branch does not reach gives NaN; joint
     limits are ignored. For a mechanism ``q`` are its joint positions, NaN also where the branch does not satisfy the
-    coupling of the rows to the tip; where drives stand behind gears, an input ``turns`` (n) follows, the whole numbers
-    of full turns by which the leading rows are moved. Raises DerivationError for chains without a solver, and for those
-    that solve a quartic.
+    coupling ``y = S q`` of the rows to the tip. If several q give the same configuration of the rows, as with gears, a
+    further input ``turns`` (n) chooses among them: whole numbers of full turns, added to the displacements of the rows
+    ``Coupling.pivots``. Raises DerivationError for chains without a solver, and for those that solve a quartic.
     """
     import casadi
 

@@ -1,4 +1,4 @@
-"""A Python module that rebuilds every function in CasADi, from CasADi alone."""
+"""Printing of a Python module that rebuilds every function in CasADi and needs no other package."""
 
 from __future__ import annotations
 

@@ -62,8 +62,8 @@ def import_robot(
 ) -> None:
     """Write a robot file from a file of another program.
 
-    What a robot file cannot represent is printed, or refused where the robot would be another one without it. Values
-    are in SI units and rad, or have a unit.
+    Whatever a robot file cannot represent is listed in the output; if leaving it out would change how the robot
+    moves, the import is refused. Values are in SI units and rad, or have a unit.
 
     \b
     Examples:

@@ -50,7 +50,7 @@ class AveragedSpectra:
         return P, np.maximum(rest, 0.0) / Phi[:, 1, 1].real / (self.averages - 1.0)
 
     def coherence(self) -> Array:
-        """Coherence of excitation and output, ``|Phi_nq|^2/(Phi_nn Phi_qq)`` (14.37), with the modulus."""
+        """Coherence (L,) of excitation and output, ``|Phi_nq|^2/(Phi_nn Phi_qq)`` (14.37), between 0 and 1."""
         Phi = self.Phi
         return np.asarray(np.abs(Phi[:, 0, 2]) ** 2 / (Phi[:, 0, 0] * Phi[:, 2, 2]).real)
 

@@ -73,9 +73,7 @@ def _relative_quantile(ratio: Array, share: float, dof: int) -> float:
 
 
 def _scatter(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Array, Array]:
-    """Per line, the squared distance to a smooth curve over the noise variance, and the
-    distance relative to the response.
-    """
+    """Distances of the lines from a smooth curve: squared, over the noise variance (L,), and relative to P (L,)."""
     shape = P * lines.frequency**2  # without the slope of a double integrator
     spread = variance * lines.frequency**4
     index = np.arange(NEIGHBOURS, len(P) - NEIGHBOURS)

@@ -70,7 +70,7 @@ class ResponseModel:
     def antiresonances(self) -> tuple[Resonance, ...]:
         """The weakly damped pairs of zeros, at whose frequency the output stands still while the rest vibrates.
 
-        Without those near half the sampling rate, which sampling adds.
+        Zeros near half the sampling rate are left out: they are added by sampling, not by the mechanism.
         """
         first = np.flatnonzero(self.b)
         if not len(first):

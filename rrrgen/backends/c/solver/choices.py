@@ -241,9 +241,9 @@ class CBuilder(Scaffold):
         return self.name(hint, self.pool.sqrt(self.pool.of(square((v[0], v[1], 0)))))
 
     def _unscaled(self, joint: Joint, tag: str) -> Arc | None:
-        """The arc tangent of a joint without offset, of a direction (c, s) that is yet to be scaled to a unit vector.
+        """The arc tangent of a joint without offset, computed from (c, s) before these are scaled to a unit vector.
 
-        It need not wait for the square root and the division. None for other joints.
+        That way it does not have to wait for the square root and the division of the scaling. None for other joints.
         """
         if joint.index not in self._joints or joint.offset:
             return None

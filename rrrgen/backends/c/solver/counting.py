@@ -65,7 +65,10 @@ CALLS = {
 
 
 def block_operations(program: Program, calls: Iterable[str], turns: int) -> SolverOperations:
-    """Operations of one block with its calls of kernels (names in :data:`CALLS`), evaluated ``turns`` times."""
+    """Operations of a block of statements that is evaluated ``turns`` times, including its ``calls`` of C functions.
+
+    ``calls`` are keys of :data:`CALLS`.
+    """
     count = count_operations(program)
     own = SolverOperations(count.mul, count.add, count.div, count.sqrt, count.sincos)
     return sum_of([own, *(CALLS[name] for name in calls)]).times(turns)

@@ -220,8 +220,8 @@ def _chain_parts(
 BEFORE = ("angles", "roots", "error", "refine")
 BEHIND = ("rows", "order", "target", "descend", "open", "settle", "finish", "solve")
 PUBLIC = ("batch", "closest", "texts")
-"""The kernels that every solver contains: those before the functions that list candidates, those after them, and the
-functions around the solver for one target."""
+"""Names of the C kernel files, in the order in which they stand in an emitted solver: BEFORE the functions that list
+candidates, BEHIND them, and PUBLIC, which build on the solver for one target: batches, closest solution, messages."""
 
 
 def _list(name: str, comment: str, body: CBody, chosen: Settings) -> str:

@@ -1,4 +1,4 @@
-"""C of the inverse kinematics of a mechanism: the solver of its chain as inner functions, the coupling around it."""
+"""The emitted C of the inverse kinematics of a mechanism: the solver of its chain, with the coupling y = S q."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.plan import SolverPlan
 
 KERNELS = ("coupling", "order", "refine", "finish", "coupled", "batch", "closest", "texts")
-"""The kernels of a mechanism, behind those of its chain."""
+"""The kernels that a mechanism has in addition to those of its chain, in the order in which they are emitted."""
 
 
 def chain_settings(chosen: Settings, dialect: Dialect) -> Settings:
-    """The settings ``chosen`` for the chain of a mechanism, with names of inner functions."""
+    """Change the settings ``chosen`` for the chain of a mechanism, whose functions are internal and so named."""
     stem = f"{dialect.prefix}_ik"
     words = {
         "SHARED": "static",
@@ -92,7 +92,7 @@ def mechanism_settings(chain: Settings, plan: SolverPlan, coupling: Coupling, di
 
 
 def mechanism_parts(chosen: Settings) -> list[str]:
-    """The C text behind that of the chain."""
+    """The C text of the kernels of the mechanism, which follows the text of its chain."""
     return [kernel(f"ik/{name}.c", chosen) for name in KERNELS]
 
 
@@ -132,7 +132,7 @@ def _tables(plan: SolverPlan, coupling: Coupling, dialect: Dialect) -> dict[str,
 
 
 def _messages(plan: SolverPlan) -> dict[str, str]:
-    """Words for the reasons and their numbers; those of the chain come first, in its order."""
+    """Replacement texts for the reasons and their numbers; those of the chain come first, in its order."""
     reasons = reasons_of(plan)
     count = len(reasons)
     return {

@@ -27,7 +27,7 @@ DEGREE = HIGH.pi / 180
 
 
 class Settings:
-    """Settings from the elements compiler, option and default."""
+    """Settings of a MuJoCo model (MJCF), read from its elements ``compiler``, ``option`` and ``default``."""
 
     def __init__(self, root: Element, values: Values) -> None:
         compilers = root.all("compiler")
