@@ -65,7 +65,7 @@ def failed(text: str) -> str:
 
 
 def doubtful(text: str) -> str:
-    """Colour ``text`` yellow, as a result to look at."""
+    """Colour ``text`` yellow, the colour of results that the user should check."""
     return click.style(text, fg="yellow")
 
 

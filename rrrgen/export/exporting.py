@@ -79,7 +79,7 @@ def _refuse_words(exporter: Exporter, further: tuple[str, ...]) -> None:
 
 
 def _unheld(exporter: Exporter, spec: RobotSpec) -> Iterator[str]:
-    """Yield a note on what the robot file asks to emit and a package of code cannot hold."""
+    """Yield a note that names the extra code that the robot file asks for but ``exporter`` does not write."""
     left = [word for word in spec.emit if word not in exporter.further]
     if left and exporter.further:
         words = ", ".join(left)

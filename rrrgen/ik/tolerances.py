@@ -101,7 +101,7 @@ SHALLOW = 1e-9
 factor (SHALLOW / size)^(3/4)."""
 
 USABLE = 12.0
-"""Number of decimal digits lost in a root from which on an elimination is not used: a double has sixteen."""
+"""An elimination is rejected if its roots lose this many decimal digits or more, of the sixteen of a double."""
 
 # -- the self-test of the emitted code --------------------------------------------------------------------------------
 

@@ -170,7 +170,8 @@ class FileUnits:
     def of(self, quantity: Quantity) -> Unit:
         """The unit of a bare number of this ``quantity`` in the joints, base and tool of the file.
 
-        Angles, lengths and their rates follow the file; torques do not, nor what is a torque per angle.
+        Angles, lengths and their rates have the units that the file declares; torques, and quantities per angle such as
+        viscous friction, have SI units.
         """
         name = quantity.si_unit
         if quantity.dimension[3] > 0:

@@ -127,7 +127,7 @@ def _terms(row: list[Any]) -> tuple[int, int]:
 
 
 def _image(value: Any, images: list[Residue]) -> Residue:
-    """The value in the finite field of a polynomial, with ``images`` as the values of its generators."""
+    """Evaluate ``value`` (a polynomial or a number) in the finite field, at the values ``images`` of its generators."""
     if not isinstance(value, Polynomial):
         return Residue.of(value)
     total = 0

@@ -104,7 +104,10 @@ class Builder(Protocol):
         """Solve ``k0 + k1 x + k2 x^2 + ... = 0`` (degree 1, 2 or 4) for up to four displacements x."""
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
-        """The angle ``atan2(s, c)``; the reference where both vanish. ``s`` and ``c`` are of the size of 1."""
+        """The angle ``atan2(s, c)`` of ``joint``, or its reference value where ``s`` and ``c`` are both zero.
+
+        ``s`` and ``c`` must be scaled such that values far below 1 are rounding errors.
+        """
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
         """The angle about z that rotates ``v``, a vector of the size of ``unit``, onto ``u``.

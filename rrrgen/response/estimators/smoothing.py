@@ -69,8 +69,9 @@ def _smoothed(
 ) -> tuple[Complex, Array, Array, Array]:
     """Smooth over m lines at either side; returns four arrays (L,), one entry per line.
 
-    They are the smoothed value, its variance, the squared bias less its noise, and that noise. Where there are fewer
-    than m lines at a side, the variance is infinite and the bias zero.
+    They are the smoothed value, its variance, an estimate of its squared bias from which the part due to noise is
+    subtracted, and that part. Where there are fewer than m lines at a side, the variance is infinite and the estimate
+    of the bias NaN.
     """
     lines = len(f)
     value, left, excess, noise = shape.copy(), np.full(lines, np.inf), np.full(lines, np.nan), np.zeros(lines)

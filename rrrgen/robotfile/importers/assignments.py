@@ -109,7 +109,7 @@ class Assignments:
         return expr.xreplace({parameter_symbol(k): v for k, v in self.source.values.items()})
 
     def number(self, entry: Entry, what: str) -> sp.Expr:
-        """The entry with every name at its given value; a fault for names without one."""
+        """The value of ``entry`` with every name replaced by its value; a name without a value is a fault."""
         value = self.at_given_values(entry.expr)
         self.refuse_open(value, entry.place, what)
         if not value.free_symbols and not (value.is_real and value.is_finite):

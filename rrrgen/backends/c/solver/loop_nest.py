@@ -72,7 +72,8 @@ class Statement:
     * ``beside``: values that a later statement combines with the variables of this one in place, so that both must be
       inside the same loops.
     * ``calls``: the kernels that are called, by their names in :mod:`rrrgen.backends.c.solver.counting`.
-    * ``arc``, ``flip``: the joint angle that the statement defines, if it does.
+    * ``arc``: the arc tangent, if the statement computes a joint angle by one; ``flip``: the two angles of a joint, if
+      it chooses between them; otherwise None.
     * ``opens``: index of the loop whose number of roots is known from here on.
     """
 

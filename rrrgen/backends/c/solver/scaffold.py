@@ -151,7 +151,10 @@ class Scaffold:
     # -- printing -----------------------------------------------------------------------------------------------------
 
     def body(self, passes: Sequence[Pass]) -> CBody:
-        """Print the body of the C function that lists the candidates, after ``passes``. Every joint must be set."""
+        """Print the body of the C function that lists the candidates, rewritten by ``passes`` first.
+
+        An equation must have been recorded for every joint.
+        """
         nest = self.nest()
         for step in passes:
             nest = step(nest)
