@@ -27,5 +27,11 @@ def coarse_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands draw no figures, which take most of their time: for tests beside one that draws the same figures."""
+    monkeypatch.setattr("rrrgen.runs.run_folder.RunFolder.figure", lambda folder, name, figure: [])
+
+
+@pytest.fixture
 def print_resolution() -> None:
     """Figures as users get them."""

@@ -100,6 +100,7 @@ def test_another_controller_is_told(drive, fitted):
         validate_loop(model, unstable, recordings, Processing("differences"))
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_a_feedforward_torque_may_be_recorded_in_the_test_alone(drive, fitted, tmp_path):
     """Forces are often applied in the validation only: the recording that is fitted has no column of them."""
     folder, _, controller, log, test = drive
@@ -180,7 +181,7 @@ def test_the_virtual_arm_writes_its_controller(tmp_path):
     robot = tmp_path / "robot.yaml"
     robot.write_text(first + "".join(rows))
     (tmp_path / "experiment.yaml").write_text(EXPERIMENT)
-    to = ("--writing", "--experiment", tmp_path / "experiment.yaml", "--duration", 0.8, "-o", tmp_path / "sim")
+    to = ("--writing", "--experiment", tmp_path / "experiment.yaml", "--duration", 0.5, "-o", tmp_path / "sim")
     assert run("simulate", robot, *to).exit_code == 0
     results = tmp_path / "sim/results"
     log = LogStream(open_log(results / "log.yaml"))

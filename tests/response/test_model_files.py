@@ -78,6 +78,7 @@ def test_resonances_of_every_posture(recorded):
     assert (recorded / "model/figures/response_model.png").is_file()
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_recordings_of_postures_need_no_frf_before(recorded, tmp_path):
     assert run(["response-model", str(recorded / "log.yaml"), "-o", str(tmp_path / "run")]) == 0
     direct = json.loads((tmp_path / "run/results/response_model.json").read_text())
@@ -85,6 +86,7 @@ def test_recordings_of_postures_need_no_frf_before(recorded, tmp_path):
     assert direct["resonances_over_postures"] == before["resonances_over_postures"]
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_a_posture_that_is_not_trusted_is_named(recorded, tmp_path, capsys):
     frf = json.loads((recorded / "frf/results/frf.json").read_text())
     frf["postures"][1]["verdict"]["findings"] = [
@@ -98,6 +100,7 @@ def test_a_posture_that_is_not_trusted_is_named(recorded, tmp_path, capsys):
     assert "changes sign" in found["refused"]["stretched"]
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_modes_of_an_elastic_robot_stand_beside_the_measured_ones(recorded, tmp_path, capsys):
     (tmp_path / "elastic.yaml").write_text(
         "schema: rrrgen-experiment/1\n"

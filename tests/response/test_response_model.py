@@ -12,7 +12,7 @@ from rrrgen.response.estimators.estimate import estimate_one
 from rrrgen.response.models.armax import armax
 from rrrgen.response.models.difference_models import fit_difference_model, free_run, plant_of_loop
 from rrrgen.response.models.equations import arx
-from rrrgen.response.models.modal_fit import fit_modes
+from rrrgen.response.models.modal_fit import _Lines, _residual, _slopes, fit_modes
 from rrrgen.response.models.response_model import ResponseModel
 from rrrgen.response.response_file import ResponseRecording
 from samples.flexible_joint import CONTROLLER, MODES, PERIOD, flexible_joint, multisine, record
@@ -43,6 +43,22 @@ def swinging():
     return ResponseRecording("arm", 1.0, u, u, y + 0.02 * y.std() * rng.standard_normal(len(y))), a
 
 
+def test_the_gradient_of_the_search_for_modes_is_exact():
+    rng = np.random.default_rng(1)
+    frequency = np.linspace(1.0, 200.0, 90)
+    P = flexible_joint().response(frequency) * (1.0 + 0.01 * rng.standard_normal(90))
+    lines = _Lines(np.exp(-2j * np.pi * frequency * PERIOD), P, 1.0 / (0.01 * np.abs(P)), PERIOD)
+    for modes, integrators in ((np.log([28.3, 0.021, 95.0, 0.03]), 2), (np.log([40.0, 0.6]), 0)):
+
+        def cost(at, integrators=integrators):
+            return 0.5 * float(np.sum(_residual(lines, at, 2, integrators) ** 2))
+
+        gradient = _slopes(lines, modes, 2, integrators).T @ _residual(lines, modes, 2, integrators)
+        steps = 1e-6 * np.eye(len(modes))
+        numeric = [(cost(modes + step) - cost(modes - step)) / 2e-6 for step in steps]
+        assert np.allclose(gradient, numeric, rtol=1e-5, atol=1e-7 * np.abs(gradient).max())
+
+
 def test_modes_of_a_joint_in_closed_loop():
     rng = np.random.default_rng(2)
     model = fit_modes(estimate_one(record(rng, multisine(rng, 12000))))
@@ -67,6 +83,7 @@ def write_loop(folder, recording):
     return str(folder / "loop.yaml")
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_rows_of_a_closed_loop_are_fitted_and_the_others_test_the_model(tmp_path):
     rng = np.random.default_rng(2)
     log = write_loop(tmp_path, record(rng, multisine(rng, 16000)))

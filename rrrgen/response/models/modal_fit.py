@@ -198,15 +198,46 @@ def _residual(lines: _Lines, modes: Array, delay: int, integrators: int) -> Arra
     return _stacked((lines.P - _basis(lines, modes, delay, integrators) @ found.numerators) * lines.weight)
 
 
+def _slopes(lines: _Lines, modes: Array, delay: int, integrators: int) -> Array:
+    """Derivatives (2 L, 2m) of the residual by ln f and ln zeta of every mode, without what the numerators take over.
+
+    Kaufman's part of the derivative of variable projection: the gradient of the squared residual is exact with it.
+    """
+    found = _solve(lines, modes, delay, integrators)
+    basis = _basis(lines, modes, delay, integrators)
+    real = _stacked(basis * lines.weight[:, None])
+    Q = np.linalg.qr(real / np.linalg.norm(real, axis=0))[0]
+    z, first = lines.z, 2 * bool(integrators)
+    columns = []
+    for i, (log_f, log_damping) in enumerate(modes.reshape(-1, 2)):
+        omega, damping = 2.0 * np.pi * np.exp(log_f) * lines.period, float(np.exp(log_damping))
+        root = np.sqrt(1.0 - damping**2)
+        radius, angle = np.exp(-damping * omega), omega * root
+        pair = basis[:, first + 2 * i : first + 2 * i + 2]
+        own = pair @ found.numerators[first + 2 * i : first + 2 * i + 2]
+        turned = pair[:, 1] / z**delay  # z^-1/(1 - a1 z^-1 - a2 z^-2)
+        for bend in (angle, -omega * damping**2 / root):  # of the angle; the radius changes alike with both
+            change = -damping * omega * radius
+            a1 = 2.0 * (change * np.cos(angle) - radius * np.sin(angle) * bend)
+            a2 = -2.0 * radius * change
+            columns.append(own * turned * (a1 + a2 * z))
+    by_mode = np.asarray(np.stack(columns, axis=1) * lines.weight[:, None], complex)
+    J = -_stacked(by_mode)
+    return np.asarray(J - Q @ (Q.T @ J))
+
+
 def _refine(lines: _Lines, start: _Candidate, steps: int) -> _Candidate:
     from scipy.optimize import least_squares
 
     def residual(modes: Array) -> Array:
         return _residual(lines, modes, start.delay, start.integrators)
 
+    def slopes(modes: Array) -> Array:
+        return _slopes(lines, modes, start.delay, start.integrators)
+
     highest = np.tile([np.log(0.5 / lines.period), np.log(0.9)], len(start.modes) // 2)
     begin = np.minimum(start.modes, highest - 1e-3)
-    found = least_squares(residual, begin, bounds=(-np.inf, highest), x_scale=0.01, ftol=1e-6, max_nfev=steps)
+    found = least_squares(residual, begin, slopes, bounds=(-np.inf, highest), x_scale=0.01, ftol=1e-6, max_nfev=steps)
     return _solve(lines, np.asarray(found.x), start.delay, start.integrators)
 
 
