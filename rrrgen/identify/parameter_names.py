@@ -64,7 +64,8 @@ def identified_units(
 ) -> tuple[str, ...]:
     """SI units of the identifiable combinations in ``structure``, whose columns are ``free`` among ``columns``.
 
-    The terms of a combination differ in unit only by lengths; the unit of the highest order is that of the combination.
+    A combination is a sum of parameters times powers of lengths, such as mass times length squared; its unit is that of
+    the term with the highest power of length in its own unit: kg m^2 before kg m before kg.
     """
     joints = () if model.spec is None else model.spec.joints  # a model of equations alone has revolute joints
     revolute = [joint.is_revolute for joint in joints] or [True] * model.n

@@ -166,7 +166,7 @@ class _Search:
         return logs + to_logs @ x, np.linalg.pinv(H, hermitian=True)
 
     def residual(self, logs: Array) -> tuple[Array, Array]:
-        """Residuals (r, n) of all rows, and the parameters of fixed and friction columns, fitted to those in use."""
+        """Residuals (r, n) of all rows, and the linear parameters of all columns, fitted to the rows in use."""
         surfaces = self.shaped(logs)
         W = np.concatenate([self.fixed, *(self.columns(k, each) for k, each in enumerate(surfaces))], axis=-1)
         A = self.stack(W)

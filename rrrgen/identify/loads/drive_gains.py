@@ -60,7 +60,7 @@ class DriveGains:
         return [*lines, "in the mapping file, multiply the torque constant (or the unit) of each joint by its gain"]
 
     def to_json(self) -> dict[str, Any]:
-        """All results as plain data."""
+        """The gains, errors and filters as plain data for JSON."""
         return {
             "gain": dict(zip(self.joints, self.gain, strict=True)),
             "std": dict(zip(self.joints, self.std, strict=True)),

@@ -70,7 +70,7 @@ class Payload:
         return [*lines, *(f"note: {note}" for note in self.notes)]
 
     def to_json(self) -> dict[str, Any]:
-        """All results as plain data."""
+        """The payload, errors and notes as plain data for JSON."""
         return {
             "values": dict(zip(NAMES, self.values, strict=True)),
             "std": dict(zip(NAMES, self.std, strict=True)),

@@ -236,7 +236,10 @@ class ControlLaws(DynamicFunctions):
         gravity: ArrayLike | None = None,
         tau_max: ArrayLike | None = None,
     ) -> Array:
-        """Impedance of the tip, ``tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)``.
+        """Impedance control of the tip, ``tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)``.
+
+        The error e_x (6,) is that of the position (m), then the axis of the rotation from the actual to the desired
+        orientation, times the sine of its angle.
 
         Args:
             q: joint positions, (..., n), rad or m.

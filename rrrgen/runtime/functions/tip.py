@@ -37,8 +37,9 @@ class TipFunctions(ControlLaws):
     ) -> Any:
         """Operational-space control of the pose of the tip (Khatib 1987), damped near singular configurations.
 
-        ``tau = J' L (a - (dJ/dt) dq - J inv(M) tau_0) + c + g + tau_0 + tau_add`` with ``L = inv(J inv(M) J')`` and
-        ``a = A_d + kp e_x + kd (V_d - J dq) + ki z``.
+        ``tau = J' L (a - (dJ/dt) dq - J inv(M) tau_0) + c + g + tau_0 + tau_add`` with ``L = inv(J inv(M) J')`` and ``a
+        = A_d + kp e_x + kd (V_d - J dq) + ki z``. The error e_x (6,) is that of the position (m), then the axis of the
+        rotation from the actual to the desired orientation, times the sine of its angle.
 
         Args:
             q: joint positions, (..., n), rad or m.
@@ -96,8 +97,8 @@ class TipFunctions(ControlLaws):
     ) -> Any:
         """Operational-space control of the position of the tip (Khatib 1987), damped near singular configurations.
 
-        ``tau = J' L (a - (dJ/dt) dq - J inv(M) tau_0) + c + g + tau_0 + tau_add`` with ``L = inv(J inv(M) J')`` and
-        ``a = A_d + kp e_x + kd (V_d - J dq) + ki z``, J the first three rows of the Jacobian.
+        ``tau = J' L (a - (dJ/dt) dq - J inv(M) tau_0) + c + g + tau_0 + tau_add`` with ``L = inv(J inv(M) J')`` and ``a
+        = A_d + kp e_x + kd (V_d - J dq) + ki z``, J the first three rows of the Jacobian, e_x the position error (m).
 
         Args:
             q: joint positions, (..., n), rad or m.

@@ -35,7 +35,7 @@ class PathFunctions(DynamicFunctions):
     ) -> PathDynamics:
         """Joint torques along a path, linear in u = d2s/dt2 and x = (ds/dt)^2: ``tau = a u + b x + g``.
 
-        ``a = M q'``, ``b = M q'' + c(q, q')``, without friction.
+        ``a = M q_s``, ``b = M q_ss + c(q, q_s)``, without friction.
 
         Args:
             q: joint positions, (..., n), rad or m.
