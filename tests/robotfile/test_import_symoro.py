@@ -107,6 +107,7 @@ FAULTS = {
     "nothing moves": ("sigma = {0,0,0,0,0,0}", "sigma = {2,2,2,2,2,2}", "no joint moves", "sigma is 0"),
     "branch": ("gamma = {0,0,0", "gamma = {0,0,pi/2", "gamma of frame 3 is not 0", "theta and r"),
     "too few": ("0,0,D3,0,0,0", "0,0,D3,0,0", "d has 5 entries instead of 6", ""),
+    "sigma too short": ("sigma = {0,0,0,0,0,0}", "sigma = {0,0,0,0,0}", "sigma has 5 entries instead of 6", ""),
     "empty entry": ("0,0,D3,0,0,0", "0,0,,0,0,0", "an entry is empty", ""),
     "no number": ("0,0,D3,0,0,0", "0,0,D3*,0,0,0", "not an expression", "allowed are"),
     "evaluation": ("0,0,D3,0,0,0", "0,0,__import__('os'),0,0,0", "d:", ""),

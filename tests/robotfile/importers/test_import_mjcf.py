@@ -113,6 +113,13 @@ FAULTS = {
     "root": ("<mujoco ", "<mujocoo ", "1:1", "the root is <mujocoo>"),
     "size": ('type="mesh" mesh="forearm"', 'type="box" size="0.1"', "9:32", "size of a box has 1 numbers"),
     "shell": ('type="mesh" mesh="forearm"', 'size="1" shellinertia="true"', "9:38", "the inertia of a shell"),
+    "class": ('name="bend"', 'name="bend" class="mian"', "8:35", "there is no default class 'mian'"),
+    "equality": (
+        "<asset>",
+        '<equality><joint joint1="lift" joint2="bent"/></equality><asset>',
+        "13:42",
+        "there is no joint 'bent'",
+    ),
     "twice": ('name="lower"', 'name="upper"', "7:7", "there are two bodies 'upper'"),
 }
 

@@ -25,6 +25,7 @@ from rrrgen.robotfile.importers.trees.xml_tree import Element, parse_xml
 from rrrgen.robotfile.importers.trees.xml_values import Values
 from rrrgen.robotfile.robot_spec import DriveSpec, Limits
 from rrrgen.yamltext.document import FaultList
+from rrrgen.yamltext.suggest import did_you_mean
 
 KINDS = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "free"}
 REFUSED = {
@@ -199,12 +200,23 @@ class _Reader:
             first, second = (element.attributes.get(key, "") for key in ("joint1", "joint2"))
             c = self.values.numbers(element, "polycoef", None, "0 1 0 0 0") if element.tag == "joint" else None
             linear = c is not None and len(c) >= 2 and not any(x != 0 for x in c[2:])
+            if element.tag == "joint" and linear and self._unknown(element, root):
+                continue
             if not linear or first not in self.joints or second not in self.joints or c is None:
                 hint = "a robot file couples joints linearly: <joint joint1= joint2= polycoef= />"
                 self.faults.warning(element.place, f"the equality <{element.tag}> is left out", hint)
                 continue
             offset = c[0] + self.ref[first] - c[1] * self.ref[second]  # in rad (m) whatever the unit of angles
             self.joints[first] = replace(self.joints[first], mimic=Mimic(second, c[1], offset))
+
+    def _unknown(self, element: Element, root: Element) -> bool:
+        """Whether an equality names a joint that the file does not have, which is a fault."""
+        names = [joint.attributes.get("name", "") for joint in root.walk() if joint.tag in ("joint", "freejoint")]
+        missing = [key for key in ("joint1", "joint2") if element.attributes.get(key) not in (None, *names)]
+        for key in missing:
+            name = element.attributes[key]
+            self.faults.error(element.place_of(key), f"there is no joint '{name}'", did_you_mean(name, names))
+        return bool(missing)
 
 
 def _tell_left_out(root: Element, faults: FaultList) -> None:

@@ -85,7 +85,8 @@ def _read(source: Source, faults: FaultList) -> Found | None:
 def _table(file: Assignments) -> dict[str, list[Entry]] | None:
     """Read the geometric columns of the table; None and faults where they do not describe one chain of frames."""
     faults = file.faults
-    count = len(file.items["sigma"][0].split(",")) if "sigma" in file.items else 0
+    lengths = [len(file.items[name][0].split(",")) for name in ("sigma", *GEOMETRY) if name in file.items]
+    count = max(lengths, key=lengths.count) if "sigma" in file.items else 0  # that of most lists: one may be short
     if not 1 <= count <= MAX_JOINTS:
         message = f"sigma lists {count} frames" if "sigma" in file.items else "there is no list 'sigma'"
         faults.error(file.place.get("sigma"), message, f"1 to {MAX_JOINTS} frames, each 0, 1 or 2")

@@ -21,6 +21,7 @@ from rrrgen.robotfile.importers.trees.exact_numbers import (
 )
 from rrrgen.robotfile.importers.trees.xml_tree import Element
 from rrrgen.robotfile.importers.trees.xml_values import Values
+from rrrgen.yamltext.suggest import did_you_mean
 
 ROTATIONS = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
 DEGREE = HIGH.pi / 180
@@ -45,6 +46,12 @@ class Settings:
         self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
         for default in root.all("default"):
             self._read_class(default, None)
+        for element in (each for part in root.children if part.tag != "default" for each in part.walk()):
+            for key in ("class", "childclass"):
+                name = element.attributes.get(key, "main")
+                if name not in self.defaults:
+                    hint = did_you_mean(name, self.defaults) or "classes stand in <default class=...>"
+                    values.faults.error(element.place_of(key), f"there is no default class '{name}'", hint)
 
     def _check(self, compiler: Element, values: Values) -> None:
         if sorted(self.sequence.lower()) != ["x", "y", "z"] and not set(self.sequence) <= set("xyzXYZ"):
