@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,22 @@ def test_finer_grid_keeps_the_limits(panda):
     assert 0.99 < found["tau_max"] < 1.02, "a limit is touched, and none is exceeded"
     assert found["ddq_max"] < 1.02
     assert found["dq_max"] < 1.001
+
+
+def test_a_grid_too_coarse_is_told(planar):
+    """Strong viscous friction: between few points the torques exceed their limits, and more points mend it."""
+    viscous = np.array([2.0, 1.0])
+    held = np.max(np.abs(planar.gravity(path_of(2, 201, 4).q)), axis=0)
+    limits = free(2) | {"tau_max": 1.5 * held}
+    losses = friction(planar, viscous, 0.0)
+    with pytest.warns(
+        UserWarning, match="between the 51 points of the path the torques exceed their limits by up to 5 %"
+    ):
+        timed = planar.time_path(path_of(2, 51, 4), **limits, friction=losses)
+    assert worst(planar, timed, limits, viscous)["tau_max"] > 1.03
+    with warnings.catch_warnings(action="error"):
+        timed = planar.time_path(path_of(2, 201, 4), **limits, friction=losses)
+    assert worst(planar, timed, limits, viscous)["tau_max"] < 1.02
 
 
 def best_by_nonlinear_program(model, path, limits, viscous):
