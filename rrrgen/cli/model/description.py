@@ -146,7 +146,7 @@ def _row(spec: RobotSpec, joint: JointSpec) -> tuple[str, ...]:
 
 
 def _mechanism(spec: RobotSpec, width: int | None) -> list[str]:
-    """The lines about joints that follow others and branches; none for a chain."""
+    """The lines about the branches of a mechanism and its joints that follow others; none for a serial chain."""
     if spec.mechanism is None:
         return []
     title = (

@@ -130,8 +130,8 @@ class Composition:
 
     The composite body of joint j is all links beyond it, taken as one rigid body. ``bodies[j]`` holds it;
     ``shifted_wrenches[j][i]`` is the wrench that gives it a unit acceleration of joint j, moved to joint i, where i is
-    j or a joint between j and the base. The matrices relate to q and dq, n entries each, also where further joints
-    follow these.
+    j or a joint between j and the base. The matrices have one row and column for each entry of q (n,), also in a
+    mechanism whose chain has further joints that follow those of q.
 
     If the chain was composed with a ``factor`` (:func:`compose`), every velocity in it is that multiple of the true
     one.

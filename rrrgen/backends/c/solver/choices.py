@@ -14,7 +14,8 @@ from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.ik.tolerances import SIZE_OF_NOTHING
 
 USUAL_RATIO = 10.0
-"""Terms of an equation over the length of its direction up to which margins hold as they are."""
+"""For an equation solved for a cosine: ratio of the size of its terms to its divisor up to which the usual tolerance
+for a cosine beyond +-1 is applied. For larger ratios the tolerance grows in proportion."""
 
 
 class CBuilder(Scaffold):
@@ -79,13 +80,19 @@ class CBuilder(Scaffold):
         return self._angle(joint, self._turned(tag, ca * cosine - sa * v, sa * cosine + ca * v))
 
     def _enlarged(self, ratio: float) -> str:
-        """The slack of a cosine whose terms are ``ratio`` times its divisor: with margins, larger for large ratios."""
+        """The C text of the tolerance for a cosine beyond +-1, computed from terms ``ratio`` times its divisor.
+
+        If the solver has margins, the tolerance grows with ratios above :data:`USUAL_RATIO`.
+        """
         if not self._margins or ratio <= USUAL_RATIO:
             return self._slack
         return self._slack.replace("slack", f"{self._real(ratio / USUAL_RATIO)} * slack", 1)
 
     def _widened(self, size: str, unit: float) -> str:
-        """The slack of a discriminant that is small where lengths (of the size ``unit``) are: wider with margins."""
+        """The C text of the tolerance for a negative discriminant whose terms have the ``size`` (C text, m^2).
+
+        If the solver has margins, the tolerance is wider where that size is small against ``unit`` (m) squared.
+        """
         if not self._margins:
             return self._slack
         wide = f"least > IK_TOL_FREE ? ik_wide(slack, {size}, {self._real(unit)}) : slack"
