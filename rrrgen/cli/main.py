@@ -34,6 +34,11 @@ form or not identifiable, 5 toolchain or extra missing, disk full or output
 not writable, 70 fault of rrrgen, 130 interrupted.
 
 \b
+Equation numbers such as (14.23) are those of D. Kostic, B. de Jager,
+M. Steinbuch, Modeling and Identification for Robot Motion Control, chapter 14
+of the Robotics and Automation Handbook, CRC Press 2005.
+
+\b
 Shell completion:
   bash:  eval "$(_RRRGEN_COMPLETE=bash_source rrrgen)"      (in ~/.bashrc)
   zsh:   eval "$(_RRRGEN_COMPLETE=zsh_source rrrgen)"       (in ~/.zshrc)

@@ -32,7 +32,13 @@ from rrrgen.extras import require
     help="Recording, or its mapping file, with the payload; --log is the one without. Repeat for several.",
 )
 @click.option("--mass", required=True, type=click.FloatRange(min=0, min_open=True), help="Mass of the payload, kg.")
-@click.option("--com", nargs=3, type=float, default=(0.0, 0.0, 0.0), help="Centre of mass in the last link frame, m.")
+@click.option(
+    "--com",
+    nargs=3,
+    type=float,
+    default=(0.0, 0.0, 0.0),
+    help="Centre of mass in the last link frame, m; default: its origin.",
+)
 @click.option(
     "--inertia",
     nargs=6,

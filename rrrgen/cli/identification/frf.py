@@ -20,7 +20,14 @@ METHODS = ("local_polynomial", "instrumental", "direct", "indirect")
 @click.command()
 @click.argument("log", type=click.Path(path_type=Path))
 @output_option
-@click.option("--method", type=click.Choice(METHODS), default=METHODS[0], show_default=True, help="Estimator.")
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default=METHODS[0],
+    show_default=True,
+    help="Estimator: local polynomials, averages with the excitation as instrument, output over input, or by the "
+    "sensitivity and the controller (14.38).",
+)
 @click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
 @json_option
 def frf(log: Path, output: Path, method: str, fresh: bool, as_json: bool) -> int:

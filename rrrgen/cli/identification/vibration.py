@@ -38,11 +38,31 @@ def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ..
 @click.command()
 @click.argument("model", required=False, type=click.Path(path_type=Path))
 @output_option
-@click.option("--mode", "modes", multiple=True, callback=_modes, metavar="HZ:DAMPING", help="A mode; repeat for more.")
+@click.option(
+    "--mode",
+    "modes",
+    multiple=True,
+    callback=_modes,
+    metavar="HZ:DAMPING",
+    help="Mode in place of MODEL: frequency and damping ratio; repeat for more.",
+)
 @click.option("--rate", type=click.FloatRange(min=0.0, min_open=True), metavar="HZ", help="Sampling rate, with --mode.")
-@click.option("--against", type=click.Choice(AGAINST), default=AGAINST[0], show_default=True, help="Of MODEL.")
+@click.option(
+    "--against",
+    type=click.Choice(AGAINST),
+    default=AGAINST[0],
+    show_default=True,
+    help="Which modes of MODEL to suppress.",
+)
 @click.option("--band", nargs=2, type=float, metavar="LOW HIGH", help="Only the modes of MODEL in this band, Hz.")
-@click.option("--shaper", "kind", type=click.Choice(SHAPERS), default=SHAPERS[0], show_default=True, help="Shaper.")
+@click.option(
+    "--shaper",
+    "kind",
+    type=click.Choice(SHAPERS),
+    default=SHAPERS[0],
+    show_default=True,
+    help="Kind of input shaper; auto takes the shortest.",
+)
 @click.option(
     "--tolerance",
     type=click.FloatRange(0.0, 0.5, min_open=True, max_open=True),
@@ -50,7 +70,7 @@ def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ..
     show_default=True,
     help="Vibration that a shaper may leave, relative.",
 )
-@click.option("--notch/--no-notch", default=True, show_default=True, help="Notch filters.")
+@click.option("--notch/--no-notch", default=True, show_default=True, help="Also design notch filters.")
 @click.option(
     "--peak",
     type=click.FloatRange(0.0, min_open=True),
@@ -58,8 +78,17 @@ def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ..
     show_default=True,
     help="Amplification of a mode that its notch may leave.",
 )
-@click.option("--width", type=click.FloatRange(0.0, 1.0, min_open=True), help="Damping ratio of the notches' poles.")
-@click.option("--crossover", type=click.FloatRange(0.0, min_open=True), metavar="HZ", help="Tell the phase lag here.")
+@click.option(
+    "--width",
+    type=click.FloatRange(0.0, 1.0, min_open=True),
+    help="Damping ratio of the notches' poles; default: as the postures and --peak need.",
+)
+@click.option(
+    "--crossover",
+    type=click.FloatRange(0.0, min_open=True),
+    metavar="HZ",
+    help="Print the phase lag of the notches at this frequency.",
+)
 @real_option
 @click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
 @json_option

@@ -29,7 +29,11 @@ NUMBER = 10
     required=True,
     help="Position 'x y z' (m), position and fixed-axis angles 'x y z roll pitch yaw' (rad), or 16 numbers, row-major.",
 )
-@click.option("--near", metavar="Q", help="Reference configuration: determines free angles, full turns and the order.")
+@click.option(
+    "--near",
+    metavar="Q",
+    help="Reference configuration 'q1 q2 ...', rad or m: determines free angles, full turns and the order.",
+)
 @click.option(
     "--limits/--no-limits", default=True, show_default=True, help="Leave out solutions outside the joint limits."
 )
