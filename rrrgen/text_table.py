@@ -33,6 +33,19 @@ def text_table(
     return [*first, *below, *(line for lines in others for line in lines)]
 
 
+def folded(text: str, width: int | None) -> str:
+    """``text`` with its lines broken at blanks to ``width`` characters, continued two blanks deeper; None: as it is."""
+    if width is None:
+        return text
+    lines = []
+    for line in text.splitlines():
+        deeper = " " * (len(line) - len(line.lstrip()) + 2)
+        lines += textwrap.wrap(
+            line, width, subsequent_indent=deeper, break_long_words=False, break_on_hyphens=False
+        ) or [""]
+    return "\n".join(lines)
+
+
 def _folded(rows: Sequence[Sequence[str]], widths: list[int], room: int) -> list[int]:
     """Widths that sum up to ``room``, the widest columns narrowed first; no column narrower than its longest word."""
     widths = list(widths)

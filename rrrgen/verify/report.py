@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from rrrgen.text_table import text_table
+from rrrgen.text_table import folded, text_table
 
 HEADINGS = ("function", "reference", "parameters", "states", "max rel. difference", "tolerance", "verdict")
 
@@ -95,7 +95,7 @@ class Report:
     def to_text(self, width: int | None = None) -> str:
         """The report as text: a table of all comparisons, the references not available, and the verdict.
 
-        The table is folded to lines of ``width`` characters; None: lines of any length.
+        Table and notes are folded to lines of ``width`` characters; None: lines of any length.
         """
         cells = [HEADINGS] + [
             (
@@ -110,8 +110,9 @@ class Report:
             for row in self.rows
         ]
         text = text_table(cells, width, indent="", rule=True)
-        text += [f"note: {row.function}: {row.note}" for row in self.rows if row.note]
-        text += [f"not asked: {name}: {reason}" for name, reason in self.skipped]
+        notes = [f"note: {row.function}: {row.note}" for row in self.rows if row.note]
+        notes += [f"not asked: {name}: {reason}" for name, reason in self.skipped]
+        text += [folded(note, width) for note in notes]
         failed = len(self.failures)
         verdict = "all comparisons pass" if self.ok else f"{failed} of {len(self.rows)} comparisons FAIL"
         return "\n".join([*text, f"{self.robot}: {verdict} ({self.samples} states, seed {self.seed})"]) + "\n"

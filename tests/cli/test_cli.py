@@ -159,7 +159,7 @@ def test_check_as_json(rrrgen):
 def test_robots_lists_all_and_tells_their_joints(rrrgen):
     code, out, _ = rrrgen("robots")
     assert code == 0
-    assert [line.split()[0] for line in out.splitlines()] == list(bundled_names())
+    assert [line.split()[0] for line in out.splitlines() if line[0] != " "] == list(bundled_names())
     _, out, _ = rrrgen("robots", "--json")
     rows = {row["name"]: row for row in json.loads(out)}
     assert rows["stanford"]["joints"] == "RRPRRR"
@@ -349,10 +349,10 @@ def test_interrupts_and_faults_of_our_own_are_told_apart(rrrgen, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr("rrrgen.pipeline.derive", interrupted)
+    monkeypatch.setattr("rrrgen.pipeline.derive_once", interrupted)
     code, out, err = rrrgen("show", "pendulum")
     assert (code, out, err.strip()) == (130, "", "interrupted")
-    monkeypatch.setattr("rrrgen.pipeline.derive", broken)
+    monkeypatch.setattr("rrrgen.pipeline.derive_once", broken)
     code, _, err = rrrgen("show", "pendulum")
     assert code == 70
     assert "internal fault of rrrgen, please report it: ZeroDivisionError: division by zero (in broken" in err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -125,12 +126,31 @@ def test_the_verification_folds():
     rows = tuple(
         Row(f"function_{k}", "Robotics Toolbox for Python", "nominal and random", 200, 1e-15, 1e-11) for k in range(3)
     )
-    report = Report("arm", 200, 0, rows)
+    rows = (
+        *rows,
+        replace(rows[0], note="40 solutions of 10 targets by 64 starts; the search found 40 of 40"),
+    )
+    missing = (
+        "Robotics Toolbox",
+        "not installed (pip install roboticstoolbox-python): No module named roboticstoolbox",
+    )
+    report = Report("arm", 200, 0, rows, (missing,))
     wide, narrow = (report.to_text(width).splitlines() for width in (None, 80))
     assert max(map(len, wide)) > 100
     assert max(map(len, narrow)) <= 80
     words = sorted(word for line in wide for word in line.split() if not word.startswith("-"))
     assert words == sorted(word for line in narrow for word in line.split() if not word.startswith("-"))
+
+
+@pytest.mark.parametrize(
+    "command", [["robots"], ["show", "scara"], ["generate", "pendulum", "-o", "out"]], ids=" ".join
+)
+def test_lines_keep_to_the_terminal(command, rrrgen, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    code, out, _ = rrrgen(*command)
+    assert code == 0
+    text, *_closed_forms = out.split("\nforward_kinematics (")  # equations are broken where they are laid out
+    assert max(len(line) for line in text.splitlines()) <= 100
 
 
 def test_readme_speaks_of_one_robot():

@@ -19,12 +19,14 @@ from rrrgen.cli.arguments import (
     read_with_warnings,
     real_option,
     robot_argument,
+    terminal_width,
     words,
 )
 from rrrgen.cli.experiments.controller_code import controller_files, controller_options
 from rrrgen.cli.progress import progress_bar
 from rrrgen.parallel_map import usual_jobs
 from rrrgen.robotfile.keys import EMIT
+from rrrgen.text_table import folded
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
@@ -198,4 +200,4 @@ def _print_summary(model: DerivedModel, output: Path, files: Iterable[str]) -> N
 
         click.echo(plan(model.spec).approach)
     written = dict.fromkeys(file.partition("/")[0] + "/" * ("/" in file) for file in files)
-    click.echo(f"written to {output}: {', '.join(written)}")
+    click.echo(folded(f"written to {output}: {', '.join(written)}", terminal_width()))

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json
+from rrrgen.cli.arguments import json_option, print_json, terminal_width
+from rrrgen.text_table import text_table
+
+NO_LINKS = " (kinematics only: no links)"
 
 
 @click.command()
@@ -36,6 +39,11 @@ def robots(as_json: bool) -> None:
     if as_json:
         print_json(rows)
         return
-    for row in rows:
-        inertia = "" if row["links"] else " (kinematics only: no links)"
-        click.echo(f"{row['name']:10} {row['joints']:8} {row['convention']:9} {row['description']}{inertia}")
+    table = [
+        (
+            *(str(row[key]) for key in ("name", "joints", "convention")),
+            f"{row['description']}{'' if row['links'] else NO_LINKS}",
+        )
+        for row in rows
+    ]
+    click.echo("\n".join(text_table(table, terminal_width(), indent="")))

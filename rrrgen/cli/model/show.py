@@ -20,6 +20,7 @@ from rrrgen.cli.arguments import (
 )
 from rrrgen.cli.colour import with_headings
 from rrrgen.cli.html import html_option, read_motions, write_html
+from rrrgen.text_table import folded
 
 if TYPE_CHECKING:
     from rrrgen.backends.latex import Form
@@ -203,6 +204,7 @@ def _as_plain(description: str, forms: Mapping[str, Form], inverse: InverseForm 
     from rrrgen.backends.latex import plain
 
     said = inverse if inverse is None or isinstance(inverse, str) else inverse.text()
+    said = None if said is None else folded(said, terminal_width())
     text = description + (plain(forms) if forms else "")
     return "\n\n".join(part.rstrip("\n") for part in (text, said) if part)
 
