@@ -50,18 +50,29 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
 
 def with_nominal_first(found: SolverPlan) -> SolverPlan:
     """``found`` with the solutions of its companion tried first, where general equations have such a companion."""
-    if not found.general or found.companion is None:
+    companion = _quadratic_companion(found) if found.general else None
+    if companion is None:
         why = "no special arm is near this one" if found.general else "no general equations of six joints are solved"
         return replace(found, approach=f"{WITHOUT_EFFECT}: {why}")
-    special = found.companion.solving
+    special = companion.solving
     first = NominalFirst(deviation(found.chain, special), changes(found.chain, special))
     words = (
-        f"nominal first: the at most {found.companion.max_solutions} solutions of the nearest special arm "
-        f"({found.companion.title}) are refined by Newton steps on this arm; where they may not be all, the general "
+        f"nominal first: the at most {companion.max_solutions} solutions of the nearest special arm "
+        f"({companion.title}) are refined by Newton steps on this arm; where they may not be all, the general "
         f"equations are solved. The special arm has {', '.join(first.changes)}; poses differ by up to "
         f"{first.deviation:.2g} (rad, or parts of the reach of {found.chain.reach:.3g} m)"
     )
-    return replace(found, nominal_first=first, approach=words)
+    return replace(found, companion=companion, nominal_first=first, approach=words)
+
+
+def _quadratic_companion(found: SolverPlan) -> SolverPlan | None:
+    """The nearest special arm whose equations are at most quadratic: margins hold for their discriminants only."""
+    for tolerance in NEARLY:
+        _, nearby = _best(found.chain, nearest_special(found.chain, tolerance), found.locked)
+        quadratic = nearby.solver is not None and all(stage.most <= 2 for stage in nearby.solver.stages)
+        if quadratic and nearby.locked == found.locked:
+            return replace(nearby, snapped=True)
+    return None
 
 
 def _coupled(spec: RobotSpec, chain: Chain, redundancy: int | None) -> SolverPlan:
