@@ -127,7 +127,8 @@ def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
             continue
         nearby = replace(nearby, snapped=True)
         if beside:
-            return replace(general, companion=nearby)
+            general = replace(general, companion=nearby)
+            return replace(general, companion=_quadratic_companion(general) or nearby) if chain.slides else general
         return nearby if tolerance == SPECIAL else replace(nearby, incomplete=_only_nearby(general))
     return general
 

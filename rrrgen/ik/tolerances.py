@@ -252,6 +252,12 @@ target."""
 NOMINAL = (
     Tolerance("margin_slack", "50.0", "50.0", "a discriminant this far below zero, in deviations, may be positive"),
     Tolerance("margin_least", "10.0", "10.0", "a direction this short, in deviations, decides no joint"),
+    Tolerance(
+        "margin_direction",
+        "0.05",
+        "0.05",
+        "nor one this short, whose errors in later equations the slack does not bear",
+    ),
     Tolerance("margin_inverse", "0.3", "0.3", "largest norm of the inverse Jacobian times the deviation"),
     Tolerance("newton_turn", "0.5", "0.5", "largest norm of the inverse Jacobian times a Newton step"),
     Tolerance("newton_steps", "5", "5", "at most: each squares the error"),
@@ -268,7 +274,7 @@ def nominal_margins(deviation: float) -> dict[str, float]:
     return {
         **values,
         "margin_slack": values["margin_slack"] * least,
-        "margin_least": values["margin_least"] * least,
+        "margin_least": max(values["margin_least"] * least, values["margin_direction"]),
         "margin_inverse": (values["margin_inverse"] / least) ** 2,
         "newton_turn": values["newton_turn"] ** 2,
         "newton_steps": int(values["newton_steps"]),
