@@ -45,7 +45,7 @@ def forearm(q):
 
 def test_the_design_keeps_followers_in_their_range(model):
     pytest.importorskip("casadi")
-    problem = robot_problem(model, harmonics=3, base_frequency=0.2, sample_period=0.01)
+    problem = robot_problem(model, harmonics=3, base_frequency=0.2, sample_period=0.01, objective="logdet")
     found = solve_start(problem, 1)
     assert found.check.feasible
     angle = forearm(found.trajectory.evaluate(np.linspace(0.0, 5.0, 2000))[0])
