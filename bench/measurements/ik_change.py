@@ -75,6 +75,20 @@ def compared(robot: str, before: Path, after: Path, place: Path) -> str:
     )
 
 
+def answers(robot: str, before: Path, after: Path, place: Path) -> tuple[Array, tuple[list[Array], list[Array]]]:
+    """The targets (TARGETS, 16), and for each the solutions (rows, n) of the files of two folders."""
+    targets = _targets(robot)
+    targets.tofile(place / "targets")
+    n = load_spec(robot).n
+    both = []
+    for folder in (before, after):
+        program = _built(robot, folder, place / f"{folder.name}-program")
+        said = subprocess.run([program, place / "targets", "print"], capture_output=True, text=True, check=True).stdout
+        rows = [[part.split()[:n] for part in line.split("|")[1:]] for line in said.splitlines()]
+        both.append([np.array([[float.fromhex(x) for x in row] for row in each]).reshape(-1, n) for each in rows])
+    return targets, (both[0], both[1])
+
+
 def machine_code(robot: str, folder: Path) -> int:
     """Bytes of the text section, gcc -O2."""
     program = folder / "solver.o"

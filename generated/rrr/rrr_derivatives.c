@@ -23,6 +23,9 @@
 #else
 #define RRR_SINCOS_KERNEL 1
 #endif
+#if defined(__GNUC__) && defined(__OPTIMIZE__) && !defined(__OPTIMIZE_SIZE__)
+__attribute__((always_inline)) /* in a large file gcc would stop inlining it after some functions, which slows the others */
+#endif
 static inline void rrr_sincos(rrr_real x, rrr_real *sine, rrr_real *cosine)
 {
     if (!(RRR_SINCOS_KERNEL && fabs(x) <= (rrr_real)1.0e6)) {

@@ -5,6 +5,7 @@ import platform
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -50,6 +51,18 @@ def hard_angles(kind, limit, count):
         [rng.uniform(-limit, limit, count), rng.uniform(-7, 7, count), near, turns * (np.pi / 4), [0.0, limit, -limit]]
     ).astype(kind)
     return x[np.abs(x) <= limit]
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+@pytest.mark.parametrize(("flags", "inlined"), [(["-O2"], True), (["-O3"], True), (["-Os"], False)])
+def test_every_function_of_a_large_file_has_its_own_copy_of_the_kernel(flags, inlined, tmp_path):
+    """gcc stops inlining where a file grows too much; here it may not grow at all. For size the kernel stays one."""
+    limit = ["--param", "large-unit-insns=0", "--param", "inline-unit-growth=0"]
+    source = Path(__file__).resolve().parents[2] / "generated" / "rrr" / "rrr.c"
+    command = ["gcc", "-std=c99", *flags, *limit, "-c", str(source), "-o", str(tmp_path / "rrr.o")]
+    subprocess.run(command, check=True)
+    symbols = subprocess.run(["nm", str(tmp_path / "rrr.o")], check=True, capture_output=True, text=True).stdout
+    assert ("rrr_sincos" in symbols) is not inlined
 
 
 @pytest.mark.parametrize(("real", "count"), [("double", 4000), ("float", 400_000)])
