@@ -88,7 +88,7 @@ class Task:
     def refined(self, q: Array, T: Array, held: Array) -> Array:
         """``q`` after Newton steps in which the joints of ``held`` (N, n) stand still."""
         for _ in range(NEWTON):
-            left = ~self.meets(q, T)
+            left = np.logical_not(self.meets(q, T))
             if not left.any():
                 break
             J = self.model.jacobian(q[left])
@@ -103,7 +103,7 @@ class Task:
     def apart(self, a: Array, b: Array) -> Array:
         """Differences ``b - a`` of configurations, angles in [-pi, pi)."""
         d = b - a
-        return np.where(self.revolute, (d + np.pi) % (2 * np.pi) - np.pi, d)
+        return np.asarray(np.where(self.revolute, (d + np.pi) % (2 * np.pi) - np.pi, d))
 
     def joined(self, q: Array, goal: Array, T: Array, rank: int, turn: float) -> Array:
         """Whether a path on which every configuration meets the pose leads from each row of ``q`` to that of ``goal``.
@@ -127,7 +127,7 @@ class Task:
                 good = self.meets(q[rows], T[rows])
                 rows, j, way, start = rows[good], j[good], way[good], start[good]
         ends = np.abs(self.apart(q, goal)).max(axis=1) < ENDS
-        return ends & np.isin(np.arange(len(q)), rows)
+        return np.asarray(ends & np.isin(np.arange(len(q)), rows))
 
 
 def main(arguments: Sequence[str]) -> None:
