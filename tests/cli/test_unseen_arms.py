@@ -6,6 +6,7 @@ import csv
 import json
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 from scipy.io import savemat
 
@@ -92,6 +93,12 @@ WITHIN = 3.0
 """Standard deviations; seeds are fixed, so that the outcome is."""
 
 
+@pytest.fixture
+def no_figures(monkeypatch):
+    """Figures take a third of the time; those of the prismatic drive are drawn, and those of tests/identify."""
+    monkeypatch.setattr("rrrgen.runs.figures.save_figure", lambda figure, stem: [])
+
+
 def run(*arguments):
     return CliRunner().invoke(cli, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
 
@@ -140,7 +147,7 @@ def test_a_prismatic_drive(tmp_path):
         assert f"scored on {label} (" in result.output
 
 
-def test_a_wrist_arm_in_modified_parameters_with_drives(tmp_path):
+def test_a_wrist_arm_in_modified_parameters_with_drives(tmp_path, no_figures):
     robot = tmp_path / "six.yaml"
     robot.write_text(SIX)
     log = recorded(tmp_path, robot, 6, 0.6, 0.05, 250, 3)
@@ -182,7 +189,7 @@ def as_matlab(log, folder):
     return folder / "cell.yaml"
 
 
-def test_a_seven_joint_arm_in_standard_parameters_from_matlab(tmp_path):
+def test_a_seven_joint_arm_in_standard_parameters_from_matlab(tmp_path, no_figures):
     robot = tmp_path / "seven.yaml"
     robot.write_text(SEVEN)
     first, second = (
