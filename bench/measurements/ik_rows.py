@@ -27,6 +27,7 @@ from pathlib import Path
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.measurements.ik_change import answers, write
 from rrrgen.ik.geometry.chain import numeric_chain
@@ -66,7 +67,7 @@ class Task:
     """The task of a robot's targets: the pose of the tip, or its position."""
 
     model: NewtonEuler
-    revolute: Array
+    revolute: NDArray[np.bool_]
     reach: float
     position: bool
 
