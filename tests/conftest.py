@@ -2,10 +2,13 @@
 
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from rrrgen.runs import figures
 
 TESTS = Path(__file__).resolve().parent
 if str(TESTS) not in sys.path:  # import modes other than "prepend" do not do this
@@ -19,11 +22,16 @@ settings.register_profile("explore", max_examples=500, **_common)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 
-@pytest.fixture(autouse=True)
-def coarse_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """PNG files of a low resolution, which take a fifth of the time; a test that asks for print resolution has it."""
-    if "print_resolution" not in request.fixturenames:
-        monkeypatch.setattr("rrrgen.runs.figures.PRINT", 60)
+@pytest.fixture(scope="session", autouse=True)
+def print_dots_per_inch() -> Iterator[int]:
+    """PNG files of a low resolution, which take a fifth of the time; the resolution that users get.
+
+    For the session, since fixtures of modules draw figures before anything that belongs to a single test.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        dots_per_inch = figures.PRINT
+        patch.setattr(figures, "PRINT", 60)
+        yield dots_per_inch
 
 
 @pytest.fixture
@@ -33,5 +41,6 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def print_resolution() -> None:
+def print_resolution(monkeypatch: pytest.MonkeyPatch, print_dots_per_inch: int) -> None:
     """Figures as users get them."""
+    monkeypatch.setattr(figures, "PRINT", print_dots_per_inch)
