@@ -19,36 +19,56 @@ from rrrgen.closed_loop.controller import (
 from rrrgen.errors import Fault, InputError
 from rrrgen.yamltext import signal_units as units
 from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
+from rrrgen.yamltext.keys import Entry, words
 from rrrgen.yamltext.reader import Reader, hint_for
 from rrrgen.yamltext.sections import describe, read_entries
 
 SCHEMA = "rrrgen-controller/1"
-KEYS = (
-    "schema",
-    "name",
-    "description",
-    "rate",
-    "period",
-    "delay",
-    "hold",
-    "records",
-    "signals",
-    "torque",
-    "acts",
-    "joints",
-)
-JOINT_KEYS = ("name", "signals", "torque", "acts")
-SIGNAL_KEYS = {
-    "sum": (),
-    "filter": ("numerator", "denominator"),
-    "difference": ("over",),
-    "average": ("over",),
-    "delayed": ("by",),
-    "integral": ("gain", "limit"),
-    "limit": ("to",),
-    "sign": ("dead_zone",),
+HOLDS = ("zero-order",)
+JOINT_KEYS = {
+    "name": Entry("of the joint", required=True),
+    "signals": Entry("name: operation, in the order of computation"),
+    "torque": Entry("the signal that is recorded as torque"),
+    "acts": Entry("the signal that moves the joint; `torque` if missing"),
 }
-"""Key of each operation in the file -> its additional keys."""
+KEYS = {
+    "schema": Entry(words([SCHEMA]), required=True),
+    "name": Entry("of the controller"),
+    "description": Entry("what it is"),
+    "rate": Entry("of the controller, or its `period`", "Hz"),
+    "period": Entry("of the controller, or its `rate`", "s"),
+    "delay": Entry("from reading the positions to the torque", "periods"),
+    "hold": Entry(f"{words(HOLDS)}: the torque is held between samples"),
+    "records": Entry(f"which torque is recorded: {words(RECORDS)}; `{RECORDS[0]}` if missing"),
+    "signals": Entry("those of all joints: name: operation, in the order of computation"),
+    "torque": Entry("of all joints: the signal that is recorded as torque"),
+    "acts": Entry("of all joints: the signal that moves the joint; `torque` if missing"),
+    "joints": Entry("list of names, or of mappings where joints differ", required=True),
+}
+_SPAN = Entry("1 if missing", "samples")
+_POWERS = "list of coefficients in rising powers of 1/z"
+OPERATIONS = {
+    "sum": {"sum": Entry("mapping of signals to their weights")},
+    "filter": {
+        "filter": Entry("a signal, filtered"),
+        "numerator": Entry(_POWERS, required=True),
+        "denominator": Entry(f"{_POWERS}; [1] if missing"),
+    },
+    "difference": {"difference": Entry("a signal: its change over some samples, per second"), "over": _SPAN},
+    "average": {"average": Entry("a signal: mean of its last samples"), "over": Entry("2 if missing", "samples")},
+    "delayed": {"delayed": Entry("a signal, some samples ago"), "by": _SPAN},
+    "integral": {
+        "integral": Entry("a signal: its integral over time"),
+        "gain": Entry("factor; 1 if missing"),
+        "limit": Entry("a bound in both directions, or [lowest, highest]"),
+    },
+    "limit": {
+        "limit": Entry("a signal, held within bounds"),
+        "to": Entry("a bound in both directions, or [lowest, highest]", required=True),
+    },
+    "sign": {"sign": Entry("a signal: 1, -1 or 0"), "dead_zone": Entry("0 up to this size; 0 if missing")},
+}
+"""The keys of each operation, the first of which names it."""
 
 
 def load_controller(path: str | os.PathLike[str]) -> LoopController:
@@ -80,14 +100,14 @@ class _ControllerReader(Reader):
     period = 0.0
 
     def controller(self, root: Node) -> LoopController | None:
-        top = self.values(root, "the controller file", KEYS, ("schema", "joints"))
+        top = self.values(root, "the controller file", KEYS)
         if top is None:
             return None
         if "schema" in top:
             self.choice(top["schema"], "schema", (SCHEMA,))
         self.period = self.sampling(root, top)
         if "hold" in top:
-            self.choice(top["hold"], "hold", ("zero-order",))
+            self.choice(top["hold"], "hold", HOLDS)
         delay = self.number(top.get("delay"), "delay") or 0.0
         if delay < 0.0:
             self.faults.error(
@@ -119,9 +139,7 @@ class _ControllerReader(Reader):
             return []
         found: list[JointController] = []
         for k, item in enumerate(node.items):
-            own = (
-                {"name": item} if isinstance(item, Scalar) else self.values(item, f"joints[{k}]", JOINT_KEYS, ("name",))
-            )
+            own = {"name": item} if isinstance(item, Scalar) else self.values(item, f"joints[{k}]", JOINT_KEYS)
             if own is None:
                 continue
             part = {key: top[key] for key in ("signals", "torque", "acts") if key in top} | own
@@ -150,12 +168,13 @@ class _ControllerReader(Reader):
 
     def operation(self, node: Node, name: str, known: tuple[str, ...]) -> Operation | None:
         entries = read_entries(node, f"signal '{name}'", self.faults) or {}
-        kinds = [kind for kind in SIGNAL_KEYS if kind in entries]
+        beside = {key for kind in OPERATIONS if kind in entries for key in OPERATIONS[kind] if key != kind}
+        kinds = [kind for kind in OPERATIONS if kind in entries and kind not in beside]
         if len(kinds) != 1:
-            self.faults.error(node, f"signal '{name}' needs one operation", f"one of {', '.join(SIGNAL_KEYS)}")
+            self.faults.error(node, f"signal '{name}' needs one operation", f"one of {', '.join(OPERATIONS)}")
             return None
         kind = kinds[0]
-        part = self.values(node, f"signal '{name}'", (kind, *SIGNAL_KEYS[kind])) or {}
+        part = self.values(node, f"signal '{name}'", OPERATIONS[kind]) or {}
         if kind not in part:
             return None
         if kind == "sum":
@@ -192,9 +211,6 @@ class _ControllerReader(Reader):
                     self.faults.error(item, f"{key} of '{name}' is not a list", "in powers of 1/z, e.g. [0.5, 0.5]")
                 coefficients[key] = tuple(self.numbers(item, f"{key} of '{name}'", length)) if length else ()
         if "numerator" not in coefficients:
-            self.faults.error(
-                node, f"the filter '{name}' needs the key 'numerator'", "in powers of 1/z, e.g. [0.5, 0.5]"
-            )
             return None
         if not coefficients["denominator"] or coefficients["denominator"][0] == 0.0:
             self.faults.error(part.get("denominator", node), f"denominator of '{name}' starts with 0", "e.g. [1, -0.9]")
@@ -226,7 +242,6 @@ class _ControllerReader(Reader):
 
     def limit(self, of: str, part: dict[str, Node], name: str, node: Node) -> Operation:
         if "to" not in part:
-            self.faults.error(node, f"the limit '{name}' needs the key 'to'", "to: 10, or to: [-10, 8]")
             return Operation("limit", (of,), (0.0, 0.0))
         return Operation("limit", (of,), self.range(part["to"], f"limit '{name}'"))
 

@@ -15,17 +15,20 @@ from typing import Any
 from rrrgen.errors import Fault, InputError
 from rrrgen.excitation.problem import OBJECTIVES, ExcitationLimits
 from rrrgen.excitation.response.signals import SIGNALS
+from rrrgen.experiments.experiment_keys import (
+    CONTROL_LAWS,
+    FROM_ROBOT,
+    KEYS,
+    OBSERVERS,
+    SCHEMA,
+    TORQUE_RECORDS,
+)
 from rrrgen.experiments.writing import WritingPlane
 from rrrgen.friction.models import FrictionModel
 from rrrgen.yamltext import signal_units as units
 from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
 from rrrgen.yamltext.reader import UNITLESS, Reader
 from rrrgen.yamltext.sections import describe, read_entries
-
-FROM_ROBOT = "from_robot"
-"""Word that stands in place of the values of flexible joints; they are then taken from ``drive`` in the robot file."""
-
-SCHEMA = "rrrgen-experiment/1"
 
 EFFORT = units.TORQUE | units.FORCE
 
@@ -108,6 +111,7 @@ class _Reader(Reader):
         top = self.section(
             root,
             "the experiment file",
+            "experiment",
             {
                 "schema": lambda node, what: self.choice(node, what, (SCHEMA,)),
                 "excitation": self.excitation,
@@ -119,8 +123,6 @@ class _Reader(Reader):
                 "seed": self.count,
             },
         )
-        if "schema" not in top:
-            self.faults.error(root, "the experiment file needs the key 'schema'", f"schema: {SCHEMA}")
         excitation, writing = dict(top.get("excitation", {})), dict(top.get("writing", {}))
         return Experiment(
             limits=excitation.pop("limits", None),
@@ -141,6 +143,7 @@ class _Reader(Reader):
         return self.section(
             node,
             what,
+            "excitation",
             {
                 "harmonics": self.count,
                 "base_frequency": self.one(units.RATE, "Hz", positive=True),
@@ -157,6 +160,7 @@ class _Reader(Reader):
         found = self.section(
             node,
             what,
+            "limits",
             {
                 "lower": self.each(units.POSITION, "rad"),
                 "upper": self.each(units.POSITION, "rad"),
@@ -176,7 +180,7 @@ class _Reader(Reader):
         )
 
     def box(self, node: Node, what: str) -> tuple[tuple[float | None, ...], tuple[float | None, ...]]:
-        sides = self.section(node, what, dict.fromkeys("xyz", self.open_pair))
+        sides = self.section(node, what, "box", dict.fromkeys("xyz", self.open_pair))
         pairs = [sides.get(axis, (None, None)) for axis in "xyz"]
         return tuple(p[0] for p in pairs), tuple(p[1] for p in pairs)
 
@@ -184,6 +188,7 @@ class _Reader(Reader):
         found = self.section(
             node,
             what,
+            "writing",
             {
                 "text": self.text,
                 "duration": self.one(units.TIME, "s", positive=True),
@@ -198,7 +203,7 @@ class _Reader(Reader):
 
     def plane(self, node: Node, what: str) -> WritingPlane | None:
         length = self.one(units.LENGTH, "m")
-        sides = self.section(node, what, {"x": self.pair, "y": length, "z": self.pair})
+        sides = self.section(node, what, "plane", {"x": self.pair, "y": length, "z": self.pair})
         if any(value is None or (isinstance(value, tuple) and None in value) for value in sides.values()):
             return None  # a fault was found in it
         try:
@@ -212,6 +217,7 @@ class _Reader(Reader):
         return self.section(
             node,
             what,
+            "virtual_robot",
             {
                 "friction": self.friction,
                 "encoder_resolution": self.each(units.POSITION, "rad"),
@@ -219,12 +225,13 @@ class _Reader(Reader):
                 "torque_resolution": torque,
                 "torque_noise": torque,
                 "disturbance": torque,
-                "torque_record": lambda n, w: self.choice(n, w, ("centred", "command")),
+                "torque_record": lambda n, w: self.choice(n, w, TORQUE_RECORDS),
                 "delay": self.count,
                 "flexible_joints": self.flexible_joints,
                 "flexible_base": lambda n, w: self.section(
                     n,
                     w,
+                    "flexible_base",
                     {
                         "inertia": self.one(UNITLESS, "one", positive=True),
                         "frequency": self.one(units.RATE, "Hz", positive=True),
@@ -238,13 +245,14 @@ class _Reader(Reader):
         """Read rotors, springs and dampers of the joints, or the word that takes them from the robot file."""
         if isinstance(node, Scalar):
             return self.choice(node, what, (FROM_ROBOT,))
-        keys = ("rotor_inertia", "stiffness", "damping")
-        return self.section(node, what, dict.fromkeys(keys, self.each(UNITLESS, "one")), True)
+        take = dict.fromkeys(KEYS["flexible_joints"], self.each(UNITLESS, "one"))
+        return self.section(node, what, "flexible_joints", take)
 
     def response(self, node: Node, what: str) -> dict[str, Any]:
         found = self.section(
             node,
             what,
+            "response",
             {
                 "joint": self.text,
                 "signal": lambda n, w: self.choice(n, w, SIGNALS),
@@ -300,13 +308,14 @@ class _Reader(Reader):
         found = self.section(
             node,
             what,
+            "control",
             {
-                "kind": lambda n, w: self.choice(n, w, ("pd", "computed_torque")),
+                "kind": lambda n, w: self.choice(n, w, CONTROL_LAWS),
                 "bandwidth": self.one(units.RATE, "Hz", positive=True),
                 "damping": self.one(UNITLESS, "one"),
                 "kp": self.each(UNITLESS, "one"),
                 "kd": self.each(UNITLESS, "one"),
-                "observer": lambda n, w: self.choice(n, w, ("kalman", "difference")),
+                "observer": lambda n, w: self.choice(n, w, OBSERVERS),
                 "jerk": self.each({"rad/s^3": 1.0, "m/s^3": 1.0}, "rad/s^3"),
             },
         )
@@ -316,13 +325,13 @@ class _Reader(Reader):
 
     # -- values ------------------------------------------------------------------------------------------------------
 
-    def section(self, node: Node, what: str, table: Mapping[str, Take], complete: bool = False) -> dict[str, Any]:
-        """Read the values of a mapping with the reader that ``table`` assigns to each key.
+    def section(self, node: Node, what: str, kind: str, take: Mapping[str, Take]) -> dict[str, Any]:
+        """Read the values of a mapping of the section ``kind`` with the reader that ``take`` assigns to each key.
 
-        Unknown keys are faults; absent keys are absent from the result, and faults too if ``complete``.
+        Unknown keys and absent required ones are faults; absent keys are absent from the result.
         """
-        values = self.values(node, what, table, table if complete else ()) or {}
-        return {name: table[name](value, name) for name, value in values.items()}
+        values = self.values(node, what, KEYS[kind]) or {}
+        return {name: take[name](value, name) for name, value in values.items()}
 
     def one(self, table: Mapping[str, float], bare: str, positive: bool = False) -> Take:
         """Make a reader of one value with a unit of ``table``; a number without a unit is in ``bare``."""

@@ -12,7 +12,8 @@ from rrrgen.arrays import Array
 from rrrgen.errors import InputError
 from rrrgen.excitation.problem import ExcitationProblem
 from rrrgen.excitation.robot import limits_of, robot_problem
-from rrrgen.experiments.experiment_file import FROM_ROBOT, Experiment
+from rrrgen.experiments.experiment_file import Experiment
+from rrrgen.experiments.experiment_keys import FROM_ROBOT
 from rrrgen.experiments.writing import JointPath, newton_inverse_kinematics, solver_inverse_kinematics, writing_task
 from rrrgen.friction.stated import motor_friction, robot_friction
 from rrrgen.model.drive_terms import stated_at_joints

@@ -15,31 +15,59 @@ from rrrgen.recordings.source_reader import SourceReader
 from rrrgen.signals.processing import read_processing
 from rrrgen.yamltext import signal_units as log_units
 from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
+from rrrgen.yamltext.keys import Entry, words
 from rrrgen.yamltext.sections import describe, read_entries
 
 SCHEMA = "rrrgen-log/1"
 
+SIDES = ("joint", "motor")
 KEYS = {
-    "mapping": (
-        *("schema", "name", "description", "files", "time", "units", "side", "joints", "transmission"),
-        *("max_gap", "processing"),
-    ),
-    "joint": ("name", *SIGNALS, "zero", "gear_ratio", "side"),
-    "channel": (
-        *("file", "column", "unit", "sign", "zero", "side", "wraps_at", "resolution", "counts_per_turn", "constant"),
-        *("rated", "limit"),
-    ),
+    "mapping": {
+        "schema": Entry(words([SCHEMA]), required=True),
+        "name": Entry("of the recording"),
+        "description": Entry("what was recorded"),
+        "files": Entry("path of the recording; or several as name: path, or name: mapping", required=True),
+        "time": Entry("when the samples were taken", required=True),
+        "units": Entry("signal: unit of its columns, for all joints"),
+        "side": Entry("where signals are measured: `joint` (if missing) or `motor`"),
+        "joints": Entry("list with a row per joint", required=True),
+        "transmission": Entry("`matrix` of coupled motors, a row per motor: motor angles = matrix * joint angles"),
+        "max_gap": Entry("longer holes split the recording", "s"),
+        "processing": Entry("how the motion is reconstructed"),
+    },
+    "joint": {
+        "name": Entry("the joint of the robot file", required=True),
+        "position": Entry("measured: a column, or a channel", required=True),
+        "velocity": Entry("measured, alike"),
+        "acceleration": Entry("measured, alike"),
+        "torque": Entry("measured or commanded torque, force or current, alike"),
+        "reference": Entry("position that the controller was given, for `--controller`"),
+        "reference_velocity": Entry("speed that the controller was given"),
+        "feedforward": Entry("torque that was added to that of the controller"),
+        "zero": Entry("position of the joint at which its encoder reads zero", "rad, m"),
+        "gear_ratio": Entry("motor turns per joint turn"),
+        "side": Entry("as above, of this joint"),
+    },
+    "channel": {
+        "file": Entry("name of the file; may be missing if there is only one"),
+        "column": Entry("its name, or its number from 1", required=True),
+        "unit": Entry("of the column, in place of `units`"),
+        "sign": Entry("1 or -1"),
+        "zero": Entry("what the column reads at zero", "that of the column"),
+        "side": Entry("as above, of this channel"),
+        "wraps_at": Entry("what an encoder counts up to before it starts over", "that of the column"),
+        "resolution": Entry("of a column in `counts`: angle or length of one count", "rad, m"),
+        "counts_per_turn": Entry("of a column in `counts`, in place of its resolution"),
+        "constant": Entry("of a torque measured as current or voltage: torque per ampere or volt", "N*m/A"),
+        "rated": Entry("of a torque measured in per cent: that at 100 %", "N*m, N"),
+        "limit": Entry("torque or force at which the drive saturates", "N*m, N"),
+    },
 }
 KEYS_OF_OTHER_FILES = {
     "coupled_drives": "friction and inertia of motors that turn with several joints are part of the robot file: "
     "drives: {drive_from_joint: [[1, 0], [1, 1]], motors: [{name: m1}, {name: m2, inertia: 0, friction: {viscous: 0}}]}"
 }
 """Keys that belong to another file, with a hint where."""
-REQUIRED = {
-    "mapping": ("schema", "files", "time", "joints"),
-    "joint": ("name", "position"),
-    "channel": ("column",),
-}
 UNITS: dict[Signal, dict[str, float]] = {
     "position": log_units.POSITION | {log_units.COUNTS: 1.0},
     "velocity": log_units.VELOCITY | {log_units.COUNTS + "/s": 1.0},
@@ -112,7 +140,7 @@ class _Reader(SourceReader):
     # -- sections ------------------------------------------------------------------------------------------------
 
     def section(self, node: Node, kind: str, what: str) -> dict[str, Node] | None:
-        return self.values(node, what, KEYS[kind], REQUIRED.get(kind, ()))
+        return self.values(node, what, KEYS[kind])
 
     def read_units(self, node: Node | None) -> None:
         if node is None:
@@ -245,7 +273,7 @@ class _Reader(SourceReader):
     # -- values --------------------------------------------------------------------------------------------------
 
     def read_side(self, node: Node, what: str) -> Side:
-        return "motor" if self.choice(node, f"{what} (side)", ("joint", "motor")) == "motor" else "joint"
+        return "motor" if self.choice(node, f"{what} (side)", SIDES) == "motor" else "joint"
 
     def limit(self, node: Node | None, what: str) -> float | None:
         if node is None:

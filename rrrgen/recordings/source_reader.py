@@ -8,12 +8,30 @@ from pathlib import Path
 from rrrgen.recordings.mapping import FileSource, TimeSource
 from rrrgen.yamltext import signal_units as log_units
 from rrrgen.yamltext.document import FaultList, Node, Scalar
+from rrrgen.yamltext.keys import Entry, words
 from rrrgen.yamltext.reader import Reader
 from rrrgen.yamltext.sections import read_entries
 
 FORMATS = ("csv", "npy", "npz", "mat", "hdf5", "parquet", "rosbag")
-FILE_KEYS = ("path", "format", "separator", "decimal", "header", "skip", "comment", "encoding", "topic")
-TIME_KEYS = ("rate", "period", "file", "column", "unit")
+DECIMALS = (".", ",")
+FILE_KEYS = {
+    "path": Entry("the file, from the folder of this file on", required=True),
+    "format": Entry(f"{words(FORMATS)}; by the suffix if missing"),
+    "separator": Entry("of a text file: a character, or `tab`, `space`, `comma`, `semicolon`; found out if missing"),
+    "decimal": Entry(f"of a text file: {words(DECIMALS)}; found out if missing"),
+    "header": Entry("of a text file: number of header lines, after the skipped ones; found out if missing"),
+    "skip": Entry("of a text file: number of lines to leave out before the header"),
+    "comment": Entry("of a text file: what a comment begins with; `#` if missing"),
+    "encoding": Entry("of a text file; UTF-8 if missing"),
+    "topic": Entry("of a ROS bag with several"),
+}
+TIME_KEYS = {
+    "rate": Entry("constant sampling rate", "Hz"),
+    "period": Entry("constant sampling period, in place of a rate", "s"),
+    "file": Entry("of recorded instants; may be missing if there is only one"),
+    "column": Entry("of recorded instants, in place of a rate: its name, or its number from 1"),
+    "unit": Entry(f"of recorded instants: {words(log_units.TIME)}"),
+}
 
 
 class SourceReader(Reader):
@@ -38,13 +56,13 @@ class SourceReader(Reader):
             if isinstance(value, Scalar):
                 self.files[alias] = FileSource(alias, self.folder / self.text(value, f"files.{alias}"))
                 continue
-            part = self.values(value, f"files.{alias}", FILE_KEYS, ("path",)) or {}
+            part = self.values(value, f"files.{alias}", FILE_KEYS) or {}
             self.files[alias] = FileSource(
                 name=alias,
                 path=self.folder / self.text(part["path"], "path") if "path" in part else self.folder,
                 format=self.choice(part["format"], "format", FORMATS) if "format" in part else None,
                 separator=self.separator(part.get("separator")),
-                decimal=self.choice(part["decimal"], "decimal", (".", ",")) if "decimal" in part else None,
+                decimal=self.choice(part["decimal"], "decimal", DECIMALS) if "decimal" in part else None,
                 header=self.whole(part.get("header"), "header", None),
                 skip=self.whole(part.get("skip"), "skip", 0) or 0,
                 comment=self.text(part["comment"], "comment") if "comment" in part else "#",

@@ -23,17 +23,36 @@ from rrrgen.recordings.source_reader import TIME_KEYS, SourceReader
 from rrrgen.response.controller import Controller
 from rrrgen.yamltext import signal_units as units
 from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
+from rrrgen.yamltext.keys import Entry, words
 
 SCHEMA = "rrrgen-response/1"
-KEYS = ("schema", "name", "files", "time", "excitation", "input", "output", "period", "controller", "recordings")
-REQUIRED = ("schema", "files", "time", "input", "output")
-CONTROLLER_KEYS = ("numerator", "denominator")
-CHANNEL_KEYS = ("file", "column", "unit", "sign")
 UNITS = (
     {"one": 1.0} | units.POSITION | units.VELOCITY | units.ACCELERATION | units.TORQUE | units.FORCE
     | {"A": 1.0, "mA": 1e-3, "V": 1.0}
 )  # fmt: skip
 SEVERAL = ("realisations", "postures")
+KEYS = {
+    "schema": Entry(words([SCHEMA]), required=True),
+    "name": Entry("of the recordings"),
+    "files": Entry("as in a mapping file, or a list of paths", required=True),
+    "time": Entry("when the samples were taken", required=True),
+    "excitation": Entry("what was added to the loop: a column, or a mapping"),
+    "input": Entry("of the plant, alike", required=True),
+    "output": Entry("of the plant, alike", required=True),
+    "period": Entry("of a periodic excitation", "s"),
+    "controller": Entry("of the loop, for the plant alone"),
+    "recordings": Entry(f"what several are, of the excitation or of the arm: {words(SEVERAL)}; the former if missing"),
+}
+CONTROLLER_KEYS = {
+    "numerator": Entry("list of coefficients in rising powers of 1/z", required=True),
+    "denominator": Entry("list of coefficients in rising powers of 1/z; [1] if missing"),
+}
+CHANNEL_KEYS = {
+    "file": Entry("where one recording has several files"),
+    "column": Entry("its name, or its number from 1", required=True),
+    "unit": Entry("of the column; SI if missing"),
+    "sign": Entry("1 or -1"),
+}
 JITTER = 0.02  # of a sampling period: what timestamps may deviate from a grid
 CHUNK = 65536
 
@@ -103,7 +122,7 @@ class _ResponseReader(SourceReader):
     """Reads one response file; files, instants and columns are described as in mapping files."""
 
     def response(self, root: Node) -> ResponseFile | None:
-        top = self.values(root, "the response file", KEYS, REQUIRED)
+        top = self.values(root, "the response file", KEYS)
         if top is None:
             return None
         if "schema" in top:
@@ -154,7 +173,7 @@ class _ResponseReader(SourceReader):
             return SignalColumn("", "")
         if isinstance(node, Scalar):
             return SignalColumn("", self.column(node, what))
-        part = self.values(node, what, CHANNEL_KEYS, ("column",)) or {}
+        part = self.values(node, what, CHANNEL_KEYS) or {}
         unit = units.read_unit(part["unit"], what, UNITS, self.faults) if "unit" in part else None
         sign = self.number(part["sign"], f"{what}.sign") if "sign" in part else 1.0
         if sign not in (1.0, -1.0):
@@ -169,7 +188,7 @@ class _ResponseReader(SourceReader):
         """Read the controller, given in powers of z^-1, as implemented."""
         if node is None:
             return None
-        part = self.values(node, "controller", CONTROLLER_KEYS, ("numerator",)) or {}
+        part = self.values(node, "controller", CONTROLLER_KEYS) or {}
         powers = {key: self.coefficients(part[key], f"controller.{key}") for key in CONTROLLER_KEYS if key in part}
         denominator = powers.get("denominator", [1.0])
         if denominator and denominator[0] == 0.0:

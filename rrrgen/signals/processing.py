@@ -13,6 +13,7 @@ from rrrgen.signals.reconstruction import Butterworth, CentralDifferences, Recon
 from rrrgen.signals.smoother import KalmanSmoother
 from rrrgen.yamltext import signal_units as log_units
 from rrrgen.yamltext.document import FaultList, Node
+from rrrgen.yamltext.keys import Entry, words
 from rrrgen.yamltext.reader import Reader
 
 Method = Literal["butterworth", "kalman", "kalman_filter", "differences", "logged"]
@@ -79,7 +80,16 @@ class Processing:
         return CentralDifferences()
 
 
-_KEYS = ("method", "cutoff", "order", "position_resolution", "jerk", "decimate", "low_speed")
+KEYS = {
+    "method": Entry(words(METHODS)),
+    "cutoff": Entry("of the Butterworth filter", "Hz"),
+    "order": Entry(f"of the Butterworth filter, number of poles; {DEFAULT_ORDER} if missing"),
+    "position_resolution": Entry("of the Kalman filter: step of the encoder, per joint", "rad, m"),
+    "jerk": Entry("of the Kalman filter: size of the jerk, per joint", "rad/s^3"),
+    "decimate": Entry("keep every k-th sample, after a low-pass filter"),
+    "low_speed": Entry("samples of a joint slower than this are left out, per joint", "rad/s, m/s"),
+}
+"""The keys of the section ``processing``."""
 
 
 def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[str, Any]:
@@ -96,7 +106,7 @@ def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[s
         return tuple(number for number in values if number is not None)
 
     found: dict[str, Any] = {}
-    values = reader.values(node, "processing", _KEYS) or {}
+    values = reader.values(node, "processing", KEYS) or {}
     for name, value in values.items():
         what = f"processing.{name}"
         if name == "method":

@@ -1,10 +1,10 @@
-"""Tables of the keys of a file format, one per section; reader, messages and JSON Schema are all derived from them."""
+"""Tables of the keys of a file format, one per section; readers, messages, schema and pages are derived from them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 Kind = Literal[
     "text",
@@ -50,6 +50,26 @@ class Key:
     def quantity_for(self, joint_type: str) -> str:
         """The physical quantity of this key for a joint of type ``joint_type`` ("revolute" or "prismatic")."""
         return self.prismatic if joint_type == "prismatic" and self.prismatic else self.quantity
+
+
+class Entry(NamedTuple):
+    """What one key of a mapping, experiment, controller or response file means, and the unit of its bare numbers.
+
+    ``meaning`` is Markdown for the reference page; messages show it without the marks.
+    """
+
+    meaning: str
+    unit: str = ""
+    required: bool = False
+
+
+Entries = Mapping[str, Entry]
+"""The keys of one section of such a file."""
+
+
+def words(choices: Collection[str]) -> str:
+    """The allowed words for a meaning, in Markdown."""
+    return ", ".join(f"`{choice}`" for choice in choices)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping
 from typing import TypeVar
 
 from rrrgen.yamltext.document import FaultList, Node, Scalar, Sequence
+from rrrgen.yamltext.keys import Entries
 from rrrgen.yamltext.sections import describe, read_entries
 from rrrgen.yamltext.signal_units import read_quantity
 from rrrgen.yamltext.suggest import did_you_mean
@@ -30,13 +31,11 @@ class Reader:
         self.faults = faults
         self.elsewhere = elsewhere or {}
 
-    def values(
-        self, node: Node, what: str, allowed: Collection[str], required: Collection[str] = ()
-    ) -> dict[str, Node] | None:
+    def values(self, node: Node, what: str, allowed: Entries) -> dict[str, Node] | None:
         """The values of a mapping by key, or None if ``node`` is not a mapping.
 
-        ``what`` names the mapping in messages. Keys outside ``allowed``, keys without a value and absent ``required``
-        keys are faults.
+        ``what`` names the mapping in messages. Keys outside ``allowed``, keys without a value and absent ones that are
+        required are faults.
         """
         entries = read_entries(node, what, self.faults)
         if entries is None:
@@ -50,11 +49,16 @@ class Reader:
                 self.faults.error(key, f"'{name}' has no value")
             else:
                 found[name] = value
-        missing = [name for name in required if name not in entries]
+        missing = {
+            name: entry.meaning.replace("`", "")
+            for name, entry in allowed.items()
+            if entry.required and name not in entries
+        }
         if missing:
             plural = "s" if len(missing) > 1 else ""
             names = ", ".join(f"'{name}'" for name in missing)
-            self.faults.error(node, f"{what} needs the key{plural} {names}")
+            hint = "; ".join(f"{name}: {meaning}" for name, meaning in missing.items())
+            self.faults.error(node, f"{what} needs the key{plural} {names}", hint)
         return found
 
     def text(self, node: Node, what: str) -> str:

@@ -13,6 +13,7 @@ import pytest
 
 from backends.c_tools import IDENTITY
 from backends.planar import planar_model
+from pages.test_pages import ROOT, blocks
 from pipeline.optimized import bundled
 from rrrgen import pipeline
 from rrrgen.backends.description import programs_of
@@ -27,6 +28,14 @@ ROUNDING = {"double": 2e-13, "float": 2e-4}
 """Relative to the largest element of an output: another sine and cosine, and fused operations, in the C."""
 
 STATES = 3
+
+PAGE = """\
+pub fn page(q: [f64; 3], dq: [f64; 3], ddq: [f64; 3], beta: [f64; 15]) -> Result<[f64; 3], rrr_model::Failure> {
+@PAGE@
+Ok(ddq)
+}
+"""
+"""A function around the Rust on the page of the generated code."""
 
 
 def crate(model, real="double") -> dict[str, str]:
@@ -88,6 +97,11 @@ def test_every_function_agrees_with_the_c(name, real, tmp_path):
         wanted = np.concatenate([np.ravel(each) for each in expected])
         scale = max(1.0, float(np.abs(wanted).max()))
         assert np.abs(numbers(line) - wanted).max() <= ROUNDING[real] * scale, program.name
+    if name == "rrr":
+        (page,) = blocks((ROOT / "docs/generated-code.md").read_text(encoding="utf-8"), "rust")
+        (tmp_path / "page.rs").write_text(PAGE.replace("@PAGE@", page), encoding="utf-8")
+        crates = ("--extern", f"rrr_model={tmp_path}/librobot.rlib")
+        compiled(tmp_path, "page.rs", "-L", str(tmp_path), "--crate-type", "lib", "--emit", "metadata", *crates)
 
 
 @needs_rustc

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
@@ -13,7 +14,8 @@ from rrrgen.cli.main import run
 from rrrgen.friction.laws import LAWS
 from rrrgen.ik.classify import plan
 from rrrgen.robotfile import RobotSpec, load_spec, loads_spec
-from rrrgen.robotfile.keys import EMIT, LINEAR_FRICTION, SECTIONS
+from rrrgen.robotfile.keys import EMIT, SECTIONS
+from rrrgen.yamltext.document import FaultList, Mapping, Place, Sequence, parse_document
 
 KINDS = ["".join(letters) for n in range(1, 4) for letters in itertools.product("RP", repeat=n)]
 LONG = [
@@ -99,16 +101,34 @@ def test_both_conventions_are_the_same_arm(written):
     assert np.allclose(standard, modified, atol=1e-12)
 
 
-@pytest.mark.parametrize("section", SECTIONS)
-def test_every_field_is_there_with_a_comment(section, written):
-    lines = written("RRRRRR").splitlines()
-    linear = {key.name for key in LINEAR_FRICTION} | {"law"}
-    for key in SECTIONS[section]:
-        if section == "friction" and key.name not in linear:
-            continue  # the parameters of every law: the schema lists them
-        places = [k for k, line in enumerate(lines) if re.search(rf"\b{key.name}\b:? ?", line)]
-        assert places, f"{section}: {key.name}"
-        assert any("#" in line for k in places for line in lines[max(0, k - 2) : k + 1]), f"{section}: {key.name}"
+def fields(node: Mapping, section: str) -> Iterator[tuple[str, str, Place]]:
+    """Section, key and place of every field in ``node`` and below."""
+    table = {key.name: key for key in SECTIONS[section]}
+    for name, value in node.entries:
+        yield section, name.text, name.place
+        key = table[name.text]
+        inner = "basis" if key.name == "basis" else key.section
+        rows = value.items if isinstance(value, Sequence) else [value]
+        for row in [each for _, each in value.entries] if key.kind == "transforms" else rows if inner else []:
+            yield from fields(row, inner)
+
+
+@pytest.mark.parametrize("joints", ["RRRRRR", "PP"])
+def test_every_field_of_a_robot_file_is_there_with_a_comment(joints, written):
+    """Fields that are comments count: their signs are taken away, and what remains is read as YAML."""
+    text = written(joints)
+    names = "|".join(sorted({key.name for table in SECTIONS.values() for key in table}))
+    text = re.sub(rf"^( *)# ( *(?:- )?(?:{names}):(?: .*)?)$", r"\1\2", text, flags=re.M)
+    faults = FaultList("arm.yaml", text)
+    found = list(fields(parse_document(text, faults), "robot"))
+    assert faults.errors == []
+    lines = text.splitlines()
+    explained = {
+        (section, name)
+        for section, name, place in found
+        if "# " in lines[place.line - 1] or (place.column == 1 and lines[place.line - 2].startswith("# "))
+    }
+    assert {(section, key.name) for section, table in SECTIONS.items() for key in table} == explained
 
 
 def test_what_can_be_chosen_is_listed(written):

@@ -1,4 +1,4 @@
-"""Long work says how far it is: the steps that the bars of `reconstruct` and of the benchmark are drawn from."""
+"""Long work says how far it is: the steps that the bars of `reconstruct`, `show`, the benchmark are drawn from."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from bench import session
 from rrrgen.cli.identification import reconstruct
 from rrrgen.cli.main import cli
+from rrrgen.cli.model import show
 from rrrgen.recordings.logs import Log
 from samples.recordings import fourier_motion, write_log
 
@@ -31,6 +32,19 @@ def test_reconstruct_tells_every_step(tmp_path, monkeypatch):
     messages = ["reading", "bandwidth and noise of the positions", "reconstructing", "writing the motion"]
     assert [message for _, _, message in told] == messages
     assert [done / total for done, total, _ in told if total] == [0.0, 1.0]
+
+
+def test_closed_forms_tell_every_function(monkeypatch):
+    told = []
+
+    @contextmanager
+    def bar():
+        yield lambda *step: told.append(step)
+
+    monkeypatch.setattr(show, "progress_bar", bar)
+    result = CliRunner().invoke(cli, ["show", "planar2r", "-f", "gravity", "-f", "mass_matrix"])
+    assert result.exit_code == 0, result.output
+    assert told == [(0, 0, "derivation"), (0, 2, "closed form of gravity"), (1, 2, "closed form of mass_matrix")]
 
 
 def test_the_benchmark_tells_every_step(monkeypatch):

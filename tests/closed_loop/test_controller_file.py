@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrrgen.closed_loop.controller import filtered
+from rrrgen.closed_loop.controller import Operation, filtered
 from rrrgen.closed_loop.controller_file import loads_controller
 from rrrgen.errors import InputError
 from samples.linear_drive import CONTROLLER
@@ -46,7 +46,7 @@ def test_every_fault_is_reported_at_once_in_its_place():
         (10, "difference of signal 'a' is 'spede'"),
         (11, "numerator of 'b' is not a list"),
         (12, "denominator of 'c' starts with 0"),
-        (13, "the limit 'd' needs the key 'to'"),
+        (13, "signal 'd' needs the key 'to'"),
         (14, "signal 'e' uses 'f'"),
         (15, "signal 'f' needs one operation"),
         (16, "'g' spans no sample"),
@@ -63,6 +63,12 @@ def test_differences_and_averages_are_filters():
     assert signals["averaged"] == filtered("position", (0.5, 0.5))
     assert signals["speed"] == filtered("averaged", (1000.0, -1000.0))
     assert signals["late"] == filtered("volts", (0.0, 1.0))
+
+
+def test_an_integral_has_a_gain_and_limits():
+    text = "schema: rrrgen-controller/1\nrate: 1 kHz\njoints: [one]\ntorque: i\n"
+    found = loads_controller(text + "signals: {i: {integral: position, gain: 3, limit: [-2, 5]}}\n")
+    assert found.joints[0].signals["i"] == Operation("integral", ("position",), (3e-3, -2.0, 5.0))
 
 
 def test_signals_beside_the_joints_hold_for_all_of_them():

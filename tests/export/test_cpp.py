@@ -1,4 +1,4 @@
-"""The C++17 header: warning-free, and the numbers of the C in the places that its types say; Eigen sees the same."""
+"""The C++17 header: warning-free, with the numbers of the C where its types say, for Eigen too; the C++ of its page."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from export.rrr_library import GENERATED, SOURCES, STRICT, library, run
+from pages.test_pages import ROOT, blocks
 from pipeline.optimized import bundled
 from rrrgen.backends.cpp import CppBackend, namespace
 from rrrgen.output.manifest import identify
@@ -22,6 +23,14 @@ PROGRAM = """\
 #include <cstring>
 
 #define SAME(a, b) do { if (std::memcmp((a), (b), sizeof(b)) != 0) { std::puts(#a); return 1; } } while (0)
+
+#ifdef RRR_EIGEN
+void page(const rrr::vector<3> &, const rrr::vector<3> &, const rrr::vector<3> &, const rrr::vector<15> &);
+void page(const rrr::vector<3> &q, const rrr::vector<3> &dq, const rrr::vector<3> &tau, const rrr::vector<15> &beta)
+{
+@PAGE@    static_cast<void>(x);
+}
+#endif
 
 int main()
 {
@@ -79,7 +88,8 @@ def folder(tmp_path_factory) -> Path:
     model, backend = bundled("rrr"), CppBackend()
     identity = identify(model.spec)
     files = backend.assemble(model, identity, [task() for task in backend.tasks(model, identity, "double")])
-    for name, text in {**files, "use.cpp": PROGRAM}.items():
+    (page,) = blocks((ROOT / "docs/generated-code.md").read_text(encoding="utf-8"), "cpp")
+    for name, text in {**files, "use.cpp": PROGRAM.replace("@PAGE@", page)}.items():
         (place / name).write_text(text, encoding="utf-8")
     return place
 

@@ -12,6 +12,8 @@ import pytest
 from export.arm import WITH_CONTROL, arm
 from export.rrr_library import STRICT, run
 from export.test_export import ours
+from pages.test_pages import ROOT
+from pages.test_pages import blocks as blocks_of
 from rrrgen.export.exporting import export_robot
 from rrrgen.export.interface import ExportOptions
 
@@ -87,7 +89,10 @@ def folder(tmp_path_factory):
 @pytest.mark.skipif(shutil.which("mkoctfile") is None, reason="needs Octave and its headers (octave-dev)")
 def test_octave(folder):
     (folder / "legacy_code.m").write_text(LEGACY_CODE, encoding="utf-8")
-    (folder / "use.m").write_text(f"1;\n{PROGRAM}", encoding="utf-8")
+    (page,) = blocks_of((ROOT / "docs/sockets.md").read_text(encoding="utf-8"), "matlab")
+    first, *others = page.replace("rrr", "arm").splitlines()
+    assert first.split(";")[1].split("%")[0].strip() == "build_arm"
+    (folder / "use.m").write_text("\n".join(["1;", PROGRAM, *others, ""]), encoding="utf-8")
     out = run("octave-cli", "-q", "--eval", "setenv('CFLAGS', '-O0'); build_arm; use", cwd=folder)
     numbers, *blocks = out.splitlines()
     T, tau = (each[0] for each in ours(arm(), Q[None], DQ[None], DDQ[None]))

@@ -16,6 +16,13 @@ from rrrgen.robotfile import load_spec
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("examples/**/*.md"), ROOT / "bench/README.md"])
+FIGURES = {
+    "control_loop": "examples/control_loop/run.py",
+    "pick_up": "examples/pick_up/run.py",
+    "collision": "examples/collision/run.py",
+    "path-timing": "examples/path-timing/figure.py",
+}
+"""The scripts that draw the figures of the pages; those of the benchmark are drawn by it."""
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 
 
@@ -95,3 +102,14 @@ def test_python_on_the_first_page_runs(monkeypatch):
     for block in blocks((ROOT / "README.md").read_text(encoding="utf-8"), "python"):
         exec(compile(block, "README.md", "exec"), space)  # our own page
     assert space["tau"].shape == (3,)
+
+
+def test_every_figure_is_made_by_a_command_on_a_page():
+    pages = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    shown = {Path(target).stem for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", pages)}
+    assert shown == {*FIGURES, "benchmark"}
+    for figure, script in FIGURES.items():
+        assert f"python {script}" in pages
+        assert figure in (ROOT / script).read_text(encoding="utf-8")
+    assert "make bench" in pages
+    assert "benchmark.svg bench/results/benchmark.png docs/" in (ROOT / "Makefile").read_text(encoding="utf-8")

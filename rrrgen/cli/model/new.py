@@ -58,11 +58,9 @@ def new(name: str, output: Path | None, joints: str, convention: str, bundled: s
 
 
 def _template(name: str, joints: str, convention: str) -> str:
-    import textwrap
-
     from rrrgen.friction.laws import LAWS
     from rrrgen.resources import render
-    from rrrgen.robotfile.keys import EMIT
+    from rrrgen.robotfile.keys import EMIT, FRICTION, LINEAR_FRICTION
     from rrrgen.robotfile.robots.starting_rows import starting_rows
 
     start = starting_rows(joints, convention)
@@ -74,7 +72,8 @@ def _template(name: str, joints: str, convention: str) -> str:
         rows=start.rows,
         parameters=start.parameters,
         tip=start.tip,
-        laws=textwrap.wrap(", ".join(LAWS), 76),
+        laws=LAWS.values(),
+        law_fields=[key for key in FRICTION if key not in LINEAR_FRICTION and key.name != "law"],
         emitted=EMIT,
     )
 

@@ -20,6 +20,7 @@ from rrrgen.cli.arguments import (
 )
 from rrrgen.cli.colour import with_headings
 from rrrgen.cli.html import html_option, read_motions, write_html
+from rrrgen.cli.progress import progress_bar
 from rrrgen.text_table import folded
 
 if TYPE_CHECKING:
@@ -114,8 +115,13 @@ def show(
     wanted = [name for name in functions if name != INVERSE] or (USUAL if short and not functions else ())
     asked = INVERSE in functions
     inverse = _inverse_kinematics(spec, asked, bool(short)) if asked or not functions else None
-    derivation = prepare(spec)
-    forms = {label: form for name in wanted for label, form in _closed_forms(derivation, name, entry).items()}
+    forms: dict[str, Form] = {}
+    with progress_bar() as tell:
+        tell(0, 0, "derivation")
+        derivation = prepare(spec)
+        for done, name in enumerate(wanted):
+            tell(done, len(wanted), f"closed form of {name}")
+            forms |= _closed_forms(derivation, name, entry)
     if html is not None:
         from rrrgen.report.motions import illustrations
 
