@@ -36,7 +36,11 @@ class CppBackend:
 
 @dataclass(frozen=True)
 class _Function:
-    """One function, ready for the template."""
+    """The texts of one C++ function that the template puts together.
+
+    ``explanation`` are the lines of its comment, ``result`` is its return type, ``call`` the call of the C function.
+    ``fails`` says whether the function can fail and therefore checks a status.
+    """
 
     explanation: tuple[str, ...]
     result_fields: tuple[tuple[str, str], ...]  # (type, name) of a result with several members; empty for a single one

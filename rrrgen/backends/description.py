@@ -38,7 +38,7 @@ def programs_of(model: DerivedModel) -> dict[str, Program]:
 
 
 def title(spec: RobotSpec) -> str:
-    """The subject of the emitted files, as a clause."""
+    """The title of the emitted files, such as "kinematics and dynamics of rrr, a serial robot with joints R R R"."""
     structure = " ".join("R" if joint.is_revolute else "P" for joint in spec.joints)
     kind = "serial robot" if spec.mechanism is None else "mechanism"
     return f"kinematics and dynamics of {spec.name}, a {kind} with joints {structure}"

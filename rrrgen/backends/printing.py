@@ -122,7 +122,7 @@ class Statements:
                 return text
 
     def _settle(self, index: int) -> bool:
-        """Move an operand into a local; False if it is an atom already."""
+        """Give an operand a local variable; returns False, and does nothing, if its text is a single name or number."""
         text = self.texts[index]
         if (text.strength == ATOM and "(" not in text.code) or self.program.nodes[index].op is Op.CONST:
             return False

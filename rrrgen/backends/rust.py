@@ -62,7 +62,7 @@ def crate_name(robot: str) -> str:
 
 @dataclass(frozen=True)
 class _Function:
-    """One function, ready for the template."""
+    """The texts of one Rust function that the template puts together: signature, lines of comment, lines of body."""
 
     signature: str
     explanation: tuple[str, ...]

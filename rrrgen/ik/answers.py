@@ -37,7 +37,10 @@ def most_rows(plan: SolverPlan) -> int:
 
 
 def labels(plan: SolverPlan) -> tuple[tuple[str, int, int], ...]:
-    """The fields of a branch number, each as (name, lowest bit, number of bits)."""
+    """The bit fields of a branch number, one for each choice between roots: (name, lowest bit, number of bits).
+
+    The branch number of a solution is an integer that says which root the solution took at each choice.
+    """
     return (ASPECT,) if plan.general else plan.equations.leaf.labels
 
 
@@ -53,8 +56,9 @@ def reasons_of(plan: SolverPlan) -> tuple[str, ...]:
     """Texts that say why there is no solution, indexed by the field ``stage`` of a result.
 
     One per root selection, then one for candidates that miss the target and one for targets too far away. Where the
-    solver is incomplete no text claims that there is no solution, and one more is for solutions outside the limits. A
-    mechanism has a last one, for solutions of its rows that miss the coupling.
+    solver is incomplete, no text claims that there is no solution, and there is one more text for the case that all
+    solutions lie outside the joint limits. For a mechanism the last text is for the case that the chain to the tip has
+    solutions, but none in which the joints that follow others are where these put them.
     """
     near = bool(plan.incomplete)
     texts = ["no reason"]

@@ -49,7 +49,11 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
 
 
 def with_nominal_first(found: SolverPlan) -> SolverPlan:
-    """``found`` with the solutions of its companion tried first, where general equations have such a companion."""
+    """Add to the plan ``found`` that the solutions of a nearby special arm are refined before anything else is tried.
+
+    The general equations are then solved only for targets where those solutions may not be all. Plans that do not
+    solve general equations, and arms near no special one, keep their equations; ``approach`` of the result says why.
+    """
     companion = _quadratic_companion(found) if found.general else None
     if companion is None:
         why = "no special arm is near this one" if found.general else "no general equations of six joints are solved"
@@ -66,7 +70,10 @@ def with_nominal_first(found: SolverPlan) -> SolverPlan:
 
 
 def _quadratic_companion(found: SolverPlan) -> SolverPlan | None:
-    """The nearest special arm whose equations are at most quadratic: margins hold for their discriminants only."""
+    """Plan the nearest special arm that is solved by equations of degree 1 and 2; None if there is none nearby.
+
+    Quartics are excluded: whether a nearby arm has more real roots is judged by discriminants of quadratic equations.
+    """
     for tolerance in NEARLY:
         _, nearby = _best(found.chain, nearest_special(found.chain, tolerance), found.locked)
         quadratic = nearby.solver is not None and all(stage.most <= 2 for stage in nearby.solver.stages)
@@ -76,7 +83,10 @@ def _quadratic_companion(found: SolverPlan) -> SolverPlan | None:
 
 
 def _coupled(spec: RobotSpec, chain: Chain, redundancy: int | None) -> SolverPlan:
-    """Plan a mechanism: the chain of its rows from base to tip, and how these follow its joints."""
+    """Plan a mechanism from ``chain``, its rows of the DH table from base to tip, solved as if each had a drive.
+
+    The plan has a ``coupling``, which converts solutions of these rows to joint positions.
+    """
     found = _planned(chain, redundancy)
     if not found.solvable:
         return found

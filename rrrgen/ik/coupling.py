@@ -1,8 +1,9 @@
-"""Joint positions q of a mechanism from the solutions of its chain of rows: the constants of ``y = S q``.
+"""Joint positions q of a mechanism from the displacements y of its rows, ``y = S q``.
 
-The rows from the base to the tip are solved as if each had a drive. Their displacements y belong to joint positions q
-where ``y = S q`` up to full turns of the angles. With a regular part B of S, ``q = B^-1 (y_B + 2 pi z)`` for whole
-numbers z; only finitely many z give different arms, and those are kept that fit the other rows.
+The rows of the DH table from the base to the tip are solved as if each had a drive. Their displacements y belong to
+joint positions q where ``y = S q`` up to full turns of the angles. With a regular part B of S, ``q = B^-1 (y_B + 2 pi
+z)`` for whole numbers z. Only finitely many z give different arms; those are kept for which q also gives the
+displacements of the rows outside B.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ class Coupling:
     * ``counts``: for each pivot row the number of full turns that are tried, 0 to count - 1; more give the same q.
     * ``periods``: for each joint of q the change (rad or m) with which all angles of the rows make full turns; 0 if
       there is none.
-    * ``revolute``, ``limits``: of the joints of q. ``followers``: the limits of rows that follow several.
+    * ``revolute``, ``limits``: for each joint of q, whether it is revolute, and its position limits (rad or m).
+    * ``followers``: the position limits of rows that follow several joints of q.
     """
 
     matrix: Rows
@@ -127,7 +129,11 @@ def _full_turns(S: sp.Matrix, turning: list[int]) -> list[sp.Rational]:
 
 
 def _turns_until_alike(rows: sp.Matrix, step: sp.Matrix, turning: list[int], turns: list[sp.Rational]) -> int:
-    """Number of steps of ``step`` turns, which turn the rows by ``rows``, after which q repeats up to ``turns``."""
+    """Number of additions of ``step`` to q after which the pose of every row, and q up to full periods, repeat.
+
+    ``step`` (n,) changes q in turns, and with it the rows by ``rows``, of which those in ``turning`` are angles;
+    ``turns`` are the periods of q (:func:`_full_turns`).
+    """
     ratios = [rows[i] for i in turning]
     ratios += [value / period for value, period in zip(step, turns, strict=True) if period]
     return lcm(*(int(sp.Rational(ratio).q) for ratio in ratios))

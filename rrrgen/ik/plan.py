@@ -43,10 +43,11 @@ class Singularity:
 
 @dataclass(frozen=True)
 class NominalFirst:
-    """The solutions of a special arm are tried first and refined; the general equations are left for cases of doubt.
+    """The special (nominal) arm whose solutions are refined on the true arm before general equations are solved.
 
-    ``deviation``: how far the poses of the two arms differ, in rad or parts of the reach. ``changes``: what is special
-    in the nominal arm, in words with numbers.
+    The general equations are solved only for targets where the refined solutions may not be all.
+    ``deviation``: how far the poses of the two arms differ, in rad or parts of the reach. ``changes``: phrases that say
+    what is special in the nominal arm and how far the true arm is off.
     """
 
     deviation: float
@@ -76,9 +77,9 @@ class SolverPlan:
     * ``reason``: why there is no solver, for the family "none".
     * ``solver``: the recorded closed form; None for an elimination.
     * ``coupling``: how ``chain`` follows the joint positions q of a mechanism; None where its joints are q.
-    * ``nominal_first``: how the solutions of the companion are tried before the general equations, if that was asked
-      for and is possible.
-    * ``approach``: in words, what came of that wish; empty where nobody asked.
+    * ``nominal_first``: set if the robot file asks that the solutions of the companion are refined before the general
+      equations are solved, and the arm allows it; otherwise None.
+    * ``approach``: text that says whether this request of the robot file has an effect, and why not; empty without it.
     """
 
     family: Family

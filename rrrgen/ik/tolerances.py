@@ -268,7 +268,10 @@ solved. Deviations are the largest difference of the poses of both arms, in rad 
 
 
 def nominal_margins(deviation: float) -> dict[str, float]:
-    """The values of :data:`NOMINAL` for arms that deviate by ``deviation``; norms squared, as the code takes them."""
+    """The thresholds :data:`NOMINAL` by name, scaled to two arms whose poses differ by at most ``deviation``.
+
+    Thresholds on norms are squared, because the emitted code compares squared norms.
+    """
     values = {each.name: float(each.double) for each in NOMINAL}
     least = max(deviation, 1e-9)
     return {

@@ -76,7 +76,11 @@ class DriveTerms:
         return DriveTerms(**parts, coupled=self.coupled)
 
     def columns(self, n: int) -> tuple[Column, ...]:
-        """The columns for ``n`` joints: joint terms kind by kind, then coupled drives. Raises InputError."""
+        """The columns for ``n`` joints: joint terms kind by kind, then coupled drives.
+
+        Raises InputError for a joint that the robot does not have, or a coupled drive whose direction is zero or does
+        not have ``n`` entries.
+        """
         found = []
         for kind in KINDS:
             for joint in getattr(self, kind):

@@ -49,9 +49,9 @@ class Weights:
 
 @dataclass(frozen=True)
 class Choice:
-    """A candidate: the index of one of the equivalent programs, and the cut set of its expansion.
+    """A candidate of the search: one of the equivalent programs, by its index, and how far it is expanded.
 
-    Without a cut set (None) the program is taken as it is.
+    ``cut_set`` names the nodes at which the expansion into polynomials stops; None takes the program unexpanded.
     """
 
     variant: int

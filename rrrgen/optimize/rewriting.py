@@ -45,7 +45,7 @@ class ExpandAndFactor:
     """Expands a program into polynomials down to ``cut_set`` and factors them.
 
     The program stays as it is if a polynomial has more than ``max_terms`` terms, or if all polynomials together have
-    more than ``max_pairs`` pairs of terms (no limit for the local cut set): the search examines every pair.
+    more than ``max_pairs`` pairs of terms, since the search examines every pair (no limit with ``CutSet.LOCAL``).
     """
 
     cut_set: CutSet
@@ -77,8 +77,8 @@ class ExpandAndFactor:
 class _Recorder:
     """Records the factored polynomials as a program.
 
-    The first ``results`` polynomials of ``search`` are the elements of the outputs, the next define the cuts of
-    ``expansion``, the rest the literals that were extracted.
+    The first ``results`` polynomials of ``search`` are the elements of the outputs. The next ones define the nodes at
+    which ``expansion`` stops, the rest the common divisors that the search extracted.
     """
 
     def __init__(self, expansion: Expansion, search: Factoring, results: int) -> None:
@@ -134,6 +134,6 @@ class _Recorder:
         return value
 
     def _operand(self, index: int) -> Value:
-        """The operand ``index`` of a literal; it may be a literal itself."""
+        """The recorded value of node ``index``, an operand of a node that is recorded unexpanded, such as a sine."""
         position = self._expansion.position(index)
         return self._original(index) if position is None else self._literal(position)

@@ -93,9 +93,10 @@ def tangents(
     values: Sequence[Value],
     seeds: Sequence[Sequence[Tangent]],
 ) -> list[list[Tangent]]:
-    """Forward mode: the tangents of all output elements for the tangents ``seeds`` of all input elements.
+    """Forward mode: the tangents of all output elements, for the tangents ``seeds`` of all input elements.
 
-    ``values`` are the values of all nodes as :func:`record` returned them.
+    The tangent of a value is its derivative along each of several directions in the space of the inputs. ``values``
+    are the values of all nodes as :func:`record` returned them.
     """
     found: list[Tangent] = []
     for index, node in enumerate(program.nodes):
@@ -137,9 +138,10 @@ def pull_back(
     values: Sequence[Value],
     weights: Sequence[Sequence[Value]],
 ) -> list[list[Value]]:
-    """Reverse mode: the adjoints of all input elements for the adjoints ``weights`` of all output elements.
+    """Reverse mode: the derivatives of ``sum of weight * output element`` by all input elements, by input port.
 
-    ``values`` are the values of all nodes as :func:`record` returned them.
+    ``weights`` holds one weight for each element of each output. ``values`` are the values of all nodes as
+    :func:`record` returned them.
     """
     adjoints: list[Value] = [0] * len(program.nodes)
     for elements, row in zip(program.results, weights, strict=True):

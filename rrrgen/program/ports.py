@@ -41,7 +41,7 @@ class Role(Enum):
 
     @property
     def is_rate(self) -> bool:
-        """Whether the port describes the motion rather than the configuration: velocity, acceleration, covector."""
+        """Whether the port is a velocity, an acceleration or the vector e in ``e' Y``, which multiplies a regressor."""
         return self in (
             Role.VELOCITY,
             Role.ACCELERATION,

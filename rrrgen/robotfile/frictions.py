@@ -52,7 +52,10 @@ def read_friction(node: Node | None, joint_type: str, what: str, scope: Scope) -
 def _law(
     law: FrictionLaw, numbers: dict[str, float], values: dict[str, Node], node: Node, what: str, scope: Scope
 ) -> LawSpec:
-    """Complete a friction law: parameters that the file does not state are 0; a fault where one must be positive."""
+    """Complete a friction law: parameters that the file does not state are 0.
+
+    A parameter that must be positive, and is absent or not positive, is a fault.
+    """
     for parameter in law.parameters:
         if not parameter.positive:
             continue

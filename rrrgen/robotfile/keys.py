@@ -106,7 +106,7 @@ joint; parameters with other units are numbers in SI without a unit."""
 
 
 def _law_keys() -> tuple[Key, ...]:
-    """One key per parameter of any law."""
+    """The keys of all parameters of friction laws; a parameter that several laws share has one key."""
     keys = {}
     for law in LAWS.values():
         for parameter in law.parameters:

@@ -264,7 +264,7 @@ def read_parameters(entries: dict[str, tuple[Scalar, Node]], scope: Scope) -> No
 
 
 def _si_unit(dimension: Dimension) -> str:
-    """The SI unit of a derived parameter, or an empty text."""
+    """The SI unit of a value with this ``dimension``; empty if no known quantity has it."""
     return next((q.si_unit for q in QUANTITIES.values() if q.dimension == dimension), "")
 
 

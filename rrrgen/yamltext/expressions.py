@@ -69,7 +69,7 @@ class Value:
     - ``expr``: the exact expression, without ``unit``.
     - ``dimension``: the dimension implied by the parameters in it; None if there is none, then the file's default unit
       applies.
-    - ``open_names``: parameters without a unit that the value scales with.
+    - ``open_names``: parameters declared as bare numbers, whose unknown dimension leaves that of the value open.
     - ``names``: all parameters used.
     - ``adds_bare_number``: a bare number is added to a parameter that has a dimension.
     - ``bare_trigonometry``: a sine or cosine is taken of something that is not evidently an angle in rad.

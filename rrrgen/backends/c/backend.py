@@ -40,7 +40,7 @@ class CBackend:
         return self.assemble(model, identity, [task() for task in self.tasks(model, identity, real)])
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], Files]]:
-        """Two tasks: header and sources, and the self-test."""
+        """List the two independent tasks: one prints header and sources, the other the self-test."""
         return [partial(self.sources, model, identity, real), partial(self._selftest, model, identity, real)]
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[Files]) -> Files:

@@ -37,11 +37,11 @@ class Dialect:
 
     @property
     def success(self) -> str:
-        """The enumerator of the status after success."""
+        """The C enumerator that a function with a status returns after success, ``<NAME>_OK``."""
         return f"{self.macro}_OK"
 
     def failure(self, status: Status) -> str:
-        """The enumerator of the failure of ``status``."""
+        """The C enumerator that a function returns after the failure that ``status`` describes."""
         return f"{self.macro}_{status.failure.upper().replace(' ', '_')}"
 
     def literal(self, value: Fraction | int) -> str:

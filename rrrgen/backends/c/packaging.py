@@ -69,7 +69,11 @@ def _contents(model: DerivedModel, names: list[str], real: Real) -> dict[str, An
 
 
 def _law(model: DerivedModel) -> dict[str, int] | None:
-    """Sizes of the arguments of the law in the README's control loop; None where its arm would need more than them."""
+    """Sizes, by argument, of the control law in the example of the README; None where the example does not fit.
+
+    The example is computed-torque control with smooth friction. It does not fit a robot without nominal inertia, or
+    one whose friction takes further arguments.
+    """
     law = model.programs.get(nominal_name("computed_torque"))
     friction = model.programs.get("smooth_friction")
     if law is None or friction is None or [port.name for port in friction.inputs] != ["dq", "friction", "width"]:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Function:
-    """The text of one emitted function for the templates."""
+    """The texts of one C function that the templates put together: prototype, lines of comment, lines of body."""
 
     prototype: str
     explanation: tuple[str, ...]

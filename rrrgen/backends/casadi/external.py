@@ -48,7 +48,11 @@ def derivatives(base: Routine, kinds: Sequence[str]) -> list[Routine]:
 
 @dataclass(frozen=True)
 class Definition:
-    """One external function, ready for the template; ``maths`` are the operations that it calls functions for."""
+    """The texts of one external function that the C template puts together: comment, statements, results.
+
+    ``loads`` are the lines that read the inputs, ``maths`` the operations, such as SQRT, for which the C file must
+    define a function.
+    """
 
     name: str
     comment: tuple[str, ...]

@@ -61,7 +61,7 @@ class _Python:
 
 @dataclass(frozen=True)
 class _Definition:
-    """One function of the module, ready for the template."""
+    """The texts of one Python function of the module that the template puts together: name, docstring, body lines."""
 
     name: str
     docstring: str

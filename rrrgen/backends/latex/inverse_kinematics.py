@@ -140,7 +140,10 @@ def summary(plan: SolverPlan) -> ClosedForm:
 
 
 def _needed(steps: list[Step], joints: str) -> tuple[Step, ...]:
-    """The steps without those that define a name on which no joint value, named ``joints`` and a number, depends."""
+    """Drop the steps that define intermediate values on which no joint value depends.
+
+    ``joints`` is the letter with which the symbols of the joint values begin.
+    """
     wanted: set[sp.Symbol] = set()
     kept: list[Step] = []
     for step in reversed(steps):

@@ -33,7 +33,10 @@ class Equation:
 
 @dataclass(frozen=True)
 class Display:
-    """One quantity: named common subexpressions, equations, and what was left out."""
+    """The printed form of one quantity: common subexpressions, then equations, then remarks on what was left out.
+
+    ``name`` is that of the model function or entry, ``shape`` the size of the matrix (rows, columns).
+    """
 
     name: str
     quantity: Quantity

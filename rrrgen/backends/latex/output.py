@@ -34,10 +34,9 @@ def latex(closed_forms: Mapping[str, Form], short_trig: bool = True, cse_limit: 
     r"""A LaTeX fragment (amsmath) with one display per quantity.
 
     ``closed_forms`` maps names of model functions to exact expressions or matrices in q1, dq1, ddq1, ..., the base
-    parameters and the named parameters. ``short_trig`` writes c_{23} for cos(q2 + q3), unless
-    a symbol is called like that. Quantities of more than
-    ``cse_limit`` operations are written through common subexpressions t_1, t_2, ... Raises
-    :class:`rrrgen.errors.BackendError` for functions that no closed form has.
+    parameters and the named parameters. ``short_trig`` writes c_{23} for cos(q2 + q3), unless a symbol has such a name.
+    Quantities of more than ``cse_limit`` operations are written through common subexpressions t_1, t_2, ... Raises
+    :class:`rrrgen.errors.BackendError` for a mathematical function that cannot occur in a closed form.
     """
     walk = Walk(LatexMarkup(), short_trig and trig_abbreviates(closed_forms))
     parts = [_ABBREVIATION] if walk.short_trig else []

@@ -215,6 +215,6 @@ def to_expression(value: Operand) -> sp.Expr:
 
 
 def _from_terms(ring_: PolynomialRing, terms: Sequence[tuple[tuple[int, ...], Fraction]]) -> Polynomial:
-    """The polynomial with these exponents and coefficients, as pickled."""
+    """Rebuild a polynomial from its terms, (exponents, coefficient) each, the form in which pickle stores it."""
     coefficients = {powers: sp.QQ(value.numerator, value.denominator) for powers, value in terms}
     return Polynomial(ring_, ring_.ring.from_dict(coefficients))

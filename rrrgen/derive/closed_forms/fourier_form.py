@@ -62,7 +62,7 @@ def _as_waves(value: Polynomial, block: Pairs) -> sp.Expr:
 
 
 def _times(wave: Wave, angle: sp.Expr, a: Fraction, b: Fraction) -> Wave:
-    """Multiply ``wave`` by ``a cos(angle) + b sin(angle)``."""
+    """Multiply ``wave``, a sum of sines and cosines, by ``a cos(angle) + b sin(angle)``; the result is such a sum."""
     result: Wave = {}
     half = Fraction(1, 2)
     for present, (c, d) in wave.items():

@@ -92,7 +92,10 @@ def forward_dynamics_derivatives(r: Recording) -> Program:
 def forward_program(
     r: Recording, status: Any, ddq: list[Any], inverse: Matrix, dtau_dq: Matrix, dtau_dv: Matrix
 ) -> Program:
-    """Finish the program of forward dynamics with derivatives, from ``inverse = -inv(M)`` and those of the torques."""
+    """Finish the program ``forward_dynamics_derivatives``, whose outputs are ddq, its derivatives and the status.
+
+    ``inverse`` is -inv(M), ``dtau_dq`` and ``dtau_dv`` are the derivatives of inverse dynamics at ``ddq``, (n, n) each.
+    """
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
     products = [[[dot(row, column) for column in zip(*D, strict=True)] for row in inverse] for D in (dtau_dq, dtau_dv)]
     meaning = "joint accelerations; zero when the status is not ok"

@@ -69,7 +69,10 @@ def friction_of(spec: RobotSpec) -> tuple[Surface, ...]:
 
 
 def friction(r: Recording) -> Program:
-    """Record the friction torques (n,) of the robot file; laws with a state are taken in sliding. (14.11)-(14.14)"""
+    """Record the friction torques (n,) with the laws and parameters of the robot file. (14.11)-(14.14)
+
+    A law with a state, the deflection of bristles, has its value at steady sliding.
+    """
     dq, spec = r.joints("dq"), r.model.spec
     surfaces = friction_of(spec)
     loads = _loads(r, surfaces)
@@ -278,7 +281,7 @@ def _sliding(r: Recording, surface: Surface, speed: Any, load: Any) -> Any:
 
 
 def _numbers(surface: Surface) -> tuple[FrictionLaw, list[Any], Any]:
-    """The law of a joint or motor with its parameters and the offset, exact."""
+    """The friction law of a joint or motor, and the exact values of its parameters and of the constant offset."""
     assert surface.friction.law is not None
     values = [rational_float(value) for value in surface.friction.law.values]
     return LAWS[surface.friction.law.name], values, rational_float(surface.friction.offset)

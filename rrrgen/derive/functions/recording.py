@@ -125,7 +125,11 @@ class Recording:
         return values
 
     def inputs_of(self, program: Program, known: Mapping[Role, Sequence[Value]] | None = None) -> list[Sequence[Value]]:
-        """Values for the input ports of ``program`` by role: ``known`` ones, else the inputs declared here."""
+        """List the values to be used for the inputs of ``program``, which is recorded as a part of this function.
+
+        An input has the value that ``known`` holds for its role, otherwise that of the input with this role declared
+        here.
+        """
         values = {**self._declared, **(known or {})}
         return [values[port.role] for port in program.inputs]
 

@@ -48,5 +48,8 @@ MORE_JOINTS_THAN = {
 
 
 def functions_of(group: str, joints: int) -> dict[str, tuple[Recorder, ...]]:
-    """The functions of ``group`` that exist for a robot with so many joints."""
+    """The functions of ``group`` that exist for a robot with this number of ``joints``, by name.
+
+    Several recorders of one function derive equivalent programs, among which the optimizer chooses.
+    """
     return {name: recorders for name, recorders in GROUPS[group].items() if joints > MORE_JOINTS_THAN.get(name, 0)}

@@ -45,7 +45,11 @@ UNITS = {"J": "kg m^2", "I": "kg m^2", "h": "kg m", "m": "kg"}
 
 @dataclass(frozen=True)
 class BaseParameter:
-    """One base parameter: its name and its expression in link symbols (tensor signs) and named parameters."""
+    """One base parameter: its name, its unit, and its expression in the standard parameters of the links.
+
+    The expression may contain named parameters of the geometry. Products of inertia are entries of the inertia tensor,
+    ``Ixy = -integral of x y dm``.
+    """
 
     name: str
     expression: sp.Expr

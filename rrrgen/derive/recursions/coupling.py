@@ -75,7 +75,10 @@ class UnitAngles:
                 self.count += 1
 
     def _over(self, k: int, place: int, factors: set[tuple[int, Fraction]]) -> list[Fraction]:
-        """Those of the ``factors`` of q_k that are whole multiples of the independent angle number ``place``."""
+        """Select the factors of q_k that are whole multiples of the unit of the independent angle number ``place``.
+
+        ``factors`` holds pairs (index k, factor of q_k).
+        """
         unit = next(unit for unit, own in self._units[k] if own == place)
         return [f for j, f in factors if j == k and (f / unit).denominator == 1 and abs(f / unit) <= LARGEST_MULTIPLE]
 

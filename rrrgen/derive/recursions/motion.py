@@ -38,8 +38,9 @@ from rrrgen.derive.recursions.chain import Chain, ChainJoint
 class LinkMotion:
     """Motion of one link, expressed in its link frame (``in_link_frame``) or in the frame of its block.
 
-    ``U`` is the matrix above, ``D = (U33 - U22, U11 - U33, U22 - U11)``, ``a`` the acceleration of the origin minus
-    gravity, ``omega`` and ``alpha`` angular velocity and acceleration. Always in the frame of the block: ``a_block``,
+    ``U = [alpha]x + [omega]x [omega]x`` (3, 3) takes a vector fixed to the link to its acceleration, ``D = (U33 - U22,
+    U11 - U33, U22 - U11)``; ``a`` is the acceleration of the origin minus gravity, ``omega`` and ``alpha`` are the
+    angular velocity and acceleration. Always in the frame of the block: ``a_block``,
     the same acceleration, and ``axis``, the second time derivative of the joint axis.
     """
 
@@ -136,7 +137,10 @@ def _offset_acceleration(joint: ChainJoint, motion: LinkMotion, p: Vector) -> Ve
 
 
 def _sliding(entry: _BlockEntry, W: Any, A: Any, slide: Any, rate: Any, acceleration: Any) -> Vector:
-    """The acceleration that a displacement d along z adds: ``U z d + 2 (omega x z) d' + z d''``."""
+    """The acceleration (3,) that the displacement d of a prismatic joint adds: ``U z d + 2 (omega x z) d' + z d''``.
+
+    ``slide``, ``rate`` and ``acceleration`` are d, d' and d'' along the z axis of the block.
+    """
     x, y, _ = entry.omega
     twice = 2 * rate
     return [

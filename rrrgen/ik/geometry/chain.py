@@ -46,7 +46,7 @@ class Link:
     st: Number = 0
 
     def matrix(self) -> Matrix:
-        """The 3x4 transform."""
+        """The transform as a 3x4 matrix: rotation matrix, and translation (m) in the last column."""
         ct, st, ca, sa = self.ct, self.st, self.ca, self.sa
         return (
             (ct, -st * ca, st * sa, self.a * ct),
@@ -115,7 +115,7 @@ class Chain:
 
     @property
     def scale(self) -> float:
-        """Bound (m) on the tip's coordinates in the base frame: the reach plus the first joint's distance from it."""
+        """Bound (m) on the tip's coordinates in the base frame: the reach plus the distance of the first joint."""
         return self.reach + float(sum(float(self.base[i][3]) ** 2 for i in range(3)) ** 0.5)
 
     @cached_property

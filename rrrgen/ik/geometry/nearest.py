@@ -21,7 +21,10 @@ FAR = 2.0
 
 
 def with_near_frames(chain: Chain) -> Chain:
-    """``chain`` with the displacements of its frames along their axes, where frames lie far from the arm."""
+    """Move frames that lie far from the arm to it, along their joint axes; other chains are returned unchanged.
+
+    The displacements are recorded in the field ``slides`` of the result.
+    """
     level, slides = _levelled(chain)
     return replace(chain, slides=slides) if level.reach * FAR < chain.reach else chain
 
@@ -56,7 +59,11 @@ def _levelled(chain: Chain) -> tuple[Chain, tuple[float, ...]]:
 
 
 def _pierced(link: Link) -> tuple[Link, float, float, float]:
-    """A link between parallel axes in place of one between nearly parallel ones, and the rest Rz(c, s) Tz(shift)."""
+    """Replace a link between nearly parallel axes by one between parallel axes: (link, c, s, shift).
+
+    The new link ends where the second axis pierces the plane of the first frame. ``Rz Tz(shift)``, with c and s the
+    cosine and sine of the rotation, leads from there to where ``link`` ends.
+    """
     M = link.matrix()
     shift = float(M[2][3]) / float(M[2][2])
     x, y = (float(M[i][3]) - shift * float(M[i][2]) for i in range(2))
@@ -84,7 +91,10 @@ def deviation(chain: Chain, special: Chain) -> float:
 
 
 def changes(chain: Chain, special: Chain) -> tuple[str, ...]:
-    """What is special in ``special`` and not in ``chain``, a phrase for each link with the numbers of ``chain``."""
+    """Describe the differences of the arms: one phrase for each length or angle that is special in ``special`` only.
+
+    A phrase says by how much ``chain`` is off, as in "axes 2 and 3 parallel (off by 0.001 rad)".
+    """
     found = []
     level = _levelled(chain)[0] if chain.slides else chain
     for k, (link, own, snap) in enumerate(zip(chain.links, level.links, special.links, strict=True), 1):

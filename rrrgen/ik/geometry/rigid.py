@@ -91,17 +91,17 @@ def minus(a: Vector, b: Vector) -> Vector:
 
 
 def column(R: Rotation, j: int) -> Vector:
-    """Column ``j``."""
+    """Column ``j`` (0 to 2) of the matrix ``R``."""
     return (R[0][j], R[1][j], R[2][j])
 
 
 def transposed(R: Rotation) -> Rotation:
-    """The inverse rotation."""
+    """The transpose of ``R``, which is the inverse rotation."""
     return (column(R, 0), column(R, 1), column(R, 2))
 
 
 def rotate(R: Rotation, v: Vector) -> Vector:
-    """R v."""
+    """The rotated vector ``R v``."""
     return (dot(R[0], v), dot(R[1], v), dot(R[2], v))
 
 

@@ -98,7 +98,10 @@ def _started(matrix: Matrix, reach: float) -> tuple[list[Value], ...]:
 
 
 def _advanced(frame: tuple[list[Value], ...], matrix: Matrix, reach: float) -> tuple[list[Value], ...]:
-    """The columns of a frame times a constant transform."""
+    """Multiply a frame by a constant transform: the columns (x, y, z, p) of the product, p in reaches.
+
+    ``frame`` holds the same four columns before it, ``matrix`` is 3x4 with lengths in m, ``reach`` is in m.
+    """
     M = [[_number(value) for value in row] for row in matrix]
     x, y, z, p = frame
     turned = [[x[i] * M[0][k] + y[i] * M[1][k] + z[i] * M[2][k] for i in range(3)] for k in range(3)]
@@ -107,7 +110,10 @@ def _advanced(frame: tuple[list[Value], ...], matrix: Matrix, reach: float) -> t
 
 
 def _turned(joint: Joint, value: Value) -> tuple[Value, Value]:
-    """Cosine and sine of the raw angle: of half the joint's angle by their series, doubled, turned by the offset."""
+    """Cosine and sine of the raw angle ``sign value + offset`` of a revolute joint, without calls of functions.
+
+    They are summed as power series of half the angle, then doubled, then rotated by the constant offset.
+    """
     half = Fraction(1, 2) * value
     square = half * half
     sine: Value = Fraction((-1) ** (TERMS - 1), factorial(2 * TERMS - 1))

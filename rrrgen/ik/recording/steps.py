@@ -62,9 +62,9 @@ class Step(ABC):
 
     @abstractmethod
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat the operation on the builder ``b``, whose values of operands are given by ``read``.
+        """Repeat the operation on the builder ``b``; returns the values that ``b`` computes for ``results``.
 
-        Returns the values of ``results``.
+        ``read`` converts a recorded scalar to the value that it has on ``b``.
         """
 
 
@@ -75,7 +75,7 @@ class Target(Step):
     kind: ClassVar[str] = "target"
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         if len(self.results) == 3:
             return b.point()
         pose = b.pose()
@@ -96,7 +96,7 @@ class Named(Step):
         return (self.value,)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         return (b.name(self.hint, read(self.value)),)
 
 
@@ -143,7 +143,7 @@ class Pair(_Decision):
         return None if self.fixed else self.joint
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         A, B, C = map(read, self.equation)
         radicand = None if self.radicand is None else read(self.radicand)
         return tuple(b.pair(self.joint, A, B, C, label=self.label, unit=self.unit, radicand=radicand))
@@ -172,7 +172,7 @@ class SignedRoot(Step):
         return Stage(self.joint.index, self.label.name)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         radicand, size = read(self.radicand), read(self.size)
         return (b.signed_root(self.hint, radicand, size=size, joint=self.joint, label=self.label, unit=self.unit),)
 
@@ -196,7 +196,7 @@ class Quartic(_Decision):
         return Stage(self.joint.index, self.label.name, 4, 2)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         k0, k1, k2, k3, k4 = map(read, self.k)
         return tuple(b.quartic(self.joint, (k0, k1, k2, k3, k4), label=self.label))
 
@@ -222,7 +222,7 @@ class Polynomial(_Decision):
         return Stage(self.joint.index, self.label.name, most, 1 if most == 2 else 2)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         return (b.polynomial(self.joint, tuple(map(read, self.k)), label=self.label, unit=self.unit),)
 
 
@@ -245,7 +245,7 @@ class Direction(_Decision):
         return self.joint
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         return tuple(b.turn(self.joint, read(self.s), read(self.c)))
 
 
@@ -270,7 +270,7 @@ class Onto(_Decision):
         return self.joint
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         bounds = None if self.feasible is None else Feasible(*map(read, self.feasible))
         return tuple(b.onto(self.joint, _vector(self.v, read), _vector(self.u, read), unit=self.unit, feasible=bounds))
 
@@ -288,7 +288,7 @@ class Slide(_Decision):
         return (self.value,)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         return (b.slide(self.joint, read(self.value)),)
 
 
@@ -299,7 +299,7 @@ class Given(_Decision):
     kind: ClassVar[str] = "given"
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         value = b.given(self.joint)
         return tuple(value) if isinstance(value, Turn) else (value,)
 
@@ -335,7 +335,7 @@ class Wrist(Step):
         return self.three[0]
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         (ax, ay, az), (bx, by, bz) = (_vector(column, read) for column in self.columns)
         turns = b.wrist(self.three, ((ax, 0, bx), (ay, 0, by), (az, 0, bz)), self.signs)
         return tuple(value for turn in turns for value in turn)
@@ -355,7 +355,7 @@ class Residual(Step):
         return (*self.lengths, *self.cosines)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
-        """Repeat this operation on the builder ``b``; returns its values of ``results``."""
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         b.residual(tuple(map(read, self.lengths)), tuple(map(read, self.cosines)))
         return ()
 

@@ -238,7 +238,10 @@ class _Others:
 
 
 def _before(loop: Loop, frame: Frame, xa: Turn, point: Plane) -> Vector:
-    """Coordinates in the frame before joint b of a ``point`` of the plane at the end of the triple."""
+    """Convert a ``point``, given in the frame at the end of the triple, to the frame before joint b.
+
+    ``xa`` is the cosine and sine of joint a, which lies between the two frames.
+    """
     v = frame.lead.inverse().apply((point[0], point[1], 0))
     v = rotate_z(xa.c, -xa.s, v)
     return apply(loop.links[0].inverse(), v)
@@ -272,9 +275,9 @@ def _slide_first(b: Builder, frame: Frame, L: float) -> list[Motion]:
 def _sharp(n_c: Vector, bc: Rigid, mb: Vector, across: S) -> S | None:
     """An accurate expression for A^2 + B^2 - C^2 in the equation A cos x + B sin x = C for joint c.
 
-    The plain difference loses digits where the normal n nearly coincides with the axis of joint b. Where the axes are
-    perpendicular the difference equals the squared length ``across``, which does not; None where no such expression is
-    known.
+    The difference itself loses digits where the normal n nearly coincides with the axis of joint b. Where the axis
+    of joint c is perpendicular to n and to the axis of joint b, it equals the squared length ``across``, which loses
+    none; otherwise the result is None.
     """
     quarter = is_zero(bc.R[2][2]) and is_zero(n_c[2])
     return across if quarter else None

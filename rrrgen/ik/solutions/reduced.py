@@ -158,7 +158,10 @@ def derive_orientation(b: Builder, loop: Loop, length: float) -> None:
 
 
 def _shifted(motion: Motion, offset: S) -> Motion:
-    """Subtract ``offset`` (rad) from an angle: from the joint of the straightened loop to that of the original one."""
+    """Subtract ``offset`` (rad) from the angle of ``motion``; a displacement is returned as it is.
+
+    Straightening a loop (:func:`rrrgen.ik.geometry.loop.straightened`) has added the offset to the joint's angle.
+    """
     from math import cos, sin
 
     if not isinstance(motion, Turn) or is_zero(offset):

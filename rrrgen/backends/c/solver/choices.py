@@ -80,18 +80,20 @@ class CBuilder(Scaffold):
         return self._angle(joint, self._turned(tag, ca * cosine - sa * v, sa * cosine + ca * v))
 
     def _enlarged(self, ratio: float) -> str:
-        """The C text of the tolerance for a cosine beyond +-1, computed from terms ``ratio`` times its divisor.
+        """The C text of the tolerance by which a computed cosine may exceed 1 in magnitude.
 
-        If the solver has margins, the tolerance grows with ratios above :data:`USUAL_RATIO`.
+        The cosine is a quotient of terms that are ``ratio`` times as large as the divisor. Where solutions of a special
+        arm are refined on one nearby, the tolerance grows in proportion to a ratio above :data:`USUAL_RATIO`.
         """
         if not self._margins or ratio <= USUAL_RATIO:
             return self._slack
         return self._slack.replace("slack", f"{self._real(ratio / USUAL_RATIO)} * slack", 1)
 
     def _widened(self, size: str, unit: float) -> str:
-        """The C text of the tolerance for a negative discriminant whose terms have the ``size`` (C text, m^2).
+        """The C text of the tolerance up to which a negative discriminant counts as zero.
 
-        If the solver has margins, the tolerance is wider where that size is small against ``unit`` (m) squared.
+        ``size`` is the C text of the size of its terms (m^2). Where solutions of a special arm are refined on one
+        nearby, the tolerance is wider if that size is small relative to ``unit`` (m) squared.
         """
         if not self._margins:
             return self._slack

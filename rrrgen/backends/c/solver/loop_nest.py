@@ -160,7 +160,10 @@ def position(loops: Sequence[Loop]) -> tuple[list[str], int]:
 
 
 def opening(loop: Loop, count: str = "") -> str:
-    """The line that opens a loop."""
+    """The C line that opens a loop, ``for (int i = 0; i < count; ++i) {``.
+
+    ``count`` is the C text of the number of passes, by default the variable ``loop.count``.
+    """
     return f"for (int {loop.variable} = 0; {loop.variable} < {count or loop.count}; ++{loop.variable}) {{"
 
 

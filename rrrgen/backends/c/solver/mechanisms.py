@@ -18,7 +18,10 @@ KERNELS = ("coupling", "order", "refine", "finish", "coupled", "batch", "closest
 
 
 def chain_settings(chosen: Settings, dialect: Dialect) -> Settings:
-    """Change the settings ``chosen`` for the chain of a mechanism, whose functions are internal and so named."""
+    """Change the settings ``chosen`` such that the kernels become the solver of the chain inside a mechanism.
+
+    Its functions are static and have names with ``_chain_``; the mechanism has the public ones.
+    """
     stem = f"{dialect.prefix}_ik"
     words = {
         "SHARED": "static",
@@ -30,7 +33,7 @@ def chain_settings(chosen: Settings, dialect: Dialect) -> Settings:
 
 
 def chain_type(plan: SolverPlan, dialect: Dialect) -> str:
-    """The C type of the solutions of the chain."""
+    """The C definition of the struct that holds the solutions of the chain, as if each of its rows had a drive."""
     stem, real = f"{dialect.prefix}_ik", dialect.real_type
     n, rows = plan.chain.n, most_rows(replace(plan, coupling=None))
     return "\n".join(
@@ -132,7 +135,10 @@ def _tables(plan: SolverPlan, coupling: Coupling, dialect: Dialect) -> dict[str,
 
 
 def _messages(plan: SolverPlan) -> dict[str, str]:
-    """Replacement texts for the reasons and their numbers; those of the chain come first, in its order."""
+    """Texts that replace names of the kernels: the list of reasons for a missing solution, and indices into it.
+
+    The list begins with the reasons of the chain and ends with that of the mechanism, a violated coupling.
+    """
     reasons = reasons_of(plan)
     count = len(reasons)
     return {

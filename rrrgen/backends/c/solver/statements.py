@@ -18,7 +18,7 @@ from rrrgen.program import Node, Op, Port, Program
 
 @dataclass(frozen=True)
 class CBody:
-    """The finished body of a branch function: its C text, the template functions it calls, its operation counts."""
+    """The printed body of a C function that lists candidates: its text, the kernels it calls, its operation counts."""
 
     text: str
     needs: frozenset[str]

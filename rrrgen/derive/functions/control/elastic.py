@@ -225,7 +225,11 @@ def elastic_feedforward(r: Recording, links: Program) -> Program:
 
 
 def elastic_feedback_linearization(r: Recording, links: Program) -> Program:
-    """Record Spong's feedback linearisation: every link behaves as four integrators with poles at -w."""
+    """Record Spong's feedback linearisation: the error e = q_d - q of every link decays with four poles at -w.
+
+    The input w (n,), rad/s, is the bandwidth of each joint: ``d4e + 4 w d3e + 6 w^2 dde + 4 w^3 de + w^4 e = 0``.
+    Outputs are the torques tau (n,) of the rotors, limited to ``tau_max``, and the status.
+    """
     q, dq = list(r.joints("q")), list(r.joints("dq"))
     theta = _state(r, "theta", "", "measured positions of the rotors, seen at the joints")
     dtheta = _state(r, "dtheta", "/s", "measured velocities of the rotors")

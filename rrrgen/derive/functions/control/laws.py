@@ -9,11 +9,14 @@ With ``e = q_d - q`` and the state z of the integral action, which the caller ow
     slotine_li       tau = M(q) a + C(q, dq) v + g(q) - k s + f(dq_d),  beta' = -gamma Y' s,
                      v = dq_d + lam e,  a = ddq_d + lam e',  s = dq - v
 
-Friction f is taken at the desired speed: at rest the sign of a measured speed is noise. The load of a law that depends
-on it is the torque before friction. Torques are limited to
-``tau_max``; an integral does not grow into the limit of its joint, and parameters are not adapted while a joint is at
-its limit. (14.34) is from Kostic, de Jager and Steinbuch, chapter 14 of the Robotics and Automation Handbook (CRC
-Press, 2005).
+For the tip, e_x (6,) is the error of its pose (position in m, then the rotation error ``sin(angle) axis``) and V_d (6,)
+its desired velocity, linear rows first. The gains are inputs: kp, kd, ki, lam and k (n,) at the joints, gamma (b,) for
+the adaptation of the base parameters beta, stiffness and damping (6,) along and about the axes of the base frame.
+
+Friction f is taken at the desired speed: at rest the sign of a measured speed is noise. A friction law that depends on
+the load takes as load the torque of the control law before friction is added. Torques are limited to ``tau_max``; an
+integral does not grow into the limit of its joint, and parameters are not adapted while a joint is at its limit.
+(14.34) is from Kostic, de Jager and Steinbuch, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
 """
 
 from __future__ import annotations
@@ -147,7 +150,9 @@ def computed_torque(r: Recording) -> Program:
 def slotine_li(r: Recording) -> Program:
     """Record one tick of the adaptive passivity-based law of Slotine and Li (1987).
 
-    Outputs are the torques tau (n,), limited to ``tau_max``, and the base parameters (b,) adapted for the next tick.
+    ``tau = M(q) a + C(q, dq) v + g(q) - k s + f(dq_d)`` with ``v = dq_d + lam e``, ``a = ddq_d + lam e'``,
+    ``s = dq - v`` and the gains lam and k (n,). Outputs are tau (n,), limited to ``tau_max``, and the base parameters
+    (b,) adapted for the next tick.
     """
     loop = _Loop(r, ("lam", "k"))
     b, lam = r.builder, loop.gains["lam"]
@@ -189,7 +194,8 @@ def slotine_li(r: Recording) -> Program:
 def impedance(r: Recording) -> Program:
     """Record impedance control of the tip: the torques (n,) of a spring and a damper towards a desired pose.
 
-    ``tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)``, limited to ``tau_max``.
+    ``tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)``, limited to ``tau_max``, with e_x (6,) the error of the
+    pose (position, then rotation) and V_d (6,) the desired velocity of the tip, both in base axes.
     """
     chain = r.chain_in_gravity("dq")
     dq = r.joints("dq")

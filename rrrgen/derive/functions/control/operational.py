@@ -1,6 +1,7 @@
 """Recorders of operational-space control: the tip accelerates as commanded, and the other motion does not disturb it.
 
-After Khatib (1987), with the errors e_x of the tip and the state z of the integral action,
+After Khatib (1987), with the error e_x of the tip (position, then rotation), its desired velocity V_d and acceleration
+A_d, and the state z of the integral action,
 
     tau = J' L (a - (dJ/dt) dq - J inv(M) tau_0) + c + g + tau_0,   L = inv(J inv(M) J'),
     a = A_d + kp e_x + kd (V_d - J dq) + ki z.

@@ -47,7 +47,10 @@ class SerialChain:
 
 @dataclass(frozen=True)
 class Ends:
-    """The chosen ends of a chain, empty for the obvious ones, and joints to hold at a value (rad, m)."""
+    """The user's choice of a chain: names of the bodies at its ends, and joints to hold at a value (rad, m).
+
+    An empty ``base`` is the root of the tree, an empty ``tip`` its only leaf.
+    """
 
     base: str = ""
     tip: str = ""

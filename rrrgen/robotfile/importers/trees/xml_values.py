@@ -23,7 +23,10 @@ class Values:
         self.rounded: list[Any] = []
 
     def numbers(self, element: Element, name: str, count: int | None, default: str | None = None) -> list[Any] | None:
-        """Read ``count`` numbers of an attribute (None: any number); a fault and None if it holds others."""
+        """Read an attribute that holds ``count`` decimal numbers, or any number of them if that is None.
+
+        ``default`` is the text of an absent attribute. A fault and None if there is neither, or for other text.
+        """
         text = element.attributes.get(name, default)
         if text is None:
             self.faults.error(element.place, f"<{element.tag}> has no attribute '{name}'", f'{name}="..." is needed')

@@ -1,4 +1,4 @@
-"""The Newton step of all branches as C: one loop over lanes around the straight-line program of one."""
+"""The Newton step as C: a loop whose every pass refines one branch, so that compilers can vectorize over branches."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rrrgen.resources import render
 
 
 def newton_text(plan: SolverPlan, dialect: Dialect, chosen: Settings) -> str:
-    """The C function ``ik_newton`` of the robot of ``plan``."""
+    """The text of the C function ``ik_newton``, which takes one Newton step for each of several configurations."""
     program = newton_program(plan.chain, plan.locked)
     target = CTarget(KernelDialect(dialect.prefix, dialect.real), LibmSinCos())
     inputs = ("x[{}][i]", "T[{}]")
