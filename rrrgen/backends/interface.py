@@ -18,7 +18,10 @@ CHOICE, SUM, PRODUCT, UNARY, ATOM = range(5)
 
 
 class Text(NamedTuple):
-    """A printed expression: its characters and binding strength; ``quotient`` if its last operation is a division."""
+    """A printed expression: its text ``code``, and how tightly its outermost operation binds (``strength``).
+
+    ``quotient`` says whether that operation is a division.
+    """
 
     code: str
     strength: int = ATOM

@@ -16,10 +16,10 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 
 @dataclass(frozen=True)
 class Derivation:
-    """The starting point of every function of one robot: the exact chain and its minimal parameters.
+    """The starting point of every function of one robot: its geometry in canonical frames and its base parameters.
 
     ``compiler_basis`` is the set of base parameters that the compiler chooses, ``basis_change`` its relation to the set
-    of the robot file (None if the file has none).
+    of the robot file (None if the file has none); ``parametrization`` converts the set in use to inertias of the links.
     """
 
     spec: RobotSpec
@@ -87,7 +87,7 @@ class RecordedModel(ParametrizedRobot):
 
 @dataclass(frozen=True)
 class PassReport:
-    """The operations of one function before and after one optimization pass."""
+    """The operations of ``function`` before and after the optimization pass ``name``."""
 
     name: str
     function: str

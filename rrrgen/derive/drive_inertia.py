@@ -19,7 +19,7 @@ from rrrgen.program.builder import Number
 
 @dataclass(frozen=True)
 class DriveInertia:
-    """The drive inertias Ia_k (kg m^2 or kg) with their directions w_k, shape (n,) each."""
+    """The drive inertias Ia_k (``values``, kg m^2 or kg) and their ``directions`` w_k in joint space, (n,) each."""
 
     values: Sequence[Value]
     directions: Sequence[Sequence[Number]]

@@ -122,5 +122,5 @@ class SolverPlan:
 
     @property
     def solvable(self) -> bool:
-        """Whether code can be emitted."""
+        """Whether there is a solver for the chain, so that code can be emitted."""
         return self.family != "none"

@@ -27,7 +27,10 @@ NO_TWIST = Twist()
 
 
 class DHRow(NamedTuple):
-    """The constants of a joint: the twist ``before`` it, ``theta`` (rad), ``d`` (m) and the twist ``behind`` it."""
+    """One row of the table: the twist ``before`` the motion, ``theta`` (rad), ``d`` (m), and the twist ``behind`` it.
+
+    ``revolute`` says whether q is added to theta; otherwise it is added to d.
+    """
 
     before: Twist
     theta: sp.Expr

@@ -89,7 +89,10 @@ def without(monomial: Monomial, *literals: int) -> Monomial:
 
 @dataclass(eq=False, slots=True)
 class _Term:
-    """One term of polynomial ``k``, with the divisors that it contains: ``singles`` and ``pairs``."""
+    """One term ``coefficient * monomial`` of polynomial ``k``; ``cost`` is its number of multiplications.
+
+    ``singles`` are the single divisors that it contains, ``pairs`` the double ones that it forms with other terms.
+    """
 
     k: int
     monomial: Monomial
@@ -101,7 +104,10 @@ class _Term:
 
 @dataclass(eq=False, slots=True)
 class _Pair:
-    """An occurrence of a double divisor: two terms of one polynomial that equal ``coefficient * common * divisor``."""
+    """An occurrence of a double divisor: two terms of a polynomial whose sum is ``coefficient * common * divisor``.
+
+    ``saved`` are the weighted operations that are saved where the two terms are replaced by that product.
+    """
 
     divisor: _Double
     first: _Term
@@ -113,7 +119,7 @@ class _Pair:
 
 @dataclass(eq=False, slots=True)
 class _Double:
-    """The double divisor ``left + ratio * right`` and its occurrences."""
+    """The double divisor ``left + ratio * right``, its occurrences ``pairs``, and the weighted ``cost`` to form it."""
 
     left: Monomial
     right: Monomial

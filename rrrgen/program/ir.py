@@ -20,8 +20,9 @@ class Program:
 
     ``results[k]`` lists the nodes of the elements of output ``k``, row-major. Nodes stand in order of evaluation:
     operands come before their use. ``labels`` suggests readable variable names for nodes in printed code. ``status`` is
-    None for a function whose evaluation cannot fail. ``specializes`` names the general function of a program
-    into which the parameters of the robot file are folded, its nominal specialization; it is empty for the others.
+    None for a function whose evaluation cannot fail. ``summary``, ``formula`` and ``notes`` describe the function in
+    emitted files. In a nominal specialization the parameters of the robot file are constants; ``specializes`` then
+    names the general function, and is empty otherwise.
     """
 
     name: str

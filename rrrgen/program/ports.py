@@ -55,7 +55,8 @@ class Role(Enum):
 class Port:
     """A named input or output of a program with its unit, reference frame and meaning.
 
-    ``shape`` is () for a scalar, (n,) for a vector, (m, n) for a row-major matrix, and so on.
+    ``shape`` is () for a scalar, (n,) for a vector, (m, n) for a row-major matrix, and so on. ``role`` is the physical
+    quantity, by which code recognizes the port.
     """
 
     name: str

@@ -29,7 +29,11 @@ SUSPICIOUS_RIGHT_ANGLE = 1e-5  # rad; a decimal this near to a multiple of pi/2 
 
 @dataclass
 class Scope:
-    """Context in which the values of one file are read: faults, units, and the parameters declared so far."""
+    """Context in which the values of one file are read: faults, units, and the parameters declared so far.
+
+    By name of a parameter: ``names`` are their symbols and dimensions, ``nominal`` their exact values in SI,
+    ``declared_at`` their keys in the file, ``parameter_units`` the units they were declared in.
+    """
 
     faults: FaultList
     units: FileUnits = field(default_factory=FileUnits)

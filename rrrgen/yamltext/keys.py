@@ -74,7 +74,10 @@ def words(choices: Collection[str]) -> str:
 
 @dataclass(frozen=True)
 class Format:
-    """One file format: the keys of every section, and ``aliases`` from the words of other formats to those keys."""
+    """One file format: the keys of each of its ``sections``, by name.
+
+    ``aliases`` maps words that other formats use to these keys, for suggestions.
+    """
 
     sections: Mapping[str, tuple[Key, ...]]
     aliases: Mapping[str, str]

@@ -37,7 +37,10 @@ _TORQUE = _dimension(length=2, mass=1, time=-2)
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: ``value in SI = value * factor * pi**pi_power``."""
+    """A unit by its usual spelling ``name``: ``value in SI = value * factor * pi**pi_power``.
+
+    ``dimension`` holds the exponents of length, mass, time, angle and current.
+    """
 
     name: str
     factor: Fraction

@@ -72,7 +72,11 @@ GRAVITY = [3.0, -5.0, -7.5]
 
 @dataclass(frozen=True)
 class GoldenResult:
-    """The expected values of one result of a function at all states of the self-test."""
+    """The expected values of one output of a function at all states of the self-test, as text for the template.
+
+    ``variable`` is the C variable that holds the computed output, ``size`` its number of elements; ``rows`` holds the
+    initializer of one row of the table per state.
+    """
 
     name: str  # of the table
     variable: str
@@ -83,7 +87,7 @@ class GoldenResult:
 
 @dataclass(frozen=True)
 class Golden:
-    """The expected values of one function at all states of the self-test."""
+    """The expected outputs of the function ``name`` at all states of the self-test."""
 
     name: str
     call: str  # arguments in C, for state k

@@ -62,7 +62,10 @@ class Matrix:
 
 @dataclass(frozen=True)
 class Routine:
-    """A program whose ports are the nonzeros, by compressed columns, of the matrices ``inputs`` and ``outputs``."""
+    """A function of sparse matrices, ``inputs`` -> ``outputs``, and the program that computes it.
+
+    Each port of the program holds the nonzeros of one of the matrices, ordered by columns.
+    """
 
     name: str
     program: Program

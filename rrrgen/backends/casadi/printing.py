@@ -19,7 +19,10 @@ RESERVED = KEYWORDS | ROBOT_RESERVED | frozenset(_LOCAL) | frozenset(keyword.kwl
 
 @dataclass(frozen=True)
 class Listing:
-    """The text of a program: ``statements`` in order, then one expression per element of every output."""
+    """The text of a program: ``statements`` in order, and ``results[k]``, one expression per element of output k.
+
+    ``used_inputs`` are the input elements that the text reads.
+    """
 
     statements: tuple[str, ...]
     results: tuple[tuple[str, ...], ...]

@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Step:
-    """One line of the closed form: ``symbol = expression``, or ``symbol = first +- second`` for a pair of roots."""
+    """One line of the closed form: ``symbol = expression``, or ``symbol = expression +- either`` for two roots.
+
+    ``note`` is a remark printed behind the equation, if not empty.
+    """
 
     symbol: sp.Symbol
     expression: sp.Expr
@@ -55,7 +58,10 @@ def _plain(expression: sp.Expr, either: sp.Expr | None) -> str:
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """The printed inverse kinematics of one robot: plan, singular configurations, values of symbols, steps."""
+    """The inverse kinematics of one robot, ready to be printed: ``steps`` are its equations, in order.
+
+    ``values`` pairs the symbols of lengths and angles in them with their numbers.
+    """
 
     plan: SolverPlan
     singularities: tuple[Singularity, ...]

@@ -25,7 +25,7 @@ LINEAR = "tau_f = fv dq + fc sgn(dq) + offset   (14.11)"
 
 @dataclass(frozen=True)
 class Surface:
-    """A joint or motor with friction.
+    """A joint or motor with friction: its ``name``, and what the robot file states about its ``friction``.
 
     Its speed is ``w . dq`` with w = ``direction`` (n,), and its friction f adds ``w f`` to the joint torques. Its load
     is ``load . tau``, with tau (n,) the joint torques of the robot without friction.

@@ -95,7 +95,7 @@ def _frame_inputs(r: Recording) -> tuple[Matrix, Matrix]:
 
 
 def _matrix(columns: int, entries: Sequence[Any]) -> Matrix:
-    """The matrix with these row-major entries."""
+    """The matrix with this number of ``columns`` whose entries are given row by row."""
     return [list(entries[k : k + columns]) for k in range(0, len(entries), columns)]
 
 
@@ -205,7 +205,10 @@ def tool_target(r: Recording) -> Program:
 
 @dataclass(frozen=True)
 class _Task:
-    """The rows of the Jacobian that count: all six, or the three of the position of the tip."""
+    """The quantity that a task prescribes: the pose of the tip (6 rows of the Jacobian) or its position (3 rows).
+
+    ``prefix`` begins the names of the functions, ``words`` names the quantity in emitted files.
+    """
 
     prefix: str
     rows: int

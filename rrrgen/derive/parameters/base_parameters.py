@@ -58,7 +58,7 @@ class BaseParameter:
 
 @dataclass(frozen=True)
 class Regrouping:
-    """How one standard parameter enters the base parameters: ``formula``, and the ``reason`` for it."""
+    """How the standard ``parameter`` enters the base parameters: a ``formula`` and the ``reason`` for it, as text."""
 
     parameter: str
     formula: str
@@ -71,7 +71,8 @@ class BaseSet:
 
     ``parameters`` are the entries kept, in canonical frames. ``projection`` (b, 10 n) is the exact K of
     ``beta = K phi``. ``lift`` (10 n, b) is a right inverse, ``K lift = 1``: column k holds the standard parameters of a
-    robot whose only non-zero entry is ``parameters[k]``.
+    robot whose only non-zero entry is ``parameters[k]``. ``dependencies`` are the linear relations of the regressor's
+    columns by which entries were removed, ``ring`` holds the constants of the geometry.
     """
 
     parameters: tuple[Parameter, ...]

@@ -40,8 +40,8 @@ def with_signs(expression: sp.Expr, basis: BasisSpec) -> sp.Expr:
 class BasisChange:
     """The exact change between the user's base parameters and the compiler's: ``compiler = inverse @ user``.
 
-    ``forward`` is its inverse. ``expressions`` are the user's, in the signs of the inertia tensor, whichever
-    convention the file uses.
+    ``inverse`` and its inverse ``forward`` have shape (b, b). ``names``, ``expressions`` and ``units`` are those of the
+    user's parameters; products of inertia have the signs of the tensor, whichever convention the file uses.
     """
 
     names: tuple[str, ...]

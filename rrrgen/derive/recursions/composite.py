@@ -121,9 +121,9 @@ def block_vectors(chain: Chain, vector: Vector) -> list[Vector]:
 
 @dataclass(frozen=True)
 class BlockVelocity:
-    """Angular velocity ``omega`` of a link, velocity ``v`` of its origin, and angular velocity of its block's frame B.
+    """Velocity of a link: its angular velocity ``omega`` (rad/s) and the velocity ``v`` of its origin (m/s).
 
-    All are expressed in B, in rad/s and m/s.
+    ``block_omega`` (rad/s) is the angular velocity of the frame B of its block. All are (3,) and expressed in B.
     """
 
     block_omega: Vector

@@ -56,7 +56,10 @@ class LinkMotion:
 
 @dataclass(frozen=True)
 class _BlockEntry:
-    """Motion of the frame B of a block; ``x2`` and ``y2`` are the squares of its angular velocities about x and y."""
+    """Motion of the frame B of a block: angular velocity ``omega`` and acceleration ``alpha``, and the matrix ``U``.
+
+    ``x2`` and ``y2`` are the squares of the x and y components of ``omega``.
+    """
 
     omega: Vector
     alpha: Vector

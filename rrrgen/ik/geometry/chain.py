@@ -36,7 +36,10 @@ IDENTITY: Matrix = ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0))
 
 @dataclass(frozen=True)
 class Link:
-    """The constant transform ``Rz(theta) Tz(d) Tx(a) Rx(alpha)`` between two joint axes, as cosines and sines."""
+    """The constant transform ``Rz(theta) Tz(d) Tx(a) Rx(alpha)`` between two joint axes.
+
+    ``d`` and ``a`` are in m; ``ct``, ``st`` are the cosine and sine of theta, ``ca``, ``sa`` those of alpha.
+    """
 
     d: Number = 0
     a: Number = 0
@@ -57,10 +60,11 @@ class Link:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint: its ``index`` (from 0) in the user's robot, its kind, limits (rad or m) and name.
+    """A joint of the chain: ``index`` is its number (from 0) in the user's robot.
 
-    Its raw variable is ``sign q + offset``. An index >= n marks a virtual joint, added to complete the equations: only
-    solutions where its value is zero are solutions of the robot.
+    ``lower`` and ``upper`` are its position limits (rad or m), None where the robot file states none. Its raw variable
+    is ``sign q + offset``. An index >= n marks a virtual joint, added to complete the equations: only solutions where
+    its value is zero are solutions of the robot.
     """
 
     index: int

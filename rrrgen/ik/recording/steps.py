@@ -25,7 +25,11 @@ Triple = tuple[Scalar, Scalar, Scalar]
 
 @dataclass(frozen=True)
 class Stage:
-    """A root selection: its joint (index), its name, the largest number of roots, its bits in the branch number."""
+    """The choice of one root of an equation, solved for the joint with the index ``joint``.
+
+    ``label`` is its name, such as "elbow"; ``most`` the largest number of roots; ``bits`` the number of bits of the
+    branch number that say which root was taken.
+    """
 
     joint: int
     label: str
@@ -35,7 +39,7 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Step(ABC):
-    """One recorded operation; ``results`` are the variables that it defines."""
+    """One recorded operation: ``results`` are the variables that it defines, ``kind`` is its name in printed text."""
 
     results: Scalars
     kind: ClassVar[str]
@@ -84,7 +88,7 @@ class Target(Step):
 
 @dataclass(frozen=True, eq=False)
 class Named(Step):
-    """The step that stores a value under a readable name."""
+    """The step that stores ``value`` under the readable name ``hint``."""
 
     hint: str
     value: Scalar
@@ -114,7 +118,10 @@ class _Decision(Step):
 
 @dataclass(frozen=True, eq=False)
 class Pair(_Decision):
-    """The step that solves ``A cos(x) + B sin(x) = C`` for cosine and sine of x; ``equation`` holds (A, B, C)."""
+    """The step that solves ``A cos(x) + B sin(x) = C`` for cosine and sine of x; ``equation`` holds (A, B, C).
+
+    ``unit`` is the natural size of A, B and C, ``radicand`` a more accurate expression for A^2 + B^2 - C^2 if known.
+    """
 
     equation: Triple
     label: Label
@@ -151,7 +158,10 @@ class Pair(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class SignedRoot(Step):
-    """The step that takes a square root of ``radicand``; a double root where that is small relative to ``size``."""
+    """The step that takes both square roots of ``radicand``, one root if it is small relative to ``size``.
+
+    The roots get the name ``hint`` and belong to an equation for ``joint``; ``unit`` is their natural size.
+    """
 
     hint: str
     radicand: Scalar
@@ -251,7 +261,10 @@ class Direction(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class Onto(_Decision):
-    """The step that computes the cosine and sine of the angle about z that rotates ``v`` onto ``u``."""
+    """The step that computes the cosine and sine of the angle about z that rotates ``v`` onto ``u``.
+
+    ``unit`` is the natural size of both vectors; ``feasible`` holds the terms of a :class:`Feasible` condition.
+    """
 
     v: Triple
     u: Triple
@@ -306,7 +319,10 @@ class Given(_Decision):
 
 @dataclass(frozen=True, eq=False)
 class Wrist(Step):
-    """The step that solves a spherical wrist with perpendicular axes for cosines and sines: two solutions."""
+    """The step that solves a spherical wrist, the joints ``three`` with perpendicular axes, for cosines and sines.
+
+    There are two solutions. ``signs`` are those of the two twists, +1 for pi/2 and -1 for -pi/2.
+    """
 
     three: tuple[Joint, Joint, Joint]
     columns: tuple[Triple, Triple]

@@ -34,7 +34,7 @@ class Element:
 
 @dataclass(frozen=True)
 class Triple:
-    """The planar triple ``Q e1 e2 e3 E0``.
+    """The planar triple ``Q e1 e2 e3 E0``, where ``elements`` are the motions e1, e2, e3 of its joints in the plane.
 
     ``Q`` maps plane coordinates to the frame before the first joint; ``E0`` is the constant transform after the joints.
     """

@@ -39,10 +39,10 @@ from rrrgen.ik.solutions.forms import Moving
 
 @dataclass(frozen=True)
 class Arm:
-    """A position problem ``J1 L1 J2 L2 J3 c = p``.
+    """A position problem: find the three joint variables with ``J1 L1 J2 L2 J3 c = p``.
 
-    A link that is constant is a :class:`Crossing`; one that depends on the target or on a prescribed joint is a
-    :class:`Rigid`.
+    ``first`` and ``second`` are the links L1 and L2, c and p points (3,) in m. A link that is constant is a
+    :class:`Crossing`; one that depends on the target or on a prescribed joint is a :class:`Rigid`.
     """
 
     joints: tuple[Joint, Joint, Joint]
@@ -170,7 +170,11 @@ def _elbow_sign(arm: Arm) -> int:
 
 @dataclass(frozen=True)
 class _Core:
-    """The position problem reduced to ``J1 Tx(a) Rx(alpha) J2 v(x3) = p``, with one method per kind of joints."""
+    """The position problem reduced to ``J1 Tx(a) Rx(alpha) J2 v(x3) = p``, with one method per kind of joints.
+
+    ``ca`` and ``sa`` are cosine and sine of alpha; ``v`` is the point c carried by joint 3 and L2, ``length`` (m) the
+    size of the arm, ``front`` the sign of the shoulder's root that is labelled plus (:func:`_elbow_sign`).
+    """
 
     b: Builder
     joints: tuple[Joint, Joint, Joint]

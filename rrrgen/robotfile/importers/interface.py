@@ -32,7 +32,11 @@ class ChainChoice:
 
 @dataclass(frozen=True)
 class Source:
-    """The input of an importer: the text of a file, and the choices of the user."""
+    """The input of an importer: the text of a file, and the choices of the user.
+
+    ``values`` are exact SI values for names that the file leaves open, ``name`` is the name of the robot if the file
+    states none, and ``chain`` the choice of a chain for formats that describe trees of bodies.
+    """
 
     text: str
     values: Mapping[str, sp.Expr]
@@ -65,7 +69,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Importer:
-    """A format of another program.
+    """A format of another program: its ``name``, its ``meaning`` in words and the ``suffixes`` of its files.
 
     ``recognises`` says whether a text is of this format. ``read`` converts it to a robot, or returns None after adding
     every error, with its place, to the list of faults. What a robot file cannot represent is a warning in that list, or

@@ -40,7 +40,10 @@ def contact(r: Recording) -> Program:
 
 @dataclass(frozen=True)
 class _Load:
-    """The kind of load to estimate: a wrench (6 rows of the Jacobian) or a pure force (the first 3 rows)."""
+    """The kind of load to estimate: a wrench (6 rows of the Jacobian) or a pure force (the first 3 rows).
+
+    ``name`` is that of the function, ``words`` and ``unit`` describe its result in emitted files.
+    """
 
     rows: int
     name: str

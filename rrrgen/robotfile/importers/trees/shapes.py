@@ -14,7 +14,7 @@ radius and half length along z of a cylinder and of a capsule."""
 
 
 def volume(shape: str, size: Sequence[Any]) -> Any:
-    """The volume (m^3) of a shape."""
+    """The volume (m^3) of a shape, a key of :data:`SIZES`, with the ``size`` (m) described there."""
     if shape == "box":
         return 8 * size[0] * size[1] * size[2]
     if shape == "cylinder":
@@ -30,7 +30,7 @@ def _ball(radius: Any) -> Any:
 
 
 def inertia(shape: str, size: Sequence[Any], mass: Any) -> Inertia:
-    """The inertia of a homogeneous body of ``mass`` (kg) that fills the shape of the given ``size`` (m)."""
+    """The inertia of a homogeneous body of ``mass`` (kg) that fills a ``shape`` of this ``size`` (:data:`SIZES`, m)."""
     if shape == "cylinder":
         across, along = mass * (3 * size[0] ** 2 + 4 * size[1] ** 2) / 12, mass * size[0] ** 2 / 2
     elif shape == "capsule":

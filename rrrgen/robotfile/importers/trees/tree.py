@@ -51,7 +51,7 @@ NO_INERTIA = Inertia(number(0), vector((0, 0, 0)), 0 * identity(3))
 
 @dataclass(frozen=True)
 class Body:
-    """One body; ``inertia`` is None where the file states none."""
+    """One body, stated at ``place`` of the file; ``inertia`` is None where the file states none."""
 
     name: str
     inertia: Inertia | None
@@ -71,7 +71,9 @@ class Mimic:
 class TreeJoint:
     """A joint between two bodies: ``T_parent_child(q) = origin motion(axis, q)``.
 
-    ``kind`` is revolute, prismatic, fixed, or the file's word for what has no place in a serial chain.
+    ``parent`` and ``child`` are names of bodies, ``origin`` is (4, 4), ``axis`` (3,) is a unit vector in the frame of
+    the joint. ``mimic`` is the joint that it follows, if any. ``kind`` is revolute, prismatic, fixed, or the file's
+    word for what has no place in a serial chain.
     """
 
     name: str
@@ -109,7 +111,10 @@ class Shaft:
 
 @dataclass(frozen=True)
 class Tree:
-    """Bodies by name and the joints between them; ``gravity`` (3,) is in the frame of ``root``."""
+    """Bodies by name and the joints between them; ``root`` is the name of the body that no joint carries.
+
+    ``gravity`` (3,), m/s^2, is in the frame of the root. ``shafts`` are motors that move several joints.
+    """
 
     name: str
     root: str

@@ -18,7 +18,10 @@ MAX_ELEMENTS = 50_000
 
 @dataclass
 class Element:
-    """One element: its attributes as text, its children in order, and where it begins."""
+    """One element: its attributes as text, its children in order, and ``place``, where it begins.
+
+    ``places`` are those of the values of its attributes.
+    """
 
     tag: str
     attributes: dict[str, str]

@@ -70,7 +70,10 @@ class _Slot:
 
 @dataclass
 class _Gathering:
-    """One run of the pass: the slots by the name of their angle, and the angles that follow from others."""
+    """One run of the pass over ``nest``: the slots, and the angles of second passes of a loop (:class:`Flip`).
+
+    Both are dictionaries by the name of the C variable of the angle. ``taken`` counts the array entries in use.
+    """
 
     nest: LoopNest
     lanes: int
